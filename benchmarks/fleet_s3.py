@@ -23,7 +23,7 @@ from typing import Any
 
 from benchmarks.fleet_logs import SerialEngine, recordings, same_results, told
 from replay.fleet.fleet_file import load_fleet
-from replay.fleet.gathered_tables import open_fleet_results, query_fleet
+from replay.fleet.gathered_tables import open_fleet_results, query_fleet_tables
 from replay.fleet.log_sources import FleetLog, list_fleet_logs
 from replay.fleet.ray_engine import ray_engine
 from replay.fleet.recording_task import TaskOutcome
@@ -122,7 +122,7 @@ def checked(
             list_fleet_logs([f"s3://{bucket}/logs/*/*.mcap"]), fleet, place, engine
         )
         sql = "SELECT machine, count(*) AS number FROM results GROUP BY machine"
-        asked = query_fleet(open_fleet_results(place), sql)
+        asked = query_fleet_tables(open_fleet_results(place), sql)
     finally:
         server.stop()
     replay_fleet(list_fleet_logs([str(logs)]), fleet, str(folder / "beside"), SerialEngine)

@@ -48,7 +48,7 @@ def make(destination: Path, machines: int, days: int) -> None:
     machine = CurrentMachine(files=NamedFiles("cat262c.toml"), bases=("b",))
     names = [f"unit-{number + 1:02}" for number in range(machines)]
     results.set_last_run(LastRun(fleet="benchmark", machines=dict.fromkeys(names, machine)))
-    results.gather()
+    results.update_gathered_tables()
 
 
 def _result(

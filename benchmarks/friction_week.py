@@ -14,8 +14,8 @@ import typer
 
 from recordings.review.week_shifts import (
     day_text,
-    read_shifts,
-    trend_friction_by_machine,
+    friction_trend_by_machine,
+    read_shifts_of_reviews,
     trend_sentences,
 )
 from replay.review.review_shift import ReviewOptions, review_shift
@@ -67,7 +67,7 @@ def main(hours: float = 0.25, seed: int = 1, keep: Path | None = None) -> None:
         folder = keep or Path(scratch)
         folder.mkdir(exist_ok=True)
         reviews, limit, true_d = review_week(folder, hours, seed)
-        trends = trend_friction_by_machine(read_shifts(reviews), limit)
+        trends = friction_trend_by_machine(read_shifts_of_reviews(reviews), limit)
     for sentence in trend_sentences(trends):
         print(sentence)
     for trend in trends.values():

@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from analysis.simulation import SimulatedLog
-from replay.logs.writers.ros_messages import TOPICS, message_columns
+from replay.logs.writers.ros_messages import TOPICS, make_message_columns
 
 
 def serialised(
@@ -25,7 +25,7 @@ def serialised(
     serialize = store.serialize_ros1 if ros1 else store.serialize_cdr
     rows: list[tuple[int, str, Any]] = []
     for name, frame in log.topics.items():
-        column = message_columns(name, frame, log.scenario)
+        column = make_message_columns(name, frame, log.scenario)
         made = _objects(store, TOPICS[name].msgtype, column)
         rows += zip(frame["log_time_ns"], repeat(name), made, strict=False)
     rows.sort(key=lambda row: row[0])

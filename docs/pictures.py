@@ -8,7 +8,7 @@ from pathlib import Path
 from PIL import Image
 
 from recordings import plot_run, write_recording
-from recordings.rrd.viewer import screenshot_recording
+from recordings.rrd.viewer import take_screenshots_of_recording
 from replay import load_machine, open_log, run
 from replay.simulation.scenario_file import load_scenario
 from replay.simulation.simulate_logs import simulate_scenario
@@ -30,13 +30,15 @@ def main() -> None:
             result = run(log, load_machine("cat262c.toml"))
         plot_run(result, work / "page.png")
         shutil.copyfile(work / "page.png", IMAGES / "page.png")
-        for shot in screenshot_recording(write_recording(result, work / "first.rrd"), work):
+        for shot in take_screenshots_of_recording(
+            write_recording(result, work / "first.rrd"), work
+        ):
             if shot.tab in TABS:
                 shutil.copyfile(shot.png, IMAGES / TABS[shot.tab])
         with ExitStack() as opened:
             six = [opened.enter_context(open_log(log)) for log in logs]
             result = run(six, load_machine("cat262c.toml"))
-        for shot in screenshot_recording(write_recording(result, work / "six.rrd"), work):
+        for shot in take_screenshots_of_recording(write_recording(result, work / "six.rrd"), work):
             if shot.tab == "Loads":
                 shutil.copyfile(shot.png, IMAGES / "loads.png")
     for picture in IMAGES.glob("*.png"):

@@ -37,9 +37,9 @@ def make_cache_folder(source: Path) -> Path:
     inside = source.relative_to(_HOUSE)
     module = ".".join(inside.with_suffix("").parts)
     for parent in _cache_roots(inside.parts[0]):
-        folder = parent / module / _sources_digest(source)
+        folder = parent / module / _digest_source_and_imports(source)
         if _is_writable(folder):
-            _remove_old_states(folder)
+            _remove_outdated_cache_folders(folder)
             return folder
     return _make_temporary_folder() / module
 
@@ -55,36 +55,36 @@ def is_cached(source: Path, name: str) -> bool:
 def are_all_compiled() -> bool:
     """Whether `mark_all_compiled` was called with the present sources and numba."""
     try:
-        return _marker_path().read_text(encoding="utf-8") == _describe_cache_state()
+        return _all_compiled_marker_path().read_text(encoding="utf-8") == _describe_cache_state()
     except OSError:
         return False
 
 
 def mark_all_compiled() -> None:
     """Record that every compiled loop is in the cache."""
-    marker = _marker_path()
+    marker = _all_compiled_marker_path()
     partial = marker.with_name(f"{marker.name}.{os.getpid()}")
     partial.write_text(_describe_cache_state(), encoding="utf-8")
     partial.replace(marker)
 
 
-def persistent_folder() -> Path | None:
+def persistent_cache_folder_or_none() -> Path | None:
     """Folder of the cache; None if no folder that outlasts the process is writable."""
-    folder = _marker_path().parent
+    folder = _all_compiled_marker_path().parent
     return None if folder == _make_temporary_folder().parent else folder
 
 
-def _marker_path() -> Path:
+def _all_compiled_marker_path() -> Path:
     return known_folder_of(_HOUSE / Path(__file__).parent.name / "compiled.py").parents[1] / "all"
 
 
 def _describe_cache_state() -> str:
     """Cache folder of each module with loops, which identifies its sources, and its owner."""
-    sources = (path for path in sorted(_HOUSE.glob("*/**/*.py")) if _has_loops(path))
+    sources = (path for path in sorted(_HOUSE.glob("*/**/*.py")) if _has_compiled_loops(path))
     return "\n".join([version("numba"), *(str(known_folder_of(each)) for each in sources), ""])
 
 
-def _has_loops(source: Path) -> bool:
+def _has_compiled_loops(source: Path) -> bool:
     """Whether a module of this repository contains compiled loops."""
     inside = source.relative_to(_HOUSE).parts[0]
     return (_HOUSE / inside / "__init__.py").exists() and bool(_LOOPS.search(source.read_bytes()))
@@ -127,7 +127,7 @@ class _Source(NamedTuple):
     imports: tuple[Path, ...]
 
 
-def _sources_digest(source: Path) -> str:
+def _digest_source_and_imports(source: Path) -> str:
     """Hash the sources of a module and of its imports from its own package and this one."""
     packages = {Path(__file__).parent.name, _read_source_and_imports(source).package}
     found: dict[Path, _Source] = {}
@@ -172,7 +172,7 @@ def _is_writable(folder: Path) -> bool:
     return os.access(folder, os.W_OK | os.X_OK)
 
 
-def _remove_old_states(folder: Path) -> None:
+def _remove_outdated_cache_folders(folder: Path) -> None:
     """Remove compiled functions of older sources of a module, except the latest few."""
     others = [each for each in folder.parent.iterdir() if each != folder]
     by_age = sorted(others, key=lambda each: each.stat().st_mtime)

@@ -50,7 +50,7 @@ def compiled_without_refcounts(function: F) -> F:
     return _compile_lazily(function, {**_OPTIONS, "_nrt": False})
 
 
-def inlined(function: F) -> F:
+def compiled_inline(function: F) -> F:
     """Compile a function into each of its callers."""
     return _compile_lazily(function, {**_OPTIONS, "_nrt": False, "forceinline": True})
 

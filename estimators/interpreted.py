@@ -39,7 +39,11 @@ MOST_COLD_TURNS: Final = 131_072
 #: takes: at worst a loop costs three times its compilation.
 MOST_COLD_SECONDS: Final = 1.0
 #: How a function is compiled, by the name of the decorator in `estimators.compiled`.
-_COMPILED, _WITHOUT_REFCOUNTS, _INLINED = "compiled", "compiled_without_refcounts", "inlined"
+_COMPILED, _UNCOUNTED, _INLINED = (
+    "compiled",
+    "compiled_without_refcounts",
+    "compiled_inline",
+)
 
 
 def is_compiler_loaded() -> bool:
@@ -92,7 +96,7 @@ class Loop:
             at_first: whether to interpret little work even if a compiled form is cached.
         """
         self._function, self._how = cast("FunctionType", function), how
-        self._turns = turns or longest_integer_array
+        self._turns = turns or longest_integer_array_length
         self._by_arrays, self._at_first = by_arrays, at_first
         self._most_cold = MOST_COLD_TURNS if at_first else MOST_COLD_ROWS
         self._cold_seconds = MOST_COLD_SECONDS
@@ -130,25 +134,29 @@ class Loop:
         ):
             begin = thread_time()
             try:
-                return self._interpret(arguments)
+                return self._run_interpreted(arguments)
             finally:
                 _InterpreterBudget.seconds -= thread_time() - begin
-        if _ColdLoopRule.allowed and self._is_cold and self._turns(*arguments) <= self._most_cold:
+        if (
+            _ColdLoopRule.allowed
+            and self._may_interpret_uncached
+            and self._turns(*arguments) <= self._most_cold
+        ):
             begin = thread_time()
             try:
-                return self._interpret(arguments)
+                return self._run_interpreted(arguments)
             finally:
                 self._cold_seconds -= thread_time() - begin
         return self.compiled(*arguments)
 
     @property
-    def _is_cold(self) -> bool:
+    def _may_interpret_uncached(self) -> bool:
         return self._cold_seconds > 0 and not self.is_cached
 
-    def _interpret(self, arguments: tuple[Any, ...]) -> Any:
+    def _run_interpreted(self, arguments: tuple[Any, ...]) -> Any:
         # as compiled code, it lets integers run over and divides by zero
         with np.errstate(all="ignore"):
-            return _convert_to_python(self.interpreted(*arguments))
+            return _convert_numpy_scalars(self.interpreted(*arguments))
 
     def _find_called_loops(self) -> "dict[str, Loop | Primitive]":
         names = self._function.__globals__
@@ -189,17 +197,17 @@ def compiled(function: F) -> F:
 
 def compiled_without_refcounts(function: F) -> F:
     """Like `estimators.compiled.compiled_without_refcounts`, but interpreted at first."""
-    return cast("F", Loop(function, _WITHOUT_REFCOUNTS))
+    return cast("F", Loop(function, _UNCOUNTED))
 
 
-def inlined(function: F) -> F:
-    """Like `estimators.compiled.inlined`, but interpreted at first."""
+def compiled_inline(function: F) -> F:
+    """Like `estimators.compiled.compiled_inline`, but interpreted at first."""
     return cast("F", Loop(function, _INLINED))
 
 
-def compiled_by_turns(turns: Callable[..., int]) -> Callable[[F], F]:
+def compiled_unless_few_turns(count_turns: Callable[..., int]) -> Callable[[F], F]:
     """Like `compiled`, with a function that computes the number of iterations."""
-    return lambda function: cast("F", Loop(function, _COMPILED, turns))
+    return lambda function: cast("F", Loop(function, _COMPILED, count_turns))
 
 
 def compiled_ahead(function: F) -> F:
@@ -207,19 +215,19 @@ def compiled_ahead(function: F) -> F:
     return cast("F", Loop(function, _COMPILED, largest_dimension, at_first=False))
 
 
-def compiled_beside(by_arrays: Callable[..., Any]) -> Callable[[F], F]:
+def compiled_with_array_form(by_arrays: Callable[..., Any]) -> Callable[[F], F]:
     """Like `compiled_ahead`, with whole-array operations for the interpreter."""
     return lambda function: cast(
         "F", Loop(function, _COMPILED, largest_dimension, by_arrays, at_first=False)
     )
 
 
-def _convert_to_python(result: Any) -> Any:
+def _convert_numpy_scalars(result: Any) -> Any:
     """Convert numpy scalars of a result to Python numbers, as compiled code returns them."""
     if isinstance(result, np.generic):
         return result.item()
     if type(result) is tuple:
-        return tuple(map(_convert_to_python, cast("tuple[Any, ...]", result)))
+        return tuple(map(_convert_numpy_scalars, cast("tuple[Any, ...]", result)))
     return result
 
 
@@ -234,7 +242,7 @@ def largest_dimension(*arguments: Any) -> int:
     return max(sizes)
 
 
-def longest_integer_array(*arguments: Any) -> int:
+def longest_integer_array_length(*arguments: Any) -> int:
     """Length of the longest integer array among the arguments, including those in tuples."""
     sizes = [0]
     for each in arguments:
@@ -242,5 +250,5 @@ def longest_integer_array(*arguments: Any) -> int:
             if each.dtype == np.int64 and each.ndim:
                 sizes.append(each.shape[-1])
         elif isinstance(each, tuple):
-            sizes.append(longest_integer_array(*each))
+            sizes.append(longest_integer_array_length(*each))
     return max(sizes)

@@ -5,7 +5,7 @@ from importlib import import_module
 from typing import Any
 
 
-def resolve_late(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
+def make_late_getattr(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
     """Make the `__getattr__` of a package that imports names on first use (PEP 562).
 
     Args:

@@ -31,16 +31,18 @@ def run_in_chunks(work: Callable[[slice], None], rows: int) -> None:
     map_in_threads(work, chunks, _WORTH_THREADS)
 
 
-def map_in_threads(work: Callable[[T], R], items: Sequence[T], a_thread: int = 1) -> list[R]:
+def map_in_threads(
+    work: Callable[[T], R], items: Sequence[T], items_per_thread: int = 1
+) -> list[R]:
     """Call `work` with each item, and return the results in order.
 
     Args:
         work: function that mostly runs loops which release the interpreter's lock.
         items: arguments of the calls.
-        a_thread: minimum number of items for each thread.
+        items_per_thread: minimum number of items for each thread.
     """
     cores: int = config.NUMBA_NUM_THREADS  # pyright: ignore[reportAttributeAccessIssue] made at run time
-    threads = min(cores, len(items) // a_thread)
+    threads = min(cores, len(items) // items_per_thread)
     if threads < 2:
         return [work(item) for item in items]
     with ThreadPoolExecutor(threads) as pool:

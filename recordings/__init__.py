@@ -5,32 +5,32 @@ Names are resolved when first used: the digest of a page that it keeps needs non
 
 from typing import TYPE_CHECKING
 
-from estimators.late_names import resolve_late
+from estimators.late_names import make_late_getattr
 
 if TYPE_CHECKING:
     from recordings.plots.run_plots import plot_run
-    from recordings.rrd.reader import read_frame, read_provenance, read_recording, stage_columns
-    from recordings.rrd.writer import check_recording, write_recording
+    from recordings.rrd.reader import columns_by_frame, read_frame, read_provenance, read_recording
+    from recordings.rrd.writer import require_writable_recording, write_recording
 
 __all__ = [
-    "check_recording",
+    "columns_by_frame",
     "plot_run",
     "read_frame",
     "read_provenance",
     "read_recording",
-    "stage_columns",
+    "require_writable_recording",
     "write_recording",
 ]
 
-__getattr__ = resolve_late(
+__getattr__ = make_late_getattr(
     "recordings",
     {
-        "check_recording": "recordings.rrd.writer",
+        "require_writable_recording": "recordings.rrd.writer",
         "plot_run": "recordings.plots.run_plots",
         "read_frame": "recordings.rrd.reader",
         "read_provenance": "recordings.rrd.reader",
         "read_recording": "recordings.rrd.reader",
-        "stage_columns": "recordings.rrd.reader",
+        "columns_by_frame": "recordings.rrd.reader",
         "write_recording": "recordings.rrd.writer",
     },
 )

@@ -65,14 +65,14 @@ from estimators.errors import DataError
 from estimators.threads import one_blas_thread
 from replay.inputs.channel_inputs import (
     channel_fields,
+    frames_by_raw_name,
     make_provenance,
-    name_raw_frames,
     read_channels,
 )
-from replay.inputs.machine_identity import identify_machine
+from replay.inputs.machine_identity import machine_with_id_and_logged_id
 from replay.inputs.parallel_tables import join_parallel_tables
-from replay.inputs.time_line import offset_note as order_note
-from replay.inputs.time_line import offsets_ns
+from replay.inputs.time_line import note_on_order_of_logs as order_note
+from replay.inputs.time_line import time_line_offsets_ns
 from replay.logs import Log
 
 #: What `on_stage` is told, in order.
@@ -144,7 +144,7 @@ def run(
         Every intermediate frame, with the provenance.
     """
     logs, machine = join_parallel_tables(logs if isinstance(logs, Sequence) else [logs], machine)
-    machine, logged_id = identify_machine(logs, machine)  # a sister's log is refused
+    machine, logged_id = machine_with_id_and_logged_id(logs, machine)  # a sister's log is refused
 
     on_stage("read")  # the channels in use, at their own rates
     raw, losses = read_channels(logs, machine)
@@ -177,7 +177,7 @@ def run(
     why = reasons_for_no_answer(excitation, seen.frames["gate"], machine.settings)
     return Run(
         frames={
-            **name_raw_frames(raw),
+            **frames_by_raw_name(raw),
             **seen.frames,
             "planar": plane,
             "planar_budget": plane_budget,
@@ -201,7 +201,7 @@ def run(
             losses=list(dict.fromkeys([*losses, *seen.doubts])),
             notes=[
                 *(note for log in logs for note in log.notes()),
-                *order_note(offsets_ns(logs, channel_fields(machine))),
+                *order_note(time_line_offsets_ns(logs, channel_fields(machine))),
                 *chosen,
                 *seen.notes,
                 *weighbridge_ticket_notes(machine.machine, seen.case.check_inputs.t0_unix_ns),

@@ -190,7 +190,7 @@ def test_every_example_machine_file_is_valid() -> None:
     from estimators.errors import CampaignError
     from replay import load_machine
     from replay.fleet.fleet_file import load_fleet
-    from replay.machines.toml_file import read_toml, validate
+    from replay.machines.toml_file import read_toml, validate_toml_content
     from replay.simulation.scenario_file import load_scenario
 
     for path in sorted((REPO / "examples").glob("*.toml")):
@@ -199,7 +199,9 @@ def test_every_example_machine_file_is_valid() -> None:
         elif path.name == "fleet.toml":
             load_fleet(path)
         elif path.name == "calibration.toml":
-            validate(path, read_toml(path, CampaignError), CalibrationCampaign, CampaignError)
+            validate_toml_content(
+                path, read_toml(path, CampaignError), CalibrationCampaign, CampaignError
+            )
         else:
             load_machine(path)
 

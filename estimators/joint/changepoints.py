@@ -139,7 +139,7 @@ def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Part
             )
             for joint in joints
         ]
-        allowed = [_lower_bound_log_odds(posterior.units.kind[joint - 1]) for joint in joints]
+        allowed = [_min_log_odds_of_change(posterior.units.kind[joint - 1]) for joint in joints]
         margin = [
             each.log_posterior - (best.log_posterior - odds)
             for each, odds in zip(plainer, allowed, strict=True)
@@ -151,7 +151,7 @@ def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Part
     return best
 
 
-def _lower_bound_log_odds(kind: Ints) -> float:
+def _min_log_odds_of_change(kind: Ints) -> float:
     """Minimum log odds of a change that is reported.
 
     At the end of a record even odds suffice, since both sides are separate records.
@@ -159,10 +159,10 @@ def _lower_bound_log_odds(kind: Ints) -> float:
     return 0.0 if (kind == RESTARTED).all() else _SURE
 
 
-def _merge_states_at(state: Ints, at: Ints) -> Ints:
+def _merge_states_at(state: Ints, boundaries: Ints) -> Ints:
     """Merge the states on both sides of the given boundaries."""
     changes = np.diff(state, prepend=0)
-    changes[at] = 0
+    changes[boundaries] = 0
     return np.cumsum(changes)
 
 
@@ -175,7 +175,9 @@ def _candidate_partitions(posterior: PartitionPosterior, effects: Floats) -> set
         tried |= find_fill_cycles(posterior, effects)
     for probability in _CANDIDATES:
         for window in _WINDOWS:
-            tried |= _alternate_effects(posterior, window * spread, probability, effects)
+            tried |= _iterate_partition_and_effects(
+                posterior, window * spread, probability, effects
+            )
     return tried
 
 
@@ -191,7 +193,7 @@ def find_fill_cycles(posterior: PartitionPosterior, effects: Floats) -> set[byte
     return tried
 
 
-def _alternate_effects(
+def _iterate_partition_and_effects(
     posterior: PartitionPosterior, spread: float, probability: float, effects: Floats
 ) -> set[bytes]:
     """Candidates from iterating between partition and effects until nothing changes."""
@@ -321,15 +323,15 @@ def optimal_partition(level: Floats, weight: Floats, cost: Floats, spread: float
                 begins[kept] = begins[k]
                 kept += 1
         alive = kept
-    return _number_levels(before)
+    return _number_levels_from_begins(before)
 
 
 @compiled_ahead
-def _number_levels(before: Ints) -> Ints:
-    """Number the levels from the begin of the level that ends at each unit."""
-    end = before.size - 1
+def _number_levels_from_begins(first_unit_of_level: Ints) -> Ints:
+    """Level number of each unit (n,), from the first unit of the level that ends there."""
+    end = first_unit_of_level.size - 1
     begins = np.zeros(end, np.int64)
     while end > 0:
-        end = before[end]
+        end = first_unit_of_level[end]
         begins[end] = 1
     return np.cumsum(begins) - 1

@@ -92,7 +92,9 @@ class Stretches:
     def from_boundaries(cls, state: Ints, kind: Ints) -> Self:
         """Number the stretches of units with boundaries of these kinds."""
         return cls(
-            state, _list_level_choices(int(state[-1]) + 1), _log_prior(kind, np.diff(state) > 0)
+            state,
+            _level_choices_with_log_priors(int(state[-1]) + 1),
+            _log_prior(kind, np.diff(state) > 0),
         )
 
 
@@ -180,7 +182,7 @@ def _sum_by_level(values: Floats, level: Ints) -> Floats:
     return sums
 
 
-def _solve_with_log_determinant(whole: Floats, right: Floats) -> tuple[Floats, float]:
+def _solve_with_log_determinant(normal_matrix: Floats, right: Floats) -> tuple[Floats, float]:
     """Solution of normal equations, and log determinant.
 
     If rounding makes them singular, both are of the determined subspace.
@@ -188,16 +190,16 @@ def _solve_with_log_determinant(whole: Floats, right: Floats) -> tuple[Floats, f
     if not right.size:
         return right, 0.0
     # once factored, both are at hand; numpy's own pair takes three times as long
-    factor, solution, fault = dposv(whole, right)
+    factor, solution, fault = dposv(normal_matrix, right)
     if fault:
-        values, vectors = np.linalg.eigh(whole)
+        values, vectors = np.linalg.eigh(normal_matrix)
         kept = values > np.finfo(np.float64).eps * values.size * values[-1]
         values, vectors = values[kept], vectors[:, kept]
         return vectors @ (vectors.T @ right / values), float(np.log(values).sum())
     return solution, 2.0 * float(np.log(factor.diagonal()).sum())
 
 
-def _list_level_choices(states: int) -> list[tuple[float, Ints]]:
+def _level_choices_with_log_priors(states: int) -> list[tuple[float, Ints]]:
     """Possible level indices of the states, (states,), each with its log probability."""
     own = np.arange(states)
     if states <= 2:
@@ -231,9 +233,11 @@ def _log_prior(kind: Ints, changes: Bools) -> float:
         said = np.where(changes[named], np.log1p(-_MISNAMED), np.log(_MISNAMED))
         return float(said.sum()) + _log_prior(kind[~named], changes[~named])
     if not filling.any():
-        return _log_rate_prior(kind, changes)
+        return _log_prior_by_rate_of_changes(kind, changes)
     # or what is taken for a filling has nothing to do with it in this series
-    apart = _log_rate_prior(np.where(filling, 1, kind), changes) + float(np.log(_FILLS_NOTHING))
+    apart = _log_prior_by_rate_of_changes(np.where(filling, 1, kind), changes) + float(
+        np.log(_FILLS_NOTHING)
+    )
     return float(np.logaddexp(apart, _log_cycle_prior(kind, changes) + np.log1p(-_FILLS_NOTHING)))
 
 
@@ -255,7 +259,7 @@ def _log_cycle_prior(kind: Ints, changes: Bools) -> float:
     return float(fillings.sum()) + float(each.sum()) + where
 
 
-def _log_rate_prior(kind: Ints, changes: Bools) -> float:
+def _log_prior_by_rate_of_changes(kind: Ints, changes: Bools) -> float:
     """Log prior under which no change is as likely as any, and all rates are equally likely.
 
     If other evidence indicates changes, either their rate is as likely as it is high, or the

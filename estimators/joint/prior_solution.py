@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_beside
+from estimators.interpreted import compiled_ahead, compiled_with_array_form
 from estimators.joint.gain_matrix import DenseGain, Gain, eliminate_levels, has_many_levels
 from estimators.joint.random_intercepts import InterceptShape
 from estimators.numerics.autocorrelation import pooled_autocorrelation
@@ -171,7 +171,7 @@ def _subtract_fit_by_arrays(
     return np.where(group >= 0, left, 0.0)
 
 
-@compiled_beside(_subtract_fit_by_arrays)
+@compiled_with_array_form(_subtract_fit_by_arrays)
 def residual_of_grouped_samples(
     A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, count: int
 ) -> Floats:
@@ -261,10 +261,12 @@ def solve_with_priors(
         kept = min(1.0, _LARGEST_NOISE_SHARE / share) if share > 0 else 1.0
         turned = _weight_units(units, shape, of_units, kept, theta, variance)
         if solved is None:
-            theta = _solve_without_doubt(turned, (wide_precision, wide_believed), variance)
+            theta = _solve_for_white_noise(turned, (wide_precision, wide_believed), variance)
             turned = _weight_units(units, shape, of_units, kept, theta, variance)
         doubted = uncertain_noise_fraction(kept) * turned.taken
-        theta, gain = _solve_weighted(turned, (wide_precision, wide_believed), variance, doubted)
+        theta, gain = _solve_with_common_error(
+            turned, (wide_precision, wide_believed), variance, doubted
+        )
         residual = residual_of_grouped_samples(
             A, f, index, theta, level_of_unit, shape.levels.count
         )
@@ -277,14 +279,14 @@ def solve_with_priors(
     return solved
 
 
-def _solve_without_doubt(
-    turned: WeightedNormalEquations, priors: tuple[Floats, Floats], variance: float
+def _solve_for_white_noise(
+    equations: WeightedNormalEquations, priors: tuple[Floats, Floats], variance: float
 ) -> Floats:
-    """Estimates (wide,) by S = σ² G, to begin with."""
+    """Estimates (wide,) for white noise, S = σ² G: where the iteration begins."""
     precision, believed = priors
-    wanted = turned.bare / variance + believed
-    if has_many_levels(turned.clean):
-        clean = turned.clean.scale(1.0 / variance)
+    wanted = equations.bare / variance + believed
+    if has_many_levels(equations.clean):
+        clean = equations.clean.scale(1.0 / variance)
         m = clean.diagonal.size
         regular = BorderedMatrix(
             clean.diagonal + precision[:m],
@@ -293,26 +295,26 @@ def _solve_without_doubt(
             clean.corner + np.diag(precision[m:]),
         )
         return regular.solve(wanted)
-    found = np.linalg.inv(turned.clean.to_dense() / variance + np.diag(precision))
+    found = np.linalg.inv(equations.clean.to_dense() / variance + np.diag(precision))
     return found @ wanted
 
 
-def _solve_weighted(
-    turned: WeightedNormalEquations,
+def _solve_with_common_error(
+    equations: WeightedNormalEquations,
     priors: tuple[Floats, Floats],
     variance: float,
-    doubted: Floats,
+    common_error: Floats,
 ) -> tuple[Floats, Gain]:
     """Estimates (wide,) and gain for S = σ² AᵀA plus an error common to all samples."""
-    if has_many_levels(turned.clean):
-        trace = variance * turned.gram.trace + float(doubted @ doubted)
-        scores = (turned.gram, doubted / np.sqrt(variance), _RIDGE * trace / variance)
-        return eliminate_levels(turned.clean, scores, priors, turned.bare, variance)
+    if has_many_levels(equations.clean):
+        trace = variance * equations.gram.trace + float(common_error @ common_error)
+        scores = (equations.gram, common_error / np.sqrt(variance), _RIDGE * trace / variance)
+        return eliminate_levels(equations.clean, scores, priors, equations.bare, variance)
     precision, believed = priors
-    clean = turned.clean.to_dense()
-    weighed = weighted_gram(clean, turned.gram.to_dense(), variance, doubted)
+    clean = equations.clean.to_dense()
+    weighed = weighted_gram(clean, equations.gram.to_dense(), variance, common_error)
     bread = np.asarray(np.linalg.inv(weighed @ clean + np.diag(precision)), np.float64)
-    return bread @ (weighed @ turned.bare + believed), DenseGain(bread, bread @ weighed)
+    return bread @ (weighed @ equations.bare + believed), DenseGain(bread, bread @ weighed)
 
 
 def uncertain_noise_fraction(kept: float) -> float:

@@ -198,7 +198,7 @@ class WindowHistory:
     weight: float
 
 
-def _feed_newest(
+def _add_new_samples_to_history(
     state: WindowState, past: WindowHistory, newest: int, forgetting: float
 ) -> WindowHistory:
     """Add the newest samples of the window to the history."""
@@ -265,7 +265,7 @@ def _step_exponential_rls(
         )
         theta, rss, condition = begin.theta, begin.square, scaled_condition_from_gram(G)
     else:
-        past = _feed_newest(state, past, newest, options.forgetting)
+        past = _add_new_samples_to_history(state, past, newest, options.forgetting)
         solved = solve(past.products[:entries].reshape(-1, 1))
         R = unpack(past.products, p + 1, p)
         theta, rss, condition = (
@@ -308,7 +308,7 @@ def rtls(
         products = pad_entries_to_lanes(pack(total_recursion.unscale_gram(begin, options)))
         past = WindowHistory(products, pad_entries_to_lanes(state.products[:, 0]), begin.weight)
     else:
-        past = _feed_newest(state, past, newest, options.forgetting)
+        past = _add_new_samples_to_history(state, past, newest, options.forgetting)
     products = past.products[:entries].reshape(-1, 1)
     theta, clean = solve_scaled(products, options.noise)
     rss = float(residual_squares(products, theta)[0])

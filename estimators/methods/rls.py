@@ -135,11 +135,11 @@ def trace(
         return Trace.empty(p)
     first = slice(index[0] - window + 1, index[0] + 1)
     begin = start(A[first], f[first], options)
-    run = feed_along_samples if options.directional else _solve_discounted
+    run = feed_along_samples if options.directional else _trace_exponential_forgetting
     return run(A, f, window, index, options.forgetting, begin)
 
 
-def _solve_discounted(
+def _trace_exponential_forgetting(
     A: Floats, f: Floats, window: int, index: Ints, forgetting: float, begin: RlsState
 ) -> Trace:
     """Solve the discounted normal equations of (12)-(15), for exponential forgetting."""

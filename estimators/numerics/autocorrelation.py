@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_beside
+from estimators.interpreted import compiled_ahead, compiled_with_array_form
 from estimators.numerics.fit_loss import fit_loss, group_ids
 from estimators.numerics.in_order import sum_axis_in_order
 
@@ -51,7 +51,7 @@ def _sum_lag_products(
                 # by the golden ratio they are spread evenly, and in step with nothing
                 if block * 40_503 % 65_536 * every < 65_536:
                     first, last = max(begin, block * _BLOCK), min(end, (block + 1) * _BLOCK)
-                    _add_run(residual[first:end], last - first, sums)
+                    _add_lag_products_of_run(residual[first:end], last - first, sums)
                     for j in range(min(lags, end - first)):
                         pairs[j] += min(last, end - j) - first
                     # a group may have holes
@@ -61,7 +61,7 @@ def _sum_lag_products(
 
 
 def _add_run_by_arrays(run: Floats, count: int, sums: Floats) -> None:
-    """Form of `_add_run` by whole arrays."""
+    """Form of `_add_lag_products_of_run` by whole arrays."""
     padded = np.zeros(run.size + sums.size)
     padded[: run.size] = run
     later = np.lib.stride_tricks.sliding_window_view(padded, sums.size)[:count]
@@ -69,8 +69,8 @@ def _add_run_by_arrays(run: Floats, count: int, sums: Floats) -> None:
     sums[:] = sum_axis_in_order(terms, 0)
 
 
-@compiled_beside(_add_run_by_arrays)
-def _add_run(run: Floats, count: int, sums: Floats) -> None:
+@compiled_with_array_form(_add_run_by_arrays)
+def _add_lag_products_of_run(run: Floats, count: int, sums: Floats) -> None:
     """Add the products of the first samples with their successors, many lags at once."""
     n = min(run.size, count + sums.size)
     # zeros behind the end, so that all distances have as many terms

@@ -10,7 +10,7 @@ change.
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_beside
+from estimators.interpreted import compiled_ahead, compiled_with_array_form
 from estimators.numerics.in_order import multiply_vectors, sum_axis_in_order
 
 #: Distances whose sums go side by side, each in its own order.
@@ -29,7 +29,7 @@ def _sum_products_by_arrays(Q: Floats, distances: int) -> Floats:
     return cross
 
 
-@compiled_beside(_sum_products_by_arrays)
+@compiled_with_array_form(_sum_products_by_arrays)
 def _products_at_distances(Q: Floats, distances: int) -> Floats:
     """Σ_k Q_ki Q_(k+d)c of Q (n, p) for d < distances, as (p, p, distances)."""
     n, p = Q.shape
@@ -82,8 +82,8 @@ def _add_loss_by_arrays(Q: Floats, loss: Floats) -> None:
         loss[j + 1 :, j] += (0.5 if j == 0 else 1.0) * more[1:]
 
 
-@compiled_beside(_add_loss_by_arrays)
-def _add_loss(Q: Floats, loss: Floats) -> None:
+@compiled_with_array_form(_add_loss_by_arrays)
+def _add_autocovariance_loss(Q: Floats, loss: Floats) -> None:
     """Add one fit's tr(D_j R_l) - tr(D_j M R_l M) to loss (lags, lags); Q is (n, p).
 
     With S_j the sum of the shifts by ±j (D_j = S_j / 2), that is tr(Qᵀ S_j S_l Q) less half of
@@ -169,12 +169,14 @@ def _sum_loss_by_arrays(A: Floats, group: Ints, spans: Ints, lags: int) -> Float
         mine = group[first : last + 1] == group[first]
         for j in range(min(lags, mine.size)):
             pairs[j] += np.count_nonzero(mine[: mine.size - j] & mine[j:])
-        _add_loss(orthonormal_basis(np.where(mine[:, None], A[first : last + 1], 0.0)), loss)
+        _add_autocovariance_loss(
+            orthonormal_basis(np.where(mine[:, None], A[first : last + 1], 0.0)), loss
+        )
     return loss / np.maximum(pairs, 1.0)[:, None]
 
 
-@compiled_beside(_sum_loss_by_arrays)
-def _total_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
+@compiled_with_array_form(_sum_loss_by_arrays)
+def _sum_autocovariance_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
     """Loss (lags, lags) summed over the fits in `spans`, per pair of samples at each lag."""
     p = A.shape[1]
     loss = np.zeros((lags, lags))
@@ -189,7 +191,7 @@ def _total_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
                 others = group[first + k : first + min(k + lags, n)]
                 for j in range(np.uint64(others.size)):
                     pairs[j] += 1.0 if others[j] == group[first] else 0.0
-        _add_loss(orthonormal_basis(B), loss)
+        _add_autocovariance_loss(orthonormal_basis(B), loss)
     for j in range(lags):
         for m in range(lags):
             loss[j, m] /= max(pairs[j], 1.0)
@@ -241,4 +243,4 @@ def fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
     if A.shape[1] * lags * ids.size < 0.005 * np.count_nonzero(group >= 0):
         return np.zeros((lags, lags))
     some = ids[np.linspace(0, ids.size - 1, min(ids.size, _MOST_FITS)).astype(np.int64)]
-    return _total_loss(A, group, group_spans(group, some), lags)
+    return _sum_autocovariance_loss(A, group, group_spans(group, some), lags)

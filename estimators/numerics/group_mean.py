@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_beside
+from estimators.interpreted import compiled_with_array_form
 
 
 def find_runs(group: Ints) -> Iterator[tuple[int, int]]:
@@ -31,7 +31,7 @@ def _average_by_arrays(
     return mean, count
 
 
-@compiled_beside(_average_by_arrays)
+@compiled_with_array_form(_average_by_arrays)
 def trailing_group_means(
     columns: Floats, group: Ints, samples: int, rows: Ints
 ) -> tuple[Floats, Ints]:

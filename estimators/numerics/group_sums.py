@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_beside
+from estimators.interpreted import compiled_ahead, compiled_with_array_form
 from estimators.numerics.fit_loss import group_rows
 from estimators.numerics.group_mean import find_runs
 from estimators.numerics.in_order import sum_axis_in_order
@@ -52,7 +52,7 @@ def _sum_moments_by_arrays(
     return gram, cross
 
 
-@compiled_beside(_sum_moments_by_arrays)
+@compiled_with_array_form(_sum_moments_by_arrays)
 def noise_moments(
     slopes: Floats,
     places: Ints,
@@ -136,7 +136,7 @@ def _sum_squares_by_arrays(A: Floats, group: Ints) -> Floats:
     return sum_axis_in_order(np.where(group[:, None] >= 0, A * A, 0.0), 0)
 
 
-@compiled_beside(_sum_squares_by_arrays)
+@compiled_with_array_form(_sum_squares_by_arrays)
 def _sum_squares(A: Floats, group: Ints) -> Floats:
     total = np.zeros(A.shape[1])
     for k in range(A.shape[0]):
@@ -151,7 +151,7 @@ def _divide_by_arrays(A: Floats, f: Floats, group: Ints, scale: Floats) -> tuple
     return np.where(used[:, None], A / scale, 0.0), np.where(used, f, 0.0)
 
 
-@compiled_beside(_divide_by_arrays)
+@compiled_with_array_form(_divide_by_arrays)
 def _divide_columns_by_scale(
     A: Floats, f: Floats, group: Ints, scale: Floats
 ) -> tuple[Floats, Floats]:

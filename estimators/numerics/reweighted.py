@@ -6,7 +6,7 @@ Consecutive windows share their samples, so one operation at a time is done on m
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_beside
+from estimators.interpreted import compiled_ahead, compiled_with_array_form
 from estimators.numerics.rolling import copy_row, load_columns, sample_products
 
 #: Consecutive windows that are weighed together: their sums stay in the fastest cache.
@@ -55,7 +55,7 @@ def _add_weighted_by_arrays(weights: Floats, raw: Floats, sample: int, sums: Flo
     sums[:-1] += (u * a + v * b) + (w * c + x * d)
 
 
-@compiled_beside(_add_weighted_by_arrays)
+@compiled_with_array_form(_add_weighted_by_arrays)
 def add_weighted(weights: Floats, raw: Floats, sample: int, sums: Floats) -> None:
     """Add `_IN_STEP` samples from `sample` + k on to sums (entries, m), except the last entry."""
     entries, m = sums.shape
@@ -74,7 +74,7 @@ def _subtract_fit_by_arrays(z: Floats, sample: int, theta: Floats, out: Floats) 
         out[:m] -= theta[c] * z[c, sample : sample + m]
 
 
-@compiled_beside(_subtract_fit_by_arrays)
+@compiled_with_array_form(_subtract_fit_by_arrays)
 def residuals(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
     """Residuals (m,) of sample `sample` + k for estimate k of theta (p, m)."""
     p, m = theta.shape

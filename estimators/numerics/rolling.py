@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from estimators.arrays import Bools, Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_beside
+from estimators.interpreted import compiled_ahead, compiled_with_array_form
 from estimators.numerics.small_systems import packed_index
 
 
@@ -64,7 +64,7 @@ def _sum_suffixes_by_arrays(terms: Floats, count: int, sums: Floats) -> None:
     sums[:, :count] = 0.0 + np.cumsum(terms[: len(sums), :count][:, ::-1], axis=1)[:, ::-1]
 
 
-@compiled_beside(_sum_suffixes_by_arrays)
+@compiled_with_array_form(_sum_suffixes_by_arrays)
 def fill_suffix_sums(terms: Floats, count: int, sums: Floats) -> None:
     """Sums (lanes, ≥ count) of terms (lanes, ≥ count) from each term to the last of `count`."""
     for lane in range(0, sums.shape[0], 3):
@@ -87,7 +87,7 @@ def _add_prefixes_by_arrays(terms: Floats, start: int, skip: int, count: int, su
     sums[:, :count] += np.cumsum(added, axis=1)[:, skip:]
 
 
-@compiled_beside(_add_prefixes_by_arrays)
+@compiled_with_array_form(_add_prefixes_by_arrays)
 def add_prefix_sums(terms: Floats, start: int, skip: int, count: int, sums: Floats) -> None:
     """Add the `skip` + m terms from `start` on to each sums[:, m], m < count."""
     for lane in range(0, sums.shape[0], 3):
@@ -119,7 +119,7 @@ def _centre_by_arrays(z: Floats, centre: Floats, count: int, terms: Floats) -> N
     _multiply_by_arrays(terms[:q], count, terms[q:])
 
 
-@compiled_beside(_centre_by_arrays)
+@compiled_with_array_form(_centre_by_arrays)
 def fill_centred_terms(z: Floats, centre: Floats, count: int, terms: Floats) -> None:
     """Deviations of `count` samples from the centre, and their products."""
     q = z.shape[0]
@@ -130,7 +130,7 @@ def fill_centred_terms(z: Floats, centre: Floats, count: int, terms: Floats) -> 
     sample_products(terms[:q], count, terms[q:])
 
 
-@compiled_beside(_multiply_by_arrays)
+@compiled_with_array_form(_multiply_by_arrays)
 def sample_products(z: Floats, count: int, products: Floats) -> None:
     """Products of the q rows of z at each of `count` samples, packed (entries, ≥ count)."""
     q = z.shape[0]
@@ -151,7 +151,7 @@ def _add_centre_by_arrays(
     out[: i.size, row:end] = central + right * x + left * (window * right + y)
 
 
-@compiled_beside(_add_centre_by_arrays)
+@compiled_with_array_form(_add_centre_by_arrays)
 def add_centre(
     moments: Floats, centre: Floats, window: int, row: int, end: int, out: Floats
 ) -> None:

@@ -2,13 +2,13 @@
 
 The window's own residuals give the scale: E[RSS] = s² (n - tr(G⁻¹ Aᵀ R A)), so that s² is right
 for correlated residuals as well. R = I gives the textbook formula. What few residuals leave open
-widens the deviation, so that 1.96 of it are 95 % (`autocorrelation.widening`).
+widens the deviation, so that 1.96 of it are 95 % (`autocorrelation.scale_widening`).
 """
 
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_beside
+from estimators.interpreted import compiled_ahead, compiled_with_array_form
 from estimators.numerics.autocorrelation import pooled_autocorrelation, scale_widening
 from estimators.numerics.in_order import sum_axis_in_order
 from estimators.numerics.normal_equations import columns_of
@@ -43,7 +43,7 @@ def _sum_meat_by_arrays(
     return np.tril(B) + np.tril(B, -1).T
 
 
-@compiled_beside(_sum_meat_by_arrays)
+@compiled_with_array_form(_sum_meat_by_arrays)
 def meat(
     A: Floats, group: Ints, group_number: int, first: int, last: int, correlation: Floats
 ) -> Floats:
@@ -84,7 +84,7 @@ def _add_up_by_arrays(own: Floats, correlation: Floats, tail: Floats) -> None:
         tail += correlation[j] * own[lags - 1 - j : lags - 1 - j + rows]
 
 
-@compiled_beside(_add_up_by_arrays)
+@compiled_with_array_form(_add_up_by_arrays)
 def add_correlated_before(own: Floats, correlation: Floats, tail: Floats) -> None:
     """Add half of each sample and its correlated predecessors.
 
@@ -265,7 +265,7 @@ def _add_neighbours_by_arrays(
         near[:, begins:samples] += correlation[lag] * z[:, begins - lag : max(samples - lag, 0)]
 
 
-@compiled_beside(_add_neighbours_by_arrays)
+@compiled_with_array_form(_add_neighbours_by_arrays)
 def sum_correlated_neighbours(
     z: Floats, samples: int, left: int, across_later: bool, correlation: Floats, near: Floats
 ) -> None:

@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_beside
+from estimators.interpreted import compiled_ahead, compiled_with_array_form
 
 #: A pivot that small a share of its diagonal: the columns are dependent to working precision.
 DEPENDENT = 1e-14
@@ -50,7 +50,7 @@ def _factor_by_arrays(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
     return L, inverse
 
 
-@compiled_beside(_factor_by_arrays)
+@compiled_with_array_form(_factor_by_arrays)
 def factor(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
     """Factor the leading p × p of m packed matrices, G = L D Lᵀ; NaN where one is singular.
 
@@ -105,7 +105,7 @@ def _substitute_by_arrays(L: Floats, inverse: Floats, x: Floats) -> None:
             x[i] -= L[r, i] * x[r]
 
 
-@compiled_beside(_substitute_by_arrays)
+@compiled_with_array_form(_substitute_by_arrays)
 def substitute(L: Floats, inverse: Floats, x: Floats) -> None:
     """Solve m factored systems in place: x (p, m) is the right-hand side, then the solution."""
     p, m = inverse.shape
@@ -152,7 +152,7 @@ def _find_conditions_by_arrays(G: Floats, size: int, p: int) -> Floats:
     return np.where(np.isnan(values).any(axis=0), np.inf, out)
 
 
-@compiled_beside(_find_conditions_by_arrays)
+@compiled_with_array_form(_find_conditions_by_arrays)
 def condition_numbers(G: Floats, size: int, p: int) -> Floats:
     """Condition numbers (m,) of A, columns scaled to unit norm, from m packed AᵀA.
 
@@ -214,7 +214,7 @@ def _rotate_by_arrays(N: Floats, p: int, i: int, j: int, _: int) -> None:
         y[:] = sine * old + cosine * y
 
 
-@compiled_beside(_rotate_by_arrays)
+@compiled_with_array_form(_rotate_by_arrays)
 def _rotate_by_jacobi(N: Floats, p: int, i: int, j: int, m: int) -> None:
     """One rotation of Jacobi that makes entry (i, j) zero."""
     a, b, c = N[packed_index(i, i, p)], N[packed_index(j, j, p)], N[packed_index(i, j, p)]

@@ -27,12 +27,12 @@ from recordings.calibration.bundle_folder import (
     TIMESTAMP,
     UNLISTED,
     BundleFile,
-    list_bundle,
-    parse_sums,
-    read_file,
+    list_bundle_entries,
+    parse_sha256sums,
+    read_bundle_file,
 )
-from recordings.calibration.bundle_tables import UntrustedTable, read_tables
-from recordings.calibration.chain_check import check_chain, check_counter
+from recordings.calibration.bundle_tables import UntrustedTable, read_untrusted_tables
+from recordings.calibration.chain_check import check_chain, check_chain_counter
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import (
     CheckedBundle,
@@ -42,10 +42,10 @@ from recordings.calibration.checked_bundle import (
 from recordings.calibration.evidence_document import (
     EvidenceDocument,
     UnknownFormatError,
-    parse_document,
+    parse_evidence,
 )
-from recordings.calibration.notary_stretch import check_notary
-from recordings.calibration.recomputation import compare_recomputed
+from recordings.calibration.notary_stretch import check_notary_stretch
+from recordings.calibration.recomputation import compare_bundle_with_recomputed
 from recordings.calibration.timestamp import check_timestamp
 from recordings.calibration.write_bundle import make_statement_predicate
 from recordings.signatures.keyring import Keyring
@@ -88,95 +88,101 @@ def check_bundle(
     Raises:
         EvidenceError: the folder does not exist, or is not a bundle.
     """
-    checked = _check_without_earlier(folder, key, keyring or Keyring(Path()), authorities)
-    document = checked.document
+    bundle = _check_without_previous_evidence(folder, key, keyring or Keyring(Path()), authorities)
+    document = bundle.document
     if document is not None:
-        check_counter(checked, document)
+        check_chain_counter(bundle, document)
         before = None
         if previous is not None:
             # a time stamp is asked of the evidence itself; that before it need not have one
             stamped = authorities if (previous / TIMESTAMP).is_file() else ()
-            before = _check_without_earlier(previous, None, keyring or Keyring(Path()), stamped)
+            before = _check_without_previous_evidence(
+                previous, None, keyring or Keyring(Path()), stamped
+            )
             by = before.signed_by
             if key is not None and by.how == "unknown" and by.key_id == key.key_id:
                 before.signed_by = replace(by, how="given")
-        check_chain(checked, document, before)
-    return checked
+        check_chain(bundle, document, before)
+    return bundle
 
 
-def _check_without_earlier(
+def _check_without_previous_evidence(
     folder: Path,
     key: PublicKey | None,
     keyring: Keyring,
     authorities: "Sequence[Certificate]",
 ) -> CheckedBundle:
     """Check a bundle without its previous evidence."""
-    checked = CheckedBundle()
-    held = check_bundle_files(folder, checked)
+    bundle = CheckedBundle()
+    held = read_and_check_bundle_files(folder, bundle)
     if EVIDENCE not in held:
-        return checked
+        return bundle
     digests = {name: each.sha256 for name, each in held.items() if name not in UNLISTED}
     try:
-        document = parse_document(content_in_memory(held, EVIDENCE), EVIDENCE)
+        document = parse_evidence(content_in_memory(held, EVIDENCE), EVIDENCE)
     except EvidenceError as fault:
         strange = isinstance(fault, UnknownFormatError)
         outcome = BundleOutcome.OTHER_VERSION if strange else BundleOutcome.TAMPERED
-        checked.add(outcome, EVIDENCE, remove_file_name_from_fault(EVIDENCE, fault))
-        check_signature(checked, held, digests, None, key, keyring)
-        return checked
-    checked.document = document
-    check_timestamp(checked, held, document, authorities)
-    check_signature(checked, held, digests, document, key, keyring)
-    _check_recordings(checked, document, digests)
+        bundle.add_finding(outcome, EVIDENCE, remove_file_name_from_fault(EVIDENCE, fault))
+        check_signature(bundle, held, digests, None, key, keyring)
+        return bundle
+    bundle.document = document
+    check_timestamp(bundle, held, document, authorities)
+    check_signature(bundle, held, digests, document, key, keyring)
+    _check_recording_names(bundle, document, digests)
     stretch = content_in_memory(held, NOTARY) if NOTARY in held else None
-    check_notary(checked, document, stretch, keyring)
-    readings, points = read_checked_tables(checked, held, document)
-    checked.readings, checked.points = readings, points
+    check_notary_stretch(bundle, document, stretch, keyring)
+    readings, points = read_readings_and_points(bundle, held, document)
+    bundle.readings, bundle.points = readings, points
     if readings is not None:
-        findings, notes = compare_recomputed(
+        findings, notes = compare_bundle_with_recomputed(
             document, readings, points, held[REPORT].data if REPORT in held else None
         )
-        checked.findings += findings
-        checked.notes += notes
-    return checked
+        bundle.findings += findings
+        bundle.notes += notes
+    return bundle
 
 
-def check_bundle_files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
+def read_and_check_bundle_files(folder: Path, bundle: CheckedBundle) -> dict[str, BundleFile]:
     """Read every file of a bundle, and compare it with SHA256SUMS.
 
     Args:
         folder: the bundle.
-        checked: receives the findings.
+        bundle: receives the findings.
 
     Returns:
         Files that could be read, by name.
     """
-    names, strange = list_bundle(folder)
+    names, strange = list_bundle_entries(folder)
     for name, what in strange[:_MOST_NAMED]:
-        checked.add(BundleOutcome.TAMPERED, name, what)
+        bundle.add_finding(BundleOutcome.TAMPERED, name, what)
     if len(strange) > _MOST_NAMED:
         more = f"{len(strange) - _MOST_NAMED} more entries"
-        checked.add(BundleOutcome.TAMPERED, more, "do not belong to a bundle")
+        bundle.add_finding(BundleOutcome.TAMPERED, more, "do not belong to a bundle")
     held: dict[str, BundleFile] = {}
     for name in names:
         try:
-            held[name] = read_file(folder, name)
+            held[name] = read_bundle_file(folder, name)
         except EvidenceError as fault:
-            checked.add(BundleOutcome.TAMPERED, name, remove_file_name_from_fault(name, fault))
+            bundle.add_finding(
+                BundleOutcome.TAMPERED, name, remove_file_name_from_fault(name, fault)
+            )
     for name in (*REQUIRED, SUMS):
         if name not in names:
-            checked.add(BundleOutcome.INCOMPLETE, name, "is missing")
+            bundle.add_finding(BundleOutcome.INCOMPLETE, name, "is missing")
     if SUMS in held:
-        checked.sums = content_in_memory(held, SUMS)
+        bundle.sums = content_in_memory(held, SUMS)
         try:
-            _check_file_sums(checked, names, held, parse_sums(checked.sums))
+            _compare_files_with_sums(bundle, names, held, parse_sha256sums(bundle.sums))
         except EvidenceError as fault:
-            checked.add(BundleOutcome.TAMPERED, SUMS, remove_file_name_from_fault(SUMS, fault))
+            bundle.add_finding(
+                BundleOutcome.TAMPERED, SUMS, remove_file_name_from_fault(SUMS, fault)
+            )
     return held
 
 
-def _check_file_sums(
-    checked: CheckedBundle,
+def _compare_files_with_sums(
+    bundle: CheckedBundle,
     names: list[str],
     files: Mapping[str, BundleFile],
     listed: Mapping[str, str],
@@ -184,29 +190,35 @@ def _check_file_sums(
     """Compare the files with SHA256SUMS in both directions."""
     for name, digest in listed.items():
         if name in files and files[name].sha256 != digest:
-            checked.add(BundleOutcome.TAMPERED, name, f"is not the file whose digest {SUMS} has")
+            bundle.add_finding(
+                BundleOutcome.TAMPERED, name, f"is not the file whose digest {SUMS} has"
+            )
         if name not in names and name not in REQUIRED:
-            checked.add(BundleOutcome.INCOMPLETE, name, f"is missing, although {SUMS} lists it")
+            bundle.add_finding(
+                BundleOutcome.INCOMPLETE, name, f"is missing, although {SUMS} lists it"
+            )
     for name in sorted(set(files) - set(listed) - set(UNLISTED)):
-        checked.add(BundleOutcome.TAMPERED, name, f"is not listed in {SUMS}")
+        bundle.add_finding(BundleOutcome.TAMPERED, name, f"is not listed in {SUMS}")
 
 
-def _check_recordings(
-    checked: CheckedBundle, document: EvidenceDocument, digests: Mapping[str, str]
+def _check_recording_names(
+    bundle: CheckedBundle, document: EvidenceDocument, digests: Mapping[str, str]
 ) -> None:
     """Check that the recordings of runs are those that the evidence names."""
     named = {log.recording for log in document.logs if log.recording}
     for name in sorted(named - set(digests)):
-        checked.add(BundleOutcome.INCOMPLETE, name, "is missing, although the evidence names it")
+        bundle.add_finding(
+            BundleOutcome.INCOMPLETE, name, "is missing, although the evidence names it"
+        )
     for name in sorted(digests):
         if name.startswith(f"{RUNS}/") and name not in named:
-            checked.add(
+            bundle.add_finding(
                 BundleOutcome.TAMPERED, name, "is a recording that the evidence does not name"
             )
 
 
-def read_checked_tables(
-    checked: CheckedBundle, files: Mapping[str, BundleFile], document: EvidenceDocument
+def read_readings_and_points(
+    bundle: CheckedBundle, files: Mapping[str, BundleFile], document: EvidenceDocument
 ) -> tuple[pl.DataFrame | None, pl.DataFrame | None]:
     """Readings and points; None for each that cannot be read."""
     digests = {
@@ -217,21 +229,21 @@ def read_checked_tables(
     there = [name for name in (READINGS, POINTS) if name in files]
     for name in there:
         if files[name].sha256 != digests[name]:
-            checked.add(
+            bundle.add_finding(
                 BundleOutcome.TAMPERED, name, "is not the table whose digest evidence.json has"
             )
     asked = [UntrustedTable(content_in_memory(files, name), schemas[name]) for name in there]
     found: dict[str, pl.DataFrame] = {}
-    for name, table in zip(there, read_tables(asked), strict=True):
+    for name, table in zip(there, read_untrusted_tables(asked), strict=True):
         if isinstance(table, str):
-            checked.add(BundleOutcome.TAMPERED, name, table)
+            bundle.add_finding(BundleOutcome.TAMPERED, name, table)
         else:
             found[name] = table
     return found.get(READINGS), found.get(POINTS)
 
 
 def check_signature(
-    checked: CheckedBundle,
+    bundle: CheckedBundle,
     files: Mapping[str, BundleFile],
     digests: Mapping[str, str],
     document: EvidenceDocument | None,
@@ -241,7 +253,7 @@ def check_signature(
     """Check who signed, and that the signature covers these files.
 
     Args:
-        checked: receives the findings and the signer.
+        bundle: receives the findings and the signer.
         files: files of the bundle.
         digests: digests of the signed files, by name.
         document: the evidence; None if it cannot be read.
@@ -250,54 +262,56 @@ def check_signature(
     """
     named = document.signer if document is not None else None
     if STATEMENT not in files:
-        _add_unsigned_findings(checked, document, key)
+        _add_unsigned_findings(bundle, document, key)
         return
-    checked.signed_by = SignedBy("broken")
+    bundle.signed_by = SignedBy("broken")
     try:
         signed = parse_envelope(content_in_memory(files, STATEMENT), STATEMENT)
         stated = None if named is None else PublicKey.from_text(named.public_key)
     except EvidenceError as fault:
-        checked.add(
+        bundle.add_finding(
             BundleOutcome.TAMPERED, STATEMENT, remove_file_name_from_fault(STATEMENT, fault)
         )
         return
-    before = len(checked.findings)
+    before = len(bundle.findings)
     if document is not None:
-        _check_signer(checked, signed, stated, document)
+        _check_signer(bundle, signed, stated, document)
     if key is not None and not signed.is_signed_by(key):
-        checked.add(
+        bundle.add_finding(
             BundleOutcome.TAMPERED, STATEMENT, f"is not signed by the key {key.key_id[:12]}… given"
         )
     if key is None and stated is not None and not signed.is_signed_by(stated):
-        checked.add(BundleOutcome.TAMPERED, STATEMENT, "its signature is not by the key it names")
-    _check_statement(checked, signed, files, digests, document)
-    if len(checked.findings) == before and stated is not None and document is not None:
-        identify_signer(checked, stated, document, key, keyring)
+        bundle.add_finding(
+            BundleOutcome.TAMPERED, STATEMENT, "its signature is not by the key it names"
+        )
+    _check_statement(bundle, signed, files, digests, document)
+    if len(bundle.findings) == before and stated is not None and document is not None:
+        identify_signer(bundle, stated, document, key, keyring)
 
 
 def _add_unsigned_findings(
-    checked: CheckedBundle, document: EvidenceDocument | None, key: PublicKey | None
+    bundle: CheckedBundle, document: EvidenceDocument | None, key: PublicKey | None
 ) -> None:
     """Add the findings of a bundle that has no signed statement."""
     if document is not None and document.signer is not None:
-        checked.add(
+        bundle.add_finding(
             BundleOutcome.INCOMPLETE, STATEMENT, "is missing, although evidence.json names a signer"
         )
     elif key is not None:
-        checked.add(
+        bundle.add_finding(
             BundleOutcome.INCOMPLETE,
             STATEMENT,
             "is missing: the bundle is unsigned, but --key is given",
         )
     elif document is not None:
-        checked.notes.append(
+        bundle.notes.append(
             "UNSIGNED: nobody vouches for this; whoever held the folder could have changed "
             "every number and every digest in it"
         )
 
 
 def identify_signer(
-    checked: CheckedBundle,
+    bundle: CheckedBundle,
     stated: PublicKey,
     document: EvidenceDocument,
     key: PublicKey | None,
@@ -305,42 +319,44 @@ def identify_signer(
 ) -> None:
     """Identify the owner of a key by the user's keyring."""
     claimed = "" if document.signer is None else document.signer.name
-    known = keyring.find(stated.key_id)
+    known = keyring.find_key_or_none(stated.key_id)
     owner = "" if known is None else known.owner
     by = SignedBy("unknown", claimed, owner, stated.key_id, stated.text)
     if known is not None:
         made = dt.datetime.fromisoformat(document.made).date()
-        fault = known.distrust_reason(made, checked.proven_day)
+        fault = known.distrust_reason(made, bundle.proven_day)
         if fault:
-            checked.signed_by = by
+            bundle.signed_by = by
             outcome = BundleOutcome.TAMPERED if known.revoked else BundleOutcome.INCOMPLETE
-            checked.add(outcome, STATEMENT, f"the key of {owner}, {by.key_id[:12]}…, {fault}")
+            bundle.add_finding(
+                outcome, STATEMENT, f"the key of {owner}, {by.key_id[:12]}…, {fault}"
+            )
             return
     how = "given" if key is not None else "unknown" if known is None else "known"
-    checked.signed_by = by = replace(by, how=how)
+    bundle.signed_by = by = replace(by, how=how)
     if not by.is_trusted:
-        checked.notes.append(_UNKNOWN_KEY.format(by, by.command_to_add_key))
+        bundle.notes.append(_UNKNOWN_KEY.format(by, by.command_to_add_key))
 
 
 def _check_signer(
-    checked: CheckedBundle,
+    bundle: CheckedBundle,
     signed: EnvelopeContent,
     stated: PublicKey | None,
     document: EvidenceDocument,
 ) -> None:
     """Check that envelope and evidence name the same key."""
     if stated is None or document.signer is None:
-        checked.add(
+        bundle.add_finding(
             BundleOutcome.TAMPERED, EVIDENCE, "signer: names nobody, although there is a signature"
         )
     elif not stated.key_id == document.signer.key_id == signed.key_id:
-        checked.add(
+        bundle.add_finding(
             BundleOutcome.TAMPERED, EVIDENCE, "signer.key_id: is not that of the signature's key"
         )
 
 
 def _check_statement(
-    checked: CheckedBundle,
+    bundle: CheckedBundle,
     signed: EnvelopeContent,
     files: Mapping[str, BundleFile],
     digests: Mapping[str, str],
@@ -349,7 +365,7 @@ def _check_statement(
     """Check that the statement covers these files."""
     said = signed.statement
     if said.get("_type") != STATEMENT_TYPE or said.get("predicateType") != PREDICATE_TYPE:
-        checked.add(BundleOutcome.TAMPERED, STATEMENT, "is a statement of another kind")
+        bundle.add_finding(BundleOutcome.TAMPERED, STATEMENT, "is a statement of another kind")
     wanted: dict[str, Any] = dict(digests)
     if SUMS in files:
         wanted[SUMS] = files[SUMS].sha256
@@ -360,14 +376,18 @@ def _check_statement(
             found[each["name"]] = each.get("digest")
     for name in sorted(set(found) | set(wanted)):
         if name not in found:
-            checked.add(BundleOutcome.TAMPERED, name, "was not there when the bundle was signed")
+            bundle.add_finding(
+                BundleOutcome.TAMPERED, name, "was not there when the bundle was signed"
+            )
         elif name not in wanted:
-            checked.add(
+            bundle.add_finding(
                 BundleOutcome.INCOMPLETE,
                 name,
                 "is missing, although it was there when it was signed",
             )
         elif found[name] != {"sha256": wanted[name]}:
-            checked.add(BundleOutcome.TAMPERED, name, "is not the file that was signed")
+            bundle.add_finding(BundleOutcome.TAMPERED, name, "is not the file that was signed")
     if document is not None and said.get("predicate") != make_statement_predicate(document):
-        checked.add(BundleOutcome.TAMPERED, STATEMENT, "is about other evidence than evidence.json")
+        bundle.add_finding(
+            BundleOutcome.TAMPERED, STATEMENT, "is about other evidence than evidence.json"
+        )

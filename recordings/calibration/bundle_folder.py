@@ -59,7 +59,7 @@ def is_bundle_file(name: str) -> bool:
     return name in (*REQUIRED, PDF, NOTARY, *UNLISTED) or _RUN.fullmatch(name) is not None
 
 
-def list_bundle(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
+def list_bundle_entries(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
     """List the folder of a bundle.
 
     Returns:
@@ -77,7 +77,7 @@ def list_bundle(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
         raise EvidenceError(f"{folder}: {fault}; `payscope calibrate` writes one")
     good: list[str] = []
     bad: list[tuple[str, str]] = []
-    for number, (name, mode) in enumerate(folder_entries(folder)):
+    for number, (name, mode) in enumerate(iter_entry_names_and_modes(folder)):
         if number >= _MOST_FILES:
             raise EvidenceError(
                 f"{folder}: more than {_MOST_FILES} entries, so it is not a bundle; name the "
@@ -101,7 +101,7 @@ def list_bundle(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
     return sorted(good), sorted(bad)
 
 
-def folder_entries(folder: Path) -> Iterator[tuple[str, int]]:
+def iter_entry_names_and_modes(folder: Path) -> Iterator[tuple[str, int]]:
     """Names and modes in the folder and its runs/, without following links."""
     try:
         for place, prefix in ((folder, ""), (folder / RUNS, f"{RUNS}/")):
@@ -115,8 +115,8 @@ def folder_entries(folder: Path) -> Iterator[tuple[str, int]]:
         raise EvidenceError(f"{folder}: cannot be read ({error.strerror})") from None
 
 
-def read_file(folder: Path, name: str) -> BundleFile:
-    """Read a file from `list_bundle` once, without following a link.
+def read_bundle_file(folder: Path, name: str) -> BundleFile:
+    """Read a file from `list_bundle_entries` once, without following a link.
 
     Raises:
         EvidenceError: it cannot be read, or is too large.
@@ -124,7 +124,7 @@ def read_file(folder: Path, name: str) -> BundleFile:
     keep = name not in (RECORDING, PDF) and not name.startswith(f"{RUNS}/")
     digest, size = hashlib.sha256(), 0
     parts: list[bytes] = []
-    for part in read_in_parts(folder, name):
+    for part in iter_bundle_file_parts(folder, name):
         size += len(part)
         digest.update(part)
         if keep and size > _MOST_BYTES:
@@ -134,21 +134,21 @@ def read_file(folder: Path, name: str) -> BundleFile:
     return BundleFile(digest.hexdigest(), b"".join(parts) if keep else None)
 
 
-def copy_and_digest(folder: Path, name: str, to: Path) -> str:
-    """Copy a file from `list_bundle`; returns the SHA-256 of the copy.
+def copy_bundle_file_and_digest(folder: Path, name: str, target: Path) -> str:
+    """Copy a file from `list_bundle_entries`; returns the SHA-256 of the copy.
 
     Raises:
         EvidenceError: it cannot be read.
     """
     digest = hashlib.sha256()
-    with to.open("xb") as copy:
-        for part in read_in_parts(folder, name):
+    with target.open("xb") as copy:
+        for part in iter_bundle_file_parts(folder, name):
             digest.update(part)
             copy.write(part)
     return digest.hexdigest()
 
 
-def read_in_parts(folder: Path, name: str) -> Iterator[bytes]:
+def iter_bundle_file_parts(folder: Path, name: str) -> Iterator[bytes]:
     """Read a file in parts, without following a link."""
     try:
         number = os.open(folder / name, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0))
@@ -159,16 +159,16 @@ def read_in_parts(folder: Path, name: str) -> Iterator[bytes]:
         raise EvidenceError(f"{name}: cannot be read ({error.strerror})") from None
 
 
-def sums_text(digests: dict[str, str]) -> str:
+def sha256sums_text(digests: dict[str, str]) -> str:
     """Text of `SHA256SUMS` in the format of `sha256sum -c`."""
     return "".join(f"{digests[name]}  {name}\n" for name in sorted(digests))
 
 
-def parse_sums(data: bytes) -> dict[str, str]:
+def parse_sha256sums(data: bytes) -> dict[str, str]:
     """Digests by file name.
 
     Raises:
-        EvidenceError: it is not in the format of `sums_text`.
+        EvidenceError: it is not in the format of `sha256sums_text`.
     """
     try:
         lines = data.decode("ascii").splitlines()
@@ -180,7 +180,7 @@ def parse_sums(data: bytes) -> dict[str, str]:
         if match is None or not is_bundle_file(match[2]) or match[2] in UNLISTED:
             raise EvidenceError(f"{SUMS}: line {number} is not the digest of a file of this bundle")
         found[match[2]] = match[1]
-    if sums_text(found).encode() != data:
+    if sha256sums_text(found).encode() != data:
         raise EvidenceError(
             f"{SUMS}: was changed: its lines are not sorted, or a file appears twice"
         )

@@ -28,7 +28,8 @@ _MOST_OUTPUT: Final = 256 << 20
 #: Bytes of tables whose reading is kept: those of evidence have some kB, and are read again with
 #: the evidence after it and with the chain.
 _MOST_KEPT: Final = 1 << 20
-#: What `encode_parquet` makes of a column, by Arrow's name: the reader's process has Arrow alone.
+#: Arrow's name of the type that `encode_table_as_parquet` gives a column; Arrow itself is imported
+#: by the reader's process alone.
 _ARROW: Final[Mapping[type[pl.DataType], str]] = {
     pl.String: "string",
     pl.Float64: "double",
@@ -39,7 +40,7 @@ _ARROW: Final[Mapping[type[pl.DataType], str]] = {
 Schema = Mapping[str, type[pl.DataType]]
 
 
-def encode_parquet(frame: pl.DataFrame) -> bytes:
+def encode_table_as_parquet(frame: pl.DataFrame) -> bytes:
     """Frame as Parquet, without compression and dictionaries."""
     import pyarrow.parquet as pq
 
@@ -68,8 +69,8 @@ class UntrustedTable:
     schema: Schema
 
 
-def read_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame | str]:
-    """Read untrusted tables in the format of `encode_parquet`.
+def read_untrusted_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame | str]:
+    """Read untrusted tables in the format of `encode_table_as_parquet`.
 
     Returns:
         The frame of each, or its fault: other columns, compressed or coded, too many rows, a number
@@ -77,7 +78,7 @@ def read_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame | str]:
     """
     said = _read_tables_in_process(tables)
     if said is None and len(tables) > 1:  # one of them ended the reader: which?
-        return [each for table in tables for each in read_tables([table])]
+        return [each for table in tables for each in read_untrusted_tables([table])]
     if said is None:
         return ["is so damaged that it crashes the reader"]
     return [_make_frame(each, table.schema) for each, table in zip(said, tables, strict=True)]
@@ -95,12 +96,12 @@ def _read_tables_in_process(tables: Sequence[UntrustedTable]) -> list[dict[str, 
         ]
     )
     data = b"".join(table.data for table in tables)
-    ask = _ask_once if len(data) <= _MOST_KEPT else start_reader
+    ask = _ask_once if len(data) <= _MOST_KEPT else run_table_reader_process
     out = ask(asked, data)
     return None if out is None else json.loads(out)
 
 
-def start_reader(request: str, data: bytes) -> bytes | None:
+def run_table_reader_process(request: str, data: bytes) -> bytes | None:
     """Run the reader's process; its JSON output, or None if it crashed."""
     # the process writes JSON, and is told nothing but what columns to expect
     child = subprocess.Popen(
@@ -119,7 +120,7 @@ def start_reader(request: str, data: bytes) -> bytes | None:
 
 
 #: The same bytes hold the same, and the reader takes a quarter of a second to start.
-_ask_once: Final = lru_cache(maxsize=16)(start_reader)
+_ask_once: Final = lru_cache(maxsize=16)(run_table_reader_process)
 
 
 def _make_frame(output: dict[str, Any], schema: Schema) -> pl.DataFrame | str:

@@ -28,26 +28,28 @@ def draw_report_pictures(document: EvidenceDocument, readings: pl.DataFrame) -> 
     return found
 
 
-def calibrated_intervals_kg(fitted: Calibration) -> list[tuple[float, float, float]]:
+def calibrated_intervals_kg(calibration: Calibration) -> list[tuple[float, float, float]]:
     """Interval of the calibrated mass over the range of references.
 
     Each is (reference, low, high) in kg, for a run like those of the campaign.
     """
-    low, high = fitted.range_kg
-    readings = fitted.budget_at[1]
+    low, high = calibration.range_kg
+    readings = calibration.budget_at[1]
     found: list[tuple[float, float, float]] = []
     for mass_kg in np.linspace(low, high, _GRID).tolist():
-        at = fitted.calibrate_estimate(fitted.c0_kg + fitted.c1_1 * mass_kg, None, readings)
+        at = calibration.calibrate_estimate(
+            calibration.c0_kg + calibration.c1_1 * mass_kg, None, readings
+        )
         if at.low_kg is not None and at.high_kg is not None:
             found.append((mass_kg, at.low_kg, at.high_kg))
     return found
 
 
-def _draw_line(fitted: Calibration) -> Drawing:
-    known = [point for point in fitted.points if point.calibrated_kg is not None]
-    edges = calibrated_intervals_kg(fitted)
-    low, high = fitted.range_kg
-    percent = f"{fitted.confidence_1:.0%}".replace("%", " %")
+def _draw_line(calibration: Calibration) -> Drawing:
+    known = [point for point in calibration.points if point.calibrated_kg is not None]
+    edges = calibrated_intervals_kg(calibration)
+    low, high = calibration.range_kg
+    percent = f"{calibration.confidence_1:.0%}".replace("%", " %")
     picture = Drawing(
         "line",
         "Calibrated against reference mass",
@@ -68,11 +70,15 @@ def _draw_line(fitted: Calibration) -> Drawing:
     return picture
 
 
-def _draw_residuals(fitted: Calibration) -> Drawing:
-    edges = [(mass, low - mass, high - mass) for mass, low, high in calibrated_intervals_kg(fitted)]
-    errors = [(p, p.error_kg, "point") for p in fitted.points if p.error_kg is not None]
+def _draw_residuals(calibration: Calibration) -> Drawing:
+    edges = [
+        (mass, low - mass, high - mass) for mass, low, high in calibrated_intervals_kg(calibration)
+    ]
+    errors = [(p, p.error_kg, "point") for p in calibration.points if p.error_kg is not None]
     left = [
-        (p, p.error_left_out_kg, "left") for p in fitted.points if p.error_left_out_kg is not None
+        (p, p.error_left_out_kg, "left")
+        for p in calibration.points
+        if p.error_left_out_kg is not None
     ]
     worst = max((abs(error) for _, error, _ in [*errors, *left]), default=0.0)
     picture = Drawing(
@@ -83,7 +89,7 @@ def _draw_residuals(fitted: Calibration) -> Drawing:
         _HEIGHT,
     )
     heights = [0.0, *(e for _, e, _ in [*errors, *left]), *(e for _, *es in edges for e in es)]
-    axes = Axes.from_data(list(fitted.range_kg), heights, _BOX)
+    axes = Axes.from_data(list(calibration.range_kg), heights, _BOX)
     axes.draw(picture, "reference in kg", "calibrated less reference in kg")
     _draw_band(picture, axes, edges)
     picture.draw_line(
@@ -96,11 +102,11 @@ def _draw_residuals(fitted: Calibration) -> Drawing:
     return picture
 
 
-def _draw_budget_bars(fitted: Calibration) -> Drawing:
-    rows = sorted(fitted.budget, key=lambda row: -(row.u_kg or 0.0))
+def _draw_budget_bars(calibration: Calibration) -> Drawing:
+    rows = sorted(calibration.budget, key=lambda row: -(row.u_kg or 0.0))
     known = [row for row in rows if row.u_kg]
     largest = max((row.u_kg or 0.0 for row in known), default=1.0)
-    at_kg, readings = fitted.budget_at
+    at_kg, readings = calibration.budget_at
     picture = Drawing(
         "budget",
         "Where the uncertainty comes from",
@@ -113,12 +119,12 @@ def _draw_budget_bars(fitted: Calibration) -> Drawing:
     begin, room = 128.0, WIDTH - 128.0 - 72.0
     for number, row in enumerate([*known, None]):
         y = 12.0 + _ROW * number
-        u_kg = fitted.u_kg if row is None else row.u_kg or 0.0
+        u_kg = calibration.u_kg if row is None else row.u_kg or 0.0
         name = "together" if row is None else row.component
         picture.write(begin - 6, y + 10, shorten_text(name, begin - 8), "end")
         look = "left" if row is None else "bar"
-        picture.fill_bar(begin, y, max(room * u_kg / max(largest, fitted.u_kg), 0.5), 12, look)
-        length = room * u_kg / max(largest, fitted.u_kg)
+        picture.fill_bar(begin, y, max(room * u_kg / max(largest, calibration.u_kg), 0.5), 12, look)
+        length = room * u_kg / max(largest, calibration.u_kg)
         picture.write(begin + length + 5, y + 10, f"{u_kg:.2g} kg", "start")
     return picture
 

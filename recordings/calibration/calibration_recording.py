@@ -16,10 +16,10 @@ def write_calibration(
     folder: Path, document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
 ) -> None:
     """Write the recording of a bundle."""
-    write_recording(calibration_run(document, readings, points), folder / RECORDING)
+    write_recording(make_calibration_run(document, readings, points), folder / RECORDING)
 
 
-def calibration_run(
+def make_calibration_run(
     document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
 ) -> Run:
     """Run with the frames of a bundle's recording, computed from the evidence.
@@ -51,12 +51,12 @@ def calibration_run(
         for run in document.campaign.runs
         if (log := document.log_by_name(run.log)) is not None
     ]
-    resolved = document.weighing.model_dump(mode="json")
+    resolved = document.weighing_machine.model_dump(mode="json")
     del resolved["settings"]
     about = Provenance(
         inputs=tuple(InputFile(**file.model_dump()) for log in document.logs for file in log.files),
         machine=resolved,
-        settings=document.weighing.settings,
+        settings=document.weighing_machine.settings,
         versions={"payscope": document.software.payscope, "python": document.software.python},
         notes=(
             f"evidence {document.id} of machine {document.campaign.machine.id}, "

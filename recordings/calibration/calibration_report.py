@@ -26,9 +26,9 @@ from recordings.calibration.campaign_faults import runs_without_date
 from recordings.calibration.certificate_text import (
     accuracy_class_sentences,
     certificate_rows,
-    list_missing_statements,
+    list_missing_certificate_statements,
     traceability_warnings,
-    weighings_by_load,
+    weighing_rows_by_load,
 )
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.learnt_terms_text import make_learnt_term_rows
@@ -56,15 +56,15 @@ def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.D
         facts=report_facts(document),
         certificate=certificate_rows(document),
         warnings=traceability_warnings(document),
-        not_stated=list_missing_statements(document),
-        weighings=weighings_by_load(document, readings),
+        not_stated=list_missing_certificate_statements(document),
+        weighings=weighing_rows_by_load(document, readings),
         accuracy_class_sentences=list(accuracy_class_sentences(document)),
         words=report_paragraphs(document, readings, points),
         unseen=undetectable_faults(document),
         pictures=draw_report_pictures(document, readings),
         width=WIDTH,
         points=_make_point_rows(points),
-        rejected=_list_rejected(readings),
+        rejected=_make_rejected_reading_rows(readings),
         budget=_make_budget_rows(document.calibration),
         learnt=make_learnt_term_rows(document.learnt),
         references=_make_reference_rows(document),
@@ -86,7 +86,7 @@ def report_template() -> "Template":
     return environment.from_string(source)
 
 
-def report_pdf(html: str, path: Path) -> str:
+def write_report_pdf(html: str, path: Path) -> str:
     """Write the report as a PDF.
 
     Returns:
@@ -102,7 +102,7 @@ def report_pdf(html: str, path: Path) -> str:
             f"no PDF: WeasyPrint lacks a system library ({missing}); "
             "on Debian libpangoft2-1.0-0, libharfbuzz-subset0"
         )
-    HTML(string=html, url_fetcher=_refuse_fetch).write_pdf(path)
+    HTML(string=html, url_fetcher=_refuse_external_resource).write_pdf(path)
     return ""
 
 
@@ -138,8 +138,8 @@ def report_facts(document: EvidenceDocument) -> list[tuple[str, str]]:
                 f"{kilograms_text(fitted.rms_error_kg)} / "
                 f"{kilograms_text(fitted.rms_error_left_out_kg)} kg r.m.s.",
             ),
-            ("repeatability of a reading", estimate_as_mass(fitted.repeatability_kg, fitted)),
-            ("day to day", estimate_as_mass(fitted.day_kg, fitted)),
+            ("repeatability of a reading", estimate_as_mass_text(fitted.repeatability_kg, fitted)),
+            ("day to day", estimate_as_mass_text(fitted.day_kg, fitted)),
         ]
     found += [
         ("expires", document.expires.isoformat()),
@@ -154,17 +154,18 @@ def kilograms_text(value: float | None, digits: int = 1) -> str:
 
 
 def _format_with_interval(
-    value: float, interval: tuple[float | None, float | None], shape: str
+    value: float, interval: tuple[float | None, float | None], number_format: str
 ) -> str:
     low, high = interval
     if low is None or high is None:
-        return f"{shape.format(value)} (no bounded interval)"
-    return f"{shape.format(value)} ({shape.format(low)} to {shape.format(high)})"
+        return f"{number_format.format(value)} (no bounded interval)"
+    shown, least, most = (number_format.format(each) for each in (value, low, high))
+    return f"{shown} ({least} to {most})"
 
 
-def estimate_as_mass(kg: float | None, fitted: Calibration) -> str:
+def estimate_as_mass_text(kg: float | None, calibration: Calibration) -> str:
     """Convert kilograms of m̂ to kilograms of mass, as text."""
-    return "unknown" if kg is None else f"{kilograms_text(kg / abs(fitted.c1_1))} kg"
+    return "unknown" if kg is None else f"{kilograms_text(kg / abs(calibration.c1_1))} kg"
 
 
 def _make_point_rows(points: pl.DataFrame) -> list[Mapping[str, Any]]:
@@ -184,7 +185,7 @@ def _make_point_rows(points: pl.DataFrame) -> list[Mapping[str, Any]]:
     ]
 
 
-def _list_rejected(readings: pl.DataFrame) -> list[Mapping[str, Any]]:
+def _make_rejected_reading_rows(readings: pl.DataFrame) -> list[Mapping[str, Any]]:
     return [
         {**row, "mass": kilograms_text(row["mass_kg"])}
         for row in readings.filter(~pl.col("used")).iter_rows(named=True)
@@ -288,6 +289,6 @@ def _make_run_rows(document: EvidenceDocument, readings: pl.DataFrame) -> list[M
     return found
 
 
-def _refuse_fetch(url: str, *_: Any, **__: Any) -> Any:
+def _refuse_external_resource(url: str, *_: Any, **__: Any) -> Any:
     """Raise an error for any external resource."""
     raise ValueError(f"a report loads nothing from outside, so it may not load {url[:80]}")

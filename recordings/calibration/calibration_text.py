@@ -57,7 +57,7 @@ def report_paragraphs(
             *(f"{_capitalise_first_letter(said)}." for said in fitted.says),
             *_describe_learnt_priors(document),
             *(limits_of_one_day_evidence(document) if document.kind == "calibration" else ()),
-            *(_describe_unlike_driving(fitted) if document.kind == "calibration" else ()),
+            *(_describe_driving_unlike_campaign(fitted) if document.kind == "calibration" else ()),
             *(_advise_next_load(fitted) if document.kind == "calibration" else ()),
         ]
     if document.kind == "calibration":
@@ -190,11 +190,11 @@ def limits_of_one_day_evidence(document: EvidenceDocument) -> list[str]:
     ]
 
 
-def _describe_unlike_driving(fitted: Calibration) -> list[str]:
+def _describe_driving_unlike_campaign(calibration: Calibration) -> list[str]:
     """Sentences on the uncertainty of logs driven unlike these runs, and how to reduce it."""
-    if not fitted.responses:
+    if not calibration.responses:
         return []
-    most = max(fitted.responses, key=lambda each: abs(each.level_kg))
+    most = max(calibration.responses, key=lambda each: abs(each.level_kg))
     return [
         f"Logs that are driven unlike these runs lose most accuracy by the {TERMS[most.term][0]}: "
         f"its uncertainty moved these runs by {abs(most.level_kg):,.1f} kg, and moves other runs "
@@ -203,9 +203,9 @@ def _describe_unlike_driving(fitted: Calibration) -> list[str]:
     ]
 
 
-def _advise_next_load(fitted: Calibration) -> list[str]:
+def _advise_next_load(calibration: Calibration) -> list[str]:
     """Sentence on the load to run next."""
-    best = rank_next_loads(fitted)[0]
+    best = rank_next_loads(calibration)[0]
     return [
         f"Next load: of those of this campaign, one more run with '{best.load_id}' on another day "
         f"makes the line surest; half the interval of a later mass would go from "
@@ -213,24 +213,26 @@ def _advise_next_load(fitted: Calibration) -> list[str]:
     ]
 
 
-def constant_share_text(fitted: Calibration) -> str:
+def constant_share_text(calibration: Calibration) -> str:
     """Sentence on the constant fraction of the output."""
-    middle_kg = sum(fitted.range_kg) / 2.0
-    share = fitted.beta_kg / middle_kg if middle_kg else 0.0
+    middle_kg = sum(calibration.range_kg) / 2.0
+    share = calibration.beta_kg / middle_kg if middle_kg else 0.0
     begin = (
         f"A calibrated mass is α times the estimate plus β. In the middle of the range, at "
-        f"{middle_kg:,.0f} kg, β is {fitted.beta_kg:,.1f} kg: {share:.0%} of what is reported"
+        f"{middle_kg:,.0f} kg, β is {calibration.beta_kg:,.1f} kg: {share:.0%} of what is reported"
     ).replace("%", " %")
     if abs(share) > _MUCH:
         return (
             f"{begin}. That part is a constant, which no sensor influences. What the machine "
-            f"measured moves the result by {fitted.alpha_1:.3f} kg for each kg of the estimate. "
+            f"measured moves the result by {calibration.alpha_1:.3f} kg for each kg of the "
+            "estimate. "
             "So a small error relative to the machine's whole mass is not a merit of the "
             "estimate: judge errors by the range of loads. An error of β is contained "
             "in full in every result, and outside the range the line says nothing."
         )
     return (
-        f"{begin}. The rest is measured: the estimate moves the result by {fitted.alpha_1:.3f} kg "
+        f"{begin}. The rest is measured: the estimate moves the result by "
+        f"{calibration.alpha_1:.3f} kg "
         "for each of its kg."
     )
 
@@ -293,8 +295,8 @@ def as_found_sentences(document: EvidenceDocument) -> list[str]:
     ]
 
 
-def _describe_line_as_left(fitted: Calibration) -> str:
-    return f" As left: α {fitted.alpha_1:.4f}, β {fitted.beta_kg:,.1f} kg."
+def _describe_line_as_left(calibration: Calibration) -> str:
+    return f" As left: α {calibration.alpha_1:.4f}, β {calibration.beta_kg:,.1f} kg."
 
 
 def _capitalise_first_letter(text: str) -> str:

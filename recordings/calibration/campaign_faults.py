@@ -14,7 +14,7 @@ CLOCK_S: Final = 300
 _BEGINS: Final = "%Y-%m-%d %H:%M:%S UTC"
 
 
-def log_begin(log: EvidenceLog) -> dt.datetime | None:
+def log_begin_or_none(log: EvidenceLog) -> dt.datetime | None:
     """Begin of a log; None without absolute time."""
     try:
         return dt.datetime.strptime(log.begins, _BEGINS).replace(tzinfo=dt.UTC)
@@ -36,7 +36,7 @@ def find_day_faults(
     by_name = {each.log: each for each in logs}
     for run in campaign.runs:
         log = by_name.get(run.log)
-        begin = None if log is None else log_begin(log)
+        begin = None if log is None else log_begin_or_none(log)
         if log is None:
             continue
         if begin is None:
@@ -61,7 +61,7 @@ def find_day_faults(
 
 def runs_without_date(document: EvidenceDocument) -> list[CampaignRun]:
     """Runs whose logs have no absolute time, so that their days are unproven."""
-    without = {each.log for each in document.logs if log_begin(each) is None}
+    without = {each.log for each in document.logs if log_begin_or_none(each) is None}
     return [run for run in document.campaign.runs if run.log in without]
 
 
@@ -79,22 +79,26 @@ def _run_span(
     return begin + dt.timedelta(seconds=from_s), begin + dt.timedelta(seconds=max(from_s, to_s))
 
 
-def machine_faults(wanted: str, machine: Machine, logs: Sequence[EvidenceLog]) -> Iterator[str]:
+def find_machine_faults(
+    serial_number: str, machine: Machine, logs: Sequence[EvidenceLog]
+) -> Iterator[str]:
     """Yield contradictions to the machine of a campaign, a sentence each.
 
     Args:
-        wanted: serial number in the campaign.
+        serial_number: serial number in the campaign.
         machine: machine file.
         logs: logs as replayed.
     """
     named = machine.machine.id
-    if named not in (None, wanted):
-        yield f"the machine file belongs to machine '{named}', but the campaign to '{wanted}'"
+    if named not in (None, serial_number):
+        yield (
+            f"the machine file belongs to machine '{named}', but the campaign to '{serial_number}'"
+        )
     for log in logs:
-        if log.machine_id not in ("", wanted):
+        if log.machine_id not in ("", serial_number):
             yield (
                 f"{log.log}: its metadata name machine '{log.machine_id}', but the campaign is "
-                f"for '{wanted}'"
+                f"for '{serial_number}'"
             )
 
 

@@ -77,7 +77,7 @@ def traceability_warnings(document: EvidenceDocument) -> list[str]:
     return [f"NOT TRACEABLE: {'; '.join(untraceable)}."] if untraceable else []
 
 
-def list_missing_statements(document: EvidenceDocument) -> list[str]:
+def list_missing_certificate_statements(document: EvidenceDocument) -> list[str]:
     """Statements of a certificate that the campaign file lacks."""
     keys = document.campaign.missing_statements
     if not keys:
@@ -85,7 +85,7 @@ def list_missing_statements(document: EvidenceDocument) -> list[str]:
     return [f"Not stated, and ISO/IEC 17025, 7.8 asks for it: {', '.join(keys)}."]
 
 
-def weighings_by_load(
+def weighing_rows_by_load(
     document: EvidenceDocument, readings: pl.DataFrame
 ) -> list[Mapping[str, Any]]:
     """Number of weighings of each load, with mean error and standard deviation in kg.

@@ -12,11 +12,11 @@ from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument
 
 
-def check_counter(checked: CheckedBundle, document: EvidenceDocument) -> None:
+def check_chain_counter(bundle: CheckedBundle, document: EvidenceDocument) -> None:
     """Check that the counter is one more than that of the link."""
     link = document.chain.previous
     if document.chain.counter != (1 if link is None else link.counter + 1):
-        checked.add(
+        bundle.add_finding(
             BundleOutcome.TAMPERED,
             f"{EVIDENCE}: chain.counter",
             "does not follow that of the previous link",
@@ -24,63 +24,69 @@ def check_counter(checked: CheckedBundle, document: EvidenceDocument) -> None:
 
 
 def check_chain(
-    checked: CheckedBundle, document: EvidenceDocument, before: CheckedBundle | None
+    bundle: CheckedBundle, document: EvidenceDocument, previous: CheckedBundle | None
 ) -> None:
     """Check that evidence follows its previous evidence.
 
     Args:
-        checked: receives the findings.
+        bundle: receives the findings.
         document: the evidence.
-        before: the previous evidence, checked; None if not given.
+        previous: the previous evidence, checked; None if not given.
     """
     chain, item = document.chain, f"{EVIDENCE}: chain"
     link = chain.previous
-    if before is None:
+    if previous is None:
         if link is not None:
-            checked.notes.append(
+            bundle.notes.append(
                 f"chained to evidence {link.id} (number {link.counter}), which was not given; "
                 "give it with --previous to check it"
             )
         return
-    last = before.document
-    for each in before.faults:
-        checked.add(each.outcome, f"the evidence before: {each.item}", each.what)
+    last = previous.document
+    for each in previous.faults:
+        bundle.add_finding(each.outcome, f"the evidence before: {each.item}", each.what)
     if last is None:
-        checked.add(BundleOutcome.INCOMPLETE, "the evidence before", "cannot be read")
+        bundle.add_finding(BundleOutcome.INCOMPLETE, "the evidence before", "cannot be read")
         return
-    checked.notes.append(f"the evidence before, number {last.chain.counter}: {before.signed_by}")
+    bundle.notes.append(f"the evidence before, number {last.chain.counter}: {previous.signed_by}")
     if last.campaign.machine.id != document.campaign.machine.id:
-        checked.add(
+        bundle.add_finding(
             BundleOutcome.TAMPERED, item, "the previous evidence belongs to another machine"
         )
     if chain.counter <= last.chain.counter:
-        checked.add(
+        bundle.add_finding(
             BundleOutcome.TAMPERED,
             f"{item}.counter",
             f"is {chain.counter}, and that before it {last.chain.counter}: the counter only "
-            "grows, so this is older",
+            "grows, so this evidence is older",
         )
     elif link is None:
-        checked.add(
+        bundle.add_finding(
             BundleOutcome.TAMPERED, item, "names no previous evidence, although there is some"
         )
-    elif link.id != last.id or link.sums_sha256 != digest_chain_link(before):
-        checked.add(BundleOutcome.TAMPERED, f"{item}.previous", "is other evidence than that given")
+    elif link.id != last.id or link.sums_sha256 != digest_chain_link(previous):
+        bundle.add_finding(
+            BundleOutcome.TAMPERED,
+            f"{item}.previous",
+            "is other evidence than the previous evidence given",
+        )
     else:
         if creation_time(document) < creation_time(last) - dt.timedelta(seconds=CLOCK_S):
             what = f"is before the evidence that it follows was made, {last.made}"
-            checked.add(BundleOutcome.TAMPERED, f"{EVIDENCE}: made", what)
-        _check_as_found(checked, document, last)
+            bundle.add_finding(BundleOutcome.TAMPERED, f"{EVIDENCE}: made", what)
+        _check_as_found(bundle, document, last)
         if document.kind == "check":
-            _check_copied_parts(checked, document, last)
+            _check_parts_copied_by_mass_check(bundle, document, last)
 
 
-def digest_chain_link(checked: CheckedBundle) -> str:
+def digest_chain_link(bundle: CheckedBundle) -> str:
     """Digest by which a link refers to evidence."""
-    return hashlib.sha256(checked.sums).hexdigest()
+    return hashlib.sha256(bundle.sums).hexdigest()
 
 
-def chain_findings(bundles: Sequence[CheckedBundle]) -> tuple[list[BundleFinding], list[str]]:
+def check_chains_of_bundles(
+    bundles: Sequence[CheckedBundle],
+) -> tuple[list[BundleFinding], list[str]]:
     """Check several bundles of a machine as a chain.
 
     Args:
@@ -93,13 +99,13 @@ def chain_findings(bundles: Sequence[CheckedBundle]) -> tuple[list[BundleFinding
     known = [(each.document, each) for each in by_digest.values() if each.document is not None]
     ordered = sorted(known, key=lambda pair: (pair[0].chain.counter, pair[0].made, pair[0].id))
     found: list[BundleFinding] = []
-    for (last, before), (document, checked) in pairwise(ordered):
+    for (last, before), (document, bundle) in pairwise(ordered):
         number, after = last.chain.counter, document.chain.counter
         item = f"machine {document.campaign.machine.id}: number {after}"
         if after == number:
             what = (
                 f"a fork: {last.id} of {last.made} ({before.signed_by}) and {document.id} of "
-                f"{document.made} ({checked.signed_by}) have the same number"
+                f"{document.made} ({bundle.signed_by}) have the same number"
             )
             found.append(BundleFinding(BundleOutcome.TAMPERED, item, what))
         elif after == number + 1:
@@ -119,10 +125,12 @@ def chain_findings(bundles: Sequence[CheckedBundle]) -> tuple[list[BundleFinding
                     f"is missing between {last.id} and {document.id}",
                 )
             )
-    return found, list(_chain_sentences(ordered))
+    return found, list(_describe_chain_signers(ordered))
 
 
-def _chain_sentences(ordered: Sequence[tuple[EvidenceDocument, CheckedBundle]]) -> Iterator[str]:
+def _describe_chain_signers(
+    ordered: Sequence[tuple[EvidenceDocument, CheckedBundle]],
+) -> Iterator[str]:
     """Sentences on the signer of each, and the begin of the chain."""
     if not ordered:
         return
@@ -132,31 +140,31 @@ def _chain_sentences(ordered: Sequence[tuple[EvidenceDocument, CheckedBundle]]) 
             f"machine {machine}: the chain given begins with number {first.counter}; what is "
             "before it was not given"
         )
-    for document, checked in ordered:
+    for document, bundle in ordered:
         yield (
             f"machine {machine}: number {document.chain.counter}, a {document.kind} of "
-            f"{document.made}: {checked.signed_by}"
+            f"{document.made}: {bundle.signed_by}"
         )
 
 
-def _check_copied_parts(
-    checked: CheckedBundle, document: EvidenceDocument, last: EvidenceDocument
+def _check_parts_copied_by_mass_check(
+    bundle: CheckedBundle, document: EvidenceDocument, previous: EvidenceDocument
 ) -> None:
     """Check the parts that a single-mass check copies from the calibration."""
     for name in ("calibration", "expires", "machine", "learnt", "options"):
-        if getattr(document, name) != getattr(last, name):
+        if getattr(document, name) != getattr(previous, name):
             what = "is not that of the previous evidence, which it checks"
-            checked.add(BundleOutcome.TAMPERED, f"{EVIDENCE}: {name}", what)
+            bundle.add_finding(BundleOutcome.TAMPERED, f"{EVIDENCE}: {name}", what)
 
 
 def _check_as_found(
-    checked: CheckedBundle, document: EvidenceDocument, last: EvidenceDocument
+    bundle: CheckedBundle, document: EvidenceDocument, previous: EvidenceDocument
 ) -> None:
     """Check that the as-found line is that of the previous evidence."""
-    found, line = document.as_found, last.calibration
-    wanted = None if line is None else (last.id, line.alpha_1, line.beta_kg)
+    found, line = document.as_found, previous.calibration
+    wanted = None if line is None else (previous.id, line.alpha_1, line.beta_kg)
     if (None if found is None else (found.evidence_id, found.alpha_1, found.beta_kg)) != wanted:
-        checked.add(
+        bundle.add_finding(
             BundleOutcome.IRREPRODUCIBLE,
             f"{EVIDENCE}: as_found",
             "is not the previous line",

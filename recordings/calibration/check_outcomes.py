@@ -72,15 +72,15 @@ def most_severe_outcome(findings: Sequence[BundleFinding]) -> BundleOutcome | No
     return next((outcome for outcome in ORDER if outcome in found), None)
 
 
-def verdict_text(place: Path, findings: Sequence[BundleFinding], holds: str) -> str:
+def verdict_text(place: Path, findings: Sequence[BundleFinding], text_without_findings: str) -> str:
     """Result of a check in a sentence.
 
     Args:
         place: checked folder or file.
         findings: the findings.
-        holds: text for no findings.
+        text_without_findings: text for no findings.
     """
     outcome = most_severe_outcome(findings)
     if outcome is None:
-        return f"{place}: {holds}"
+        return f"{place}: {text_without_findings}"
     return f"{place}: {_NAMES[outcome].upper()} ({counted(len(findings), 'finding')})"

@@ -44,7 +44,7 @@ class CheckedBundle:
         """Findings that invalidate evidence, without those about the machine itself."""
         return [each for each in self.findings if each.outcome in FAULTS]
 
-    def add(self, outcome: BundleOutcome, item: str, what: str) -> None:
+    def add_finding(self, outcome: BundleOutcome, item: str, what: str) -> None:
         """Add a finding."""
         self.findings.append(BundleFinding(outcome, item, what))
 

@@ -17,7 +17,7 @@ from recordings.calibration.evidence_document import (
     EvidenceDocument,
     ReferenceLoad,
 )
-from recordings.signatures.canonical_json import canonical_bytes
+from recordings.signatures.canonical_json import canonical_json_bytes
 
 #: Keys of `[machine]` and stages that no mass depends on, by the format since which they are no
 #: part of what defines it.
@@ -30,26 +30,28 @@ _WHOLE_FORMATS: Final = tuple(f"payscope-calibration-evidence/{number}" for numb
 def estimator_with_digest(
     campaign: CalibrationCampaign,
     machine: Machine,
-    absent: Container[str] = (),
-    form: str = FORMAT,
+    absent_settings: Container[str] = (),
+    evidence_format: str = FORMAT,
 ) -> Estimator:
     """Estimator with the digest of its definition: channels, settings, priors.
 
     Args:
         campaign: campaign with its method.
         machine: machine with the learnt priors. When it was empty is not part of the definition.
-        absent: dotted names of settings newer than the evidence.
-        form: format of the evidence; earlier ones digest more.
+        absent_settings: dotted names of settings newer than the evidence.
+        evidence_format: format of the evidence; earlier ones digest more.
     """
     own = (
-        _restore_defaults(machine) if form in _WHOLE_FORMATS else settings_that_define_mass(machine)
+        _mass_definition_up_to_format_3(machine)
+        if evidence_format in _WHOLE_FORMATS
+        else settings_that_define_mass(machine)
     )
-    if absent:
-        own = remove_dotted_names(own, absent, "machine.")
+    if absent_settings:
+        own = remove_dotted_names(own, absent_settings, "machine.")
     defined = {"estimator": campaign.method.estimator, "machine": own}
     return Estimator(
         name=campaign.method.estimator,
-        definition_sha256=hashlib.sha256(canonical_bytes(defined)).hexdigest(),
+        definition_sha256=hashlib.sha256(canonical_json_bytes(defined)).hexdigest(),
     )
 
 
@@ -63,7 +65,7 @@ def settings_that_define_mass(machine: Machine) -> dict[str, Any]:
     return values
 
 
-def _restore_defaults(machine: Machine) -> dict[str, Any]:
+def _mass_definition_up_to_format_3(machine: Machine) -> dict[str, Any]:
     """Mass definition of formats up to 3, which includes time zone and place."""
     values = machine.model_dump(mode="json")
     values["machine"].pop("id", None)
@@ -72,19 +74,19 @@ def _restore_defaults(machine: Machine) -> dict[str, Any]:
 
 
 def remove_dotted_names(
-    values: Mapping[str, Any], names: Container[str], at: str = ""
+    values: Mapping[str, Any], names: Container[str], prefix: str = ""
 ) -> dict[str, Any]:
     """Values without some dotted names."""
     return {
-        name: remove_dotted_names(value, names, f"{at}{name}.")
+        name: remove_dotted_names(value, names, f"{prefix}{name}.")
         if isinstance(value, dict)
         else value
         for name, value in values.items()
-        if f"{at}{name}" not in names
+        if f"{prefix}{name}" not in names
     }
 
 
-def reference_loads(
+def reference_loads_and_covariance(
     campaign: CalibrationCampaign, machine: Machine
 ) -> tuple[tuple[ReferenceLoad, ...], tuple[tuple[float, ...], ...]]:
     """Reference loads of the evidence, and their covariance in kg²."""
@@ -96,27 +98,27 @@ def reference_loads(
     return loads, tuple(tuple(map(float, row)) for row in covariance_kg2)
 
 
-def check_earlier_line(
-    before: EvidenceDocument | None,
-    of_before: Estimator | None,
+def evaluate_previous_line(
+    previous: EvidenceDocument | None,
+    previous_estimator: Estimator | None,
     estimator: Estimator,
     points: pl.DataFrame,
 ) -> AsFound | None:
-    """The previous line with its errors on these points; None without one.
+    """The previous line with its r.m.s. error on these points; None without a previous line.
 
     Args:
-        before: previous evidence.
-        of_before: its estimator; earlier formats digest it differently.
+        previous: previous evidence.
+        previous_estimator: its estimator; earlier formats digest it differently.
         estimator: estimator of this campaign; a line of another one does not apply.
         points: points of this campaign, a row per run.
     """
-    if before is None or before.calibration is None:
+    if previous is None or previous.calibration is None:
         return None
-    line = before.calibration
+    line = previous.calibration
     found = AsFound(
-        evidence_id=before.id, alpha_1=line.alpha_1, beta_kg=line.beta_kg, rms_error_kg=None
+        evidence_id=previous.id, alpha_1=line.alpha_1, beta_kg=line.beta_kg, rms_error_kg=None
     )
-    if of_before != estimator:
+    if previous_estimator != estimator:
         return found
     return found.model_copy(update={"rms_error_kg": rms_error_kg(found, points)})
 

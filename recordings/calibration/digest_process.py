@@ -22,8 +22,8 @@ _COUNTER: Final = re.compile(r"\d+\s*/\s*\d+\s*\Z")
 
 
 def main() -> None:
-    """Read the files that the command line names, as its first word says."""
-    _limit_process()
+    """Digest recordings or extract words of PDFs, by the first argument; the others are files."""
+    _limit_memory_and_time_of_process()
     kind, *files = sys.argv[1:]
     read = {"recording": _digest_recording, "pdf": _extract_pdf_words}[kind]
     sys.stdout.write(json.dumps([read(Path(each)) for each in files]))
@@ -64,7 +64,7 @@ def _extract_pdf_words(path: Path) -> dict[str, Any]:
     return {"words": [word for text in texts for word in text.split()]}
 
 
-def _limit_process() -> None:
+def _limit_memory_and_time_of_process() -> None:
     """Bound memory and time, where the system can."""
     try:
         import resource

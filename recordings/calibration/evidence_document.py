@@ -24,13 +24,13 @@ from analysis.model.machine import Machine
 from analysis.model.strict_config import STRICT
 from estimators.errors import EvidenceError
 from recordings.calibration.released_defaults import (
-    changed_defaults,
     find_absent_settings,
+    first_defaults_of_absent_settings,
     insert_dotted_values,
     released_defaults,
     remove_dotted_values,
 )
-from recordings.signatures.canonical_json import canonical_bytes, parse
+from recordings.signatures.canonical_json import canonical_json_bytes, parse_canonical_json
 
 #: Format 1 does not say what the errors of learnt means did to its runs and its line.
 _FIRST: Final = "payscope-calibration-evidence/1"
@@ -223,11 +223,11 @@ class EvidenceDocument(BaseModel):
         """The bytes of `evidence.json`: a setting that came later stays out of earlier evidence."""
         left_out = _NOT_IN_FIRST if self.format == _FIRST else None
         values = self.model_dump(mode="json", exclude=left_out, exclude_unset=True)
-        return canonical_bytes(remove_dotted_values(values, self._put_in))
+        return canonical_json_bytes(remove_dotted_values(values, self._put_in))
 
     @property
     def settings_at_default(self) -> dict[str, Any]:
-        """Settings that came after it was made, and the default that each is taken at: dotted."""
+        """Settings newer than the evidence: dotted names with the default each is read with."""
         return {
             **find_absent_settings(self.machine, "machine."),
             **find_absent_settings(self.campaign, "campaign."),
@@ -240,22 +240,24 @@ class EvidenceDocument(BaseModel):
         Args:
             values: `evidence.json`, that it was read from.
         """
-        changed = changed_defaults(self.settings_at_default, released_defaults())
+        changed = first_defaults_of_absent_settings(self.settings_at_default, released_defaults())
         if not changed:
             return self
         document = EvidenceDocument.model_validate_json(
-            canonical_bytes(insert_dotted_values(values, changed))
+            canonical_json_bytes(insert_dotted_values(values, changed))
         )
         document._put_in = changed  # noqa: SLF001  its own
         return document
 
     @property
     def with_all_settings(self) -> "EvidenceDocument":
-        """Write down every setting of this version, also those left at default."""
-        return EvidenceDocument.model_validate_json(canonical_bytes(self.model_dump(mode="json")))
+        """The evidence with every setting of this version written out, also those at default."""
+        return EvidenceDocument.model_validate_json(
+            canonical_json_bytes(self.model_dump(mode="json"))
+        )
 
     @property
-    def other_version(self) -> str:
+    def other_version_text(self) -> str:
         """Version that made it; "" for this one. Other versions word the page differently."""
         made = self.software.payscope
         if made == version("payscope") and self.format == FORMAT:
@@ -263,13 +265,13 @@ class EvidenceDocument(BaseModel):
         return f"payscope {made} (format {self.format.rpartition('/')[2]})"
 
     @property
-    def rules(self) -> Procedure:
-        """Rules of its procedure."""
+    def procedure_rules(self) -> Procedure:
+        """Rules of the calibration procedure that the evidence names."""
         return PROCEDURES[self.procedure]
 
     @property
-    def weighing(self) -> Machine:
-        """The machine as its mass is found: with the priors that were learnt."""
+    def weighing_machine(self) -> Machine:
+        """The machine settings that weigh: those of the evidence, with the learnt priors."""
         return (
             self.machine
             if self.learnt is None
@@ -281,14 +283,14 @@ class EvidenceDocument(BaseModel):
         return next((each for each in self.logs if each.log == name), None)
 
 
-def parse_document(data: bytes, what: str) -> EvidenceDocument:
+def parse_evidence(data: bytes, what: str) -> EvidenceDocument:
     """Read `evidence.json` of a stranger.
 
     Raises:
         UnknownFormatError: it says that another version made it, and holds what this one lacks.
         EvidenceError: no canonical JSON within its bounds, or not as the schema has it.
     """
-    values = parse(data, what)
+    values = parse_canonical_json(data, what)
     try:
         document = EvidenceDocument.model_validate_json(data)
     except ValidationError as error:
@@ -322,7 +324,7 @@ def other_payscope_version(values: Any) -> str:
     return "" if own else f"payscope {made[:_LONGEST]} in {form[:_LONGEST]}"
 
 
-def schema_text() -> str:
+def evidence_schema_text() -> str:
     """Published schema as text: JSON Schema, draft 2020-12."""
     schema: dict[str, Any] = EvidenceDocument.model_json_schema(mode="serialization")
     schema = {
@@ -334,4 +336,4 @@ def schema_text() -> str:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(schema_text())
+    sys.stdout.write(evidence_schema_text())

@@ -6,36 +6,36 @@ from typing import Final
 
 from analysis.calibration.campaign.campaign_plan import NotaryStretch
 from recordings.calibration.bundle_folder import NOTARY
-from recordings.calibration.campaign_faults import CLOCK_S, creation_time, log_begin
+from recordings.calibration.campaign_faults import CLOCK_S, creation_time, log_begin_or_none
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
-from recordings.notary.notary_check import CheckedList, check_list, parse_stamp
-from recordings.notary.notary_list import NotaryEntry, split_lines
+from recordings.notary.notary_check import CheckedList, check_notary_list, parse_time_or_none
+from recordings.notary.notary_list import NotaryEntry, split_whole_lines
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signed_by import SignedBy
 
 _CLOCK: Final = dt.timedelta(seconds=CLOCK_S)
 
 
-def stretch_bytes(data: bytes, stretch: NotaryStretch) -> bytes:
+def cut_notary_stretch(data: bytes, stretch: NotaryStretch) -> bytes:
     """Head of a list and the lines of a part of it, for a bundle.
 
     Args:
         data: the whole list, checked.
         stretch: counters of the part; missing lines are found by the check.
     """
-    whole, _ = split_lines(data)
+    whole, _ = split_whole_lines(data)
     return b"".join(line + b"\n" for line in (*whole[:1], *whole[stretch.first : stretch.last + 1]))
 
 
-def check_notary(
-    checked: CheckedBundle, document: EvidenceDocument, data: bytes | None, keyring: Keyring
+def check_notary_stretch(
+    bundle: CheckedBundle, document: EvidenceDocument, data: bytes | None, keyring: Keyring
 ) -> None:
     """Check the part of a list in a bundle, and that its campaign agrees with it.
 
     Args:
-        checked: the bundle; receives findings and notary.
+        bundle: the bundle; receives findings and notary.
         document: its evidence.
         data: the part of the list; None without one.
         keyring: keys kept by the user.
@@ -43,24 +43,28 @@ def check_notary(
     stretch = document.campaign.notary
     if stretch is None:
         if data is not None:
-            checked.add(BundleOutcome.TAMPERED, NOTARY, "is a list, but the campaign names none")
+            bundle.add_finding(
+                BundleOutcome.TAMPERED, NOTARY, "is a list, but the campaign names none"
+            )
         return
     if data is None:
-        checked.add(BundleOutcome.INCOMPLETE, NOTARY, "is missing, although the campaign names it")
+        bundle.add_finding(
+            BundleOutcome.INCOMPLETE, NOTARY, "is missing, although the campaign names it"
+        )
         return
-    kept = check_list(data, dt.datetime.now(dt.UTC), stretch.first)
-    checked.findings += stretch_findings(document, stretch, kept)
+    kept = check_notary_list(data, dt.datetime.now(dt.UTC), stretch.first)
+    bundle.findings += find_stretch_faults(document, stretch, kept)
     reasons = stretch.omission_reasons
-    checked.notes += [
+    bundle.notes += [
         f"{NOTARY}: {each.what} (left out: {reasons[each.counter]})"
         for each in kept.faults
         if not each.forged and each.counter in reasons
     ]
-    checked.notes += [f"{NOTARY}: {note}" for note in kept.notes]
-    checked.notarised_by = list_keeper(checked, document, kept, keyring)
+    bundle.notes += [f"{NOTARY}: {note}" for note in kept.notes]
+    bundle.notarised_by = identify_notary(bundle, document, kept, keyring)
 
 
-def stretch_findings(
+def find_stretch_faults(
     document: EvidenceDocument, stretch: NotaryStretch, checked_list: CheckedList
 ) -> Iterator[BundleFinding]:
     """Yield errors in a part of a list, or in the campaign's account of it."""
@@ -83,7 +87,7 @@ def stretch_findings(
             yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
     for what in find_unaccounted_logs(stretch, document.logs, checked_list.entries):
         yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
-    yield from find_contradictions(document, stretch, checked_list.entries)
+    yield from find_notary_contradictions(document, stretch, checked_list.entries)
 
 
 def find_unaccounted_logs(
@@ -110,7 +114,7 @@ def _is_entry_of_log(log: EvidenceLog, entry: NotaryEntry) -> bool:
     return {file.sha256 for file in log.files} <= {file.sha256 for file in entry.files}
 
 
-def find_contradictions(
+def find_notary_contradictions(
     document: EvidenceDocument, stretch: NotaryStretch, entries: Sequence[NotaryEntry]
 ) -> Iterator[BundleFinding]:
     """Yield contradictions between list and evidence."""
@@ -118,7 +122,7 @@ def find_contradictions(
     for entry in entries:
         number = entry.counter
         own = next((log for log in document.logs if _is_entry_of_log(log, entry)), None)
-        listed = parse_stamp(entry.listed)
+        listed = parse_time_or_none(entry.listed)
         assert listed is not None
         said = ""
         if listed > made + _CLOCK:
@@ -138,38 +142,45 @@ def find_contradictions(
 
 def begins_within_entry(log: EvidenceLog, entry: NotaryEntry) -> bool:
     """Whether a log begins within the time of its line."""
-    begin, first, last = log_begin(log), parse_stamp(entry.begins), parse_stamp(entry.ends)
+    begin, first, last = (
+        log_begin_or_none(log),
+        parse_time_or_none(entry.begins),
+        parse_time_or_none(entry.ends),
+    )
     if begin is None or first is None or last is None:
         return begin is None or first is None
     return first - _CLOCK <= begin <= last + _CLOCK
 
 
-def list_keeper(
-    checked: CheckedBundle, document: EvidenceDocument, checked_list: CheckedList, keyring: Keyring
+def identify_notary(
+    bundle: CheckedBundle, document: EvidenceDocument, checked_list: CheckedList, keyring: Keyring
 ) -> SignedBy:
     """Identity of the notary, by the user's keyring."""
     key = checked_list.key
     if key is None or any(fault.forged for fault in checked_list.faults):
         return SignedBy("broken")
-    known = keyring.find(key.key_id)
+    known = keyring.find_key_or_none(key.key_id)
     by = SignedBy("unknown", "", "" if known is None else known.owner, key.key_id, key.text)
     if document.signer is not None and document.signer.key_id == key.key_id:
-        checked.notes.append(
+        bundle.notes.append(
             f"{NOTARY}: signed with the same key as this evidence, so it is no independent proof "
             "of when the logs existed"
         )
     if known is None:
-        checked.notes.append(
+        bundle.notes.append(
             f"{NOTARY}: is {by}: get the key from the keeper of the recorder through another "
             f"channel, and keep it: {by.command_to_add_key}"
         )
         return by
     last = max(
-        (parse_stamp(entry.listed) or creation_time(document)) for entry in checked_list.entries
+        (parse_time_or_none(entry.listed) or creation_time(document))
+        for entry in checked_list.entries
     )
-    fault = known.distrust_reason(last.date(), checked.proven_day) if checked_list.entries else ""
+    fault = known.distrust_reason(last.date(), bundle.proven_day) if checked_list.entries else ""
     if fault:
         outcome = BundleOutcome.TAMPERED if known.revoked else BundleOutcome.INCOMPLETE
-        checked.add(outcome, NOTARY, f"the key of {known.owner}, {key.key_id[:12]}…, {fault}")
+        bundle.add_finding(
+            outcome, NOTARY, f"the key of {known.owner}, {key.key_id[:12]}…, {fault}"
+        )
         return by
     return SignedBy("known", "", known.owner, key.key_id, key.text)

@@ -19,7 +19,7 @@ _PLAIN: Final = {"PLAIN", "RLE", "BIT_PACKED"}
 def main() -> None:
     """Read the tables, one after the other."""
     data = sys.stdin.buffer.read()
-    _limit_memory_and_time()
+    _limit_process_memory_and_time()
     found: list[dict[str, Any]] = []
     for asked in json.loads(sys.argv[1]):
         part, data = data[: asked["bytes"]], data[asked["bytes"] :]
@@ -27,13 +27,13 @@ def main() -> None:
     sys.stdout.write(json.dumps(found))
 
 
-def _read_table(data: bytes, wanted: list[tuple[str, ...]]) -> dict[str, Any]:
+def _read_table(data: bytes, expected_columns: list[tuple[str, ...]]) -> dict[str, Any]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
         file = pq.ParquetFile(io.BytesIO(data))
-        fault = _find_table_fault(file, wanted)
+        fault = _find_table_fault(file, expected_columns)
         if fault:
             return {"fault": fault}
         table = file.read(use_threads=False)
@@ -44,11 +44,11 @@ def _read_table(data: bytes, wanted: list[tuple[str, ...]]) -> dict[str, Any]:
         return {"fault": f"is damaged ({why})"}
 
 
-def _find_table_fault(file: Any, wanted: list[tuple[str, ...]]) -> str:
+def _find_table_fault(file: Any, expected_columns: list[tuple[str, ...]]) -> str:
     about = file.metadata
     if about.num_rows > _MOST_ROWS:
         return f"has {about.num_rows} rows, more than {_MOST_ROWS}"
-    if [(field.name, str(field.type)) for field in file.schema_arrow] != wanted:
+    if [(field.name, str(field.type)) for field in file.schema_arrow] != expected_columns:
         return "has other columns than such a table"
     for group in range(about.num_row_groups):
         for number in range(about.num_columns):
@@ -59,7 +59,7 @@ def _find_table_fault(file: Any, wanted: list[tuple[str, ...]]) -> str:
     return ""
 
 
-def _limit_memory_and_time() -> None:
+def _limit_process_memory_and_time() -> None:
     """Memory and time, where the system can bound them."""
     try:
         import resource

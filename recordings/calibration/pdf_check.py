@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Final
 
 from recordings.calibration.bundle_folder import PDF
-from recordings.calibration.calibration_report import report_pdf
-from recordings.calibration.strange_files import pdf_words
+from recordings.calibration.calibration_report import write_report_pdf
+from recordings.calibration.strange_files import read_pdf_words
 
 #: Bullets of a list are drawn at the end of their page.
 _BULLET: Final = "•"
@@ -22,7 +22,7 @@ _BEFORE: Final = 12
 _NUMBER: Final = re.compile(r"[-+−±]?\d[\d,.]*")
 
 
-def find_pdf_fault(folder: Path, sha256: str, html: str) -> tuple[str, str]:
+def compare_pdf_with_page(folder: Path, sha256: str, html: str) -> tuple[str, str]:
     """Compare the PDF of a bundle with one made from its page.
 
     With other fonts or another WeasyPrint, pages break elsewhere and parts may be in another order:
@@ -41,25 +41,26 @@ def find_pdf_fault(folder: Path, sha256: str, html: str) -> tuple[str, str]:
         return "", "pypdf is not installed (pip install 'payscope[pdf]')"
     with tempfile.TemporaryDirectory(prefix="payscope-") as place:
         own = Path(place) / PDF
-        missing = report_pdf(html, own)
+        missing = write_report_pdf(html, own)
         if missing:
             return "", missing.removeprefix("no PDF: ")
-        wanted = pdf_words(own.parent, PDF, hashlib.sha256(own.read_bytes()).hexdigest())
-    found = pdf_words(folder, PDF, sha256)
+        wanted = read_pdf_words(own.parent, PDF, hashlib.sha256(own.read_bytes()).hexdigest())
+    found = read_pdf_words(folder, PDF, sha256)
     if isinstance(found, str):
         return found, ""
     if isinstance(wanted, str):
         return "", f"the PDF that this payscope makes {wanted}"
     heads = table_heads(html)
     fault = describe_first_difference(
-        text_without_spaces(wanted, heads), text_without_spaces(found, heads)
+        join_words_without_repeated_heads(wanted, heads),
+        join_words_without_repeated_heads(found, heads),
     )
     if fault and count_numbers(wanted, heads) == count_numbers(found, heads):
         return "", "it is laid out with other fonts or another WeasyPrint; its numbers are the same"
     return fault, ""
 
 
-def text_without_spaces(words: Iterable[str], heads: Iterable[str]) -> str:
+def join_words_without_repeated_heads(words: Iterable[str], heads: Iterable[str]) -> str:
     """Concatenate words, without heads repeated at page breaks.
 
     Args:
@@ -79,14 +80,14 @@ def count_numbers(words: Iterable[str], heads: Iterable[str]) -> Counter[str]:
     return Counter(word for word in plain if _NUMBER.fullmatch(word) and word not in in_heads)
 
 
-def describe_first_difference(wanted: str, found: str) -> str:
+def describe_first_difference(expected: str, found: str) -> str:
     """First difference of two texts, in words; "" if equal."""
-    if wanted == found:
+    if expected == found:
         return ""
-    pairs = enumerate(zip(wanted, found, strict=False))
-    at = next((k for k, (a, b) in pairs if a != b), min(len(wanted), len(found)))
+    pairs = enumerate(zip(expected, found, strict=False))
+    at = next((k for k, (a, b) in pairs if a != b), min(len(expected), len(found)))
     begin = max(0, at - _BEFORE)
-    there, here = (text[begin : at + _SHOWN] or "nothing" for text in (found, wanted))
+    there, here = (text[begin : at + _SHOWN] or "nothing" for text in (found, expected))
     return f"reads '{there}' where report.html has '{here}'"
 
 

@@ -25,12 +25,12 @@ from recordings.calibration.campaign_faults import (
     CLOCK_S,
     creation_time,
     find_day_faults,
-    machine_faults,
+    find_machine_faults,
 )
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.derived_values import (
     estimator_with_digest,
-    reference_loads,
+    reference_loads_and_covariance,
     rms_error_kg,
 )
 from recordings.calibration.evidence_document import EvidenceDocument
@@ -46,7 +46,7 @@ _LONGEST: Final = 200
 Findings = Iterator[BundleFinding]
 
 
-def compare_recomputed(
+def compare_bundle_with_recomputed(
     document: EvidenceDocument,
     readings: pl.DataFrame,
     points: pl.DataFrame | None,
@@ -73,13 +73,13 @@ def compare_recomputed(
     found: list[BundleFinding] = []
     steps: tuple[tuple[str, Callable[[], Iterable[BundleFinding]]], ...] = (
         (EVIDENCE, lambda: check_evidence_against_campaign(document)),
-        (READINGS, lambda: check_runs(document, readings)),
-        (f"{EVIDENCE}: calibration", lambda: compare_fit(document, readings, points, notes)),
+        (READINGS, lambda: check_runs_and_readings(document, readings)),
+        (f"{EVIDENCE}: calibration", lambda: refit_and_compare(document, readings, points, notes)),
         (REPORT, lambda: compare_report_page(document, readings, points, report)),
     )
     for item, step in steps:
         found += _run_check_step(item, step)
-    found += compare_verdicts(document)
+    found += find_exceeded_limits(document)
     return found, notes
 
 
@@ -105,10 +105,10 @@ def compare_report_page(
         return
     if report_html(document, readings, points).encode() == report:
         return
-    if document.other_version:
+    if document.other_version_text:
         what = (
-            f"made by {document.other_version}: the page cannot be recomputed here; compared by "
-            "its digest alone"
+            f"made by {document.other_version_text}: the page cannot be recomputed here; compared "
+            "by its digest alone"
         )
         yield BundleFinding(BundleOutcome.OTHER_VERSION, REPORT, what)
     else:
@@ -165,15 +165,15 @@ def check_evidence_against_campaign(document: EvidenceDocument) -> Findings:
         yield _irreproducible_finding(
             "made", f"is in the future: {document.made}, but now it is {now:%F %R}"
         )
-    for fault in machine_faults(campaign.machine.id, machine, document.logs):
+    for fault in find_machine_faults(campaign.machine.id, machine, document.logs):
         yield _irreproducible_finding("campaign.machine.id", fault)
     yield from compare_learnt_priors(document)
     if document.estimator != estimator_with_digest(
-        campaign, document.weighing, document.settings_at_default, document.format
+        campaign, document.weighing_machine, document.settings_at_default, document.format
     ):
         yield _irreproducible_finding("estimator", "is not that of the settings")
     try:
-        loads, covariance = reference_loads(campaign, machine)
+        loads, covariance = reference_loads_and_covariance(campaign, machine)
     except CampaignError as fault:
         yield _irreproducible_finding("references", str(fault))
         return
@@ -204,7 +204,7 @@ def compare_learnt_priors(document: EvidenceDocument) -> Findings:
         {name: term.model_dump() for name, term in terms.items()}
         for terms in (
             learnt.terms,
-            pool_terms_of_logs(learnt.logs, document.rules),
+            pool_terms_of_logs(learnt.logs, document.procedure_rules),
         )
     )
     if not all(near for _, near in find_differences(stored, computed)):
@@ -214,7 +214,7 @@ def compare_learnt_priors(document: EvidenceDocument) -> Findings:
         yield _irreproducible_finding("learnt", "belongs to other logs than the campaign's")
 
 
-def check_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
+def check_runs_and_readings(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
     """Check that each run is present, with a reason for every unused reading."""
     runs = {run.id: run for run in document.campaign.runs}
     weighs = {log.log: log.can_weigh for log in document.logs}
@@ -263,7 +263,7 @@ def _find_run_faults(
         yield "is used, although its log cannot weigh"
 
 
-def compare_fit(
+def refit_and_compare(
     document: EvidenceDocument,
     readings: pl.DataFrame,
     points: pl.DataFrame | None,
@@ -315,7 +315,7 @@ def _convert_to_json(value: Any) -> Any:
     return None if value is None else to_jsonable_python(value)
 
 
-def compare_verdicts(document: EvidenceDocument) -> Findings:
+def find_exceeded_limits(document: EvidenceDocument) -> Findings:
     """Findings for limits that the evidence itself reports as exceeded."""
     limits, drift = document.limits, document.drift
     if limits is not None and limits.verdict != WITHIN:

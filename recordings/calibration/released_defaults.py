@@ -25,18 +25,18 @@ _ANY: Final = "*"
 PARTS: Final[Mapping[str, type[BaseModel]]] = {"machine": Machine, "campaign": CalibrationCampaign}
 
 
-def model_defaults(model: type[BaseModel], at: str) -> Iterator[tuple[str, Any]]:
+def iter_model_defaults(model: type[BaseModel], prefix: str) -> Iterator[tuple[str, Any]]:
     """Yield each setting of a model with its default, by dotted name.
 
     Args:
         model: the model.
-        at: prefix of the names.
+        prefix: prefix of the names.
     """
     for name, field in model.model_fields.items():
-        place = f"{at}.{name}"
+        place = f"{prefix}.{name}"
         inner, several = model_of_field(field.annotation)
         if inner is not None:
-            yield from model_defaults(inner, f"{place}.{_ANY}" if several else place)
+            yield from iter_model_defaults(inner, f"{place}.{_ANY}" if several else place)
         if inner is None or several:
             default = field.get_default(call_default_factory=True, validated_data={})
             if default is not PydanticUndefined:
@@ -56,7 +56,9 @@ def model_of_field(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
 
 def defaults_of_this_version() -> dict[str, Any]:
     """Defaults of this version, by dotted name."""
-    return {name: value for at, part in PARTS.items() for name, value in model_defaults(part, at)}
+    return {
+        name: value for at, part in PARTS.items() for name, value in iter_model_defaults(part, at)
+    }
 
 
 @cache
@@ -66,17 +68,19 @@ def released_defaults() -> Mapping[str, Mapping[str, Any]]:
     return json.loads(text)
 
 
-def first_released_default(name: str, kept: Mapping[str, Mapping[str, Any]]) -> tuple[bool, Any]:
+def first_released_default(
+    name: str, released: Mapping[str, Mapping[str, Any]]
+) -> tuple[bool, Any]:
     """Default with which a setting was introduced, for evidence older than it.
 
     Args:
         name: dotted name, as in evidence: `machine.channels.speed_x_m_s.delay_s`.
-        kept: `released_defaults`.
+        released: `released_defaults`.
 
     Returns:
         Whether it is known, and the default.
     """
-    for defaults in kept.values():
+    for defaults in released.values():
         for each, value in defaults.items():
             if _matches_pattern(each, name):
                 return True, value
@@ -92,59 +96,63 @@ def _matches_pattern(pattern: str, name: str) -> bool:
     )
 
 
-def find_absent_settings(kept: BaseModel, at: str = "") -> dict[str, Any]:
+def find_absent_settings(evidence_part: BaseModel, prefix: str = "") -> dict[str, Any]:
     """Settings newer than the evidence: dotted names with their present values.
 
     Args:
-        kept: a part of the evidence.
-        at: prefix of the names.
+        evidence_part: a part of the evidence.
+        prefix: prefix of the names.
     """
-    there = kept.model_dump(mode="json", exclude_unset=True)
-    return dict(_find_absent_values(kept.model_dump(mode="json"), there, at))
+    there = evidence_part.model_dump(mode="json", exclude_unset=True)
+    return dict(_find_absent_values(evidence_part.model_dump(mode="json"), there, prefix))
 
 
-def _find_absent_values(whole: Any, there: Any, at: str) -> Iterator[tuple[str, Any]]:
+def _find_absent_values(
+    all_values: Any, evidence_values: Any, prefix: str
+) -> Iterator[tuple[str, Any]]:
     """Yield dotted names that the evidence lacks, with their values."""
-    if isinstance(whole, list) and isinstance(there, list):
-        for number, (value, own) in enumerate(zip(whole, there, strict=True)):
-            yield from _find_absent_values(value, own, f"{at}{number}.")
-    if not isinstance(whole, dict) or not isinstance(there, dict):
+    if isinstance(all_values, list) and isinstance(evidence_values, list):
+        for number, (value, own) in enumerate(zip(all_values, evidence_values, strict=True)):
+            yield from _find_absent_values(value, own, f"{prefix}{number}.")
+    if not isinstance(all_values, dict) or not isinstance(evidence_values, dict):
         return
-    for name, value in whole.items():
-        if name not in there:
-            yield f"{at}{name}", value
+    for name, value in all_values.items():
+        if name not in evidence_values:
+            yield f"{prefix}{name}", value
         else:
-            yield from _find_absent_values(value, there[name], f"{at}{name}.")
+            yield from _find_absent_values(value, evidence_values[name], f"{prefix}{name}.")
 
 
-def changed_defaults(
-    absent: Mapping[str, Any], kept: Mapping[str, Mapping[str, Any]]
+def first_defaults_of_absent_settings(
+    absent: Mapping[str, Any], released: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
     """Settings missing in evidence whose default has changed since their release.
 
     Args:
         absent: settings from `find_absent_settings`.
-        kept: `released_defaults`.
+        released: `released_defaults`.
 
     Returns:
         Value to read the evidence with, by dotted name.
     """
     found: dict[str, Any] = {}
     for name, default in absent.items():
-        first = _first_released_default(name, default, kept)
+        first = _first_default_of_section(name, default, released)
         if first != default:
             found[name] = first
     return found
 
 
-def _first_released_default(name: str, default: Any, kept: Mapping[str, Mapping[str, Any]]) -> Any:
+def _first_default_of_section(
+    name: str, default: Any, released: Mapping[str, Mapping[str, Any]]
+) -> Any:
     """First default of a setting, or of a section of settings."""
-    known, first = first_released_default(name, kept)
+    known, first = first_released_default(name, released)
     if known:
         return first
     if isinstance(default, dict):
         return {
-            key: _first_released_default(f"{name}.{key}", value, kept)
+            key: _first_default_of_section(f"{name}.{key}", value, released)
             for key, value in default.items()
         }
     return default

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from recordings.calibration.bundle_folder import copy_and_digest
+from recordings.calibration.bundle_folder import copy_bundle_file_and_digest
 
 #: Seconds that recordings of long logs may take.
 _PATIENCE_S: Final = 900.0
@@ -39,7 +39,9 @@ class RecordingDigests:
     notes: tuple[str, ...]
 
 
-def recording_digests(folder: Path, sums: Mapping[str, str]) -> dict[str, RecordingDigests | str]:
+def digest_bundle_recordings(
+    folder: Path, sums: Mapping[str, str]
+) -> dict[str, RecordingDigests | str]:
     """Digests of the recordings of a bundle.
 
     Args:
@@ -49,7 +51,7 @@ def recording_digests(folder: Path, sums: Mapping[str, str]) -> dict[str, Record
     Returns:
         Digests of each, or why there are none, by name.
     """
-    said = read_in_process("recording", folder, sums)
+    said = read_untrusted_files_in_process("recording", folder, sums)
     return {
         name: each
         if isinstance(each, str)
@@ -64,13 +66,13 @@ def recording_digests(folder: Path, sums: Mapping[str, str]) -> dict[str, Record
     }
 
 
-def pdf_words(folder: Path, name: str, sha256: str) -> list[str] | str:
+def read_pdf_words(folder: Path, name: str, sha256: str) -> list[str] | str:
     """Words of a PDF in the order of its pages, or why there are none."""
-    said = read_in_process("pdf", folder, {name: sha256})[name]
+    said = read_untrusted_files_in_process("pdf", folder, {name: sha256})[name]
     return said if isinstance(said, str) else [str(word) for word in said["words"]]
 
 
-def read_in_process(
+def read_untrusted_files_in_process(
     kind: str, folder: Path, sums: Mapping[str, str]
 ) -> dict[str, dict[str, Any] | str]:
     """Read the files in a process of its own, from copies that no other process can change."""
@@ -79,7 +81,7 @@ def read_in_process(
         copies: dict[str, Path] = {}
         for number, (name, sha256) in enumerate(sums.items()):
             copy = Path(place) / f"{number}{Path(name).suffix}"
-            if copy_and_digest(folder, name, copy) != sha256:
+            if copy_bundle_file_and_digest(folder, name, copy) != sha256:
                 found[name] = "is not the file whose digest the bundle has"
             else:
                 copies[name] = copy

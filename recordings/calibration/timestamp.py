@@ -33,7 +33,7 @@ _MOST_BYTES: Final = 1 << 20
 _LONGEST: Final = 200
 
 
-def refuse_without_library() -> None:
+def refuse_without_rfc3161() -> None:
     """Raise an error before the work begins if rfc3161-client is missing.
 
     Raises:
@@ -45,7 +45,7 @@ def refuse_without_library() -> None:
         raise EvidenceError(f"time stamps need rfc3161-client: {_INSTALL}") from None
 
 
-def timestamp_request(statement: bytes) -> bytes:
+def make_timestamp_request(statement: bytes) -> bytes:
     """Query for a time-stamp authority, in DER (application/timestamp-query).
 
     Args:
@@ -54,7 +54,7 @@ def timestamp_request(statement: bytes) -> bytes:
     Raises:
         EvidenceError: rfc3161-client is not installed.
     """
-    refuse_without_library()
+    refuse_without_rfc3161()
     from rfc3161_client import HashAlgorithm, TimestampRequestBuilder
 
     return (
@@ -66,7 +66,7 @@ def timestamp_request(statement: bytes) -> bytes:
     )
 
 
-def authority_certificates(path: Path) -> "tuple[Certificate, ...]":
+def read_authority_certificates(path: Path) -> "tuple[Certificate, ...]":
     """Root certificates of trusted time-stamp authorities, from a file.
 
     Raises:
@@ -74,7 +74,7 @@ def authority_certificates(path: Path) -> "tuple[Certificate, ...]":
     """
     from cryptography.x509 import load_pem_x509_certificates
 
-    refuse_without_library()
+    refuse_without_rfc3161()
     try:
         with path.open("rb") as file:
             data = file.read(_MOST_BYTES)
@@ -89,7 +89,7 @@ def authority_certificates(path: Path) -> "tuple[Certificate, ...]":
 
 
 def check_timestamp(
-    checked: CheckedBundle,
+    bundle: CheckedBundle,
     files: Mapping[str, BundleFile],
     document: EvidenceDocument,
     authorities: "Sequence[Certificate]",
@@ -97,7 +97,7 @@ def check_timestamp(
     """Check that the time stamp, if any, is of this signature, and by whom.
 
     Args:
-        checked: receives the findings and the proven day.
+        bundle: receives the findings and the proven day.
         files: files of the bundle.
         document: the evidence.
         authorities: trusted root certificates; without any the day stays unproven.
@@ -105,15 +105,17 @@ def check_timestamp(
     if TIMESTAMP not in files:
         if authorities:
             what = "is missing, although --tsa is given: the time of the signature is not proven"
-            checked.add(BundleOutcome.INCOMPLETE, TIMESTAMP, what)
+            bundle.add_finding(BundleOutcome.INCOMPLETE, TIMESTAMP, what)
         return
     if STATEMENT not in files:
-        checked.add(BundleOutcome.TAMPERED, TIMESTAMP, "belongs to a signature that is missing")
+        bundle.add_finding(
+            BundleOutcome.TAMPERED, TIMESTAMP, "belongs to a signature that is missing"
+        )
         return
     try:
         from rfc3161_client import decode_timestamp_response
     except ImportError:
-        checked.notes.append(f"{TIMESTAMP}: not checked, which needs rfc3161-client ({_INSTALL})")
+        bundle.notes.append(f"{TIMESTAMP}: not checked, which needs rfc3161-client ({_INSTALL})")
         return
     try:
         response = decode_timestamp_response(content_in_memory(files, TIMESTAMP))
@@ -122,33 +124,35 @@ def check_timestamp(
         hashed = _HASHES.get(imprint.hash_algorithm.dotted_string)
     except Exception as error:  # noqa: BLE001  the parser is another's, the bytes a stranger's
         what = f"is not a granted time-stamp response ({str(error)[:_LONGEST]})"
-        checked.add(BundleOutcome.TAMPERED, TIMESTAMP, what)
+        bundle.add_finding(BundleOutcome.TAMPERED, TIMESTAMP, what)
         return
     statement = content_in_memory(files, STATEMENT)
     if hashed is None:
-        checked.add(BundleOutcome.TAMPERED, TIMESTAMP, "uses a hash that is not SHA-2")
+        bundle.add_finding(BundleOutcome.TAMPERED, TIMESTAMP, "uses a hash that is not SHA-2")
     elif hashed(statement).digest() != imprint.message:
-        checked.add(BundleOutcome.TAMPERED, TIMESTAMP, "belongs to another signature than this one")
+        bundle.add_finding(
+            BundleOutcome.TAMPERED, TIMESTAMP, "belongs to another signature than this one"
+        )
     elif stamped < creation_time(document) - dt.timedelta(seconds=CLOCK_S):
         what = f"is of {stamped:%F %R} UTC, before the evidence says that it was made"
-        checked.add(BundleOutcome.IRREPRODUCIBLE, TIMESTAMP, what)
+        bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, TIMESTAMP, what)
     elif not authorities:
-        checked.notes.append(
+        bundle.notes.append(
             f"a time stamp states that the evidence was signed no later than {stamped:%F %R} UTC; "
             "only the authority's certificate proves whose time stamp this is: --tsa CA.pem"
         )
     else:
-        fault = timestamp_fault(response, statement, authorities)
+        fault = find_timestamp_fault(response, statement, authorities)
         if fault:
-            checked.add(BundleOutcome.TAMPERED, TIMESTAMP, fault)
+            bundle.add_finding(BundleOutcome.TAMPERED, TIMESTAMP, fault)
         else:
-            checked.proven_day = stamped.date()
-            checked.notes.append(
+            bundle.proven_day = stamped.date()
+            bundle.notes.append(
                 f"signed no later than {stamped:%F %R} UTC, proven by its time stamp"
             )
 
 
-def timestamp_fault(
+def find_timestamp_fault(
     response: "TimeStampResponse", statement: bytes, authorities: "Sequence[Certificate]"
 ) -> str:
     """Why the stamp is by none of the authorities; "" if it is."""

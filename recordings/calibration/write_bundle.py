@@ -15,21 +15,25 @@ from recordings.calibration.bundle_folder import (
     REPORT,
     STATEMENT,
     SUMS,
-    list_bundle,
-    read_file,
-    sums_text,
+    list_bundle_entries,
+    read_bundle_file,
+    sha256sums_text,
 )
-from recordings.calibration.bundle_tables import encode_parquet
-from recordings.calibration.calibration_report import report_html, report_pdf
+from recordings.calibration.bundle_tables import encode_table_as_parquet
+from recordings.calibration.calibration_report import report_html, write_report_pdf
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceTables
-from recordings.signatures.signing import SigningKey, make_envelope, make_statement
+from recordings.signatures.signing import (
+    SigningKey,
+    make_signed_envelope_bytes,
+    make_statement_bytes,
+)
 
 
 def encode_tables(
     readings: pl.DataFrame, points: pl.DataFrame
 ) -> tuple[dict[str, bytes], EvidenceTables]:
     """Encoded tables, and their digests."""
-    written = {READINGS: encode_parquet(readings), POINTS: encode_parquet(points)}
+    written = {READINGS: encode_table_as_parquet(readings), POINTS: encode_table_as_parquet(points)}
     return written, EvidenceTables(
         readings_sha256=hashlib.sha256(written[READINGS]).hexdigest(),
         points_sha256=hashlib.sha256(written[POINTS]).hexdigest(),
@@ -69,15 +73,15 @@ def write_bundle(
         (folder / NOTARY).write_bytes(stretch)
     html = report_html(document, readings, points)
     (folder / REPORT).write_bytes(html.encode())
-    remark = report_pdf(html, folder / PDF)
-    names, _ = list_bundle(folder)
-    digests = {name: read_file(folder, name).sha256 for name in names}
-    sums = sums_text(digests).encode()
+    remark = write_report_pdf(html, folder / PDF)
+    names, _ = list_bundle_entries(folder)
+    digests = {name: read_bundle_file(folder, name).sha256 for name in names}
+    sums = sha256sums_text(digests).encode()
     (folder / SUMS).write_bytes(sums)
     if key is not None:
         digests[SUMS] = hashlib.sha256(sums).hexdigest()
-        payload = make_statement(digests, make_statement_predicate(document))
-        (folder / STATEMENT).write_bytes(make_envelope(payload, key))
+        payload = make_statement_bytes(digests, make_statement_predicate(document))
+        (folder / STATEMENT).write_bytes(make_signed_envelope_bytes(payload, key))
     return [remark] if remark else []
 
 

@@ -15,13 +15,13 @@ from analysis.compare.run_comparison import Comparison, EstimateChange, ValueCha
 from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.report.number_text import format_number, format_plus_minus, markdown_table
-from recordings.rrd.blueprint import Page, Panel, lay_out_tabs, unix_span_ns
+from recordings.rrd.blueprint import Page, Panel, lay_out_tabs, unix_span_of_grid_ns
 from recordings.rrd.display_frames import (
     ROOT,
     DisplayColumn,
     axis_range,
-    display_frames,
     drawn_columns_of_view,
+    make_display_frames,
 )
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.recording_views import View, ViewKind
@@ -52,7 +52,7 @@ class _OverlaidRun:
         return {entity_under_side(self.name, frame): rows for frame, rows in self.shown.items()}
 
 
-def write_overlay(
+def write_overlay_recording(
     a: Run, b: Run, path: str | Path, text: str, *, one_log: bool, force: bool = False
 ) -> Path:
     """Write a recording of two runs over each other, with B less A.
@@ -77,20 +77,20 @@ def write_overlay(
 
     def make_overlay_scene(_: Run) -> Scene:
         sides = [
-            _OverlaidRun(name, run, display_frames(run))
+            _OverlaidRun(name, run, make_display_frames(run))
             for name, run in ((_A, a), (_B, moved), (_LESS, subtract_run(a, moved)))
         ]
         return Scene(
             name="A and B",
             shown={name: rows for side in sides for name, rows in side.frames_by_entity().items()},
-            layout=lay_out_tabs(_overlay_pages(*sides), unix_span_ns(a)),
+            layout=lay_out_tabs(_make_overlay_pages(*sides), unix_span_of_grid_ns(a)),
             texts={COMPARED: text},
         )
 
     return write_recording_with_scene(Run({}, about), make_overlay_scene, path, force=force)
 
 
-def _overlay_pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list[Page]:
+def _make_overlay_pages(a: _OverlaidRun, b: _OverlaidRun, difference: _OverlaidRun) -> list[Page]:
     first, *rest = [tab for tab in TABS if tab.views]
     panels: list[Panel | None] = []
     elsewhere = {view for tab in rest for view in tab.views}
@@ -101,10 +101,10 @@ def _overlay_pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list
             led = view.kind is ViewKind.LINES and view.name not in _CONTEXT and view in elsewhere
             if led and len(moved) > _FEW:
                 continue
-            over = panel_of_both_runs(view, a, b)
+            over = overlaid_panel_or_none(view, a, b)
             panels.append(over)
             if view.kind is ViewKind.BANDS:  # the other tabs have the differences of what led to it
-                panels.append(difference_panel(view, less, over))
+                panels.append(difference_panel_or_none(view, difference, over))
         elif view.name in _CONTEXT:
             panels.append(panel_of_run_a(view, a))
     pages = [Page("Compared", tuple(filter(None, panels)), (COMPARED,))]
@@ -120,8 +120,8 @@ def _overlay_pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list
             continue
         found: list[Panel | None] = []
         for view in differ:
-            over = panel_of_both_runs(view, a, b)
-            found += [over, difference_panel(view, less, over)]
+            over = overlaid_panel_or_none(view, a, b)
+            found += [over, difference_panel_or_none(view, difference, over)]
         pages.append(Page(tab.name, tuple(filter(None, found))))
     return pages
 
@@ -147,7 +147,7 @@ def has_difference(view: View, a: _OverlaidRun, b: _OverlaidRun) -> bool:
     )
 
 
-def panel_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | None:
+def overlaid_panel_or_none(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | None:
     """Panel with both runs overlaid; lanes of states are one below the other."""
     mine, theirs = a.columns_drawn_in_view(view), b.columns_drawn_in_view(view)
     if not (mine or theirs):
@@ -178,8 +178,10 @@ def _labels_without_run_name(
     return {each.label for each in own if not one_line_each or each.column == "threshold"} & both
 
 
-def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Panel | None:
-    """Panel of B less A; None if no number differs, or for states."""
+def difference_panel_or_none(
+    view: View, difference: _OverlaidRun, overlaid_panel: Panel | None
+) -> Panel | None:
+    """Panel of B less A; None for states, or if no number differs."""
     if view.kind is ViewKind.STATES:
         return None
     plain = replace(
@@ -187,18 +189,18 @@ def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Pane
     )
     drawn = [
         each
-        for each in less.columns_drawn_in_view(plain)
-        if (less.shown[each.frame][each.column].fill_null(0.0) != 0.0).any()
+        for each in difference.columns_drawn_in_view(plain)
+        if (difference.shown[each.frame][each.column].fill_null(0.0) != 0.0).any()
     ]
     if not drawn:
         return None
     named = tuple(replace(each, frame=entity_under_side(_LESS, each.frame)) for each in drawn)
-    above = set() if over is None else {each.label for each in over.drawn}
+    above = set() if overlaid_panel is None else {each.label for each in overlaid_panel.drawn}
     return Panel(
         f"B − A: {view.title}",
         ViewKind.LINES,
         named,
-        axis_range(plain, less.run),
+        axis_range(plain, difference.run),
         named_above=above.issuperset(each.label for each in named),
     )
 
@@ -239,39 +241,41 @@ def entity_under_side(side: str, frame: str) -> str:
     return f"{side}/{frame.removeprefix(f'{ROOT}/')}"
 
 
-def comparison_text(found: Comparison, a: str, b: str) -> str:
+def comparison_markdown(comparison: Comparison, a: str, b: str) -> str:
     """Text of the differences, settings first, then their effects.
 
     Args:
-        found: the comparison.
+        comparison: the comparison.
         a: name of A.
         b: name of B.
     """
     parts = [
-        "# A and B" if not found.equal else "# A and B are equal",
+        "# A and B" if not comparison.equal else "# A and B are equal",
         f"- A: {a}\n- B: {b}\n\nTimes are those of A. Columns without a panel in any tab do not "
         "differ.",
     ]
     for title, changes in (
-        ("Settings", found.settings),
-        ("Checks passed", found.checks),
-        ("Losses, notes and stamps", found.provenance),
+        ("Settings", comparison.settings),
+        ("Checks passed", comparison.checks),
+        ("Losses, notes and stamps", comparison.provenance),
     ):
         if changes:
-            parts.append(f"## {title}\n\n{_values_table(changes)}")
+            parts.append(f"## {title}\n\n{_changed_values_markdown(changes)}")
     for title, moved in (
-        ("Estimates that moved most", found.estimates),
-        ("Manoeuvres that moved most", found.manoeuvres),
+        ("Estimates that moved most", comparison.estimates),
+        ("Manoeuvres that moved most", comparison.manoeuvres),
     ):
         if moved:
-            parts.append(f"## {title}\n\n{_estimates_table(moved)}")
-    if found.stages:
-        rows = [(stage.name, ", ".join(c.name for c in stage.columns)) for stage in found.stages]
+            parts.append(f"## {title}\n\n{_changed_estimates_markdown(moved)}")
+    if comparison.stages:
+        rows = [
+            (stage.name, ", ".join(c.name for c in stage.columns)) for stage in comparison.stages
+        ]
         parts.append(f"## Columns that differ\n\n{markdown_table(('stage', 'columns'), rows)}")
     return "\n\n".join(parts)
 
 
-def _values_table(changes: Iterable[ValueChange]) -> str:
+def _changed_values_markdown(changes: Iterable[ValueChange]) -> str:
     return markdown_table(
         ("", "A", "B"), [(c.name, _format_value(c.a), _format_value(c.b)) for c in changes]
     )
@@ -283,7 +287,7 @@ def _format_value(value: object) -> str:
     )
 
 
-def _estimates_table(changes: tuple[EstimateChange, ...]) -> str:
+def _changed_estimates_markdown(changes: tuple[EstimateChange, ...]) -> str:
     rows = [
         (
             each.about,

@@ -29,7 +29,7 @@ _CORE: Final = {
 }
 
 
-def refuse_without_libraries() -> None:
+def refuse_without_xml_libraries() -> None:
     """Raise an error if the libraries for certificates are not installed.
 
     Raises:
@@ -56,7 +56,7 @@ def parse_dcc(data: bytes, what: str) -> "_Element":
     Raises:
         EvidenceError: too large, no XML, with a DTD, of another version, or no certificate.
     """
-    refuse_without_libraries()
+    refuse_without_xml_libraries()
     from lxml import etree
 
     if len(data) > MOST_BYTES:
@@ -87,13 +87,13 @@ def parse_dcc(data: bytes, what: str) -> "_Element":
             f"{what}: is of DCC version {version[:20]}, but only {VERSION} is supported; ask the "
             f"laboratory for one of {VERSION}, or state the masses by value_kg and u_kg"
         )
-    fault = next(schema_faults(root), None)
+    fault = next(find_schema_faults(root), None)
     if fault is not None:
         raise EvidenceError(f"{what}: {fault}")
     return root
 
 
-def schema_faults(root: "_Element") -> Iterator[str]:
+def find_schema_faults(root: "_Element") -> Iterator[str]:
     """Faults of the frame against the schema of certificates."""
     seen: set[str] = set()
     for count, element in enumerate(root.iter()):
@@ -127,7 +127,7 @@ def _find_frame_faults(root: "_Element") -> Iterator[str]:
         return
     for name, form in _CORE.items():
         found = core[0].findall(f"{{{DCC}}}{name}")
-        if len(found) != 1 or not re.fullmatch(form, leaf_text(found[0]) or ""):
+        if len(found) != 1 or not re.fullmatch(form, leaf_text_or_none(found[0]) or ""):
             yield f"has no valid {name}"
 
 
@@ -138,7 +138,7 @@ def dcc_bytes(root: "_Element") -> bytes:
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8")
 
 
-def leaf_text(element: "_Element | None") -> str | None:
+def leaf_text_or_none(element: "_Element | None") -> str | None:
     """Stripped text of an element; None if it is missing or has child elements.
 
     Text that is cut by an element would be read by one program to its end and by another not.

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from estimators.errors import EvidenceError
-from recordings.dcc.dcc_document import DCC, SI, leaf_text
-from recordings.dcc.dcc_quantity import list_texts, read_value_and_u_kg, value_count
+from recordings.dcc.dcc_document import DCC, SI, leaf_text_or_none
+from recordings.dcc.dcc_quantity import list_length_or_none, list_texts, read_value_and_u_kg
 
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
@@ -71,9 +71,9 @@ def read_certified_masses(root: "_Element", item: str, what: str) -> list[Certif
         raise EvidenceError(f"{what}: has {len(wanted)} items named '{item}'")
     core = admin.find(f"{{{DCC}}}coreData")
     assert core is not None
-    certificate = leaf_text(core.find(f"{{{DCC}}}uniqueIdentifier")) or ""
+    certificate = leaf_text_or_none(core.find(f"{{{DCC}}}uniqueIdentifier")) or ""
     contact = f"{{{DCC}}}calibrationLaboratory/{{{DCC}}}contact/{{{DCC}}}name/{{{DCC}}}content"
-    issuer = leaf_text(admin.find(contact)) or ""
+    issuer = leaf_text_or_none(admin.find(contact)) or ""
     if not issuer:
         raise EvidenceError(f"{what}: does not name its laboratory")
     found: list[CertifiedMass] = []
@@ -87,7 +87,7 @@ def read_certified_masses(root: "_Element", item: str, what: str) -> list[Certif
 def _list_item_names(item: "_Element") -> list[str]:
     """Names by which a certificate may refer to an item."""
     values = item.findall(f"{{{DCC}}}identifications/{{{DCC}}}identification/{{{DCC}}}value")
-    names = [item.get("id"), *(leaf_text(value) for value in values)]
+    names = [item.get("id"), *(leaf_text_or_none(value) for value in values)]
     return [name for name in names if name]
 
 
@@ -108,7 +108,7 @@ class _CertificateMasses:
                 for quantity, refers in self._quantities
                 if kind in quantity_kinds(quantity)
                 and self._may_quantity_be_of_item(item, quantity, refers)
-                for place in self._find_places_in_list(item, quantity, refers)
+                for place in self._positions_in_list(item, quantity, refers)
             ]
             if len(chosen) > 1:
                 raise EvidenceError(f"{what}: has {len(chosen)} quantities of the kind '{kind}'")
@@ -135,17 +135,19 @@ class _CertificateMasses:
             return item.get("id") in refers
         return len(self._items) == 1 or quantity.find(f"{{{SI}}}realListXMLList") is not None
 
-    def _find_places_in_list(
+    def _positions_in_list(
         self, item: "_Element", quantity: "_Element", refers: Sequence[str] | None
     ) -> list[int | None]:
         """Positions of the item in the quantity's list; None for a single value of the item."""
-        if value_count(quantity, self._what) is None:
+        if list_length_or_none(quantity, self._what) is None:
             shared = [each for each, _ in self._items if each.get("id") in (refers or ())]
             if len(shared) > 1:
                 raise EvidenceError(f"{self._what}: has one mass for {len(shared)} items")
             return [None]
         if quantity not in self._weights:
-            self._weights[quantity] = weights_of_list(quantity, self._items, refers, self._what)
+            self._weights[quantity] = match_weights_to_list_values(
+                quantity, self._items, refers, self._what
+            )
         weights = self._weights[quantity]
         return [place for place, weight in enumerate(weights) if weight is item]
 
@@ -168,7 +170,7 @@ def _iter_quantities(root: "_Element") -> Iterator[tuple["_Element", list[str] |
         yield quantity, own
 
 
-def weights_of_list(
+def match_weights_to_list_values(
     quantity: "_Element", items: Sequence[NamedItem], named_by: Sequence[str] | None, what: str
 ) -> list["_Element"]:
     """Items that the values of a list belong to, in the order of the values.
@@ -182,7 +184,7 @@ def weights_of_list(
     Raises:
         EvidenceError: the certificate does not state it, or states it ambiguously.
     """
-    count = value_count(quantity, what)
+    count = list_length_or_none(quantity, what)
     assert count is not None
     scope = [
         (each, names) for each, names in items if named_by is None or each.get("id") in named_by
@@ -220,10 +222,10 @@ def _iter_weight_name_lists(quantity: "_Element", what: str) -> Iterator[list[st
     assert parent is not None
     for beside in parent.findall(f"{{{DCC}}}quantity"):
         for chars in beside.findall(f"{{{DCC}}}charsXMLList"):
-            yield (leaf_text(chars) or "").split()
+            yield (leaf_text_or_none(chars) or "").split()
         # a text in several languages is said several times
         for content in beside.findall(f"{{{DCC}}}noQuantity/{{{DCC}}}content"):
-            yield (leaf_text(content) or "").split()
+            yield (leaf_text_or_none(content) or "").split()
 
 
 def _find_named_items(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from estimators.errors import EvidenceError
-from recordings.dcc.dcc_document import SI, leaf_text
+from recordings.dcc.dcc_document import SI, leaf_text_or_none
 
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
@@ -51,15 +51,15 @@ class DsiValue:
         """Name of an element, with the suffix that lists have."""
         return f"{name}XMLList" if self.count else name
 
-    def entry_texts(self, inside: "_Element", name: str, what: str) -> list[str]:
+    def entry_texts(self, parent: "_Element", name: str, what: str) -> list[str]:
         """Texts of an element: one, or in lists one for all entries or one per entry.
 
         Raises:
             EvidenceError: none, or another number than that.
         """
         if not self.count:
-            return [required_text(inside, name, what)]
-        texts = list_texts(inside, self.element_name(name), what)
+            return [required_text(parent, name, what)]
+        texts = list_texts(parent, self.element_name(name), what)
         if len(texts) not in (1, self.count):
             raise EvidenceError(
                 f"{what}: its si:{self.element_name(name)} has {len(texts)} entries for "
@@ -67,14 +67,14 @@ class DsiValue:
             )
         return texts
 
-    def entry_number(self, inside: "_Element", name: str, what: str) -> float:
+    def entry_number(self, parent: "_Element", name: str, what: str) -> float:
         """Number of this entry; all numbers of a list must be valid."""
-        texts = self.entry_texts(inside, name, what)
+        texts = self.entry_texts(parent, name, what)
         numbers = [_parse_number(text, self.element_name(name), what) for text in texts]
         return numbers[self.place if len(numbers) > 1 else 0]
 
 
-def value_count(quantity: "_Element", what: str) -> int | None:
+def list_length_or_none(quantity: "_Element", what: str) -> int | None:
     """Number of values of a list quantity; None for a si:real.
 
     Raises:
@@ -92,22 +92,24 @@ def value_count(quantity: "_Element", what: str) -> int | None:
     return count
 
 
-def read_value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> tuple[float, float]:
+def read_value_and_u_kg(
+    quantity: "_Element", list_index: int | None, what: str
+) -> tuple[float, float]:
     """Value and standard uncertainty of a mass.
 
     Args:
         quantity: quantity of the mass.
-        place: index of the value in the quantity's list; None for a single value.
+        list_index: index of the value in the quantity's list; None for a single value.
         what: names of certificate and item, for errors.
 
     Raises:
         EvidenceError: not a mass, not with one uncertainty, or numbers that no weight has.
     """
-    count = value_count(quantity, what)
+    count = list_length_or_none(quantity, what)
     name = "real" if count is None else "realListXMLList"
     element = quantity.find(f"{{{SI}}}{name}")
     assert element is not None
-    value = DsiValue(element, place or 0, count or 0)
+    value = DsiValue(element, list_index or 0, count or 0)
     units = value.entry_texts(element, "unit", what)
     strange = next((unit for unit in units if unit not in _UNITS_KG), None)
     if strange is not None:
@@ -116,7 +118,7 @@ def read_value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> t
         )
     unit_kg = _UNITS_KG[units[value.place if len(units) > 1 else 0]]
     value_kg = value.entry_number(element, "value", what) * unit_kg
-    u_kg = _standard_u(value, what, several_units=len(set(units)) > 1) * unit_kg
+    u_kg = _standard_uncertainty(value, what, several_units=len(set(units)) > 1) * unit_kg
     if not 0.0 < value_kg <= _MOST_KG:
         raise EvidenceError(f"{what}: {value_kg:g} kg is not a possible mass of a weight")
     if not 0.0 < u_kg <= _MOST_U_1 * value_kg:
@@ -126,7 +128,7 @@ def read_value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> t
     return value_kg, u_kg
 
 
-def _standard_u(value: DsiValue, what: str, *, several_units: bool) -> float:
+def _standard_uncertainty(value: DsiValue, what: str, *, several_units: bool) -> float:
     """Standard uncertainty in the unit of the value."""
     expanded = list(value.element.iter(f"{{{SI}}}{value.element_name('expandedUnc')}"))
     interval = list(value.element.iter(f"{{{SI}}}{value.element_name('coverageInterval')}"))
@@ -148,26 +150,26 @@ def _standard_u(value: DsiValue, what: str, *, several_units: bool) -> float:
     return value.entry_number(inside, name, what) / k
 
 
-def required_text(inside: "_Element", name: str, what: str) -> str:
+def required_text(parent: "_Element", name: str, what: str) -> str:
     """Text of the only child with a name.
 
     Raises:
         EvidenceError: there is none, or several.
     """
-    found = inside.findall(f"{{{SI}}}{name}")
-    text = leaf_text(found[0]) if len(found) == 1 else None
+    found = parent.findall(f"{{{SI}}}{name}")
+    text = leaf_text_or_none(found[0]) if len(found) == 1 else None
     if not text:
-        raise EvidenceError(f"{what}: its {inside.tag.rpartition('}')[2]} has no single si:{name}")
+        raise EvidenceError(f"{what}: its {parent.tag.rpartition('}')[2]} has no single si:{name}")
     return text
 
 
-def list_texts(inside: "_Element", name: str, what: str) -> list[str]:
+def list_texts(parent: "_Element", name: str, what: str) -> list[str]:
     """Entries of the only child with a name.
 
     Raises:
         EvidenceError: there is no such child, or several.
     """
-    return required_text(inside, name, what).split()
+    return required_text(parent, name, what).split()
 
 
 def _parse_number(text: str, name: str, what: str) -> float:
@@ -184,12 +186,12 @@ def decimal_text(value: float) -> str:
     return repr(float(value))
 
 
-def factor_text(value: float) -> str:
+def coverage_factor_text(value: float) -> str:
     """Coverage factor or probability in D-SI's notation, without an exponent."""
     return f"{value:.12f}".rstrip("0").ljust(3, "0")
 
 
-def add_real(
+def add_real_quantity(
     parent: "_Element",
     value: float,
     unit: str,
@@ -211,12 +213,12 @@ def add_real(
         u, k, p = expanded
         said = add_child(real, "expandedUnc")
         add_child(said, "uncertainty", decimal_text(u))
-        add_child(said, "coverageFactor", factor_text(k))
-        add_child(said, "coverageProbability", factor_text(p))
+        add_child(said, "coverageFactor", coverage_factor_text(k))
+        add_child(said, "coverageProbability", coverage_factor_text(p))
     if interval is not None:
         u, low, high, p = interval
         said = add_child(real, "coverageInterval")
         add_child(said, "standardUnc", decimal_text(u))
         add_child(said, "intervalMin", decimal_text(low))
         add_child(said, "intervalMax", decimal_text(high))
-        add_child(said, "coverageProbability", factor_text(p))
+        add_child(said, "coverageProbability", coverage_factor_text(p))

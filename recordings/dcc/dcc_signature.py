@@ -94,7 +94,7 @@ def check_signature(root: "_Element", what: str) -> SignedDcc:
     signed, pem = _verify_signed_info(root, found[0], what)
     if len(list(signed.iter(f"{{{DS}}}Signature"))) or signed.tag != root.tag:
         raise EvidenceError(f"{what}: its signature does not cover the whole certificate")
-    return SignedDcc(signed, _key_id(pem, what))
+    return SignedDcc(signed, _key_id_from_pem(pem, what))
 
 
 def _verify_signed_info(
@@ -135,7 +135,7 @@ def _verify_signed_info(
     return result.signed_xml, pem or result.signature_key
 
 
-def _key_id(pem: bytes, what: str) -> str:
+def _key_id_from_pem(pem: bytes, what: str) -> str:
     """SHA-256 of a public key's SubjectPublicKeyInfo in DER."""
     from cryptography import x509
     from cryptography.hazmat.primitives import serialization
@@ -158,14 +158,14 @@ def _key_id(pem: bytes, what: str) -> str:
     return hashlib.sha256(der).hexdigest()
 
 
-def trusted_key_id(path: Path) -> str:
+def read_trusted_key_id(path: Path) -> str:
     """Id of a key given by the user in PEM: a public key, or a certificate with one.
 
     Raises:
         EvidenceError: it cannot be read.
     """
     try:
-        return _key_id(path.read_bytes(), str(path))
+        return _key_id_from_pem(path.read_bytes(), str(path))
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
 
@@ -179,7 +179,7 @@ class DccKey:
     method: str
 
 
-def dcc_key(path: Path, certificate: Path | None = None) -> DccKey:
+def read_dcc_signing_key(path: Path, certificate: Path | None = None) -> DccKey:
     """Read the key that signs certificates.
 
     It is separate from the Ed25519 key, since few programs support XML signatures by Ed25519.

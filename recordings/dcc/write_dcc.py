@@ -14,8 +14,8 @@ from recordings.calibration.certificate_text import (
     traceability_warnings,
 )
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.dcc.dcc_document import DCC, SI, VERSION, refuse_without_libraries
-from recordings.dcc.dcc_quantity import add_real
+from recordings.dcc.dcc_document import DCC, SI, VERSION, refuse_without_xml_libraries
+from recordings.dcc.dcc_quantity import add_real_quantity
 
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
@@ -38,19 +38,19 @@ _CONDITIONS: Final = (
 )
 
 
-def refuse_incomplete(campaign: CalibrationCampaign, source: object) -> None:
+def refuse_incomplete_campaign(campaign: CalibrationCampaign, source: object) -> None:
     """Refuse a campaign without the data that the schema or ISO/IEC 17025, 7.8 requires.
 
     Raises:
         EvidenceError: names every key that is not stated.
     """
-    refuse_without_libraries()
+    refuse_without_xml_libraries()
     if campaign.missing_statements:
         keys = ", ".join(campaign.missing_statements)
         raise EvidenceError(f"{source}: a DCC needs {keys}; state them in the campaign")
 
 
-def make_dcc(document: EvidenceDocument, sums_sha256: str) -> "_Element":
+def make_unsigned_dcc(document: EvidenceDocument, sums_sha256: str) -> "_Element":
     """Certificate of a calibration, unsigned.
 
     Args:
@@ -60,7 +60,7 @@ def make_dcc(document: EvidenceDocument, sums_sha256: str) -> "_Element":
     Raises:
         EvidenceError: it is not a calibration with a line, or lacks what a certificate needs.
     """
-    refuse_incomplete(document.campaign, document.id)
+    refuse_incomplete_campaign(document.campaign, document.id)
     if document.kind != "calibration" or document.calibration is None:
         raise EvidenceError(f"{document.id}: has no calibration line, so there is no DCC of it")
     from lxml import etree
@@ -110,8 +110,10 @@ def _add_contact(parent: "_Element", name: str, organisation: Organisation) -> N
     _add_element(place, "street", organisation.address)
 
 
-def _add_hash(parent: "_Element", name: str, about: tuple[str, str, str]) -> None:
-    referral, referral_id, digest = about
+def _add_sha256_element(
+    parent: "_Element", name: str, referral_id_and_digest: tuple[str, str, str]
+) -> None:
+    referral, referral_id, digest = referral_id_and_digest
     made = _add_element(parent, name)
     _add_language_text(made, "referral", referral)
     _add_element(made, "referralID", referral_id)
@@ -180,7 +182,7 @@ def _add_administrative_data(
     before = document.chain.previous
     if before is not None:
         what = "SHA256SUMS of the evidence of this machine before this one"
-        _add_hash(core, "previousReport", (what, before.id, before.sums_sha256))
+        _add_sha256_element(core, "previousReport", (what, before.id, before.sums_sha256))
     item = _add_element(_add_element(admin, "items"), "item", id="machine")
     _add_language_text(item, "name", document.machine.machine.name)
     _add_language_text(item, "description", f"Condition: {machine.condition}")
@@ -262,11 +264,11 @@ def _add_results(parent: "_Element", document: EvidenceDocument) -> None:
         _add_language_text(quantity, "name", name)
         low, high = interval
         if low is None or high is None or not low < value < high:
-            add_real(quantity, value, unit)
+            add_real_quantity(quantity, value, unit)
         else:
             # D-SI wants a standard uncertainty beside the interval: that of the same half width
             u = (high - low) / 2.0 / fitted.coverage_k_1
-            add_real(quantity, value, unit, interval=(u, low, high, fitted.confidence_1))
+            add_real_quantity(quantity, value, unit, interval=(u, low, high, fitted.confidence_1))
     at_kg, readings = fitted.budget_at
     quantity = _add_element(data, "quantity", refType="basic_measuredValue")
     _add_language_text(quantity, "name", f"Later mass, mean of {readings} readings")
@@ -285,7 +287,7 @@ def add_mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -
     u_kg = fitted.u_kg if mass_kg == at_kg else fitted.inversion.u_kg(mass_kg, readings)
     if not (math.isfinite(u_kg) and k >= 1.0):
         raise EvidenceError(f"{document.id}: at {mass_kg:g} kg there is no uncertainty to certify")
-    add_real(quantity, mass_kg, r"\kilogram", expanded=(k * u_kg, k, fitted.confidence_1))
+    add_real_quantity(quantity, mass_kg, r"\kilogram", expanded=(k * u_kg, k, fitted.confidence_1))
 
 
 def _add_errors_of_indication(result: "_Element", document: EvidenceDocument) -> None:
@@ -302,7 +304,7 @@ def _add_errors_of_indication(result: "_Element", document: EvidenceDocument) ->
         row = _add_element(data, "list")
         _add_language_text(row, "name", f"{point.run_id}: {point.load_id}")
         quantity = _add_element(row, "quantity", refType="basic_referenceValue")
-        add_real(
+        add_real_quantity(
             quantity,
             reference.reference_kg,
             r"\kilogram",
@@ -311,7 +313,7 @@ def _add_errors_of_indication(result: "_Element", document: EvidenceDocument) ->
         quantity = _add_element(row, "quantity", refType="basic_measuredValue")
         add_mass(quantity, document, reference.reference_kg + point.error_kg)
         quantity = _add_element(row, "quantity", refType="basic_measurementError")
-        add_real(quantity, point.error_kg, r"\kilogram")
+        add_real_quantity(quantity, point.error_kg, r"\kilogram")
 
 
 def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
@@ -325,7 +327,7 @@ def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
             _add_language_text(made, "description", f"Stated by the {mass.stated_by}")
         elif mass.certificate_sha256:
             about = ("Certificate of the mass", mass.certificate, mass.certificate_sha256)
-            _add_hash(made, "certificate", about)
+            _add_sha256_element(made, "certificate", about)
         identified = _add_element(made, "identifications")
         _add_identification(
             identified, "calibrationLaboratory", mass.id, "Id", "payscope_equipmentIdentification"
@@ -360,7 +362,7 @@ def _add_known_mass(equipment: "_Element", name: str, value_kg: float, u_kg: flo
         refType="basic_referenceValue",
     )
     _add_language_text(quantity, "name", name)
-    add_real(quantity, value_kg, r"\kilogram", expanded=(2.0 * u_kg, 2.0, 0.954))
+    add_real_quantity(quantity, value_kg, r"\kilogram", expanded=(2.0 * u_kg, 2.0, 0.954))
 
 
 def _add_conditions(parent: "_Element", document: EvidenceDocument) -> None:
@@ -373,6 +375,6 @@ def _add_conditions(parent: "_Element", document: EvidenceDocument) -> None:
             data = _add_element(made, "data")
             if unit:
                 quantity = _add_element(data, "quantity", refType="basic_measuredValue")
-                add_real(quantity, value, unit)
+                add_real_quantity(quantity, value, unit)
             else:
                 _add_language_text(data, "text", value)

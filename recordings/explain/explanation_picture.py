@@ -10,13 +10,13 @@ import polars as pl
 from analysis.explain import Explanation
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
-from recordings.explain.explanation_text import verdict_sentence
+from recordings.explain.explanation_text import answer_and_cause_sentence
 from recordings.plots.convergence_plot import draw_convergence
 from recordings.plots.force_acceleration_plot import draw_force_acceleration
 from recordings.plots.time_panels import draw_over_time
 from recordings.report.finding_text import finding_line
 from recordings.report.picture import write_picture
-from recordings.rrd.display_frames import display_frames, span_ns
+from recordings.rrd.display_frames import grid_span_ns, make_display_frames
 from recordings.rrd.recording_table import MOMENT
 
 if TYPE_CHECKING:
@@ -30,29 +30,31 @@ _FINDINGS: Final = 3
 _AROUND_S: Final = 15.0
 
 
-def plot_explanation(run: Run, explained: Explanation, path: Path, *, force: bool = False) -> Path:
+def plot_explanation(
+    run: Run, explanation: Explanation, path: Path, *, force: bool = False
+) -> Path:
     """Plot an explanation.
 
     Args:
         run: explained run.
-        explained: the explanation.
+        explanation: the explanation.
         path: picture to write; the suffix sets the format.
         force: whether to replace an existing file.
 
     Raises:
         OutputError: the picture cannot be written.
     """
-    return write_picture(draw_explanation(run, explained), path, force=force)
+    return write_picture(draw_explanation(run, explanation), path, force=force)
 
 
-def draw_explanation(run: Run, explained: Explanation) -> "Figure":
+def draw_explanation(run: Run, explanation: Explanation) -> "Figure":
     """Draw the picture of `plot_explanation` without writing it."""
     from matplotlib.figure import Figure
 
-    at_s = explained.at_s if explained.at_s is not None else _worst_moment_s(explained, run)
+    at_s = explanation.at_s if explanation.at_s is not None else _moment_to_show_s(explanation, run)
     near = run if at_s is None else _cut_run_around(run, at_s)
-    lines = wrap(verdict_sentence(explained), _LINE)
-    for each in (explained.findings or ())[:_FINDINGS]:
+    lines = wrap(answer_and_cause_sentence(explanation), _LINE)
+    for each in (explanation.findings or ())[:_FINDINGS]:
         lines += wrap(f"{each.rank}. {finding_line(each)}", _LINE, subsequent_indent="   ")
     figure = Figure(figsize=_SIZE_IN, layout="constrained")
     # inches: text has a height of its own
@@ -62,33 +64,33 @@ def draw_explanation(run: Run, explained: Explanation) -> "Figure":
     above, below = body.subfigures(2, 1, height_ratios=[1.0, 1.25], squeeze=False)[:, 0]
     left, right = above.subfigures(1, 2, width_ratios=[1.15, 1.0], squeeze=False)[0]
     scatter = left.subplots()
-    draw_force_acceleration(scatter, run if explained.at_s is None else near, explained.at_s)
+    draw_force_acceleration(scatter, run if explanation.at_s is None else near, explanation.at_s)
     left.suptitle("Force against acceleration", x=0.01, ha="left", fontsize=9)
     settles = right.subplots()
-    settling = run if explained.at_s is None else _restrict_run_to_load_at(run, explained.at_s)
-    draw_convergence(settles, settling, explained.at_s)
+    settling = run if explanation.at_s is None else _restrict_run_to_load_at(run, explanation.at_s)
+    draw_convergence(settles, settling, explanation.at_s)
     right.suptitle("How the mass settles", x=0.01, ha="left", fontsize=9)
     if at_s is not None:
-        which = "asked for" if explained.at_s is not None else "which stands out most"
+        which = "asked for" if explanation.at_s is not None else "which stands out most"
         title = f"The signals around {at_s:,.1f} s, {which}"
         below.suptitle(title, x=0.01, ha="left", fontsize=9)
-    draw_over_time(below, MOMENT, near, display_frames(near, decimate=False), at_s)
+    draw_over_time(below, MOMENT, near, make_display_frames(near, decimate=False), at_s)
     return figure
 
 
-def _worst_moment_s(explained: Explanation, run: Run) -> float | None:
+def _moment_to_show_s(explanation: Explanation, run: Run) -> float | None:
     """Moment of the first finding that has one, or of the worst manoeuvre.
 
     None, for the whole run, if the run is not much longer than the drawn stretch.
     """
-    span = span_ns(run)
+    span = grid_span_ns(run)
     if span is None or span[1] - span[0] < 4 * _AROUND_S * NS_PER_S:
         return None
-    for each in explained.findings or ():
+    for each in explanation.findings or ():
         if each.start_s is not None and each.end_s is not None:
             return (each.start_s + each.end_s) / 2.0
-    if explained.worst:
-        return (explained.worst[0].start_s + explained.worst[0].end_s) / 2.0
+    if explanation.worst:
+        return (explanation.worst[0].start_s + explanation.worst[0].end_s) / 2.0
     return None
 
 

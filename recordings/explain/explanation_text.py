@@ -10,10 +10,10 @@ from recordings.report.finding_text import (
     cause_name,
     consequence_text,
     finding_span_text,
-    indistinguishable_causes,
+    indistinguishable_causes_text,
     mass_change_if_fixed_text,
     may_change_mass,
-    proposal_text,
+    proposed_keys_text,
 )
 from recordings.report.number_text import format_number, format_plus_minus
 from recordings.rrd.recording_texts import answer_headline
@@ -33,13 +33,15 @@ _PARAMETERS: Final = {
 _APART: Final = 3.0
 
 
-def verdict_sentence(explained: Explanation) -> str:
+def answer_and_cause_sentence(explanation: Explanation) -> str:
     """The answer and the likeliest cause of an error, in one sentence."""
-    said = answer_headline(explained.said).removesuffix(".")
+    said = answer_headline(explanation.said).removesuffix(".")
     here = (
-        "" if explained.at_s is None else f"; at {explained.at_s:g} s {_describe_moment(explained)}"
+        ""
+        if explanation.at_s is None
+        else f"; at {explanation.at_s:g} s {_describe_moment(explanation)}"
     )
-    found = explained.findings
+    found = explanation.findings
     if found is None:
         return f"{said}{here}; this recording has no findings: replay the log."
     if not found:
@@ -59,19 +61,19 @@ def verdict_sentence(explained: Explanation) -> str:
     )
 
 
-def _describe_moment(explained: Explanation) -> str:
+def _describe_moment(explanation: Explanation) -> str:
     stretch = next(
-        (e for e in explained.gate if e.start_s <= (explained.at_s or 0.0) <= e.end_s), None
+        (e for e in explanation.gate if e.start_s <= (explanation.at_s or 0.0) <= e.end_s), None
     )
     if stretch is None:
         return "there is no window"
-    decided = _describe_decision(stretch)
+    decided = _describe_gate_stretch(stretch)
     if stretch.reason == "accepted":
         return f"the window is accepted{decided}"
     return f"the gate refuses the window for '{stretch.reason.replace('_', ' ')}'{decided}"
 
 
-def _describe_decision(stretch: GateStretch) -> str:
+def _describe_gate_stretch(stretch: GateStretch) -> str:
     if stretch.column is None or stretch.value is None:
         return ""
     name, unit = _DECIDES[stretch.column]
@@ -79,50 +81,51 @@ def _describe_decision(stretch: GateStretch) -> str:
     return f" ({name} {value}, {stretch.limit}{f' {unit}' if unit else ''})"
 
 
-def describe_findings(explained: Explanation) -> Iterator[str]:
+def iter_finding_lines(explanation: Explanation) -> Iterator[str]:
     """Yield lines on every finding by rank, with its consequence."""
-    for each in explained.findings or ():
+    for each in explanation.findings or ():
         where = ", ".join(filter(None, (each.channel, finding_span_text(each))))
         yield f"{each.rank}. {cause_name(each.cause)}{f' ({where})' if where else ''}: {each.says}"
         for line in (
             each.evidence,
             mass_change_if_fixed_text(each),
-            proposal_text(each),
-            indistinguishable_causes(each),
+            proposed_keys_text(each),
+            indistinguishable_causes_text(each),
             consequence_text(each),
         ):
             if line:
                 yield f"   {line}"
 
 
-def describe_gate(explained: Explanation) -> Iterator[str]:
+def iter_gate_lines(explanation: Explanation) -> Iterator[str]:
     """Yield lines on the gate's reasons: around the moment in order, otherwise by share."""
-    if explained.at_s is not None:
-        for each in explained.gate:
+    if explanation.at_s is not None:
+        for each in explanation.gate:
             reason = each.reason.replace("_", " ")
-            yield f"{each.start_s:,.2f} to {each.end_s:,.2f} s: {reason}{_describe_decision(each)}"
+            decision = _describe_gate_stretch(each)
+            yield f"{each.start_s:,.2f} to {each.end_s:,.2f} s: {reason}{decision}"
         return
-    shares = [(name, share) for name, share in explained.shares.items() if share >= 0.005]
+    shares = [(name, share) for name, share in explanation.shares.items() if share >= 0.005]
     if shares:
         yield ", ".join(f"{name.replace('_', ' ')} {share:.0%}" for name, share in shares)
 
 
-def determined_parameter_lines(found: DeterminedParameters | None) -> Iterator[str]:
+def determined_parameter_lines(identifiability: DeterminedParameters | None) -> Iterator[str]:
     """Yield lines on which parameters the motion determines and which it does not."""
-    if found is None:
+    if identifiability is None:
         return
-    alone = ", ".join(_PARAMETERS[name] for name in found.alone)
+    alone = ", ".join(_PARAMETERS[name] for name in identifiability.alone)
     if alone:
         yield f"determined separately: {alone}"
-    for text in found.combinations:
+    for text in identifiability.combinations:
         said = text
         for name, words in _PARAMETERS.items():
             said = said.replace(name, words.removeprefix("a "))
         yield f"determined together only: {said}"
-    if found.lost:
-        names = ", ".join(_PARAMETERS[name] for name in found.lost)
+    if identifiability.lost:
+        names = ", ".join(_PARAMETERS[name] for name in identifiability.lost)
         yield f"not determined: {names}; their estimates come from priors"
-    for a, b, correlation in found.trade_offs:
+    for a, b, correlation in identifiability.trade_offs:
         yield (
             f"{_PARAMETERS[a]} and {_PARAMETERS[b]} trade off: their estimates are correlated by "
             f"{correlation:+.2f}"

@@ -14,7 +14,7 @@ from analysis.fleet.daily_figures import sum_machines, sum_results
 from analysis.fleet.machine_drifts import SIGNALS, MachineChart
 from estimators.errors import counted
 from recordings.report.number_text import SCALE_NOT_KNOWN
-from recordings.report.render_page import page_html
+from recordings.report.render_page import render_page_html
 from recordings.report.svg_shapes import WIDTH, Axes, Drawing
 
 _BOX: Final = (52.0, 22.0, WIDTH - 8.0, 170.0)
@@ -46,8 +46,8 @@ class FleetPage:
     Attributes:
         name: name of the fleet.
         results: table `results`.
-        days: frame of `daily`.
-        weeks: frame of `weekly`.
+        days: frame of `make_daily_figures`.
+        weeks: frame of `weekly_tonnes`.
         charts: charts of `make_machine_charts`.
         calibrations: calibrations of all machines.
         changes: changes between successive calibrations.
@@ -70,7 +70,7 @@ class FleetPage:
     friction: Sequence[str] = ()
 
 
-def fleet_html(page: FleetPage) -> str:
+def render_fleet_html(page: FleetPage) -> str:
     """HTML of the page, with all texts escaped and no external requests."""
     machines = sum_results(page.results, ["machine"])
     total = sum_machines(machines)
@@ -79,8 +79,8 @@ def fleet_html(page: FleetPage) -> str:
         key=_significance_sort_key,
     )
     by_week = _weekly_tonnes_of_fleet(page.weeks)
-    drawn = [tonnes_picture(by_week)] if by_week.height else []
-    return page_html(
+    drawn = [draw_weekly_tonnes(by_week)] if by_week.height else []
+    return render_page_html(
         "recordings.fleet",
         _TEMPLATE,
         title=f"Fleet {page.name}",
@@ -92,7 +92,9 @@ def fleet_html(page: FleetPage) -> str:
         machine_heads=_MACHINE_HEADS,
         pictures=[picture for picture in drawn if picture is not None],
         drifts=[_make_drift_cells(chart) for chart in flagged],
-        drift_pictures=[drift_picture(n, chart) for n, chart in enumerate(flagged[:_MOST_FIGURES])],
+        drift_pictures=[
+            draw_drift_chart(n, chart) for n, chart in enumerate(flagged[:_MOST_FIGURES])
+        ],
         friction=list(page.friction),
         drifts_without_picture=max(len(flagged) - _MOST_FIGURES, 0),
         recordings_to_check=[
@@ -102,7 +104,7 @@ def fleet_html(page: FleetPage) -> str:
         more_recordings_to_check=max(page.looks.height - MOST_LOOKS, 0),
         calibrations=_make_calibration_rows(page),
         changes=[_format_line_change(each) for each in page.changes],
-        weeks=_week_table(page.weeks),
+        weeks=_make_week_table(page.weeks),
         failed=list(page.failed.items())[:_MOST_FAILED],
         more_failed=max(len(page.failed) - _MOST_FAILED, 0),
         signals=SIGNALS,
@@ -191,27 +193,29 @@ def _make_machine_row(row: Mapping[str, Any], page: FleetPage) -> Mapping[str, A
     ends = max((c.expires for c in page.calibrations if c.machine == name), default=None)
     looks = page.looks.filter(pl.col("machine") == name).height
     cells = [
-        format_cell(row["recordings"], ",.0f"),
-        format_cell(row["loads"], ",.0f"),
-        format_cell(row["payload_kg"] / 1e3, ",.1f"),
-        format_cell(K * row["payload_u_kg"] / 1e3, ",.1f"),
+        cell_text_and_sort_key(row["recordings"], ",.0f"),
+        cell_text_and_sort_key(row["loads"], ",.0f"),
+        cell_text_and_sort_key(row["payload_kg"] / 1e3, ",.1f"),
+        cell_text_and_sort_key(K * row["payload_u_kg"] / 1e3, ",.1f"),
         ("not known", "1") if row["without_scale"] else ("known", "0"),
-        format_cell(float(mine["hours"].sum()), ",.0f"),
+        cell_text_and_sort_key(float(mine["hours"].sum()), ",.0f"),
     ]
     for signal in SIGNALS:
         chart = latest.get(signal.name)
         flagged = chart is not None and chart.chart.flagged is not None
-        cells.append(format_cell(chart.change if chart is not None and flagged else None, "+,.1f"))
+        cells.append(
+            cell_text_and_sort_key(chart.change if chart is not None and flagged else None, "+,.1f")
+        )
     cells.append(("–", "") if ends is None else (str(ends), str(ends)))
-    cells.append(format_cell(looks, ",.0f"))
+    cells.append(cell_text_and_sort_key(looks, ",.0f"))
     return {"name": name, "cells": cells}
 
 
-def format_cell(value: float | None, form: str) -> tuple[str, str]:
+def cell_text_and_sort_key(value: float | None, number_format: str) -> tuple[str, str]:
     """Displayed text and sorting key of a cell."""
     if value is None or not math.isfinite(value):
         return "–", ""
-    return f"{value:{form}}", f"{value:.6g}"
+    return f"{value:{number_format}}", f"{value:.6g}"
 
 
 def _significance_sort_key(chart: MachineChart) -> tuple[float, str, str]:
@@ -250,14 +254,14 @@ def _make_calibration_rows(page: FleetPage) -> list[tuple[str, ...]]:
     return rows
 
 
-def _format_line_change(each: LineChange) -> tuple[str, ...]:
+def _format_line_change(change: LineChange) -> tuple[str, ...]:
     return (
-        each.after.machine,
-        str(each.before.first),
-        str(each.after.first),
-        f"{each.zero_kg:+,.1f} (± {each.zero_limit_kg:,.1f})",
-        f"{each.scale_1:+.2%} (± {each.scale_limit_1:.2%})",
-        "beyond its limit" if each.has_moved else "within",
+        change.after.machine,
+        str(change.before.first),
+        str(change.after.first),
+        f"{change.zero_kg:+,.1f} (± {change.zero_limit_kg:,.1f})",
+        f"{change.scale_1:+.2%} (± {change.scale_limit_1:.2%})",
+        "beyond its limit" if change.has_moved else "within",
     )
 
 
@@ -269,7 +273,7 @@ def _weekly_tonnes_of_fleet(weeks: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def _week_table(weeks: pl.DataFrame) -> Mapping[str, Any]:
+def _make_week_table(weeks: pl.DataFrame) -> Mapping[str, Any]:
     """Table of tonnes by machine, with one column per week."""
     if weeks.is_empty():
         return {"heads": [], "rows": []}
@@ -278,14 +282,17 @@ def _week_table(weeks: pl.DataFrame) -> Mapping[str, Any]:
     rows = [
         (
             row["machine"],
-            [format_cell(None if row[n] is None else row[n] / 1e3, ",.1f") for n in names],
+            [
+                cell_text_and_sort_key(None if row[n] is None else row[n] / 1e3, ",.1f")
+                for n in names
+            ],
         )
         for row in table.sort("machine").iter_rows(named=True)
     ]
     return {"heads": names, "rows": rows}
 
 
-def tonnes_picture(weeks: pl.DataFrame) -> Drawing | None:
+def draw_weekly_tonnes(weeks: pl.DataFrame) -> Drawing | None:
     """Picture of the tonnes of all machines by week; None without weeks.
 
     Args:
@@ -316,7 +323,7 @@ def tonnes_picture(weeks: pl.DataFrame) -> Drawing | None:
     return picture
 
 
-def drift_picture(picture_number: int, machine_chart: MachineChart) -> Drawing:
+def draw_drift_chart(picture_number: int, machine_chart: MachineChart) -> Drawing:
     """Picture of a machine's quantity by week, with the limits of its baseline."""
     flagged, since = machine_chart.chart.flagged, machine_chart.chart.since
     assert flagged is not None
@@ -325,7 +332,7 @@ def drift_picture(picture_number: int, machine_chart: MachineChart) -> Drawing:
     count = min(max(since, _BASELINE), values.size)
     base = values[:count]
     centre, deviation = float(base.mean()), float(base.std(ddof=1))
-    points = _average_by_week(machine_chart.days, values)
+    points = _average_week_by_week(machine_chart.days, values)
     half = _LIMIT * deviation / np.sqrt(float(np.median([n for _, _, n in points])))
     signal = machine_chart.signal
     unit = {"zero": "kg", "scale": "kg", "friction": "N·s/m"}[signal.name]
@@ -357,7 +364,9 @@ def drift_picture(picture_number: int, machine_chart: MachineChart) -> Drawing:
     return picture
 
 
-def _average_by_week(days: Sequence[dt.date], values: np.ndarray) -> list[tuple[float, float, int]]:
+def _average_week_by_week(
+    days: Sequence[dt.date], values: np.ndarray
+) -> list[tuple[float, float, int]]:
     """Number since the first day, mean and count of each week with values."""
     number = np.array([(day - days[0]).days // _WEEK for day in days])
     return [

@@ -35,7 +35,7 @@ class RecordingMessage(NamedTuple):
     is_of_store: bool
 
 
-def find_messages(data: "bytes | mmap") -> Iterator[RecordingMessage]:
+def iter_whole_messages(data: "bytes | mmap") -> Iterator[RecordingMessage]:
     """Yield the whole messages in the bytes of a recording with its header."""
     at = HEAD_BYTES
     while at + _MESSAGE_HEAD.size <= len(data):
@@ -47,18 +47,18 @@ def find_messages(data: "bytes | mmap") -> Iterator[RecordingMessage]:
         at = end
 
 
-def append_part(file: AppendedFile, part: bytes) -> None:
+def append_recording_messages(file: AppendedFile, recording: bytes) -> None:
     """Append the messages of a separate recording.
 
     Raises:
         OSError: they do not fit on the disc.
     """
-    head = b"" if file.size else part[:HEAD_BYTES]
-    messages = (part[begin:end] for begin, end, _ in find_messages(part))
+    head = b"" if file.size else recording[:HEAD_BYTES]
+    messages = (recording[begin:end] for begin, end, _ in iter_whole_messages(recording))
     file.append(b"".join([head, *messages]))
 
 
-def is_unfinished(path: Path) -> bool:
+def is_unfinished_recording(path: Path) -> bool:
     """Whether a file is a recording without its end."""
     with path.open("rb") as file:
         is_recording = file.read(len(_MAGIC)) == _MAGIC

@@ -21,10 +21,14 @@ from analysis.model.settings import Settings
 from analysis.online.follower import FollowedRow
 from analysis.online.online_report import LARGEST_U_1
 from estimators.errors import RecordingError
-from recordings.follow.growing_file import HEAD_BYTES, append_part, find_messages
+from recordings.follow.growing_file import (
+    HEAD_BYTES,
+    append_recording_messages,
+    iter_whole_messages,
+)
 from recordings.report.atomic_output import AppendedFile
-from recordings.rrd.blueprint import Page, lay_out_tabs, tab_panels, text_entity
-from recordings.rrd.display_frames import LANES, ROOT, display_frames
+from recordings.rrd.blueprint import Page, lay_out_tabs, tab_panels, text_entity_path
+from recordings.rrd.display_frames import LANES, ROOT, make_display_frames
 from recordings.rrd.drawn_rows import iter_drawn_batches
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.stored_names import SINCE_START, STATE, TIME
@@ -120,7 +124,7 @@ class GrowingRecording:
         self._state: dict[str, str | None] = {}
         #: the last `t_ns` of each method
         self._last: dict[str, int] = {}
-        self._thresholds, layout = growing_layout(settings)
+        self._thresholds, layout = make_growing_layout(settings)
         self._streams: list[RecordingStream] = []
         begins: list[RecordingStream] = []
         if file is not None:
@@ -144,7 +148,7 @@ class GrowingRecording:
             stream.send_blueprint(layout, make_active=True, make_default=True)
             stream.send_recording_name(name)
             stream.send_recording_start_time_nanos(about.t0_unix_ns)
-        self._append_to_file()
+        self._append_new_rows_to_file()
 
     def add(self, rows: Sequence[FollowedRow]) -> None:
         """Add the next rows, which `flush` writes."""
@@ -186,7 +190,7 @@ class GrowingRecording:
             return
         for stream in self._streams:
             self._send_rows(stream, new, text)
-        self._append_to_file()
+        self._append_new_rows_to_file()
 
     def give_up_file(self) -> None:
         """Stop writing to the file; viewers continue."""
@@ -195,9 +199,9 @@ class GrowingRecording:
             self._file = None
             self._streams.pop(0)
 
-    def _append_to_file(self) -> None:
+    def _append_new_rows_to_file(self) -> None:
         if self._file is not None and (part := self._bytes.read(flush=True)):
-            append_part(self._file, part)
+            append_recording_messages(self._file, part)
 
     def _send_rows(self, stream: "RecordingStream", new: _RowsToSend, text: str) -> None:
         """Send new rows, thresholds and the present answer to a stream."""
@@ -216,7 +220,7 @@ class GrowingRecording:
         frames["display/gate"] = _make_numeric_frame(new.gate, GATE)
         now = np.array([t_ns])
         stream.send_columns(
-            text_entity(ANSWER),
+            text_entity_path(ANSWER),
             indexes=[
                 rr.TimeColumn(TIME, timestamp=(now + self._about.t0_unix_ns).view("M8[ns]")),
                 rr.TimeColumn(SINCE_START, duration=now.view("m8[ns]")),
@@ -241,7 +245,7 @@ def _make_numeric_frame(rows: Sequence[Mapping[str, Any]], columns: Sequence[str
     return pl.DataFrame(rows, {"t_ns": pl.Int64, **dict.fromkeys(columns, pl.Float64)})
 
 
-def growing_layout(settings: Settings) -> tuple[dict[str, float], "Blueprint"]:
+def make_growing_layout(settings: Settings) -> tuple[dict[str, float], "Blueprint"]:
     """Layout of the views for the coming rows.
 
     Args:
@@ -250,8 +254,8 @@ def growing_layout(settings: Settings) -> tuple[dict[str, float], "Blueprint"]:
     Returns:
         Values of thresholds by the frame that draws them, and the blueprint.
     """
-    run = empty_columns(settings)
-    shown = display_frames(run)
+    run = make_placeholder_run(settings)
+    shown = make_display_frames(run)
     pages = [
         Page(tab.name, tab_panels(tab, run, shown), (ANSWER,) if ANSWER in tab.texts else ())
         for tab in TABS
@@ -265,7 +269,7 @@ def growing_layout(settings: Settings) -> tuple[dict[str, float], "Blueprint"]:
     return levels, lay_out_tabs(pages, None, grows=True)
 
 
-def empty_columns(settings: Settings) -> Run:
+def make_placeholder_run(settings: Settings) -> Run:
     """Run of a few rows without numbers, from which the views take their columns."""
     period_ns = round(1e9 / settings.align.rate_hz)
     frames = {
@@ -308,12 +312,12 @@ def read_recording_end(path: Path) -> RecordingEnd | None:
         RecordingError: it was not written by `follow`.
     """
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        messages = list(find_messages(data))
+        messages = list(iter_whole_messages(data))
         if not messages:
             return None
         head = data[: messages[:_FIRST][-1].end]
         found: dict[str, Any] = {}
-        for chunk in _iter_chunks(head):
+        for chunk in _iter_recording_chunks(head):
             if chunk.entity_path == f"/__properties/{PROPERTY}":
                 batch = chunk.to_record_batch()
                 found |= {name: batch.column(name)[0].as_py()[0] for name in batch.schema.names[1:]}
@@ -323,14 +327,14 @@ def read_recording_end(path: Path) -> RecordingEnd | None:
         parts = [data[begin:end] for begin, end, of_store in messages[:_FIRST] if of_store]
         store = b"".join([data[:HEAD_BYTES], *parts])
         for begin, end, _ in reversed(messages[-_SECOND:]):
-            for chunk in _iter_chunks(store + data[begin:end]):
+            for chunk in _iter_recording_chunks(store + data[begin:end]):
                 if chunk.entity_path == _LAST_OF_PART:
                     times = chunk.to_record_batch().column(SINCE_START)
                     return RecordingEnd(about, max(t.value for t in times), end)
     return None
 
 
-def _iter_chunks(data: bytes) -> "Iterator[Chunk]":
+def _iter_recording_chunks(data: bytes) -> "Iterator[Chunk]":
     """Yield the chunks of whole messages."""
     import rerun as rr
     from rerun.error_utils import RerunWarning

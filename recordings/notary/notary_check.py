@@ -13,7 +13,7 @@ from recordings.notary.notary_list import (
     NotaryHead,
     NotaryLine,
     parse_line,
-    split_lines,
+    split_whole_lines,
 )
 from recordings.signatures.signing import PublicKey
 
@@ -73,19 +73,19 @@ class CheckedList:
         self.faults.append(ListFault(True, counter, what))
 
 
-def check_list(data: bytes, now: dt.datetime, first: int = 1) -> CheckedList:
+def check_notary_list(data: bytes, now: dt.datetime, first_counter: int = 1) -> CheckedList:
     """Check an untrusted list, or the head and a part of one.
 
     Args:
         data: bytes of the list.
         now: present time, which no time of the list may exceed.
-        first: counter of the first line after the head.
+        first_counter: counter of the first line after the head.
     """
     checked = CheckedList()
     if len(data) > MOST_LIST_BYTES:
         checked.add_forgery(f"is larger than the {MOST_LIST_BYTES} bytes allowed")
         return checked
-    whole, tail = split_lines(data)
+    whole, tail = split_whole_lines(data)
     if tail:
         checked.faults.append(
             ListFault(False, 0, f"is truncated: {len(tail)} bytes follow its last complete line")
@@ -98,17 +98,17 @@ def check_list(data: bytes, now: dt.datetime, first: int = 1) -> CheckedList:
             checked.add_forgery(str(fault))
             if len(checked.faults) >= _MOST_FAULTS:
                 return checked
-    _check_first_line(checked, lines)
+    _check_head_signature(checked, lines)
     if checked.head is None:
         return checked
     checked.lines = lines[1:]
-    _check_chain(checked, lines, first)
+    _check_chained_lines(checked, lines, first_counter)
     checked.faults += _find_time_faults(checked.entries, now)
-    checked.notes += list_notes(checked.entries)
+    checked.notes += find_remarks_on_list(checked.entries)
     return checked
 
 
-def _check_first_line(checked: CheckedList, lines: Sequence[NotaryLine]) -> None:
+def _check_head_signature(checked: CheckedList, lines: Sequence[NotaryLine]) -> None:
     """Check the signature of the first line with the key that the line names."""
     if not lines or not isinstance(lines[0].content, NotaryHead):
         checked.add_forgery("does not begin with the head of a list")
@@ -129,7 +129,7 @@ def _check_first_line(checked: CheckedList, lines: Sequence[NotaryLine]) -> None
             checked.add_forgery(f"number {counter} is not signed by the key of its head", counter)
 
 
-def _check_chain(checked: CheckedList, lines: Sequence[NotaryLine], first: int) -> None:
+def _check_chained_lines(checked: CheckedList, lines: Sequence[NotaryLine], first: int) -> None:
     """Check that each line refers to the line before it."""
     head = lines[0].digest
     for line in checked.lines:
@@ -165,7 +165,7 @@ def _find_time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Itera
     latest: NotaryEntry | None = None
     ended: NotaryEntry | None = None
     for entry in entries:
-        begins, ends, listed = map(parse_stamp, (entry.begins, entry.ends, entry.listed))
+        begins, ends, listed = map(parse_time_or_none, (entry.begins, entry.ends, entry.listed))
         assert listed is not None
         number = entry.counter
         if begins is not None and ends is not None and ends < begins:
@@ -208,13 +208,13 @@ def _find_time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Itera
             )
 
 
-def list_notes(entries: Sequence[NotaryEntry]) -> Iterator[str]:
+def find_remarks_on_list(entries: Sequence[NotaryEntry]) -> Iterator[str]:
     """Notes that are not faults."""
     seen: dict[tuple[str, ...], NotaryEntry] = {}
     late: dict[int, float] = {}
     undated: list[int] = []
     for entry in entries:
-        ends, listed = parse_stamp(entry.ends), parse_stamp(entry.listed)
+        ends, listed = parse_time_or_none(entry.ends), parse_time_or_none(entry.listed)
         if ends is None:
             undated.append(entry.counter)
         elif listed is not None and listed - ends > LATE:
@@ -240,6 +240,6 @@ def _line_numbers_text(counters: Sequence[int]) -> str:
     return f"number {named}{more}"
 
 
-def parse_stamp(stamp: str) -> dt.datetime | None:
+def parse_time_or_none(stamp: str) -> dt.datetime | None:
     """Parse a time of a list; None if it is empty."""
     return dt.datetime.fromisoformat(stamp) if stamp else None

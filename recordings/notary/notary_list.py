@@ -17,7 +17,7 @@ from pydantic import BaseModel, Field, StringConstraints, ValidationError
 
 from analysis.model.strict_config import STRICT
 from estimators.errors import EvidenceError
-from recordings.signatures.canonical_json import canonical_bytes, parse
+from recordings.signatures.canonical_json import canonical_json_bytes, parse_canonical_json
 from recordings.signatures.signing import PublicKey, SigningKey
 
 FORMAT: Final = "payscope-notary/1"
@@ -115,40 +115,40 @@ class NotaryLine:
 
 def _bytes_to_sign(content: NotaryHead | NotaryEntry) -> bytes:
     """Canonical bytes of a line, with a prefix that separates uses of the key."""
-    return _DOMAIN + canonical_bytes(content.model_dump(mode="json"))
+    return _DOMAIN + canonical_json_bytes(content.model_dump(mode="json"))
 
 
-def signed_line(content: NotaryHead | NotaryEntry, key: SigningKey) -> NotaryLine:
+def sign_line(content: NotaryHead | NotaryEntry, key: SigningKey) -> NotaryLine:
     """Line with its signature."""
     signature = key.sign(_bytes_to_sign(content))
     text = base64.b64encode(signature).decode()
-    data = canonical_bytes({**content.model_dump(mode="json"), "signature": text})
+    data = canonical_json_bytes({**content.model_dump(mode="json"), "signature": text})
     return NotaryLine(data, content, signature)
 
 
 def parse_line(data: bytes, what: str) -> NotaryLine:
-    """Read a line of a stranger; do not trust its contents before `NotaryLine.by` has verified it.
+    """Read a line of a stranger; trust its contents only after `is_signed_by` holds.
 
     Args:
         data: bytes without the newline.
         what: name of the line, for the error.
 
     Raises:
-        EvidenceError: it is not a line as written by `signed_line`.
+        EvidenceError: it is not a line as written by `sign_line`.
     """
     if len(data) > MOST_LINE_BYTES:
         raise EvidenceError(f"{what}: is longer than the {MOST_LINE_BYTES} bytes allowed")
-    values: Any = parse(data, what)
+    values: Any = parse_canonical_json(data, what)
     if not isinstance(values, dict) or not isinstance(values.get("signature"), str):
         raise EvidenceError(f"{what}: is not a signed line of a notary")
     text = values.pop("signature")
     model = NotaryHead if values.get("counter") == 0 else NotaryEntry
     try:
         signature = base64.b64decode(text, validate=True)
-        content = model.model_validate_json(canonical_bytes(values))
+        content = model.model_validate_json(canonical_json_bytes(values))
     except (binascii.Error, ValueError) as fault:
         raise EvidenceError(f"{what}: {_format_validation_fault(fault)}") from None
-    if canonical_bytes({**content.model_dump(mode="json"), "signature": text}) != data:
+    if canonical_json_bytes({**content.model_dump(mode="json"), "signature": text}) != data:
         raise EvidenceError(f"{what}: holds a value of a type that a notary does not write")
     if len(signature) != 64 or base64.b64encode(signature).decode() != text:
         raise EvidenceError(f"{what}: its signature is not base64 of 64 bytes")
@@ -162,12 +162,12 @@ def _format_validation_fault(fault: Exception) -> str:
     return "its signature is not base64"
 
 
-def split_lines(data: bytes) -> tuple[list[bytes], bytes]:
+def split_whole_lines(data: bytes) -> tuple[list[bytes], bytes]:
     """Whole lines of a list, and the torn tail after the last newline."""
     *whole, tail = data.split(b"\n")
     return whole, tail
 
 
-def list_bytes(lines: Iterable[NotaryLine]) -> bytes:
+def encode_lines(lines: Iterable[NotaryLine]) -> bytes:
     """Lines as the bytes of a file."""
     return b"".join(line.data + b"\n" for line in lines)

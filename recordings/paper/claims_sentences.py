@@ -31,9 +31,9 @@ _SHORT_STARTS: Final = {
 }
 
 
-def label_claims(found: Claims) -> pl.DataFrame:
+def add_claim_texts(claims: Claims) -> pl.DataFrame:
     """Findings with claim, case and printed number as text."""
-    rows = list(found.frame.iter_rows(named=True))
+    rows = list(claims.frame.iter_rows(named=True))
     words = pl.DataFrame(
         {
             "claim": [_CLAIMS[row["claim"]] for row in rows],
@@ -43,7 +43,7 @@ def label_claims(found: Claims) -> pl.DataFrame:
     )
     numbers = ("buffer_bytes", "found_kg", "found_kg_low", "found_kg_high", "smaller_percent")
     shares = ("of_mass_percent", "of_load_range_percent")
-    return pl.concat([words, found.frame.select(*numbers, *shares)], how="horizontal")
+    return pl.concat([words, claims.frame.select(*numbers, *shares)], how="horizontal")
 
 
 def _describe_case(row: Mapping[str, Any]) -> str:
@@ -83,7 +83,7 @@ def _format_printed_number(row: Mapping[str, Any]) -> str:
     return f"{mean:g} ± {spread:g} %"
 
 
-def sentences_on_claims(found: Claims) -> ItemSentences:
+def sentences_on_claims(claims: Claims) -> ItemSentences:
     """Sentences on the result of each claim."""
     return ItemSentences(
         (
@@ -96,17 +96,17 @@ def sentences_on_claims(found: Claims) -> ItemSentences:
             f"claim's constant speed is a cruise of {CRUISE_S:g} s after a start of 3 s.",
         ),
         (
-            _buffer_sentence(found),
-            _rms_sentence(found),
-            _simulation_sentence(found),
-            _experiment_sentence(found),
-            _reduction_sentence(found),
+            _memory_claim_sentence(claims),
+            _rms_claim_sentence(claims),
+            _simulation_claim_sentence(claims),
+            _experiment_claim_sentence(claims),
+            _error_reduction_claim_sentence(claims),
         ),
     )
 
 
-def _buffer_sentence(found: Claims) -> str:
-    buffer, of_ls, of_rls = found.buffer, found.buffer.ls_kg, found.buffer.rls_kg
+def _memory_claim_sentence(claims: Claims) -> str:
+    buffer, of_ls, of_rls = claims.buffer, claims.buffer.ls_kg, claims.buffer.rls_kg
     windows = len(buffer.windows)
     sentence = (
         f"RLS keeps {rls_state_bytes()} B where OLS keeps the window, "
@@ -129,41 +129,41 @@ def _buffer_sentence(found: Claims) -> str:
     )
 
 
-def _rms_sentence(found: Claims) -> str:
-    low, high = found.rms_kg
+def _rms_claim_sentence(claims: Claims) -> str:
+    low, high = claims.rms_kg
     holds = "holds in simulation for every method"
     return (
-        f"Below 1 % of the machine's mass ({found.rms_limit_kg:.0f} kg) "
-        f"{holds if found.rms_held else 'does not hold for every method'} "
+        f"Below 1 % of the machine's mass ({claims.rms_limit_kg:.0f} kg) "
+        f"{holds if claims.rms_held else 'does not hold for every method'} "
         f"({low:.1f} to {high:.1f} kg). It says little: a constant that ignores the data is at "
-        f"{found.constant_percent:.1f} %, and 1 % of the machine is "
-        f"{format_percent(found.rms_limit_kg / printed_numbers.LOAD_RANGE_KG)} of the payload "
+        f"{claims.constant_percent:.1f} %, and 1 % of the machine is "
+        f"{format_percent(claims.rms_limit_kg / printed_numbers.LOAD_RANGE_KG)} of the payload "
         "range."
     )
 
 
-def _simulation_sentence(found: Claims) -> str:
+def _simulation_claim_sentence(claims: Claims) -> str:
     mean, spread = printed_numbers.SIMULATION_ERROR
     return (
         f"{format_percent(mean, 4)} ± {format_percent(spread, 2)} in simulation: a single window "
         "of "
-        f"{WINDOW_S:g} s is within ± {format_percent(found.window_spread_1, 2)} at the noise that "
+        f"{WINDOW_S:g} s is within ± {format_percent(claims.window_spread_1, 2)} at the noise that "
         "comes "
         f"nearest to Table 1, whose own 11.66 kg are 0.32 %. ± {format_percent(spread, 2)} is "
         "what the "
-        f"mean of some {found.windows_claimed:.0f} such windows has. The mean of ours is "
-        f"{format_percent(found.bias_kg / printed_numbers.MASS_KG, 4)}, "
+        f"mean of some {claims.windows_claimed:.0f} such windows has. The mean of ours is "
+        f"{format_percent(claims.bias_kg / printed_numbers.MASS_KG, 4)}, "
         + (
             "more than chance: noise in its regressors biases LS."
-            if found.biased
+            if claims.biased
             else "which so many windows cannot tell from zero."
         )
     )
 
 
-def _experiment_sentence(found: Claims) -> str:
+def _experiment_claim_sentence(claims: Claims) -> str:
     mean, spread = printed_numbers.EXPERIMENT_ERROR
-    of_mass, of_range = found.experiment_mass_percent, found.experiment_range_percent
+    of_mass, of_range = claims.experiment_mass_percent, claims.experiment_range_percent
     return (
         f"{format_percent(mean, 2)} ± {format_percent(spread, 2)} in the experiments is "
         f"{mean * printed_numbers.MASS_KG:.1f} ± {spread * printed_numbers.MASS_KG:.1f} kg: "
@@ -174,13 +174,13 @@ def _experiment_sentence(found: Claims) -> str:
     )
 
 
-def _reduction_sentence(found: Claims) -> str:
-    rows = found.frame.filter(pl.col("claim") == "reduction").iter_rows(named=True)
+def _error_reduction_claim_sentence(claims: Claims) -> str:
+    rows = claims.frame.filter(pl.col("claim") == "reduction").iter_rows(named=True)
     each = [
         f"{_describe_case(row)}, {row['found_kg']:,.1f} kg{_describe_gain(row['smaller_percent'])}"
         for row in rows
     ]
-    held = found.reduced
+    held = claims.reduced
     verdict = "holds throughout" if all(held) else "depends on the drive" if any(held) else "fails"
     return (
         f"At least {format_percent(printed_numbers.REDUCTION)} smaller than RLS without the "
@@ -188,7 +188,7 @@ def _reduction_sentence(found: Claims) -> str:
         f"{verdict}: "
         f"{'; '.join(each)}. Over a long cruise the gate saves RLS from forgetting while nothing "
         "happens, which directional forgetting does without a gate. "
-        f"{_SHORT_STARTS[found.saved_by]}"
+        f"{_SHORT_STARTS[claims.saved_by]}"
     )
 
 

@@ -45,32 +45,34 @@ _NO_GATE: Final = "Every complete window is used: the paper does not say that it
 _ALIKE: Final = (0.8, 1.25)
 
 
-def mass_error_table_sentences(found: Table1) -> ItemSentences:
+def mass_error_table_sentences(numbers: Table1) -> ItemSentences:
     """Say what Table 1 shows."""
     return ItemSentences(
         _TABLE_1_CHOICES,
         (
-            _one_trial_sentence(found),
-            _best_length_sentence(found),
-            _bound_sentence(found),
-            _recursive_sentence(found),
-            _raw_units_sentence(found),
+            _printed_single_trials_sentence(numbers),
+            _best_length_sentence(numbers),
+            _cramer_rao_bound_sentence(numbers),
+            _recursive_methods_sentence(numbers),
+            _raw_units_sentence(numbers),
         ),
     )
 
 
-def _one_trial_sentence(found: Table1) -> str:
+def _printed_single_trials_sentence(numbers: Table1) -> str:
     return (
-        f"Each printed number is one trial, ours are {found.frame['trials'].max()}: of the "
-        f"{found.beside} printed numbers {found.below_bound} lie below the bound, which only luck "
-        f"can do, and {found.rare} are larger than {RARE} times ours, where chance alone would "
-        f"give {0.05 * found.beside:.0f}. The printed table scatters from one length to the next; "
+        f"Each printed number is one trial, ours are {numbers.frame['trials'].max()}: of the "
+        f"{numbers.beside} printed numbers {numbers.below_bound} lie below the bound, which only "
+        "luck "
+        f"can do, and {numbers.rare} are larger than {RARE} times ours, where chance alone would "
+        f"give {0.05 * numbers.beside:.0f}. The printed table scatters from one length to the "
+        "next; "
         "the true error falls steadily."
     )
 
 
-def _best_length_sentence(found: Table1) -> str:
-    printed, ours = found.best_printed_s, found.best_s
+def _best_length_sentence(numbers: Table1) -> str:
+    printed, ours = numbers.best_printed_s, numbers.best_s
     theirs = join_words(f"{NAMES[m]} at {at:g} s" for m, at in printed.items())
     mine = join_words(f"{NAMES[m]} at {ours[m]:g} s" for m in printed if m in ours)
     return (
@@ -80,12 +82,12 @@ def _best_length_sentence(found: Table1) -> str:
     )
 
 
-def _bound_sentence(found: Table1) -> str:
-    (low, high), (rms, *ends) = found.long_over_bound_1, found.long_rms_1
+def _cramer_rao_bound_sentence(numbers: Table1) -> str:
+    (low, high), (rms, *ends) = numbers.long_over_bound_1, numbers.long_rms_1
     errors = f"errors are {low:.2f} to {high:.2f} times it"
-    if found.long_reached:
+    if numbers.long_reached:
         reached = f"LS and TLS on scaled columns reach the Cramér–Rao bound: their {errors}."
-    elif found.long_reached is None:
+    elif numbers.long_reached is None:
         reached = (
             "so few windows cannot tell whether LS and TLS on scaled columns reach the "
             f"Cramér–Rao bound: their {errors}, r.m.s. {rms:.2f} [{ends[0]:.2f}, {ends[1]:.2f}]."
@@ -98,17 +100,17 @@ def _bound_sentence(found: Table1) -> str:
     )
 
 
-def _recursive_sentence(found: Table1) -> str:
-    last = found.longest
+def _recursive_methods_sentence(numbers: Table1) -> str:
+    last = numbers.longest
     return (
-        f"RLS forgets (λ = {found.forgetting_1:g}: half in {found.half_s:.1f} s), so a longer "
+        f"RLS forgets (λ = {numbers.forgetting_1:g}: half in {numbers.half_s:.1f} s), so a longer "
         f"window helps it little: at {last['window_s']:g} s it is at {last['over_bound_1']:.1f} "
         "times the bound."
     )
 
 
-def _raw_units_sentence(found: Table1) -> str:
-    raw, scaled = found.raw, found.scaled
+def _raw_units_sentence(numbers: Table1) -> str:
+    raw, scaled = numbers.raw, numbers.scaled
     return (
         "TLS on raw units takes the noise of N, m/s² and m/s to be alike. With 150 N and "
         f"0.03 m/s² of noise its error at {raw['window_s']:g} s is {raw['rmse_kg']:.0f} kg "
@@ -119,10 +121,10 @@ def _raw_units_sentence(found: Table1) -> str:
     )
 
 
-def calibration_line_table_sentences(found: Table2) -> ItemSentences:
+def calibration_line_table_sentences(numbers: Table2) -> ItemSentences:
     """Say what Table 2 shows."""
-    chain, (alpha_1, beta_kg) = found.chain, found.printed
-    ideal, through = found.ideal, found.chained
+    chain, (alpha_1, beta_kg) = numbers.chain, numbers.printed
+    ideal, through = numbers.ideal, numbers.chained
     return ItemSentences(
         (
             _CAMPAIGN,
@@ -145,14 +147,14 @@ def calibration_line_table_sentences(found: Table2) -> ItemSentences:
             f"With the assumed torque chain LS has {through.alpha_1:.3f} and "
             f"{through.beta_kg:.0f} kg, the paper {alpha_1:.3f} and "
             f"{beta_kg:.0f} kg: plausible, not proven.",
-            f"With so small a slope the offset is {format_percent(found.offset_share_1)} of the "
+            f"With so small a slope the offset is {format_percent(numbers.offset_share_1)} of the "
             "calibrated mass: the answer is nearly the mean of the reference masses, and nothing "
             "outside the loads it was fitted on should be read from it.",
         ),
     )
 
 
-def method_error_table_sentences(found: SweptTable) -> ItemSentences:
+def method_error_table_sentences(numbers: SweptTable) -> ItemSentences:
     """Say what Table 3 shows."""
     return ItemSentences(
         (
@@ -163,17 +165,17 @@ def method_error_table_sentences(found: SweptTable) -> ItemSentences:
         ),
         (
             "The text says that most methods have their smallest error at 0.7 nat. Its table has "
-            f"it at {_best_settings_text(found.best_printed, 'nat')}.",
-            _extremes_sentence(found.extremes, "nat"),
-            _nearest_bound_sentence(found.nearest_bound_1),
+            f"it at {_best_settings_text(numbers.best_printed, 'nat')}.",
+            _error_extremes_sentence(numbers.extremes, "nat"),
+            _nearest_bound_sentence(numbers.nearest_bound_1),
             "The printed columns jump by a factor of eight between neighbours (RLS 42.6 kg at 0.7, "
             "10.4 kg at 0.9); 54 runs of one campaign cannot tell neighbours apart.",
-            _constant_predictor_sentence(found.best_kg),
+            _constant_predictor_sentence(numbers.best_kg),
         ),
     )
 
 
-def swept_setting_table_sentences(found: SweptTable) -> ItemSentences:
+def swept_setting_table_sentences(numbers: SweptTable) -> ItemSentences:
     """Say what Table 4 shows."""
     return ItemSentences(
         (
@@ -185,11 +187,11 @@ def swept_setting_table_sentences(found: SweptTable) -> ItemSentences:
         ),
         (
             "The text says that 400 samples are best. Its table has the smallest error at "
-            f"{_best_settings_text(found.best_printed, 'samples')}.",
-            _extremes_sentence(found.extremes, "samples"),
+            f"{_best_settings_text(numbers.best_printed, 'samples')}.",
+            _error_extremes_sentence(numbers.extremes, "samples"),
             "The printed FGLS errors of 67.1 and 63.7 kg beside 17.5 and 15.1 kg of LS look like "
             "(16) without a guard, 1/r² at r near 0; with bounded weights FGLS follows LS.",
-            _constant_predictor_sentence(found.best_kg),
+            _constant_predictor_sentence(numbers.best_kg),
         ),
     )
 
@@ -201,7 +203,7 @@ def _best_settings_text(best: Mapping[str, Sequence[float]], unit: str) -> str:
     )
 
 
-def _extremes_sentence(methods: Sequence[ErrorExtremes], unit: str) -> str:
+def _error_extremes_sentence(methods: Sequence[ErrorExtremes], unit: str) -> str:
     """Sentence on where our error is smallest, and whether that is significant."""
     sentences: list[str] = []
     for each in methods:
@@ -236,7 +238,7 @@ def _constant_predictor_sentence(best_kg: float) -> str:
     )
 
 
-def excitation_figure_sentences(found: Figure2) -> ItemSentences:
+def excitation_figure_sentences(numbers: Figure2) -> ItemSentences:
     """Say what Figure 2 shows."""
     return ItemSentences(
         (
@@ -244,9 +246,9 @@ def excitation_figure_sentences(found: Figure2) -> ItemSentences:
             "moving mean.",
         ),
         (
-            f"The machine's time constant m/b is {found.constant_s:.2f} s; the paper's response "
+            f"The machine's time constant m/b is {numbers.constant_s:.2f} s; the paper's response "
             f"time T ≈ {printed_numbers.RESPONSE_S:g} s is where a step has settled to "
-            f"{format_percent(found.unsettled_1)}, and its period 3 T lets it settle twice.",
+            f"{format_percent(numbers.unsettled_1)}, and its period 3 T lets it settle twice.",
             "The triangle as printed, (A/T)|t mod T - T/2| + f0, is highest at t = 0 and ranges "
             "over A/2, not A.",
             NO_NUMBERS,
@@ -254,33 +256,34 @@ def excitation_figure_sentences(found: Figure2) -> ItemSentences:
     )
 
 
-def convergence_figure_sentences(found: Figure3) -> ItemSentences:
+def convergence_figure_sentences(numbers: Figure3) -> ItemSentences:
     """Say what Figure 3 shows."""
     return ItemSentences(
         (_NO_GATE,),
         (
-            _truth_sentence(found.rms_kg, found.true_mass_kg, "kg"),
-            _convergence_sentence(found),
+            _rms_about_truth_sentence(numbers.rms_kg, numbers.true_mass_kg, "kg"),
+            _convergence_sentence(numbers),
             NO_NUMBERS,
         ),
     )
 
 
-def spin_figure_sentences(found: Figure4) -> ItemSentences:
+def spin_figure_sentences(numbers: Figure4) -> ItemSentences:
     """Say what Figure 4 shows."""
-    bias = found.bias_kg_m2
+    bias = numbers.bias_kg_m2
     return ItemSentences(
         (
             _NO_GATE,
             "The paper gives neither inertia nor torque: "
-            f"{found.true_inertia_z_kg_m2:g} kg·m², {found.true_friction_z_N_m_s:g} N·m·s and 0 "
+            f"{numbers.true_inertia_z_kg_m2:g} kg·m², {numbers.true_friction_z_N_m_s:g} N·m·s and "
+            "0 "
             "to 3 kN·m are assumed. The yaw acceleration is the gyroscope's derivative; TLS takes "
             "its noise from the standstill at the end.",
             "The yaw row of (8) alone: its other two rows, as printed, hold for I13 = I23 = 0 "
             "only.",
         ),
         (
-            _truth_sentence(found.rms_kg_m2, found.true_inertia_z_kg_m2, "kg·m²"),
+            _rms_about_truth_sentence(numbers.rms_kg_m2, numbers.true_inertia_z_kg_m2, "kg·m²"),
             f"The noise of a differentiated gyroscope biases LS by {bias['ls']:+.0f} kg·m², and "
             f"FGLS with it; TLS, which knows that noise, by {bias['tls']:+.0f} kg·m².",
             NO_NUMBERS,
@@ -288,13 +291,13 @@ def spin_figure_sentences(found: Figure4) -> ItemSentences:
     )
 
 
-def _truth_sentence(rms: Mapping[str, float], true: float, unit: str) -> str:
+def _rms_about_truth_sentence(rms: Mapping[str, float], true: float, unit: str) -> str:
     each = join_words(f"{NAMES[method]} {error:.0f} {unit}" for method, error in rms.items())
     return f"R.m.s. over the figure about the true {true:g} {unit}: {each}."
 
 
-def _convergence_sentence(found: Figure3) -> str:
-    ls, rls = found.converging["ls"], found.converging["rls"]
+def _convergence_sentence(numbers: Figure3) -> str:
+    ls, rls = numbers.converging["ls"], numbers.converging["rls"]
     low, high = _ALIKE
     later = rls.later_kg / ls.later_kg
     sensitive = (
@@ -307,14 +310,16 @@ def _convergence_sentence(found: Figure3) -> str:
         f"{rls.later_kg:.0f} and {ls.later_kg:.0f} kg. RLS is slower to converge, as the "
         "paper says: it starts from the OLS estimate of the first window, but with P0 = I/σ² it "
         f"takes that for little more than a guess. Later it is {sensitive} LS: its weights are "
-        f"worth (1 + λ)/(1 - λ) = {found.memory_samples:.0f} samples, a window of {WINDOW_S:g} s "
-        f"holds {found.window_samples}."
+        f"worth (1 + λ)/(1 - λ) = {numbers.memory_samples:.0f} samples, a window of {WINDOW_S:g} s "
+        f"holds {numbers.window_samples}."
     )
 
 
-def gate_figure_sentences(found: Figure5) -> ItemSentences:
+def gate_figure_sentences(numbers: Figure5) -> ItemSentences:
     """Say what Figure 5 shows."""
-    highest = join_words(f"{nat:.1f} nat while {phase}" for phase, nat in found.highest_nat.items())
+    highest = join_words(
+        f"{nat:.1f} nat while {phase}" for phase, nat in numbers.highest_nat.items()
+    )
     return ItemSentences(
         ("The first run of a simulated campaign, without load; the window is 320 samples.",),
         (
@@ -326,16 +331,17 @@ def gate_figure_sentences(found: Figure5) -> ItemSentences:
     )
 
 
-def raw_mass_figure_sentences(found: Figure6) -> ItemSentences:
+def raw_mass_figure_sentences(numbers: Figure6) -> ItemSentences:
     """Say what Figure 6 shows."""
-    first_kg, last_kg = found.implied_kg
+    first_kg, last_kg = numbers.implied_kg
     return ItemSentences(
         (
             "Means of nine runs over the campaigns, ± the standard deviation of one run; the "
             "dashed lines are the masses that the paper measured, as Table 2 implies them.",
         ),
         (
-            f"With an ideal torque chain raw means are within {found.bias_kg:.0f} kg of the truth "
+            f"With an ideal torque chain raw means are within {numbers.bias_kg:.0f} kg of the "
+            "truth "
             f"before any calibration. Table 2 implies raw LS masses from {first_kg:,.0f} to "
             f"{last_kg:,.0f} kg for a machine of 3614 to 3864 kg: the paper's torque "
             "chain, not its estimators, is what its calibration corrects.",
@@ -344,10 +350,10 @@ def raw_mass_figure_sentences(found: Figure6) -> ItemSentences:
     )
 
 
-def calibrated_mass_figure_sentences(found: Figure7) -> ItemSentences:
+def calibrated_mass_figure_sentences(numbers: Figure7) -> ItemSentences:
     """Say what Figure 7 shows."""
     scatter = join_words(
-        f"{NAMES[method]} {std:.1f} kg" for method, std in found.scatter_kg.items()
+        f"{NAMES[method]} {std:.1f} kg" for method, std in numbers.scatter_kg.items()
     )
     return ItemSentences(
         ("Means of nine runs over the campaigns, ± the standard deviation of one run.",),
@@ -355,7 +361,7 @@ def calibrated_mass_figure_sentences(found: Figure7) -> ItemSentences:
     )
 
 
-def error_figure_sentences(found: Figure8) -> ItemSentences:
+def error_figure_sentences(numbers: Figure8) -> ItemSentences:
     """Say what Figure 8 shows."""
     return ItemSentences(
         (
@@ -364,8 +370,8 @@ def error_figure_sentences(found: Figure8) -> ItemSentences:
         ),
         (
             "Leaving a load out of the fit costs most at the ends of the range: "
-            f"{found.ends_1:.2f} times the in-sample error at 0 and 250 kg, "
-            f"{found.middle_1:.2f} times between.",
+            f"{numbers.ends_1:.2f} times the in-sample error at 0 and 250 kg, "
+            f"{numbers.middle_1:.2f} times between.",
             NO_NUMBERS,
         ),
     )

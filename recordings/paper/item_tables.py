@@ -23,10 +23,14 @@ class RenderedTable:
     texts: int = 1
 
 
-def render_table_1(frame: pl.DataFrame) -> list[RenderedTable]:
+def render_table_1_mass_errors(frame: pl.DataFrame) -> list[RenderedTable]:
     """Tables of errors by window length, absolute and relative to the bound."""
-    errors = rows_beside_printed(
-        frame, "window_s", "window, s", lambda row: interval_text(row, "rmse_kg"), "bound_kg"
+    errors = table_beside_printed_numbers(
+        frame,
+        "window_s",
+        "window, s",
+        lambda row: number_with_interval_text(row, "rmse_kg"),
+        "bound_kg",
     )
     ratios = table_by_method(
         frame, "window_s", "window, s", lambda row: _format_number(row["over_bound_1"], 2)
@@ -42,7 +46,7 @@ def render_table_1(frame: pl.DataFrame) -> list[RenderedTable]:
     ]
 
 
-def render_table_2(frame: pl.DataFrame) -> list[RenderedTable]:
+def render_table_2_calibration_lines(frame: pl.DataFrame) -> list[RenderedTable]:
     """Table of slope and offset by method."""
     of = {(row["chain"], row["method"]): row for row in frame.iter_rows(named=True)}
     methods = frame["method"].unique(maintain_order=True)
@@ -53,8 +57,8 @@ def render_table_2(frame: pl.DataFrame) -> list[RenderedTable]:
             ideal, front = of["ideal", method], of["front_axle", method]
             cells += [
                 _format_number(ideal[f"paper_{name}"], digits),
-                interval_text(ideal, name, digits),
-                interval_text(front, name, digits),
+                number_with_interval_text(ideal, name, digits),
+                number_with_interval_text(front, name, digits),
             ]
         rows.append(cells)
     campaigns = frame["trials"].max()
@@ -68,23 +72,23 @@ def render_table_2(frame: pl.DataFrame) -> list[RenderedTable]:
     ]
 
 
-def render_table_3(frame: pl.DataFrame) -> list[RenderedTable]:
+def render_table_3_errors_by_threshold(frame: pl.DataFrame) -> list[RenderedTable]:
     """Tables of errors by threshold, with the own load in the fit and without it."""
-    return _render_swept(frame, campaign_tables.THRESHOLD, "threshold, nat")
+    return _render_errors_by_setting(frame, campaign_tables.THRESHOLD, "threshold, nat")
 
 
-def render_table_4(frame: pl.DataFrame) -> list[RenderedTable]:
+def render_table_4_errors_by_window(frame: pl.DataFrame) -> list[RenderedTable]:
     """Tables of errors by window length, with the own load in the fit and without it."""
-    return _render_swept(frame, campaign_tables.WINDOW, "samples")
+    return _render_errors_by_setting(frame, campaign_tables.WINDOW, "samples")
 
 
-def _render_swept(frame: pl.DataFrame, setting: str, title: str) -> list[RenderedTable]:
+def _render_errors_by_setting(frame: pl.DataFrame, setting: str, title: str) -> list[RenderedTable]:
     campaigns = frame["trials"].max()
-    within = rows_beside_printed(
-        frame, setting, title, lambda row: interval_text(row, "run_kg"), "bound_kg"
+    within = table_beside_printed_numbers(
+        frame, setting, title, lambda row: number_with_interval_text(row, "run_kg"), "bound_kg"
     )
     without = table_by_method(
-        frame, setting, title, lambda row: interval_text(row, "run_left_out_kg")
+        frame, setting, title, lambda row: number_with_interval_text(row, "run_left_out_kg")
     )
     return [
         RenderedTable(
@@ -96,7 +100,7 @@ def _render_swept(frame: pl.DataFrame, setting: str, title: str) -> list[Rendere
     ]
 
 
-def render_figure_8(frame: pl.DataFrame) -> list[RenderedTable]:
+def render_figure_8_errors_by_load(frame: pl.DataFrame) -> list[RenderedTable]:
     """Tables of errors by load, with the load in the fit and without it."""
     header, rows = table_by_method(
         frame,
@@ -107,14 +111,14 @@ def render_figure_8(frame: pl.DataFrame) -> list[RenderedTable]:
     return [RenderedTable("RMS error in kg: load in the fit / left out", header, rows)]
 
 
-def render_claims(frame: pl.DataFrame) -> list[RenderedTable]:
+def render_claims_table(frame: pl.DataFrame) -> list[RenderedTable]:
     """Table with one row per finding."""
     rows = [
         [
             row["claim"],
             row["case"],
             row["paper"],
-            interval_text(row, "found_kg", 2),
+            number_with_interval_text(row, "found_kg", 2),
             f"{row['of_mass_percent']:.2f} %",
             f"{row['of_load_range_percent']:.1f} %",
             "–" if row["smaller_percent"] is None else f"{row['smaller_percent']:.1f} %",
@@ -133,12 +137,12 @@ def table_by_method(
     methods = list(frame["method"].unique(maintain_order=True))
     rows = [
         [_format_parameter(at), *(cell(by[m]) if m in by else "–" for m in methods)]
-        for at, by in _group_rows_by_key(frame, key)
+        for at, by in _group_by_key_and_method(frame, key)
     ]
     return [title, *(NAMES[m] for m in methods)], rows
 
 
-def rows_beside_printed(
+def table_beside_printed_numbers(
     frame: pl.DataFrame, key: str, title: str, cell: Callable[[_Row], str], bound: str
 ) -> tuple[list[str], list[list[str]]]:
     """Header and rows: the bound, then each method's number followed by the paper's."""
@@ -147,7 +151,7 @@ def rows_beside_printed(
     for method in methods:
         header += [NAMES[method], *(["paper"] if method in printed_numbers.METHODS else [])]
     rows: list[list[str]] = []
-    for at, by in _group_rows_by_key(frame, key):
+    for at, by in _group_by_key_and_method(frame, key):
         cells = [_format_parameter(at), _format_number(next(iter(by.values()))[bound])]
         for method in methods:
             cells.append(cell(by[method]))
@@ -157,7 +161,7 @@ def rows_beside_printed(
     return header, rows
 
 
-def _group_rows_by_key(frame: pl.DataFrame, key: str) -> list[tuple[float, dict[str, _Row]]]:
+def _group_by_key_and_method(frame: pl.DataFrame, key: str) -> list[tuple[float, dict[str, _Row]]]:
     groups: dict[float, dict[str, _Row]] = {}
     for row in frame.iter_rows(named=True):
         groups.setdefault(row[key], {})[row["method"]] = row
@@ -172,7 +176,7 @@ def _format_number(value: float | None, digits: int = 1) -> str:
     return "–" if value is None else f"{value:,.{digits}f}"
 
 
-def interval_text(row: _Row, name: str, digits: int = 1) -> str:
+def number_with_interval_text(row: _Row, name: str, digits: int = 1) -> str:
     """Number with its interval, if there is one."""
     value, low, high = (row[name + end] for end in ("", "_low", "_high"))
     text = _format_number(value, digits)

@@ -35,7 +35,7 @@ class ItemNumbers(Protocol):
 N = TypeVar("N", bound=ItemNumbers)
 
 
-def _frame_of_numbers(numbers: ItemNumbers) -> pl.DataFrame:
+def _one_row_frame(numbers: ItemNumbers) -> pl.DataFrame:
     return numbers.frame
 
 
@@ -63,7 +63,7 @@ class Item(Generic[N]):
     needs: tuple[Extract[Any, Any], ...]
     numbers: Callable[[Extracts], N]
     said: Callable[[N], ItemSentences]
-    frame: Callable[[N], pl.DataFrame] = _frame_of_numbers
+    frame: Callable[[N], pl.DataFrame] = _one_row_frame
     tables: Callable[[pl.DataFrame], list[RenderedTable]] = _render_no_tables
     picture: FigurePicture | None = None
 
@@ -96,7 +96,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         (*window_table.AT_LENGTH.values(), window_table.RAW_UNITS),
         window_table.make_table_1,
         item_sentences.mass_error_table_sentences,
-        tables=item_tables.render_table_1,
+        tables=item_tables.render_table_1_mass_errors,
     ),
     Item(
         "table2",
@@ -104,7 +104,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         (campaign_tables.IDEAL_LINES, campaign_tables.CHAINED_LINES),
         campaign_tables.make_table_2,
         item_sentences.calibration_line_table_sentences,
-        tables=item_tables.render_table_2,
+        tables=item_tables.render_table_2_calibration_lines,
     ),
     Item(
         "table3",
@@ -112,7 +112,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         (campaign_tables.OVER_THRESHOLDS,),
         campaign_tables.make_table_3,
         item_sentences.method_error_table_sentences,
-        tables=item_tables.render_table_3,
+        tables=item_tables.render_table_3_errors_by_threshold,
     ),
     Item(
         "table4",
@@ -120,7 +120,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         (campaign_tables.OVER_WINDOWS,),
         campaign_tables.make_table_4,
         item_sentences.swept_setting_table_sentences,
-        tables=item_tables.render_table_4,
+        tables=item_tables.render_table_4_errors_by_window,
     ),
     Item(
         "fig2",
@@ -176,7 +176,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         (campaign_figures.LOADS,),
         campaign_figures.make_figure_8_data,
         item_sentences.error_figure_sentences,
-        tables=item_tables.render_figure_8,
+        tables=item_tables.render_figure_8_errors_by_load,
         picture=paper_pictures.FIGURE_8,
     ),
     Item(
@@ -190,7 +190,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         ),
         claims.compare_claims,
         claims_sentences.sentences_on_claims,
-        frame=claims_sentences.label_claims,
-        tables=item_tables.render_claims,
+        frame=claims_sentences.add_claim_texts,
+        tables=item_tables.render_claims_table,
     ),
 )

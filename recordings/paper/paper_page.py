@@ -18,7 +18,7 @@ PAGE: Final = "reproduction.md"
 SENTENCES: Final = "findings.csv"
 
 
-def check_reproduction(
+def require_writable_reproduction(
     items: Sequence[Item[Any]], folder: Path, output_format: str, *, force: bool
 ) -> None:
     """Refuse outputs that cannot be written before the work; create the folder if missing.
@@ -30,21 +30,26 @@ def check_reproduction(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot be created ({error.strerror})") from error
-    for path in _list_output_files(items, folder, output_format):
+    for path in _output_paths(items, folder, output_format):
         require_writable_output(path, force=force)
 
 
 def write_reproduction(
-    found: Sequence[ItemResult], folder: Path, output_format: str, about: str, *, force: bool
+    results: Sequence[ItemResult],
+    folder: Path,
+    output_format: str,
+    introduction: str,
+    *,
+    force: bool,
 ) -> list[Path]:
     """Write the results.
 
     Args:
-        found: results of tables, figures and claims.
+        results: results of tables, figures and claims.
         folder: output folder.
         output_format: "md" for one page with every table and sentence, "csv" for a file an item
             with every number and one with the sentences; pictures with both.
-        about: sentence on how the results were obtained.
+        introduction: sentence on how the results were obtained.
         force: whether to replace existing files.
 
     Returns:
@@ -53,23 +58,25 @@ def write_reproduction(
     Raises:
         OutputError: one of them is there already, or cannot be written.
     """
-    targets = _list_output_files([each.item for each in found], folder, output_format)
+    targets = _output_paths([each.item for each in results], folder, output_format)
     with atomic_files(targets, force=force) as stage:
-        for each in found:
+        for each in results:
             if each.item.picture:
                 draw_paper_figure(
                     each.item.picture, each.frame, stage / _picture_file_name(each.item)
                 )
         if output_format == "md":
-            (stage / PAGE).write_text(_render_page(found, about), encoding="utf-8")
+            (stage / PAGE).write_text(
+                _render_page_markdown(results, introduction), encoding="utf-8"
+            )
         else:
-            for each in found:
+            for each in results:
                 each.frame.write_csv(stage / f"{each.item.name}.csv")
-            _make_sentence_rows(found, about).write_csv(stage / SENTENCES)
+            _make_sentence_rows(results, introduction).write_csv(stage / SENTENCES)
     return targets
 
 
-def _list_output_files(items: Sequence[Item[Any]], folder: Path, output_format: str) -> list[Path]:
+def _output_paths(items: Sequence[Item[Any]], folder: Path, output_format: str) -> list[Path]:
     tables = [f"{item.name}.csv" for item in items]
     written = [PAGE] if output_format == "md" else [*tables, SENTENCES]
     return [
@@ -81,7 +88,7 @@ def _picture_file_name(item: Item[Any]) -> str:
     return f"{item.name}.png"
 
 
-def _render_page(found: Sequence[ItemResult], about: str) -> str:
+def _render_page_markdown(results: Sequence[ItemResult], introduction: str) -> str:
     from jinja2 import Environment, StrictUndefined
 
     # Markdown for a reader, not HTML for a browser: nothing to escape
@@ -95,14 +102,14 @@ def _render_page(found: Sequence[ItemResult], about: str) -> str:
             "findings": each.said.findings,
             "choices": each.said.choices,
         }
-        for each in found
+        for each in results
     ]
-    return environment.from_string(source).render(about=about, sections=sections)
+    return environment.from_string(source).render(about=introduction, sections=sections)
 
 
-def _make_sentence_rows(found: Sequence[ItemResult], about: str) -> pl.DataFrame:
-    rows = [("", "about", about)]
-    for each in found:
+def _make_sentence_rows(results: Sequence[ItemResult], introduction: str) -> pl.DataFrame:
+    rows = [("", "about", introduction)]
+    for each in results:
         rows += [(each.item.name, "finding", sentence) for sentence in each.said.findings]
         rows += [(each.item.name, "choice", sentence) for sentence in each.said.choices]
     return pl.DataFrame(rows, schema=["item", "kind", "sentence"], orient="row")

@@ -48,12 +48,12 @@ def draw_paper_figure(picture: FigurePicture, frame: pl.DataFrame, path: Path) -
     figure.savefig(path, dpi=_DPI, format="png")
 
 
-def _draw_figure_2(figure: "Figure", series: pl.DataFrame) -> None:
+def _draw_figure_2_excitation(figure: "Figure", series: pl.DataFrame) -> None:
     _draw_panels(figure, series, _MOTION)
 
 
-def _draw_figure_3(figure: "Figure", series: pl.DataFrame) -> None:
-    draw_traces(
+def _draw_figure_3_convergence(figure: "Figure", series: pl.DataFrame) -> None:
+    draw_estimates_over_time(
         figure,
         series,
         ("mass_kg", "mass_std_kg", "true_mass_kg", "mass (kg)"),
@@ -61,8 +61,8 @@ def _draw_figure_3(figure: "Figure", series: pl.DataFrame) -> None:
     )
 
 
-def _draw_figure_4(figure: "Figure", series: pl.DataFrame) -> None:
-    draw_traces(
+def _draw_figure_4_spin(figure: "Figure", series: pl.DataFrame) -> None:
+    draw_estimates_over_time(
         figure,
         series,
         ("inertia_z_kg_m2", "inertia_z_std_kg_m2", "true_inertia_z_kg_m2", "inertia (kg·m²)"),
@@ -70,7 +70,7 @@ def _draw_figure_4(figure: "Figure", series: pl.DataFrame) -> None:
     )
 
 
-def _draw_figure_5(figure: "Figure", series: pl.DataFrame) -> None:
+def _draw_figure_5_gate(figure: "Figure", series: pl.DataFrame) -> None:
     rows = _draw_panels(figure, series, {**_MOTION, "mi_x_nat": "index (11) (nat)"})
     for axes in rows:
         shade_phases(axes, series, "phase", ("accelerating", "braking"))
@@ -91,7 +91,9 @@ def _draw_panels(figure: "Figure", series: pl.DataFrame, panels: dict[str, str])
     return rows
 
 
-def draw_traces(figure: "Figure", series: pl.DataFrame, *panels: tuple[str, str, str, str]) -> None:
+def draw_estimates_over_time(
+    figure: "Figure", series: pl.DataFrame, *panels: tuple[str, str, str, str]
+) -> None:
     """Draw estimates over time with bands of one standard deviation, and the truth."""
     rows = figure.subplots(len(panels), 1, sharex=True)
     for axes, (column, std_column, true, label) in zip(rows, panels, strict=True):
@@ -106,15 +108,21 @@ def draw_traces(figure: "Figure", series: pl.DataFrame, *panels: tuple[str, str,
     rows[-1].set_xlabel("time (s)", fontsize=8)
 
 
-def _draw_figure_6(figure: "Figure", table: pl.DataFrame) -> None:
-    draw_masses(figure, table, "estimate_kg", "estimate_std_kg", "estimate before calibration (kg)")
+def _draw_figure_6_raw_masses(figure: "Figure", table: pl.DataFrame) -> None:
+    draw_mean_masses_by_method(
+        figure, table, "estimate_kg", "estimate_std_kg", "estimate before calibration (kg)"
+    )
 
 
-def _draw_figure_7(figure: "Figure", table: pl.DataFrame) -> None:
-    draw_masses(figure, table, "calibrated_kg", "calibrated_std_kg", "mass after (19) (kg)")
+def _draw_figure_7_calibrated_masses(figure: "Figure", table: pl.DataFrame) -> None:
+    draw_mean_masses_by_method(
+        figure, table, "calibrated_kg", "calibrated_std_kg", "mass after (19) (kg)"
+    )
 
 
-def draw_masses(figure: "Figure", table: pl.DataFrame, mean: str, std: str, label: str) -> None:
+def draw_mean_masses_by_method(
+    figure: "Figure", table: pl.DataFrame, mean: str, std: str, label: str
+) -> None:
     """Draw one panel per method: means of nine runs ± the deviation of one, and the truth."""
     methods = list(table["method"].unique(maintain_order=True))
     panels = figure.subplots(1, len(methods), sharex=True, sharey=True)
@@ -145,7 +153,7 @@ def draw_masses(figure: "Figure", table: pl.DataFrame, mean: str, std: str, labe
     panels[0].legend(fontsize=6, loc="best")
 
 
-def _draw_figure_8(figure: "Figure", table: pl.DataFrame) -> None:
+def _draw_figure_8_errors_by_load(figure: "Figure", table: pl.DataFrame) -> None:
     axes = figure.subplots()
     methods = list(table["method"].unique(maintain_order=True))
     loads = table["load_kg"].unique(maintain_order=True).sort().to_numpy()
@@ -184,11 +192,11 @@ def _format_panel(axes: "Axes", label: str) -> None:
     axes.set_axisbelow(True)
 
 
-def shade_phases(axes: "Axes", series: pl.DataFrame, column: str, wanted: tuple[str, ...]) -> None:
-    """Shade the times when the phase is one of `wanted`."""
+def shade_phases(axes: "Axes", series: pl.DataFrame, column: str, phases: tuple[str, ...]) -> None:
+    """Shade the times when the phase is one of `phases`."""
     state = series[column].cast(pl.String)
     t_s = series["t_s"].to_numpy()
-    for name in wanted:
+    for name in phases:
         axes.fill_between(
             t_s,
             0,
@@ -202,10 +210,10 @@ def shade_phases(axes: "Axes", series: pl.DataFrame, column: str, wanted: tuple[
         )
 
 
-FIGURE_2: Final = FigurePicture(3 * _PANEL_IN, _draw_figure_2)
-FIGURE_3: Final = FigurePicture(5.0, _draw_figure_3)
-FIGURE_4: Final = FigurePicture(5.0, _draw_figure_4)
-FIGURE_5: Final = FigurePicture(4 * _PANEL_IN, _draw_figure_5)
-FIGURE_6: Final = FigurePicture(3.0, _draw_figure_6)
-FIGURE_7: Final = FigurePicture(3.0, _draw_figure_7)
-FIGURE_8: Final = FigurePicture(3.6, _draw_figure_8)
+FIGURE_2: Final = FigurePicture(3 * _PANEL_IN, _draw_figure_2_excitation)
+FIGURE_3: Final = FigurePicture(5.0, _draw_figure_3_convergence)
+FIGURE_4: Final = FigurePicture(5.0, _draw_figure_4_spin)
+FIGURE_5: Final = FigurePicture(4 * _PANEL_IN, _draw_figure_5_gate)
+FIGURE_6: Final = FigurePicture(3.0, _draw_figure_6_raw_masses)
+FIGURE_7: Final = FigurePicture(3.0, _draw_figure_7_calibrated_masses)
+FIGURE_8: Final = FigurePicture(3.6, _draw_figure_8_errors_by_load)

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
-from recordings.plots.time_panels import series_numbers
+from recordings.plots.time_panels import series_as_floats
 from recordings.report import colours
 from recordings.report.picture import draw_legend_above
-from recordings.rrd.display_frames import span_ns
+from recordings.rrd.display_frames import grid_span_ns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,15 +44,15 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
     for method in _RECURSIVE if len(starts) <= _LOADS else ():
         frame = run.frames.get(f"estimates/{method}")
         if frame is not None and frame.height and "mass_kg" in frame.columns:
-            bounds += _draw_recursion(
+            bounds += _draw_estimates_of_method(
                 axes, frame, method, starts, NS_PER_S / run.provenance.settings.align.rate_hz
             )
     means = _draw_running_means(axes, run)
-    answers = _draw_answers_and_list_ends_kg(axes, run)
+    answers = _draw_answer_intervals(axes, run)
     bounds += means + answers
     if at_s is not None:
         axes.axvline(at_s, color="black", lw=0.8, ls="--")
-    span = span_ns(run)
+    span = grid_span_ns(run)
     if span is not None and span[0] < span[1]:
         # a load reaches beyond a stretch
         axes.set_xlim(span[0] / NS_PER_S, span[1] / NS_PER_S)
@@ -82,7 +82,7 @@ def _load_start_times_ns(run: Run) -> list[int]:
     return [] if loads is None else loads["start_t_ns"].sort().to_list()
 
 
-def _draw_recursion(
+def _draw_estimates_of_method(
     axes: "Axes", frame: pl.DataFrame, method: str, starts: list[int], period_ns: float
 ) -> list[float]:
     rows = frame.filter(pl.col("mass_kg").is_not_null()).select("t_ns", "mass_kg", "mass_std_kg")
@@ -92,7 +92,7 @@ def _draw_recursion(
     # the last of each few: what it had settled to
     rows = rows.gather_every(step, offset=min(step, rows.height) - 1)
     t = rows["t_ns"].to_numpy()
-    mass, std = (series_numbers(rows[name]) for name in ("mass_kg", "mass_std_kg"))
+    mass, std = (series_as_floats(rows[name]) for name in ("mass_kg", "mass_std_kg"))
     # no line from one load to the next, nor where nothing was accepted
     gaps = 1 + np.flatnonzero(np.diff(t) > 1.5 * step * period_ns)
     begins = np.union1d(np.searchsorted(t, starts[1:]), gaps)
@@ -112,7 +112,7 @@ def _draw_running_means(axes: "Axes", run: Run) -> list[float]:
     known = frame.filter(pl.col("mass_kg").is_not_null() & (pl.col("mass_std_kg") > 0.0))
     parts: list[Rows] = []
     for _, rows in known.group_by("load_id", maintain_order=True):
-        mass, std = (series_numbers(rows[name]) for name in ("mass_kg", "mass_std_kg"))
+        mass, std = (series_as_floats(rows[name]) for name in ("mass_kg", "mass_std_kg"))
         weight = np.cumsum(std**-2.0)
         mean = np.cumsum(mass * std**-2.0) / weight
         at_s = rows["end_t_ns"].to_numpy() / NS_PER_S
@@ -134,7 +134,7 @@ def _draw_running_means(axes: "Axes", run: Run) -> list[float]:
     return [*(mean - bars), *(mean + bars)]
 
 
-def _draw_answers_and_list_ends_kg(axes: "Axes", run: Run) -> list[float]:
+def _draw_answer_intervals(axes: "Axes", run: Run) -> list[float]:
     """Draw the answer of each load; returns the ends of the intervals in kg, for the axis."""
     loads = run.frames.get("loads")
     if loads is None:
@@ -143,7 +143,7 @@ def _draw_answers_and_list_ends_kg(axes: "Axes", run: Run) -> list[float]:
     if not known.height:
         return []
     starts, ends, mass, u = (
-        series_numbers(known[name]) for name in ("start_t_ns", "end_t_ns", "mass_kg", "u_kg")
+        series_as_floats(known[name]) for name in ("start_t_ns", "end_t_ns", "mass_kg", "u_kg")
     )
     nothing = np.full(mass.size, np.nan)
     # one artist for all loads: a shift has hundreds

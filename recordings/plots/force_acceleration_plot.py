@@ -13,7 +13,7 @@ from recordings.report.force_acceleration import (
     FORCE,
     MassLine,
     PointGroup,
-    force_acceleration,
+    select_force_acceleration,
 )
 
 if TYPE_CHECKING:
@@ -36,15 +36,15 @@ def draw_force_acceleration(axes: "Axes", run: Run, at_s: float | None = None) -
         run: run, or part of one.
         at_s: moment to mark; its window is ringed.
     """
-    found = force_acceleration(run, at_s)
+    found = select_force_acceleration(run, at_s)
     if found is None:
         axes.text(0.5, 0.5, "no force and acceleration", ha="center", transform=axes.transAxes)
         return
     for group in found.groups:
-        _draw_cloud(axes, group)
-    _draw_ring(axes, run, found.points, at_s)
+        _draw_points_of_group(axes, group)
+    _ring_points_of_window(axes, run, found.points, at_s)
     for number, line in enumerate(found.masses):
-        _draw_line(axes, line, "--" if len(found.masses) > 1 and not number else "-")
+        _draw_mass_line(axes, line, "--" if len(found.masses) > 1 and not number else "-")
     axes.set_xlabel(ACCELERATION_LABEL, fontsize=_SMALL)
     axes.set_ylabel(found.force_label, fontsize=_SMALL)
     axes.tick_params(labelsize=_SMALL)
@@ -54,7 +54,7 @@ def draw_force_acceleration(axes: "Axes", run: Run, at_s: float | None = None) -
     )
 
 
-def _draw_cloud(axes: "Axes", group: PointGroup) -> None:
+def _draw_points_of_group(axes: "Axes", group: PointGroup) -> None:
     x, y = group.points[ACCELERATION].to_numpy(), group.points[FORCE].to_numpy()
     if x.size <= _POINTS:
         axes.plot(x, y, ".", ms=4, color=group.colour, alpha=0.5, mew=0, label=group.label)
@@ -74,7 +74,9 @@ def _draw_cloud(axes: "Axes", group: PointGroup) -> None:
     axes.autoscale(enable=True)
 
 
-def _draw_ring(axes: "Axes", run: Run, points: pl.DataFrame, at_s: float | None) -> None:
+def _ring_points_of_window(
+    axes: "Axes", run: Run, points: pl.DataFrame, at_s: float | None
+) -> None:
     """Ring the points of the window that ends at the moment."""
     if at_s is None:
         return
@@ -94,7 +96,7 @@ def _draw_ring(axes: "Axes", run: Run, points: pl.DataFrame, at_s: float | None)
         )
 
 
-def _draw_line(axes: "Axes", line: MassLine, dashes: str) -> None:
+def _draw_mass_line(axes: "Axes", line: MassLine, dashes: str) -> None:
     ends: NDArray[np.float64] = np.array(axes.get_xlim())
     mass, u = line.mass_kg, line.u_kg
     axes.plot(ends, mass * ends, dashes, color="black", lw=1.2, label=line.label)

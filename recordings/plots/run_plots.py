@@ -11,12 +11,12 @@ from analysis.model.run_record import Run
 from estimators.errors import OutputError, nearest
 from recordings.plots.convergence_plot import draw_convergence
 from recordings.plots.force_acceleration_plot import draw_force_acceleration
-from recordings.plots.time_panels import draw_over_time, draw_reasons, panel_height
+from recordings.plots.time_panels import draw_gate_reason_shares, draw_over_time, panel_height
 from recordings.report import colours
-from recordings.report.picture import check_picture, write_picture
-from recordings.rrd.display_frames import display_frames, drawn_columns_of_view
+from recordings.report.picture import require_writable_picture, write_picture
+from recordings.rrd.display_frames import drawn_columns_of_view, make_display_frames
 from recordings.rrd.recording_table import PAGE, TABS
-from recordings.rrd.recording_texts import format_summary
+from recordings.rrd.recording_texts import summary_lines_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
@@ -55,7 +55,7 @@ def plot_run(
         OutputError: another suffix or figure, the file exists, or it cannot be written.
     """
     path = Path(path)
-    check_picture(path, force=force)
+    require_writable_picture(path, force=force)
     if figure not in FIGURES:
         raise OutputError(f"{path}: no figure '{figure}'; {nearest(figure, FIGURES)}")
     return write_picture(FIGURES[figure](run, at_s), path, force=force)
@@ -67,10 +67,10 @@ def draw_run(run: Run, at_s: float | None = None) -> "Figure":
 
     lines = [
         part
-        for line in format_summary(run).splitlines()
+        for line in summary_lines_text(run).splitlines()
         for part in wrap(line, _CHARACTERS) or [""]
     ]
-    shown = display_frames(run, decimate=False)
+    shown = make_display_frames(run, decimate=False)
     views = [(view, drawn) for view in PAGE if (drawn := drawn_columns_of_view(view, run, shown))]
     points = run.frames.get("calibration", pl.DataFrame())
     panels = sum(panel_height(view, drawn) for view, drawn in views)
@@ -78,14 +78,14 @@ def draw_run(run: Run, at_s: float | None = None) -> "Figure":
     kept = heights if points.height else heights[:2]
     figure = Figure(figsize=(_WIDTH_IN, sum(kept)), layout="constrained")
     parts = figure.subfigures(len(kept), 1, height_ratios=kept, squeeze=False)[:, 0]
-    _write_answer(parts[0], lines)
+    _write_answer_lines(parts[0], lines)
     draw_over_time(parts[1], [view for view, _ in views], run, shown, at_s)
     if points.height:
-        _draw_calibration(parts[2], points)
+        _draw_calibration_of_method(parts[2], points)
     return figure
 
 
-def _write_answer(part: "SubFigure", lines: list[str]) -> None:
+def _write_answer_lines(part: "SubFigure", lines: list[str]) -> None:
     part.suptitle(lines[0], x=0.01, ha="left", fontweight="bold", parse_math=False)
     axes = part.subplots()
     axes.axis("off")
@@ -93,7 +93,7 @@ def _write_answer(part: "SubFigure", lines: list[str]) -> None:
     axes.text(0, 1, text, va="top", fontsize=8, family="monospace", parse_math=False)
 
 
-def _draw_gate(run: Run, at_s: float | None) -> "Figure":
+def _draw_gate_figure(run: Run, at_s: float | None) -> "Figure":
     """Draw the gate's statistics and reasons over time, and the shares of the reasons."""
     from matplotlib.figure import Figure
 
@@ -101,25 +101,25 @@ def _draw_gate(run: Run, at_s: float | None) -> "Figure":
     figure = Figure(figsize=(_WIDTH_IN, _PANEL_IN * (len(views) + 1)), layout="constrained")
     parts = figure.subfigures(2, 1, height_ratios=[len(views), 1.2], squeeze=False)
     over, below = parts[:, 0]
-    draw_over_time(over, views, run, display_frames(run, decimate=False), at_s)
-    draw_reasons(below.subplots(), run)
+    draw_over_time(over, views, run, make_display_frames(run, decimate=False), at_s)
+    draw_gate_reason_shares(below.subplots(), run)
     return figure
 
 
-def _draw_loads(run: Run, at_s: float | None) -> "Figure":
+def _draw_loads_figure(run: Run, at_s: float | None) -> "Figure":
     """Draw masses and payloads of the loads, cycles, and the speed."""
     from matplotlib.figure import Figure
 
     wanted = [view for tab in TABS if tab.name in ("Loads", "Cycles") for view in tab.views]
     views = list(dict.fromkeys(wanted))
     figure = Figure(figsize=(_WIDTH_IN, 1.3 * _PANEL_IN * len(views)), layout="constrained")
-    shown = display_frames(run, decimate=False)
+    shown = make_display_frames(run, decimate=False)
     (part,) = figure.subfigures(1, 1, squeeze=False)[0]
     draw_over_time(part, views, run, shown, at_s)
     return figure
 
 
-def _draw_scatter(run: Run, at_s: float | None) -> "Figure":
+def _draw_force_acceleration_figure(run: Run, at_s: float | None) -> "Figure":
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(_WIDTH_IN, 0.6 * _WIDTH_IN), layout="constrained")
@@ -127,7 +127,7 @@ def _draw_scatter(run: Run, at_s: float | None) -> "Figure":
     return figure
 
 
-def _draw_convergence(run: Run, at_s: float | None) -> "Figure":
+def _draw_convergence_figure(run: Run, at_s: float | None) -> "Figure":
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(_WIDTH_IN, 0.5 * _WIDTH_IN), layout="constrained")
@@ -138,14 +138,14 @@ def _draw_convergence(run: Run, at_s: float | None) -> "Figure":
 #: One figure a question, by its name.
 FIGURES: Final[Mapping[str, Callable[[Run, float | None], "Figure"]]] = {
     "page": draw_run,
-    "force-acceleration": _draw_scatter,
-    "convergence": _draw_convergence,
-    "gate": _draw_gate,
-    "loads": _draw_loads,
+    "force-acceleration": _draw_force_acceleration_figure,
+    "convergence": _draw_convergence_figure,
+    "gate": _draw_gate_figure,
+    "loads": _draw_loads_figure,
 }
 
 
-def _draw_calibration(part: "SubFigure", points: pl.DataFrame) -> None:
+def _draw_calibration_of_method(part: "SubFigure", points: pl.DataFrame) -> None:
     """Draw the points and the line of a method, and the residual of each load."""
     fits, errors = part.subplots(1, 2)
     reference = points["reference_kg"]

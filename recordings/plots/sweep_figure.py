@@ -76,17 +76,17 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
     count = 2 + len(titles) + loads
     figure = Figure(figsize=(_WIDTH_IN, _PANEL_IN * count + 0.6), layout="constrained")
     panels = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
-    at = place_combinations(rows, panels[-1])
+    at = position_combinations_on_axis(rows, panels[-1])
     for axes in panels:
         axes.grid(alpha=0.25, lw=0.5)
     mass = panels.pop(0)
-    _draw_masses(mass, rows, at)
+    _draw_swept_masses(mass, rows, at)
     if reference_kg is not None:
         mass.axhline(reference_kg, color="black", lw=0.8, ls=":", label="reference")
     mass.set_ylabel("mass (kg)")
     draw_legend_beside(mass)
     if loads:
-        _draw_payloads(panels.pop(0), rows, at)
+        _draw_swept_payloads(panels.pop(0), rows, at)
     for title in titles:
         axes = panels.pop(0)
         _draw_by_method(axes, at, [row.errors.get(title, {}) for row in rows])
@@ -96,7 +96,7 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
     return figure
 
 
-def place_combinations(rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
+def position_combinations_on_axis(rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
     """Position of each combination on the axis, which is labelled accordingly."""
     names = list(rows[0].over)
     if len(names) == 1 and all(_is_number(row.over[names[0]]) for row in rows):
@@ -142,10 +142,12 @@ def _values_of_method(
     return np.array([np.nan if (v := part.get(method)) is None else v for part in parts])
 
 
-def _draw_masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
+def _draw_swept_masses(
+    axes: "Axes", rows: Sequence[SweptRow], positions: NDArray[np.float64]
+) -> None:
     masses, stds = [row.mass_kg for row in rows], [row.mass_std_kg for row in rows]
     methods = _order_methods(masses)
-    steps = np.diff(np.unique(at))
+    steps = np.diff(np.unique(positions))
     # beside each other, or bars at one place would hide each other, but near their value
     apart = (float(steps.min()) if steps.size else 1.0) * _APART
     paper = [method for method in methods if method != _JOINT]
@@ -155,42 +157,52 @@ def _draw_masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]
     for method in methods:
         values, std = _values_of_method(masses, method), _values_of_method(stds, method)
         if np.isfinite(values).any():
-            shifted = at + apart * places[method]
+            shifted = positions + apart * places[method]
             axes.errorbar(
                 shifted, values, yerr=std, fmt="o-", ms=3, label=method, **_line_style(method)
             )
-    _label_if_empty(axes)
+    _label_axes_without_data(axes)
 
 
-def _label_if_empty(axes: "Axes") -> None:
+def _label_axes_without_data(axes: "Axes") -> None:
     if not axes.lines:
         axes.text(0.5, 0.5, "no mass", ha="center", transform=axes.transAxes)
         axes.set_yticks([])
 
 
-def _draw_payloads(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
+def _draw_swept_payloads(
+    axes: "Axes", rows: Sequence[SweptRow], positions: NDArray[np.float64]
+) -> None:
     pairs = np.array([row.payload_kg or (np.nan, np.nan) for row in rows])
-    axes.errorbar(at, pairs[:, 0], yerr=pairs[:, 1], fmt="o-", ms=3, **_line_style(_JOINT))
+    axes.errorbar(positions, pairs[:, 0], yerr=pairs[:, 1], fmt="o-", ms=3, **_line_style(_JOINT))
     axes.set_ylabel("largest payload (kg)")
 
 
 def _draw_by_method(
-    axes: "Axes", at: NDArray[np.float64], parts: Sequence[Mapping[str, float | None]]
+    axes: "Axes", positions: NDArray[np.float64], parts: Sequence[Mapping[str, float | None]]
 ) -> None:
     for method in _order_methods(parts):
         values = _values_of_method(parts, method)
         if np.isfinite(values).any():
-            axes.plot(at, values, "o-", ms=3, label=method, **_line_style(method))
-    _label_if_empty(axes)
+            axes.plot(positions, values, "o-", ms=3, label=method, **_line_style(method))
+    _label_axes_without_data(axes)
 
 
-def _draw_used_share(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
+def _draw_used_share(
+    axes: "Axes", rows: Sequence[SweptRow], positions: NDArray[np.float64]
+) -> None:
     share = 100.0 * np.array([row.accepted_share_1 for row in rows])
-    axes.plot(at, share, "o-", ms=3, lw=1.0, color="#2e9e5b", label="used")
+    axes.plot(positions, share, "o-", ms=3, lw=1.0, color="#2e9e5b", label="used")
     refused = np.array([not row.can_weigh for row in rows])
     if refused.any():
         axes.plot(
-            at[refused], share[refused], "x", ms=8, mew=2, color="#c0392b", label="cannot weigh"
+            positions[refused],
+            share[refused],
+            "x",
+            ms=8,
+            mew=2,
+            color="#c0392b",
+            label="cannot weigh",
         )
     axes.set_ylim(-5.0, 105.0)
     axes.set_ylabel("samples used (%)")

@@ -22,10 +22,10 @@ from recordings.rrd.display_frames import (
     axis_range,
     bin_frame_rows,
     drawn_columns_of_view,
-    draws_as_points,
-    span_ns,
+    grid_span_ns,
+    is_drawn_as_points,
 )
-from recordings.rrd.provenance_texts import local_time
+from recordings.rrd.provenance_texts import local_time_text
 from recordings.rrd.recording_views import View, ViewKind
 from recordings.rrd.stored_names import STATE
 
@@ -63,7 +63,7 @@ def draw_over_time(
         display_frames: frames of the run that are displayed, not decimated.
         at_s: moment to mark.
     """
-    span = span_ns(run)
+    span = grid_span_ns(run)
     found = [
         (view, drawn)
         for view in views
@@ -77,14 +77,14 @@ def draw_over_time(
     for axes, (view, drawn) in zip(rows, found, strict=True):
         axes.tick_params(labelsize=_SMALL)
         if view.kind is ViewKind.STATES:
-            _draw_lanes(axes, drawn, display_frames, span)
+            _draw_state_lanes(axes, drawn, display_frames, span)
         else:
             _draw_series_lines(axes, view, drawn, display_frames, span)
             axes.set_ylim(axis_range(view, run))
         if at_s is not None:
             axes.axvline(at_s, color="black", lw=0.8, ls="--", zorder=4)
     rows[-1].set_xlim(span[0] / NS_PER_S, max(span[1], span[0] + _SHORTEST_NS) / NS_PER_S)
-    rows[-1].set_xlabel(f"s since {local_time(run.provenance)}", fontsize=_SMALL)
+    rows[-1].set_xlabel(f"s since {local_time_text(run.provenance)}", fontsize=_SMALL)
 
 
 def panel_height(view: View, display_columns: Sequence[DisplayColumn]) -> float:
@@ -124,12 +124,12 @@ def _draw_panel(
         else:
             ends = [value.min().alias("low"), value.max().alias("high")]
             frame = bin_frame_rows(frame, [value.mean(), *ends], span, width_ns)
-            low, high = (series_numbers(frame[end]) for end in ("low", "high"))
+            low, high = (series_as_floats(frame[end]) for end in ("low", "high"))
             t_s = frame["t_ns"].to_numpy() / NS_PER_S
             axes.fill_between(t_s, low, high, color=display_column.colour, alpha=0.3, lw=0)
     t_s = frame["t_ns"].to_numpy() / NS_PER_S
-    numbers = series_numbers(frame[display_column.column])
-    dots = "." if draws_as_points(frame[display_column.column]) else ""
+    numbers = series_as_floats(frame[display_column.column])
+    dots = "." if is_drawn_as_points(frame[display_column.column]) else ""
     axes.plot(
         t_s,
         numbers,
@@ -140,13 +140,13 @@ def _draw_panel(
         label=display_column.label,
     )
     if display_column.variance:
-        std = np.sqrt(series_numbers(frame[display_column.variance]))
+        std = np.sqrt(series_as_floats(frame[display_column.variance]))
         axes.fill_between(
             t_s, numbers - std, numbers + std, color=display_column.colour, alpha=0.2, lw=0
         )
 
 
-def series_numbers(series: pl.Series) -> Floats:
+def series_as_floats(series: pl.Series) -> Floats:
     """Column as floats, NaN for missing values."""
     return series.cast(pl.Float64).fill_null(float("nan")).to_numpy()
 
@@ -156,7 +156,7 @@ def state_spans(states: pl.DataFrame) -> pl.DataFrame:
     return states.with_columns(until=pl.col("t_ns").shift(-1)).drop_nulls()
 
 
-def _draw_lanes(
+def _draw_state_lanes(
     axes: "Axes",
     display_columns: Sequence[DisplayColumn],
     display_frames: Mapping[str, pl.DataFrame],
@@ -171,9 +171,9 @@ def _draw_lanes(
         for state, total in totals.rows():
             seconds[state] = seconds.get(state, 0.0) + total
         if spans.height > _SPANS:
-            _draw_shares(axes, spans, span, bottom)
+            _draw_state_shares(axes, spans, span, bottom)
         else:
-            _draw_spans(axes, spans, bottom)
+            _draw_state_bars(axes, spans, bottom)
     axes.set_ylim(0.0, float(len(display_columns)))
     labels = [each.label.replace("_", " ") for each in display_columns]
     axes.set_yticks(
@@ -190,7 +190,7 @@ def _state_colour(state: str) -> str:
     return colours.state_colours().get(state, colours.OTHER)
 
 
-def _draw_spans(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
+def _draw_state_bars(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
     """Draw stretches of states as coloured bars in a lane."""
     for (state,), group in spans.group_by(STATE):
         start_s = group["t_ns"].to_numpy() / NS_PER_S
@@ -199,7 +199,9 @@ def _draw_spans(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
         axes.broken_barh(pairs, (bottom + 0.08, 0.84), color=_state_colour(str(state)), lw=0)
 
 
-def _draw_shares(axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], bottom: float) -> None:
+def _draw_state_shares(
+    axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], bottom: float
+) -> None:
     """Draw the share of every state in each bin, stacked."""
     edges = np.linspace(span[0], span[1], _SHARES + 1)
     width = max(float(edges[1] - edges[0]), 1.0)
@@ -231,11 +233,15 @@ def _total_time_before(starts: np.ndarray, ends: np.ndarray, edges: np.ndarray) 
     return before[number] - over
 
 
-def _shade_states(axes: "Axes", states: pl.DataFrame | None, wanted: tuple[str, ...]) -> None:
+def _shade_states(
+    axes: "Axes", states: pl.DataFrame | None, shaded_states: tuple[str, ...]
+) -> None:
     """Shade the times of the wanted states behind the lines, unless states change too often."""
     if states is None or states.height > _SPANS:
         return
-    for (state,), group in state_spans(states).filter(pl.col(STATE).is_in(wanted)).group_by(STATE):
+    for (state,), group in (
+        state_spans(states).filter(pl.col(STATE).is_in(shaded_states)).group_by(STATE)
+    ):
         start_s = group["t_ns"].to_numpy() / NS_PER_S
         length_s = (group["until"] - group["t_ns"]).to_numpy() / NS_PER_S
         axes.broken_barh(
@@ -249,7 +255,7 @@ def _shade_states(axes: "Axes", states: pl.DataFrame | None, wanted: tuple[str, 
         )
 
 
-def draw_reasons(axes: "Axes", run: Run) -> None:
+def draw_gate_reason_shares(axes: "Axes", run: Run) -> None:
     """Draw the share of time of each gate reason, the most frequent on top."""
     gate = run.frames.get("gate")
     if gate is None or not gate.height:

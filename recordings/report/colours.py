@@ -74,5 +74,5 @@ def lighten_colour(colour: str) -> str:
 
 
 def pack_rgba(colour: str, alpha: str = "ff") -> int:
-    """Pack red, green, blue and opacity into the integer that the viewer takes."""
+    """Pack red, green, blue and opacity into the 32-bit integer 0xRRGGBBAA of the viewer."""
     return int(colour[1:] + alpha, 16)

@@ -72,7 +72,7 @@ def finding_line(finding: Finding, clock: ShiftClock | None = None) -> str:
     return "; ".join(parts)
 
 
-def proposal_text(finding: Finding) -> str:
+def proposed_keys_text(finding: Finding) -> str:
     """Keys to set in the machine file; empty if there are none."""
     if finding.setting is None or finding.value is None:
         return ""
@@ -84,7 +84,7 @@ def proposal_text(finding: Finding) -> str:
     )
 
 
-def indistinguishable_causes(finding: Finding) -> str:
+def indistinguishable_causes_text(finding: Finding) -> str:
     """Causes that the log cannot distinguish from this one; empty if there are none."""
     if not finding.alternatives:
         return ""
@@ -92,7 +92,7 @@ def indistinguishable_causes(finding: Finding) -> str:
     return f"cannot be distinguished from: {names}"
 
 
-def findings_text(run: Run) -> str:
+def findings_markdown(run: Run) -> str:
     """All findings in Markdown; a sentence if there are none, empty if they were not computed."""
     if "findings" not in run.frames:
         return ""
@@ -107,8 +107,8 @@ def findings_text(run: Run) -> str:
                 None,
                 (
                     mass_change_if_fixed_text(each),
-                    proposal_text(each),
-                    indistinguishable_causes(each),
+                    proposed_keys_text(each),
+                    indistinguishable_causes_text(each),
                 ),
             ),
             consequence_text(each),

@@ -57,7 +57,7 @@ class ForceAcceleration(NamedTuple):
     force_label: str
 
 
-def force_acceleration(run: Run, at_s: float | None = None) -> ForceAcceleration | None:
+def select_force_acceleration(run: Run, at_s: float | None = None) -> ForceAcceleration | None:
     """Select the points and masses of a run for the plot.
 
     Args:
@@ -70,9 +70,9 @@ def force_acceleration(run: Run, at_s: float | None = None) -> ForceAcceleration
     points = _select_points(run)
     if points is None or not points.height:
         return None
-    loads = _fitted_loads(run, at_s)
+    loads = _loads_drawn_as_lines(run, at_s)
     friction = next((row["friction_x_N_s_m"] for row in loads), None)
-    coulomb = _coulomb_force(run) if friction is not None else 0.0
+    coulomb = _coulomb_friction_newtons(run) if friction is not None else 0.0
     force = pl.col("force_x_N") - (friction or 0.0) * pl.col("speed_x_m_s")
     # a shift has millions of rows: no more columns than are drawn
     points = points.select(
@@ -88,10 +88,10 @@ def force_acceleration(run: Run, at_s: float | None = None) -> ForceAcceleration
         for name, row in zip(names, loads, strict=False)
     ]
     less = "less friction " if friction is not None else ""
-    return ForceAcceleration(points, _group_points(points), masses, f"force {less}(N)")
+    return ForceAcceleration(points, _group_points_for_plot(points), masses, f"force {less}(N)")
 
 
-def _group_points(points: pl.DataFrame) -> list[PointGroup]:
+def _group_points_for_plot(points: pl.DataFrame) -> list[PointGroup]:
     counts = points["why"].drop_nulls().value_counts(sort=True)
     named = [str(reason) for reason in counts["why"].head(_REASONS)]
     drawn = points.select(ACCELERATION, FORCE)
@@ -123,13 +123,13 @@ def _select_points(run: Run) -> pl.DataFrame | None:
         points = points.with_columns(used=pl.lit(value=False), reason=pl.lit("not judged"))
     else:
         used = mark_samples_in_windows(
-            gate["accepted_x"].fill_null(value=False).to_numpy(), window_row_count(run, gate)
+            gate["accepted_x"].fill_null(value=False).to_numpy(), rows_per_window(run, gate)
         )
         points = points.with_columns(pl.Series("used", used), gate["reason_x"].alias("reason"))
     return points.drop_nulls(list(_NEEDED)).with_columns(pl.col("direction_x_1").fill_null(0.0))
 
 
-def window_row_count(run: Run, gate: pl.DataFrame) -> int:
+def rows_per_window(run: Run, gate: pl.DataFrame) -> int:
     """Number of rows in a window; a review keeps only some of the rows."""
     settings = run.provenance.settings
     step_ns = gate["t_ns"].diff().median()
@@ -139,7 +139,7 @@ def window_row_count(run: Run, gate: pl.DataFrame) -> int:
     return max(round(window_ns / step_ns), 1)
 
 
-def _fitted_loads(run: Run, at_s: float | None) -> list[dict[str, Any]]:
+def _loads_drawn_as_lines(run: Run, at_s: float | None) -> list[dict[str, Any]]:
     """Loads whose masses are drawn as lines, the lighter first."""
     loads = run.frames.get("loads")
     if loads is None:
@@ -155,7 +155,7 @@ def _fitted_loads(run: Run, at_s: float | None) -> list[dict[str, Any]]:
     return known.to_dicts()
 
 
-def _coulomb_force(run: Run) -> float:
+def _coulomb_friction_newtons(run: Run) -> float:
     """Coulomb friction of the answer in N."""
     terms = run.frames.get("nuisances")
     if terms is None:

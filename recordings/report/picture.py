@@ -16,7 +16,7 @@ SUFFIXES: Final = (".png", ".pdf", ".svg")
 _DPI: Final = 150
 
 
-def check_picture(path: Path, *, force: bool) -> None:
+def require_writable_picture(path: Path, *, force: bool) -> None:
     """Raise an error before drawing if a picture file cannot be written.
 
     Raises:
@@ -32,9 +32,9 @@ def write_picture(figure: "Figure", path: Path, *, force: bool) -> Path:
     """Write a figure in the format of the file's suffix.
 
     Raises:
-        OutputError: as `check_picture`, or if writing fails.
+        OutputError: as `require_writable_picture`, or if writing fails.
     """
-    check_picture(path, force=force)
+    require_writable_picture(path, force=force)
     with atomic_file(path, force=force) as partial, catch_warnings():
         filterwarnings("ignore", "Glyph", UserWarning)  # a name in a script the font lacks
         figure.savefig(partial, dpi=_DPI)

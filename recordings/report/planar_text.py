@@ -37,12 +37,12 @@ def planar_fit_lines(
     whole = [row for row in rows if row["kind"] in _OF] or list(rows)
     return (
         [_describe_fit(row) for row in whole]
-        + largest_parts(budget)
+        + largest_uncertainty_part_lines(budget)
         + missing_uncertainty_lines(whole)
     )
 
 
-def largest_parts(budget: Sequence[Mapping[str, Any]]) -> list[str]:
+def largest_uncertainty_part_lines(budget: Sequence[Mapping[str, Any]]) -> list[str]:
     """Lines with the largest known part of each uncertainty."""
     lines: list[str] = []
     for quantity, (words, factor, unit) in _SAID.items():
@@ -72,7 +72,7 @@ def missing_uncertainty_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def planar_markdown(run: Run) -> str:
     """Every arc and joint fit in Markdown; empty if the machine did not turn."""
-    rows = planar_rows(run)
+    rows = planar_frame_rows(run)
     if not rows:
         return ""
     cells = [
@@ -91,7 +91,9 @@ def planar_markdown(run: Run) -> str:
     parts = ["# Centre of mass", markdown_table(head, cells)]
     whole = [row for row in rows if row["kind"] in _OF]
     parts += [f"- {line}" for line in missing_uncertainty_lines(rows)]
-    parts += [f"**{_OF[row['kind']].capitalize()}**: {list_determined(row)}" for row in whole]
+    parts += [
+        f"**{_OF[row['kind']].capitalize()}**: {determined_parameters_text(row)}" for row in whole
+    ]
     if "planar_budget" in run.frames and not run.frames["planar_budget"].is_empty():
         sources = run.frames["planar_budget"].to_dicts()
         lines: dict[str, list[str]] = {}
@@ -109,7 +111,7 @@ def planar_markdown(run: Run) -> str:
     return "\n\n".join(parts)
 
 
-def planar_rows(run: Run) -> list[dict[str, Any]]:
+def planar_frame_rows(run: Run) -> list[dict[str, Any]]:
     """Rows of the frame `planar`; empty if the run lacks it."""
     return run.frames["planar"].to_dicts() if "planar" in run.frames else []
 
@@ -119,7 +121,7 @@ def _describe_fit(row: Mapping[str, Any]) -> str:
     if row["withheld"]:
         return f"centre of mass from {of}: withheld"
     if row["com_x_m"] is None:
-        return f"centre of mass from {of}: none; {list_determined(row)}"
+        return f"centre of mass from {of}: none; {determined_parameters_text(row)}"
     along = (
         f"{_format_distance(row, 'x')} {'ahead of' if row['com_x_m'] >= 0 else 'behind'} the origin"
     )
@@ -133,7 +135,7 @@ def _format_distance(row: Mapping[str, Any], axis: str) -> str:
     return f"{format_plus_minus(abs(row[f'com_{axis}_m']), row[f'com_{axis}_std_m'])} m"
 
 
-def list_determined(row: Mapping[str, Any]) -> str:
+def determined_parameters_text(row: Mapping[str, Any]) -> str:
     """List the parameters that the motion determines and that are not withheld."""
     told = [
         f"{name} {format_plus_minus(row[value], row[std])} {unit}"

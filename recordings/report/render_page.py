@@ -23,7 +23,9 @@ _TEMPLATES: Final = ".html.j2"
 _PLACE: Final = "/* page.js */"
 
 
-def page_html(package: str, template: str, *, scripts: Sequence[str] = (), **values: Any) -> str:
+def render_page_html(
+    package: str, template: str, *, scripts: Sequence[str] = (), **values: Any
+) -> str:
     """Render a page, with all text escaped.
 
     Args:
@@ -32,14 +34,16 @@ def page_html(package: str, template: str, *, scripts: Sequence[str] = (), **val
         scripts: names of the page's scripts in the package.
         values: values that the template shows.
     """
-    environment, digest = page_templates(package, tuple(scripts))
+    environment, digest = load_templates_and_script_digest(package, tuple(scripts))
     return environment.get_template(template).render(
         width=WIDTH, version=version("payscope"), script_hash=f"sha256-{digest}", **values
     )
 
 
 @cache
-def page_templates(package: str, scripts: tuple[str, ...]) -> "tuple[Environment, str]":
+def load_templates_and_script_digest(
+    package: str, scripts: tuple[str, ...]
+) -> "tuple[Environment, str]":
     """Compiled templates of a package, and the digest of the page's script."""
     from jinja2 import DictLoader, Environment, StrictUndefined
 

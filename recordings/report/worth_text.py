@@ -27,8 +27,8 @@ _HEADS: Final = ("load", "from s", "to s", "manoeuvres", "mass kg", "payload kg"
 _CALIBRATED: Final = ("calibrated kg", "from kg", "to kg")
 
 
-def table_heads_of_loads(answer: Answer) -> tuple[str, ...]:
-    """Column heads of `table_rows_of_loads`."""
+def load_table_heads(answer: Answer) -> tuple[str, ...]:
+    """Column heads of `load_table_rows`."""
     return (*_HEADS, *(_CALIBRATED if _is_calibrated(answer) else ()), "")
 
 
@@ -36,7 +36,7 @@ def _is_calibrated(answer: Answer) -> bool:
     return any("calibrated_kg" in load for load in answer.loads)
 
 
-def table_rows_of_loads(answer: Answer) -> list[tuple[str, ...]]:
+def load_table_rows(answer: Answer) -> list[tuple[str, ...]]:
     """A row per load: number, begin, end, manoeuvres, mass, payload, remark.
 
     With a calibration, the calibrated mass and its interval precede the remark.
@@ -56,16 +56,16 @@ def table_rows_of_loads(answer: Answer) -> list[tuple[str, ...]]:
     ]
 
 
-def load_sentences(answer: Answer, most: int) -> list[str]:
-    """A line per load, up to `most`."""
+def load_sentences(answer: Answer, max_loads: int) -> list[str]:
+    """A line per load, up to `max_loads`."""
     lines: list[str] = []
-    rows = zip(table_rows_of_loads(answer)[:most], answer.loads, strict=False)
+    rows = zip(load_table_rows(answer)[:max_loads], answer.loads, strict=False)
     for (load, begin, end, manoeuvres, mass, payload, *_, remark), row in rows:
         carried = payload if payload in ("empty", "–") else f"payload {payload} kg"
-        told = ", ".join(filter(None, (f"{mass} kg", carried, calibrated_line(row), remark)))
+        told = ", ".join(filter(None, (f"{mass} kg", carried, calibrated_mass_line(row), remark)))
         lines.append(f"load {load}: {begin} to {end} s, {manoeuvres} manoeuvres, {told}")
-    if len(answer.loads) > most:
-        lines.append(f"and {len(answer.loads) - most} more")
+    if len(answer.loads) > max_loads:
+        lines.append(f"and {len(answer.loads) - max_loads} more")
     return lines
 
 
@@ -88,7 +88,7 @@ def answer_lines(answer: Answer, *, brief: bool = False) -> list[str]:
             "time span with --empty FROM:TO"
         )
     known = [load for load in answer.loads if load["mass_kg"] is not None]
-    return lines + (_note_on_all_loads(known[0]) if known else [])
+    return lines + (_notes_common_to_loads(known[0]) if known else [])
 
 
 def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
@@ -102,12 +102,12 @@ def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
         f"{format_number(low)} to {format_number(high)} kg, from {load['manoeuvres']} "
         f"{'manoeuvre' if load['manoeuvres'] == 1 else 'manoeuvres'}"
     ]
-    lines += filter(None, [calibrated_line(load)])
+    lines += filter(None, [calibrated_mass_line(load)])
     if load["payload_kg"] is not None:
         lines.append(f"payload {_format_payload(load)} kg")
     if not brief:
         lines.append(prior_sensitivity_line(load))
-    return lines + _note_on_all_loads(load)
+    return lines + _notes_common_to_loads(load)
 
 
 def prior_sensitivity_line(load: Mapping[str, Any]) -> str:
@@ -118,7 +118,7 @@ def prior_sensitivity_line(load: Mapping[str, Any]) -> str:
     )
 
 
-def _note_on_all_loads(load: Mapping[str, Any]) -> list[str]:
+def _notes_common_to_loads(load: Mapping[str, Any]) -> list[str]:
     """Notes that apply to every load of the log."""
     lines = [load[name] for name in ("said", "calibrated_said") if load.get(name)]
     told = load.get("payload_to") is not None and not load.get("payload_scale_unknown")
@@ -130,7 +130,7 @@ def _note_on_all_loads(load: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def describe_starts_to_goal(answer: Answer, goal_kg: float) -> list[str]:
+def starts_to_goal_lines(answer: Answer, goal_kg: float) -> list[str]:
     """Number of further manoeuvres that would reach ± `goal_kg` for each load."""
     lines: list[str] = []
     for load in answer.loads:
@@ -167,12 +167,12 @@ def describe_starts_to_goal(answer: Answer, goal_kg: float) -> list[str]:
     return lines
 
 
-def budget_rows(answer: Answer, mark: str = "█") -> list[tuple[str, str, str, str, str]]:
+def budget_rows(answer: Answer, bar_character: str = "█") -> list[tuple[str, str, str, str, str]]:
     """Rows of the uncertainty budget of the load with the most manoeuvres.
 
     Each has source, kind, u in kg, a bar for its fraction of the variance, and how to reduce it.
     """
-    shown = best_known_load(answer)
+    shown = number_of_best_known_load(answer)
     rows: list[tuple[str, str, str, str, str]] = []
     for source in answer.budget:
         if source.get("load_id", 0) != shown:
@@ -181,13 +181,13 @@ def budget_rows(answer: Answer, mark: str = "█") -> list[tuple[str, str, str, 
         if source["u_kg"] is None:
             rows.append((source["cause"], source["kind"], "not known", "", source["shrinks"]))
         elif share is not None and share >= _SMALL:
-            bar = mark * max(1, round(share * _BAR))
+            bar = bar_character * max(1, round(share * _BAR))
             cells = (f"{bar} {share:.0%}", source["shrinks"])
             rows.append((source["cause"], source["kind"], f"{source['u_kg']:.3g}", *cells))
     return rows
 
 
-def best_known_load(answer: Answer) -> int:
+def number_of_best_known_load(answer: Answer) -> int:
     """Number of the load with the most manoeuvres, the first of several."""
     known = [load for load in answer.loads if load["mass_kg"] is not None]
     return max(known, key=lambda load: load["manoeuvres"])["load_id"] if known else 0
@@ -197,9 +197,9 @@ def best_known_load(answer: Answer) -> int:
 _SCATTER_UNKNOWN: Final = "an assumed disagreement of manoeuvres of one load"
 
 
-def uncertainty_advice(answer: Answer) -> str | None:
+def advice_to_reduce_uncertainty(answer: Answer) -> str | None:
     """Measure that would reduce the uncertainty most; None without an answer."""
-    shown = best_known_load(answer)
+    shown = number_of_best_known_load(answer)
     known = [s for s in answer.budget if s["u_kg"] and s.get("load_id", 0) == shown]
     if not known or not any(load["mass_kg"] is not None for load in answer.loads):
         return None
@@ -230,7 +230,7 @@ def calibrated_mass_cells(load: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple("–" if load[name] is None else f"{load[name]:,.1f}" for name in names)
 
 
-def calibrated_line(load: Mapping[str, Any]) -> str:
+def calibrated_mass_line(load: Mapping[str, Any]) -> str:
     """Line with the calibrated mass; empty without a calibration."""
     if "calibrated_kg" not in load:
         return ""
@@ -259,7 +259,7 @@ def _format_seconds(t_ns: int | None) -> str:
     return "–" if t_ns is None else f"{t_ns / NS_PER_S:,.1f}"
 
 
-def summarise_shift_lines(answer: Answer) -> list[str]:
+def shift_total_lines(answer: Answer) -> list[str]:
     """Line with the sum of the log's cycles; none if nothing was dumped."""
     shift = answer.shift
     if not shift:

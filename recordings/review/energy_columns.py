@@ -79,7 +79,7 @@ def _energy_per_tonne(energy: EnergyAmount, row: Mapping[str, Any]) -> EnergyAmo
     return EnergyAmount(per_t, hypot(energy.u_kWh / t, per_t * u_t / t))
 
 
-def energy_of_tonnes(
+def energy_per_counted_tonne(
     ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
 ) -> EnergyAmount | None:
     """Energy per counted tonne; None if no counted cycle has both.
@@ -110,7 +110,7 @@ def energy_facts(
     if not state.energy.rows:
         return []
     whole = state.energy.rows[0]
-    per_t = energy_of_tonnes(ledger, shift, state)
+    per_t = energy_per_counted_tonne(ledger, shift, state)
     each = "" if per_t is None else f", {format_energy_amount(per_t)} kWh/t"
     of = ", ".join(
         # no -0 %
@@ -146,7 +146,7 @@ def _format_fuel(
     return f"{format_plus_minus(fuel_L, K * u_1 * fuel_L)} L in the cycles{each}"
 
 
-def energy_table(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
+def energy_table_by_phase(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
     """The shift's energy with a row per part and a column per phase; empty if unknown."""
     rows = [row for row in state.energy.rows if row.cycle is None]
     if not rows:
@@ -179,13 +179,13 @@ def make_energy_cell(amount: EnergyAmount, digits: int) -> str:
     return f"{amount.kWh:.{digits}f} ± {K * amount.u_kWh:.{digits}f}"
 
 
-def energy_dict(
+def energy_as_dict(
     ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
 ) -> dict[str, Any] | None:
     """Energy of each part and phase in kWh with standard uncertainty, JSON-compatible."""
     if not state.energy.rows:
         return None
-    per_t = energy_of_tonnes(ledger, shift, state)
+    per_t = energy_per_counted_tonne(ledger, shift, state)
     return {
         "per_t": None if per_t is None else per_t._asdict(),
         "scale_unknown": state.energy.scale_unknown,

@@ -19,7 +19,7 @@ _TIME: Final = re.compile(
 )
 
 
-def find_cycle(when: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
+def find_cycle_row(when: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
     """Row of the cycle that a reviewer names.
 
     A local time selects the cycle dumped within 5 s of it or in that minute, else the one in
@@ -41,7 +41,7 @@ def find_cycle(when: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
         found = [ids.index(text)]
     elif match := _TIME.fullmatch(text):
         try:
-            found = rows_at_time(match, rows, clock)
+            found = rows_of_cycles_at_time(match, rows, clock)
         except ValueError as error:  # 30 February, an offset of 25 h
             raise ReviewError(f"'{when}' is not a time ({error})") from None
     else:
@@ -58,14 +58,14 @@ def find_cycle(when: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
 
 
 def find_instant(text: str, clock: ShiftClock) -> dt.datetime:
-    """Instant at which the local clock shows a time; see `find_cycle`.
+    """Instant at which the local clock shows a time; see `find_cycle_row`.
 
     Raises:
         ReviewError: it is not a time, or the clock shows it never or twice.
     """
     match = _TIME.fullmatch(text.strip())
     try:
-        found = [] if match is None else match_instants(match, clock)
+        found = [] if match is None else unix_times_of_local_time(match, clock)
     except ValueError as error:
         raise ReviewError(f"'{text}' is not a time ({error})") from None
     if match is None:
@@ -80,12 +80,14 @@ def find_instant(text: str, clock: ShiftClock) -> dt.datetime:
     return dt.datetime.fromtimestamp(found[0], dt.UTC)
 
 
-def rows_at_time(match: re.Match[str], rows: pl.DataFrame, clock: ShiftClock) -> list[int]:
+def rows_of_cycles_at_time(
+    match: re.Match[str], rows: pl.DataFrame, clock: ShiftClock
+) -> list[int]:
     """Rows that a time may select."""
     starts, ends = rows["start_unix_ns"].to_list(), rows["end_unix_ns"].to_list()
     room_s = 60.0 if match["s"] is None else 0.0
     found: set[int] = set()
-    for unix_s in match_instants(match, clock):
+    for unix_s in unix_times_of_local_time(match, clock):
         dumped = {
             k: abs(end / NS - unix_s)
             for k, end in enumerate(ends)
@@ -99,7 +101,7 @@ def rows_at_time(match: re.Match[str], rows: pl.DataFrame, clock: ShiftClock) ->
     return sorted(found)
 
 
-def match_instants(match: re.Match[str], clock: ShiftClock) -> list[float]:
+def unix_times_of_local_time(match: re.Match[str], clock: ShiftClock) -> list[float]:
     """Unix times in s at which the local clock shows this time."""
     hour, minute, second = (int(match[name] or 0) for name in ("h", "m", "s"))
     if not clock.is_dated:

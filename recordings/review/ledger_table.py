@@ -21,7 +21,7 @@ from recordings.review.energy_columns import (
     uncertainty_column_name,
 )
 from recordings.review.reviewer_verdicts import LABELS
-from recordings.review.shift_ledger import remark_on_cycle, safe_cell
+from recordings.review.shift_ledger import cycle_remark_text, escape_spreadsheet_formula
 
 XLSX: Final = "ledger.xlsx"
 TABLE_CSV: Final = "ledger_table.csv"
@@ -79,7 +79,7 @@ def _describe_why_counted(row: Row, _: ShiftClock) -> Cell:
 
 
 def _remark_cell(row: Row, _: ShiftClock) -> Cell:
-    return remark_on_cycle(row)
+    return cycle_remark_text(row)
 
 
 def _make_energy_columns(name: str) -> tuple[TableColumn, TableColumn]:
@@ -179,6 +179,6 @@ def _format_cell(cell: Cell, digits: int | None, *, comma: bool) -> str:
     if isinstance(cell, dt.datetime):
         return f"{cell:%Y-%m-%d %H:%M:%S}"
     if isinstance(cell, str):
-        return safe_cell(cell)
+        return escape_spreadsheet_formula(cell)
     text = f"{cell:.{digits or 0}f}"
     return text.replace(".", ",") if comma else text

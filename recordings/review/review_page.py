@@ -13,29 +13,29 @@ from analysis.model.physical_units import NS, NS_PER_S
 from estimators.errors import counted
 from recordings.report.clock_text import ShiftClock, duration_text
 from recordings.report.number_text import REMARKED, format_plus_minus
-from recordings.report.render_page import page_html
+from recordings.report.render_page import render_page_html
 from recordings.report.shift_text import K, format_tonnes
-from recordings.review.energy_columns import energy_table
-from recordings.review.review_plots import load_pictures, shift_pictures
+from recordings.review.energy_columns import energy_table_by_phase
+from recordings.review.review_plots import draw_load_pictures, draw_shift_pictures
 from recordings.review.review_state import RECORDING, ReviewState
 from recordings.review.reviewer_verdicts import (
     LABELS,
     VERDICTS,
     CycleVerdict,
-    verdict_lines,
+    verdict_file_lines,
 )
 from recordings.review.shift_facts import (
     list_shift_facts,
-    long_hole_sentence,
-    losses_besides_torn_ends,
+    long_gap_sentence,
+    loss_texts_besides_torn_ends,
     missing_load_sentences,
     reason_for_no_tonnes,
-    scale_text,
+    scale_of_tonnes_text,
     summarise_shift,
     torn_log_sentences,
-    warn_of_two_machines,
+    two_machines_warning,
 )
-from recordings.review.shift_ledger import cycles_of_ledger, remark_on_cycle
+from recordings.review.shift_ledger import cycle_remark_text, cycles_frame_from_ledger
 
 _KM_H: Final = 3.6
 Row = Mapping[str, Any]
@@ -99,7 +99,7 @@ def number_cells(row: Row, columns: Sequence[CycleColumn]) -> list[str]:
     return ["–" if value is None else f"{value:,.{column.digits}f}" for column, value in values]
 
 
-def cycle_rows(
+def make_cycle_table_rows(
     rows: pl.DataFrame, verdicts: Mapping[int, CycleVerdict], clock: ShiftClock
 ) -> list[Row]:
     """Rows of the page's table of cycles.
@@ -127,7 +127,7 @@ def _make_cycle_row(row: Row, verdict: CycleVerdict | None, clock: ShiftClock) -
         "payload": number_cells(row, PAYLOAD),
         "details": number_cells(row, DETAILS),
         "quality": "rejected" if row["rejected"] else row["quality"],
-        "remark": remark_on_cycle(row),
+        "remark": cycle_remark_text(row),
         "labels": ", ".join(labels),
         "note": ": ".join(filter(None, (by, row["note"]))),
         "said": "" if own is None else json.dumps(own),
@@ -136,7 +136,7 @@ def _make_cycle_row(row: Row, verdict: CycleVerdict | None, clock: ShiftClock) -
     }
 
 
-def hour_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple[str, ...]]:
+def make_hour_table_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple[str, ...]]:
     """A row per hour of the shift: recorded time, loads, tonnes, uncounted cycles, energy.
 
     A load belongs to the hour of its dump. Each hour's ± includes the common uncertainty, so they
@@ -149,7 +149,7 @@ def hour_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple[str, ...]]
     clock, t0_ns = state.clock, state.t0_unix_ns
     hours = [clock.format_hour((ends_ns - t0_ns) / NS) for ends_ns in ledger["end_unix_ns"]]
     named = ledger.with_columns(pl.Series("hour", hours, dtype=pl.String))
-    recorded = dict(recorded_hours(clock, state.gaps_s))
+    recorded = dict(recorded_time_by_hour(clock, state.gaps_s))
     return [
         (hour, *_make_hour_cells(named.filter(hour=hour), t0_ns, recorded.get(hour, 0.0)))
         for hour in dict.fromkeys([*recorded, *hours])
@@ -159,7 +159,7 @@ def hour_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple[str, ...]]
 def _make_hour_cells(rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Iterator[str]:
     """Yield the cells of an hour's row, in the order of `HOUR_HEADS`."""
     rejected = rows.filter("rejected")["cycle"].to_list()
-    sums = sum_cycles(cycles_of_ledger(rows, t0_ns), rejected)
+    sums = sum_cycles(cycles_frame_from_ledger(rows, t0_ns), rejected)
     energies = rows["energy_kWh"].drop_nulls()
     rate = sums["payload_kg"] / 1e3 / (recorded_s / _HOUR_S) if recorded_s else 0.0
     yield f"{sums['cycles_counted']}"
@@ -171,7 +171,7 @@ def _make_hour_cells(rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Itera
     yield f"{energies.sum():.2f}" if energies.len() else "–"
 
 
-def recorded_hours(
+def recorded_time_by_hour(
     clock: ShiftClock, gaps_s: tuple[tuple[float, float], ...]
 ) -> Iterator[tuple[str, float]]:
     """Each clock hour of the shift, with its recorded time in s."""
@@ -231,12 +231,12 @@ class ReviewPage:
     )
 
 
-def review_html(page: ReviewPage) -> str:
+def render_review_html(page: ReviewPage) -> str:
     """HTML of the page, with all text escaped and no network access."""
     state, shift = page.state, page.shift
     why_not = reason_for_no_tonnes(state, page.ledger)
     said = page.ledger.filter(pl.col("author") != "").height
-    return page_html(
+    return render_page_html(
         _PACKAGE,
         _TEMPLATE,
         scripts=_SCRIPTS,
@@ -248,27 +248,27 @@ def review_html(page: ReviewPage) -> str:
         and f"{NOT_CALIBRATED}: {page.calibration.against}.",
         headline=summarise_shift(shift, why_not, state),
         no_tonnes=bool(why_not),
-        alarms=list(filter(None, (warn_of_two_machines(state), long_hole_sentence(shift, state)))),
+        alarms=list(filter(None, (two_machines_warning(state), long_gap_sentence(shift, state)))),
         facts=list_shift_facts(shift, page.ledger, state, page.target),
         warnings=_list_warnings(page),
         payload_heads=[column.head for column in PAYLOAD],
         detail_heads=[column.head for column in DETAILS],
-        cycles=cycle_rows(page.ledger, page.by_row, state.clock),
+        cycles=make_cycle_table_rows(page.ledger, page.by_row, state.clock),
         t0_s=round(state.t0_unix_ns / NS_PER_S),
         doubted=page.ledger.filter("counted", pl.col("doubt") != "").height,
-        hours=hour_rows(page.ledger, state),
+        hours=make_hour_table_rows(page.ledger, state),
         hour_heads=list(HOUR_HEADS),
-        load_pictures=load_pictures(page.ledger, state, page.target),
-        pictures=shift_pictures(state, page.track),
-        losses=[*(each.loss for each in state.torn), *losses_besides_torn_ends(state)],
+        load_pictures=draw_load_pictures(page.ledger, state, page.target),
+        pictures=draw_shift_pictures(state, page.track),
+        losses=[*(each.loss for each in state.torn), *loss_texts_besides_torn_ends(state)],
         totals={name: _make_total_rows(rows) for name, rows in page.totals.items()},
         changes=page.changes,
         verdicts=f"{counted(said, 'cycle')} with a reviewer's verdict",
-        verdict_lines=verdict_lines(page.verdicts),
+        verdict_lines=verdict_file_lines(page.verdicts),
         verdict_file=VERDICTS,
         calibration=page.calibration.says or "none: masses are by the machine file alone",
         friction=_describe_friction(state),
-        energy=energy_table(state),
+        energy=energy_table_by_phase(state),
         energy_phases=[row.phase for row in state.energy.rows if row.cycle is None],
     )
 
@@ -289,7 +289,7 @@ def _list_warnings(page: ReviewPage) -> list[str]:
     state = page.state
     found = missing_load_sentences(page.shift)
     found += torn_log_sentences(state)
-    if losses := losses_besides_torn_ends(state):
+    if losses := loss_texts_besides_torn_ends(state):
         found.append(f"Damaged or incomplete: {counted(len(losses), 'loss')}, listed below.")
     widened = [c.check for c in state.failed if c.consequence == "widen"]
     if widened:
@@ -299,7 +299,7 @@ def _list_warnings(page: ReviewPage) -> list[str]:
         for finding in state.findings[:_MOST_FINDINGS]
     ]
     if page.shift["scale_unknown"]:
-        found.append(f"Scale {scale_text(page.shift)}.")
+        found.append(f"Scale {scale_of_tonnes_text(page.shift)}.")
     return found
 
 

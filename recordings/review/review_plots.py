@@ -19,7 +19,7 @@ _MOST_REASONS: Final = 9
 _FEWEST_LOADS: Final = 5
 
 
-def load_pictures(
+def draw_load_pictures(
     ledger: pl.DataFrame, state: ReviewState, target: TargetCheck | None
 ) -> list[Drawing]:
     """Figures of the loads; none if no load counts, no distribution for a single one.
@@ -32,11 +32,11 @@ def load_pictures(
     counted = ledger.filter("counted")
     if not counted.height:
         return []
-    found = [_draw_timeline(ledger, state)]
-    return [*found, _draw_distribution(counted, target)] if counted.height > 1 else found
+    found = [_draw_payload_timeline(ledger, state)]
+    return [*found, _draw_payload_distribution(counted, target)] if counted.height > 1 else found
 
 
-def shift_pictures(state: ReviewState, track: pl.DataFrame | None) -> list[Drawing]:
+def draw_shift_pictures(state: ReviewState, track: pl.DataFrame | None) -> list[Drawing]:
     """Figures of friction, gate and track for which there are data.
 
     Args:
@@ -53,7 +53,7 @@ def shift_pictures(state: ReviewState, track: pl.DataFrame | None) -> list[Drawi
     return found
 
 
-def _draw_timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
+def _draw_payload_timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
     shown = ledger.filter(pl.col("payload_kg").is_not_null())
     clock = state.clock
     seconds = ((shown["end_unix_ns"] - state.t0_unix_ns) / 1e9).to_list()
@@ -87,7 +87,7 @@ def _draw_timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
     return picture
 
 
-def _draw_distribution(counted: pl.DataFrame, target: TargetCheck | None) -> Drawing:
+def _draw_payload_distribution(counted: pl.DataFrame, target: TargetCheck | None) -> Drawing:
     payload = counted["payload_kg"].to_numpy()
     marks = [] if target is None else [target.target_kg * share for share in (1.0, 1.1, 1.2)]
     low, high = float(min(payload.min(), *marks, payload.max())), float(payload.max())

@@ -25,7 +25,7 @@ from estimators.errors import counted
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import finding_line, findings_of_run
 from recordings.review.torn_logs import TornLog
-from recordings.rrd.provenance_texts import local_time, machine_table
+from recordings.rrd.provenance_texts import local_time_text, machine_table
 from recordings.rrd.recording_texts import machine_name
 
 STATE: Final = "review.json"
@@ -164,7 +164,7 @@ def collect_review_state(
         resolved=resolved,
         t0_unix_ns=about.t0_unix_ns,
         machine=machine_name(about),
-        begins=local_time(about),
+        begins=local_time_text(about),
         can_weigh=verdict.can_weigh,
         failed=tuple(
             FailedCheck(
@@ -195,7 +195,7 @@ def collect_review_state(
         findings=tuple(
             finding_line(e, clock) for e in findings_of_run(run) if e.severity != "tell"
         ),
-        no_cycle=reason_for_no_cycle(frames["cycles"], frames["loads"]),
+        no_cycle=reason_for_no_cycle_text(frames["cycles"], frames["loads"]),
         mixed_machines=mixed_machines,
         timezone=timezone,
         serial=str(body.get("id") or ""),
@@ -208,7 +208,7 @@ def collect_review_state(
     )
 
 
-def read_state(folder: Path) -> ReviewState | None:
+def read_review_state(folder: Path) -> ReviewState | None:
     """Read the state of an earlier review; None if absent or in another format."""
     try:
         state = ReviewState.model_validate_json((folder / STATE).read_bytes())
@@ -218,17 +218,17 @@ def read_state(folder: Path) -> ReviewState | None:
 
 
 def changed_settings_of_review(
-    before: ReviewState | None, resolved: dict[str, Any]
+    previous: ReviewState | None, resolved: dict[str, Any]
 ) -> list[tuple[str, str, str]]:
     """Settings that changed since the previous review: name, old and new value.
 
     Args:
-        before: state of the previous review.
+        previous: state of the previous review.
         resolved: settings of this review.
     """
-    if before is None:
+    if previous is None:
         return []
-    old, new = flatten_texts(before.resolved), flatten_texts(resolved)
+    old, new = flatten_to_texts(previous.resolved), flatten_to_texts(resolved)
     return [
         (name, old.get(name, "–"), new.get(name, "–"))
         for name in sorted(old.keys() | new.keys())
@@ -236,17 +236,17 @@ def changed_settings_of_review(
     ]
 
 
-def flatten_texts(values: Any, name: str = "") -> dict[str, str]:
+def flatten_to_texts(values: Any, name: str = "") -> dict[str, str]:
     """Nested values as texts, by dotted name."""
     if isinstance(values, dict):
         found: dict[str, str] = {}
         for key, value in values.items():  # pyright: ignore[reportUnknownVariableType]
-            found |= flatten_texts(value, f"{name}.{key}" if name else str(key))  # pyright: ignore[reportUnknownArgumentType]
+            found |= flatten_to_texts(value, f"{name}.{key}" if name else str(key))  # pyright: ignore[reportUnknownArgumentType]
         return found
     return {name: str(values)}
 
 
-def reason_for_no_cycle(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
+def reason_for_no_cycle_text(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
     """Why there is no cycle; empty if there is one."""
     if cycles.height:
         return ""

@@ -165,7 +165,7 @@ def parse_verdicts(text: str, folder: Path) -> VerdictFile:
         ) from None
 
 
-def verdict_toml(verdicts: Iterable[CycleVerdict | ShiftVerdict]) -> str:
+def format_verdicts_as_toml(verdicts: Iterable[CycleVerdict | ShiftVerdict]) -> str:
     """Verdicts in TOML; empty values are left out."""
     blocks: list[str] = []
     for verdict in verdicts:
@@ -177,7 +177,7 @@ def verdict_toml(verdicts: Iterable[CycleVerdict | ShiftVerdict]) -> str:
     return "\n".join(blocks)
 
 
-def verdict_lines(text: str) -> list[str]:
+def verdict_file_lines(text: str) -> list[str]:
     """Lines of the file with comments, for a page; invisible characters as their code points."""
     return [
         "".join(_escape_unprintable(c) for c in line.replace("\t", " "))
@@ -185,7 +185,7 @@ def verdict_lines(text: str) -> list[str]:
     ]
 
 
-def match_verdicts(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[int, CycleVerdict]:
+def verdicts_by_row(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[int, CycleVerdict]:
     """Verdict by row index; the later of two verdicts on one cycle counts.
 
     Args:

@@ -14,7 +14,7 @@ from recordings.report.shift_text import K, format_tonnes, shift_payload_sentenc
 from recordings.review.energy_columns import energy_facts
 from recordings.review.review_state import ReviewState
 from recordings.review.shift_ledger import HOLE_S
-from recordings.review.torn_logs import torn_last_log
+from recordings.review.torn_logs import torn_last_log_or_none
 
 #: A headline is no list of all that may be wrong; the table has all.
 _MOST_CHECKS: Final = 3
@@ -36,7 +36,7 @@ def summarise_shift(shift: Mapping[str, Any], why_not: str, state: ReviewState) 
         state: state of the review; if its last log is torn, the end is unknown.
     """
     answer = f"No tonnes: {why_not}" if why_not else shift_payload_sentence(shift)
-    end = torn_last_log(state.torn)
+    end = torn_last_log_or_none(state.torn)
     if end is None or why_not:
         return answer
     return (
@@ -83,7 +83,7 @@ def missing_load_sentences(shift: Mapping[str, Any]) -> list[str]:
     return found
 
 
-def long_hole_sentence(shift: Mapping[str, Any], state: ReviewState) -> str:
+def long_gap_sentence(shift: Mapping[str, Any], state: ReviewState) -> str:
     """Sentence on gaps of minutes and the work they hide; empty if there are none."""
     spans = long_gap_spans_text(state)
     if not spans:
@@ -113,7 +113,7 @@ def torn_log_sentences(state: ReviewState) -> list[str]:
     return [each.sentence(state.clock) for each in state.torn]
 
 
-def losses_besides_torn_ends(state: ReviewState) -> list[str]:
+def loss_texts_besides_torn_ends(state: ReviewState) -> list[str]:
     """Losses other than torn ends of logs."""
     torn = {text for each in state.torn for text in each.losses}
     return [text for text in state.losses if text not in torn]
@@ -149,7 +149,7 @@ def _list_work_facts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tup
     found.append(
         (
             "cycles",
-            f"{shift['cycles']} seen ({_describe_recorded_time(shift)}), "
+            f"{shift['cycles']} seen ({_recorded_time_text(shift)}), "
             f"{shift['cycles_counted']} counted, "
             f"{shift['cycles_rejected']} rejected, {shift['cycles_without_mass']} without a mass",
         )
@@ -211,8 +211,8 @@ def _list_payload_facts(shift: Mapping[str, Any], state: ReviewState) -> list[tu
         ("interval", "95 % (k = 2)"),
         ("repeatability", f"± {K * shift['payload_u_random_kg'] / 1e3:.3f} t"),
         ("systematic", f"± {K * shift['payload_u_common_kg'] / 1e3:.3f} t (does not average out)"),
-        ("scale", scale_text(shift)),
-        ("estimated where nothing was recorded", _describe_lost_time(shift, state)),
+        ("scale", scale_of_tonnes_text(shift)),
+        ("estimated where nothing was recorded", _lost_time_text(shift, state)),
         (
             "estimated for cycles without a mass",
             cycles_and_mass_text(
@@ -238,11 +238,11 @@ def payload_place_text(shift: Mapping[str, Any]) -> str:
     )
 
 
-def _describe_lost_time(shift: Mapping[str, Any], state: ReviewState) -> str:
+def _lost_time_text(shift: Mapping[str, Any], state: ReviewState) -> str:
     lost = cycles_and_mass_text(
         (shift["lost_cycles"], shift["lost_cycles_u"]), (shift["lost_kg"], shift["lost_u_kg"])
     )
-    end = torn_last_log(state.torn)
+    end = torn_last_log_or_none(state.torn)
     if end is None:
         return lost
     unknown = f"unknown after {state.clock.format_time(end.ends_s)}"
@@ -259,7 +259,7 @@ def cycles_and_mass_text(cycles: tuple[float, float], kg: tuple[float, float]) -
     return f"{_format_cycle_count(*cycles)} cycles, {format_tonnes(kg[0], K * kg[1])}"
 
 
-def scale_text(shift: Mapping[str, Any]) -> str:
+def scale_of_tonnes_text(shift: Mapping[str, Any]) -> str:
     """Text on how the scale of the tonnes is fixed, or which sources are unknown."""
     gain = ""
     if shift["gain_1"] is not None:
@@ -305,7 +305,7 @@ def target_sentence(target: TargetCheck) -> str:
     )
 
 
-def warn_of_two_machines(state: ReviewState) -> str:
+def two_machines_warning(state: ReviewState) -> str:
     """Sentence that warns that the logs may be of two machines; empty if there is no sign of it."""
     said = state.mixed_machines
     return f"{said[:1].upper()}{said[1:]}." if said else ""
@@ -315,6 +315,6 @@ def _format_cycle_count(cycles: float, u: float) -> str:
     return f"{cycles:.1f} ± {K * u:.1f}"
 
 
-def _describe_recorded_time(shift: Mapping[str, Any]) -> str:
+def _recorded_time_text(shift: Mapping[str, Any]) -> str:
     boom = "no boom" if shift["boom_dumps"] is None else f"{shift['boom_dumps']} dumps of the boom"
     return f"{shift['digs']} with digging, {boom}"

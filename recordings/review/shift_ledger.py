@@ -119,7 +119,7 @@ def add_motion_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     return add_energy_columns(moved, state)
 
 
-def remark_on_cycle(row: Mapping[str, Any]) -> str:
+def cycle_remark_text(row: Mapping[str, Any]) -> str:
     """Remark on a cycle: why it has no mass or needs checking, or its gap.
 
     Args:
@@ -130,7 +130,7 @@ def remark_on_cycle(row: Mapping[str, Any]) -> str:
     return "; ".join(filter(None, (row["withheld_for"], row["doubt"], hole)))
 
 
-def cycles_of_ledger(rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:
+def cycles_frame_from_ledger(rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:
     """Frame `cycles` of a ledger, without verdicts.
 
     Args:
@@ -175,6 +175,6 @@ def _format_iso_time(time: dt.datetime) -> str:
     return f"{time.astimezone(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
-def safe_cell(text: str) -> str:
+def escape_spreadsheet_formula(text: str) -> str:
     """Text, after an apostrophe if a spreadsheet would evaluate it."""
     return f"'{text}" if re.match(FORMULA, text) else text

@@ -52,6 +52,6 @@ class TornLog(BaseModel):
         return f"at most the last {last} of log {self.number} ({self.name})"
 
 
-def torn_last_log(torn: Iterable[TornLog]) -> TornLog | None:
+def torn_last_log_or_none(torn: Iterable[TornLog]) -> TornLog | None:
     """Last log of the shift if it is torn, so that the end of the shift is unknown; else None."""
     return next((each for each in torn if each.next_s is None), None)

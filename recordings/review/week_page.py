@@ -9,7 +9,7 @@ from analysis.cycles.friction_trend import FrictionDay, FrictionTrend
 from estimators.errors import OutputError, counted
 from recordings.report.atomic_output import atomic_file
 from recordings.report.number_text import SCALE_NOT_KNOWN, format_plus_minus
-from recordings.report.render_page import page_html
+from recordings.report.render_page import render_page_html
 from recordings.report.shift_text import K, format_tonnes
 from recordings.report.svg_shapes import WIDTH, Axes, Drawing
 from recordings.review.review_page import PAGE
@@ -17,7 +17,7 @@ from recordings.review.week_shifts import (
     WeekShift,
     day_text,
     friction_by_machine,
-    trend_friction_by_machine,
+    friction_trend_by_machine,
     trend_sentences,
 )
 from recordings.review.week_totals import (
@@ -25,8 +25,8 @@ from recordings.review.week_totals import (
     GROUPS,
     WeekPart,
     WeekTotal,
-    sum_by_group,
-    sum_week,
+    total_of_week,
+    totals_by_group,
 )
 
 _PACKAGE: Final = "recordings.review"
@@ -63,31 +63,33 @@ def write_week_page(
     if path.is_file() and _MARK not in path.read_text(encoding="utf-8", errors="replace")[:200]:
         raise OutputError(f"{path}: exists already and is not a page of a week; name another file")
     with atomic_file(path, force=True) as stage:
-        text = week_html(parts, shifts, limit_N_s_m, path.parent)
+        text = render_week_html(parts, shifts, limit_N_s_m, path.parent)
         stage.write_text(text.replace("<html", f"{_MARK}\n<html", 1), encoding="utf-8")
 
 
-def week_html(
+def render_week_html(
     parts: Sequence[WeekPart],
     shifts: Sequence[WeekShift],
     limit_N_s_m: float | None,
     folder: Path,
 ) -> str:
     """HTML of the page; arguments as for `write_week_page`, links are relative to `folder`."""
-    whole = sum_week(parts)
+    whole = total_of_week(parts)
     days = sorted({part.day for part in parts})
-    trends = {} if limit_N_s_m is None else trend_friction_by_machine(shifts, limit_N_s_m)
-    by_review = {each.name: each for each in sum_by_group(parts, BY_REVIEW)}
-    return page_html(
+    trends = {} if limit_N_s_m is None else friction_trend_by_machine(shifts, limit_N_s_m)
+    by_review = {each.name: each for each in totals_by_group(parts, BY_REVIEW)}
+    return render_page_html(
         _PACKAGE,
         _TEMPLATE,
         title=f"Week of {', '.join(sorted({shift.machine for shift in shifts}))}",
         days=" to ".join(dict.fromkeys([*days[:1], *days[-1:]])),
         reviews=counted(len(shifts), "review"),
-        headline=week_sentence(parts),
+        headline=week_tonnes_sentence(parts),
         verdicts=f"{whole.rejected} rejected, {whole.noted} with another verdict",
         heads=list(HEADS),
-        tables={by: [_make_total_cells(each) for each in sum_by_group(parts, by)] for by in GROUPS},
+        tables={
+            by: [_make_total_cells(each) for each in totals_by_group(parts, by)] for by in GROUPS
+        },
         shifts=[
             _list_shift_begin_link_and_cells(shift, by_review.get(str(shift.folder)), folder)
             for shift in shifts
@@ -98,9 +100,9 @@ def week_html(
     )
 
 
-def week_sentence(parts: Sequence[WeekPart]) -> str:
+def week_tonnes_sentence(parts: Sequence[WeekPart]) -> str:
     """Tonnes of the week, and whether their ± includes the error of scale."""
-    whole = sum_week(parts)
+    whole = total_of_week(parts)
     scale = "" if all(part.scale_known for part in parts) else f", {SCALE_NOT_KNOWN}"
     sum_text = format_tonnes(whole.payload_kg, K * whole.payload_u_kg)
     return f"{sum_text} in {counted(whole.loads, 'load')}{scale}"

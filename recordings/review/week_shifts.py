@@ -9,12 +9,12 @@ from typing import Final, NamedTuple
 from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, fit_friction_trend
 from analysis.model.physical_units import NS
 from recordings.report.shift_text import K
-from recordings.review.review_state import ReviewState, read_state
+from recordings.review.review_state import ReviewState, read_review_state
 from recordings.review.shift_facts import (
     long_gap_spans_text,
-    losses_besides_torn_ends,
+    loss_texts_besides_torn_ends,
     torn_log_sentences,
-    warn_of_two_machines,
+    two_machines_warning,
 )
 from recordings.review.week_totals import machine_title
 
@@ -40,9 +40,11 @@ class WeekShift(NamedTuple):
     friction: FrictionDay | None
 
 
-def read_shifts(folders: Sequence[Path]) -> list[WeekShift]:
+def read_shifts_of_reviews(folders: Sequence[Path]) -> list[WeekShift]:
     """Shifts in the folders that `read_week` accepts, in order of time."""
-    states = [(folder, state) for folder in folders if (state := read_state(folder)) is not None]
+    states = [
+        (folder, state) for folder in folders if (state := read_review_state(folder)) is not None
+    ]
     states.sort(key=lambda pair: pair[1].t0_unix_ns)
     return [
         WeekShift(
@@ -58,11 +60,11 @@ def read_shifts(folders: Sequence[Path]) -> list[WeekShift]:
 
 def _list_missing_parts(state: ReviewState) -> Iterable[str]:
     if state.mixed_machines:
-        yield warn_of_two_machines(state)
+        yield two_machines_warning(state)
     if gaps := long_gap_spans_text(state):
         yield f"Nothing was recorded {gaps}."
     yield from torn_log_sentences(state)
-    yield from losses_besides_torn_ends(state)
+    yield from loss_texts_besides_torn_ends(state)
 
 
 def _friction_of_state(state: ReviewState) -> FrictionDay | None:
@@ -82,7 +84,7 @@ def friction_by_machine(shifts: Sequence[WeekShift]) -> dict[str, list[FrictionD
     return dict(found)
 
 
-def trend_friction_by_machine(
+def friction_trend_by_machine(
     shifts: Sequence[WeekShift], limit_N_s_m: float
 ) -> dict[str, FrictionTrend]:
     """Trend of friction by machine, and when it reaches the limit."""

@@ -11,9 +11,9 @@ import polars as pl
 from analysis.cycles.shift_totals import sum_cycles
 from analysis.model.physical_units import NS
 from estimators.errors import ReviewError
-from recordings.review.review_state import ReviewState, read_state
-from recordings.review.reviewer_verdicts import match_verdicts, read_verdicts
-from recordings.review.shift_ledger import PARQUET, cycles_of_ledger
+from recordings.review.review_state import ReviewState, read_review_state
+from recordings.review.reviewer_verdicts import read_verdicts, verdicts_by_row
+from recordings.review.shift_ledger import PARQUET, cycles_frame_from_ledger
 
 #: Of a second, in ns.
 NO_DATE: Final = "no date"
@@ -93,7 +93,7 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
     owners: dict[tuple[str, int], Path] = {}
     found: list[WeekPart] = []
     for folder in folders:
-        state = read_state(folder)
+        state = read_review_state(folder)
         if state is None or not (folder / PARQUET).is_file():
             raise ReviewError(
                 f"{folder}: holds no review of this version; create one with payscope review LOG… "
@@ -101,7 +101,7 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
             )
         try:
             rows = pl.read_parquet(folder / PARQUET)
-            cycles = cycles_of_ledger(rows, state.t0_unix_ns)
+            cycles = cycles_frame_from_ledger(rows, state.t0_unix_ns)
         except OSError as error:
             raise ReviewError(
                 f"{folder / PARQUET}: cannot be read ({error.strerror}); review its logs again"
@@ -131,7 +131,7 @@ def _sum_loads_of_parts(
     rows: pl.DataFrame, cycles: pl.DataFrame, state: ReviewState, folder: Path
 ) -> list[WeekPart]:
     verdicts = read_verdicts(folder)
-    by_row = match_verdicts(verdicts, rows["id"], folder)
+    by_row = verdicts_by_row(verdicts, rows["id"], folder)
     rejected = [int(rows["cycle"][row]) for row, each in by_row.items() if each.reject]
     clock = state.clock
     groups: dict[tuple[str, str], list[int]] = defaultdict(list)
@@ -179,7 +179,7 @@ def _sum_energy(
     }
 
 
-def sum_by_group(parts: Sequence[WeekPart], group: str) -> list[WeekTotal]:
+def totals_by_group(parts: Sequence[WeekPart], group: str) -> list[WeekTotal]:
     """Totals by one of `GROUPS`, in its order.
 
     Errors common to the loads of a machine are common to all its shifts and add linearly; machines
@@ -195,7 +195,7 @@ def sum_by_group(parts: Sequence[WeekPart], group: str) -> list[WeekTotal]:
     return [_sum_parts(name, members[name]) for name in sorted(members)]
 
 
-def sum_week(parts: Sequence[WeekPart]) -> WeekTotal:
+def total_of_week(parts: Sequence[WeekPart]) -> WeekTotal:
     """Totals of the whole week."""
     return _sum_parts("all", parts)
 

@@ -14,7 +14,7 @@ from recordings.rrd.display_frames import (
     DisplayColumn,
     axis_range,
     drawn_columns_of_view,
-    span_ns,
+    grid_span_ns,
 )
 from recordings.rrd.plane_pictures import BOUNDS, PlanePicture
 from recordings.rrd.recording_table import TABS
@@ -66,14 +66,14 @@ class Panel:
         return self.kind is not ViewKind.STATES and lines > 1 and not self.named_above
 
     @property
-    def plot_share(self) -> float:
+    def plot_height_share(self) -> float:
         """Fraction of a page's height that the plot needs to show its legend."""
         # lines of one name have one entry
         names = len({each.label for each in self.drawn}) if self.has_legend else 1
         return (_AROUND_PLOT + _NAME * names) / _PAGE
 
     @property
-    def lanes_share(self) -> float:
+    def lanes_height_share(self) -> float:
         """Fraction of the page's height that its lanes need; 0 for a plot."""
         if self.kind is not ViewKind.STATES:
             return 0.0
@@ -106,16 +106,16 @@ def lay_out_run(
     display_frames: Mapping[str, pl.DataFrame],
     texts: Collection[str],
     pictures: Mapping[str, PlanePicture],
-    under: str = "",
+    parent_entity: str = "",
 ) -> "rrb.Blueprint":
     """Lay out a run in tabs, the overview first, with the whole log in view and time paused.
 
     Args:
         run: the run.
-        display_frames: frames from `display_frames`.
+        display_frames: frames from `make_display_frames`.
         texts: names of its texts.
         pictures: pictures from `make_plane_pictures`.
-        under: parent entity; empty for none.
+        parent_entity: parent entity; empty for none.
     """
     pages = [
         Page(
@@ -131,7 +131,7 @@ def lay_out_run(
         # what is not there needs no signals beside it
         if not tab.events or findings_of_run(run)
     ]
-    return lay_out_tabs(pages, unix_span_ns(run), under)
+    return lay_out_tabs(pages, unix_span_of_grid_ns(run), parent_entity)
 
 
 def tab_panels(
@@ -147,7 +147,7 @@ def tab_panels(
     ]
     if all(view in tab.context for view, _ in found):
         return ()
-    by_method = [_split_by_method(panel) for _, panel in found]
+    by_method = [_split_panel_by_method(panel) for _, panel in found]
     if tab.methods is MethodLayout.ROWS:
         methods = dict.fromkeys(method for panels in by_method for method in panels)
         return tuple(
@@ -161,7 +161,7 @@ def _make_panel(view: View, run: Run, display_frames: Mapping[str, pl.DataFrame]
     return Panel(view.title, view.kind, drawn, axis_range(view, run)) if drawn else None
 
 
-def _split_by_method(panel: Panel) -> dict[str, Panel]:
+def _split_panel_by_method(panel: Panel) -> dict[str, Panel]:
     """A panel per method on a common axis; one unnamed panel for a single method."""
     by_frame: dict[str, list[DisplayColumn]] = {}
     for each in panel.drawn:
@@ -176,16 +176,16 @@ def _split_by_method(panel: Panel) -> dict[str, Panel]:
     }
 
 
-def unix_span_ns(run: Run) -> tuple[int, int] | None:
+def unix_span_of_grid_ns(run: Run) -> tuple[int, int] | None:
     """First and last Unix time of a run's grid; None without one."""
-    span, t0_ns = span_ns(run), run.provenance.t0_unix_ns
+    span, t0_ns = grid_span_ns(run), run.provenance.t0_unix_ns
     return None if span is None else (span[0] + t0_ns, span[1] + t0_ns)
 
 
 def lay_out_tabs(
     pages: Sequence[Page],
     span: tuple[int, int] | None,
-    under: str = "",
+    parent_entity: str = "",
     *,
     grows: bool = False,
 ) -> "rrb.Blueprint":
@@ -194,12 +194,12 @@ def lay_out_tabs(
     Args:
         pages: the pages.
         span: visible Unix times in ns; None for all.
-        under: parent entity; empty for none.
+        parent_entity: parent entity; empty for none.
         grows: whether the time cursor stays at the newest row.
     """
     import rerun.blueprint as rrb
 
-    tabs = [tab for page in pages if (tab := _make_tab(page, span, under)) is not None]
+    tabs = [tab for page in pages if (tab := _make_tab(page, span, parent_entity)) is not None]
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0, name="payscope"),
         rrb.TimePanel(
@@ -212,39 +212,44 @@ def lay_out_tabs(
     )
 
 
-def text_entity(name: str, under: str = "") -> str:
+def text_entity_path(name: str, parent_entity: str = "") -> str:
     """Entity path of a text."""
-    return entity_path(f"{ROOT}/text/{name}", under)
+    return entity_path(f"{ROOT}/text/{name}", parent_entity)
 
 
-def picture_entity(name: str, under: str = "") -> str:
+def picture_entity_path(name: str, parent_entity: str = "") -> str:
     """Entity path of a picture."""
-    return entity_path(f"{ROOT}/picture/{name}", under)
+    return entity_path(f"{ROOT}/picture/{name}", parent_entity)
 
 
-def events_entity(under: str = "") -> str:
+def events_entity_path(parent_entity: str = "") -> str:
     """Entity path of the events."""
-    return entity_path(f"{ROOT}/events", under)
+    return entity_path(f"{ROOT}/events", parent_entity)
 
 
-def _make_tab(page: Page, span: tuple[int, int] | None, under: str) -> "rrb.Container | None":
+def _make_tab(
+    page: Page, span: tuple[int, int] | None, parent_entity: str
+) -> "rrb.Container | None":
     import rerun.blueprint as rrb
 
     has_legend = any(panel.has_legend for row in page.rows for panel in row)
     axis = _make_time_axis(span, (_BESIDE if page.texts else _ROOM) if has_legend else 0.0)
     plots = [
-        _place_side_by_side([_make_view(panel, axis, under) for panel in row]) for row in page.rows
+        _place_side_by_side([_make_view(panel, axis, parent_entity) for panel in row])
+        for row in page.rows
     ]
     if page.events:
-        plots.append(rrb.TextLogView(origin=events_entity(under), name="Events"))
+        plots.append(rrb.TextLogView(origin=events_entity_path(parent_entity), name="Events"))
     left, top, right, bottom = BOUNDS
     bounds = rrb.VisualBounds2D(x_range=[left, right], y_range=[top, bottom])
     pictures = [
-        rrb.Spatial2DView(origin=picture_entity(name, under), name=title, visual_bounds=bounds)
+        rrb.Spatial2DView(
+            origin=picture_entity_path(name, parent_entity), name=title, visual_bounds=bounds
+        )
         for name, title in page.pictures
     ]
     documents = [
-        rrb.TextDocumentView(origin=text_entity(name, under), name=name.capitalize())
+        rrb.TextDocumentView(origin=text_entity_path(name, parent_entity), name=name.capitalize())
         for name in page.texts
     ]
     column = [*plots, *pictures]
@@ -270,49 +275,49 @@ def _relative_panel_heights(page: Page) -> list[float]:
     Lanes get the height they need; the other panels are equal, except for tall legends.
     """
     others = page.events + len(page.pictures)
-    lanes = [max(panel.lanes_share for panel in row) for row in page.rows] + [0.0] * others
+    lanes = [max(panel.lanes_height_share for panel in row) for row in page.rows] + [0.0] * others
     shrunk = min(1.0, _MOST_LANES / (sum(lanes) or 1.0))
-    least = [max(panel.plot_share for panel in row) for row in page.rows]
+    least = [max(panel.plot_height_share for panel in row) for row in page.rows]
     least += [_AROUND_PLOT / _PAGE] * others
     plots = [needed for needed, lane in zip(least, lanes, strict=True) if lane == 0.0]
     heights = iter(divide_height(plots, 1.0 - shrunk * sum(lanes)))
     return [shrunk * lane or next(heights) for lane in lanes]
 
 
-def divide_height(least: Sequence[float], room: float) -> list[float]:
+def divide_height(min_heights: Sequence[float], total_height: float) -> list[float]:
     """Share room equally, but with a minimum for each; all shrink if it is too little."""
-    if sum(least) >= room:
-        return [room * each / sum(least) for each in least]
-    level, higher = room / max(len(least), 1), 0
-    while (count := sum(each > level for each in least)) > higher:
+    if sum(min_heights) >= total_height:
+        return [total_height * each / sum(min_heights) for each in min_heights]
+    level, higher = total_height / max(len(min_heights), 1), 0
+    while (count := sum(each > level for each in min_heights)) > higher:
         higher = count
-        taken = sum(each for each in least if each > level)
-        level = (room - taken) / (len(least) - higher)
-    return [max(each, level) for each in least]
+        taken = sum(each for each in min_heights if each > level)
+        level = (total_height - taken) / (len(min_heights) - higher)
+    return [max(each, level) for each in min_heights]
 
 
-def _make_time_axis(span: tuple[int, int] | None, room: float) -> "rrb.TimeAxis":
-    """Time axis of the whole log, plus a fraction `room` for legends."""
+def _make_time_axis(span: tuple[int, int] | None, legend_fraction: float) -> "rrb.TimeAxis":
+    """Time axis of the whole log, plus a fraction `legend_fraction` for legends."""
     import rerun.blueprint as rrb
     from rerun.encodings import TimeRange, TimeRangeBoundary
 
-    if span is None or not room:
+    if span is None or not legend_fraction:
         ends = TimeRangeBoundary.infinite(), TimeRangeBoundary.infinite()
     else:
         begin, end = span
         ends = (
             TimeRangeBoundary.absolute(nanos=begin),
-            TimeRangeBoundary.absolute(nanos=end + round(room * (end - begin))),
+            TimeRangeBoundary.absolute(nanos=end + round(legend_fraction * (end - begin))),
         )
     return rrb.TimeAxis(view_range=TimeRange(start=ends[0], end=ends[1]))
 
 
-def _make_view(panel: Panel, axis: "rrb.TimeAxis", under: str) -> "rrb.View":
+def _make_view(panel: Panel, axis: "rrb.TimeAxis", parent_entity: str) -> "rrb.View":
     import rerun.blueprint as rrb
 
     overrides: dict[EntityPathLike, list[Visualizer]] = {}
     for each in panel.drawn:
-        overrides.setdefault(entity_path(each.frame, under), []).extend(
+        overrides.setdefault(entity_path(each.frame, parent_entity), []).extend(
             _view_visualizers(panel.kind, each)
         )
     contents = [str(entity) for entity in overrides]

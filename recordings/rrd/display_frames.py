@@ -49,7 +49,7 @@ class DisplayColumn:
     """Whether another line lies over it."""
 
 
-def span_ns(run: Run) -> tuple[int, int] | None:
+def grid_span_ns(run: Run) -> tuple[int, int] | None:
     """First and last `t_ns` of a run's grid; None if no frame has times."""
     for name in ("aligned", "excitation", "gate"):
         if name in run.frames and run.frames[name].height:
@@ -58,9 +58,9 @@ def span_ns(run: Run) -> tuple[int, int] | None:
     return None
 
 
-def is_long(run: Run) -> bool:
+def is_drawn_decimated(run: Run) -> bool:
     """Whether this run is drawn decimated."""
-    span = span_ns(run)
+    span = grid_span_ns(run)
     return span is not None and span[1] - span[0] > LONG_NS
 
 
@@ -105,7 +105,7 @@ def drawn_columns_of_view(
         colour = colours.method_colour(method) if method else colours.line_colour(number)
         frame = _display_column_name(name)
         variance = _variance_column_name(series.std) if series.std else None
-        dotted = series.frame in _SHORT or draws_as_points(display_frames[frame][series.column])
+        dotted = series.frame in _SHORT or is_drawn_as_points(display_frames[frame][series.column])
         extremes = (
             view.kind is ViewKind.LINES
             and _extreme_column_name(series.column, "min") in display_frames[frame].columns
@@ -117,12 +117,12 @@ def drawn_columns_of_view(
         drawn += [DisplayColumn(frame, end, label, colour, faint=True) for end in ends]
     if drawn and view.threshold is not None:
         unit = "" if view.unit == "1" else f" {view.unit}"
-        label = f"threshold {_threshold_of_view(run, view):g}{unit}"
+        label = f"threshold {_threshold_setting_of_view(run, view):g}{unit}"
         drawn.append(DisplayColumn(_threshold_frame_name(view), "threshold", label, "#d55e00"))
     return tuple(drawn)
 
 
-def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame]:
+def make_display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame]:
     """Frames that are only drawn, by name under `display/`, with `t_ns`.
 
     Args:
@@ -135,28 +135,30 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
         for series, name in series_of_view(view, run):
             frame = select_arcs(run.frames[name])
             if series.frame == "findings":
-                frame = shortest_findings_first(frame, span_ns(run))
+                frame = shortest_findings_first(frame, grid_span_ns(run))
             if view.kind is ViewKind.STATES:
-                frames[_lane_entity_path(series)] = state_changes(series, frame, _period_ns(run))
+                frames[_lane_entity_path(series)] = rows_of_state_changes(
+                    series, frame, _grid_period_ns(run)
+                )
             elif series.frame in _HELD:
                 frames[_display_column_name(name)] = _hold_rows_to_their_end(
                     numbers_to_draw(name, frame), frame["end_t_ns"]
                 )
             else:
-                asked.setdefault(name, {}).update(bin_expressions(view.kind, series))
-            if view.threshold is not None and (span := span_ns(run)) is not None:
-                level = [_threshold_of_view(run, view)] * 2
+                asked.setdefault(name, {}).update(binned_column_expressions(view.kind, series))
+            if view.threshold is not None and (span := grid_span_ns(run)) is not None:
+                level = [_threshold_setting_of_view(run, view)] * 2
                 frames[_threshold_frame_name(view)] = pl.DataFrame(
                     {"t_ns": span, "threshold": level}
                 )
     for name, wanted in asked.items():
-        if decimate and is_long(run):
+        if decimate and is_drawn_decimated(run):
             frames[_display_column_name(name)] = _decimate_frame(run, name, list(wanted.values()))
         else:
             numbers = numbers_to_draw(name, run.frames[name])
             sparse = entity_parts(name)[0] == "estimates"
             frames[_display_column_name(name)] = (
-                break_at_gaps(numbers, _period_ns(run)) if sparse else numbers
+                break_at_gaps(numbers, _grid_period_ns(run)) if sparse else numbers
             )
     return frames
 
@@ -202,7 +204,7 @@ def _extreme_column_name(column: str, end: str) -> str:
     return f"{column}_{end}"
 
 
-def _threshold_of_view(run: Run, view: View) -> float:
+def _threshold_setting_of_view(run: Run, view: View) -> float:
     return float(run.provenance.settings.value(str(view.threshold)))
 
 
@@ -211,7 +213,7 @@ _MANY_LINES: Final = 12
 _SHORT_LINE: Final = 3
 
 
-def draws_as_points(numbers: pl.Series) -> bool:
+def is_drawn_as_points(numbers: pl.Series) -> bool:
     """Whether most values are isolated, or in many short lines."""
     there = numbers.is_not_null().to_numpy()
     edges = np.diff(there, prepend=False, append=False)
@@ -221,7 +223,7 @@ def draws_as_points(numbers: pl.Series) -> bool:
     return 2 * alone > count or short
 
 
-def _period_ns(run: Run) -> int:
+def _grid_period_ns(run: Run) -> int:
     """Period of the grid."""
     return round(NS / run.provenance.settings.align.rate_hz)
 
@@ -286,7 +288,7 @@ def shortest_findings_first(findings: pl.DataFrame, span: tuple[int, int] | None
     return pl.DataFrame(parts, schema=dict(zip(names, types, strict=True)), orient="row")
 
 
-def state_changes(series: ViewSeries, frame: pl.DataFrame, period_ns: int) -> pl.DataFrame:
+def rows_of_state_changes(series: ViewSeries, frame: pl.DataFrame, period_ns: int) -> pl.DataFrame:
     """Rows at which a state begins; null in holes and after the last one."""
     column = pl.col(series.column)
     if frame.schema[series.column] == pl.Boolean:
@@ -307,16 +309,16 @@ def state_changes(series: ViewSeries, frame: pl.DataFrame, period_ns: int) -> pl
     return states.filter(changed | (pl.int_range(pl.len()) == 0))
 
 
-def _decimate_frame(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
-    span = span_ns(run)
+def _decimate_frame(run: Run, name: str, expressions: list[pl.Expr]) -> pl.DataFrame:
+    span = grid_span_ns(run)
     assert span is not None
     width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * NS)), 1), 10) * NS
     # narrower than the grid's step most bins were empty, and no line would be drawn
-    width_ns = max(width_ns, _period_ns(run))
-    return bin_frame_rows(run.frames[name], wanted, span, width_ns)
+    width_ns = max(width_ns, _grid_period_ns(run))
+    return bin_frame_rows(run.frames[name], expressions, span, width_ns)
 
 
-def bin_expressions(kind: ViewKind, series: ViewSeries) -> dict[str, pl.Expr]:
+def binned_column_expressions(kind: ViewKind, series: ViewSeries) -> dict[str, pl.Expr]:
     """Expressions for the binned columns of a series."""
     numbers = pl.col(series.column)
     if kind is ViewKind.BANDS:

@@ -21,8 +21,8 @@ def iter_drawn_batches(
     name: str,
     frame: pl.DataFrame,
     t0_unix_ns: int,
-    under: str = "",
-    at: "Mapping[str, pa.Scalar]" = MappingProxyType({}),
+    parent_entity: str = "",
+    extra_times: "Mapping[str, pa.Scalar]" = MappingProxyType({}),
 ) -> "Iterator[pa.RecordBatch]":
     """Record batches of a frame, with the timelines as first columns.
 
@@ -30,18 +30,18 @@ def iter_drawn_batches(
         name: name of the frame.
         frame: frame with `t_ns`, and floats or texts.
         t0_unix_ns: Unix time of `t_ns` 0.
-        under: parent entity; empty for none.
-        at: additional timelines, each with one time for all rows.
+        parent_entity: parent entity; empty for none.
+        extra_times: additional timelines, each with one time for all rows.
     """
     import pyarrow as pa
 
-    entity = entity_path(name, under)
+    entity = entity_path(name, parent_entity)
     for part in frame.iter_slices(_ROWS):
         since_start = part["t_ns"]
         arrays: dict[str, pa.Array] = {
             TIME: (since_start + t0_unix_ns).to_arrow().cast(pa.timestamp("ns")),
             SINCE_START: since_start.to_arrow().cast(pa.duration("ns")),
-            **{timeline: pa.repeat(time, part.height) for timeline, time in at.items()},
+            **{timeline: pa.repeat(time, part.height) for timeline, time in extra_times.items()},
         }
         fields = [pa.field(name, array.type) for name, array in arrays.items()]
         # a list of one value a row: a bare null would become a row without any value

@@ -39,7 +39,7 @@ class PipedFile:
         """Bytes written to the file so far."""
         return self._path.stat().st_size if self._path.exists() else 0
 
-    def opened(self) -> None:
+    def close_writing_end(self) -> None:
         """Note that the library has opened the pipe; the file ends when it closes it."""
         if self._write >= 0:
             os.close(self._write)
@@ -51,7 +51,7 @@ class PipedFile:
         Raises:
             OSError: part of it could not be written.
         """
-        self.opened()
+        self.close_writing_end()
         if self._thread is not None:
             self._thread.join()
         self.check()
@@ -92,5 +92,5 @@ def open_piped_file(path: Path) -> Generator[PipedFile]:
     try:
         yield piped
     finally:
-        piped.opened()
+        piped.close_writing_end()
     piped.wait()

@@ -18,7 +18,7 @@ from recordings.report.force_acceleration import (
     ACCELERATION,
     ACCELERATION_LABEL,
     FORCE,
-    force_acceleration,
+    select_force_acceleration,
 )
 from recordings.report.svg_shapes import Axes, round_ticks
 
@@ -81,9 +81,9 @@ class PlanePicture:
 def make_plane_pictures(run: Run) -> dict[str, PlanePicture]:
     """Pictures for which this run has data, by name."""
     drawn = {
-        "scatter": _draw_scatter(run),
-        "line": _draw_calibration_line_picture(run),
-        "errors": _draw_errors(run),
+        "scatter": _make_force_acceleration_picture(run),
+        "line": _make_calibration_line_picture(run),
+        "errors": _make_load_errors_picture(run),
     }
     return {name: picture for name, picture in drawn.items() if picture is not None}
 
@@ -108,7 +108,7 @@ def send_picture(recording: "RecordingStream", entity: str, picture: PlanePictur
     ink = colours.pack_rgba(_GRID)
     frame = rr.LineStrips2D(grid, colors=ink, radii=thin, draw_order=0.0)
     recording.log(f"{entity}/grid", frame, static=True)
-    places, texts, inks = zip(*label_axes(axes, picture), strict=True)
+    places, texts, inks = zip(*iter_axis_labels(axes, picture), strict=True)
     written = rr.Points2D(places, labels=texts, colors=inks, radii=0.0, show_labels=True)
     recording.log(f"{entity}/text", written, static=True)
     for number, each in enumerate(picture.series):
@@ -130,7 +130,9 @@ def _make_grid_lines(axes: Axes) -> Iterator[tuple[float, float, float, float]]:
         yield axes.x[0], value, axes.x[1], value
 
 
-def label_axes(axes: Axes, picture: PlanePicture) -> Iterator[tuple[tuple[float, float], str, int]]:
+def iter_axis_labels(
+    axes: Axes, picture: PlanePicture
+) -> Iterator[tuple[tuple[float, float], str, int]]:
     """Position, text and colour of numbers, labels and legend."""
     left, top, right, bottom = _BOX
     ink = colours.pack_rgba(_INK)
@@ -150,8 +152,8 @@ def label_axes(axes: Axes, picture: PlanePicture) -> Iterator[tuple[tuple[float,
         yield place, each.label, colours.pack_rgba(each.colour)
 
 
-def _draw_scatter(run: Run) -> PlanePicture | None:
-    found = force_acceleration(run)
+def _make_force_acceleration_picture(run: Run) -> PlanePicture | None:
+    found = select_force_acceleration(run)
     if found is None:
         return None
     series: list[PlaneSeries] = []
@@ -169,10 +171,10 @@ def _draw_scatter(run: Run) -> PlanePicture | None:
     )
 
 
-def _draw_calibration_line_picture(run: Run) -> PlanePicture | None:
+def _make_calibration_line_picture(run: Run) -> PlanePicture | None:
     """Picture of a calibration's points and line, by method; None without data."""
     series: list[PlaneSeries] = []
-    for name, colour, points in _calibrated_methods(run):
+    for name, colour, points in _iter_calibrated_methods(run):
         estimate, reference = points["estimate_kg"].to_numpy(), points["reference_kg"].to_numpy()
         series.append(PlaneSeries(name, colour, estimate, reference - estimate))
         alpha, beta = points["alpha_1"][0], points["beta_kg"][0]
@@ -186,10 +188,10 @@ def _draw_calibration_line_picture(run: Run) -> PlanePicture | None:
     )
 
 
-def _draw_errors(run: Run) -> PlanePicture | None:
+def _make_load_errors_picture(run: Run) -> PlanePicture | None:
     """Picture of each load's residual and leave-one-out error; None without data."""
     series: list[PlaneSeries] = []
-    methods = list(_calibrated_methods(run))
+    methods = list(_iter_calibrated_methods(run))
     for number, (name, colour, points) in enumerate(methods):
         # methods of one load beside each other
         aside_1 = (number - (len(methods) - 1) / 2.0) * _ASIDE
@@ -227,7 +229,7 @@ def error_limit_lines(run: Run) -> list[tuple[str, float]]:
     return [("", 0.0), (later, interval_kg), ("", -interval_kg)]
 
 
-def _calibrated_methods(run: Run) -> Iterator[tuple[str, str, pl.DataFrame]]:
+def _iter_calibrated_methods(run: Run) -> Iterator[tuple[str, str, pl.DataFrame]]:
     """Name, colour and points of each calibrated method; evidence has one."""
     evidence, line = (run.frames.get(name, pl.DataFrame()) for name in ("points", "line"))
     if evidence.height and line.height:

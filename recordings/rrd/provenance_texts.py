@@ -10,12 +10,12 @@ from recordings.report.clock_text import ShiftClock
 from recordings.report.number_text import format_number, markdown_table
 
 
-def local_time(about: Provenance, t_ns: int = 0) -> str:
+def local_time_text(provenance: Provenance, t_ns: int = 0) -> str:
     """Local time of a time since the start; without a date if the log has none."""
-    stamp_ns = about.t0_unix_ns + t_ns
+    stamp_ns = provenance.t0_unix_ns + t_ns
     if stamp_ns < FIRST_DATE_NS:
         return f"{stamp_ns / NS:.3f} s of the log's own clock"
-    clock = ShiftClock(timezone_text(about), stamp_ns, 0.0)
+    clock = ShiftClock(timezone_text(provenance), stamp_ns, 0.0)
     return f"{clock.to_local_datetime(0.0):%Y-%m-%d} {clock.format_time(0.0)} {clock.zone}"
 
 
@@ -47,7 +47,7 @@ def provenance_markdown(run: Run) -> str:
         [
             "# Inputs",
             markdown_table(("file", "bytes", "SHA-256"), inputs),
-            f"First aligned sample: {local_time(about)} "
+            f"First aligned sample: {local_time_text(about)} "
             f"({about.t0_unix_ns} ns since 1970-01-01 UTC)",
             "# Fingerprint",
             _format_fingerprint(about),
@@ -68,9 +68,9 @@ def provenance_markdown(run: Run) -> str:
     )
 
 
-def _format_fingerprint(about: Provenance) -> str:
+def _format_fingerprint(provenance: Provenance) -> str:
     """Digests in full, including those of the frames."""
-    taken = about.fingerprint
+    taken = provenance.fingerprint
     if taken is None:
         return "none"
     whole = {"inputs": taken.inputs, "settings": taken.settings, "results": taken.results}
@@ -78,12 +78,12 @@ def _format_fingerprint(about: Provenance) -> str:
     return markdown_table(("SHA-256 of", "digest"), digests)
 
 
-def machine_table(about: Provenance) -> dict[str, Any]:
+def machine_table(provenance: Provenance) -> dict[str, Any]:
     """Table `machine` of the machine file."""
-    body = about.machine.get("machine", {})
+    body = provenance.machine.get("machine", {})
     return body if isinstance(body, dict) else {}
 
 
-def timezone_text(about: Provenance) -> str:
+def timezone_text(provenance: Provenance) -> str:
     """Time zone of the machine file."""
-    return str(machine_table(about).get("timezone", "UTC"))
+    return str(machine_table(provenance).get("timezone", "UTC"))

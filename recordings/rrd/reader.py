@@ -47,11 +47,11 @@ def read_recording(path: str | Path, *, stored_names: bool = False) -> Run:
         manifest, provenance = held.manifest, held.provenance
         frames = {frame.name: held.read(frame.name) for frame in manifest.frames}
     heights = {name: frame.height for name, frame in frames.items()}
-    return Run(frames, note_missing_rows(path, manifest, provenance, heights))
+    return Run(frames, add_losses_of_missing_rows(path, manifest, provenance, heights))
 
 
-def note_missing_rows(
-    path: str | Path, manifest: Manifest, provenance: Provenance, heights: Mapping[str, int]
+def add_losses_of_missing_rows(
+    path: str | Path, manifest: Manifest, provenance: Provenance, row_counts: Mapping[str, int]
 ) -> Provenance:
     """Provenance with a loss for each incomplete frame.
 
@@ -59,16 +59,16 @@ def note_missing_rows(
         path: the recording.
         manifest: manifest of the recording.
         provenance: provenance of the recording.
-        heights: rows found, by frame.
+        row_counts: rows found, by frame.
     """
     lost = tuple(
         Loss(
             source=Path(path).name,
             topic=stored.name,
-            what=f"the recording has {heights[stored.name]} of {stored.rows} rows",
+            what=f"the recording has {row_counts[stored.name]} of {stored.rows} rows",
         )
         for stored in manifest.frames
-        if heights[stored.name] != stored.rows
+        if row_counts[stored.name] != stored.rows
     )
     return provenance.model_copy(update={"losses": (*provenance.losses, *lost)})
 
@@ -93,7 +93,7 @@ def read_provenance(path: str | Path) -> Provenance:
         return held.provenance
 
 
-def stage_columns(path: str | Path) -> dict[str, tuple[str, ...]]:
+def columns_by_frame(path: str | Path) -> dict[str, tuple[str, ...]]:
     """Names of a recording's frames in pipeline order, with their columns.
 
     Raises:
@@ -126,7 +126,7 @@ class OpenRecording:
         """Columns of each frame, by name, in pipeline order."""
         return {each.name: tuple(c.name for c in each.columns) for each in self.manifest.frames}
 
-    def refuse_without_stages(self) -> None:
+    def refuse_without_frames(self) -> None:
         """Raise an error for a recording without frames, such as an overlay of two others.
 
         Raises:

@@ -39,7 +39,7 @@ def recording_properties(run: Run) -> dict[str, Value]:
     found: dict[str, Value | None] = {
         "machine": str(body.get("name", "")),
         "serial": str(body.get("id") or ""),
-        "day": _recording_day(about),
+        "day": _recording_day_text(about),
         "logs": ", ".join(each.name for each in about.inputs),
         "verdict": _summarise_verdict(said.verdict),
         "can_weigh": said.verdict.can_weigh if said.verdict.checks else None,
@@ -76,8 +76,8 @@ def _summarise_verdict(verdict: Verdict) -> str:
     return f"cannot weigh: {', '.join(failed)}" if failed else "can weigh"
 
 
-def _recording_day(about: Provenance) -> str:
-    if about.t0_unix_ns < FIRST_DATE_NS:
+def _recording_day_text(provenance: Provenance) -> str:
+    if provenance.t0_unix_ns < FIRST_DATE_NS:
         return ""
-    zone = ZoneInfo(str(about.machine.get("machine", {}).get("timezone", "UTC")))
-    return f"{datetime.fromtimestamp(about.t0_unix_ns // NS, UTC).astimezone(zone):%Y-%m-%d}"
+    zone = ZoneInfo(str(provenance.machine.get("machine", {}).get("timezone", "UTC")))
+    return f"{datetime.fromtimestamp(provenance.t0_unix_ns // NS, UTC).astimezone(zone):%Y-%m-%d}"

@@ -380,7 +380,7 @@ def frames_of_series(series: ViewSeries, frames: Iterable[str]) -> tuple[str, ..
     return tuple(name for name in frames if entity_parts(name)[0] == series.frame)
 
 
-def drawn_columns(frame: str, columns: Iterable[str]) -> tuple[str, ...]:
+def drawn_column_names(frame: str, columns: Iterable[str]) -> tuple[str, ...]:
     """Columns of a frame that a view draws, and those that order its rows."""
     family = entity_parts(frame)[0]
     wanted = {"t_ns", "start_t_ns", "end_t_ns", "axis", "kind", "rank"} | {

@@ -13,8 +13,8 @@ from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import (
     finding_line,
+    findings_markdown,
     findings_of_run,
-    findings_text,
 )
 from recordings.report.number_text import (
     SCALE_NOT_KNOWN,
@@ -27,15 +27,15 @@ from recordings.report.planar_text import planar_fit_lines, planar_markdown
 from recordings.report.shift_text import shift_payload_sentence
 from recordings.report.worth_text import (
     answer_lines,
-    best_known_load,
     budget_rows,
     load_sentences,
-    table_heads_of_loads,
-    table_rows_of_loads,
+    load_table_heads,
+    load_table_rows,
+    number_of_best_known_load,
 )
-from recordings.rrd.display_frames import span_ns
+from recordings.rrd.display_frames import grid_span_ns
 from recordings.rrd.provenance_texts import (
-    local_time,
+    local_time_text,
     machine_table,
     provenance_markdown,
     settings_markdown,
@@ -58,11 +58,11 @@ _MASS_COLUMNS: Final = (
 )
 
 
-def recording_markdown(run: Run) -> dict[str, str]:
+def markdown_by_text_name(run: Run) -> dict[str, str]:
     """All texts for which this run has content, by name."""
     written: dict[str, Callable[[Run], str]] = {
-        "answer": format_answer,
-        "findings": findings_text,
+        "answer": answer_markdown,
+        "findings": findings_markdown,
         "planar": planar_markdown,
         "calibration": calibration_markdown,
         "settings": settings_markdown,
@@ -71,15 +71,15 @@ def recording_markdown(run: Run) -> dict[str, str]:
     return {name: text for name, write in written.items() if (text := write(run))}
 
 
-def recording_name(about: Provenance) -> str:
-    """Name of a recording in the viewer, from its machine and logs."""
-    logs = ", ".join(each.name for each in about.inputs)
-    return ": ".join(filter(None, (machine_name(about), logs))) or "payscope"
+def recording_name_in_viewer(provenance: Provenance) -> str:
+    """Name of a recording in the viewer: its machine and logs."""
+    logs = ", ".join(each.name for each in provenance.inputs)
+    return ": ".join(filter(None, (machine_name(provenance), logs))) or "payscope"
 
 
-def machine_name(about: Provenance) -> str:
+def machine_name(provenance: Provenance) -> str:
     """Name in the machine file; empty without one."""
-    return str(machine_table(about).get("name", ""))
+    return str(machine_table(provenance).get("name", ""))
 
 
 #: What the times on the axes of the viewer are.
@@ -101,7 +101,7 @@ def answer_headline(answer: Answer) -> str:
     if len(answer.loads) > 1:
         return (
             shift_payload_sentence(answer.shift)
-            if is_shift(answer)
+            if has_payload_total(answer)
             else _several_loads_text(answer)
         )
     for load in answer.loads:
@@ -121,7 +121,7 @@ def answer_headline(answer: Answer) -> str:
     return "No window of this log was accepted: there is no mass."
 
 
-def is_shift(answer: Answer) -> bool:
+def has_payload_total(answer: Answer) -> bool:
     """Whether the log's cycles add up to a payload total."""
     return bool(answer.shift.get("cycles_counted"))
 
@@ -138,10 +138,10 @@ def _several_loads_text(answer: Answer) -> str:
     )
 
 
-def format_summary(run: Run) -> str:
+def summary_lines_text(run: Run) -> str:
     """The answer in plain lines, headline first."""
     about, said = run.provenance, answer(run)
-    lines = [answer_headline(said), f"{recording_name(about)} · {local_time(about)}"]
+    lines = [answer_headline(said), f"{recording_name_in_viewer(about)} · {local_time_text(about)}"]
     lines += answer_lines(said)[1:]
     if len(said.loads) > 1:
         lines += load_sentences(said, _MOST_LINES)
@@ -175,18 +175,18 @@ def format_summary(run: Run) -> str:
     return "\n".join(lines)
 
 
-def format_answer(run: Run) -> str:
+def answer_markdown(run: Run) -> str:
     """Masses, verdict with every check, and notes for the reader."""
     if "points" in run.frames:
         return ""  # of evidence, which is about many logs
-    about, span, said = run.provenance, span_ns(run), answer(run)
+    about, span, said = run.provenance, grid_span_ns(run), answer(run)
     duration = f", {(span[1] - span[0]) / NS:,.1f} s" if span else ""
     parts = [
         f"# {answer_headline(said)}",
-        f"{machine_name(about) or 'machine without a name'} · {local_time(about)}{duration}",
+        f"{machine_name(about) or 'machine without a name'} · {local_time_text(about)}{duration}",
     ]
     parts.append(_AXES if about.t0_unix_ns >= FIRST_DATE_NS else _AXES_WITHOUT_DATE)
-    if is_shift(said):
+    if has_payload_total(said):
         parts.append("As weighed; the verdicts of reviewers are on the page of the review.")
     if failed := said.verdict.withholding_checks("mass"):
         parts.append("**The mass is withheld**, because:")
@@ -202,7 +202,7 @@ def format_answer(run: Run) -> str:
         parts.append(
             "\n".join(f"- **{each.rank}** {finding_line(each)}" for each in found[:_FOUND])
         )
-    parts += _describe_reliability(said, _make_cycle_lines(run) if is_shift(said) else [])
+    parts += _describe_reliability(said, _make_cycle_lines(run) if has_payload_total(said) else [])
     if len(said.loads) > 1:
         parts.append("The paper's methods give one mass per log, and are not shown.")
     else:
@@ -321,9 +321,9 @@ def _describe_reliability(answer: Answer, cycles: list[str]) -> list[str]:
     if len(answer.loads) > 1:
         parts += cycles or [
             "## Loads",
-            markdown_table(table_heads_of_loads(answer), table_rows_of_loads(answer)),
+            markdown_table(load_table_heads(answer), load_table_rows(answer)),
         ]
-        which = f" (mass of load {best_known_load(answer)})"
+        which = f" (mass of load {number_of_best_known_load(answer)})"
     parts += [
         f"## Where the uncertainty comes from{which}",
         "\n".join(
@@ -344,7 +344,7 @@ def _describe_reliability(answer: Answer, cycles: list[str]) -> list[str]:
 
 def _make_cycle_lines(run: Run) -> list[str]:
     """Lines of a shift's cycles, with the local time of each dump."""
-    about, span = run.provenance, span_ns(run)
+    about, span = run.provenance, grid_span_ns(run)
     duration_s = 0.0 if span is None else (span[1] - span[0]) / NS
     clock = ShiftClock(timezone_text(about), about.t0_unix_ns, duration_s)
     rows = [

@@ -9,7 +9,7 @@ import polars as pl
 from analysis.model.physical_units import NS
 from analysis.model.run_record import Run
 from estimators.errors import RecordingError
-from recordings.rrd.reader import note_missing_rows, open_recording, read_recording
+from recordings.rrd.reader import add_losses_of_missing_rows, open_recording, read_recording
 
 #: Later than any recording, and still whole nanoseconds.
 LATEST_S: Final = 1e9
@@ -35,7 +35,7 @@ def read_window(
     whole_run = from_s is None and to_s is None
     if whole_run and raw:
         return read_recording(path)
-    check_stretch(path, from_s, to_s)
+    refuse_invalid_time_range(path, from_s, to_s)
     stretch = _describe_ends(from_s, to_s)
     begin, end = (
         None if each is None else round(min(max(each, -LATEST_S), LATEST_S) * NS)
@@ -44,7 +44,7 @@ def read_window(
     frames: dict[str, pl.DataFrame] = {}
     heights: dict[str, int] = {}
     with open_recording(path) as held:
-        held.refuse_without_stages()
+        held.refuse_without_frames()
         for stored in held.manifest.frames:
             if not raw and stored.name.startswith("raw/"):
                 heights[stored.name] = stored.rows
@@ -56,14 +56,14 @@ def read_window(
                 raise RecordingError(
                     f"{path}: has no data {stretch}; it has {_describe_span(whole)}"
                 )
-    about = note_missing_rows(path, held.manifest, held.provenance, heights)
+    about = add_losses_of_missing_rows(path, held.manifest, held.provenance, heights)
     if whole_run:
         return Run(frames, about)
     note = f"a stretch of {Path(path).name}, {stretch}"
     return Run(frames, about.model_copy(update={"notes": (*about.notes, note)}))
 
 
-def check_stretch(path: str | Path, from_s: float | None, to_s: float | None) -> None:
+def refuse_invalid_time_range(path: str | Path, from_s: float | None, to_s: float | None) -> None:
     """Raise an error for an invalid time range.
 
     Args:

@@ -139,7 +139,9 @@ class StoredFrame(BaseModel):
         """
         import pyarrow as pa
 
-        found = [_read_blocks(batches, component_name(column.name)) for column in columns]
+        found = [
+            _block_values_by_first_row(batches, component_name(column.name)) for column in columns
+        ]
         # of a damaged recording some blocks may have lost a column: only whole rows are rows
         whole = sorted(set.intersection(*(set(each) for each in found))) if found else []
         series: list[pl.Series] = []
@@ -152,7 +154,9 @@ class StoredFrame(BaseModel):
         return pl.DataFrame(series)
 
 
-def _read_blocks(batches: "Sequence[pa.RecordBatch]", name: str) -> "dict[int, pa.Array]":
+def _block_values_by_first_row(
+    batches: "Sequence[pa.RecordBatch]", name: str
+) -> "dict[int, pa.Array]":
     """Values of a column by the first row of their block.
 
     `rerun rrd optimize` stores thin columns apart from thick ones, so each batch may lack columns.
@@ -181,10 +185,10 @@ class Manifest(BaseModel):
         return next((frame for frame in self.frames if frame.name == name), None)
 
 
-def entity_path(frame: str, under: str = "") -> str:
+def entity_path(frame: str, parent_entity: str = "") -> str:
     """Entity path of a frame in Rerun's spelling, below an existing path."""
     import rerun as rr
 
-    prefix = under.strip("/")
+    prefix = parent_entity.strip("/")
     path = rr.new_entity_path(list(entity_parts(frame)))
     return f"/{prefix}{path}" if prefix else path

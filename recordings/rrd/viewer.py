@@ -55,11 +55,11 @@ def open_viewer(path: str | Path, at_s: float | None = None) -> subprocess.Popen
     t0_ns = read_provenance(path).t0_unix_ns
     with tempfile.TemporaryFile() as log:
         process, port = start_viewer_process(Path(path), log)
-        client = wait_until_connected(
+        client = wait_for_viewer_client(
             process, port, log, "a screen; without one, use `payscope plot`"
         )
     if at_s is not None:
-        _set_time(client, t0_ns + round(at_s * 1e9))
+        _set_time_cursor(client, t0_ns + round(at_s * 1e9))
     return process
 
 
@@ -74,7 +74,7 @@ def start_viewer() -> str:
     """
     with tempfile.TemporaryFile() as log:
         process, port = start_viewer_process(None, log)
-        wait_until_connected(
+        wait_for_viewer_client(
             process, port, log, "a screen; without one, leave out --live", waiting=True
         )
     return _viewer_address(port)
@@ -91,22 +91,22 @@ def list_shown_recordings(address: str) -> tuple[str, ...]:
     return tuple(each.store_id for each in state.recordings)
 
 
-def replace_recording(address: str, before: Sequence[str]) -> None:
+def replace_recording(address: str, earlier_ids: Sequence[str]) -> None:
     """Put the newest recording in place of the previous one, and close older ones.
 
     A viewer that was closed is ignored.
 
     Args:
         address: address of the viewer.
-        before: ids in the viewer before the newest came (`list_shown_recordings`).
+        earlier_ids: ids in the viewer before the newest came (`list_shown_recordings`).
     """
     from rerun.experimental import ViewerClient
 
     try:
         client = ViewerClient.connect(address)
         held = {each.store_id: each for each in client.get_state().recordings}
-        new = [each for each in held if each not in before]
-        old = [each for each in before if each in held]
+        new = [each for each in held if each not in earlier_ids]
+        old = [each for each in earlier_ids if each in held]
         if not (new and old):
             return
         now_ns = held[old[-1]].current_time
@@ -119,7 +119,7 @@ def replace_recording(address: str, before: Sequence[str]) -> None:
         return
 
 
-def screenshot_recording(
+def take_screenshots_of_recording(
     path: str | Path, folder: str | Path, tab: str | None = None, at_s: float | None = None
 ) -> list[Screenshot]:
     """Take screenshots of a recording's tabs in the viewer, without a display.
@@ -141,13 +141,15 @@ def screenshot_recording(
     if not folder.is_dir():
         raise OutputError(f"{folder}: no such folder; create it first")
     t0_ns = read_provenance(path).t0_unix_ns
-    return photograph_tabs(path, folder, tab, None if at_s is None else t0_ns + round(at_s * 1e9))
+    return take_screenshots_of_file(
+        path, folder, tab, None if at_s is None else t0_ns + round(at_s * 1e9)
+    )
 
 
-def photograph_tabs(
+def take_screenshots_of_file(
     path: str | Path, folder: Path, tab: str | None = None, at_unix_ns: int | None = None
 ) -> list[Screenshot]:
-    """Take screenshots like `screenshot_recording`, of any file that the viewer opens.
+    """Take screenshots like `take_screenshots_of_recording`, of any file that the viewer opens.
 
     Args:
         path: a recording, or a log with an importer.
@@ -161,50 +163,50 @@ def photograph_tabs(
     """
     with run_headless_viewer(Path(path)) as (client, _):
         if at_unix_ns is not None:
-            _set_time(client, at_unix_ns)
+            _set_time_cursor(client, at_unix_ns)
         whole = client.get_blueprint("recording").blueprint
-        tabs = _tabs_by_title(whole)
+        tabs = _find_tabs_container(whole)
         names = [_tab_title(whole, entity) for entity in _list_children(tabs)]
         if tab is not None and tab.casefold() not in map(str.casefold, names):
             raise RecordingError(f"{path}: shows no tab '{tab}'; {nearest(tab, names)}")
-        return list(_take_pictures(client, folder, whole, tabs, tab))
+        return list(_take_pictures_of_tabs(client, folder, whole, tabs, tab))
 
 
-def _tabs_by_title(whole: dict[str, Any]) -> dict[str, Any]:
+def _find_tabs_container(blueprint: dict[str, Any]) -> dict[str, Any]:
     """Container of the tabs in a blueprint, by title."""
     return next(
         layout["ContainerBlueprint"]
-        for layout in whole.values()
+        for layout in blueprint.values()
         if layout.get("ContainerBlueprint", {}).get("container_kind") == "Tabs"
     )
 
 
-def _tab_title(whole: dict[str, Any], entity: str) -> str:
-    return whole[f"/{entity}"]["ContainerBlueprint"]["display_name"]
+def _tab_title(blueprint: dict[str, Any], entity: str) -> str:
+    return blueprint[f"/{entity}"]["ContainerBlueprint"]["display_name"]
 
 
-def _set_time(client: "ViewerClient", at_unix_ns: int) -> None:
+def _set_time_cursor(client: "ViewerClient", at_unix_ns: int) -> None:
     client.set_time(TIME, timestamp=np.datetime64(at_unix_ns, "ns"), play_state="paused")
 
 
-def _take_pictures(
+def _take_pictures_of_tabs(
     client: "ViewerClient",
     folder: Path,
-    whole: dict[str, Any],
+    blueprint: dict[str, Any],
     tabs: dict[str, Any],
     tab: str | None,
 ) -> Iterator[Screenshot]:
     """Open the tabs one after the other, and take a picture of each."""
     for number, entity in enumerate(_list_children(tabs)):
-        name = _tab_title(whole, entity)
+        name = _tab_title(blueprint, entity)
         if tab is not None and tab.casefold() != name.casefold():
             continue
         tabs["active_tab"] = entity
-        client.set_blueprint(whole, "recording")
+        client.set_blueprint(blueprint, "recording")
         # a tab of an imported log is called like its topic
         png = folder / f"{number:02}-{name.lower().strip('/').replace('/', '-')}.png"
         png.write_bytes(_wait_for_still_picture(client))
-        shown = set(_iter_view_ids(whole, entity))
+        shown = set(_iter_view_ids(blueprint, entity))
         errors = tuple(
             f"{view.name}: {report.summary}"
             for view in client.get_state().views
@@ -231,14 +233,14 @@ def _list_children(container: dict[str, Any]) -> list[str]:
     return [contents] if isinstance(contents, str) else contents
 
 
-def _iter_view_ids(whole: dict[str, Any], entity: str) -> Iterator[str]:
+def _iter_view_ids(blueprint: dict[str, Any], entity: str) -> Iterator[str]:
     """Ids of the views in a container, at any depth."""
     kind, _, identifier = entity.partition("/")
     if kind == "view":
         yield identifier
         return
-    for child in _list_children(whole[f"/{entity}"]["ContainerBlueprint"]):
-        yield from _iter_view_ids(whole, child)
+    for child in _list_children(blueprint[f"/{entity}"]["ContainerBlueprint"]):
+        yield from _iter_view_ids(blueprint, child)
 
 
 @contextmanager
@@ -251,7 +253,7 @@ def run_headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str
         )
         needs = "a Vulkan driver, like Debian's mesa-vulkan-drivers"
         try:
-            client = wait_until_connected(process, port, log, needs, waiting=path is None)
+            client = wait_for_viewer_client(process, port, log, needs, waiting=path is None)
             yield client, _viewer_address(port)
         finally:
             process.terminate()
@@ -293,7 +295,7 @@ def viewer_executable() -> Path:
     return bundled if bundled.exists() else folder / ("rerun.exe" if os.name == "nt" else "rerun")
 
 
-def wait_until_connected(
+def wait_for_viewer_client(
     process: subprocess.Popen[bytes],
     port: int,
     log: IO[bytes],

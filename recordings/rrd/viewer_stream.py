@@ -15,7 +15,7 @@ import polars as pl
 from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.rrd.blueprint import Page, Panel, lay_out_tabs
-from recordings.rrd.display_frames import DisplayColumn, bin_frame_rows, draws_as_points
+from recordings.rrd.display_frames import DisplayColumn, bin_frame_rows, is_drawn_as_points
 from recordings.rrd.drawn_rows import iter_drawn_batches
 from recordings.rrd.recording_views import ViewKind
 from recordings.rrd.stored_names import SINCE_START, TIME
@@ -60,13 +60,13 @@ class ViewerRequest:
     at: tuple[tuple[str, TimelineKind, int], ...] = ()
 
 
-def stream_run(run: Run, asks: ViewerRequest) -> None:
+def stream_run_to_stdout(run: Run, request: ViewerRequest) -> None:
     """Write the drawn data of a run to standard output, for the viewer."""
-    _send_scene(make_scene(run, asks.under), asks, run.provenance.t0_unix_ns)
+    _send_scene(make_scene(run, request.under), request, run.provenance.t0_unix_ns)
 
 
-def stream_topics(
-    topics: Mapping[str, pl.DataFrame], text: str, name: str, asks: ViewerRequest
+def stream_topics_to_stdout(
+    topics: Mapping[str, pl.DataFrame], text: str, name: str, request: ViewerRequest
 ) -> None:
     """Write the numeric columns of a log to standard output, with a tab per topic.
 
@@ -74,7 +74,7 @@ def stream_topics(
         topics: frames by topic, with unix_ns and fields; fields without numbers are left out.
         text: description of the log, in Markdown.
         name: name of the log.
-        asks: request of the viewer.
+        request: request of the viewer.
     """
     stamps = [frame["unix_ns"] for frame in topics.values() if frame.height]
     t0_ns = min((int(each[0]) for each in stamps), default=0)
@@ -92,7 +92,7 @@ def stream_topics(
             pages.append(Page(topic, tuple(_make_panels(entity, fields, shown[entity]))))
     span = (t0_ns, end_ns) if stamps else None
     _send_scene(
-        Scene(name, shown, lay_out_tabs(pages, span, asks.under), {_TEXT: text}), asks, t0_ns
+        Scene(name, shown, lay_out_tabs(pages, span, request.under), {_TEXT: text}), request, t0_ns
     )
 
 
@@ -131,35 +131,35 @@ def _make_panels(entity: str, fields: Sequence[str], shown: pl.DataFrame) -> lis
                 for end in ("min", "max")
                 if f"{field} {end}" in shown.columns
             ]
-            alone = draws_as_points(shown[field])
+            alone = is_drawn_as_points(shown[field])
             drawn.append(DisplayColumn(entity, field, label, colour, dotted=alone))
         panels.append(Panel(name, ViewKind.LINES, tuple(drawn)))
     return panels
 
 
-def _send_scene(scene: Scene, asks: ViewerRequest, t0_unix_ns: int) -> None:
+def _send_scene(scene: Scene, request: ViewerRequest, t0_unix_ns: int) -> None:
     # whatever Rerun would log stays out of the viewer's own log
     os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 
-    recording = rr.RecordingStream(asks.application, recording_id=asks.recording)
+    recording = rr.RecordingStream(request.application, recording_id=request.recording)
     recording.stdout()
     # what is put under an entity joins a scene of somebody else
-    recording.send_blueprint(scene.layout, make_active=not asks.under, make_default=True)
-    if not asks.under:
+    recording.send_blueprint(scene.layout, make_active=not request.under, make_default=True)
+    if not request.under:
         recording.send_recording_name(scene.name)
         recording.send_recording_start_time_nanos(t0_unix_ns)
-    send_texts(recording, scene, asks.under)
-    at = extra_timelines(asks)
-    send_events(recording, scene, t0_unix_ns, asks.under, at)
+    send_texts(recording, scene, request.under)
+    at = times_on_extra_timelines(request)
+    send_events(recording, scene, t0_unix_ns, request.under, at)
     for name, frame in scene.shown.items():
-        for batch in iter_drawn_batches(name, frame, t0_unix_ns, asks.under, at):
+        for batch in iter_drawn_batches(name, frame, t0_unix_ns, request.under, at):
             recording.send_record_batch(batch, index=[TIME, SINCE_START, *at])
     recording.flush()
     recording.disconnect()
 
 
-def extra_timelines(asks: ViewerRequest) -> "dict[str, pa.Scalar]":
+def times_on_extra_timelines(request: ViewerRequest) -> "dict[str, pa.Scalar]":
     """Additional timelines of every row, except those that rows have anyway."""
     import pyarrow as pa
 
@@ -170,6 +170,6 @@ def extra_timelines(asks: ViewerRequest) -> "dict[str, pa.Scalar]":
     }
     return {
         name: pa.scalar(number, types[kind])
-        for name, kind, number in asks.at
+        for name, kind, number in request.at
         if name not in (TIME, SINCE_START, *_OF_RERUN)
     }

@@ -15,14 +15,19 @@ from analysis.model.schema import FRAMES
 from estimators.errors import OutputError, RecordingError
 from recordings.report.atomic_output import atomic_file, require_writable_output
 from recordings.report.finding_text import finding_line, findings_of_run
-from recordings.rrd.blueprint import events_entity, lay_out_run, picture_entity, text_entity
-from recordings.rrd.display_frames import display_frames, span_ns
+from recordings.rrd.blueprint import (
+    events_entity_path,
+    lay_out_run,
+    picture_entity_path,
+    text_entity_path,
+)
+from recordings.rrd.display_frames import grid_span_ns, make_display_frames
 from recordings.rrd.drawn_rows import iter_drawn_batches
 from recordings.rrd.piped_file import PipedFile, open_piped_file
 from recordings.rrd.plane_pictures import PlanePicture, make_plane_pictures, send_picture
 from recordings.rrd.reader import FORMAT, PROPERTY, open_recording
 from recordings.rrd.recording_properties import ANSWER, recording_properties
-from recordings.rrd.recording_texts import recording_markdown, recording_name
+from recordings.rrd.recording_texts import markdown_by_text_name, recording_name_in_viewer
 from recordings.rrd.stored_frames import Manifest, StoredFrame, entity_path
 from recordings.rrd.stored_names import ROW, SINCE_START, TIME, component_name
 
@@ -102,11 +107,11 @@ class Scene:
     pictures: Mapping[str, PlanePicture] = field(default_factory=dict)
 
 
-def make_scene(run: Run, under: str = "") -> Scene:
+def make_scene(run: Run, parent_entity: str = "") -> Scene:
     """Scene of a run by the table of views, below an entity."""
-    shown = display_frames(run)
-    name = recording_name(run.provenance)
-    begin = (span_ns(run) or (0, 0))[0]
+    shown = make_display_frames(run)
+    name = recording_name_in_viewer(run.provenance)
+    begin = (grid_span_ns(run) or (0, 0))[0]
     events = sorted(
         (
             begin if each.start_s is None else round(each.start_s * 1e9),
@@ -115,8 +120,8 @@ def make_scene(run: Run, under: str = "") -> Scene:
         )
         for each in findings_of_run(run)
     )
-    written, pictures = recording_markdown(run), make_plane_pictures(run)
-    layout = lay_out_run(run, shown, written, pictures, under)
+    written, pictures = markdown_by_text_name(run), make_plane_pictures(run)
+    layout = lay_out_run(run, shown, written, pictures, parent_entity)
     return Scene(name, shown, layout, written, tuple(events), pictures)
 
 
@@ -142,15 +147,15 @@ def write_recording_with_scene(
     """
     path = Path(path)
     viewer = LiveView(viewer) if isinstance(viewer, str) else viewer
-    check_recording(path, force=force)
+    require_writable_recording(path, force=force)
     with atomic_file(path, force=force) as partial:
         with open_piped_file(partial) as piped:
-            _write_to_pipe(run, scene_of, piped, path, viewer)
-        verify_written(run, partial, path)
+            _send_run_through_pipe(run, scene_of, piped, path, viewer)
+        compare_written_with_run(run, partial, path)
     return path
 
 
-def check_recording(path: Path, *, force: bool) -> None:
+def require_writable_recording(path: Path, *, force: bool) -> None:
     """Raise an error before the work begins if a recording cannot be written.
 
     Raises:
@@ -163,7 +168,7 @@ def check_recording(path: Path, *, force: bool) -> None:
     require_writable_output(path, force=force)
 
 
-def _write_to_pipe(
+def _send_run_through_pipe(
     run: Run,
     scene_of: Callable[[Run], Scene],
     piped: PipedFile,
@@ -184,7 +189,7 @@ def _write_to_pipe(
     recording = rr.RecordingStream(APPLICATION, recording_id=uuid4())
     watching = [rr.GrpcSink(viewer.address)] if viewer else []
     recording.set_sinks(rr.FileSink(piped.name), *watching)
-    piped.opened()
+    piped.close_writing_end()
     first = viewer is None or not viewer.laid_out
     recording.send_blueprint(scene.layout, make_active=first, make_default=True)
     recording.send_property(PROPERTY, description)
@@ -198,7 +203,7 @@ def _write_to_pipe(
         recording, piped, path
     )  # what describes the frames first, or a cut file is past help
     waiting = 0
-    for index, batch in frame_batches(run, scene.shown):
+    for index, batch in iter_frame_batches(run, scene.shown):
         recording.send_record_batch(batch, index=index)
         waiting += batch.nbytes
         if waiting > _MOST_WAITING:  # or the queue of chunks grows to the whole run
@@ -208,23 +213,23 @@ def _write_to_pipe(
     recording.disconnect()
 
 
-def send_texts(recording: "RecordingStream", scene: Scene, under: str = "") -> None:
+def send_texts(recording: "RecordingStream", scene: Scene, parent_entity: str = "") -> None:
     """Send the static parts of a scene below an entity: texts and pictures."""
     import rerun as rr
 
     for name, text in scene.texts.items():
         document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
-        recording.log(text_entity(name, under), document, static=True)
+        recording.log(text_entity_path(name, parent_entity), document, static=True)
     for name, picture in scene.pictures.items():
-        send_picture(recording, picture_entity(name, under), picture)
+        send_picture(recording, picture_entity_path(name, parent_entity), picture)
 
 
 def send_events(
     recording: "RecordingStream",
     scene: Scene,
     t0_unix_ns: int,
-    under: str = "",
-    at: "Mapping[str, pa.Scalar] | None" = None,
+    parent_entity: str = "",
+    extra_times: "Mapping[str, pa.Scalar] | None" = None,
 ) -> None:
     """Send the events of a scene below an entity, on both timelines and additional ones."""
     import numpy as np
@@ -236,11 +241,14 @@ def send_events(
     since_start = np.array(t_ns, np.int64)
     levels = [rr.TextLogLevel.WARN if each else rr.TextLogLevel.INFO for each in warn]
     recording.send_columns(
-        events_entity(under),
+        events_entity_path(parent_entity),
         indexes=[
             rr.TimeColumn(TIME, timestamp=(since_start + t0_unix_ns).view("datetime64[ns]")),
             rr.TimeColumn(SINCE_START, duration=since_start.view("timedelta64[ns]")),
-            *(make_constant_timeline(name, time, len(t_ns)) for name, time in (at or {}).items()),
+            *(
+                make_constant_timeline(name, time, len(t_ns))
+                for name, time in (extra_times or {}).items()
+            ),
         ],
         columns=rr.TextLog.columns(text=list(lines), level=levels),
     )
@@ -278,21 +286,21 @@ def wait_until_written(recording: "RecordingStream", piped: PipedFile, path: Pat
             return
 
 
-def frame_batches(
+def iter_frame_batches(
     run: Run, display_frames: Mapping[str, pl.DataFrame]
 ) -> "Iterator[tuple[list[str], pa.RecordBatch]]":
     """Record batches with their index: drawn frames first, in order of time, then all others."""
     for name, frame in display_frames.items():
         for batch in iter_drawn_batches(name, frame, run.provenance.t0_unix_ns):
             yield [TIME, SINCE_START], batch
-    for batch in make_timed_rows(run.frames, run.provenance.t0_unix_ns):
+    for batch in iter_timed_batches(run.frames, run.provenance.t0_unix_ns):
         yield [TIME, SINCE_START], batch
     for name, frame in run.frames.items():
         for batch in StoredFrame.from_frame(name, frame).to_batches(frame):
             yield [ROW], batch
 
 
-def verify_written(run: Run, partial: Path, path: Path) -> None:
+def compare_written_with_run(run: Run, partial: Path, path: Path) -> None:
     """Read every frame back, and compare it with the run."""
     try:
         with open_recording(partial, stored_names=True) as held:
@@ -312,7 +320,7 @@ def verify_written(run: Run, partial: Path, path: Path) -> None:
         ) from error
 
 
-def make_timed_rows(
+def iter_timed_batches(
     frames: Mapping[str, pl.DataFrame], t0_unix_ns: int
 ) -> "Iterator[pa.RecordBatch]":
     """Record batch of each frame with rows; rows of the whole run are at its start.

@@ -19,7 +19,7 @@ _LARGEST_EXACT: Final = 2**53 - 1
 _OPEN, _CLOSE, _QUOTE, _ESCAPE = b"[{", b"]}", ord('"'), ord("\\")
 
 
-def canonical_bytes(value: Any) -> bytes:
+def canonical_json_bytes(value: Any) -> bytes:
     """Canonical bytes of a JSON value.
 
     Raises:
@@ -33,7 +33,7 @@ def canonical_bytes(value: Any) -> bytes:
         raise EvidenceError(f"cannot be written as canonical JSON: {error}") from None
 
 
-def parse(data: bytes, what: str) -> Any:
+def parse_canonical_json(data: bytes, what: str) -> Any:
     """Parse untrusted canonical JSON.
 
     Args:
@@ -57,7 +57,7 @@ def parse(data: bytes, what: str) -> Any:
         )
     except (ValueError, RecursionError) as error:
         raise EvidenceError(f"{what}: is not valid JSON for evidence: {error}") from None
-    if canonical_bytes(value) != data:
+    if canonical_json_bytes(value) != data:
         raise EvidenceError(f"{what}: is not in the canonical form of RFC 8785")
     return value
 

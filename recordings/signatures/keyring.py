@@ -60,15 +60,15 @@ class KnownKey(BaseModel):
         """Public key itself."""
         return PublicKey.from_text(self.key)
 
-    def distrust_reason(self, signed: dt.date, proven_by: dt.date | None) -> str:
+    def distrust_reason(self, signed_on: dt.date, proven_on: dt.date | None) -> str:
         """Why a signature of that day does not count; "" if it does.
 
         Args:
-            signed: date of signing according to the evidence.
-            proven_by: date by which a time stamp proves that the signature existed, if any.
+            signed_on: date of signing according to the evidence.
+            proven_on: date by which a time stamp proves that the signature existed, if any.
         """
-        day = proven_by or signed
-        if self.revoked is not None and (proven_by is None or proven_by >= self.revoked):
+        day = proven_on or signed_on
+        if self.revoked is not None and (proven_on is None or proven_on >= self.revoked):
             why = f" ({self.because})" if self.because else ""
             return (
                 f"was revoked on {self.revoked}{why}: whoever has had it since then can backdate "
@@ -93,7 +93,7 @@ class Keyring:
     path: Path
     keys: tuple[KnownKey, ...] = ()
 
-    def find(self, key_id: str) -> KnownKey | None:
+    def find_key_or_none(self, key_id: str) -> KnownKey | None:
         """Key with that id, or the only one whose id begins so; None otherwise."""
         found = [each for each in self.keys if each.public.key_id.startswith(key_id)]
         return found[0] if key_id and len(found) == 1 else None
@@ -179,7 +179,7 @@ def add_key(keyring: Keyring, key: KnownKey) -> Keyring:
     Raises:
         EvidenceError: the key is there already, or the file cannot be written.
     """
-    same = keyring.find(key.public.key_id)
+    same = keyring.find_key_or_none(key.public.key_id)
     if same is not None:
         raise EvidenceError(
             f"{keyring.path}: already contains key {key.public.key_id[:12]}…, of {same.owner}"
@@ -193,7 +193,7 @@ def revoke_key(keyring: Keyring, key_id: str, day: dt.date, because: str) -> Key
     Raises:
         EvidenceError: no such key, or the file cannot be written.
     """
-    known = keyring.find(key_id)
+    known = keyring.find_key_or_none(key_id)
     if known is None:
         have = ", ".join(each.public.key_id[:12] for each in keyring.keys) or "none"
         raise EvidenceError(f"{keyring.path}: no key '{key_id}', or several; it contains {have}")

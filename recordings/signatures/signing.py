@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from estimators.errors import EvidenceError
-from recordings.signatures.canonical_json import canonical_bytes, parse
+from recordings.signatures.canonical_json import canonical_json_bytes, parse_canonical_json
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import (
@@ -95,7 +95,7 @@ class PublicKey:
         Raises:
             EvidenceError: it is of small order, no point of the curve, or its private half known.
         """
-        fault = key_weakness(self.raw)
+        fault = key_weakness_text(self.raw)
         if fault:
             raise EvidenceError(f"weak key {self.key_id[:12]}…: it {fault}; `{_MAKE}` makes one")
         return self
@@ -123,7 +123,7 @@ class SigningKey:
         """Public key that verifies its signatures."""
         return _derive_public_key(self.private.public_key())
 
-    def require_secret(self, where: str) -> "SigningKey":
+    def require_unpublished(self, where: str) -> "SigningKey":
         """Return the key unless it is a published one.
 
         Raises:
@@ -137,7 +137,7 @@ class SigningKey:
         return self.private.sign(message)
 
 
-def make_key_pair() -> tuple[bytes, bytes]:
+def make_key_pair_pem() -> tuple[bytes, bytes]:
     """Generate a key: private and public half in PEM."""
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import (
@@ -152,7 +152,7 @@ def make_key_pair() -> tuple[bytes, bytes]:
     return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()), public
 
 
-def signing_key(path: Path | None) -> SigningKey | None:
+def read_signing_key(path: Path | None) -> SigningKey | None:
     """Private key from the file, or else from the environment variable; None without either.
 
     Raises:
@@ -174,10 +174,10 @@ def signing_key(path: Path | None) -> SigningKey | None:
         raise EvidenceError(f"{where}: holds no private key in PEM; `{_MAKE}` makes one") from None
     if not isinstance(key, Ed25519PrivateKey):
         raise EvidenceError(f"{where}: is not an Ed25519 key; `{_MAKE}` makes one")
-    return SigningKey(key).require_secret(where)
+    return SigningKey(key).require_unpublished(where)
 
 
-def public_key(path: Path) -> PublicKey:
+def read_public_key(path: Path) -> PublicKey:
     """Public key from a file.
 
     Raises:
@@ -205,9 +205,9 @@ def pre_authentication_encoding(payload_type: str, payload: bytes) -> bytes:
     return b"DSSEv1 %d %b %d %b" % (len(kind), kind, len(payload), payload)
 
 
-def make_statement(digests: Mapping[str, str], predicate: Mapping[str, Any]) -> bytes:
+def make_statement_bytes(digests: Mapping[str, str], predicate: Mapping[str, Any]) -> bytes:
     """In-toto statement on files: their SHA-256 by name, and a predicate."""
-    return canonical_bytes(
+    return canonical_json_bytes(
         {
             "_type": STATEMENT_TYPE,
             "subject": [
@@ -219,10 +219,10 @@ def make_statement(digests: Mapping[str, str], predicate: Mapping[str, Any]) -> 
     )
 
 
-def make_envelope(payload: bytes, key: SigningKey) -> bytes:
+def make_signed_envelope_bytes(payload: bytes, key: SigningKey) -> bytes:
     """Signed DSSE envelope with a statement."""
     signature = key.sign(pre_authentication_encoding(PAYLOAD_TYPE, payload))
-    return canonical_bytes(
+    return canonical_json_bytes(
         {
             "payloadType": PAYLOAD_TYPE,
             "payload": base64.b64encode(payload).decode(),
@@ -257,12 +257,12 @@ class EnvelopeContent:
 
 
 def parse_envelope(data: bytes, what: str) -> EnvelopeContent:
-    """Read an envelope of a stranger; do not trust its contents before `Signed.by` has verified it.
+    """Read an envelope of a stranger; trust its contents only after `is_signed_by` holds.
 
     Raises:
-        EvidenceError: it is not an envelope as written by `make_envelope`.
+        EvidenceError: it is not an envelope as written by `make_signed_envelope_bytes`.
     """
-    held = parse(data, what)
+    held = parse_canonical_json(data, what)
     try:
         (signature,) = held["signatures"]
         fits = set(held) == {"payloadType", "payload", "signatures"}
@@ -272,7 +272,7 @@ def parse_envelope(data: bytes, what: str) -> EnvelopeContent:
         key_id = signature["keyid"]
     except (TypeError, KeyError, ValueError, AttributeError):
         raise EvidenceError(f"{what}: is not a DSSE envelope with one signature") from None
-    inside = parse(payload, f"{what}: its statement")
+    inside = parse_canonical_json(payload, f"{what}: its statement")
     if not fits or not isinstance(inside, dict) or not isinstance(key_id, str):
         raise EvidenceError(f"{what}: is not a DSSE envelope of an in-toto statement")
     return EnvelopeContent(payload, inside, signed, key_id)
@@ -311,7 +311,7 @@ def _derive_public_key(key: "Ed25519PublicKey") -> PublicKey:
     return PublicKey(key.public_bytes_raw())
 
 
-def key_weakness(raw: bytes) -> str:
+def key_weakness_text(raw: bytes) -> str:
     """Why signatures by this key cannot be relied on; "" if nothing is known against it.
 
     Args:

@@ -20,10 +20,10 @@ from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import settings_that_define_mass
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.signatures.canonical_json import canonical_bytes
+from recordings.signatures.canonical_json import canonical_json_bytes
 from recordings.signatures.keyring import Keyring, KnownKey, add_key, load_keyring
 from recordings.signatures.signed_by import SignedBy
-from recordings.signatures.signing import public_key
+from recordings.signatures.signing import read_public_key
 from replay.calibration.campaign_file import machine_with_campaign_mass
 from replay.inputs.machine_identity import common_machine_id
 from replay.logs import Log
@@ -93,9 +93,9 @@ class MachineCalibration:
         if self.calibration.responses:
             weighing = machine_for_later_log(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
-        return Machine.model_validate_json(canonical_bytes(weighing.model_dump(mode="json")))
+        return Machine.model_validate_json(canonical_json_bytes(weighing.model_dump(mode="json")))
 
-    def differences_of_machine(self, weighing: Machine) -> str:
+    def differing_settings_text(self, weighing: Machine) -> str:
         """Settings that differ from the calibration's; "" if none.
 
         Serial number, channels, settings and priors are compared, since they define the mass; the
@@ -123,7 +123,7 @@ class MachineCalibration:
         more = f" and {len(differ) - _MOST_NAMED} more" if len(differ) > _MOST_NAMED else ""
         return f"was made with other settings: {named}{more}" if differ else ""
 
-    def require_machine(self, weighing: Machine, what: object) -> Machine:
+    def require_calibrated_machine(self, weighing: Machine, what: object) -> Machine:
         """Return the machine with its serial number if it is the calibrated one.
 
         Logs that name another machine are rejected from then on.
@@ -135,7 +135,7 @@ class MachineCalibration:
         Raises:
             EvidenceError: another machine, or other settings.
         """
-        other = self.differences_of_machine(weighing)
+        other = self.differing_settings_text(weighing)
         if other:
             raise EvidenceError(
                 f"{self.folder}: {other} ({what}); calibrate again with these settings, or replay "
@@ -166,7 +166,7 @@ class MachineCalibration:
                 f"{self.folder}: expired on {self.document.expires}, {of}; calibrate again"
             )
 
-    def check_logs(self, logs: Sequence[Log]) -> str:
+    def require_logs_of_machine(self, logs: Sequence[Log]) -> str:
         """Raise an error for logs of another machine, or after the evidence expired.
 
         Returns:
@@ -185,26 +185,28 @@ class MachineCalibration:
         return logged
 
     def calibrate_loads_frame(
-        self, frames: Mapping[str, pl.DataFrame], other: str = ""
+        self, frames: Mapping[str, pl.DataFrame], differing_settings: str = ""
     ) -> pl.DataFrame:
         """The frame `loads` with calibrated masses, or without any if the log contradicts it.
 
         Args:
             frames: `FRAMES` of a replay by `weighing_machine`.
-            other: differences of that machine from the calibration.
+            differing_settings: differences of that machine from the calibration.
         """
         body = self.weighing_machine(self.document.machine).machine
-        log = describe_later_log(frames, body, f"the calibration {other}" if other else "")
+        log = describe_later_log(
+            frames, body, f"the calibration {differing_settings}" if differing_settings else ""
+        )
         return calibrate_loads(frames["loads"], self.calibration, log)
 
-    def calibrate_run(self, run: Run, other: str = "") -> Run:
+    def calibrate_run(self, run: Run, differing_settings: str = "") -> Run:
         """The run with calibrated masses and a note about the evidence.
 
         Args:
             run: a replay by `weighing_machine`.
-            other: differences of that machine from the calibration.
+            differing_settings: differences of that machine from the calibration.
         """
-        loads = self.calibrate_loads_frame(run.frames, other)
+        loads = self.calibrate_loads_frame(run.frames, differing_settings)
         said = self.describe(run.provenance.logged_machine_id)
         about = run.provenance.model_copy(update={"notes": (*run.provenance.notes, said)})
         frames = {**run.frames, "loads": loads}
@@ -219,7 +221,7 @@ def load_calibration(request: CalibrationRequest) -> MachineCalibration:
             signature is missing or by an unknown key, or the calibrated mass is not in `loads`.
     """
     folder = request.folder
-    key = None if request.key_file is None else public_key(request.key_file)
+    key = None if request.key_file is None else read_public_key(request.key_file)
     keyring = load_keyring()
     found = check_bundle(folder, key, None, keyring)
     document = found.document
@@ -231,7 +233,7 @@ def load_calibration(request: CalibrationRequest) -> MachineCalibration:
             f"{folder}: calibrates nothing: {first}{more}; `payscope verify` lists all"
         )
     by = (
-        require_known_signature(request, found.signed_by, keyring)
+        accept_known_signature(request, found.signed_by, keyring)
         if request.signed
         else found.signed_by
     )
@@ -249,7 +251,7 @@ def load_calibration(request: CalibrationRequest) -> MachineCalibration:
     return MachineCalibration(folder, document, document.calibration, by)
 
 
-def require_known_signature(
+def accept_known_signature(
     request: CalibrationRequest, signature: SignedBy, keyring: Keyring
 ) -> SignedBy:
     """Return the signature if its key is known; a key trusted on first use is kept.
@@ -273,17 +275,17 @@ def require_known_signature(
     return replace(signature, how="known", owner=owner)
 
 
-def calibrated_frame(
+def calibrate_recorded_loads(
     frames: Mapping[str, pl.DataFrame],
-    about: Provenance,
+    provenance: Provenance,
     request: CalibrationRequest,
     recording: Path,
 ) -> pl.DataFrame:
-    """The frame `loads` of a recording with calibrated masses.
+    """The frame `loads` of a recording with its masses calibrated.
 
     Args:
         frames: `FRAMES`, as far as the recording has them.
-        about: provenance of the recording.
+        provenance: provenance of the recording.
         request: the evidence to apply.
         recording: path of the recording.
 
@@ -292,19 +294,19 @@ def calibrated_frame(
             the calibration, or is later than its expiry.
     """
     by = load_calibration(request)
-    other = by.differences_of_machine(recorded_machine(about))
+    other = by.differing_settings_text(machine_from_provenance(provenance))
     if other:
         raise EvidenceError(
             f"{by.folder}: {other} ({recording}); record it with `payscope run --calibration "
             f"{by.folder}`"
         )
-    by.refuse_after_expiry(about.t0_unix_ns, recording)
+    by.refuse_after_expiry(provenance.t0_unix_ns, recording)
     return by.calibrate_loads_frame(frames)
 
 
-def recorded_machine(about: Provenance) -> Machine:
+def machine_from_provenance(provenance: Provenance) -> Machine:
     """The machine settings of a recording."""
-    content = {**about.machine, "settings": about.settings.model_dump()}
+    content = {**provenance.machine, "settings": provenance.settings.model_dump()}
     return Machine.model_validate(content)
 
 

@@ -31,9 +31,9 @@ from recordings.calibration.bundle_folder import STATEMENT
 from recordings.calibration.calibration_recording import write_calibration
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.derived_values import (
-    check_earlier_line,
     estimator_with_digest,
-    reference_loads,
+    evaluate_previous_line,
+    reference_loads_and_covariance,
 )
 from recordings.calibration.evidence_document import (
     FORMAT,
@@ -45,7 +45,7 @@ from recordings.calibration.evidence_document import (
     Link,
     Signer,
 )
-from recordings.calibration.timestamp import refuse_without_library, timestamp_request
+from recordings.calibration.timestamp import make_timestamp_request, refuse_without_rfc3161
 from recordings.calibration.write_bundle import encode_tables, write_bundle
 from recordings.report.atomic_output import (
     atomic_file,
@@ -53,22 +53,22 @@ from recordings.report.atomic_output import (
     require_writable_folder,
     require_writable_output,
 )
-from recordings.signatures.canonical_json import canonical_bytes
+from recordings.signatures.canonical_json import canonical_json_bytes
 from recordings.signatures.keyring import load_keyring
-from recordings.signatures.signing import SigningKey, signing_key
+from recordings.signatures.signing import SigningKey, read_signing_key
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.campaign_runs import (
     CampaignReplay,
+    current_time_of_evidence,
     draw_evidence_id,
-    format_evidence_time,
-    replay_runs,
+    replay_logs_of_campaign,
     software_versions,
 )
-from replay.calibration.dcc_output import DccOutput, check_dcc_output, write_dcc_output
+from replay.calibration.dcc_output import DccOutput, require_dcc_ready, write_and_verify_dcc
 from replay.calibration.refuse_campaign import (
-    load_stretch,
-    refuse_days,
-    refuse_machine,
+    load_notary_stretch,
+    refuse_contradicted_days,
+    refuse_contradicted_machine,
     refuse_unaccounted_logs,
 )
 
@@ -176,16 +176,16 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     """
     campaign, machine = load_campaign(campaign_file)
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
-    machine = Machine.model_validate_json(canonical_bytes(machine.model_dump(mode="json")))
-    key = signing_key(key_file)
-    xml_key = None if dcc is None else check_dcc_output(campaign_file, campaign, dcc, force=force)
+    machine = Machine.model_validate_json(canonical_json_bytes(machine.model_dump(mode="json")))
+    key = read_signing_key(key_file)
+    xml_key = None if dcc is None else require_dcc_ready(campaign_file, campaign, dcc, force=force)
     before = (
         None if previous is None else read_previous_evidence(previous, campaign.machine.id, key)
     )
     require_writable_folder(folder, force=force)
-    stretch = load_stretch(campaign_file, campaign)
+    stretch = load_notary_stretch(campaign_file, campaign)
     if timestamp_request_file is not None:
-        check_can_request_timestamp(timestamp_request_file, key, force=force)
+        refuse_impossible_timestamp_request(timestamp_request_file, key, force=force)
     with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
@@ -196,16 +196,16 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         learnt = None
         if campaign.learns_priors and len(campaign.logs) >= LOGS_MIN:
             # under the machine's own priors: what they say of the nuisances together
-            first = replay_runs(campaign, machine, path_of_log, None, on_log)
-            refuse_days(campaign_file, campaign, first, machine)
+            first = replay_logs_of_campaign(campaign, machine, path_of_log, None, on_log)
+            refuse_contradicted_days(campaign_file, campaign, first, machine)
             refuse_unaccounted_logs(campaign_file, campaign, first, stretch)
             learnt = first.learnt
         weighing = machine if learnt is None else machine_with_learnt_priors(machine, learnt.terms)
-        replayed = replay_runs(
+        replayed = replay_logs_of_campaign(
             campaign, weighing, path_of_log, made if recordings else None, on_log
         )
-        refuse_days(campaign_file, campaign, replayed, machine)
-        refuse_machine(campaign_file, campaign, replayed, machine)
+        refuse_contradicted_days(campaign_file, campaign, replayed, machine)
+        refuse_contradicted_machine(campaign_file, campaign, replayed, machine)
         refuse_unaccounted_logs(campaign_file, campaign, replayed, stretch)
         if learnt is not None:
             learnt = learnt.model_copy(update={"responses": replayed.responses})
@@ -219,16 +219,16 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         evidence = EvidenceParts(
             "calibration", campaign, machine, learnt, replayed, options, fitted
         )
-        calibrated = finish_evidence(evidence, made, folder, key, before, previous, stretch)
+        calibrated = write_verified_evidence(evidence, made, folder, key, before, previous, stretch)
     if timestamp_request_file is not None:
         write_timestamp_request(folder, timestamp_request_file, force=force)
     if dcc is None:
         return calibrated
-    remark = write_dcc_output(folder, calibrated.document, dcc, xml_key, force=force)
+    remark = write_and_verify_dcc(folder, calibrated.document, dcc, xml_key, force=force)
     return replace(calibrated, remarks=(*calibrated.remarks, remark))
 
 
-def check_can_request_timestamp(file: Path, key: SigningKey | None, *, force: bool) -> None:
+def refuse_impossible_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) -> None:
     """Raise an error before the work begins if a time stamp cannot be requested.
 
     Raises:
@@ -237,13 +237,13 @@ def check_can_request_timestamp(file: Path, key: SigningKey | None, *, force: bo
     """
     if key is None:
         raise EvidenceError("--timestamp-request needs a signature; give --key")
-    refuse_without_library()
+    refuse_without_rfc3161()
     require_writable_output(file, force=force)
 
 
 def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:
     """Write the time-stamp query for the signature of a bundle."""
-    query = timestamp_request((folder / STATEMENT).read_bytes())
+    query = make_timestamp_request((folder / STATEMENT).read_bytes())
     with atomic_file(file, force=force) as partial:
         partial.write_bytes(query)
 
@@ -288,7 +288,7 @@ def read_previous_evidence(
     return checked
 
 
-def finish_evidence(
+def write_verified_evidence(
     evidence: EvidenceParts,
     staging: Path,
     folder: Path,
@@ -319,7 +319,7 @@ def finish_evidence(
             "on each log to see why"
         )
     tables, digests = encode_tables(readings, points)
-    document = _make_document(evidence, digests, key, before)
+    document = _make_evidence_document(evidence, digests, key, before)
     write_calibration(staging, document, readings, points)
     remarks = write_bundle(staging, document, readings, points, tables, key, stretch)
     checked = check_bundle(staging, None if key is None else key.public, previous)
@@ -332,23 +332,23 @@ def finish_evidence(
     return CalibrationOutcome(folder, document, readings, points, tuple(remarks))
 
 
-def _make_document(
+def _make_evidence_document(
     evidence: EvidenceParts,
     digests: EvidenceTables,
     key: SigningKey | None,
-    before: CheckedBundle | None,
+    previous: CheckedBundle | None,
 ) -> EvidenceDocument:
     campaign, machine, fitted = evidence.campaign, evidence.machine, evidence.fitted
-    loads, covariance = reference_loads(campaign, machine)
+    loads, covariance = reference_loads_and_covariance(campaign, machine)
     learnt = evidence.learnt
     weighing = machine if learnt is None else machine_with_learnt_priors(machine, learnt.terms)
     estimator = estimator_with_digest(campaign, weighing)
-    last = None if before is None else before.document
+    last = None if previous is None else previous.document
     document = EvidenceDocument(
         format=FORMAT,
         kind=evidence.kind,
         id=draw_evidence_id(),
-        made=format_evidence_time(),
+        made=current_time_of_evidence(),
         notice=NOTICE,
         campaign=campaign,
         # a check does not prolong what it checks
@@ -365,19 +365,21 @@ def _make_document(
         no_fit=fitted.no_fit,
         limits=fitted.limits,
         drift=evidence.drift,
-        as_found=check_earlier_line(last, estimator_of_this_version(last), estimator, fitted.frame),
+        as_found=evaluate_previous_line(last, redigested_estimator(last), estimator, fitted.frame),
         replay_tolerance_kg=TOLERANCE_KG,
         procedure=last.procedure if last and evidence.kind == "check" else PRESENT_NUMBER,
-        chain=_make_next_link(before),
+        chain=_make_next_link(previous),
         signer=None if key is None else _make_signer(campaign, key),
         software=software_versions(),
     )
     return document.with_all_settings
 
 
-def estimator_of_this_version(last: EvidenceDocument | None) -> Estimator | None:
+def redigested_estimator(previous: EvidenceDocument | None) -> Estimator | None:
     """Estimator of the previous evidence, with its digest by this version."""
-    return None if last is None else estimator_with_digest(last.campaign, last.weighing)
+    if previous is None:
+        return None
+    return estimator_with_digest(previous.campaign, previous.weighing_machine)
 
 
 def _make_signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
@@ -385,14 +387,14 @@ def _make_signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
     return Signer(name=name, key_id=key.public.key_id, public_key=key.public.text)
 
 
-def _make_next_link(before: CheckedBundle | None) -> Chain:
+def _make_next_link(previous: CheckedBundle | None) -> Chain:
     """Place of new evidence in the machine's chain."""
-    if before is None or before.document is None:
+    if previous is None or previous.document is None:
         return Chain(counter=1, previous=None)
-    last = before.document
+    last = previous.document
     link = Link(
         id=last.id,
         counter=last.chain.counter,
-        sums_sha256=hashlib.sha256(before.sums).hexdigest(),
+        sums_sha256=hashlib.sha256(previous.sums).hexdigest(),
     )
     return Chain(counter=last.chain.counter + 1, previous=link)

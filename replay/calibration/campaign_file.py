@@ -10,8 +10,8 @@ from analysis.calibration.campaign.campaign_fit import make_decision_rule, refer
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, DataError, EvidenceError
-from replay.machines.machine_file import load_machine, machine_path
-from replay.machines.toml_file import read_toml, validate
+from replay.machines.machine_file import load_machine, machine_file_or_shipped
+from replay.machines.toml_file import read_toml, validate_toml_content
 
 #: What is read of a certificate and is not to be stated beside it.
 _READ: Final = ("value_kg", "u_kg", "certificate", "certificate_sha256", "certificate_issuer")
@@ -36,17 +36,17 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
             "one from a folder of logs"
         )
     content = read_toml(path, CampaignError)
-    for place, text in unfinished_entries(content):
+    for place, text in find_todo_entries(content):
         raise CampaignError(f"{path}: {place}: is not filled in yet ('{text}')")
     content = add_certified_masses(path, content)
-    campaign = validate(path, content, CalibrationCampaign, CampaignError)
+    campaign = validate_toml_content(path, content, CalibrationCampaign, CampaignError)
     if campaign.laboratory is not None and campaign.missing_statements:
         raise CampaignError(
             f"{path}: [laboratory] makes this a certificate by ISO/IEC 17025, 7.8, which also "
             f"needs {', '.join(campaign.missing_statements)}; add them, or leave out [laboratory]"
         )
     beside = path.parent / campaign.machine.file
-    shipped = machine_path(Path(campaign.machine.file))
+    shipped = machine_file_or_shipped(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
     machine = machine_with_serial_number(
         machine_with_campaign_mass(campaign, machine), campaign.machine.id, path
@@ -71,34 +71,37 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     return campaign, machine
 
 
-def machine_with_serial_number(machine: Machine, wanted: str, what: object) -> Machine:
+def machine_with_serial_number(machine: Machine, serial_number: str, what: object) -> Machine:
     """The machine with the given serial number.
 
     Args:
         machine: machine as read from its file.
-        wanted: serial number.
+        serial_number: serial number.
         what: file that gives it, for the error message.
 
     Raises:
         CampaignError: the machine file is that of another machine.
     """
     named = machine.machine.id
-    if named not in (None, wanted):
+    if named not in (None, serial_number):
         raise CampaignError(
-            f"{what}: is for machine '{wanted}', but its machine file is for '{named}'; name the "
-            f"machine file of '{wanted}', or correct machine.id"
+            f"{what}: is for machine '{serial_number}', but its machine file is for '{named}'; "
+            "name the "
+            f"machine file of '{serial_number}', or correct machine.id"
         )
-    return machine.model_copy(update={"machine": machine.machine.model_copy(update={"id": wanted})})
+    return machine.model_copy(
+        update={"machine": machine.machine.model_copy(update={"id": serial_number})}
+    )
 
 
-def unfinished_entries(content: Any, place: str = "") -> Iterator[tuple[str, str]]:
+def find_todo_entries(content: Any, place: str = "") -> Iterator[tuple[str, str]]:
     """Places and texts in a draft that still begin with TODO."""
     if isinstance(content, dict):
         for name, value in content.items():
-            yield from unfinished_entries(value, f"{place}.{name}" if place else name)
+            yield from find_todo_entries(value, f"{place}.{name}" if place else name)
     elif isinstance(content, list):
         for number, value in enumerate(content, start=1):
-            yield from unfinished_entries(value, f"{place}[{number}]")
+            yield from find_todo_entries(value, f"{place}[{number}]")
     elif isinstance(content, str) and _TODO.match(content):
         yield place, content
 
@@ -147,13 +150,13 @@ def add_certified_masses(source: Path, content: dict[str, Any]) -> dict[str, Any
 
 def _trusted_certificate_keys(source: Path, content: dict[str, Any]) -> list[str]:
     """Ids of the keys that the campaign file trusts for certificates."""
-    from recordings.dcc.dcc_signature import trusted_key_id
+    from recordings.dcc.dcc_signature import read_trusted_key_id
 
     named = content.get("dcc_keys", [])
     if not isinstance(named, list) or not all(isinstance(each, str) for each in named):
-        raise CampaignError(f"{source}: dcc_keys: is a list of files with keys in PEM")
+        raise CampaignError(f"{source}: dcc_keys: must be a list of files with keys in PEM")
     try:
-        return [trusted_key_id(source.parent / each) for each in named]
+        return [read_trusted_key_id(source.parent / each) for each in named]
     except EvidenceError as fault:
         raise CampaignError(f"{source}: dcc_keys: {fault}") from None
 

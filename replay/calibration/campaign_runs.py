@@ -40,7 +40,7 @@ from recordings.calibration.evidence_document import (
     Software,
 )
 from replay.logs import open_log
-from replay.machines.machine_file import time_axis
+from replay.machines.machine_file import time_axis_of_machine
 from replay.pipeline import run
 
 #: Characters of a loss, and of a machine's number, that evidence keeps.
@@ -75,7 +75,7 @@ class CampaignReplay:
         return LearntPriors(terms=terms, logs=self.terms) if terms else None
 
 
-def replay_runs(
+def replay_logs_of_campaign(
     campaign: CalibrationCampaign,
     machine: Machine,
     path_of: Callable[[str], Path],
@@ -103,7 +103,7 @@ def replay_runs(
     responses: list[RunResponse] = []
     for number, name in enumerate(campaign.logs, start=1):
         on_log(name)
-        with open_log(path_of(name), time=time_axis(machine)) as log:
+        with open_log(path_of(name), time=time_axis_of_machine(machine)) as log:
             try:
                 replayed = run(log, machine)
             except DataError as error:
@@ -118,7 +118,7 @@ def replay_runs(
         runs = [each for each in campaign.runs if each.log == name]
         frames.append(read_campaign_runs(replayed, runs, campaign.method.estimator, procedure))
         responses += responses_of_runs_to_learnt_means(replayed, runs, campaign.method.estimator)
-        logs.append(evidence_of_replay(name, replayed, topics, recording))
+        logs.append(make_evidence_log(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])
         terms += learnable_terms(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
     return CampaignReplay(
@@ -153,7 +153,7 @@ def _installed_requirements() -> dict[str, str]:
     return dict(sorted(found.items()))
 
 
-def format_evidence_time() -> str:
+def current_time_of_evidence() -> str:
     """Format the current time for evidence."""
     return f"{dt.datetime.now(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
 
@@ -163,7 +163,7 @@ def draw_evidence_id() -> str:
     return str(uuid4())
 
 
-def evidence_of_replay(
+def make_evidence_log(
     name: str, replayed: Run, topics: pl.DataFrame, recording: str
 ) -> EvidenceLog:
     """The record of a replay that evidence keeps."""

@@ -13,17 +13,17 @@ from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.report.atomic_output import atomic_files, require_writable_folder
-from recordings.signatures.signing import signing_key
+from recordings.signatures.signing import read_signing_key
 from replay.calibration.calibrate_campaign import (
     CalibrationOutcome,
     EvidenceParts,
-    finish_evidence,
     read_previous_evidence,
+    write_verified_evidence,
 )
-from replay.calibration.campaign_runs import replay_runs
-from replay.calibration.refuse_campaign import refuse_days, refuse_machine
+from replay.calibration.campaign_runs import replay_logs_of_campaign
+from replay.calibration.refuse_campaign import refuse_contradicted_days, refuse_contradicted_machine
 from replay.logs import open_log
-from replay.machines.machine_file import time_axis
+from replay.machines.machine_file import time_axis_of_machine
 
 _MASS: Final = "check-mass"
 
@@ -71,7 +71,7 @@ def check_mass(
     Raises:
         PayscopeError: the input is wrong; nothing has been written then.
     """
-    key = signing_key(key_file)
+    key = read_signing_key(key_file)
     before = read_previous_evidence(previous, None, key)
     last = before.document
     if last is None or last.calibration is None:
@@ -81,9 +81,13 @@ def check_mass(
     with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
-        replayed = replay_runs(campaign, last.weighing, lambda _: log, None, on_log, last.rules)
-        refuse_machine(previous, campaign, replayed, last.machine)
-        refuse_days(Path(f"--day {mass_on_board.day}"), campaign, replayed, last.machine)
+        replayed = replay_logs_of_campaign(
+            campaign, last.weighing_machine, lambda _: log, None, on_log, last.procedure_rules
+        )
+        refuse_contradicted_machine(previous, campaign, replayed, last.machine)
+        refuse_contradicted_days(
+            Path(f"--day {mass_on_board.day}"), campaign, replayed, last.machine
+        )
         on_log("evidence")
         fitted, drift = compare_known_mass(
             campaign, last.machine.machine, replayed.readings, last.calibration
@@ -91,11 +95,11 @@ def check_mass(
         evidence = EvidenceParts(
             "check", campaign, last.machine, last.learnt, replayed, last.options, fitted, drift
         )
-        return finish_evidence(evidence, made, folder, key, before, previous)
+        return write_verified_evidence(evidence, made, folder, key, before, previous)
 
 
 def _make_single_run_campaign(
-    last: EvidenceDocument, log: Path, mass_on_board: KnownMassOnBoard
+    calibration: EvidenceDocument, log: Path, mass_on_board: KnownMassOnBoard
 ) -> CalibrationCampaign:
     """Make a campaign with a single run."""
     if mass_on_board.value_kg < 0.0:
@@ -113,10 +117,10 @@ def _make_single_run_campaign(
             "id": "check",
             "log": log.name,
             "loads": (_MASS,) if mass_on_board.value_kg else (),
-            "day": _day_of_log(last, log, mass_on_board.day),
+            "day": _day_of_log(calibration, log, mass_on_board.day),
         }
     )
-    return last.campaign.model_copy(
+    return calibration.campaign.model_copy(
         update={
             "masses": (mass,) if mass_on_board.value_kg else (),
             "runs": (run,),
@@ -127,16 +131,16 @@ def _make_single_run_campaign(
     )
 
 
-def _day_of_log(last: EvidenceDocument, log: Path, day: str | None) -> dt.date:
+def _day_of_log(calibration: EvidenceDocument, log: Path, day: str | None) -> dt.date:
     """Given day, else the log's date in the machine's time zone."""
     if day is not None:
         try:
             return dt.date.fromisoformat(day)
         except ValueError:
             raise CampaignError(f"--day {day}: is not a date; write it as 2026-05-31") from None
-    with open_log(log, time=time_axis(last.machine)) as opened:
+    with open_log(log, time=time_axis_of_machine(calibration.machine)) as opened:
         start_ns = opened.topics()["start_ns"].min()
     if not isinstance(start_ns, int) or start_ns < FIRST_DATE_NS:
         raise CampaignError(f"{log}: has no date; give it with --day")
-    zone = last.machine.machine.zone
+    zone = calibration.machine.machine.zone
     return dt.datetime.fromtimestamp(start_ns // 10**9, zone).date()

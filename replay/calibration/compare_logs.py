@@ -46,41 +46,41 @@ _TEXTS: Final = ("run_id", "load_id", "day", "log", "reading", "used", "reason")
 
 
 def replay_and_compare_logs(
-    checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, folder: Path
+    bundle: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, folder: Path
 ) -> None:
     """Replay every log and compare each reading with the evidence."""
     paths: dict[str, Path] = {}
     found = _files_by_name(folder, {file.name for log in document.logs for file in log.files})
     for log in document.logs:
-        path = _find_log_path(checked, log, found)
+        path = _find_log_path(bundle, log, found)
         if path is not None:
             paths[log.log] = path
     if len(paths) < len(document.logs):
         return
     # the estimators are slow to import, and only a replay needs them
-    from replay.calibration.campaign_runs import replay_runs
+    from replay.calibration.campaign_runs import replay_logs_of_campaign
 
     campaign = document.campaign
     try:
         if document.learnt is not None and document.kind == "calibration":
-            before = replay_runs(campaign, document.machine, lambda log: paths[log])
-            _compare_learnt_terms(checked, document.learnt.logs, before.terms)
-        replayed = replay_runs(
+            before = replay_logs_of_campaign(campaign, document.machine, lambda log: paths[log])
+            _compare_learnt_terms(bundle, document.learnt.logs, before.terms)
+        replayed = replay_logs_of_campaign(
             campaign,
-            document.weighing,
+            document.weighing_machine,
             lambda log: paths[log],
-            procedure=document.rules,
+            procedure=document.procedure_rules,
         )
     except PayscopeError as fault:
-        checked.add(BundleOutcome.IRREPRODUCIBLE, "logs", str(fault))
+        bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, "logs", str(fault))
         return
-    compare_readings(checked, document, stored, replayed.readings)
+    compare_readings(bundle, document, stored, replayed.readings)
     for kept, anew in zip(document.logs, replayed.logs, strict=True):
-        _compare_log(checked, document, kept, anew)
+        _compare_replayed_log(bundle, document, kept, anew)
 
 
-def _compare_log(
-    checked: CheckedBundle,
+def _compare_replayed_log(
+    bundle: CheckedBundle,
     document: EvidenceDocument,
     evidence_log: EvidenceLog,
     replayed: EvidenceLog,
@@ -89,16 +89,20 @@ def _compare_log(
     item = f"{EVIDENCE}: logs: {evidence_log.log}"
     failed_checks = tuple(map(replace_former_check_names, evidence_log.failed_checks))
     if (evidence_log.can_weigh, failed_checks) != (replayed.can_weigh, replayed.failed_checks):
-        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives a different verdict")
+        bundle.add_finding(
+            BundleOutcome.IRREPRODUCIBLE, item, "its replay gives a different verdict"
+        )
     if any(name.startswith("machine.") for name in document.settings_at_default):
-        checked.notes.append(
+        bundle.notes.append(
             f"{evidence_log.log}: settings and frames are compared value by value alone, not by "
             "their digests: this version has settings that the evidence lacks"
         )
     elif evidence_log.settings_fingerprint != replayed.settings_fingerprint:
-        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "was replayed with different settings")
+        bundle.add_finding(
+            BundleOutcome.IRREPRODUCIBLE, item, "was replayed with different settings"
+        )
     elif evidence_log.results_fingerprint != replayed.results_fingerprint:
-        checked.notes.append(
+        bundle.notes.append(
             f"{evidence_log.log}: the frames of its replay differ in their last bits, as happens "
             "with other processors and libraries"
         )
@@ -108,10 +112,11 @@ def _compare_log(
         there, here = getattr(evidence_log, name), getattr(replayed, name)
         if are_equal_values(there, here):
             continue
-        words = name in _IN_WORDS and document.other_version
+        words = name in _IN_WORDS and document.other_version_text
         outcome = BundleOutcome.OTHER_VERSION if words else BundleOutcome.IRREPRODUCIBLE
-        said = f"{what}: {_format_compared_value(there)} there, {_format_compared_value(here)} here"
-        checked.add(outcome, f"{item}: {name}", said)
+        stored, found = _format_compared_value(there), _format_compared_value(here)
+        said = f"{what}: {stored} in the evidence, {found} in the replay"
+        bundle.add_finding(outcome, f"{item}: {name}", said)
 
 
 def are_equal_values(stored: object, replayed: object) -> bool:
@@ -129,22 +134,28 @@ def _format_compared_value(value: object) -> str:
 
 
 def _compare_learnt_terms(
-    checked: CheckedBundle, stored: tuple[TermOfLog, ...], replayed: tuple[TermOfLog, ...]
+    bundle: CheckedBundle, stored: tuple[TermOfLog, ...], replayed: tuple[TermOfLog, ...]
 ) -> None:
     """Compare each log's nuisance estimates under the machine's own priors."""
     by_name = {(each.log, each.term): each for each in replayed}
     wrong = [
-        each for each in stored if not _do_terms_agree(each, by_name.get((each.log, each.term)))
+        each
+        for each in stored
+        if not do_learnt_terms_agree(each, by_name.get((each.log, each.term)))
     ]
     for each in wrong[:_MOST_NAMED]:
         item = f"{EVIDENCE}: learnt: {each.log}, {each.term}"
-        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives different estimates")
+        bundle.add_finding(
+            BundleOutcome.IRREPRODUCIBLE, item, "its replay gives different estimates"
+        )
     if not wrong and len(stored) != len(replayed):
         item = f"{EVIDENCE}: learnt"
-        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its logs yield more terms than it has")
+        bundle.add_finding(
+            BundleOutcome.IRREPRODUCIBLE, item, "its logs yield more terms than it has"
+        )
 
 
-def _do_terms_agree(evidence_term: TermOfLog, replayed_term: TermOfLog | None) -> bool:
+def do_learnt_terms_agree(evidence_term: TermOfLog, replayed_term: TermOfLog | None) -> bool:
     """Whether a replayed term equals that of the evidence within tolerance."""
     if replayed_term is None:
         return False
@@ -157,12 +168,12 @@ def _do_terms_agree(evidence_term: TermOfLog, replayed_term: TermOfLog | None) -
 
 
 def compare_readings(
-    checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, replayed: pl.DataFrame
+    bundle: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, replayed: pl.DataFrame
 ) -> None:
     """Compare reading by reading, within the declared tolerance."""
     if stored.height != replayed.height:
         what = f"has {stored.height} readings, but the replay gives {replayed.height}"
-        checked.add(BundleOutcome.IRREPRODUCIBLE, READINGS, what)
+        bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, READINGS, what)
         return
     tolerance = document.replay_tolerance_kg
     wrong = 0
@@ -178,9 +189,9 @@ def compare_readings(
             if wrong <= _MOST_NAMED:
                 item = f"{READINGS}: run '{kept['run_id']}', reading {kept['reading']}"
                 what = f"the replay gives a different {', '.join(differing)}"
-                checked.add(BundleOutcome.IRREPRODUCIBLE, item, what)
+                bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, item, what)
     if wrong > _MOST_NAMED:
-        checked.add(
+        bundle.add_finding(
             BundleOutcome.IRREPRODUCIBLE, READINGS, f"and {wrong - _MOST_NAMED} readings more"
         )
 
@@ -192,25 +203,27 @@ def _is_near_enough(stored: float | None, replayed: float | None, tolerance: flo
 
 
 def _find_log_path(
-    checked: CheckedBundle, log: EvidenceLog, found: dict[str, list[Path]]
+    bundle: CheckedBundle, log: EvidenceLog, paths_by_name: dict[str, list[Path]]
 ) -> Path | None:
     """Path of a log whose files match by name and digest, all in one folder; None if absent."""
     item = f"logs: {log.log}"
     places: list[Path] | None = None
     for file in log.files:
-        named = found.get(file.name, [])
+        named = paths_by_name.get(file.name, [])
         same = [path.parent for path in named if file_sha256(path) == file.sha256]
         if not same:
             if named:
                 what = f"'{file.name}' is not the file of the evidence"
-                checked.add(BundleOutcome.TAMPERED, item, what)
+                bundle.add_finding(BundleOutcome.TAMPERED, item, what)
             else:
                 what = f"'{file.name}' is not in the folder of logs"
-                checked.add(BundleOutcome.INCOMPLETE, item, what)
+                bundle.add_finding(BundleOutcome.INCOMPLETE, item, what)
             return None
         places = same if places is None else [place for place in places if place in same]
     if not places:
-        checked.add(BundleOutcome.INCOMPLETE, item, "its files are not together in one folder")
+        bundle.add_finding(
+            BundleOutcome.INCOMPLETE, item, "its files are not together in one folder"
+        )
         return None
     # a rosbag2 directory is opened as a whole; its folder may have another name now
     name = log.files[0].name
@@ -218,13 +231,13 @@ def _find_log_path(
     return places[0] / name if is_file else places[0]
 
 
-def _files_by_name(folder: Path, wanted: set[str]) -> dict[str, list[Path]]:
+def _files_by_name(folder: Path, names: set[str]) -> dict[str, list[Path]]:
     """Regular files with these names in a folder tree; links are not followed."""
     found: dict[str, list[Path]] = {}
     for number, entry in enumerate(_walk_folder(folder, 0)):
         if number >= _MOST_ENTRIES:
             raise EvidenceError(f"{folder}: more than {_MOST_ENTRIES} entries; name a smaller one")
-        if entry.name in wanted and stat.S_ISREG(entry.stat(follow_symlinks=False).st_mode):
+        if entry.name in names and stat.S_ISREG(entry.stat(follow_symlinks=False).st_mode):
             found.setdefault(entry.name, []).append(Path(entry.path))
     return found
 

@@ -30,7 +30,7 @@ class DccOutput:
     certificate_file: Path | None = None
 
 
-def check_dcc_output(
+def require_dcc_ready(
     source: Path, campaign: CalibrationCampaign, dcc: DccOutput, *, force: bool
 ) -> "DccKey | None":
     """Raise an error before the work begins if no certificate can be made.
@@ -42,17 +42,19 @@ def check_dcc_output(
         EvidenceError: the campaign lacks data for a certificate, or the key is invalid.
         OutputError: the file cannot be written.
     """
-    from recordings.dcc.dcc_signature import dcc_key
-    from recordings.dcc.write_dcc import refuse_incomplete
+    from recordings.dcc.dcc_signature import read_dcc_signing_key
+    from recordings.dcc.write_dcc import refuse_incomplete_campaign
 
-    refuse_incomplete(campaign, source)
+    refuse_incomplete_campaign(campaign, source)
     require_writable_output(dcc.file, force=force)
     if dcc.key_file is None and dcc.certificate_file is not None:
         raise EvidenceError("--dcc-certificate and --dcc-key belong together; give both")
-    return None if dcc.key_file is None else dcc_key(dcc.key_file, dcc.certificate_file)
+    return (
+        None if dcc.key_file is None else read_dcc_signing_key(dcc.key_file, dcc.certificate_file)
+    )
 
 
-def write_dcc_output(
+def write_and_verify_dcc(
     folder: Path, document: EvidenceDocument, dcc: DccOutput, key: "DccKey | None", *, force: bool
 ) -> str:
     """Write the certificate of a bundle, and verify it.
@@ -65,11 +67,11 @@ def write_dcc_output(
     """
     from recordings.dcc.dcc_document import dcc_bytes, parse_dcc
     from recordings.dcc.dcc_signature import check_signature, sign_dcc
-    from recordings.dcc.write_dcc import make_dcc
+    from recordings.dcc.write_dcc import make_unsigned_dcc
 
     if document.calibration is None:
         return f"no {dcc.file}: there is no calibration line to certify"
-    root = make_dcc(document, hashlib.sha256((folder / SUMS).read_bytes()).hexdigest())
+    root = make_unsigned_dcc(document, hashlib.sha256((folder / SUMS).read_bytes()).hexdigest())
     signed = root if key is None else sign_dcc(root, key)
     data = dcc_bytes(signed)
     checked = check_signature(parse_dcc(data, str(dcc.file)), str(dcc.file))

@@ -6,13 +6,13 @@ from pathlib import Path
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError
-from recordings.calibration.campaign_faults import find_day_faults, machine_faults
-from recordings.calibration.notary_stretch import find_unaccounted_logs, stretch_bytes
-from recordings.notary.notary_check import check_list
+from recordings.calibration.campaign_faults import find_day_faults, find_machine_faults
+from recordings.calibration.notary_stretch import cut_notary_stretch, find_unaccounted_logs
+from recordings.notary.notary_check import check_notary_list
 from replay.calibration.campaign_runs import CampaignReplay
 
 
-def refuse_days(
+def refuse_contradicted_days(
     source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, machine: Machine
 ) -> None:
     """Raise an error if a run's day contradicts its log.
@@ -32,7 +32,7 @@ def refuse_days(
         raise CampaignError(f"{source}: {fault}; correct its day, or machine.timezone")
 
 
-def refuse_machine(
+def refuse_contradicted_machine(
     source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, machine: Machine
 ) -> None:
     """Raise an error if logs or machine file name another machine than the campaign.
@@ -40,12 +40,12 @@ def refuse_machine(
     Raises:
         CampaignError: another machine is named.
     """
-    fault = next(machine_faults(campaign.machine.id, machine, replayed.logs), None)
+    fault = next(find_machine_faults(campaign.machine.id, machine, replayed.logs), None)
     if fault is not None:
         raise CampaignError(f"{source}: {fault}; name logs and machine file of one machine")
 
 
-def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
+def load_notary_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
     """Read and verify the part of a notary list that a campaign names; None if it names none.
 
     Args:
@@ -64,7 +64,7 @@ def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
     except OSError as error:
         raise CampaignError(f"{path}: cannot be read ({error.strerror})") from None
     # a notary may be writing it: what is behind the last whole line is none of the stretch
-    kept = check_list(data[: data.rfind(b"\n") + 1], dt.datetime.now(dt.UTC))
+    kept = check_notary_list(data[: data.rfind(b"\n") + 1], dt.datetime.now(dt.UTC))
     last = kept.entries[-1].counter if kept.entries else 0
     faults = [
         each.what
@@ -91,7 +91,7 @@ def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
             f"{path}: is the notary list of machine '{kept.head.machine_id}', but the campaign is "
             f"for '{wanted}'; name the list of that machine's recorder"
         )
-    return stretch_bytes(data, stretch)
+    return cut_notary_stretch(data, stretch)
 
 
 def refuse_unaccounted_logs(
@@ -104,7 +104,7 @@ def refuse_unaccounted_logs(
     """
     if campaign.notary is None or stretch is None:
         return
-    kept = check_list(stretch, dt.datetime.now(dt.UTC), campaign.notary.first)
+    kept = check_notary_list(stretch, dt.datetime.now(dt.UTC), campaign.notary.first)
     fault = next(find_unaccounted_logs(campaign.notary, replayed.logs, kept.entries), None)
     if fault is not None:
         raise CampaignError(

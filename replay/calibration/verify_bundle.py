@@ -15,9 +15,9 @@ from recordings.calibration.bundle_folder import (
     RECORDING,
     REPORT,
     STATEMENT,
-    parse_sums,
+    parse_sha256sums,
 )
-from recordings.calibration.calibration_recording import calibration_run
+from recordings.calibration.calibration_recording import make_calibration_run
 from recordings.calibration.calibration_report import report_html
 from recordings.calibration.calibration_text import undetectable_faults
 from recordings.calibration.check_outcomes import (
@@ -28,12 +28,12 @@ from recordings.calibration.check_outcomes import (
 )
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
-from recordings.calibration.pdf_check import find_pdf_fault
-from recordings.calibration.strange_files import RecordingDigests, recording_digests
-from recordings.calibration.timestamp import authority_certificates
+from recordings.calibration.pdf_check import compare_pdf_with_page
+from recordings.calibration.strange_files import RecordingDigests, digest_bundle_recordings
+from recordings.calibration.timestamp import read_authority_certificates
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy
-from recordings.signatures.signing import public_key
+from recordings.signatures.signing import read_public_key
 from replay.calibration.compare_logs import replay_and_compare_logs
 
 #: What the viewer draws of a recording is made of its frames when it is written.
@@ -115,50 +115,52 @@ def verify_bundle(
     Raises:
         EvidenceError: the folder does not exist, or a key or certificate cannot be read.
     """
-    key = None if key_file is None else public_key(key_file)
-    authorities = () if tsa is None else authority_certificates(tsa)
+    key = None if key_file is None else read_public_key(key_file)
+    authorities = () if tsa is None else read_authority_certificates(tsa)
     if logs is not None and not logs.is_dir():
         raise EvidenceError(f"{logs}: no such folder; name the folder with the logs")
-    checked = check_bundle(folder, key, previous, load_keyring(), authorities)
-    if signed and not checked.signed_by.is_trusted and not checked.faults:
-        what = f"{checked.signed_by}, but a signature by a known key is required"
-        checked.add(BundleOutcome.INCOMPLETE, STATEMENT, what)
-    keeper = checked.notarised_by
-    if signed and keeper is not None and not keeper.is_trusted and not checked.faults:
+    bundle = check_bundle(folder, key, previous, load_keyring(), authorities)
+    if signed and not bundle.signed_by.is_trusted and not bundle.faults:
+        what = f"{bundle.signed_by}, but a signature by a known key is required"
+        bundle.add_finding(BundleOutcome.INCOMPLETE, STATEMENT, what)
+    keeper = bundle.notarised_by
+    if signed and keeper is not None and not keeper.is_trusted and not bundle.faults:
         what = f"is {keeper}, but a signature by a key of the keyring is required"
-        checked.add(BundleOutcome.INCOMPLETE, NOTARY, what)
-    document = checked.document
-    done = list_checks_done(checked, previous is not None)
+        bundle.add_finding(BundleOutcome.INCOMPLETE, NOTARY, what)
+    document = bundle.document
+    done = list_checks_done(bundle, previous is not None)
     files = FilesCheck()
     if document is not None:
-        files = compare_with_fingerprints(checked, document, folder, whole=logs is not None)
-    if logs is not None and document is not None and checked.readings is not None:
-        replay_and_compare_logs(checked, document, checked.readings, logs)
+        files = compare_with_fingerprints(
+            bundle, document, folder, compare_calibration_too=logs is not None
+        )
+    if logs is not None and document is not None and bundle.readings is not None:
+        replay_and_compare_logs(bundle, document, bundle.readings, logs)
         done.append(
             f"{counted(len(document.logs), 'log')} replayed: every reading, and begin, duration, "
             "topics, counts, stamps, losses, notes, speeds and verdict of each log compared"
         )
     elif document is not None:
-        checked.notes.append(
+        bundle.notes.append(
             "the logs were not replayed: only --logs shows that the readings come from them"
         )
     done += files.done
     if document is not None:
-        _check_expiry(checked, document, on)
+        _check_expiry(bundle, document, on)
     return Verification(
         folder,
-        tuple(checked.findings),
-        tuple(checked.notes),
+        tuple(bundle.findings),
+        tuple(bundle.notes),
         tuple(done),
         ()
         if document is None
-        else (*undetectable_faults(document), *files.unseen, *unverifiable_claims(document)),
-        checked.signed_by,
-        checked,
+        else (*undetectable_faults(document), *files.unseen, *iter_unverifiable_claims(document)),
+        bundle.signed_by,
+        bundle,
     )
 
 
-def unverifiable_claims(document: EvidenceDocument) -> Iterator[str]:
+def iter_unverifiable_claims(document: EvidenceDocument) -> Iterator[str]:
     """Claims that `verify` cannot check, whatever files it has."""
     yield (
         "Whether what the campaign file states about people, place, conditions, sensors and "
@@ -169,30 +171,30 @@ def unverifiable_claims(document: EvidenceDocument) -> Iterator[str]:
         yield "Who made this: it is unsigned."
 
 
-def _check_expiry(checked: CheckedBundle, document: EvidenceDocument, on: dt.date | None) -> None:
+def _check_expiry(bundle: CheckedBundle, document: EvidenceDocument, on: dt.date | None) -> None:
     """Check that the evidence is valid on the day, by default today in the machine's time zone."""
     zone = document.machine.machine.zone
     day = on or dt.datetime.now(zone).date()
     if document.expires < day:
         what = f"on {document.expires}: it calibrates no log of a later day, such as {day}"
-        checked.add(BundleOutcome.EXPIRED, f"{EVIDENCE}: expires", what)
+        bundle.add_finding(BundleOutcome.EXPIRED, f"{EVIDENCE}: expires", what)
 
 
-def list_checks_done(checked: CheckedBundle, chained: bool) -> list[str]:
+def list_checks_done(bundle: CheckedBundle, is_chain_checked: bool) -> list[str]:
     """Checks of the folder itself that were made, in words."""
     done = ["names and digests of every file; nothing in the folder was run"]
-    if checked.document is not None:
+    if bundle.document is not None:
         done.append("the schema of evidence.json")
-        done += [f"the signature: {checked.signed_by}"] if checked.signed_by.is_trusted else []
-        done += ["the chain, to the evidence before"] if chained else []
-    if checked.notarised_by is not None and checked.document is not None:
-        stretch = checked.document.campaign.notary
+        done += [f"the signature: {bundle.signed_by}"] if bundle.signed_by.is_trusted else []
+        done += ["the chain, to the evidence before"] if is_chain_checked else []
+    if bundle.notarised_by is not None and bundle.document is not None:
+        stretch = bundle.document.campaign.notary
         assert stretch is not None
         done.append(
             f"the recorder's list, number {stretch.first} to {stretch.last}: signatures, chain, "
-            f"and each log in the campaign or left out with a reason; {checked.notarised_by}"
+            f"and each log in the campaign or left out with a reason; {bundle.notarised_by}"
         )
-    if checked.readings is not None:
+    if bundle.readings is not None:
         done.append("fit, budget, limits, points, report and each reason, recomputed")
     return done
 
@@ -211,18 +213,22 @@ class FilesCheck:
 
 
 def compare_with_fingerprints(
-    checked: CheckedBundle, document: EvidenceDocument, folder: Path, *, whole: bool
+    bundle: CheckedBundle,
+    document: EvidenceDocument,
+    folder: Path,
+    *,
+    compare_calibration_too: bool,
 ) -> FilesCheck:
     """Compare recordings of runs with their fingerprints, and optionally slower items.
 
     Args:
-        checked: the bundle, which receives the findings.
+        bundle: the bundle, which receives the findings.
         document: evidence of the bundle.
         folder: folder of the bundle.
-        whole: whether to compare the calibration's recording and the PDF as well.
+        compare_calibration_too: whether to compare the calibration's recording and the PDF as well.
     """
     try:
-        sums = parse_sums(checked.sums)
+        sums = parse_sha256sums(bundle.sums)
     except EvidenceError:
         return FilesCheck()  # which is a finding already
     done: list[str] = []
@@ -230,46 +236,46 @@ def compare_with_fingerprints(
     runs = [log for log in document.logs if log.recording in sums]
     names = [
         *(log.recording for log in runs),
-        *([RECORDING] if whole and RECORDING in sums else []),
+        *([RECORDING] if compare_calibration_too and RECORDING in sums else []),
     ]
-    found = recording_digests(folder, {name: sums[name] for name in names})
+    found = digest_bundle_recordings(folder, {name: sums[name] for name in names})
     for log in runs:
-        _compare_run_recording(checked, log, found[log.recording])
+        _compare_run_recording(bundle, log, found[log.recording])
     if runs:
         done.append("the frames of each run's recording, by their fingerprint")
-    if whole and RECORDING in sums:
-        _compare_calibration_recording(checked, document, found[RECORDING])
+    if compare_calibration_too and RECORDING in sums:
+        _compare_calibration_recording(bundle, document, found[RECORDING])
         done.append(f"the frames of {RECORDING}, recomputed")
-    elif not whole:
+    elif not compare_calibration_too:
         unseen.append(
             f"Whether {RECORDING} and {PDF} show the same as {REPORT}: --logs compares them."
         )
-    if whole and PDF in sums:
-        why = _compare_pdf(checked, document, folder, sums)
+    if compare_calibration_too and PDF in sums:
+        why = _compare_pdf(bundle, document, folder, sums)
         if why:
             unseen.append(f"Whether {PDF} has the same words as {REPORT}: {why}.")
         else:
             done.append(f"the words of {PDF}, compared with those of {REPORT}")
-    if runs or whole:
+    if runs or compare_calibration_too:
         unseen.append(_DRAWN)
     return FilesCheck(tuple(done), tuple(unseen))
 
 
 def _compare_run_recording(
-    checked: CheckedBundle, log: EvidenceLog, found: RecordingDigests | str
+    bundle: CheckedBundle, log: EvidenceLog, digests: RecordingDigests | str
 ) -> None:
     """Check that a recording matches the replay's fingerprint in the evidence."""
-    if isinstance(found, str):
-        checked.add(BundleOutcome.TAMPERED, log.recording, found)
+    if isinstance(digests, str):
+        bundle.add_finding(BundleOutcome.TAMPERED, log.recording, digests)
         return
     wanted = {
-        "files": (sorted(file.sha256 for file in log.files), sorted(found.inputs)),
-        "settings": (log.settings_fingerprint, found.settings),
-        "frames": (log.results_fingerprint, found.results),
+        "files": (sorted(file.sha256 for file in log.files), sorted(digests.inputs)),
+        "settings": (log.settings_fingerprint, digests.settings),
+        "frames": (log.results_fingerprint, digests.results),
     }
     for what, (there, here) in wanted.items():
         if there != here:
-            checked.add(
+            bundle.add_finding(
                 BundleOutcome.TAMPERED,
                 log.recording,
                 f"differs in its {what} from the replay of {log.log} with the fingerprint in the "
@@ -278,40 +284,40 @@ def _compare_run_recording(
 
 
 def _compare_calibration_recording(
-    checked: CheckedBundle, document: EvidenceDocument, found: RecordingDigests | str
+    bundle: CheckedBundle, document: EvidenceDocument, digests: RecordingDigests | str
 ) -> None:
     """Check that the bundle's recording contains the frames of the evidence."""
-    if isinstance(found, str):
-        checked.add(BundleOutcome.TAMPERED, RECORDING, found)
+    if isinstance(digests, str):
+        bundle.add_finding(BundleOutcome.TAMPERED, RECORDING, digests)
         return
-    if checked.readings is None or checked.points is None:
+    if bundle.readings is None or bundle.points is None:
         return
-    made = calibration_run(document, checked.readings, checked.points).provenance
+    made = make_calibration_run(document, bundle.readings, bundle.points).provenance
     taken = made.fingerprint
     assert taken is not None
     other = sorted(
         name
-        for name in {*taken.frames, *found.frames}
-        if taken.frames.get(name) != found.frames.get(name)
+        for name in {*taken.frames, *digests.frames}
+        if taken.frames.get(name) != digests.frames.get(name)
     )
-    same_words = document.other_version or made.notes == found.notes
+    same_words = document.other_version_text or made.notes == digests.notes
     if not other and same_words:
         return
     what = f"frames {', '.join(other)}" if other else "words"
-    outcome = BundleOutcome.OTHER_VERSION if document.other_version else BundleOutcome.TAMPERED
-    checked.add(outcome, RECORDING, f"differs in its {what} from the evidence")
+    outcome = BundleOutcome.OTHER_VERSION if document.other_version_text else BundleOutcome.TAMPERED
+    bundle.add_finding(outcome, RECORDING, f"differs in its {what} from the evidence")
 
 
 def _compare_pdf(
-    checked: CheckedBundle, document: EvidenceDocument, folder: Path, sums: Mapping[str, str]
+    bundle: CheckedBundle, document: EvidenceDocument, folder: Path, sums: Mapping[str, str]
 ) -> str:
     """Compare the PDF; returns why that was not possible, or ""."""
-    if document.other_version:
-        return f"its page was made by {document.other_version}"
-    if checked.readings is None or checked.points is None:
+    if document.other_version_text:
+        return f"its page was made by {document.other_version_text}"
+    if bundle.readings is None or bundle.points is None:
         return "its page could not be recomputed"
-    html = report_html(document, checked.readings, checked.points)
-    fault, why = find_pdf_fault(folder, sums[PDF], html)
+    html = report_html(document, bundle.readings, bundle.points)
+    fault, why = compare_pdf_with_page(folder, sums[PDF], html)
     if fault:
-        checked.add(BundleOutcome.TAMPERED, PDF, fault)
+        bundle.add_finding(BundleOutcome.TAMPERED, PDF, fault)
     return why

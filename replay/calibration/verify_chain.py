@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from estimators.errors import counted
-from recordings.calibration.chain_check import chain_findings
+from recordings.calibration.chain_check import check_chains_of_bundles
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, most_severe_outcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from replay.calibration.verify_bundle import Verification, verify_bundle
@@ -95,21 +95,22 @@ def verify_chain(
     findings: list[BundleFinding] = []
     notes: list[str] = []
     for bundles in by_machine.values():
-        wrong, said = chain_findings(bundles)
+        wrong, said = check_chains_of_bundles(bundles)
         findings += wrong
         notes += said
     last = {machine: max(map(_chain_counter, bundles)) for machine, bundles in by_machine.items()}
     return VerifiedChain(
         tuple(
-            each if _is_latest_bundle(each, last) else _drop_expiry_finding(each) for each in made
+            each if _is_latest_bundle(each, last) else _without_expiry_finding(each)
+            for each in made
         ),
         tuple(findings),
         tuple(notes),
     )
 
 
-def _chain_counter(checked: CheckedBundle) -> int:
-    return 0 if checked.document is None else checked.document.chain.counter
+def _chain_counter(bundle: CheckedBundle) -> int:
+    return 0 if bundle.document is None else bundle.document.chain.counter
 
 
 def _is_latest_bundle(verification: Verification, last: Mapping[str, int]) -> bool:
@@ -118,7 +119,7 @@ def _is_latest_bundle(verification: Verification, last: Mapping[str, int]) -> bo
     return document is None or document.chain.counter == last[document.campaign.machine.id]
 
 
-def _drop_expiry_finding(verification: Verification) -> Verification:
+def _without_expiry_finding(verification: Verification) -> Verification:
     """The verification without its finding on expiry."""
     kept = tuple(
         each for each in verification.findings if each.outcome is not BundleOutcome.EXPIRED

@@ -83,10 +83,10 @@ def _print_version(
     if version:
         from importlib.metadata import version as version_of
 
-        from recordings.calibration.page.verifier_page import verifier_sha256
+        from recordings.calibration.page.verifier_page import verifier_page_sha256
 
         typer.echo(f"payscope {version_of('payscope')}")
-        typer.echo(f"verifier page: SHA-256 {verifier_sha256()}")
+        typer.echo(f"verifier page: SHA-256 {verifier_page_sha256()}")
         raise typer.Exit
 
 
@@ -114,7 +114,7 @@ def main() -> None:
         _close_stdout()
         status = 0
     except (UnpicklingError, EOFError) as error:
-        status = _print_error(discard_broken_cache(error))
+        status = _print_error(discard_unreadable_cache(error))
     except OSError as error:
         _close_stdout()
         # a file that was being closed when the signal came may have been closed twice
@@ -189,7 +189,7 @@ def _close_stdout() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def discard_broken_cache(error: Exception) -> str:
+def discard_unreadable_cache(error: Exception) -> str:
     """Remove compiled code that cannot be read; returns a message, and raises other errors again.
 
     Two processes may have written it at once, or the disk was full.

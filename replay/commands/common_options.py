@@ -60,7 +60,7 @@ FrictionLimit = Annotated[
 ]
 
 
-def read_calibration(
+def calibration_request_from_options(
     folder: Path | None, key: Path | None, *, signed: bool
 ) -> "CalibrationRequest | None":
     """Calibration request from these options; None without a calibration.
@@ -101,8 +101,8 @@ def time_axis_from_options(
         return None
     from analysis.model.machine import LogSection
     from estimators.errors import MachineError
-    from replay.machines.machine_file import table_axis
-    from replay.machines.toml_file import set_value, validate
+    from replay.machines.machine_file import time_axis_of_log_section
+    from replay.machines.toml_file import set_dotted_key, validate_toml_content
 
     if unit is not None and unit not in _UNITS:
         raise typer.BadParameter(f"no unit of time '{unit}'; use {', '.join(_UNITS)}")
@@ -113,9 +113,13 @@ def time_axis_from_options(
         content["log"]["time_unit"] = unit
     for key in keys or ():
         if not key.startswith("log."):
-            raise typer.BadParameter(f"--set {key}: here it takes keys of [log]: log.separator=;")
-        set_value(content, key, MachineError)
-    return table_axis(validate(Path("--set log"), content["log"], LogSection, MachineError))
+            raise typer.BadParameter(
+                f"--set {key}: takes only keys of [log] here, such as log.separator=;"
+            )
+        set_dotted_key(content, key, MachineError)
+    return time_axis_of_log_section(
+        validate_toml_content(Path("--set log"), content["log"], LogSection, MachineError)
+    )
 
 
 def make_owner_prompt() -> "Callable[[SignedBy], str] | None":

@@ -6,7 +6,12 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from replay.commands.common_options import Calibration, RequireSigned, SignerKey, read_calibration
+from replay.commands.common_options import (
+    Calibration,
+    RequireSigned,
+    SignerKey,
+    calibration_request_from_options,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -62,7 +67,7 @@ def command(
         OverlayOutput(output, force),
         rtol=rtol,
         other_logs=other_logs,
-        calibration=read_calibration(calibration, key, signed=require_signed),
+        calibration=calibration_request_from_options(calibration, key, signed=require_signed),
     )
     if as_json:
         print_json({"a": str(a), "b": str(b), **found.to_dict()})
@@ -72,7 +77,7 @@ def command(
         raise typer.Exit(1)
 
 
-def _print_differences(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
+def _print_differences(comparison: "Comparison", a: Path, b: Path, rtol: float) -> None:
     """Print the differences, those of the answer first; equal items are not printed."""
     from estimators.errors import counted
     from replay.commands.print_tables import print_line, print_table, stdout_console
@@ -90,47 +95,59 @@ def _print_differences(found: "Comparison", a: Path, b: Path, rtol: float) -> No
     print_line(screen, f"A  {a}")
     print_line(screen, f"B  {b}")
     for title, changes in (
-        ("settings", found.settings),
-        ("checks passed", found.checks),
-        ("inputs", found.inputs),
-        ("versions", found.versions),
-        ("losses, notes and stamps", found.provenance),
+        ("settings", comparison.settings),
+        ("checks passed", comparison.checks),
+        ("inputs", comparison.inputs),
+        ("versions", comparison.versions),
+        ("losses, notes and stamps", comparison.provenance),
     ):
         if changes:
             print_part(f"{title}:", _values_table(changes), len(changes))
-    if found.estimates:
+    if comparison.estimates:
         title = "estimates over the whole log, those that moved most first:"
-        print_part(title, _estimate_table("method", found.estimates), len(found.estimates))
-    if found.manoeuvres:
+        print_part(
+            title, _estimate_table("method", comparison.estimates), len(comparison.estimates)
+        )
+    if comparison.manoeuvres:
         title = "manoeuvres, those that moved most first:"
-        print_part(title, _estimate_table("manoeuvre", found.manoeuvres), len(found.manoeuvres))
-    for name, only in (("A", found.only_a), ("B", found.only_b)):
+        print_part(
+            title, _estimate_table("manoeuvre", comparison.manoeuvres), len(comparison.manoeuvres)
+        )
+    for name, only in (("A", comparison.only_a), ("B", comparison.only_b)):
         if only:
             screen.print()
             print_line(screen, f"stages in {name} alone: {', '.join(only)}")
-    if found.stages:
-        differing = sum(len(stage.columns) for stage in found.stages)
+    if comparison.stages:
+        differing = sum(len(stage.columns) for stage in comparison.stages)
         title = (
-            f"columns: {differing} of {found.columns} differ; the largest changes of each stage:"
+            f"columns: {differing} of {comparison.columns} differ; "
+            "the largest changes of each stage:"
         )
-        print_part(title, _column_table(found), 0)
-    whole = counted(found.columns, "column")
+        print_part(title, _column_table(comparison), 0)
+    whole = counted(comparison.columns, "column")
     exact = f"within a relative difference of {rtol:g}" if rtol else "bit for bit"
-    said = f"Equal: {whole}, {exact}." if found.equal else f"They differ, compared {exact}."
+    said = f"Equal: {whole}, {exact}." if comparison.equal else f"They differ, compared {exact}."
     screen.print(f"\n{said}", markup=False)
 
 
 def _values_table(changes: Iterable["ValueChange"]) -> "Table":
     from rich.markup import escape
 
-    from replay.commands.print_tables import make_plain_table, value_text
+    from replay.commands.print_tables import make_plain_table, setting_value_text
 
     table = make_plain_table("", "A", "B")
     for column in table.columns[1:]:
         column.justify, column.overflow = "left", "fold"
     for change in list(changes)[:_SHOWN]:
         table.add_row(
-            *(escape(text) for text in (change.name, value_text(change.a), value_text(change.b)))
+            *(
+                escape(text)
+                for text in (
+                    change.name,
+                    setting_value_text(change.a),
+                    setting_value_text(change.b),
+                )
+            )
         )
     return table
 
@@ -144,10 +161,10 @@ _UNITS: Final = {
 }
 
 
-def _estimate_table(about: str, changes: Iterable["EstimateChange"]) -> "Table":
+def _estimate_table(first_heading: str, changes: Iterable["EstimateChange"]) -> "Table":
     from replay.commands.print_tables import make_plain_table
 
-    table = make_plain_table(about, "", "A", "B", "change", "in std")
+    table = make_plain_table(first_heading, "", "A", "B", "change", "in std")
     table.columns[1].justify = "left"
     for each in list(changes)[:_SHOWN]:
         table.add_row(
@@ -173,7 +190,7 @@ def _format_signed(change: float | None) -> str:
     return f"{change:+,.2f}" if abs(change) >= 0.005 else f"{change:+.1e}"
 
 
-def _column_table(found: "Comparison") -> "Table":
+def _column_table(comparison: "Comparison") -> "Table":
     from rich.markup import escape
 
     from estimators.errors import counted
@@ -183,7 +200,7 @@ def _column_table(found: "Comparison") -> "Table":
         "stage", "column", "rows that differ", "largest change", "relative", "at s"
     )
     table.columns[1].justify = "left"
-    for stage in found.stages:
+    for stage in comparison.stages:
         about = stage.name
         if stage.rows_a != stage.rows_b or stage.common != stage.rows_a:
             rows = (

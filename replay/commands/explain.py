@@ -60,7 +60,7 @@ def command(
     from replay.commands.progress_bar import StageProgress
     from replay.explain.explain_run import ExplainRequest, explain_run
 
-    picture, mended_file = picture_and_machine_file(output or [], apply=apply)
+    picture, mended_file = split_picture_and_machine_outputs(output or [], apply=apply)
     if overrides and machine is None:
         raise typer.BadParameter("--set changes a machine file; name the file with -m")
     asked = ExplainRequest(
@@ -77,7 +77,9 @@ def command(
         raise typer.Exit(1)
 
 
-def picture_and_machine_file(paths: list[Path], *, apply: bool) -> tuple[Path | None, Path | None]:
+def split_picture_and_machine_outputs(
+    paths: list[Path], *, apply: bool
+) -> tuple[Path | None, Path | None]:
     """Split the outputs into picture and machine file.
 
     Raises:
@@ -112,14 +114,14 @@ def _mended_machine_as_dict(mended: "MendedMachine") -> dict[str, Any]:
 
 
 def _print_explanation(
-    explained: "Explanation", mended: "MendedMachine | None", picture: Path | None
+    explanation: "Explanation", mended: "MendedMachine | None", picture: Path | None
 ) -> None:
     from recordings.explain.explanation_text import (
-        describe_findings,
-        describe_gate,
+        answer_and_cause_sentence,
         determined_parameter_lines,
+        iter_finding_lines,
+        iter_gate_lines,
         manoeuvre_line,
-        verdict_sentence,
     )
     from replay.commands.print_checks import print_failed_checks
     from replay.commands.print_tables import print_line, stdout_console
@@ -135,18 +137,20 @@ def _print_explanation(
 
     if mended is not None and mended.path is None:
         print_line(screen, "no proposal improves the mass, so no machine file was written")
-    print_line(screen, verdict_sentence(explained))
-    failed = explained.said.verdict.withholding_checks("mass")
+    print_line(screen, answer_and_cause_sentence(explanation))
+    failed = explanation.said.verdict.withholding_checks("mass")
     if failed:
         screen.print("\nfailed checks:", markup=False)
         print_failed_checks(screen, failed)
-    print_part("causes, the likeliest first:", describe_findings(explained))
-    if explained.manoeuvre is not None:
-        print_part("its manoeuvre:", [manoeuvre_line(explained.manoeuvre)])
-    print_part("conspicuous manoeuvres:", map(manoeuvre_line, explained.worst))
-    around = "the gate around it:" if explained.at_s is not None else "the gate, by share of time:"
-    print_part(around, describe_gate(explained))
-    print_part("the motion:", determined_parameter_lines(explained.determined))
+    print_part("causes, the likeliest first:", iter_finding_lines(explanation))
+    if explanation.manoeuvre is not None:
+        print_part("its manoeuvre:", [manoeuvre_line(explanation.manoeuvre)])
+    print_part("conspicuous manoeuvres:", map(manoeuvre_line, explanation.worst))
+    around = (
+        "the gate around it:" if explanation.at_s is not None else "the gate, by share of time:"
+    )
+    print_part(around, iter_gate_lines(explanation))
+    print_part("the motion:", determined_parameter_lines(explanation.determined))
     if mended is not None:
         _print_mended_machine(screen, mended)
     if picture is not None:
@@ -156,28 +160,31 @@ def _print_explanation(
 
 def _print_mended_machine(screen: "Console", mended: "MendedMachine") -> None:
     from recordings.report.finding_text import cause_name
-    from replay.commands.print_tables import print_line, value_text
+    from replay.commands.print_tables import print_line, setting_value_text
 
     screen.print("\nproposed corrections, each tested by a replay:", markup=False)
     for each in mended.changes:
         claim = ""
         if each.change_kg is not None:
             claim = f", claimed {each.change_kg:+,.2f} ± {each.change_u_kg or 0.0:,.2f} kg"
-        said = f"{each.key} = {value_text(each.value)} ({cause_name(each.cause)}{claim})"
+        said = f"{each.key} = {setting_value_text(each.value)} ({cause_name(each.cause)}{claim})"
         print_line(screen, said)
     for tried in mended.taken_back:
         key, cause = tried.proposal.key, cause_name(tried.proposal.cause)
         print_line(screen, f"not {key} ({cause}): {tried.why}")
     if mended.path is None:
         return
-    before, after = _format_mass(mended.before), _format_mass(mended.after)
+    before, after = (
+        _format_mass_of_heaviest_load(mended.before),
+        _format_mass_of_heaviest_load(mended.after),
+    )
     print_line(screen, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed")
     left = ", ".join(cause_name(each.cause) for each in mended.left) or "no cause"
     print_line(screen, f"remaining findings: {left}")
     print_line(screen, f"machine file: {mended.path}")
 
 
-def _format_mass(answer: "Answer") -> str:
+def _format_mass_of_heaviest_load(answer: "Answer") -> str:
     """Mass of the heaviest or only load as text; empty if it is withheld."""
     from recordings.report.number_text import format_plus_minus
 

@@ -51,9 +51,9 @@ _ROWS_SHOWN: Final = 40
 def require_fleet_libraries(context: typer.Context) -> None:
     """Raise an error if the libraries of the extra `fleet` are missing."""
     from estimators.errors import FleetError
-    from replay.fleet.ray_engine import missing_library
+    from replay.fleet.ray_engine import missing_library_or_none
 
-    name = missing_library()
+    name = missing_library_or_none()
     if name is not None:
         raise FleetError(f"fleet: {name} is not installed; pip install 'payscope[fleet]'")
     if context.invoked_subcommand is None:
@@ -96,7 +96,7 @@ def run_command(
     fleet = load_fleet(machines, tuple(overrides or ()))
     with FleetProgress() as shown:
         logs = list_fleet_logs(sources)
-        shown.begin(logs)
+        shown.begin_bar(logs)
         did = replay_fleet(
             logs,
             fleet,
@@ -124,18 +124,24 @@ def query_command(
 ) -> None:
     """Query all results by SQL; the rows are always in the same order."""
     from recordings.report.atomic_output import require_writable_output
-    from replay.commands.frame_output import choose_format, frame_text, print_frame
-    from replay.fleet.gathered_tables import open_fleet_results, query_fleet
+    from replay.commands.frame_output import (
+        choose_output_format,
+        frame_as_text_table,
+        print_or_write_frame,
+    )
+    from replay.fleet.gathered_tables import open_fleet_results, query_fleet_tables
 
-    chosen = choose_format(output_format and output_format.value, output)
+    chosen = choose_output_format(output_format and output_format.value, output)
     if output is not None:
         require_writable_output(output, force=force)
-    rows = query_fleet(open_fleet_results(destination), sql)
+    rows = query_fleet_tables(open_fleet_results(destination), sql)
     if chosen == "table" and output is None and rows.height > _ROWS_SHOWN:
-        typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)
+        typer.echo(frame_as_text_table(rows, _ROWS_SHOWN), nl=False)
         typer.echo(f"{rows.height} rows, {_ROWS_SHOWN} shown; --format csv gives all", err=True)
         return
-    print_frame(rows, chosen, output, force=force, table=lambda: frame_text(rows, rows.height))
+    print_or_write_frame(
+        rows, chosen, output, force=force, table=lambda: frame_as_text_table(rows, rows.height)
+    )
 
 
 @app.command(name="report")
@@ -310,7 +316,7 @@ def _replay_with_other_settings(
     from replay.fleet.compare_results import RunCallbacks, replay_with_settings
 
     with FleetProgress() as shown:
-        told = RunCallbacks(shown.begin, shown.mark_done, shown.note_engine_slots)
+        told = RunCallbacks(shown.begin_bar, shown.mark_done, shown.note_engine_slots)
         other, did, gone = replay_with_settings(results, overrides, days, engine, told)
     if gone:
         typer.echo(f"{gone} logs are no longer at their old paths and were left out", err=True)
@@ -337,7 +343,7 @@ def _print_run(run: "FleetRun") -> None:
     print_line(screen, f"results: {run.destination}")
 
 
-def _print_comparison(found: "FleetComparison", a: str, shown: int) -> None:
+def _print_comparison(comparison: "FleetComparison", a: str, max_recordings: int) -> None:
     from replay.commands.print_tables import (
         make_plain_table,
         print_line,
@@ -346,23 +352,25 @@ def _print_comparison(found: "FleetComparison", a: str, shown: int) -> None:
     )
 
     screen = stdout_console()
-    whole = found.total_change
+    whole = comparison.total_change
     print_line(
         screen,
         f"{whole['payload_kg'] / 1e3:,.3f} t in A, {whole['payload_b_kg'] / 1e3:,.3f} t in B: "
-        f"{whole['change_kg'] / 1e3:+,.3f} t ({_format_share(whole)}), by {whole['changed']:,.0f} "
-        "of "
-        f"{whole['logs']:,.0f} recordings",
+        f"{whole['change_kg'] / 1e3:+,.3f} t ({_format_relative_difference(whole)}), by "
+        f"{whole['changed']:,.0f} of {whole['logs']:,.0f} recordings",
     )
-    if found.only_a or found.only_b:
-        print_line(screen, f"not compared: {found.only_a} only in A, {found.only_b} only in B")
+    if comparison.only_a or comparison.only_b:
+        print_line(
+            screen, f"not compared: {comparison.only_a} only in A, {comparison.only_b} only in B"
+        )
     table = make_plain_table(
         "machine", "recordings", "t in A", "t in B", "change t", "loads A", "B"
     )
-    for row in found.machines.iter_rows(named=True):
+    for row in comparison.machines.iter_rows(named=True):
         table.add_row(row["machine"], f"{row['logs']:,}", *_make_change_cells(row))
     print_table(screen, table)
-    changed = found.logs.head(shown).filter(found.logs.head(shown)["change_kg"] != 0.0)
+    listed = comparison.logs.head(max_recordings)
+    changed = listed.filter(listed["change_kg"] != 0.0)
     if changed.is_empty():
         return
     print_line(screen, "")
@@ -386,7 +394,7 @@ def _make_change_cells(row: dict[str, float]) -> tuple[str, ...]:
     )
 
 
-def _format_share(whole: dict[str, float]) -> str:
-    if not whole["payload_kg"]:
+def _format_relative_difference(totals: dict[str, float]) -> str:
+    if not totals["payload_kg"]:
         return "no tonnes in A"
-    return f"{whole['change_kg'] / whole['payload_kg']:+.2%}"
+    return f"{totals['change_kg'] / totals['payload_kg']:+.2%}"

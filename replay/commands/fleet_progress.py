@@ -39,7 +39,7 @@ class FleetProgress:
         self._task = self._bar.add_task("recordings", total=None, left="")
         self._slots = 1
 
-    def begin(self, logs: "Sequence[FleetLog]") -> None:
+    def begin_bar(self, logs: "Sequence[FleetLog]") -> None:
         """Start the bar with the known logs."""
         self._left = TimeLeft([log.size_bytes for log in logs])
         self._bar.update(self._task, total=len(logs))
@@ -52,7 +52,7 @@ class FleetProgress:
         """Count a finished log."""
         took = outcome.seconds + outcome.overhead_s
         self._left.add_recording(log.size_bytes, took if outcome.status == "made" else None)
-        left = interval_text(self._left.interval_s(self._slots))
+        left = time_left_text(self._left.interval_s(self._slots))
         self._bar.update(self._task, advance=1, left=left)
 
     def __enter__(self) -> Self:
@@ -106,7 +106,7 @@ def _progress_weight(size_bytes: int) -> float:
     return float(size_bytes + _BASE_BYTES)
 
 
-def interval_text(interval_s: tuple[float, float] | None) -> str:
+def time_left_text(interval_s: tuple[float, float] | None) -> str:
     """Format the interval in a suitable unit."""
     if interval_s is None:
         return ""

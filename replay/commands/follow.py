@@ -74,10 +74,10 @@ def command(
     from recordings.rrd.viewer_server import viewer_server
     from replay.commands.follow_panel import FollowPanel
     from replay.commands.progress_bar import COMPILING, warn_on_slow_compile
-    from replay.follow.agreement import FollowedDigests, record_followed
+    from replay.follow.agreement import FollowedDigests, record_followed_log
     from replay.follow.follow_logs import Following, follow_logs
     from replay.follow.followed_outputs import FollowedOutputs
-    from replay.follow.report_file import event_text, time_text
+    from replay.follow.report_file import event_text, utc_time_text
     from replay.machines.machine_file import load_machine
     from replay.runs.run_logs import RecordTo
 
@@ -109,13 +109,13 @@ def command(
 
         def show_new_rows(following: Following, rows: list[FollowedRow]) -> None:
             digests.add(rows)
-            made = outputs.take(following, rows)
+            made = outputs.write_rows_and_new_reports(following, rows)
             for report in made:
                 if as_json:
                     typer.echo(json.dumps(report.to_dict(), allow_nan=False))
                 elif text := event_text(report):
-                    typer.echo(f"{time_text(report.unix_ns)}  {text}")
-            panel.show(following, made)
+                    typer.echo(f"{utc_time_text(report.unix_ns)}  {text}")
+            panel.show_followed_log(following, made)
 
         following = follow_logs(
             logs,
@@ -137,7 +137,7 @@ def command(
     )
     if output is not None:
         to = RecordTo(output, force=True)
-        _, agreements = record_followed(logs, machine, to, settings, digests)
+        _, agreements = record_followed_log(logs, machine, to, settings, digests)
         for each in agreements:
             typer.echo(_describe_agreement(each), err=True)
         typer.echo(f"recorded: {output}", err=True)
@@ -147,12 +147,13 @@ def _format_count(count: int, what: str) -> str:
     return f"{count:,} {what}" + "s" * (count != 1)
 
 
-def _describe_agreement(each: "Agreement") -> str:
-    if each.differs_from_s is None:
-        return f"{each.name}: {each.rows:,} rows, as in the replay bit for bit"
-    if each.is_rounding:
-        return f"{each.name}: {each.rows:,} rows, as in the replay to nine digits"
+def _describe_agreement(agreement: "Agreement") -> str:
+    if agreement.differs_from_s is None:
+        return f"{agreement.name}: {agreement.rows:,} rows, as in the replay bit for bit"
+    if agreement.is_rounding:
+        return f"{agreement.name}: {agreement.rows:,} rows, as in the replay to nine digits"
     return (
-        f"{each.name}: {each.rows:,} rows, {each.replayed:,} in the replay; they differ "
-        f"from {each.differs_from_s:,.0f} s onwards"
+        f"{agreement.name}: {agreement.rows:,} rows, {agreement.replayed:,} in the replay; they "
+        "differ "
+        f"from {agreement.differs_from_s:,.0f} s onwards"
     )

@@ -13,7 +13,7 @@ from rich.text import Text
 from analysis.model.methods import METHODS
 from analysis.online.online_report import OnlineReport
 from replay.follow.follow_logs import Following
-from replay.follow.report_file import mass_text, progress_text, spin_text, time_text
+from replay.follow.report_file import mass_text, progress_text, spin_text, utc_time_text
 
 #: Manoeuvres that are shown.
 _SHOWN: Final = 5
@@ -51,7 +51,7 @@ class FollowPanel:
         if self._live is not None:
             self._live.stop()
 
-    def show(self, following: Following, reports: list[OnlineReport]) -> None:
+    def show_followed_log(self, following: Following, reports: list[OnlineReport]) -> None:
         """Show the state of a followed log."""
         for report in reports:
             self._last = report
@@ -94,7 +94,8 @@ class FollowPanel:
 
 def _format_motion(report: OnlineReport) -> Text:
     text = Text(
-        f"{time_text(report.unix_ns)} UTC, {report.t_s:,.1f} s  {report.phase or 'unknown'}  gate "
+        f"{utc_time_text(report.unix_ns)} UTC, {report.t_s:,.1f} s  "
+        f"{report.phase or 'unknown'}  gate "
     )
     text.append(report.gate, style=_GATE_COLOURS.get(report.gate, "yellow"))
     if report.index_nat is not None:
@@ -121,5 +122,5 @@ def _make_method_table(following: Following) -> Table:
 def _make_manoeuvre_table(reports: list[OnlineReport]) -> Table:
     table = Table("manoeuvre", "until", "mass", box=None)
     for report in reports:
-        table.add_row(str(report.manoeuvres), time_text(report.unix_ns), mass_text(report))
+        table.add_row(str(report.manoeuvres), utc_time_text(report.unix_ns), mass_text(report))
     return table

@@ -21,7 +21,7 @@ _BINARY: Final = ("parquet", "arrow")
 _NO_LIMIT = 10_000
 
 
-def choose_format(requested: str | None, output: Path | None) -> str:
+def choose_output_format(requested: str | None, output: Path | None) -> str:
     """Requested format, else that of the output's suffix, else a table.
 
     Raises:
@@ -39,7 +39,7 @@ def choose_format(requested: str | None, output: Path | None) -> str:
     return requested or "table"
 
 
-def print_frame(
+def print_or_write_frame(
     frame: pl.DataFrame,
     output_format: str,
     output: Path | None,
@@ -101,7 +101,7 @@ def _format_times_as_text(frame: pl.DataFrame) -> pl.DataFrame:
     return frame.with_columns(pl.col(pl.Datetime).dt.to_string("iso:strict"))
 
 
-def frame_text(frame: pl.DataFrame, rows: int) -> str:
+def frame_as_text_table(frame: pl.DataFrame, rows: int) -> str:
     """A frame as text, with lines as long as they must be: broken cells cannot be read."""
     text = StringIO()
     with pl.Config(

@@ -22,15 +22,15 @@ def main() -> None:
     """Import one file, and leave with the status that the viewer understands."""
     asked, _ = _make_parser().parse_known_args()  # newer viewers may ask for more
     # the viewer starts every importer for every file: nothing heavy before the answer "not mine"
-    from replay.recording.importer_files import takes_file
+    from replay.recording.importer_files import is_imported_file
 
-    if not takes_file(asked.path):
+    if not is_imported_file(asked.path):
         sys.exit(NOT_MINE)
     from estimators.errors import PayscopeError, one_line
     from replay.recording.import_log import import_log
 
     try:
-        fault = import_log(asked.path, parse_request(asked))
+        fault = import_log(asked.path, parse_viewer_request(asked))
     except PayscopeError as error:
         sys.stderr.write(f"payscope: {one_line(str(error))}\n")
         sys.exit(2)
@@ -38,7 +38,7 @@ def main() -> None:
         sys.stderr.write(f"payscope: shown without a replay: {fault}\n")
 
 
-def parse_request(arguments: argparse.Namespace) -> "ViewerRequest":
+def parse_viewer_request(arguments: argparse.Namespace) -> "ViewerRequest":
     """Parse the viewer's request; an invalid time is ignored, as in Rerun's own importers."""
     from recordings.rrd.viewer_stream import TimelineKind, ViewerRequest
 

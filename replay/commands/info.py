@@ -71,7 +71,7 @@ def command(
         if as_json:
             described.append(shown.to_dict())
         else:
-            show(shown, zone, stdout_console())
+            print_log_info(shown, zone, stdout_console())
             typer.echo()
     if as_json and described:
         print_json(described[0] if len(logs) == 1 else described)
@@ -92,7 +92,7 @@ def _show_progress(*, check: bool) -> AbstractContextManager[object]:
     return StageProgress(1)
 
 
-def show(info: "LogInfo", zone: tzinfo, screen: "Console") -> None:
+def print_log_info(info: "LogInfo", zone: tzinfo, screen: "Console") -> None:
     """Print a log's description, its start in local time of `zone`."""
     from replay.commands.print_tables import print_line, print_rows, print_table
 
@@ -117,7 +117,7 @@ def _make_head_lines(info: "LogInfo", zone: tzinfo) -> Iterator[str]:
         yield "no messages"
         return
     count = counted(info.messages, "message")
-    yield f"from {_format_time(info.start_ns, zone)}, {info.duration_s:,.3f} s, {count}"
+    yield f"from {_format_log_time(info.start_ns, zone)}, {info.duration_s:,.3f} s, {count}"
 
 
 def _make_verdict_lines(info: "LogInfo") -> Iterator[tuple[str, str]]:
@@ -140,7 +140,7 @@ def _make_verdict_lines(info: "LogInfo") -> Iterator[tuple[str, str]]:
     )
 
 
-def _format_time(stamp_ns: int, zone: tzinfo) -> str:
+def _format_log_time(stamp_ns: int, zone: tzinfo) -> str:
     from analysis.stages.signals.timestamps import FIRST_DATE_NS
 
     seconds = f"{stamp_ns / 1e9:.3f} s"

@@ -94,10 +94,10 @@ def revoke(
 
 def _read_public_key(key: str) -> "PublicKey":
     from estimators.errors import EvidenceError
-    from recordings.signatures.signing import PublicKey, public_key
+    from recordings.signatures.signing import PublicKey, read_public_key
 
     if Path(key).exists():
-        return public_key(Path(key))
+        return read_public_key(Path(key))
     try:
         return PublicKey.from_text(key)
     except EvidenceError as fault:

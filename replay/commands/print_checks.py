@@ -27,7 +27,7 @@ def make_check_table(checks: Sequence["Check"]) -> "Table":
     return table
 
 
-def print_remedies(screen: "Console", failed: Sequence["Check"]) -> None:
+def print_remedies_with_checks(screen: "Console", failed: Sequence["Check"]) -> None:
     """Print each remedy once, with the failed checks that it is for and that have a number."""
     names: dict[str, list[str]] = {}
     for check in failed:
@@ -40,4 +40,4 @@ def print_remedies(screen: "Console", failed: Sequence["Check"]) -> None:
 def print_failed_checks(screen: "Console", failed: Sequence["Check"]) -> None:
     """Print failed checks as a table, then their remedies."""
     print_table(screen, make_check_table(failed))
-    print_remedies(screen, failed)
+    print_remedies_with_checks(screen, failed)

@@ -43,9 +43,9 @@ def print_line(screen: Console, line: str, mark: str = "") -> None:
     screen.print(text, soft_wrap=not screen.is_terminal)
 
 
-def print_table(screen: Console, table: Table, least: int = _NARROWEST) -> None:
-    """Print a table; on a screen of less than `least` columns its rows run over, nothing is cut."""
-    roomy = screen.options.update(max_width=least)
+def print_table(screen: Console, table: Table, min_columns: int = _NARROWEST) -> None:
+    """Print a table; rows wrap on a screen of less than `min_columns` columns, nothing is cut."""
+    roomy = screen.options.update(max_width=min_columns)
     width = screen.width
     screen.width = max(width, Measurement.get(screen, roomy, table).maximum)
     try:
@@ -92,7 +92,7 @@ def kg_text(value: float | None) -> str:
     return "–" if value is None else f"{value:,.1f}"
 
 
-def value_text(value: Any) -> str:
+def setting_value_text(value: Any) -> str:
     """A setting as a machine file writes it, on one line; a dash for none."""
     if value is None:
         return "–"

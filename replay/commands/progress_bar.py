@@ -82,8 +82,8 @@ class StageProgress:
 
 
 @contextmanager
-def warn_on_slow_compile(tell: Callable[[], None]) -> Generator[None]:
-    """Call `tell` once after numba has compiled for `LONG_S`; cached code does not count."""
+def warn_on_slow_compile(warn: Callable[[], None]) -> Generator[None]:
+    """Call `warn` once after numba has compiled for `LONG_S`; cached code does not count."""
     # numba is slow to import: whoever shows stages has loaded it already
     from numba.core import event
 
@@ -112,7 +112,7 @@ def warn_on_slow_compile(tell: Callable[[], None]) -> Generator[None]:
         def _check(self) -> None:
             if not self._told and self._took + time.perf_counter() - self._began > LONG_S:
                 self._told = True
-                tell()
+                warn()
 
     listener = Compiling()
     event.register("numba:compile", listener)

@@ -56,21 +56,21 @@ def command(
     with a time is a moment that `view --at` opens.
     """
     from replay.commands.common_options import time_axis_from_options
-    from replay.commands.frame_output import choose_format
-    from replay.query.named_tables import named_tables
-    from replay.query.run_query import query_tables
+    from replay.commands.frame_output import choose_output_format
+    from replay.query.named_tables import open_named_tables
+    from replay.query.run_query import prepare_query
 
     axis = time_axis_from_options(time, time_unit, keys)
     if tables:
-        _list_tables(named_tables(sources, axis), as_json=output_format == "json")
+        _list_tables(open_named_tables(sources, axis), as_json=output_format == "json")
         return
     if len(sources) == 1:
         raise typer.BadParameter(
             'name a log or recording, then one SELECT: payscope query shift.bag "SELECT …"; '
             "--tables lists the tables"
         )
-    chosen = choose_format(output_format and output_format.value, output)
-    asked = query_tables(sources[:-1], sources[-1], axis)
+    chosen = choose_output_format(output_format and output_format.value, output)
+    asked = prepare_query(sources[:-1], sources[-1], axis)
     try:
         if output is not None and join_within_s is None and chosen in _STREAMED:
             asked.write(output, chosen, force=force)
@@ -85,20 +85,22 @@ def _print_rows(
     query: "Query", join_within_s: float | None, chosen: str, output: Path | None, *, force: bool
 ) -> None:
     from recordings.report.atomic_output import require_writable_output
-    from replay.commands.frame_output import frame_text, print_frame
+    from replay.commands.frame_output import frame_as_text_table, print_or_write_frame
 
     if output is not None:
         require_writable_output(output, force=force)
     rows = query.collect(join_within_s)
     if chosen == "table" and output is None:
-        typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)
+        typer.echo(frame_as_text_table(rows, _ROWS_SHOWN), nl=False)
         if rows.height > _ROWS_SHOWN:
             typer.echo(f"{rows.height} rows, {_ROWS_SHOWN} shown; --format csv gives all", err=True)
-        opens = query.opening_command(rows)
+        opens = query.viewer_command_or_none(rows)
         if opens and join_within_s is None:
             typer.echo(f"the first row in the viewer: {opens}", err=True)
         return
-    print_frame(rows, chosen, output, force=force, table=lambda: frame_text(rows, rows.height))
+    print_or_write_frame(
+        rows, chosen, output, force=force, table=lambda: frame_as_text_table(rows, rows.height)
+    )
 
 
 def _list_tables(named: "NamedTables", *, as_json: bool) -> None:

@@ -11,7 +11,7 @@ from replay.commands.common_options import (
     FrictionLimit,
     RequireSigned,
     SignerKey,
-    read_calibration,
+    calibration_request_from_options,
 )
 
 if TYPE_CHECKING:
@@ -146,13 +146,13 @@ def command(
     from replay.commands.progress_bar import StageProgress
     from replay.machines.machine_file import load_machine
     from replay.pipeline import STAGES
-    from replay.review.give_verdicts import GivenVerdicts, is_review, recount_review
+    from replay.review.give_verdicts import GivenVerdicts, is_review_folder, recount_review
     from replay.review.label_spans import parse_label_channel, read_label_spans
     from replay.review.review_shift import ReviewOptions, review_shift
 
     if week:
         _check_options_of_one_shift(context)
-        report_week(logs, output, friction_limit, as_json=as_json)
+        print_week(logs, output, friction_limit, as_json=as_json)
         return
     if friction_limit is not None:
         raise typer.BadParameter("--friction-limit compares several days; add --week")
@@ -164,10 +164,10 @@ def command(
         "stockpile": stockpile,
     }
     given = GivenVerdicts(reject or (), accept or (), cycle or (), note, labels, author, begin, end)
-    given.check()
+    given.refuse_incomplete()
     channels = [parse_label_channel(each) for each in label or ()]
-    asked = read_calibration(calibration, key, signed=require_signed)
-    if machine is None and output is None and len(logs) == 1 and is_review(logs[0]):
+    asked = calibration_request_from_options(calibration, key, signed=require_signed)
+    if machine is None and output is None and len(logs) == 1 and is_review_folder(logs[0]):
         needs_logs = (asked is not None, target is not None, overrides, full, decimal_comma, label)
         if any(needs_logs):
             raise typer.BadParameter(
@@ -209,7 +209,7 @@ def _check_options_of_one_shift(context: typer.Context) -> None:
         )
 
 
-def report_week(
+def print_week(
     folders: list[Path], page: Path | None, friction_limit: float | None, *, as_json: bool
 ) -> None:
     """Print the sums of reviews by day, machine and product, without a replay.
@@ -221,19 +221,19 @@ def report_week(
         as_json: whether to print JSON.
     """
     from recordings.report.shift_text import K
-    from recordings.review.week_page import week_sentence, write_week_page
+    from recordings.review.week_page import week_tonnes_sentence, write_week_page
     from recordings.review.week_shifts import (
-        read_shifts,
-        trend_friction_by_machine,
+        friction_trend_by_machine,
+        read_shifts_of_reviews,
         trend_sentences,
     )
-    from recordings.review.week_totals import GROUPS, read_week, sum_by_group, sum_week
+    from recordings.review.week_totals import GROUPS, read_week, total_of_week, totals_by_group
     from replay.commands.print_tables import print_json, print_line, stdout_console
 
-    parts, shifts = read_week(folders), read_shifts(folders)
-    sums = {by: sum_by_group(parts, by) for by in GROUPS}
-    whole = sum_week(parts)
-    trends = {} if friction_limit is None else trend_friction_by_machine(shifts, friction_limit)
+    parts, shifts = read_week(folders), read_shifts_of_reviews(folders)
+    sums = {by: totals_by_group(parts, by) for by in GROUPS}
+    whole = total_of_week(parts)
+    trends = {} if friction_limit is None else friction_trend_by_machine(shifts, friction_limit)
     if page is not None:
         write_week_page(parts, shifts, friction_limit, page)
     if as_json:
@@ -250,7 +250,7 @@ def report_week(
             name = f"{by} {each.name or 'not named'}"
             rejected = f", {each.rejected} rejected" if each.rejected else ""
             print_line(screen, f"{name}: {each.loads} loads, {t:,.3f} ± {u_t:.3f} t{rejected}")
-    print_line(screen, f"all: {week_sentence(parts)}")
+    print_line(screen, f"all: {week_tonnes_sentence(parts)}")
     for sentence in trend_sentences(trends):
         print_line(screen, sentence)
     for shift in shifts:
@@ -269,12 +269,12 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
     from recordings.review.review_page import NOT_CALIBRATED, PAGE
     from recordings.review.shift_facts import (
         list_shift_facts,
-        long_hole_sentence,
-        losses_besides_torn_ends,
+        long_gap_sentence,
+        loss_texts_besides_torn_ends,
         missing_load_sentences,
         summarise_shift,
         torn_log_sentences,
-        warn_of_two_machines,
+        two_machines_warning,
     )
     from replay.commands.print_tables import print_line
 
@@ -282,8 +282,8 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
     if not review.no_tonnes:
         print_line(screen, summarise_shift(review.shift, "", state))
     if state.mixed_machines:
-        print_line(screen, f"warning: {warn_of_two_machines(state)}")
-    holes = long_hole_sentence(review.shift, state)
+        print_line(screen, f"warning: {two_machines_warning(state)}")
+    holes = long_gap_sentence(review.shift, state)
     for sentence in (
         *filter(None, [holes]),
         *missing_load_sentences(review.shift),
@@ -299,7 +299,7 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
     failed = [check.check for check in state.failed]
     if failed:
         print_line(screen, f"checks that failed: {', '.join(failed)}")
-    for loss in losses_besides_torn_ends(state):
+    for loss in loss_texts_besides_torn_ends(state):
         print_line(screen, f"lost: {loss}")
     if not review.replayed:
         print_line(screen, "not replayed: logs, machine and settings are those of the last review")

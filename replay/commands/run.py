@@ -8,8 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from replay.commands import print_tables
-from replay.commands.common_options import Calibration, RequireSigned, SignerKey, read_calibration
-from replay.commands.print_checks import make_check_table, print_remedies
+from replay.commands.common_options import (
+    Calibration,
+    RequireSigned,
+    SignerKey,
+    calibration_request_from_options,
+)
+from replay.commands.print_checks import make_check_table, print_remedies_with_checks
 from replay.commands.print_tables import make_plain_table, print_line, print_table
 
 if TYPE_CHECKING:
@@ -100,8 +105,8 @@ def command(
         raise typer.BadParameter("--live shows the recording while it is written; name it with -o")
     if goal is not None and as_json:
         raise typer.BadParameter("--goal prints text only; leave out --json")
-    settings = [*(overrides or []), *_empty_span_settings(empty)]
-    asked = read_calibration(calibration, key, signed=require_signed)
+    settings = [*(overrides or []), *_overrides_for_empty_span(empty)]
+    asked = calibration_request_from_options(calibration, key, signed=require_signed)
 
     def replay_to(to: RecordTo) -> "Answer":
         with StageProgress(len(STEPS), timing=timing) as stages:
@@ -140,13 +145,14 @@ def _watch_machine_file(
 ) -> None:
     """Replay after each change of the machine file and print the change, until interrupted."""
     from estimators.errors import PayscopeError, one_line
-    from replay.commands.print_tables import value_text
+    from replay.commands.print_tables import setting_value_text
     from replay.runs.watch_machine_file import watch_machine_file
 
     def print_changed_answer(answer: "Answer", changed: "list[ValueChange]") -> None:
         if changed:
             said = ", ".join(
-                f"{each.name} {value_text(each.a)} → {value_text(each.b)}" for each in changed
+                f"{each.name} {setting_value_text(each.a)} → {setting_value_text(each.b)}"
+                for each in changed
             )
             typer.echo(one_line(f"{machine} changed: {said}"), err=True)
         show(answer)
@@ -161,7 +167,7 @@ def _watch_machine_file(
         watch_machine_file(machine, to, settings, replay, print_changed_answer, print_error)
 
 
-def _empty_span_settings(span: str | None) -> list[str]:
+def _overrides_for_empty_span(span: str | None) -> list[str]:
     """Overrides for an empty span given as `FROM:TO`."""
     if span is None:
         return []
@@ -178,12 +184,12 @@ def _empty_span_settings(span: str | None) -> list[str]:
     return [f"settings.loads.empty_from_s={first!r}", f"settings.loads.empty_to_s={last!r}"]
 
 
-def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) -> None:
+def print_answer(answer: "Answer", goal_u_kg: float | None = None, verbose: int = 0) -> None:
     """Print the answer on stdout.
 
     Args:
         answer: answer of a run.
-        goal: standard uncertainty in kg; prints how many more starts would reach it.
+        goal_u_kg: standard uncertainty in kg; prints how many more starts would reach it.
         verbose: 1 adds budget, methods and omitted lines; 2 adds every check.
     """
     screen = print_tables.stdout_console()
@@ -191,7 +197,7 @@ def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) 
         _print_masses_with_uncertainty(screen, answer, verbose)
     else:
         _print_verdict(screen, answer, verbose)
-    for line in further_lines(answer, goal, verbose):
+    for line in further_lines(answer, goal_u_kg, verbose):
         print_line(screen, line)
     if verbose:
         _print_budget(screen, answer)
@@ -210,46 +216,48 @@ def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) 
 def _print_masses_with_uncertainty(screen: "Console", answer: "Answer", verbose: int) -> None:
     """Print masses and payloads, and the largest part of their uncertainty."""
     from recordings.report.worth_text import (
+        advice_to_reduce_uncertainty,
         answer_lines,
-        table_heads_of_loads,
-        table_rows_of_loads,
-        uncertainty_advice,
+        load_table_heads,
+        load_table_rows,
     )
 
     for line in answer_lines(answer, brief=not verbose):
         print_line(screen, line)
     if len(answer.loads) > 1:
-        heads = table_heads_of_loads(answer)
+        heads = load_table_heads(answer)
         loads = make_plain_table(*heads[:-1])
         loads.add_column(heads[-1], overflow="fold")
-        rows = table_rows_of_loads(answer)
+        rows = load_table_rows(answer)
         shown = rows if verbose else rows[:_MOST_LOADS]
         for load in shown:
             loads.add_row(*load)
         print_table(screen, loads)
-        for line in _describe_omitted(len(rows) - len(shown), "load", "loads"):
+        for line in _omitted_count_line(len(rows) - len(shown), "load", "loads"):
             print_line(screen, line)
-    most = uncertainty_advice(answer)
+    most = advice_to_reduce_uncertainty(answer)
     if most:
         print_line(screen, most)
 
 
-def further_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator[str]":
+def further_lines(answer: "Answer", goal_u_kg: float | None, verbose: int) -> "Iterator[str]":
     """Further lines about the answer, the most important first."""
     from recordings.report.planar_text import planar_fit_lines
-    from recordings.report.worth_text import describe_starts_to_goal, summarise_shift_lines
+    from recordings.report.worth_text import shift_total_lines, starts_to_goal_lines
 
-    if goal is not None:
-        yield from describe_starts_to_goal(answer, goal)
+    if goal_u_kg is not None:
+        yield from starts_to_goal_lines(answer, goal_u_kg)
     if answer.verdict.can_tell_inertia and not verbose:
-        yield from _describe_inertia(answer)
-    yield from summarise_shift_lines(answer)
+        yield from _yaw_inertia_line(answer)
+    yield from shift_total_lines(answer)
     yield from planar_fit_lines(answer.planar, answer.planar_budget)
     most_lines = len(answer.losses) + len(answer.notes) if verbose else _MOST_LINES
-    yield from _limit_lines(
+    yield from first_lines_and_count_of_rest(
         [f"lost: {loss}" for loss in answer.losses], most_lines, "loss", "losses"
     )
-    yield from _limit_lines([f"note: {note}" for note in answer.notes], most_lines, "note", "notes")
+    yield from first_lines_and_count_of_rest(
+        [f"note: {note}" for note in answer.notes], most_lines, "note", "notes"
+    )
     yield from _describe_findings(answer, verbose)
 
 
@@ -268,19 +276,21 @@ def _describe_findings(answer: "Answer", verbose: int) -> "Iterator[str]":
         yield f"{left} {'other finding' if left == 1 else 'other findings'} (-v)"
 
 
-def _limit_lines(lines: "Sequence[str]", most: int, one: str, several: str) -> "Iterator[str]":
-    """The first `most` lines, and a line that counts the others."""
-    yield from lines[:most]
-    yield from _describe_omitted(len(lines) - most, one, several)
+def first_lines_and_count_of_rest(
+    lines: "Sequence[str]", max_lines: int, singular: str, plural: str
+) -> "Iterator[str]":
+    """The first `max_lines` lines, and a line that counts the others."""
+    yield from lines[:max_lines]
+    yield from _omitted_count_line(len(lines) - max_lines, singular, plural)
 
 
-def _describe_omitted(omitted: int, one: str, several: str) -> "Iterator[str]":
-    """Yield a line on how many are not printed; none if all are."""
-    if omitted > 0:
-        yield f"{omitted} more {one if omitted == 1 else several} (-v)"
+def _omitted_count_line(count: int, singular: str, plural: str) -> "Iterator[str]":
+    """Yield one line with the number of lines that -v would add; nothing if it is 0."""
+    if count > 0:
+        yield f"{count} more {singular if count == 1 else plural} (-v)"
 
 
-def _describe_inertia(answer: "Answer") -> "Iterator[str]":
+def _yaw_inertia_line(answer: "Answer") -> "Iterator[str]":
     """Line with the yaw inertia of the joint fit, or else of the first method that has one."""
     from recordings.report.number_text import format_plus_minus
 
@@ -295,11 +305,11 @@ def _describe_inertia(answer: "Answer") -> "Iterator[str]":
 
 def _print_budget(screen: "Console", answer: "Answer") -> None:
     """Print a row for each source of uncertainty."""
-    from recordings.report.worth_text import best_known_load, budget_rows
+    from recordings.report.worth_text import budget_rows, number_of_best_known_load
 
     rows = budget_rows(answer) if answer.verdict.can_weigh else []
     if rows:
-        of = f" (mass of load {best_known_load(answer)})" if len(answer.loads) > 1 else ""
+        of = f" (mass of load {number_of_best_known_load(answer)})" if len(answer.loads) > 1 else ""
         table = make_plain_table(f"uncertainty from{of}", "kind", "u kg")
         table.add_column("fraction of the variance")
         table.add_column("to reduce", overflow="fold")
@@ -334,7 +344,7 @@ def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
     shown = (*failed, *verdict.remarks, *near) if verdict.can_weigh else failed
     if shown or verbose > 1:
         print_table(screen, make_check_table(verdict.checks if verbose > 1 else shown))
-    print_remedies(screen, failed)
+    print_remedies_with_checks(screen, failed)
     if verdict.has_spins and not verdict.can_tell_inertia:
         screen.print(
             "No inertia estimate: the checks of the spins, or of the force's sign, failed."

@@ -12,7 +12,7 @@ from replay.commands.common_options import (
     OutputFile,
     RequireSigned,
     SignerKey,
-    read_calibration,
+    calibration_request_from_options,
 )
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def command(
     """Print a frame of a recording, or list its frames."""
     if frame is not None:
         wanted = output_format and output_format.value
-        asked = read_calibration(calibration, key, signed=require_signed)
+        asked = calibration_request_from_options(calibration, key, signed=require_signed)
         if at_s is not None and (start_s, end_s) != (None, None):
             raise typer.BadParameter(
                 "--at gives one time, --from and --to give a range; use one or the other"
@@ -72,7 +72,7 @@ def _list_frames(recording: Path, *, as_json: bool) -> None:
     """Print the recording's frames with their columns, and its losses."""
     from rich.markup import escape
 
-    from recordings import read_provenance, stage_columns
+    from recordings import columns_by_frame, read_provenance
     from replay.commands.print_tables import (
         make_plain_table,
         print_json,
@@ -81,7 +81,7 @@ def _list_frames(recording: Path, *, as_json: bool) -> None:
         stdout_console,
     )
 
-    held = stage_columns(recording)
+    held = columns_by_frame(recording)
     if as_json:
         print_json(held)
         return
@@ -109,11 +109,15 @@ def _show_frame(
 ) -> None:
     """Print or write the rows of one frame in a time range, or at one time."""
     from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
-    from replay.commands.frame_output import choose_format, frame_text, print_frame
+    from replay.commands.frame_output import (
+        choose_output_format,
+        frame_as_text_table,
+        print_or_write_frame,
+    )
     from replay.recording.read_stage import RecordedStage
 
     recording, name, calibration = request
-    output_format = choose_format(output_format, output)
+    output_format = choose_output_format(output_format, output)
     if output is not None:
         refuse_input_as_output(output, [recording])
         require_writable_output(output, force=force)
@@ -127,7 +131,7 @@ def _show_frame(
     )
     if output is None and output_format == "table":
         rows = stage.make_readable()
-        typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)
+        typer.echo(frame_as_text_table(rows, _ROWS_SHOWN), nl=False)
         if rows.height > _ROWS_SHOWN:
             typer.echo(
                 f"{rows.height} rows, {_ROWS_SHOWN} shown; --from and --to choose, "
@@ -135,10 +139,10 @@ def _show_frame(
                 err=True,
             )
         return
-    print_frame(
+    print_or_write_frame(
         stage.rows,
         output_format,
         output,
         force=force,
-        table=lambda: frame_text(stage.make_readable(), stage.rows.height),
+        table=lambda: frame_as_text_table(stage.make_readable(), stage.rows.height),
     )

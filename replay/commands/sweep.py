@@ -16,7 +16,7 @@ from replay.commands.common_options import (
     OutputFile,
     RequireSigned,
     SignerKey,
-    read_calibration,
+    calibration_request_from_options,
 )
 
 if TYPE_CHECKING:
@@ -94,10 +94,10 @@ def command(
     if reference_kg is not None and not 0.0 < reference_kg < math.inf:
         raise typer.BadParameter(f"--reference {reference_kg:g}: give a mass in kg, above 0")
     wanted = FrameFormat.json if as_json else output_format
-    weighs = _print_sweep(
+    weighs = _run_and_print_sweep(
         (logs, machine, overrides or [], over),
         reference_kg=reference_kg,
-        calibration=read_calibration(calibration, key, signed=require_signed),
+        calibration=calibration_request_from_options(calibration, key, signed=require_signed),
         output_format=wanted and wanted.value,
         outputs=(output, figure),
         force=force,
@@ -107,7 +107,7 @@ def command(
         raise typer.Exit(1)
 
 
-def _print_sweep(
+def _run_and_print_sweep(
     inputs: tuple[list[Path], Path, list[str], list[str]],
     *,
     reference_kg: float | None,
@@ -123,21 +123,21 @@ def _print_sweep(
     """
     from estimators.errors import OutputError
     from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
-    from recordings.report.picture import check_picture
-    from replay.commands.frame_output import choose_format, print_frame
+    from recordings.report.picture import require_writable_picture
+    from replay.commands.frame_output import choose_output_format, print_or_write_frame
     from replay.commands.print_tables import stdout_console
     from replay.commands.progress_bar import StageProgress
     from replay.runs.sweep_settings import sweep_settings, value_combinations
 
     logs, machine_file, overrides, over = inputs
     output, figure = outputs
-    output_format = choose_format(output_format, output)
+    output_format = choose_output_format(output_format, output)
     if output is not None:
         refuse_input_as_output(output, [*logs, machine_file])
         require_writable_output(output, force=force)
     if figure is not None:
         refuse_input_as_output(figure, [*logs, machine_file])
-        check_picture(figure, force=force)
+        require_writable_picture(figure, force=force)
         if figure == output:
             raise OutputError(
                 f"{figure}: is named for both -o and --figure; give two different files"
@@ -156,7 +156,7 @@ def _print_sweep(
     if output is None and output_format == "table":
         stdout_console().print(render_sweep(rows))
     else:
-        print_frame(
+        print_or_write_frame(
             _make_result_frame(rows),
             output_format,
             output,
@@ -178,7 +178,7 @@ def _make_swept_row(row: SweepRow) -> SweptRow:
     """Row for the sweep's figure."""
     from recordings.plots.sweep_figure import SweptRow
 
-    names = shorten_dotted_names(row.over)
+    names = shortest_distinct_names(row.over)
     known = [load for load in row.answer.loads if load["payload_kg"] is not None]
     several = len(row.answer.loads) > 1 and known
     most = max(known, key=lambda load: load["payload_kg"]) if several else None
@@ -203,7 +203,7 @@ def _nest_row_for_json(row: SweepRow) -> dict[str, Any]:
 
 def _make_result_frame(rows: Sequence[SweepRow]) -> pl.DataFrame:
     """Frame with a row per combination and a column per method and quantity."""
-    names = shorten_dotted_names(rows[0].over)
+    names = shortest_distinct_names(rows[0].over)
     flat = [
         {
             **{
@@ -221,7 +221,7 @@ def _make_result_frame(rows: Sequence[SweepRow]) -> pl.DataFrame:
             **calibrated_mass_fields(row),
             "accepted_share_1": row.answer.accepted_share,
             "can_weigh": row.answer.verdict.can_weigh,
-            "failed": " ".join(_failed_checks(row)),
+            "failed": " ".join(_names_of_failed_checks(row)),
         }
         for row in rows
     ]
@@ -246,19 +246,19 @@ def render_sweep(rows: Sequence[SweepRow]) -> RenderableType:
 
     from replay.commands.print_tables import kg_text
 
-    masses = method_table(rows, _format_mass, ("used", "weighs"), _make_verdict_cells)
+    masses = make_method_table(rows, _format_mass, ("used", "weighs"), _make_verdict_cells)
     parts: list[RenderableType] = ["Mass ± standard deviation, kg", masses]
     if calibrated_mass_fields(rows[0]):
-        parts += ["", "Calibrated mass and its interval, kg", calibrated_table(rows)]
+        parts += ["", "Calibrated mass and its interval, kg", make_calibrated_mass_table(rows)]
     for name in rows[0].errors:
-        errors = method_table(
+        errors = make_method_table(
             rows, lambda row, method, of=name: kg_text(row.errors[of].get(method))
         )
         parts += ["", _TITLES[name], errors]
     return Group(*parts)
 
 
-def method_table(
+def make_method_table(
     rows: Sequence[SweepRow],
     cell: Callable[[SweepRow, str], str],
     extra_titles: Sequence[str] = (),
@@ -270,7 +270,9 @@ def method_table(
     methods = list(
         dict.fromkeys(method for row in rows for method in _quantity_by_method(row, "mass_kg"))
     )
-    table = make_plain_table(*shorten_dotted_names(rows[0].over).values(), *methods, *extra_titles)
+    table = make_plain_table(
+        *shortest_distinct_names(rows[0].over).values(), *methods, *extra_titles
+    )
     if extra_titles:
         # the last is words
         table.columns[-1].justify = "left"
@@ -281,12 +283,12 @@ def method_table(
     return table
 
 
-def calibrated_table(rows: Sequence[SweepRow]) -> Table:
+def make_calibrated_mass_table(rows: Sequence[SweepRow]) -> Table:
     """Table with the calibrated mass of each combination, or why there is none."""
     from replay.commands.print_tables import kg_text, make_plain_table
 
     table = make_plain_table(
-        *shorten_dotted_names(rows[0].over).values(), "calibrated", "from", "to"
+        *shortest_distinct_names(rows[0].over).values(), "calibrated", "from", "to"
     )
     table.add_column("", overflow="fold")
     for row in rows:
@@ -305,7 +307,7 @@ def _format_mass(row: SweepRow, method: str) -> str:
 
 
 def _make_verdict_cells(row: SweepRow) -> Sequence[str]:
-    failed = _failed_checks(row)
+    failed = _names_of_failed_checks(row)
     loads = len(row.answer.loads)
     known = [load for load in row.answer.loads if load["payload_kg"] is not None]
     most = max((load["payload_kg"] for load in known), default=None)
@@ -315,7 +317,7 @@ def _make_verdict_cells(row: SweepRow) -> Sequence[str]:
     return f"{row.answer.accepted_share:.0%}", weighs
 
 
-def _failed_checks(row: SweepRow) -> list[str]:
+def _names_of_failed_checks(row: SweepRow) -> list[str]:
     verdict = row.answer.verdict
     return [
         check.check
@@ -329,23 +331,23 @@ def _quantity_by_method(row: SweepRow, quantity: str) -> Mapping[str, float | No
 
 
 def _parse_swept_values(row: SweepRow) -> dict[str, Any]:
-    from replay.machines.toml_file import read_value
+    from replay.machines.toml_file import parse_toml_value
 
-    return {key: read_value(text) for key, text in row.over.items()}
+    return {key: parse_toml_value(text) for key, text in row.over.items()}
 
 
-def shorten_dotted_names(keys: Iterable[str]) -> dict[str, str]:
+def shortest_distinct_names(keys: Iterable[str]) -> dict[str, str]:
     """Shortest distinct name of each dotted key: its last part, or the whole key."""
     last = {key: key.rpartition(".")[2] for key in keys}
     shared = Counter(last.values())
     return {key: name if shared[name] == 1 else key for key, name in last.items()}
 
 
-def _format_shown_value(shown: RenderableType) -> str:
+def _format_shown_value(value: RenderableType) -> str:
     from io import StringIO
 
     from rich.console import Console
 
     text = StringIO()
-    Console(file=text, width=_FILE_WIDTH, highlight=False).print(shown)
+    Console(file=text, width=_FILE_WIDTH, highlight=False).print(value)
     return "".join(f"{line.rstrip()}\n" for line in text.getvalue().splitlines())

@@ -68,7 +68,7 @@ def command(
     executed.
     """
     if page:
-        _write_page(folders or [], output, force=force)
+        _write_verifier_page(folders or [], output, force=force)
         return
     if output is not None or not folders:
         what = (
@@ -110,27 +110,31 @@ def command(
         raise typer.Exit(int(found.outcome))
 
 
-def _write_page(folders: list[Path], output: Path | None, *, force: bool) -> None:
+def _write_verifier_page(folders: list[Path], output: Path | None, *, force: bool) -> None:
     """Write the page that checks evidence in a browser."""
     if folders:
         raise typer.BadParameter(
             "--page writes the same page for all evidence; leave out the folder"
         )
-    from recordings.calibration.page.verifier_page import NAME, verifier_page, verifier_sha256
+    from recordings.calibration.page.verifier_page import (
+        NAME,
+        build_verifier_page,
+        verifier_page_sha256,
+    )
     from recordings.report.atomic_output import atomic_file
 
     target = output or Path(NAME)
     with atomic_file(target, force=force) as written:
-        written.write_bytes(verifier_page())
-    typer.echo(f"{target}: SHA-256 {verifier_sha256()}")
+        written.write_bytes(build_verifier_page())
+    typer.echo(f"{target}: SHA-256 {verifier_page_sha256()}")
 
 
 def _verify_notary_list(path: Path, key: Path | None, *, signed: bool, as_json: bool) -> None:
     """Verify a notary list and print the result."""
     from replay.commands.print_tables import print_json, print_line, stdout_console
-    from replay.notary.verify_list import UNSEEN, verify_list
+    from replay.notary.verify_list import UNSEEN, verify_notary_list
 
-    found = verify_list(path, key_file=key, signed=signed)
+    found = verify_notary_list(path, key_file=key, signed=signed)
     if as_json:
         print_json(found.to_dict())
     else:

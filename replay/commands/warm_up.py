@@ -15,10 +15,14 @@ def command(
     Without it the first short log takes some seconds more, and a longer one waits until the loops
     that it needs are compiled. Several processes may compile at once.
     """
-    from estimators.compile_cache import are_all_compiled, mark_all_compiled, persistent_folder
+    from estimators.compile_cache import (
+        are_all_compiled,
+        mark_all_compiled,
+        persistent_cache_folder_or_none,
+    )
     from estimators.errors import OutputError
 
-    folder = persistent_folder()
+    folder = persistent_cache_folder_or_none()
     if folder is None:
         raise OutputError(
             "compiled code cannot be cached: neither the package's folder nor ~/.cache is "

@@ -11,10 +11,10 @@ from analysis.compare.run_comparison import Comparison, compare_runs, has_same_i
 from analysis.model.run_record import Provenance, Run
 from estimators.errors import RecordingError
 from estimators.file_digest import file_sha256
-from recordings import check_recording
+from recordings import require_writable_recording
 from recordings.report.atomic_output import refuse_input_as_output
 from recordings.rrd.reader import OpenRecording, open_recording
-from recordings.rrd.recording_table import drawn_columns
+from recordings.rrd.recording_table import drawn_column_names
 
 if TYPE_CHECKING:
     from replay.calibration.apply_evidence import CalibrationRequest
@@ -42,10 +42,10 @@ class RecordedRun:
         self._loads: pl.DataFrame | None = None
         if request is not None and "loads" in self.stages:
             from analysis.calibration.use.later_log import FRAMES
-            from replay.calibration.apply_evidence import calibrated_frame
+            from replay.calibration.apply_evidence import calibrate_recorded_loads
 
             raw = {stage: recording.read(stage) for stage in FRAMES if stage in self.stages}
-            self._loads = calibrated_frame(raw, self.provenance, request, recording.path)
+            self._loads = calibrate_recorded_loads(raw, self.provenance, request, recording.path)
             self.stages = {**self.stages, "loads": self._loads.columns}
 
     def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
@@ -54,9 +54,9 @@ class RecordedRun:
             return self._loads.select(columns)
         return self._held.read(stage, columns)
 
-    def drawn_columns(self) -> Run:
+    def run_of_drawn_columns(self) -> Run:
         """The columns that views draw."""
-        wanted = {stage: drawn_columns(stage, names) for stage, names in self.stages.items()}
+        wanted = {stage: drawn_column_names(stage, names) for stage, names in self.stages.items()}
         frames = {stage: self.read(stage, names) for stage, names in wanted.items() if names}
         return Run(frames, self.provenance)
 
@@ -103,7 +103,7 @@ def compare_recordings(
     """
     if output.path is not None:
         refuse_input_as_output(output.path, [a, b])
-        check_recording(output.path, force=output.force)
+        require_writable_recording(output.path, force=output.force)
     with open_recording(a) as first, open_recording(b) as second:
         mine, theirs = RecordedRun(first, calibration), RecordedRun(second, calibration)
         if not set(mine.stages) & set(theirs.stages):
@@ -123,25 +123,28 @@ def compare_recordings(
             )
         found = compare_runs(mine, theirs, rtol=rtol, rows=not other_logs)
         if output.path is not None:
-            from recordings.compare.overlay_recording import comparison_text, write_overlay
+            from recordings.compare.overlay_recording import (
+                comparison_markdown,
+                write_overlay_recording,
+            )
 
-            write_overlay(
-                mine.drawn_columns(),
-                theirs.drawn_columns(),
+            write_overlay_recording(
+                mine.run_of_drawn_columns(),
+                theirs.run_of_drawn_columns(),
                 output.path,
-                comparison_text(found, a.name, b.name),
+                comparison_markdown(found, a.name, b.name),
                 one_log=not other_logs,
                 force=output.force,
             )
         return found
 
 
-def are_of_one_log(mine: RecordedRun, theirs: RecordedRun) -> bool:
+def are_of_one_log(provenance_a: RecordedRun, provenance_b: RecordedRun) -> bool:
     """Whether both replay the same bytes, or one is a replay of the other recording."""
     return (
-        has_same_inputs(mine.provenance, theirs.provenance)
-        or is_replay_of_recording(mine.path, theirs.provenance)
-        or is_replay_of_recording(theirs.path, mine.provenance)
+        has_same_inputs(provenance_a.provenance, provenance_b.provenance)
+        or is_replay_of_recording(provenance_a.path, provenance_b.provenance)
+        or is_replay_of_recording(provenance_b.path, provenance_a.provenance)
     )
 
 

@@ -20,9 +20,9 @@ from replay.convert.unfinished_folder import (
     ConversionPlan,
     PartWriter,
     UnfinishedFolder,
-    arrow_schema,
+    make_arrow_schema,
     unfinished_folder,
-    write_file_whole,
+    write_file_atomically,
 )
 from replay.logs import Log
 from replay.logs.converted import DESCRIPTION
@@ -128,10 +128,10 @@ def convert_log(
     try:
         with unfinished_folder(target) as folder:
             done, taken_up = making.convert_by_spans(folder, span_messages, on_span)
-            described = making.describe(folder, done)
+            described = making.describe_converted_folder(folder, done)
             kept = {part.file for topic in described.topics for part in topic.parts}
             folder.remove_all_except(kept)
-            write_file_whole(folder.path / DESCRIPTION, described.model_dump_json(indent=1))
+            write_file_atomically(folder.path / DESCRIPTION, described.model_dump_json(indent=1))
             _replace_folder(folder.path, target)
     except OSError as error:
         raise OutputError(f"{target}: cannot be written ({error.strerror or error})") from None
@@ -163,7 +163,7 @@ class RunningConversion:
         self._summaries = {t: row for t, row in self._summaries.items() if t in chosen}
         decoded = [t for t, row in self._summaries.items() if row["problem"] is None]
         self._fields = {t: _list_converted_fields(log, t) for t in decoded}
-        self._folders = _name_topic_folders(decoded)
+        self._folders = unique_folder_names(decoded)
         self._faults: dict[str, str] = {}
         self._files = tuple(
             SourceFile(name=path.name, size_bytes=path.stat().st_size, sha256=digest)
@@ -187,7 +187,7 @@ class RunningConversion:
             borders_ns=borders,
         )
         before = set(self._log.losses())
-        done: list[_Parts] = [span.parts for span in folder.resume(plan)]
+        done: list[_Parts] = [span.parts for span in folder.resume_or_restart(plan)]
         taken_up = len(done)
         if borders and not before:
             for number in range(len(done), len(borders) + 1):
@@ -199,7 +199,7 @@ class RunningConversion:
                     break
                 done.append(folder.add_finished_part(number, parts).parts)
             else:
-                if self._is_complete(done):
+                if self._has_all_indexed_messages(done):
                     return done, taken_up
         folder.clear()
         self._faults.clear()
@@ -238,7 +238,7 @@ class RunningConversion:
     def _part_path(self, topic: str, span_number: int) -> str:
         return f"{self._folders[topic]}/part-{span_number:05}.parquet"
 
-    def _is_complete(self, done: Sequence[_Parts]) -> bool:
+    def _has_all_indexed_messages(self, done: Sequence[_Parts]) -> bool:
         """Whether the rows written match the messages that the index lists."""
         rows = dict.fromkeys(self._fields, 0)
         for parts in done:
@@ -246,7 +246,9 @@ class RunningConversion:
                 rows[topic] += part.rows
         return all(self._summaries[topic]["messages"] == count for topic, count in rows.items())
 
-    def describe(self, folder: UnfinishedFolder, done: Sequence[_Parts]) -> ConvertedDescription:
+    def describe_converted_folder(
+        self, folder: UnfinishedFolder, done: Sequence[_Parts]
+    ) -> ConvertedDescription:
         """Description of the folder; a topic without rows gets a part with its columns."""
         topics: list[ConvertedTopic] = []
         for topic, summary in self._summaries.items():
@@ -295,7 +297,7 @@ class RunningConversion:
             "version": version("payscope"),
         }
         named = {f"payscope.{key}": str(value) for key, value in about.items()}
-        return arrow_schema(schema, {LOG_TIME: "ns", _STAMP: "ns", **units}, named)
+        return make_arrow_schema(schema, {LOG_TIME: "ns", _STAMP: "ns", **units}, named)
 
 
 def _list_converted_fields(log: Log, topic: str) -> tuple[ConvertedField, ...]:
@@ -312,7 +314,7 @@ def _list_converted_fields(log: Log, topic: str) -> tuple[ConvertedField, ...]:
     )
 
 
-def _name_topic_folders(topics: Sequence[str]) -> dict[str, str]:
+def unique_folder_names(topics: Sequence[str]) -> dict[str, str]:
     """Unique folder name of each topic, in letters, digits and underscores."""
     found: dict[str, str] = {}
     taken: set[str] = set()

@@ -135,18 +135,18 @@ class UnfinishedFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    def resume(self, plan: ConversionPlan) -> list[DoneSpan]:
+    def resume_or_restart(self, plan: ConversionPlan) -> list[DoneSpan]:
         """Resume a conversion with the same plan; other content is removed.
 
         Returns:
             Completed spans, from the first.
         """
-        if load_json(self.path / _PLAN, ConversionPlan) != plan:
+        if load_json_or_none(self.path / _PLAN, ConversionPlan) != plan:
             self.clear()
-            write_file_whole(self.path / _PLAN, plan.model_dump_json(indent=1))
+            write_file_atomically(self.path / _PLAN, plan.model_dump_json(indent=1))
             return []
         done: list[DoneSpan] = []
-        while span := load_json(self.path / _span_file_name(len(done)), DoneSpan):
+        while span := load_json_or_none(self.path / _span_file_name(len(done)), DoneSpan):
             if not all((self.path / part.file).is_file() for part in span.parts.values()):
                 break
             done.append(span)
@@ -155,7 +155,9 @@ class UnfinishedFolder:
     def add_finished_part(self, span_number: int, parts: dict[str, ConvertedPart]) -> DoneSpan:
         """Record that a span is complete."""
         span = DoneSpan(parts=parts)
-        write_file_whole(self.path / _span_file_name(span_number), span.model_dump_json(indent=1))
+        write_file_atomically(
+            self.path / _span_file_name(span_number), span.model_dump_json(indent=1)
+        )
         return span
 
     def clear(self) -> None:
@@ -166,14 +168,14 @@ class UnfinishedFolder:
             elif each.name != _LOCK:
                 each.unlink()
 
-    def remove_all_except(self, kept: set[str]) -> None:
+    def remove_all_except(self, kept_files: set[str]) -> None:
         """Remove everything except the parts of a finished conversion.
 
         Args:
-            kept: files below the folder.
+            kept_files: files below the folder.
         """
         for each in sorted(self.path.rglob("*"), reverse=True):
-            if each.is_file() and each.relative_to(self.path).as_posix() not in kept:
+            if each.is_file() and each.relative_to(self.path).as_posix() not in kept_files:
                 each.unlink()
 
 
@@ -197,7 +199,7 @@ def unfinished_folder(target: Path) -> Generator[UnfinishedFolder]:
         yield UnfinishedFolder(path)
 
 
-def write_file_whole(path: Path, text: str) -> None:
+def write_file_atomically(path: Path, text: str) -> None:
     """Write a small file atomically, safe against a power cut."""
     partial = path.with_suffix(".partial")
     with partial.open("w", encoding="utf-8") as file:
@@ -211,7 +213,7 @@ def _span_file_name(span_number: int) -> str:
     return f"span-{span_number:05}.json"
 
 
-def load_json(path: Path, model: type[_Model]) -> _Model | None:
+def load_json_or_none(path: Path, model: type[_Model]) -> _Model | None:
     """Read a file of this model; None if it is missing or of another version."""
     try:
         return model.model_validate_json(path.read_bytes())
@@ -219,7 +221,9 @@ def load_json(path: Path, model: type[_Model]) -> _Model | None:
         return None
 
 
-def arrow_schema(schema: pl.Schema, units: dict[str, str], metadata: dict[str, str]) -> pa.Schema:
+def make_arrow_schema(
+    schema: pl.Schema, units: dict[str, str], metadata: dict[str, str]
+) -> pa.Schema:
     """Schema of a topic's files, with units of fields and metadata."""
     plain = pl.DataFrame(schema=schema).to_arrow(compat_level=pl.CompatLevel.oldest()).schema
     fields = [

@@ -29,17 +29,17 @@ from recordings.report.atomic_output import (
     require_writable_folder,
     require_writable_output,
 )
-from recordings.signatures.signing import make_key_pair
+from recordings.signatures.signing import make_key_pair_pem
 from replay.calibration.apply_evidence import CalibrationRequest
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.logs import open_log
-from replay.machines.machine_file import load_machine, machine_path, time_axis
+from replay.machines.machine_file import load_machine, machine_file_or_shipped, time_axis_of_machine
 from replay.pipeline import STAGES, run
-from replay.review.review_folder import check_review_folder
+from replay.review.review_folder import refuse_unsuitable_review_folder
 from replay.review.review_shift import ReviewOptions, review_shift
 from replay.review.write_review import ShiftReview
-from replay.simulation.log_truth import true_trials, truth_path
+from replay.simulation.log_truth import read_true_trials, truth_path
 from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate_scenario
 
 _HEAD = """\
@@ -169,16 +169,18 @@ def run_demo(
         require_writable_output(output, force=force)
     require_writable_folder(evidence, force=force)
     if page.exists() and force:
-        check_review_folder(page)
+        refuse_unsuitable_review_folder(page)
     else:
         require_writable_folder(page, force=force)
     with atomic_file(machine_file, force=force) as partial:
-        shutil.copyfile(machine_path(_MACHINE), partial)
+        shutil.copyfile(machine_file_or_shipped(_MACHINE), partial)
     on_stage("simulate")
     logs = simulate_scenario(scenario, folder / "campaign.bag", force=force)
     with atomic_file(campaign_file, force=force) as partial:
-        partial.write_text(demo_campaign_text(scenario, logs, machine_file.name), encoding="utf-8")
-    for path, half in zip(keys, make_key_pair(), strict=True):
+        partial.write_text(
+            make_demo_campaign_text(scenario, logs, machine_file.name), encoding="utf-8"
+        )
+    for path, half in zip(keys, make_key_pair_pem(), strict=True):
         with atomic_file(path, force=force) as partial:
             partial.touch(mode=0o600)
             partial.write_bytes(half)
@@ -187,7 +189,7 @@ def run_demo(
     on_stage("verify")
     verified = verify_bundle(evidence, key_file=keys[1], on=calibrated.document.expires)
     replayed = replay_campaign(logs, load_machine(machine_file), on_stage)
-    replayed = add_evidence_line(replayed, calibrated, scenario.machine.mass_kg)
+    replayed = add_calibration_line_of_evidence(replayed, calibrated, scenario.machine.mass_kg)
     on_stage("record")
     write_recording(replayed, recording, force=force)
     plot_run(replayed, picture, force=force)
@@ -210,7 +212,9 @@ def run_demo(
     )
 
 
-def add_evidence_line(replayed: Run, calibrated: CalibrationOutcome, empty_kg: float) -> Run:
+def add_calibration_line_of_evidence(
+    replayed: Run, calibrated: CalibrationOutcome, empty_kg: float
+) -> Run:
     """The run with the evidence's line before those of the methods."""
     document = calibrated.document
     points = () if document.calibration is None else document.calibration.points
@@ -224,16 +228,18 @@ def add_evidence_line(replayed: Run, calibrated: CalibrationOutcome, empty_kg: f
 def replay_campaign(
     logs: Sequence[Path], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
 ) -> Run:
-    """Replay simulated logs on one time line, with a calibration line by truth for each method."""
+    """Replay simulated logs on one time line; each method is calibrated against the true masses."""
     with ExitStack() as stack:
-        opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
+        opened = [
+            stack.enter_context(open_log(path, time=time_axis_of_machine(machine))) for path in logs
+        ]
         replayed = run(opened, machine, on_stage)
-    calibration = calibrate_methods(masses_by_method_and_run(replayed, true_trials(logs)))
+    calibration = calibrate_methods(masses_by_method_and_run(replayed, read_true_trials(logs)))
     frames = {**replayed.frames, "calibration": calibration}
     return replace(replayed, frames=frames).with_fingerprint()
 
 
-def demo_campaign_text(scenario: Scenario, logs: Sequence[Path], machine: str) -> str:
+def make_demo_campaign_text(scenario: Scenario, logs: Sequence[Path], machine: str) -> str:
     """Text of the campaign file for simulated logs with ascending masses.
 
     Args:
@@ -247,7 +253,7 @@ def demo_campaign_text(scenario: Scenario, logs: Sequence[Path], machine: str) -
     text = _HEAD.format(machine=machine, empty_kg=scenario.machine.mass_kg)
     text += "".join(_MASS.format(id=name, value_kg=high - low) for name, (low, high) in steps)
     for number, log in enumerate(logs):
-        start_ns = true_trials([log])["start_ns"][0]
+        start_ns = read_true_trials([log])["start_ns"][0]
         day = dt.datetime.fromtimestamp(start_ns // 10**9, dt.UTC).date()
         on_board = ", ".join(f'"{name}"' for name in names[:number])
         text += _RUN.format(log=log.name, loads=on_board, day=day)

@@ -13,12 +13,12 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError, RecordingError
 from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
-from recordings.report.picture import check_picture
+from recordings.report.picture import require_writable_picture
 from recordings.rrd.reader import OpenRecording, open_recording
-from recordings.rrd.recording_table import drawn_columns
+from recordings.rrd.recording_table import drawn_column_names
 from recordings.rrd.writer import SUFFIX
 from replay.logs import open_log
-from replay.machines.machine_file import load_machine, time_axis
+from replay.machines.machine_file import load_machine, time_axis_of_machine
 
 if TYPE_CHECKING:
     from replay.explain.try_proposals import MendedMachine
@@ -94,7 +94,7 @@ def _check_request(request: ExplainRequest) -> None:
     inputs = [request.path, *([request.machine_file] if request.machine_file else [])]
     if request.picture is not None:
         refuse_input_as_output(request.picture, inputs)
-        check_picture(request.picture, force=request.force)
+        require_writable_picture(request.picture, force=request.force)
     if request.mended_file is not None:
         if request.machine_file is None:
             raise MachineError(
@@ -123,19 +123,19 @@ def load_frames_to_explain(request: ExplainRequest, on_stage: Callable[[str], No
     machine = load_machine(request.machine_file, request.overrides)
     if request.path.suffix == SUFFIX and request.path.is_file():
         with open_recording(request.path) as held:
-            if "findings" in held.stages and not _is_other_machine(held, machine):
+            if "findings" in held.stages and not _differs_from_recorded_machine(held, machine):
                 return read_explained_frames(held, pictured=request.picture is not None)
     # a recording is explained without what replays a log
     from replay.pipeline import run
 
-    with open_log(request.path, time=time_axis(machine)) as log:
+    with open_log(request.path, time=time_axis_of_machine(machine)) as log:
         try:
             return run(log, machine, on_stage)
         except DataError as error:
             raise DataError(f"{request.path} with {request.machine_file}: {error}") from None
 
 
-def _is_other_machine(recording: OpenRecording, machine: Machine) -> bool:
+def _differs_from_recorded_machine(recording: OpenRecording, machine: Machine) -> bool:
     """Whether the machine file differs from that of the recording."""
     about = recording.provenance
     recorded = Machine.model_validate({**about.machine, "settings": about.settings})
@@ -144,13 +144,13 @@ def _is_other_machine(recording: OpenRecording, machine: Machine) -> bool:
 
 def read_explained_frames(recording: OpenRecording, *, pictured: bool) -> Run:
     """Read the frames needed for an explanation or a picture."""
-    recording.refuse_without_stages()
+    recording.refuse_without_frames()
     wanted: dict[str, Sequence[str]] = {}
     for name, columns in recording.stages.items():
         if name in SMALL:
             wanted[name] = columns
         elif name in COLUMNS:
-            kept = {*COLUMNS[name], *(drawn_columns(name, columns) if pictured else ())}
+            kept = {*COLUMNS[name], *(drawn_column_names(name, columns) if pictured else ())}
             wanted[name] = [column for column in columns if column in kept]
         elif pictured and name in _RECURSIVE:
             wanted[name] = [column for column in columns if column in _SETTLING]

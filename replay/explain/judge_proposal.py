@@ -17,7 +17,7 @@ from analysis.model.run_record import Run
 from analysis.model.schema import column_values
 from estimators.errors import DataError, MachineError
 from recordings.report.finding_text import findings_of_run
-from replay.explain.mended_file import Proposal, proposals_of_finding
+from replay.explain.mended_file import Proposal, split_into_proposals
 
 #: By how much the uncertainty may grow for a cause that hardly moves the mass.
 _WIDER: Final = 1.05
@@ -51,29 +51,29 @@ class ProposalTrial:
     before: Run
     after: Run
 
-    def find_objection(self) -> str:
+    def objection_text(self) -> str:
         """Why the replay with the proposal is not better; empty if it is."""
         was, now = answer(self.before), answer(self.after)
         open_before = was.verdict.can_weigh
         if open_before and not now.verdict.can_weigh:
             return "the log could no longer weigh"
-        still = find_matching_finding(self.finding, self.after)
+        still = find_same_finding_or_none(self.finding, self.after)
         claimed = is_change_as_claimed(was, now, self.finding)
         if still is not None and not is_cause_reduced(still, self.finding, as_claimed=claimed):
             return "the log still shows the finding"
-        by_mass = self._empty_mass_objection(was, now)
+        by_mass = self._empty_mass_objection_text(was, now)
         if by_mass:
             return by_mass
         if not open_before:
             return ""
-        worse = sorted(failed_checks(now) - failed_checks(was))
+        worse = sorted(names_of_failed_checks(now) - names_of_failed_checks(was))
         if worse:
             return f"the log would fail {', '.join(worse)}"
         if self.finding.severity == "tell" and _best_load_u_kg(now) > _WIDER * _best_load_u_kg(was):
             return "the uncertainty would grow"
         return ""
 
-    def _empty_mass_objection(self, before: Answer, after: Answer) -> str:
+    def _empty_mass_objection_text(self, before: Answer, after: Answer) -> str:
         """Objection by the empty mass or by gravity at rest; empty if there is none."""
         empty_kg = self.before.provenance.machine["machine"].get("empty_mass_kg")
         one, other = _find_lightest_load(before), _find_lightest_load(after)
@@ -97,37 +97,37 @@ class ProposalTrial:
         )
 
 
-def held_out_objection(
-    finding: Finding, before: Run, span_ns: tuple[int, int], replay: Replay
+def held_out_objection_text(
+    finding: Finding, run_without_proposal: Run, span_ns: tuple[int, int], replay: Replay
 ) -> str:
     """Why the proposal fails on a held-out half of the log; empty if it holds.
 
     Args:
         finding: finding of the whole log with the proposal.
-        before: replay of the whole log.
+        run_without_proposal: replay of the whole log.
         span_ns: first and last log time.
         replay: replays a range of log times with additional proposals.
 
     Returns:
         Empty where it holds.
     """
-    middle_ns = _find_middle_ns(before, *span_ns)
+    middle_ns = _find_middle_ns(run_without_proposal, *span_ns)
     if middle_ns is None:
         return "the log is too short to test the correction on stretches that it was not fitted to"
     first, second = (None, middle_ns), (middle_ns + 1, None)
     try:
-        fitted = find_matching_finding(finding, replay((), first))
+        fitted = find_same_finding_or_none(finding, replay((), first))
         if fitted is None:
             return "the first half of the log does not show the finding"
         unchanged = replay((), second)
-        seen = find_matching_finding(finding, unchanged)
+        seen = find_same_finding_or_none(finding, unchanged)
         if seen is None:
             return "the second half of the log does not show the finding"
-        changed = replay(proposals_of_finding(fitted), second)
+        changed = replay(split_into_proposals(fitted), second)
     except (DataError, MachineError):
         return "half of the log is too short to test the correction"
     was, now = answer(unchanged), answer(changed)
-    left = find_matching_finding(finding, changed)
+    left = find_same_finding_or_none(finding, changed)
     claimed = is_change_as_claimed(was, now, seen)
     if left is not None and not is_cause_reduced(left, seen, as_claimed=claimed):
         return "the correction from the first half of the log does not improve the second"
@@ -136,7 +136,7 @@ def held_out_objection(
     return ""
 
 
-def find_matching_finding(finding: Finding, run: Run) -> Finding | None:
+def find_same_finding_or_none(finding: Finding, run: Run) -> Finding | None:
     """Finding of the same cause with a proposal for the same keys; None if absent."""
     keys = finding.setting
     shown = (each for each in findings_of_run(run) if each.cause == finding.cause)
@@ -156,7 +156,7 @@ def _find_middle_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
     return begin_ns + round(middle * (end_ns - begin_ns))
 
 
-def failed_checks(answer: Answer) -> set[str]:
+def names_of_failed_checks(answer: Answer) -> set[str]:
     """Failed checks of the mass that have a consequence."""
     costs = ("withhold", "widen")
     return {

@@ -33,7 +33,7 @@ class Proposal:
     change_u_kg: float | None = None
 
 
-def proposals_of_finding(finding: Finding) -> tuple[Proposal, ...]:
+def split_into_proposals(finding: Finding) -> tuple[Proposal, ...]:
     """Proposals of a finding, one per key; empty if there are none."""
     if not finding.has_proposal:
         return ()
@@ -67,7 +67,7 @@ def _parse_toml_values(text: str) -> list[Any]:
         return []
 
 
-def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
+def insert_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
     """Insert proposals into a machine file, each with a comment after the user's own.
 
     Old names of keys are replaced first, so that no proposal duplicates an old name.
@@ -99,7 +99,7 @@ def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
             new = tomlkit.item(change.value)
             # within braces, TOML has no comments
             if not isinstance(place, InlineTable):
-                new.comment(_comment_on_change(place, name, change.comment))
+                new.comment(_format_change_comment(place, name, change.comment))
             place[name] = new
         return tomlkit.dumps(document)
     except BothNamesError as error:
@@ -108,7 +108,7 @@ def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
         raise MachineError(f"{path}: is not TOML: {one_line(str(error))}") from None
 
 
-def _comment_on_change(place: Any, name: str, why: str) -> str:
+def _format_change_comment(place: Any, name: str, why: str) -> str:
     """Comment of a changed key: the user's comment, the reason, and the old value."""
     import tomlkit
     from tomlkit.items import Table

@@ -23,12 +23,12 @@ from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
 from recordings.report.atomic_output import atomic_file
 from recordings.report.finding_text import cause_name, findings_of_run
-from replay.explain.judge_proposal import ProposalTrial, Stretch, held_out_objection
-from replay.explain.mended_file import Proposal, proposals_of_finding, write_proposals
+from replay.explain.judge_proposal import ProposalTrial, Stretch, held_out_objection_text
+from replay.explain.mended_file import Proposal, insert_proposals, split_into_proposals
 from replay.inputs.cached_log import CachedLog, LogPart
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import Log, open_log
-from replay.machines.machine_file import load_machine, machine_path, time_axis
+from replay.machines.machine_file import load_machine, machine_file_or_shipped, time_axis_of_machine
 from replay.pipeline import run
 
 #: Causes that say of the answer how poor it is.
@@ -101,7 +101,9 @@ class ProposalReplays:
     path: Path
     on_stage: Callable[[str], None] = lambda _: None
 
-    def run(self, changes: Sequence[Proposal], stretch: Stretch = (None, None)) -> Run:
+    def replay_with_changes(
+        self, changes: Sequence[Proposal], stretch: Stretch = (None, None)
+    ) -> Run:
         """Replay the log, or a part of it, with proposals in its machine file.
 
         Raises:
@@ -109,7 +111,7 @@ class ProposalReplays:
             MachineError: the proposals give an invalid machine file.
         """
         machine = self.load(
-            write_proposals(self.text, changes, self.path), [each.key for each in changes]
+            insert_proposals(self.text, changes, self.path), [each.key for each in changes]
         )
         whole = stretch == (None, None)
         return run(self.log if whole else LogPart(self.log, *stretch), machine, self.on_stage)
@@ -146,7 +148,7 @@ class ProposalProgress:
 def mend_machine_file(
     path: Path,
     source: MachineText,
-    before: Run,
+    run_without_proposals: Run,
     output: tuple[Path, bool],
     on_stage: Callable[[str], None] = lambda _: None,
 ) -> MendedMachine:
@@ -155,18 +157,18 @@ def mend_machine_file(
     Args:
         path: log, or recording of it.
         source: machine file of the replay.
-        before: replay without proposals.
+        run_without_proposals: replay without proposals.
         output: file to write, and whether to replace an existing one.
         on_stage: called with each stage of a replay when it begins.
 
     Raises:
         PayscopeError: the machine file cannot be read, or the output cannot be written.
     """
-    file = machine_path(source.path)
+    file = machine_file_or_shipped(source.path)
     text = _read_machine_text(file)
     machine = load_machine(source.path, source.overrides)
     with (
-        open_log(path, time=time_axis(machine)) as opened,
+        open_log(path, time=time_axis_of_machine(machine)) as opened,
         tempfile.TemporaryDirectory(prefix="payscope-") as folder,
     ):
         trial = Path(folder) / file.name
@@ -180,35 +182,36 @@ def mend_machine_file(
                 raise MachineError(str(error).removeprefix(f"{trial}: ")) from None
 
         progress = try_all_proposals(
-            before, ProposalReplays(CachedLog(opened), text, load_trial_machine, file, on_stage)
+            run_without_proposals,
+            ProposalReplays(CachedLog(opened), text, load_trial_machine, file, on_stage),
         )
     if not progress.changes:
-        return _make_mended_machine(None, progress, before)
+        return _make_mended_machine(None, progress, run_without_proposals)
     with atomic_file(output[0], force=output[1]) as partial:
-        partial.write_text(write_proposals(text, progress.changes, file), encoding="utf-8")
-    return _make_mended_machine(output[0], progress, before)
+        partial.write_text(insert_proposals(text, progress.changes, file), encoding="utf-8")
+    return _make_mended_machine(output[0], progress, run_without_proposals)
 
 
-def try_all_proposals(before: Run, replays: ProposalReplays) -> ProposalProgress:
+def try_all_proposals(run_without_proposals: Run, replays: ProposalReplays) -> ProposalProgress:
     """Try the proposals one by one, and accept those that help.
 
     Args:
-        before: replay without proposals.
+        run_without_proposals: replay without proposals.
         replays: replays of the log.
     """
-    tried = ProposalProgress(before)
+    tried = ProposalProgress(run_without_proposals)
     for _ in range(_MOST):
         finding = _find_next_proposal(tried)
         if finding is None:
             break
         try_proposal(tried, finding, replays)
-    behind = list_masked(tried)
+    behind = causes_masked_by_others(tried)
     tried.taken_back += [
         RejectedProposal(
-            proposals_of_finding(each)[0],
+            split_into_proposals(each)[0],
             f"{cause_name(behind[each.cause])} explains this finding and is still present",
         )
-        for each in list_untried(tried)
+        for each in findings_without_trial(tried)
         if each.cause in behind
     ]
     if tried.changes and not answer(tried.run).verdict.can_weigh:
@@ -216,7 +219,7 @@ def try_all_proposals(before: Run, replays: ProposalReplays) -> ProposalProgress
             RejectedProposal(each, "the mass remains withheld")
             for each in _first_proposal_of_each_cause(tried.changes)
         ]
-        return ProposalProgress(before, taken_back=tried.taken_back)
+        return ProposalProgress(run_without_proposals, taken_back=tried.taken_back)
     reject_unneeded_proposals(tried, replays)
     return tried
 
@@ -231,7 +234,7 @@ def reject_unneeded_proposals(progress: ProposalProgress, replays: ProposalRepla
     for finding in progress.while_withheld[:-1]:
         others = [each for each in progress.changes if each.cause != finding.cause]
         try:
-            without = replays.run(others)
+            without = replays.replay_with_changes(others)
         except (DataError, MachineError):
             continue
         shown = {each.cause for each in findings_of_run(without)}
@@ -253,21 +256,26 @@ def _read_machine_text(file: Path) -> str:
 def _find_next_proposal(progress: ProposalProgress) -> Finding | None:
     """Most likely untried cause with a proposal that no remaining cause explains."""
     return next(
-        (each for each in list_untried(progress) if each.cause not in list_masked(progress)), None
+        (
+            each
+            for each in findings_without_trial(progress)
+            if each.cause not in causes_masked_by_others(progress)
+        ),
+        None,
     )
 
 
-def list_untried(progress: ProposalProgress) -> list[Finding]:
+def findings_without_trial(progress: ProposalProgress) -> list[Finding]:
     """Findings with a proposal that was not tried."""
     shown = findings_of_run(progress.run)
     return [
         each
         for each in shown
-        if _finding_key(each) not in progress.seen and proposals_of_finding(each)
+        if _finding_key(each) not in progress.seen and split_into_proposals(each)
     ]
 
 
-def list_masked(progress: ProposalProgress) -> dict[str, str]:
+def causes_masked_by_others(progress: ProposalProgress) -> dict[str, str]:
     """Causes that a remaining cause may explain, with that cause.
 
     Causes that invalidate the mass are left out, since trying them loses nothing.
@@ -276,7 +284,7 @@ def list_masked(progress: ProposalProgress) -> dict[str, str]:
     from analysis.findings import CAUSES
 
     shown = findings_of_run(progress.run)
-    untried = {_finding_key(each) for each in list_untried(progress)}
+    untried = {_finding_key(each) for each in findings_without_trial(progress)}
     stays = {each.cause for each in shown if _finding_key(each) not in untried}
     ranks = {each.cause: each.rank for each in reversed(shown)}
     grave = {each.cause for each in shown if each.severity == "withhold"}
@@ -299,14 +307,16 @@ def _finding_key(finding: Finding) -> tuple[str, str | None]:
 def try_proposal(progress: ProposalProgress, finding: Finding, replays: ProposalReplays) -> None:
     """Replay with a proposal, and accept or reject it."""
     progress.seen.add(_finding_key(finding))
-    changes = list(proposals_of_finding(finding))
+    changes = list(split_into_proposals(finding))
     try:
-        replayed = replays.run([*progress.changes, *changes])
-        why = ProposalTrial(finding, progress.run, replayed).find_objection() or held_out_objection(
+        replayed = replays.replay_with_changes([*progress.changes, *changes])
+        why = ProposalTrial(
+            finding, progress.run, replayed
+        ).objection_text() or held_out_objection_text(
             finding,
             progress.run,
             replays.span_ns,
-            lambda more, stretch: replays.run([*progress.changes, *more], stretch),
+            lambda more, stretch: replays.replay_with_changes([*progress.changes, *more], stretch),
         )
     except (DataError, MachineError) as error:
         why = str(error)
@@ -321,13 +331,13 @@ def try_proposal(progress: ProposalProgress, finding: Finding, replays: Proposal
 
 
 def _make_mended_machine(
-    path: Path | None, progress: ProposalProgress, before: Run
+    path: Path | None, progress: ProposalProgress, run_without_proposals: Run
 ) -> MendedMachine:
     return MendedMachine(
         path,
         tuple(progress.changes),
         tuple(progress.taken_back),
-        answer(before),
+        answer(run_without_proposals),
         answer(progress.run),
         findings_of_run(progress.run),
     )

@@ -16,7 +16,7 @@ from estimators.errors import FleetError
 from replay.fleet.gathered_tables import FleetResults, open_fleet_results
 from replay.fleet.last_run import LastRun, NamedFiles, TaskLimits
 from replay.fleet.log_sources import FleetLog, list_fleet_logs
-from replay.fleet.machine_setups import MachineSetup, machine_setups
+from replay.fleet.machine_setups import MachineSetup, make_machine_setups
 from replay.fleet.run_fleet import FleetRun, OnDone, replay_fleet
 from replay.fleet.task_engine import TaskEngine
 
@@ -88,15 +88,15 @@ class OtherSettings:
             raise FleetError(f"{log}: the last run has no machine '{machine}'; run the fleet again")
         files = self.last.machines[machine].files
         overrides = (*files.overrides, *self.overrides)
-        return _read_setups_leniently(
+        return _setups_skipping_unfit_evidence(
             machine, NamedFiles(files.file, overrides, files.calibrations)
         )
 
 
 @cache
-def _read_setups_leniently(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
+def _setups_skipping_unfit_evidence(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
     """Setups of a machine, read once; evidence made with other settings is skipped."""
-    return machine_setups(machine, files, lenient=True)
+    return make_machine_setups(machine, files, lenient=True)
 
 
 def compare_fleets(a: FleetResults, b: FleetResults, days: DayRange) -> FleetComparison:

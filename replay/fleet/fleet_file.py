@@ -11,8 +11,8 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from estimators.errors import FleetError
 from replay.fleet.last_run import NamedFiles, TaskLimits
-from replay.fleet.machine_setups import MachineSetup, machine_setups
-from replay.machines.toml_file import read_toml, validate
+from replay.fleet.machine_setups import MachineSetup, make_machine_setups
+from replay.machines.toml_file import read_toml, validate_toml_content
 
 _STRICT: Final = ConfigDict(extra="forbid", frozen=True)
 #: Stands for the machine's name in a rule.
@@ -56,7 +56,7 @@ class MachineRule(BaseModel):
     )
     overrides: tuple[str, ...] = Field((), description="`key=value`, of the machine file")
 
-    def machine_of_log(self, log: str) -> str | None:
+    def machine_of_log_or_none(self, log: str) -> str | None:
         """Machine of a log; None if the rule does not match."""
         found = _compile_path_pattern(self.logs).search(log)
         if found is None:
@@ -106,7 +106,7 @@ class Fleet:
             PayscopeError: the machine file or evidence of the rule is wrong.
         """
         for rule in self.rules.machines:
-            name = rule.machine_of_log(log)
+            name = rule.machine_of_log_or_none(log)
             if name is not None:
                 return self._make_setups(rule, name)
         patterns = ", ".join(rule.logs for rule in self.rules.machines)
@@ -130,7 +130,7 @@ class Fleet:
 
 @cache
 def _read_setups_of_rule(name: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
-    return machine_setups(name, files, lenient=False)
+    return make_machine_setups(name, files, lenient=False)
 
 
 @cache
@@ -162,7 +162,7 @@ def load_fleet(path: Path, overrides: tuple[str, ...] = ()) -> Fleet:
             f"{path}: is a machine file; a fleet file names it: [[machines]] with logs = "
             f'"**/*.mcap", name = "one" and file = "{path.name}"'
         )
-    rules = validate(path, content, FleetRules, FleetError)
+    rules = validate_toml_content(path, content, FleetRules, FleetError)
     for number, rule in enumerate(rules.machines, start=1):
         if (NAME in rule.logs) == (rule.name is not None):
             raise FleetError(

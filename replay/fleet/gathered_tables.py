@@ -25,7 +25,7 @@ from estimators.errors import FleetError, OutputError
 from replay.fleet.last_run import CALIBRATIONS, CURRENT, FAILED, LastRun
 from replay.fleet.object_store import ObjectStore
 from replay.fleet.results_layout import MARK, ResultName, parquet_bytes, parse_result_name
-from replay.frames.select_statement import Tables, query_fault, select_rows
+from replay.frames.select_statement import Tables, explain_query_error, run_select_in_stable_order
 
 _GATHERED: Final = "gathered"
 #: Hexadecimal digits of a digest that tell sets of results apart.
@@ -71,7 +71,7 @@ class FleetResults:
             found[machine] = wanted
         return found
 
-    def gather(self) -> None:
+    def update_gathered_tables(self) -> None:
         """Update the gathered tables."""
         _ = self._gathered_folder
 
@@ -86,7 +86,7 @@ class FleetResults:
                 base, known = each, held
         new = [name for name in names if name.key not in known]
         for table in TABLES:
-            parts = self.store.read_some(name.table_object_name(table) for name in new)
+            parts = self.store.read_existing_or_none(name.table_object_name(table) for name in new)
             frames = [pl.read_parquet(io.BytesIO(part)) for part in parts if part is not None]
             if base:
                 frames.insert(0, self._read_table(f"{base}/{table}.parquet"))
@@ -99,7 +99,7 @@ class FleetResults:
     def _read_table(self, name: str) -> pl.DataFrame:
         return pl.read_parquet(io.BytesIO(self.store.read(name)))
 
-    def all_results(self, name: str) -> pl.LazyFrame:
+    def scan_all_rows(self, name: str) -> pl.LazyFrame:
         """Table of all results under any settings, ordered by machine and log."""
         files = [f"{folder}/{name}.parquet" for folder in self._gathered_folder.values()]
         if not files:
@@ -116,7 +116,7 @@ class FleetResults:
         """One row per log and machine: of the last run's settings, else the most recent."""
         bases = [basis for each in self.last_run.machines.values() for basis in each.bases]
         return (
-            self.all_results(MARK)
+            self.scan_all_rows(MARK)
             .with_columns(pl.col("basis").is_in(bases).alias("current"))
             .sort("current", "made_unix_ns", "key", descending=True)
             .unique(["machine", "log_sha256"], keep="first", maintain_order=True)
@@ -128,7 +128,7 @@ class FleetResults:
         """Table with the rows of the selected results; see `results`."""
         if name == MARK:
             return self.results.lazy()
-        rows = self.all_results(name)
+        rows = self.scan_all_rows(name)
         if self.results.height == sum(map(len, self.names.values())):
             return rows
         return rows.join(self.results.lazy().select("key"), on="key", how="semi")
@@ -137,7 +137,7 @@ class FleetResults:
     def last_run(self) -> LastRun:
         """Options of the last run."""
         try:
-            return LastRun.model_validate_json(self._read_or_empty(CURRENT, b"{}"))
+            return LastRun.model_validate_json(self._read_object_or_default(CURRENT, b"{}"))
         except ValidationError:
             place = self.store.full_name(CURRENT)
             raise FleetError(
@@ -147,15 +147,15 @@ class FleetResults:
     @cached_property
     def failed(self) -> dict[str, str]:
         """Recordings without a result, with the reason, by source."""
-        return json.loads(self._read_or_empty(FAILED, b"{}"))
+        return json.loads(self._read_object_or_default(FAILED, b"{}"))
 
     @cached_property
     def calibrations(self) -> list[FleetCalibration]:
         """Calibrations used for the results."""
-        kept = json.loads(self._read_or_empty(CALIBRATIONS, b"[]"))
+        kept = json.loads(self._read_object_or_default(CALIBRATIONS, b"[]"))
         return [FleetCalibration.model_validate(each) for each in kept]
 
-    def _read_or_empty(self, name: str, nothing: bytes) -> bytes:
+    def _read_object_or_default(self, name: str, nothing: bytes) -> bytes:
         try:
             return self.store.read(name)
         except FileNotFoundError:
@@ -182,7 +182,7 @@ def open_fleet_results(place: str) -> FleetResults:
     if not found.names:
         raise FleetError(f"{place}: has no results of a fleet; `payscope fleet run` makes them")
     try:
-        found.gather()
+        found.update_gathered_tables()
     except OutputError as error:
         raise FleetError(f"{place}: its results cannot be gathered ({error})") from None
     return found
@@ -199,7 +199,7 @@ def fleet_tables(results: FleetResults) -> Tables:
     return {name: partial(results.scan, name) for name in TABLES}
 
 
-def query_fleet(results: FleetResults, sql: str) -> pl.DataFrame:
+def query_fleet_tables(results: FleetResults, sql: str) -> pl.DataFrame:
     """Run a query over the tables of a fleet.
 
     Args:
@@ -211,6 +211,6 @@ def query_fleet(results: FleetResults, sql: str) -> pl.DataFrame:
     """
     tables = fleet_tables(results)
     try:
-        return select_rows(sql, tables, always_ordered=True).collect()
+        return run_select_in_stable_order(sql, tables, always_ordered=True).collect()
     except pl.exceptions.PolarsError as error:
-        raise query_fault(error, tables) from None
+        raise explain_query_error(error, tables) from None

@@ -19,7 +19,7 @@ from replay.calibration.apply_evidence import (
     load_calibration,
 )
 from replay.fleet.last_run import NamedFiles
-from replay.inputs.channel_inputs import package_versions, resolve_machine
+from replay.inputs.channel_inputs import machine_without_settings_as_dict, package_versions
 from replay.machines.machine_file import load_machine
 
 #: Raised whenever results that are there have to be made anew.
@@ -53,7 +53,7 @@ class MachineSetup:
             return True
         return day is not None and self.first <= day <= self.by.document.expires
 
-    def local_day(self, unix_ns: int | None) -> dt.date | None:
+    def local_day_or_none(self, unix_ns: int | None) -> dt.date | None:
         """Day in the machine's time zone; None without a date."""
         if unix_ns is None or unix_ns < FIRST_DATE_NS:
             return None
@@ -69,7 +69,7 @@ class MachineSetup:
         return fit_fleet_calibration(self.name, document.id, days, self.by.calibration)
 
 
-def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[MachineSetup, ...]:
+def make_machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[MachineSetup, ...]:
     """One setup for each calibration, the latest first, and one without calibration.
 
     Args:
@@ -84,7 +84,7 @@ def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[Mach
     machine = load_machine(files.file, files.overrides)
     calibrations: list[tuple[MachineCalibration, Machine]] = []
     for folder in map(Path, files.calibrations):
-        if _is_mass_check(folder):
+        if _is_evidence_of_mass_check(folder):
             continue
         by = load_calibration(CalibrationRequest(folder))
         if by.signed_by.how == "unknown":
@@ -94,7 +94,7 @@ def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[Mach
                 f"with {by.signed_by.command_to_add_key}"
             )
         try:
-            weighing = by.require_machine(by.weighing_machine(machine), files.file)
+            weighing = by.require_calibrated_machine(by.weighing_machine(machine), files.file)
         except EvidenceError:
             if not lenient:
                 raise
@@ -117,7 +117,7 @@ def _make_setup(
         "format": FORMAT,
         "tables": list(TABLES),
         "name": name,
-        "machine": resolve_machine(machine),
+        "machine": machine_without_settings_as_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "calibration": "" if calibration is None else calibration.document.id,
         "versions": package_versions(),
@@ -132,7 +132,7 @@ def last_day_of_campaign(calibration: MachineCalibration) -> dt.date:
     return max(run.day for run in calibration.document.campaign.runs)
 
 
-def _is_mass_check(folder: Path) -> bool:
+def _is_evidence_of_mass_check(folder: Path) -> bool:
     """Whether a folder contains the check of a single mass."""
     try:
         content = json.loads((folder / "evidence.json").read_bytes())

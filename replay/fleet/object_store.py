@@ -104,7 +104,7 @@ class ObjectStore:
         with ThreadPoolExecutor(_AT_ONCE) as pool:
             yield from pool.map(self.read, names)
 
-    def read_some(self, names: Iterable[str]) -> Iterator[bytes | None]:
+    def read_existing_or_none(self, names: Iterable[str]) -> Iterator[bytes | None]:
         """Contents of several objects, in order; None for each that does not exist."""
 
         def read_if_present(name: str) -> bytes | None:
@@ -124,11 +124,11 @@ class ObjectStore:
         """Write a file's content as an object."""
         self._run_operation(name, lambda: self._opened_store.put(name, path))
 
-    def fetch(self, name: str, to: Path) -> None:
+    def fetch(self, name: str, target: Path) -> None:
         """Copy an object to a file in parts."""
 
         def copy_parts() -> None:
-            with to.open("wb") as file:
+            with target.open("wb") as file:
                 for part in self._opened_store.get(name).stream(min_chunk_size=_CHUNK):
                     file.write(part)
 

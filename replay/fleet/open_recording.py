@@ -11,11 +11,11 @@ from estimators.errors import FleetError
 from recordings import write_recording
 from replay.fleet.gathered_tables import FleetResults
 from replay.fleet.log_sources import list_fleet_logs
-from replay.fleet.machine_setups import machine_setups, setup_of_day
-from replay.fleet.recording_task import fetch_log, replay_log
+from replay.fleet.machine_setups import make_machine_setups, setup_of_day
+from replay.fleet.recording_task import fetch_log, replay_log_with_setup
 from replay.fleet.results_layout import ResultName
 from replay.logs import open_log
-from replay.machines.machine_file import time_axis
+from replay.machines.machine_file import time_axis_of_machine
 
 
 @contextmanager
@@ -51,8 +51,11 @@ def _find_recording(results: FleetResults, source: str, machine: str, recording:
     if known is None:
         raise FleetError(f"{source}: the last run has no machine '{machine}'; run the fleet again")
     (log,) = list_fleet_logs([source])
-    setups = machine_setups(machine, known.files, lenient=True)
-    with fetch_log(log) as path, open_log(path, time=time_axis(setups[-1].machine)) as opened:
+    setups = make_machine_setups(machine, known.files, lenient=True)
+    with (
+        fetch_log(log) as path,
+        open_log(path, time=time_axis_of_machine(setups[-1].machine)) as opened,
+    ):
         first = opened.topics()["start_ns"].min()
-        day = setups[-1].local_day(first if isinstance(first, int) else None)
-        write_recording(replay_log(opened, setup_of_day(setups, day), source), recording)
+        day = setups[-1].local_day_or_none(first if isinstance(first, int) else None)
+        write_recording(replay_log_with_setup(opened, setup_of_day(setups, day), source), recording)

@@ -189,7 +189,7 @@ class RayEngine:
             return LostTask(f"Ray: {str(error).strip().partition(chr(10))[0]}")
 
 
-def missing_library() -> str | None:
+def missing_library_or_none() -> str | None:
     """Name of a missing library of the extra; None if all are installed."""
     return next(
         (name for name in ("ray", "obstore") if importlib.util.find_spec(name) is None), None

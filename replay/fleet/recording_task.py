@@ -36,10 +36,10 @@ from recordings.review.review_state import collect_review_state
 from replay.fleet.log_sources import FleetLog
 from replay.fleet.machine_setups import MachineSetup, setup_of_day
 from replay.fleet.object_store import ObjectStore, open_store_once
-from replay.fleet.results_layout import MARK, ResultName, result_key, write_result
+from replay.fleet.results_layout import MARK, ResultName, digest_result_key, write_result
 from replay.inputs.channel_inputs import package_versions
 from replay.logs import Log, open_log
-from replay.machines.machine_file import time_axis
+from replay.machines.machine_file import time_axis_of_machine
 from replay.pipeline import run
 
 Status = Literal["made", "there", "refused", "failed"]
@@ -139,7 +139,7 @@ class TaskOutcome:
     processor_s: float = 0.0
 
 
-def replay_one(task: ReplayTask) -> TaskOutcome:
+def run_replay_task(task: ReplayTask) -> TaskOutcome:
     """Replay a recording within its limits and write its result, unless it already exists."""
     began, processor = time.perf_counter(), time.process_time()
     here = package_versions()
@@ -172,21 +172,21 @@ def _make_outcome(task: ReplayTask, path: Path) -> TaskOutcome:
     setup, day = task.setups[-1], None
     store = open_store_once(task.destination)
     try:
-        with open_log(path, time=time_axis(setup.machine)) as log:
+        with open_log(path, time=time_axis_of_machine(setup.machine)) as log:
             first = log.topics()["start_ns"].min()
-            day = setup.local_day(first if isinstance(first, int) else None)
+            day = setup.local_day_or_none(first if isinstance(first, int) else None)
             setup = setup_of_day(task.setups, day)
             result = _ResultInTransit(task, setup, log.digests, day)
-            if result.is_there(store):
+            if result.is_complete_in_store(store):
                 return TaskOutcome("there")
             began = time.perf_counter()
-            made = replay_log(log, setup, task.log.source)
+            made = replay_log_with_setup(log, setup, task.log.source)
             took_s = time.perf_counter() - began
     except (LogError, DataError) as error:
         # of this log alone: made anew, it would be refused again
         said = str(error).replace(str(path), task.log.source)
         result = _ResultInTransit(task, setup, _digest_log_files(path), day)
-        if not result.is_there(store):
+        if not result.is_complete_in_store(store):
             result.write(store, None, {"status": "refused", "reason": said})
         return TaskOutcome("refused", said)
     result.write(store, made, {})
@@ -201,9 +201,9 @@ class _ResultInTransit:
     ) -> None:
         self._task, self._setup, self._digests = task, setup, digests
         shown = UNDATED if day is None else str(day)
-        self._name = ResultName(setup.name, shown, result_key(setup.basis, digests))
+        self._name = ResultName(setup.name, shown, digest_result_key(setup.basis, digests))
 
-    def is_there(self, store: ObjectStore) -> bool:
+    def is_complete_in_store(self, store: ObjectStore) -> bool:
         """Whether the result is already complete in the store."""
         recorded = not self._task.recording or store.has_object(self._name.recording)
         return recorded and store.has_object(self._name.table_object_name(MARK))
@@ -235,7 +235,7 @@ class _ResultInTransit:
         write_result(store, self._name, t0_unix_ns, frames, {**whole, **said})
 
 
-def replay_log(log: Log, setup: MachineSetup, source: str) -> Run:
+def replay_log_with_setup(log: Log, setup: MachineSetup, source: str) -> Run:
     """Replay a log; with a calibration, masses and payloads are calibrated.
 
     Raises:

@@ -49,7 +49,7 @@ def parse_result_name(stored: str) -> ResultName | None:
     )
 
 
-def result_key(basis: str, digests: Sequence[str]) -> str:
+def digest_result_key(basis: str, digests: Sequence[str]) -> str:
     """Key of a result: digest of its log's content and everything else it depends on."""
     whole = json.dumps([basis, sorted(digests)])
     return hashlib.sha256(whole.encode()).hexdigest()[:_DIGITS]

@@ -15,7 +15,7 @@ from replay.fleet.last_run import CALIBRATIONS, FAILED, CurrentMachine, LastRun,
 from replay.fleet.log_sources import FleetLog
 from replay.fleet.machine_setups import MachineSetup, setup_of_day
 from replay.fleet.object_store import S3, ObjectStore
-from replay.fleet.recording_task import ReplayTask, TaskOutcome, replay_one
+from replay.fleet.recording_task import ReplayTask, TaskOutcome, run_replay_task
 from replay.fleet.results_layout import MARK, RECORDINGS, parse_result_name
 from replay.fleet.task_engine import LostTask, TaskEngine, TaskWork
 from replay.inputs.channel_inputs import package_versions
@@ -127,7 +127,7 @@ def replay_fleet(
         for machine, each in setups.items()
     }
     results.set_last_run(LastRun(fleet=plan.name, limits=plan.task_limits, machines=machines))
-    _remember_calibrations(results, setups)
+    _store_calibrations_in_use(results, setups)
     left, there = _split_finished(tasks, results)
     for task, outcome in there:
         did.count_outcome(task.log.source, outcome)
@@ -139,7 +139,7 @@ def replay_fleet(
                 # the largest first, so that none of them is left alone at the end
                 left.sort(key=lambda task: (-task.log.size_bytes, task.log.source))
                 for task, result in opened.run(
-                    replay_one, [TaskWork(task, task.memory_bytes) for task in left]
+                    run_replay_task, [TaskWork(task, task.memory_bytes) for task in left]
                 ):
                     outcome = (
                         TaskOutcome("failed", result.reason)
@@ -149,8 +149,8 @@ def replay_fleet(
                     did.count_outcome(task.log.source, outcome)
                     on_done(task.log, outcome)
     finally:
-        update_failed_list(results, did, {log.source for log in logs})
-    FleetResults(results.store).gather()
+        update_list_of_failed_logs(results, did, {log.source for log in logs})
+    FleetResults(results.store).update_gathered_tables()
     return did
 
 
@@ -168,7 +168,7 @@ def _plan_tasks(
             run.failed[log.source] = str(error)
             continue
         by_machine[setups[0].name] = setups
-        memory = plan.task_limits.memory_bytes(log.size_bytes)
+        memory = plan.task_limits.memory_bytes_for_log(log.size_bytes)
         seconds = plan.task_limits.seconds
         tasks.append(ReplayTask(log, setups, place, recordings, seconds, memory, versions))
     return tasks, by_machine
@@ -186,7 +186,7 @@ def _split_finished(
         return list(tasks), []
     columns = ("source", "stamp", "basis", "day", "key", "status", "reason")
     by_log: dict[tuple[str, str], list[tuple[str, ...]]] = {}
-    for source, stamp, *row in results.all_results(MARK).select(columns).collect().iter_rows():
+    for source, stamp, *row in results.scan_all_rows(MARK).select(columns).collect().iter_rows():
         by_log.setdefault((source, stamp), []).append(tuple(row))
     names = map(parse_result_name, results.store.list_names(RECORDINGS))
     recorded = {name.key for name in names if name is not None}
@@ -209,7 +209,7 @@ def _split_finished(
     return left, there
 
 
-def _remember_calibrations(
+def _store_calibrations_in_use(
     results: FleetResults, setups: Mapping[str, tuple[MachineSetup, ...]]
 ) -> None:
     """Keep the fitted values of the calibrations in use, for the report."""
@@ -222,7 +222,7 @@ def _remember_calibrations(
         results.store.write(CALIBRATIONS, json.dumps(plain, indent=1).encode())
 
 
-def update_failed_list(results: FleetResults, run: FleetRun, sources: set[str]) -> None:
+def update_list_of_failed_logs(results: FleetResults, run: FleetRun, sources: set[str]) -> None:
     """Add the failed tasks of a run to the list for the report, and remove the completed ones.
 
     Args:

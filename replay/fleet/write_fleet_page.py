@@ -20,7 +20,7 @@ from analysis.fleet.daily_figures import (
     weekly_tonnes,
 )
 from analysis.fleet.machine_drifts import MachineChart, make_machine_charts
-from recordings.fleet.fleet_page import FleetPage, fleet_html
+from recordings.fleet.fleet_page import FleetPage, render_fleet_html
 from recordings.report.atomic_output import atomic_file
 from recordings.review.week_shifts import trend_sentences
 from replay.fleet.gathered_tables import FleetResults
@@ -83,16 +83,16 @@ def write_fleet_report(
         OutputError: the page is there already, or cannot be written.
     """
     with atomic_file(page, force=force) as written:
-        shown = report_page(results, destination, name)
+        shown = make_fleet_page(results, destination, name)
         trends: dict[str, FrictionTrend] = {}
         if friction_limit_N_s_m is not None:
             trends = fleet_friction_trends(shown.results, friction_limit_N_s_m)
             shown = replace(shown, friction=trend_sentences(trends))
-        written.write_text(fleet_html(shown), encoding="utf-8")
+        written.write_text(render_fleet_html(shown), encoding="utf-8")
     return FleetReport(shown, page, trends)
 
 
-def report_page(results: FleetResults, destination: str, name: str) -> FleetPage:
+def make_fleet_page(results: FleetResults, destination: str, name: str) -> FleetPage:
     """Contents of the page of a fleet."""
     rows, cycles = results.results, results.scan("cycles")
     days = make_daily_figures(rows, cycles)
@@ -106,20 +106,22 @@ def report_page(results: FleetResults, destination: str, name: str) -> FleetPage
         charts=make_machine_charts(days),
         calibrations=calibrations,
         changes=find_line_changes(calibrations),
-        looks=add_commands(rank_concerns(rows, cycles, results.scan("findings")), destination),
+        looks=add_opening_commands(
+            rank_concerns(rows, cycles, results.scan("findings")), destination
+        ),
         failed=results.failed,
         today=last if isinstance(last, dt.date) else None,
     )
 
 
-def add_commands(looks: pl.DataFrame, destination: str) -> pl.DataFrame:
+def add_opening_commands(recordings: pl.DataFrame, destination: str) -> pl.DataFrame:
     """With the command that opens each recording at its place."""
     where = shlex.quote(destination)
     commands = [
         f"payscope fleet open {where} {key[:_ABOUT]} --at {max(at, 0.0):.1f}"
-        for key, at in looks.select("key", "at_s").iter_rows()
+        for key, at in recordings.select("key", "at_s").iter_rows()
     ]
-    return looks.with_columns(pl.Series("command", commands, dtype=pl.String))
+    return recordings.with_columns(pl.Series("command", commands, dtype=pl.String))
 
 
 def _drift_as_dict(chart: MachineChart) -> dict[str, Any]:

@@ -166,7 +166,7 @@ def _digest_rows_by_minute(t_ns: pl.Series, numbers: NDArray[np.float64]) -> _Mi
     return minutes
 
 
-def record_followed(
+def record_followed_log(
     paths: Sequence[Path],
     machine_file: Path,
     output: RecordTo,
@@ -186,12 +186,12 @@ def record_followed(
         PayscopeError: as `replay_logs`.
     """
     assert output.path is not None
-    closed = [_name_when_closed(path) for path in paths]
+    closed = [_bag_name_when_closed(path) for path in paths]
     found = replay_logs(closed, machine_file, output, [*overrides, CAUSAL])
     return found, followed.compare(read_recording(output.path).frames)
 
 
-def _name_when_closed(path: Path) -> Path:
+def _bag_name_when_closed(path: Path) -> Path:
     """Name of a bag after its recorder has closed it."""
     inner = path.with_suffix("")
     return inner if path.suffix == ACTIVE and not path.exists() and inner.exists() else path

@@ -21,7 +21,7 @@ from estimators.interpreted import compile_at_once
 from estimators.threads import one_blas_thread
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import GrowingLogFile, follow_log
-from replay.machines.machine_file import time_axis
+from replay.machines.machine_file import time_axis_of_machine
 
 #: Seconds between two looks at the log: a row is at most as late as this and a look take, 50 ms in
 #: all, and each look at something new costs some milliseconds of the processor.
@@ -94,7 +94,9 @@ def follow_logs(
     follower = Follower(machine, noise, valid_s=valid_s, until_u_kg=until_u_kg)
     following = Following(paths, follower)
     with ExitStack() as opened:
-        log = opened.enter_context(closing(follow_log(paths, fields, time_axis(machine))))
+        log = opened.enter_context(
+            closing(follow_log(paths, fields, time_axis_of_machine(machine)))
+        )
         opened.enter_context(compile_at_once())
         rehearse(follower.log.machine.settings, noise)
         # what libraries hold is for ever: looking through it takes 0.1 s, and rows would wait
@@ -102,7 +104,7 @@ def follow_logs(
         gc.freeze()
         opened.callback(gc.unfreeze)
         try:
-            following.ended = follow_until_idle(log, following, on_rows, idle_s)
+            following.ended = follow_until_end(log, following, on_rows, idle_s)
         except KeyboardInterrupt:
             following.ended = "interrupted"
         try:
@@ -112,7 +114,7 @@ def follow_logs(
     return following
 
 
-def follow_until_idle(
+def follow_until_end(
     log: GrowingLogFile,
     following: Following,
     on_rows: Callable[[Following, list[FollowedRow]], None],

@@ -13,8 +13,8 @@ from analysis.online.follower import FollowedRow
 from analysis.online.growing_log import causal_machine
 from analysis.online.online_report import OnlineReport
 from estimators.errors import OutputError
-from recordings import check_recording, read_frame, read_provenance
-from recordings.follow.growing_file import is_unfinished
+from recordings import read_frame, read_provenance, require_writable_recording
+from recordings.follow.growing_file import is_unfinished_recording
 from recordings.follow.growing_recording import (
     FollowedLog,
     GrowingRecording,
@@ -23,8 +23,8 @@ from recordings.follow.growing_recording import (
 )
 from recordings.report.atomic_output import AppendedFile, refuse_input_as_output
 from replay.follow.follow_logs import Following
-from replay.follow.report_file import ReportFile, page_text, time_text
-from replay.inputs.channel_inputs import resolve_machine
+from replay.follow.report_file import ReportFile, reports_markdown, utc_time_text
+from replay.inputs.channel_inputs import machine_without_settings_as_dict
 from replay.logs import ACTIVE
 
 
@@ -77,14 +77,16 @@ class FollowedOutputs:
             OutputError: an output exists and is of something else.
         """
         self._output, self._server, self._tell = output, server, tell
-        self._identity = identity_of_inputs(paths, machine, noise)
+        self._identity = identify_inputs(paths, machine, noise)
         self._name = f"{machine.machine.name}: {', '.join(path.name for path in paths)}"
         self._recording: GrowingRecording | None = None
         self._file: AppendedFile | None = None
         self._begins = output is not None or server is not None
         self._from = None
         if output is not None:
-            self._from = find_continuation(output, paths, self._identity, machine, force=force)
+            self._from = find_resume_point_or_none(
+                output, paths, self._identity, machine, force=force
+            )
         self._topic: ReportFile | None = None
         if reports is not None:
             self._topic = ReportFile(reports, paths, self._identity, force=force)
@@ -92,17 +94,20 @@ class FollowedOutputs:
         self._told_ns = max(self._recorded_ns, self._topic.until_unix_ns if self._topic else 0)
         if self._told_ns:
             tell(
-                f"continues after {time_text(self._told_ns)} UTC without repeating what is on disc"
+                f"continues after {utc_time_text(self._told_ns)} UTC without repeating what is on "
+                "disc"
             )
 
-    def take(self, following: Following, rows: Sequence[FollowedRow]) -> list[OnlineReport]:
+    def write_rows_and_new_reports(
+        self, following: Following, rows: Sequence[FollowedRow]
+    ) -> list[OnlineReport]:
         """Write rows, and return the reports that were not emitted before."""
         told: list[OnlineReport] = []
         waiting: list[FollowedRow] = []
         for row in rows:
             waiting.append(row)
             if row.reports:
-                self._record_rows(following, waiting, page_text(row.reports[-1]))
+                self._record_rows(following, waiting, reports_markdown(row.reports[-1]))
                 self._write_reports(row.reports)
                 told += [each for each in row.reports if each.unix_ns > self._told_ns]
                 waiting = []
@@ -137,7 +142,7 @@ class FollowedOutputs:
             return
         try:
             recording = self._recording or self._begin_recording(following)
-            t0_ns = self._t0_ns(following)
+            t0_ns = self._unix_time_of_first_row_ns(following)
             recorded_ns = self._recorded_ns if self._from is None or self._from.end else 0
             recording.add([row for row in rows if row.t_ns + t0_ns > recorded_ns])
             if text is not None:
@@ -157,8 +162,8 @@ class FollowedOutputs:
         if end is not None:
             if end.about.t0_unix_ns != basis.t0_unix_ns:
                 raise OutputError(
-                    f"{self._output}: begins at {time_text(end.about.t0_unix_ns)}, the log at "
-                    f"{time_text(basis.t0_unix_ns)}; name another output, or give --force"
+                    f"{self._output}: begins at {utc_time_text(end.about.t0_unix_ns)}, the log at "
+                    f"{utc_time_text(basis.t0_unix_ns)}; name another output, or give --force"
                 )
             about = end.about
         if self._output is not None:
@@ -178,7 +183,7 @@ class FollowedOutputs:
         if unix_ns > self._recorded_ns:
             self._file.rename(self._output)
 
-    def _t0_ns(self, following: Following) -> int:
+    def _unix_time_of_first_row_ns(self, following: Following) -> int:
         basis = following.follower.log.basis
         assert basis is not None, "there are rows"
         return basis.t0_unix_ns
@@ -188,14 +193,14 @@ def _give_up_text(error: OSError) -> str:
     return f"not continued ({error.strerror}); it is complete up to here, and following continues"
 
 
-def identity_of_inputs(paths: Sequence[Path], machine: Machine, noise: pl.DataFrame | None) -> str:
+def identify_inputs(paths: Sequence[Path], machine: Machine, noise: pl.DataFrame | None) -> str:
     """Identity of the inputs: names of logs, and a digest of machine file and noise."""
     digest = hashlib.sha256(causal_machine(machine).model_dump_json().encode())
     digest.update(b"" if noise is None else noise.write_json().encode())
     return f"{', '.join(map(_closed_log_name, paths))}; {digest.hexdigest()}"
 
 
-def find_continuation(
+def find_resume_point_or_none(
     output: Path, paths: Sequence[Path], identity: str, machine: Machine, *, force: bool
 ) -> ResumePoint | None:
     """Find the point from which a recording continues; None if it is new.
@@ -206,9 +211,9 @@ def find_continuation(
     """
     refuse_input_as_output(output, (path for path in paths if path.exists()))
     if force or not output.is_file() or output.stat().st_size == 0:
-        check_recording(output, force=force or output.is_file())
+        require_writable_recording(output, force=force or output.is_file())
         return None
-    if is_unfinished(output):
+    if is_unfinished_recording(output):
         end = read_recording_end(output)
         if end is None:
             return None
@@ -219,7 +224,7 @@ def find_continuation(
             )
         return ResumePoint(end.about.t0_unix_ns + end.until_ns, end)
     if not has_log_grown(output, paths, machine):
-        check_recording(output, force=False)
+        require_writable_recording(output, force=False)
     last_ns = read_frame(output, "excitation", ["t_ns"])["t_ns"].max()
     assert isinstance(last_ns, int)
     return ResumePoint(read_provenance(output).t0_unix_ns + last_ns, None)
@@ -235,7 +240,7 @@ def has_log_grown(output: Path, paths: Sequence[Path], machine: Machine) -> bool
     then = {each.name.removesuffix(ACTIVE): each.size_bytes for each in about.inputs}
     return (
         about.settings.filter.causal
-        and about.machine == resolve_machine(machine)
+        and about.machine == machine_without_settings_as_dict(machine)
         and all(size <= sizes.get(name, 0) for name, size in then.items())
         and sum(sizes.values()) > sum(then.values())
     )

@@ -158,7 +158,7 @@ def _count_complete_bytes(data: bytes) -> int:
     return whole
 
 
-def time_text(unix_ns: int) -> str:
+def utc_time_text(unix_ns: int) -> str:
     """Time of day in UTC, to a tenth of a second."""
     at = datetime.fromtimestamp(unix_ns // 10**9, UTC)
     return f"{at:%H:%M:%S}.{unix_ns % 10**9 // 10**8}"
@@ -213,13 +213,14 @@ def progress_text(report: OnlineReport) -> str:
     )
 
 
-def page_text(report: OnlineReport) -> str:
+def reports_markdown(report: OnlineReport) -> str:
     """Reports in Markdown, for the page next to the plots."""
     age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
     return (
         f"# {mass_text(report)}\n\nLast manoeuvre{age}; {report.manoeuvres:,} gave a mass so "
-        f"far.\n\n{progress_text(report)}\n\n{spin_text(report)}\n\n{time_text(report.unix_ns)} "
-        f"UTC: {report.phase or 'unknown'}, gate {report.gate.replace('_', ' ')}.\n\nRecorded "
-        "while following: random uncertainties, no load states. When the log ends, its causal "
-        "replay replaces this recording.\n"
+        f"far.\n\n{progress_text(report)}\n\n{spin_text(report)}\n\n"
+        f"{utc_time_text(report.unix_ns)} UTC: {report.phase or 'unknown'}, "
+        f"gate {report.gate.replace('_', ' ')}.\n\nRecorded while following: random "
+        "uncertainties, no load states. When the log ends, its causal replay replaces this "
+        "recording.\n"
     )

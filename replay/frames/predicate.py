@@ -55,7 +55,7 @@ class TimeRange:
         return TimeRange(min(self.first_ns, other.first_ns), max(self.last_ns, other.last_ns))
 
 
-def time_range(predicate: pl.Expr, column: str) -> TimeRange:
+def time_range_of_predicate(predicate: pl.Expr, column: str) -> TimeRange:
     """Bound the log times of rows that a predicate may keep.
 
     Args:
@@ -67,7 +67,9 @@ def time_range(predicate: pl.Expr, column: str) -> TimeRange:
         left, right = parts
         for combine in (operator.and_, operator.or_):
             if combine(left, right).meta.eq(predicate):
-                return combine(time_range(left, column), time_range(right, column))
+                return combine(
+                    time_range_of_predicate(left, column), time_range_of_predicate(right, column)
+                )
         return _range_of_comparison(predicate, left, right, column)
     if len(parts) == 3:
         values, low, high = parts
@@ -75,9 +77,9 @@ def time_range(predicate: pl.Expr, column: str) -> TimeRange:
             if values.is_between(low, high, closed=closed).meta.eq(predicate):
                 above = operator.ge if closed in ("both", "left") else operator.gt
                 below = operator.le if closed in ("both", "right") else operator.lt
-                return time_bound(values, above, low, column) & time_bound(
-                    values, below, high, column
-                )
+                return bound_times_by_constant(
+                    values, above, low, column
+                ) & bound_times_by_constant(values, below, high, column)
     return TimeRange()
 
 
@@ -88,12 +90,12 @@ def _range_of_comparison(
     for compare, mirrored in _MIRRORED.items():
         if compare(left, right).meta.eq(predicate):
             if right.meta.root_names():
-                return time_bound(right, mirrored, left, column)
-            return time_bound(left, compare, right, column)
+                return bound_times_by_constant(right, mirrored, left, column)
+            return bound_times_by_constant(left, compare, right, column)
     return TimeRange()
 
 
-def time_bound(
+def bound_times_by_constant(
     values: pl.Expr, compare: Callable[..., pl.Expr], limit: pl.Expr, column: str
 ) -> TimeRange:
     """Bound times by a comparison with a constant; unbounded for other expressions."""

@@ -61,7 +61,9 @@ def scan_log(  # noqa: PLR0913 - each names one choice
             cannot be decoded.
     """
     options = FrameOptions(nested, arrays, enums, times)
-    return lazy_frame(topic_source(logs, topic, options, fields=fields, time=time, losses=losses))
+    return lazy_frame(
+        make_topic_source(logs, topic, options, fields=fields, time=time, losses=losses)
+    )
 
 
 class _OpenReaders:
@@ -198,7 +200,7 @@ def stream_log(
     Raises:
         LogError: the log, topic, field or column does not exist.
     """
-    source = topic_source(logs, topic, options, fields=fields, time=time, losses=losses)
+    source = make_topic_source(logs, topic, options, fields=fields, time=time, losses=losses)
     return LogStream(source, columns, where)
 
 
@@ -237,7 +239,7 @@ def join_topics(
     )
 
 
-def resolve_log_paths(logs: Logs) -> tuple[list[Path], bool]:
+def log_paths_and_is_pattern(logs: Logs) -> tuple[list[Path], bool]:
     """Paths of the named logs, and whether the name allows several.
 
     Raises:
@@ -259,7 +261,7 @@ def resolve_log_paths(logs: Logs) -> tuple[list[Path], bool]:
     return paths, not isinstance(logs, str | Path) or paths != [Path(logs)]
 
 
-def topic_source(
+def make_topic_source(
     logs: Logs,
     topic: str,
     options: FrameOptions = FrameOptions(),  # noqa: B008 - it is frozen
@@ -281,7 +283,7 @@ def topic_source(
     Raises:
         LogError: the log, topic or field does not exist.
     """
-    paths, is_several = resolve_log_paths(logs)
+    paths, is_several = log_paths_and_is_pattern(logs)
     return TopicSource(
         paths, topic, options, fields=fields, with_source=is_several, time=time, losses=losses
     )

@@ -27,7 +27,9 @@ _UNSORTABLE: Final = pl.Object, pl.Struct, pl.List, pl.Array
 _MOST_LISTED: Final = 40
 
 
-def select_rows(sql: str, tables: Tables, *, always_ordered: bool = False) -> pl.LazyFrame:
+def run_select_in_stable_order(
+    sql: str, tables: Tables, *, always_ordered: bool = False
+) -> pl.LazyFrame:
     """Run a SELECT lazily, with a reproducible order of rows.
 
     Polars does not keep the order through joins and groups, so rows that ORDER BY leaves equal, or
@@ -42,7 +44,7 @@ def select_rows(sql: str, tables: Tables, *, always_ordered: bool = False) -> pl
         QueryError: unknown table or column, invalid SQL, or a statement that does more than read.
     """
     query = normalise_select(sql)
-    frames = {name: tables[name]() for name in _select_used_tables(query, tables)}
+    frames = {name: tables[name]() for name in _names_of_used_tables(query, tables)}
     with pl.SQLContext(frames=frames, eager=False) as context:
         try:
             found = context.execute(query)
@@ -53,10 +55,10 @@ def select_rows(sql: str, tables: Tables, *, always_ordered: bool = False) -> pl
             by = [f'"{n}"' for n, dtype in columns.items() if not isinstance(dtype, _UNSORTABLE)]
             return context.execute(order_by_all_columns(query, by))
         except pl.exceptions.PolarsError as error:
-            raise query_fault(error, tables) from None
+            raise explain_query_error(error, tables) from None
 
 
-def query_fault(error: pl.exceptions.PolarsError, tables: Tables) -> QueryError:
+def explain_query_error(error: pl.exceptions.PolarsError, tables: Tables) -> QueryError:
     """One-line error for a polars error in a statement."""
     said = str(error).strip().partition("\n")[0]
     unknown = re.search(r"relation '(.*)' was not found", said)
@@ -95,7 +97,7 @@ def _tokenise(query: str) -> list[str]:
     return [token for token in found if not token.startswith(_COMMENTS)]
 
 
-def _select_used_tables(query: str, tables: Tables) -> list[str]:
+def _names_of_used_tables(query: str, tables: Tables) -> list[str]:
     """Names of the tables that occur in a query; the others are not created."""
     tokens = _tokenise(query)
     words = {token.strip('"`').replace('""', '"') for token in tokens}

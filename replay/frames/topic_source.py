@@ -16,7 +16,7 @@ import polars as pl
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError, PayscopeError, nearest
-from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, time_range
+from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, time_range_of_predicate
 from replay.frames.shape import FrameOptions, TopicShape
 from replay.logs import Log, TimeAxis, open_log
 from replay.logs.messages.message_types import LeafField
@@ -111,7 +111,7 @@ class TopicSource:
         if predicate is not None:
             needed += [c for c in predicate.meta.root_names() if c not in needed]
             if n_rows is None:  # a range would change which rows are the first
-                within = time_range(predicate, self.time)
+                within = time_range_of_predicate(predicate, self.time)
         left = LAST_NS if n_rows is None else n_rows
         for path in self._paths:
             if left <= 0 or within.first_ns > within.last_ns:

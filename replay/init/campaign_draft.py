@@ -13,8 +13,8 @@ from analysis.model.machine import Machine
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, PayscopeError
 from replay.logs import Log, open_log
-from replay.machines.machine_file import load_machine, time_axis
-from replay.machines.toml_file import toml_value
+from replay.machines.machine_file import load_machine, time_axis_of_machine
+from replay.machines.toml_file import toml_text
 from replay.pipeline import run
 
 _HEAD = """\
@@ -124,7 +124,7 @@ def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tup
         if path.name.startswith(".") or path == output:
             continue
         try:
-            with open_log(path, time=time_axis(machine) if machine else None) as log:
+            with open_log(path, time=time_axis_of_machine(machine) if machine else None) as log:
                 blocks += _make_run_blocks(log, _relative_path(output.parent, path), machine)
         except PayscopeError as fault:
             if (path / "metadata.yaml").exists() or path.suffix in _SUFFIXES:
@@ -138,9 +138,9 @@ def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tup
     count = f"{len(blocks)} run{'' if len(blocks) == 1 else 's'}"
     head = _HEAD.format(
         count=count,
-        name=toml_value(output.name)[1:-1],
-        machine=toml_value(file),
-        id=toml_value(ids or "machine-1"),
+        name=toml_text(output.name)[1:-1],
+        machine=toml_text(file),
+        id=toml_text(ids or "machine-1"),
     )
     return "\n".join([head, *blocks]), said
 
@@ -156,10 +156,10 @@ def _make_run_blocks(log: Log, name: str, machine: Machine | None) -> Iterator[s
         if dated and isinstance(start_ns, int)
         else '"TODO"                    # this log has no date'
     )
-    for stretch, said in _find_stretches(log, machine):
+    for stretch, said in _find_stretches_of_load_states(log, machine):
         lines = [
             "[[runs]]",
-            f"log = {toml_value(name)}",
+            f"log = {toml_text(name)}",
             *stretch,
             f'loads = ["TODO"]               # ids of the masses on board; [] without load{said}',
             f"day = {day}",
@@ -169,7 +169,9 @@ def _make_run_blocks(log: Log, name: str, machine: Machine | None) -> Iterator[s
         yield "\n".join(lines)
 
 
-def _find_stretches(log: Log, machine: Machine | None) -> Iterator[tuple[list[str], str]]:
+def _find_stretches_of_load_states(
+    log: Log, machine: Machine | None
+) -> Iterator[tuple[list[str], str]]:
     """Lines with begin and end of each load state, and its estimated mass."""
     loads = pl.DataFrame() if machine is None else run(log, machine).frames["loads"]
     rows = loads.to_dicts()

@@ -45,12 +45,12 @@ def propose_lines_from_replay(log: Log, text: str) -> list[str]:
         it; priors are comments, empty if the log adds nothing to the defaults.
     """
     replayed = _replay_draft(log, text)
-    braking = [] if replayed is None else _propose_keeping_braking(replayed)
+    braking = [] if replayed is None else _lines_that_keep_braking(replayed)
     if braking:
         tried = _replay_draft(log, "\n".join([text, *braking]))
-        if tried is not None and _can_weigh(tried):
-            return [*braking, *_propose_priors(tried)]
-    return [*BRAKING, *([] if replayed is None else _propose_priors(replayed))]
+        if tried is not None and _can_weigh_replayed_log(tried):
+            return [*braking, *_lines_of_narrower_priors(tried)]
+    return [*BRAKING, *([] if replayed is None else _lines_of_narrower_priors(replayed))]
 
 
 def _replay_draft(log: Log, text: str) -> Run | None:
@@ -60,11 +60,11 @@ def _replay_draft(log: Log, text: str) -> Run | None:
         return None
 
 
-def _can_weigh(replayed: Run) -> bool:
+def _can_weigh_replayed_log(replayed: Run) -> bool:
     return Verdict.from_frame(replayed.frames["verdict"]).can_weigh
 
 
-def _propose_keeping_braking(replayed: Run) -> list[str]:
+def _lines_that_keep_braking(replayed: Run) -> list[str]:
     """Lines that keep samples with braking, if a finding shows that the force includes it."""
     found = replayed.frames["findings"].filter(pl.col("setting") == _EXCLUDE)
     if found.is_empty() or found["value"][0] != "false":
@@ -72,8 +72,8 @@ def _propose_keeping_braking(replayed: Run) -> list[str]:
     return ["[settings.gate]", f"exclude_braking = false  # {found['evidence'][0]}", ""]
 
 
-def _propose_priors(replayed: Run) -> list[str]:
-    lines = _format_prior_proposals(replayed) if _can_weigh(replayed) else []
+def _lines_of_narrower_priors(replayed: Run) -> list[str]:
+    lines = _format_prior_proposals(replayed) if _can_weigh_replayed_log(replayed) else []
     if not lines:
         return []
     return [

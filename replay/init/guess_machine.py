@@ -19,11 +19,11 @@ from estimators.arrays import Floats, Ints
 from estimators.errors import LogError
 from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
-from replay.machines.toml_file import toml_value
+from replay.machines.toml_file import toml_text
 from replay.recognise.joints import recognise_joints
 from replay.recognise.profile import FieldProfile, ask_about_efforts, profile_fields
 from replay.recognise.proposals import ChannelProposal, Recognition
-from replay.recognise.table import recognise_channels
+from replay.recognise.table import recognise_channels_of_table
 from replay.recognise.words import read_column_name
 
 _COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
@@ -98,8 +98,8 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     """
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
-    told = recognise_channels(log) if is_table else _recognise_joints(log, topics)
-    guesses = [*_guess_from_recognised(told), *_choose_best_guesses(topics)]
+    told = recognise_channels_of_table(log) if is_table else _recognise_joints(log, topics)
+    guesses = [*_guesses_of_recognised_channels(told), *_choose_best_guesses(topics)]
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
     # what a comment holds is asked for already
     open_columns = {each.column for each in told.channels if each.is_comment}
@@ -107,7 +107,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     formulas = {each.column: each.derive for each in told.channels if not each.is_comment}
     derived = {column: formula for column, formula in formulas.items() if formula}
     found |= set(derived)
-    derived |= _derivable_channels(found)
+    derived |= _derivations_of_missing_channels(found)
     found |= set(derived)
     kinematic = "specific_force_x_m_s2" not in found
     lacking = [
@@ -119,8 +119,8 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         '# A field in another unit than its comment states needs its unit: unit = "km/h".',
         "",
         "[machine]",
-        f"name = {toml_value(log.path.stem)}",
-        *(f"id = {toml_value(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
+        f"name = {toml_text(log.path.stem)}",
+        *(f"id = {toml_text(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
         "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
         "# wheel_radius_m = 0.42        # needed if the force comes from wheel torques",
         "# track_width_m = 1.5          # for the yaw torque",
@@ -138,19 +138,19 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     for guess in guesses:
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
-            lines.append(f"topic = {toml_value(guess.topic)}")
+            lines.append(f"topic = {toml_text(guess.topic)}")
         unit = unit_of_name(guess.column).replace("*", "·")
         # a field in another unit wants `unit` or `scale`, so say which one it is taken for
         why = f"; {guess.reason}" if guess.reason else ""
         if guess.unit is not None:
             lines += [
-                f"field = {toml_value(guess.field)}",
+                f"field = {toml_text(guess.field)}",
                 f'unit = "{guess.unit}"  # {why[2:]}',
                 "",
             ]
             continue
         lines += [
-            f"field = {toml_value(guess.field)}  # in {unit}{why}{_note_on_wheel_speed(guess)}",
+            f"field = {toml_text(guess.field)}  # in {unit}{why}{_note_on_wheel_speed(guess)}",
             "",
         ]
     for proposal in told.channels:
@@ -169,7 +169,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     used = {(guess.topic or TABLE, guess.field) for guess in guesses}
     to_answer = [*([_JOINT_UNIT] if is_unsure else []), *ask_about_efforts(used, profiles)]
     lines += [f"# to answer: {sentence}" for sentence in (*to_answer, *_TO_ANSWER)]
-    rest = [*_profile_unused_columns(profiles, used), *describe_topics(topics, guesses)]
+    rest = [*_profile_unused_columns(profiles, used), *notes_on_topics(topics, guesses)]
     lines += ["", *rest, "", "[settings.forces]"]
     lines.append(f'acceleration = "{"kinematic" if kinematic else "specific_force"}"')
     return "\n".join(lines) + "\n", lacking
@@ -178,10 +178,10 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
 def _make_log_lines(time: TimeAxis) -> list[str]:
     """Lines of `[log]` for the given time column."""
     keys: dict[str, object] = {"time": time.column, "time_unit": time.unit, **asdict(time.table)}
-    return [f"{key} = {toml_value(value)}" for key, value in keys.items() if value is not None]
+    return [f"{key} = {toml_text(value)}" for key, value in keys.items() if value is not None]
 
 
-def _guess_from_recognised(recognition: Recognition) -> list[ChannelGuess]:
+def _guesses_of_recognised_channels(recognition: Recognition) -> list[ChannelGuess]:
     return [
         ChannelGuess(each.column, each.topic, each.field, each.unit, each.reason)
         for each in recognition.channels
@@ -193,9 +193,9 @@ def _make_comment_lines(proposal: ChannelProposal) -> list[str]:
     """Commented lines of a channel that the user must complete."""
     lines = [f"[channels.{proposal.column}]"]
     if proposal.topic:
-        lines.append(f"topic = {toml_value(proposal.topic)}")
+        lines.append(f"topic = {toml_text(proposal.topic)}")
     if proposal.field:
-        lines.append(f"field = {toml_value(proposal.field)}")
+        lines.append(f"field = {toml_text(proposal.field)}")
     if proposal.unit:
         lines.append(f'unit = "{proposal.unit}"')
     if proposal.derive:
@@ -213,26 +213,26 @@ def _profile_unused_columns(
     return [
         "# Also in the log:",
         *(
-            f"#   {topic}{profile_line(each)}{_quantity_remark(each)}"
+            f"#   {topic}{format_profile_comment(each)}{_quantity_remark(each)}"
             for topic, each in zip(topics, rest, strict=True)
         ),
     ]
 
 
-def _quantity_remark(each: FieldProfile) -> str:
+def _quantity_remark(profile: FieldProfile) -> str:
     """Comment on the quantity of a column that no channel takes."""
-    quantity = read_column_name(each.field).quantity
+    quantity = read_column_name(profile.field).quantity
     return f"  ({quantity})" if quantity in ("steering", "pressure", "power") else ""
 
 
-def profile_line(each: FieldProfile) -> str:
+def format_profile_comment(profile: FieldProfile) -> str:
     """Comment on a field: unit, rate, minimum, median, maximum and course."""
-    unit = f" [{each.unit}]" if each.unit else ""
-    rate = "" if each.rate_hz is None else f", {each.rate_hz:.4g} Hz"
-    if each.low is None or each.middle is None or each.high is None:
-        return _replace_unprintable(f"{each.field}{unit}{rate}: {each.course or 'no number'}")
-    span = f"{each.low:.4g} … {each.middle:.4g} … {each.high:.4g}"
-    return _replace_unprintable(f"{each.field}{unit}{rate}: {span}  {each.course}")
+    unit = f" [{profile.unit}]" if profile.unit else ""
+    rate = "" if profile.rate_hz is None else f", {profile.rate_hz:.4g} Hz"
+    if profile.low is None or profile.middle is None or profile.high is None:
+        return _replace_unprintable(f"{profile.field}{unit}{rate}: {profile.course or 'no number'}")
+    span = f"{profile.low:.4g} … {profile.middle:.4g} … {profile.high:.4g}"
+    return _replace_unprintable(f"{profile.field}{unit}{rate}: {span}  {profile.course}")
 
 
 def _note_on_wheel_speed(guess: ChannelGuess) -> str:
@@ -253,13 +253,13 @@ def _recognise_joints(log: Log, topics: pl.DataFrame) -> Recognition:
 
 def _choose_best_guesses(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
     taken: set[str] = set()
-    for guess in _list_candidates(topics):
+    for guess in _iter_channel_guesses(topics):
         if guess.column not in taken:
             taken.add(guess.column)
             yield guess
 
 
-def _list_candidates(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
+def _iter_channel_guesses(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
     for row in topics.sort("messages", descending=True).to_dicts():
         if row["problem"] or not row["messages"]:
             continue
@@ -275,39 +275,39 @@ def _list_candidates(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
                 yield ChannelGuess(column, row["topic"], field)
 
 
-def _derivable_channels(found: set[str]) -> dict[str, str]:
+def _derivations_of_missing_channels(channels: set[str]) -> dict[str, str]:
     derived: dict[str, str] = {}
-    if "speed_x_m_s" not in found:
-        if {"speed_left_m_s", "speed_right_m_s"} <= found:
+    if "speed_x_m_s" not in channels:
+        if {"speed_left_m_s", "speed_right_m_s"} <= channels:
             derived["speed_x_m_s"] = "mean(speed_left_m_s, speed_right_m_s)"
-        elif "position_x_m" in found:
+        elif "position_x_m" in channels:
             derived["speed_x_m_s"] = "d/dt position_x_m"
-    has_speed = "speed_x_m_s" in found or "speed_x_m_s" in derived
-    if has_speed and not {"specific_force_x_m_s2", "acc_x_m_s2"} & found:
+    has_speed = "speed_x_m_s" in channels or "speed_x_m_s" in derived
+    if has_speed and not {"specific_force_x_m_s2", "acc_x_m_s2"} & channels:
         derived["acc_x_m_s2"] = "d/dt speed_x_m_s"
     # what spins need for an inertia
-    turns = "torque_z_N_m" in found or {"torque_left_N_m", "torque_right_N_m"} <= found
-    if turns and "yaw_rate_rad_s" in found and "yaw_acc_rad_s2" not in found:
+    turns = "torque_z_N_m" in channels or {"torque_left_N_m", "torque_right_N_m"} <= channels
+    if turns and "yaw_rate_rad_s" in channels and "yaw_acc_rad_s2" not in channels:
         derived["yaw_acc_rad_s2"] = "d/dt yaw_rate_rad_s"
     return derived
 
 
 def _describe_lacking_channels(
-    found: set[str], questions: list[str], *, kinematic: bool
+    channels: set[str], questions: list[str], *, kinematic: bool
 ) -> list[str]:
     lacking: list[str] = []
-    if "force_x_N" not in found and not {"torque_left_N_m", "torque_right_N_m"} <= found:
+    if "force_x_N" not in channels and not {"torque_left_N_m", "torque_right_N_m"} <= channels:
         lacking.append("a force: channels.force_x_N, or both wheel torques")
-    elif "force_x_N" not in found and not any("wheel_radius_m" in each for each in questions):
+    elif "force_x_N" not in channels and not any("wheel_radius_m" in each for each in questions):
         lacking.append("machine.wheel_radius_m, which turns wheel torques into a force")
-    if "speed_x_m_s" not in found:
+    if "speed_x_m_s" not in channels:
         lacking.append("a speed: channels.speed_x_m_s, if need be derived from a position")
-    if kinematic and "acc_x_m_s2" not in found:
+    if kinematic and "acc_x_m_s2" not in channels:
         lacking.append("an acceleration: channels.specific_force_x_m_s2 or channels.acc_x_m_s2")
     return lacking
 
 
-def describe_topics(topics: pl.DataFrame, guesses: list[ChannelGuess]) -> Iterator[str]:
+def notes_on_topics(topics: pl.DataFrame, guesses: list[ChannelGuess]) -> Iterator[str]:
     """Notes on list fields without a used element, and on unreadable topics."""
     used = {(guess.topic, guess.field.partition("[")[0]) for guess in guesses}
     for row in topics.iter_rows(named=True):
@@ -337,7 +337,7 @@ def mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str]:
         return []
     try:
         t_ns, force = read_fields(log, [sources[name] for name in _AXES])
-        speed = _read_speed(log, sources)
+        speed = _read_speed_or_none(log, sources)
     except LogError:
         return []
     guess = guess_mounting(t_ns, force, speed) if t_ns.size else None
@@ -370,7 +370,7 @@ def _format_mounting_angles(guess: MountingGuess) -> list[str]:
     return [*lines, ""]
 
 
-def _read_speed(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
+def _read_speed_or_none(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
     """Stamps and the machine's speed, or the mean of its sides'; None if neither is known."""
     names = ("speed_x_m_s",) if "speed_x_m_s" in sources else _SIDES
     if not set(names) <= set(sources) or len({sources[name][0] for name in names}) > 1:

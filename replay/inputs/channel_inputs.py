@@ -15,7 +15,7 @@ from analysis.model.run_record import InputFile, Provenance
 from analysis.model.schema import HINTS
 from analysis.stages.signals.derive import unit_of_name
 from estimators.errors import LogError, MachineError, nearest
-from replay.inputs.time_line import offsets_ns, shift_times
+from replay.inputs.time_line import shift_times, time_line_offsets_ns
 from replay.logs import TABLE, Log
 
 #: Parts of one recording reach into each other by no more; what they reach further in is there
@@ -71,8 +71,8 @@ def read_channels(
             if topic not in has[log] and _has_accompanying_topic(log, topic, has, wanted)
         ]
     for log in logs:
-        _refuse_stated_units(log, machine)
-    later = offsets_ns(logs, wanted)
+        _refuse_contradicting_units(log, machine)
+    later = time_line_offsets_ns(logs, wanted)
     read = {
         log: log.read_many({topic: names for topic, names in wanted.items() if topic in has[log]})
         for log in logs
@@ -84,7 +84,7 @@ def read_channels(
             for log, frames in read.items()
             if topic in frames
         }
-        frame = merge_topics(topic, parts)
+        frame = merge_messages_of_logs(topic, parts)
         holders = list(parts)
         if frame.is_empty() and topic in hints:
             losses.append(
@@ -102,13 +102,20 @@ def read_channels(
 
 
 def _has_accompanying_topic(
-    log: Log, topic: str, has: Mapping[Log, set[str]], wanted: Mapping[str, Sequence[str]]
+    log: Log,
+    topic: str,
+    topics_of_logs: Mapping[Log, set[str]],
+    wanted: Mapping[str, Sequence[str]],
 ) -> bool:
     """Whether a log has a wanted topic that occurs together with this one in some log."""
-    return any(has[log] & topics & wanted.keys() for topics in has.values() if topic in topics)
+    return any(
+        topics_of_logs[log] & topics & wanted.keys()
+        for topics in topics_of_logs.values()
+        if topic in topics
+    )
 
 
-def _refuse_stated_units(log: Log, machine: Machine) -> None:
+def _refuse_contradicting_units(log: Log, machine: Machine) -> None:
     """Raise an error if a field states another unit than its channel's."""
     for name, channel in machine.channels.items():
         topic = channel.topic or TABLE
@@ -146,9 +153,11 @@ def channels_of_topic(topic: str, machine: Machine) -> list[str]:
     ]
 
 
-def _unknown_topic_message(topic: str, has: Mapping[Log, set[str]], machine: Machine) -> str:
+def _unknown_topic_message(
+    topic: str, topics_of_logs: Mapping[Log, set[str]], machine: Machine
+) -> str:
     """Error message with the unknown topic, the choices and the remedy."""
-    meant = nearest(topic, set().union(*has.values()))
+    meant = nearest(topic, set().union(*topics_of_logs.values()))
     return (
         f"no topic '{topic}'; {meant}{'' if meant.endswith('?') else '.'} "
         f"Set channels.{channels_of_topic(topic, machine)[0]}.topic in the machine file."
@@ -172,7 +181,7 @@ def _refuse_unknown_element_names(log: Log, topic: str, frame: pl.DataFrame) -> 
             )
 
 
-def name_raw_frames(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+def frames_by_raw_name(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
     """Frames by their names in a run: `raw/imu/data` for topic `/imu/data`.
 
     If there is a topic `imu/data` as well, it gets that name, and `/imu/data` keeps its slash:
@@ -196,7 +205,7 @@ def make_provenance(
     """Hash the inputs and record everything that the result depends on."""
     return Provenance(
         inputs=tuple(file for log in logs for file in input_files(log)),
-        machine=resolve_machine(machine),
+        machine=machine_without_settings_as_dict(machine),
         settings=machine.settings,
         versions=package_versions(),
         t0_unix_ns=t0_unix_ns,
@@ -215,7 +224,7 @@ def input_files(log: Log) -> list[InputFile]:
     ]
 
 
-def resolve_machine(machine: Machine) -> dict[str, Any]:
+def machine_without_settings_as_dict(machine: Machine) -> dict[str, Any]:
     """Machine file without its settings, as JSON-compatible values."""
     plain = machine.model_dump(mode="json")
     del plain["settings"]
@@ -227,7 +236,7 @@ def package_versions() -> dict[str, str]:
     return {"python": platform.python_version(), **{n: version(n) for n in _VERSIONS}}
 
 
-def merge_topics(topic: str, parts: Mapping[Log, pl.DataFrame]) -> pl.DataFrame:
+def merge_messages_of_logs(topic: str, parts: Mapping[Log, pl.DataFrame]) -> pl.DataFrame:
     """One frame in log-time order, without messages that two logs share.
 
     Messages are equal if their header stamps (log times without one) and fields are: two recorders

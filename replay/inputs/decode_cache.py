@@ -24,7 +24,7 @@ from analysis.model.machine import Machine
 from estimators.errors import LogError, OutputError, PayscopeError
 from replay.inputs.channel_inputs import channel_fields, input_files, package_versions
 from replay.logs import TABLE, Log, LogCheck, TableHints, TimeAxis, open_log
-from replay.machines.machine_file import time_axis
+from replay.machines.machine_file import time_axis_of_machine
 
 #: Hidden beside what is made of the logs.
 FOLDER: Final = ".decoded"
@@ -134,10 +134,10 @@ def decode_logs(
         LogError: a topic or field cannot be read.
         OutputError: the folder cannot be written.
     """
-    time = time_axis(machine)
+    time = time_axis_of_machine(machine)
     wanted = {log: _fields_of_log(log, channel_fields(machine)) for log in logs}
     places = {log: folder / _cache_key(log, wanted[log], time) for log in logs}
-    remove_oldest(folder, {place.name for place in places.values()})
+    remove_unused_entries(folder, {place.name for place in places.values()})
     missing = [log for log in logs if not places[log].is_dir()]
     on_log(len(logs) - len(missing))
     large = len(missing) > 1 and sum(map(_count_log_bytes, missing)) > _WORTH_A_PROCESS
@@ -246,7 +246,7 @@ def _count_log_bytes(log: Log) -> int:
     return sum(path.stat().st_size for path in log.files)
 
 
-def remove_oldest(folder: Path, used: set[str]) -> None:
+def remove_unused_entries(folder: Path, used: set[str]) -> None:
     """Remove entries of other logs, and remains of killed processes."""
     for each in folder.iterdir() if folder.is_dir() else ():
         if each.name not in used:

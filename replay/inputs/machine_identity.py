@@ -10,7 +10,7 @@ from estimators.errors import LogError
 from replay.logs import Log
 
 
-def identify_machine(logs: Sequence[Log], machine: Machine) -> tuple[Machine, str]:
+def machine_with_id_and_logged_id(logs: Sequence[Log], machine: Machine) -> tuple[Machine, str]:
     """The machine with its serial number, and the serial number in the logs' metadata.
 
     Args:
@@ -30,15 +30,15 @@ def identify_machine(logs: Sequence[Log], machine: Machine) -> tuple[Machine, st
     return machine.model_copy(update={"machine": body}), told
 
 
-def common_machine_id(logs: Sequence[Log], known: str | None) -> str:
+def common_machine_id(logs: Sequence[Log], expected_id: str | None) -> str:
     """Serial number common to all logs that state one; "" if none does.
 
     Args:
         logs: of one machine.
-        known: serial number in file or evidence. A log may state several names.
+        expected_id: serial number in file or evidence. A log may state several names.
 
     Raises:
-        LogError: as `identify_machine`.
+        LogError: as `machine_with_id_and_logged_id`.
     """
     common: list[str] = []
     first: Log | None = None
@@ -46,10 +46,10 @@ def common_machine_id(logs: Sequence[Log], known: str | None) -> str:
         ids = log.machine_ids()
         if not ids:
             continue
-        if known is not None and known not in ids:
+        if expected_id is not None and expected_id not in ids:
             raise LogError(
-                f"{log.path}: its metadata name machine '{ids[0]}', but machine.id is '{known}'; "
-                f"name the machine file and the evidence of '{ids[0]}'"
+                f"{log.path}: its metadata name machine '{ids[0]}', but machine.id is "
+                f"'{expected_id}'; name the machine file and the evidence of '{ids[0]}'"
             )
         both = list(ids) if first is None else [each for each in common if each in ids]
         if not both and first is not None:
@@ -58,7 +58,7 @@ def common_machine_id(logs: Sequence[Log], known: str | None) -> str:
                 f"'{common[0]}'; replay the logs of each machine separately"
             )
         common, first = both, first or log
-    return known or common[0] if common else ""
+    return expected_id or common[0] if common else ""
 
 
 def is_serial_number(text: str) -> bool:

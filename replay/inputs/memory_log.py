@@ -25,7 +25,7 @@ class MemoryLog(Log):
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """None."""
+        """No files: the log exists in memory only."""
         return ()
 
     def topics(self) -> pl.DataFrame:
@@ -70,7 +70,7 @@ class MemoryLog(Log):
         return LogCheck(sum(frame.height for frame in self._frames.values()), 0, 0)
 
     def losses(self) -> tuple[Loss, ...]:
-        """None."""
+        """No losses: nothing was read from a file."""
         return ()
 
 

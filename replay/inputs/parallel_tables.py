@@ -81,7 +81,7 @@ def join_parallel_tables(logs: Sequence[Log], machine: Machine) -> tuple[Sequenc
     wanted = {field for channel in machine.channels.values() for field in channel.fields}
     for log in logs:
         log.expect({TABLE: sorted(wanted)})
-    logs = _name_topics(logs, wanted)
+    logs = _tables_with_own_topics(logs, wanted)
     columns = {
         topic: set[str](fields or [])
         for log in logs
@@ -105,14 +105,14 @@ def join_parallel_tables(logs: Sequence[Log], machine: Machine) -> tuple[Sequenc
     return logs, machine.model_copy(update={"channels": channels})
 
 
-def _name_topics(logs: Sequence[Log], wanted: set[str]) -> Sequence[Log]:
+def _tables_with_own_topics(logs: Sequence[Log], wanted_columns: set[str]) -> Sequence[Log]:
     """Tables with topics of their own, unless two share wanted columns."""
     if len(logs) < 2 or len({log.digests for log in logs}) < len(logs):
         return logs
     topics = [log.topics() for log in logs]
     if any(table["topic"].to_list() != [TABLE] for table in topics):
         return logs
-    held = [wanted & set(table["fields"][0]) for table in topics]
+    held = [wanted_columns & set(table["fields"][0]) for table in topics]
     if not all(held) or any(one & other for one, other in combinations(held, 2)):
         return logs
     stems = [log.path.stem for log in logs]

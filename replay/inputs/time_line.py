@@ -24,7 +24,9 @@ _SAME_PHASE: Final = 1e-6
 _Has = frozenset[tuple[str, str]]
 
 
-def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict[Log, int]:
+def time_line_offsets_ns(
+    logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]
+) -> dict[Log, int]:
     """Offset of each log on the common time line, in ns.
 
     Logs that count from 0 are consecutive, in the given order, if they hold the same fields, and
@@ -52,7 +54,7 @@ def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict
     # one log given twice counts once
     if len({log.digests for log in logs}) < len(logs):
         return none
-    has = [_fields_by_topic(table, wanted) for table in tables.values()]
+    has = [_wanted_fields_by_topic(table, wanted) for table in tables.values()]
     if not any(one & other for one, other in combinations(has, 2)):
         return none
     if len(set(has)) > 1:
@@ -107,7 +109,7 @@ def begin_of_each_log_ns(
         wanted: fields that the channels name, by topic.
         t0_unix_ns: Unix time of the first aligned sample.
     """
-    later = offsets_ns(logs, wanted)
+    later = time_line_offsets_ns(logs, wanted)
     found: dict[Log, int] = {}
     for log in logs:
         topics = log.topics()
@@ -129,7 +131,7 @@ def shift_times(frame: pl.DataFrame, by_ns: int) -> pl.DataFrame:
     )
 
 
-def offset_note(offsets: Mapping[Log, int]) -> list[str]:
+def note_on_order_of_logs(offsets: Mapping[Log, int]) -> list[str]:
     """Note on the order of the logs."""
     if not any(offsets.values()):
         return []
@@ -140,7 +142,7 @@ def offset_note(offsets: Mapping[Log, int]) -> list[str]:
     ]
 
 
-def _fields_by_topic(table: pl.DataFrame, wanted: Mapping[str, Sequence[str]]) -> _Has:
+def _wanted_fields_by_topic(table: pl.DataFrame, wanted: Mapping[str, Sequence[str]]) -> _Has:
     """Topics of a log with the wanted fields; for a table, its columns."""
     return frozenset(
         (topic, field)

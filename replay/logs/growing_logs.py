@@ -229,6 +229,6 @@ def _natural_sort_key(part: str) -> tuple[int, str]:
     return (int(part), "") if part.isdigit() else (-1, part)
 
 
-def _was_already_read(path: Path, taken: Sequence[Path]) -> bool:
+def _was_already_read(path: Path, read_files: Sequence[Path]) -> bool:
     """Whether a file was already read, under this name or as `.active`."""
-    return path in taken or path.with_name(f"{path.name}.active") in taken
+    return path in read_files or path.with_name(f"{path.name}.active") in read_files

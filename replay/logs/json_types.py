@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from replay.logs.messages.broken_bytes import BrokenBytesError
-from replay.logs.messages.decoding_libraries import CONVERT, Library, int64
+from replay.logs.messages.decoding_libraries import CONVERT, Library, require_int64
 from replay.logs.messages.message_types import FieldType, ListOf, MessageType, RecordType, Scalar
 
 _KINDS: Final = {
@@ -25,7 +25,7 @@ _DEEPEST: Final = 32
 _MOST_FIELDS: Final = 20_000
 
 
-def json_type(name: str, schema: str) -> MessageType:
+def message_type_from_json_schema(name: str, schema: str) -> MessageType:
     """Message type from a JSON schema.
 
     Raises:
@@ -46,7 +46,7 @@ def json_type(name: str, schema: str) -> MessageType:
 def _parse_schema(text: str | bytes) -> Any:
     try:
         # numbers of thousands of digits are refused by Python itself, larger ones than 64 bits here
-        return json.loads(text, parse_int=lambda digits: int64(int(digits)))
+        return json.loads(text, parse_int=lambda digits: require_int64(int(digits)))
     except (ValueError, RecursionError) as error:
         raise BrokenBytesError(error) from error
 
@@ -64,7 +64,7 @@ class _Schema:
         self._left -= 1
         if self._left < 0 or depth > _DEEPEST:
             raise BrokenBytesError(f"it has more than {_MOST_FIELDS} fields, or {_DEEPEST} levels")
-        kind = _sole_type(schema)
+        kind = _sole_type_or_none(schema)
         if kind == "array":
             element = self.type_of_value(schema.get("items", {}), depth + 1)
             if element is None or isinstance(element, ListOf):
@@ -78,7 +78,7 @@ class _Schema:
         if set(properties) in _STAMPS:
             return Scalar("stamp")
         fields = (
-            (require_valid_text(name), self.type_of_value(inner, depth + 1))
+            (require_encodable_text(name), self.type_of_value(inner, depth + 1))
             for name, inner in properties.items()
         )
         return RecordType(
@@ -101,7 +101,7 @@ class _Schema:
         raise BrokenBytesError("its references form a loop")
 
 
-def _sole_type(schema: dict[str, Any]) -> str | None:
+def _sole_type_or_none(schema: dict[str, Any]) -> str | None:
     """The single type that a schema allows besides null; None if there are several."""
     named = schema.get("type", "object" if "properties" in schema else [])
     allowed = named if isinstance(named, list) else [named]
@@ -111,7 +111,7 @@ def _sole_type(schema: dict[str, Any]) -> str | None:
     return kinds.pop() if len(kinds) == 1 else None
 
 
-def require_valid_text(value: Any) -> str:
+def require_encodable_text(value: Any) -> str:
     """The value if it is a valid string; JSON can encode half of a character."""
     text = str(value)
     try:
@@ -140,19 +140,19 @@ def _require_list(values: Any) -> Sequence[Any]:
 
 def _make_converter(value: Any, kind: str) -> Any:
     if kind == "string":
-        return require_valid_text(value)
+        return require_encodable_text(value)
     try:
         number = CONVERT.get(kind, int)(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise BrokenBytesError(error) from error
-    return int64(number) if kind == "int64" else number
+    return require_int64(number) if kind == "int64" else number
 
 
 def _stamp_ns(stamp: Any) -> int:
     if not isinstance(stamp, dict) or "sec" not in stamp:
         raise BrokenBytesError(f"{type(stamp).__name__} in place of a time")
     nanoseconds = stamp.get("nsec", stamp.get("nanosec", 0))
-    return int64(
+    return require_int64(
         _make_converter(stamp["sec"], "int64") * 10**9 + _make_converter(nanoseconds, "int64")
     )
 

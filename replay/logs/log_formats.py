@@ -136,7 +136,11 @@ def expand_log_folders(named: Sequence[Path]) -> list[Path]:
     Raises:
         LogError: a folder cannot be read.
     """
-    found = [log for path in named for log in (log_of_folder(path) if _is_folder(path) else [path])]
+    found = [
+        log
+        for path in named
+        for log in (bags_or_tables_of_folder(path) if _is_folder(path) else [path])
+    ]
     return list({path.resolve(): path for path in found}.values())
 
 
@@ -166,25 +170,28 @@ def _is_folder(path: Path) -> bool:
     return path.is_dir() and not any((path / name).is_file() for name in _DESCRIBED)
 
 
-def log_of_folder(folder: Path) -> list[Path]:
+def bags_or_tables_of_folder(folder: Path) -> list[Path]:
     """Bags of a folder and its subfolders; if there are none, its tables."""
-    inside = _format_folder(folder)
-    bags = [log for each in inside for log in _list_bags(each)]
+    inside = _list_logs_of_format_folder(folder)
+    bags = [log for each in inside for log in _bags_at_path(each)]
     tables = [each for each in inside if each.suffix.lower() in _TABLES and each.is_file()]
     # a folder without a log is for its reader to say
     return bags or tables or [folder]
 
 
-def _list_bags(path: Path) -> list[Path]:
+def _bags_at_path(path: Path) -> list[Path]:
     """A bag, or the bags of a folder without metadata, as after a power loss."""
     if _is_folder(path):
         return [
-            log for each in _format_folder(path) if not _is_folder(each) for log in _list_bags(each)
+            log
+            for each in _list_logs_of_format_folder(path)
+            if not _is_folder(each)
+            for log in _bags_at_path(each)
         ]
     return [path] if path.is_dir() or path.suffix.lower() in _BAGS else []
 
 
-def _format_folder(folder: Path) -> list[Path]:
+def _list_logs_of_format_folder(folder: Path) -> list[Path]:
     try:
         return sorted(each for each in folder.iterdir() if not each.name.startswith("."))
     except OSError as error:

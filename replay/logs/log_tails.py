@@ -13,8 +13,8 @@ from estimators.errors import LogError
 from replay.logs.decoding.decoder import Decoder, submit_at_once
 from replay.logs.decoding.decoder_choice import make_decoder
 from replay.logs.log import TABLE, TimeAxis
-from replay.logs.message_definitions import DefinitionError, compile_type
-from replay.logs.messages.message_fields import FieldError, resolve
+from replay.logs.message_definitions import DefinitionError, compile_message_type
+from replay.logs.messages.message_fields import FieldError, resolve_field
 from replay.logs.storage import Connection, FileBytes, LossList, Tail
 from replay.logs.table_log import TableLog
 
@@ -161,9 +161,9 @@ class MessageTail:
         if connection.id not in self._decoders:
             about = f"{self._path}: topic '{connection.topic}'"
             try:
-                kind = compile_type(connection)
+                kind = compile_message_type(connection)
                 names = dict.fromkeys(self._fields[connection.topic])
-                picked = [resolve(name, kind.record) for name in names]
+                picked = [resolve_field(name, kind.record) for name in names]
             except DefinitionError as error:
                 raise LogError(f"{about} cannot be read: {error}") from error
             except FieldError as error:

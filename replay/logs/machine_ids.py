@@ -50,7 +50,7 @@ def ids_in_preamble(lines: Iterable[str]) -> Iterator[str]:
             yield from iter_serial_numbers({named[1]: named[2].strip(' ,;\t"')})
 
 
-def machine_ids(files: Iterable[Path]) -> tuple[str, ...]:
+def machine_ids_in_files(files: Iterable[Path]) -> tuple[str, ...]:
     """Distinct serial numbers in the metadata of a log's files.
 
     MCAP has metadata records, and rosbag2 `custom_data`, which its SQLite storage repeats since ROS
@@ -63,9 +63,9 @@ def machine_ids(files: Iterable[Path]) -> tuple[str, ...]:
         elif path.suffix == ".db3":
             found += _iter_ids_in_db3(path)
         elif path.name == "metadata.yaml":
-            from replay.logs.rosbag2 import custom_data
+            from replay.logs.rosbag2 import parse_custom_data
 
-            found += iter_serial_numbers(custom_data(path.read_bytes()))
+            found += iter_serial_numbers(parse_custom_data(path.read_bytes()))
     return tuple(dict.fromkeys(found))
 
 
@@ -74,16 +74,16 @@ def _iter_ids_in_mcap(path: Path) -> Iterator[str]:
 
     for name, texts in read_metadata_records(path):
         if name == _ROSBAG2 and _SERIALIZED in texts:
-            from replay.logs.rosbag2 import custom_data  # imports a reader of YAML
+            from replay.logs.rosbag2 import parse_custom_data  # imports a reader of YAML
 
-            yield from iter_serial_numbers(custom_data(texts[_SERIALIZED].encode()))
+            yield from iter_serial_numbers(parse_custom_data(texts[_SERIALIZED].encode()))
         else:
             yield from iter_serial_numbers(texts, name)
 
 
 def _iter_ids_in_db3(path: Path) -> Iterator[str]:
-    from replay.logs.rosbag2 import custom_data
+    from replay.logs.rosbag2 import parse_custom_data
     from replay.logs.sqlite import read_metadata_texts
 
     for text in read_metadata_texts(path):
-        yield from iter_serial_numbers(custom_data(text.encode()))
+        yield from iter_serial_numbers(parse_custom_data(text.encode()))

@@ -76,7 +76,7 @@ class DefinitionError(Exception):
         super().__init__(one_line(text))
 
 
-def compile_type(connection: Connection) -> MessageType:
+def compile_message_type(connection: Connection) -> MessageType:
     """Compile the message type of a connection.
 
     Raises:
@@ -105,7 +105,7 @@ def _compile_definition(connection: Connection) -> MessageType:
     if _is_empty(connection):
         return MessageType(RecordType(connection.type, ()), ros1=False, decode=lambda _: None)
     store = _make_typestore(connection)
-    record = _Records(store, ros1=connection.encoding == "ros1").record(connection.type)
+    record = _Records(store, ros1=connection.encoding == "ros1").make_record_type(connection.type)
     return MessageType(record, connection.encoding == "ros1", _make_decoder(store, connection))
 
 
@@ -119,13 +119,13 @@ def _compile_self_described(connection: Connection) -> MessageType:
     """Message type from a JSON schema or protobuf descriptors."""
     try:
         if connection.encoding == "json":
-            from replay.logs.json_types import json_type
+            from replay.logs.json_types import message_type_from_json_schema
 
-            return json_type(connection.type, connection.definition)
-        from replay.logs.protobuf_types import protobuf_type
+            return message_type_from_json_schema(connection.type, connection.definition)
+        from replay.logs.protobuf_types import message_type_from_protobuf
 
         descriptors = connection.definition.encode(errors="surrogateescape")
-        return protobuf_type(connection.type, descriptors)
+        return message_type_from_protobuf(connection.type, descriptors)
     except BrokenBytesError as error:
         reason = shorten(str(error), 160)
         raise DefinitionError(
@@ -182,7 +182,9 @@ class _Records:
         self._byte = Scalar("int8" if ros1 else "uint8")
         self._left = _MOST_FIELDS
 
-    def record(self, name: str, above: tuple[str, ...] = (), repeated: int = 1) -> RecordType:
+    def make_record_type(
+        self, name: str, above: tuple[str, ...] = (), repeated: int = 1
+    ) -> RecordType:
         if name in above:
             raise DefinitionError(f"the definition of {name} contains itself")
         if name not in self._store.fielddefs:
@@ -197,7 +199,7 @@ class _Records:
                 raise DefinitionError(f"{within[0]} has more than {_MOST_FIELDS} fields")
             if field != _PLACEHOLDER:
                 fields.append((field, self._make_field(description, within, repeated)))
-        return RecordType(name, tuple(fields), value_names(self._store.fielddefs[name]))
+        return RecordType(name, tuple(fields), enumerated_value_names(self._store.fielddefs[name]))
 
     def _make_field(self, description: Any, above: tuple[str, ...], repeated: int) -> FieldType:
         node, detail = description
@@ -205,7 +207,7 @@ class _Records:
             # rosbags refuses other definitions of these
             if detail in STAMP_TYPES:
                 return Scalar("stamp")
-            return self.record(detail, above, repeated)
+            return self.make_record_type(detail, above, repeated)
         if node == Nodetype.BASE:
             kind = detail[0]
             if kind not in COLUMN_DTYPES:
@@ -224,7 +226,7 @@ class _Records:
         return ListOf(element, length)
 
 
-def value_names(definition: Any) -> tuple[tuple[str, ValueNames], ...]:
+def enumerated_value_names(definition: Any) -> tuple[tuple[str, ValueNames], ...]:
     """Enumerated fields of a definition, with the names of their values.
 
     ROS has constants and no enumerations. A constant belongs to the integer field whose name in

@@ -15,10 +15,15 @@ from estimators.errors import LogError, nearest
 from replay.logs.decoding.decoder import DecodeTally, frame_schema_of_fields
 from replay.logs.decoding.decoder_choice import decoder_name, make_decoder
 from replay.logs.log import Log, LogCheck
-from replay.logs.machine_ids import machine_ids
-from replay.logs.message_definitions import DefinitionError, compile_type
-from replay.logs.messages.message_fields import OWN_COLUMNS, Field, FieldError, resolve
-from replay.logs.messages.message_types import LeafField, MessageType, iter_leaf_names, leaf_fields
+from replay.logs.machine_ids import machine_ids_in_files
+from replay.logs.message_definitions import DefinitionError, compile_message_type
+from replay.logs.messages.message_fields import OWN_COLUMNS, Field, FieldError, resolve_field
+from replay.logs.messages.message_types import (
+    LeafField,
+    MessageType,
+    iter_leaf_fields,
+    iter_leaf_names,
+)
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.storage import Connection, Container, LossList, make_empty_times
 
@@ -58,7 +63,7 @@ class MessageLog(Log):
 
     def machine_ids(self) -> tuple[str, ...]:
         """Serial numbers in MCAP's metadata records, or in `custom_data`."""
-        return machine_ids(self.files)
+        return machine_ids_in_files(self.files)
 
     @cached_property
     def _topics(self) -> dict[str, _Topic]:
@@ -148,7 +153,7 @@ class MessageLog(Log):
         self._check_open()
         kind = self._require_decodable_topic(topic).kind
         assert kind is not None, "it is usable"
-        leaves = {leaf.name: leaf for leaf in leaf_fields(kind.record)}
+        leaves = {leaf.name: leaf for leaf in iter_leaf_fields(kind.record)}
         if fields is None:
             return tuple(leaf for name, leaf in leaves.items() if name not in OWN_COLUMNS)
         resolved = self._resolve(topic, fields, kind)
@@ -180,14 +185,14 @@ class MessageLog(Log):
         feed_streams(groups, streams)
 
     def _finish_reading(self, topic: str, stream: "TopicStream") -> pl.DataFrame:
-        frame = stream.finish()
+        frame = stream.drain_all_rows()
         self._note_tally(topic, stream.tally)
         return frame
 
     def _resolve(self, topic: str, fields: Sequence[str], kind: MessageType) -> list[Field]:
         """Find the requested fields in the message type."""
         try:
-            return [resolve(name, kind.record) for name in dict.fromkeys(fields)]
+            return [resolve_field(name, kind.record) for name in dict.fromkeys(fields)]
         except FieldError as error:
             raise LogError(f"{self.path}: topic '{topic}' ({kind.record.name}): {error}") from error
 
@@ -246,18 +251,21 @@ class MessageLog(Log):
         group_by_key = {key: streams[t] for key, t in topics.items() if t in streams}
         self._take_all_messages(count_messages(), group_by_key)
         for topic, stream in streams.items():
-            stream.finish()
+            stream.drain_all_rows()
             self._note_losses(topic, stream.tally)
-        crcs = self._container.check()
+        crcs = self._container.check_and_count_crcs()
         found = {key: np.concatenate(parts) for key, parts in times.items()}
         if not self._container.losses:  # which would be why they differ
             self._compare_index(found)
         return LogCheck(sum(each.size for each in found.values()), message_bytes, crcs)
 
-    def _compare_index(self, found: Mapping[int, NDArray[np.int64]]) -> None:
+    def _compare_index(self, times_by_connection: Mapping[int, NDArray[np.int64]]) -> None:
         """Note where log times (n,) differ from those of the index, by connection."""
         for connection in self._container.connections:
-            there, said = found[connection.id], self._container.log_times(connection.id)
+            there, said = (
+                times_by_connection[connection.id],
+                self._container.log_times(connection.id),
+            )
             if not np.array_equal(np.sort(there), np.sort(said)):
                 self._read_losses.note(
                     self.path,
@@ -285,7 +293,7 @@ def _merge_connections(connections: tuple[Connection, ...]) -> _Topic:
     """Merge the connections of a topic, provided that their types are equal."""
     try:
         distinct = dict.fromkeys(replace(connection, id=0) for connection in connections)
-        kinds = [compile_type(connection) for connection in distinct]
+        kinds = [compile_message_type(connection) for connection in distinct]
     except DefinitionError as error:
         return _Topic(connections, None, str(error))
     encodings = {connection.encoding for connection in connections}

@@ -9,7 +9,7 @@ from google.protobuf.message import DecodeError
 from google.protobuf.message_factory import GetMessageClass
 
 from replay.logs.messages.broken_bytes import BrokenBytesError
-from replay.logs.messages.decoding_libraries import Library, int64
+from replay.logs.messages.decoding_libraries import Library, require_int64
 from replay.logs.messages.message_types import FieldType, ListOf, MessageType, RecordType, Scalar
 
 _KINDS: Final = {
@@ -28,7 +28,7 @@ _STAMPS: Final = ("google.protobuf.Timestamp", "google.protobuf.Duration")
 _MOST_FIELDS: Final = 20_000
 
 
-def protobuf_type(name: str, descriptors: bytes) -> MessageType:
+def message_type_from_protobuf(name: str, descriptors: bytes) -> MessageType:
     """Message type `name` of a serialized `FileDescriptorSet`.
 
     Raises:
@@ -140,5 +140,5 @@ def _read_member(message: Any, name: str) -> Any:
 
 
 PROTOBUF: Final = Library(
-    "protobuf", _read_member, lambda stamp: int64(stamp.seconds * 10**9 + stamp.nanos)
+    "protobuf", _read_member, lambda stamp: require_int64(stamp.seconds * 10**9 + stamp.nanos)
 )

@@ -22,7 +22,7 @@ from replay.logs.tables import (
     TableTimes,
     TimeError,
     describe_disagreement,
-    find_times,
+    find_time_columns,
 )
 
 if TYPE_CHECKING:
@@ -109,9 +109,9 @@ class TableLog(Log):
     def _open(self, copies: ExitStack) -> "CsvColumns | ParquetColumns":
         if self._suffix in ("parquet", "arrow", "feather"):
             # pyarrow is slow to import
-            from replay.logs.tables.parquet_columns import open_arrow
+            from replay.logs.tables.parquet_columns import open_parquet_or_arrow
 
-            return open_arrow(self.path)
+            return open_parquet_or_arrow(self.path)
         path = self.path
         if self._suffix == "xlsx":
             from replay.logs.tables.excel import write_sheet_as_csv
@@ -138,7 +138,9 @@ class TableLog(Log):
                 f"{meant}{'' if meant.endswith('?') else '.'} Set [log] time in the machine file"
             )
         try:
-            found = find_times(self._columns.columns, self._columns.first_text_cells, time_axis)
+            found = find_time_columns(
+                self._columns.columns, self._columns.first_text_cells, time_axis
+            )
         except DialectError as error:
             raise LogError(f"{self.path}: {error} {_WHERE}") from error
         if found is None:
@@ -224,29 +226,32 @@ class TableLog(Log):
                 f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said} {_WHERE}"
             )
 
-    def _refuse_shared_times(self, axis: TableTimes, there: pl.Series, steps: pl.Series) -> None:
+    def _refuse_shared_times(
+        self, axis: TableTimes, known_times: pl.Series, steps: pl.Series
+    ) -> None:
         """Raise an error if most rows share their time with the previous one: too coarse."""
         shared = int((steps == 0).sum())
-        if there.len() <= _FEW or 2 * (there.len() - shared) >= there.len():
+        if known_times.len() <= _FEW or 2 * (known_times.len() - shared) >= known_times.len():
             return
-        if shared == there.len() - 1:
+        if shared == known_times.len() - 1:
             said = "all rows have the same; name another column: [log] time"
         else:
             said = (
-                f"{shared:,} of {there.len():,} rows have the time of the row before; name another "
+                f"{shared:,} of {known_times.len():,} rows have the time of the row before; name "
+                "another "
                 "column or the one of the fractions, [log] time or time_fraction, or set "
                 "[log] rate_hz = rows per second"
             )
         raise LogError(f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said}")
 
-    def _refuse_restarts(self, axis: TableTimes, there: pl.Series, backwards: int) -> None:
+    def _refuse_restarts(self, axis: TableTimes, known_times: pl.Series, backwards: int) -> None:
         """Raise an error if the time falls back and continues: sorting would mix two records."""
         wanted = self._hints.sort_times
-        if wanted or (wanted is None and self._are_rows_shuffled(there, backwards)):
+        if wanted or (wanted is None and self._are_rows_shuffled(known_times, backwards)):
             return
-        before = there.cum_max()
-        row = int((before > there).arg_max() or 0)
-        fall_s = (before[row] - there[row]) / 1e9
+        before = known_times.cum_max()
+        row = int((before > known_times).arg_max() or 0)
+        fall_s = (before[row] - known_times[row]) / 1e9
         raise LogError(
             f"{self.path}: column '{axis.columns[-1]}' cannot be the time: it jumps back by "
             f"{fall_s:.6g} s at row {row + 1:,} and goes on from there: a second record, or a "
@@ -254,10 +259,10 @@ class TableLog(Log):
             "[log] rate_hz, or [log] sort_times = true if the rows belong together"
         )
 
-    def _are_rows_shuffled(self, there: pl.Series, backwards: int) -> bool:
+    def _are_rows_shuffled(self, known_times: pl.Series, backwards: int) -> bool:
         """Whether few rows are late, or so many fall back that none continues from there."""
-        late = int((there < there.cum_max()).sum())
-        return late < _FEW_LATE * there.len() or backwards > _FALLS * late
+        late = int((known_times < known_times.cum_max()).sum())
+        return late < _FEW_LATE * known_times.len() or backwards > _FALLS * late
 
     def _cells_of_columns(self, names: Sequence[str]) -> dict[str, pl.Series]:
         try:

@@ -9,7 +9,7 @@ from analysis.model.settings import Settings
 from analysis.stages.signals.derive import derivation_in_si, unit_of_name
 from estimators.errors import MachineError
 from replay.logs import TableHints, TimeAxis
-from replay.machines.toml_file import read_toml, set_value, validate
+from replay.machines.toml_file import read_toml, set_dotted_key, validate_toml_content
 
 _SHIPPED = Path(__file__).parent
 
@@ -27,7 +27,7 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
     Raises:
         MachineError: one line with the file, the fault, the choices and the remedy.
     """
-    path = machine_path(Path(path))
+    path = machine_file_or_shipped(Path(path))
     if not path.exists():
         shipped = ", ".join(sorted(each.name for each in _SHIPPED.glob("*.toml")))
         raise MachineError(
@@ -36,9 +36,9 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
         )
     content = read_toml(path, MachineError)
     for override in overrides:
-        refuse_bare_setting(override)
-        set_value(content, override, MachineError)
-    machine = validate(path, content, Machine, MachineError)
+        refuse_setting_without_prefix(override)
+        set_dotted_key(content, override, MachineError)
+    machine = validate_toml_content(path, content, Machine, MachineError)
     for name, channel in machine.channels.items():
         try:
             if channel.expression is not None:
@@ -52,7 +52,7 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
     return machine
 
 
-def refuse_bare_setting(override: str) -> None:
+def refuse_setting_without_prefix(override: str) -> None:
     """Refuse a setting without its prefix `settings.`, and name the full key."""
     key = override.partition("=")[0].strip()
     first, _, rest = key.partition(".")
@@ -66,12 +66,12 @@ def refuse_bare_setting(override: str) -> None:
         raise MachineError(f"--set {override}: no such key; did you mean 'settings.{meant[0]}'?")
 
 
-def time_axis(machine: Machine) -> TimeAxis | None:
+def time_axis_of_machine(machine: Machine) -> TimeAxis | None:
     """Time axis of tables according to the machine file; None if it gives none."""
-    return table_axis(machine.log)
+    return time_axis_of_log_section(machine.log)
 
 
-def table_axis(section: LogSection) -> TimeAxis | None:
+def time_axis_of_log_section(section: LogSection) -> TimeAxis | None:
     """Time column and dialect of tables by the keys of `[log]`; None if none is given."""
     given = section.model_dump()
     time, unit = given.pop("time", None), given.pop("time_unit", None)
@@ -80,7 +80,7 @@ def table_axis(section: LogSection) -> TimeAxis | None:
     return TimeAxis(time, unit, TableHints(**given))
 
 
-def machine_path(path: Path) -> Path:
+def machine_file_or_shipped(path: Path) -> Path:
     """Path of a machine file, or of the shipped one with that name if no such file exists."""
     shipped = _SHIPPED / path.name
     return shipped if not path.exists() and path == Path(path.name) and shipped.exists() else path

@@ -94,7 +94,7 @@ def rename_old_keys(content: dict[str, Any]) -> dict[str, str]:
     return {old: new for old, new, _ in taken}
 
 
-def renames_text(renamed: Mapping[str, str]) -> str:
+def renamed_keys_text(renamed: Mapping[str, str]) -> str:
     """Say in one line which keys have which new names."""
     pairs = [f"'{old}' is now '{new}'" for old, new in renamed.items()]
     more = len(pairs) - _MOST_NAMED
@@ -126,7 +126,9 @@ def migrate_text(text: str) -> tuple[str, dict[str, str]]:
     except tomllib.TOMLDecodeError:
         is_equal = False
     if not is_equal:
-        raise BothNamesError(f"{renames_text(renamed)}: cannot be rewritten; rename it by hand")
+        raise BothNamesError(
+            f"{renamed_keys_text(renamed)}: cannot be rewritten; rename it by hand"
+        )
     return migrated, renamed
 
 
@@ -169,7 +171,7 @@ def _find_table(content: dict[str, Any], sections: list[str]) -> dict[str, Any] 
 
 def _rename_in_lines(lines: list[str], old: str, new: str) -> None:
     """Rename one key, or move it to the table of its new name; do nothing if it is absent."""
-    tables = list(_find_tables(lines))
+    tables = list(_iter_tables(lines))
     for table in tables:
         for at in range(table.first, table.last):
             key, equals, value = lines[at].partition("=")
@@ -182,7 +184,7 @@ def _rename_in_lines(lines: list[str], old: str, new: str) -> None:
             return
 
 
-def _move_key(lines: list[str], at: int, table: "_TableLines", home: "_TableLines") -> None:
+def _move_key(lines: list[str], at: int, table: "_TableLines", new_table: "_TableLines") -> None:
     """Move a key, with the comment lines directly above it, to the top of another table."""
     end = _end_of_value(lines, at, table.last)
     while at > table.first and lines[at - 1].lstrip().startswith("#"):
@@ -191,7 +193,7 @@ def _move_key(lines: list[str], at: int, table: "_TableLines", home: "_TableLine
     if not moved[-1].endswith("\n"):
         moved[-1] += "\n"
     del lines[at:end]
-    to = home.first - (len(moved) if home.first > at else 0)
+    to = new_table.first - (len(moved) if new_table.first > at else 0)
     lines[to:to] = moved
 
 
@@ -203,7 +205,7 @@ class _TableLines(NamedTuple):
     last: int
 
 
-def _find_tables(lines: list[str]) -> Iterator[_TableLines]:
+def _iter_tables(lines: list[str]) -> Iterator[_TableLines]:
     heads = [at for at, line in enumerate(lines) if line.lstrip()[:1] == "[" and _is_header(line)]
     yield _TableLines("", 0, heads[0] if heads else len(lines))
     for at, end in pairwise([*heads, len(lines)]):

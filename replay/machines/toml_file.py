@@ -17,7 +17,7 @@ from replay.machines.old_names import (
     BothNamesError,
     OldNameWarning,
     rename_old_keys,
-    renames_text,
+    renamed_keys_text,
 )
 
 _IN_TOML = {
@@ -53,11 +53,13 @@ def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
         raise error(f"{path}: {fault}") from None
     if renamed:
         remedy = f"`payscope migrate {path}` rewrites the file"
-        warnings.warn(f"{path}: {renames_text(renamed)}; {remedy}", OldNameWarning, stacklevel=3)
+        warnings.warn(
+            f"{path}: {renamed_keys_text(renamed)}; {remedy}", OldNameWarning, stacklevel=3
+        )
     return content
 
 
-def read_value(text: str) -> Any:
+def parse_toml_value(text: str) -> Any:
     """Parse a TOML value; a bare word is text."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
@@ -65,15 +67,15 @@ def read_value(text: str) -> Any:
         return text.strip()
 
 
-def toml_value(value: object) -> str:
+def toml_text(value: object) -> str:
     """Format a value in TOML; numbers, texts and lists of them are the same in JSON."""
     if isinstance(value, Mapping):
-        inside = ", ".join(f"{key} = {toml_value(each)}" for key, each in value.items())
+        inside = ", ".join(f"{key} = {toml_text(each)}" for key, each in value.items())
         return f"{{ {inside} }}"
     return json.dumps(value, ensure_ascii=False)
 
 
-def set_value(content: dict[str, Any], override: str, error: type[PayscopeError]) -> None:
+def set_dotted_key(content: dict[str, Any], override: str, error: type[PayscopeError]) -> None:
     """Set `key=value` in `content`: a dotted key, and a TOML value or a bare word.
 
     Raises:
@@ -82,11 +84,13 @@ def set_value(content: dict[str, Any], override: str, error: type[PayscopeError]
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
         raise error(f"--set {override}: write it as key=value, as settings.align.rate_hz=50")
-    value = read_value(text)
+    value = parse_toml_value(text)
     key = key.strip()
     if key in OLD_NAMES:
         warnings.warn(
-            f"--set {override}: {renames_text({key: OLD_NAMES[key]})}", OldNameWarning, stacklevel=3
+            f"--set {override}: {renamed_keys_text({key: OLD_NAMES[key]})}",
+            OldNameWarning,
+            stacklevel=3,
         )
     *sections, name = OLD_NAMES.get(key, key).split(".")
     place = content
@@ -97,7 +101,7 @@ def set_value(content: dict[str, Any], override: str, error: type[PayscopeError]
     place[name] = value
 
 
-def validate(
+def validate_toml_content(
     path: Path, values: Mapping[str, Any], model: type[_Model], error: type[PayscopeError]
 ) -> _Model:
     """Validate the content of the file at `path` as `model`.
@@ -109,10 +113,10 @@ def validate(
     try:
         return model.model_validate(values)
     except ValidationError as fault:
-        raise error(f"{path}: {fault_line(fault, model)}") from None
+        raise error(f"{path}: {explain_validation_fault(fault, model)}") from None
 
 
-def fault_line(fault: ValidationError, model: type[BaseModel]) -> str:
+def explain_validation_fault(fault: ValidationError, model: type[BaseModel]) -> str:
     """State in one line which value is wrong, where it is, and the probable intention."""
     details = fault.errors(include_url=False)
     # a required key that is misspelt is missing as well
@@ -164,15 +168,15 @@ def keys_and_table(
     return keys, table_of_annotation(here)
 
 
-def table_of_annotation(here: Any, tag: int | str | None = None) -> type[BaseModel] | None:
+def table_of_annotation(annotation: Any, tag: int | str | None = None) -> type[BaseModel] | None:
     """Model that an annotation allows; among several, the one with this tag."""
-    if isinstance(here, type) and issubclass(here, BaseModel):
-        return here
-    if get_origin(here) is Annotated:
-        return table_of_annotation(get_args(here)[0], tag)
-    if get_origin(here) not in (Union, UnionType):
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    if get_origin(annotation) is Annotated:
+        return table_of_annotation(get_args(annotation)[0], tag)
+    if get_origin(annotation) not in (Union, UnionType):
         return None
-    tables = [table for table in map(table_of_annotation, get_args(here)) if table]
+    tables = [table for table in map(table_of_annotation, get_args(annotation)) if table]
     if len(tables) == 1:
         return tables[0]
     tagged = [t for t in tables if any(f.default == tag for f in t.model_fields.values())]

@@ -21,9 +21,9 @@ from recordings.notary.notary_list import (
     NotaryHead,
     NotaryLine,
     parse_line,
-    split_lines,
+    split_whole_lines,
 )
-from recordings.signatures.canonical_json import canonical_bytes
+from recordings.signatures.canonical_json import canonical_json_bytes
 
 #: The environment variable that names the folder of the second copy.
 STATE_VARIABLE: Final = "PAYSCOPE_NOTARY_STATE"
@@ -78,9 +78,9 @@ class OpenList:
             ) from None
         self._size += len(data)
         self.lines.append(line)
-        self._keep_end()
+        self._write_second_copy_of_end()
 
-    def _keep_end(self) -> None:
+    def _write_second_copy_of_end(self) -> None:
         """Write the end of the list to the second place."""
         if self.second is None:
             return
@@ -94,7 +94,7 @@ class OpenList:
         partial = self.second.with_suffix(f".{os.getpid()}")
         try:
             with partial.open("wb") as file:
-                file.write(canonical_bytes(end))
+                file.write(canonical_json_bytes(end))
                 file.flush()
                 os.fsync(file.fileno())
             partial.replace(self.second)
@@ -129,10 +129,10 @@ def open_list(path: Path) -> Generator[OpenList]:
         size = os.fstat(number).st_size
         if size > MOST_LIST_BYTES:
             raise EvidenceError(f"{path}: is larger than the {MOST_LIST_BYTES} bytes of a list")
-        whole, tail = split_lines(_read_descriptor(number, size))
+        whole, tail = split_whole_lines(_read_descriptor(number, size))
         lines = [parse_line(line, f"{path}: line {k}") for k, line in enumerate(whole, start=1)]
         second = second_copy_path(path)
-        check_list_end(path, lines, read_kept_end(second))
+        refuse_altered_list(path, lines, read_kept_end(second))
         if tail:
             os.ftruncate(number, size - len(tail))
             os.fsync(number)
@@ -149,7 +149,7 @@ def _read_descriptor(descriptor: int, size: int) -> bytes:
     return b"".join(parts)
 
 
-def check_list_end(path: Path, lines: list[NotaryLine], end: ListEnd | None) -> None:
+def refuse_altered_list(path: Path, lines: list[NotaryLine], end: ListEnd | None) -> None:
     """Check that a list contains its former lines and that its chain is intact.
 
     Raises:

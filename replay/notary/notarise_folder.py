@@ -19,9 +19,9 @@ from recordings.notary.notary_list import (
     NotaryEntry,
     NotaryFile,
     NotaryHead,
-    signed_line,
+    sign_line,
 )
-from recordings.signatures.signing import KEY_VARIABLE, SigningKey, signing_key
+from recordings.signatures.signing import KEY_VARIABLE, SigningKey, read_signing_key
 from replay.logs import open_log
 from replay.notary.list_file import OpenList, open_list
 
@@ -114,12 +114,12 @@ def notarise_folder(
         raise EvidenceError(
             f"{folder}: no such folder; name the folder that the recorder writes to"
         )
-    key = signing_key(key_file)
+    key = read_signing_key(key_file)
     if key is None:
         raise EvidenceError(f"a notary needs a signing key; give --key KEY.pem, or {KEY_VARIABLE}")
     path = list_path or folder / LIST_NAME
     with open_list(path) as held:
-        head = begin_list(held, key, machine_id)
+        head = begin_list_or_check_keeper(held, key, machine_id)
         notes = [f"a torn tail of {held.cut_bytes} bytes was cut off"] if held.cut_bytes else []
         if held.second is None:
             notes.append(
@@ -134,19 +134,19 @@ def notarise_folder(
                 continue
             age_s = time.time() - log.written_s  # a log of the future has a wrong clock
             is_quiet = age_s >= quiet_s or age_s < -CLOCK_S
-            entry = make_entry(held, log, before) if is_quiet else None
+            entry = make_entry_of_unchanging_log(held, log, before) if is_quiet else None
             if entry is None:
                 waiting.append(log.name)
                 continue
             notes += _clock_notes(held, entry)
-            held.append(signed_line(entry, key))
+            held.append(sign_line(entry, key))
             added.append(entry)
         return NotarisedFolder(
             path, tuple(added), tuple(waiting), len(held.lines) - 1, (*notes, *head)
         )
 
 
-def begin_list(open_list: OpenList, key: SigningKey, machine_id: str) -> list[str]:
+def begin_list_or_check_keeper(open_list: OpenList, key: SigningKey, machine_id: str) -> list[str]:
     """Begin a new list, or check that an existing one has this key and machine; return notes."""
     if not open_list.lines:
         head = NotaryHead(
@@ -157,7 +157,7 @@ def begin_list(open_list: OpenList, key: SigningKey, machine_id: str) -> list[st
             nonce=secrets.token_hex(32),
             begun=_format_now(),
         )
-        open_list.append(signed_line(head, key))
+        open_list.append(sign_line(head, key))
         return [] if machine_id else ["the list names no machine; name it with --machine-id"]
     head = open_list.lines[0].content
     assert isinstance(head, NotaryHead)
@@ -215,8 +215,8 @@ def _is_unchanged(entry: NotaryEntry, log: FoundLog) -> bool:
     return {f.name: (f.size_bytes, f.modified_us) for f in entry.files} == dict(log.files)
 
 
-def make_entry(
-    open_list: OpenList, log: FoundLog, before: NotaryEntry | None
+def make_entry_of_unchanging_log(
+    open_list: OpenList, log: FoundLog, previous_entry: NotaryEntry | None
 ) -> NotaryEntry | None:
     """Line of the list for a log; None if the log changes meanwhile."""
     inside = log.path if log.path.is_dir() else log.path.parent
@@ -224,7 +224,7 @@ def make_entry(
         digests = {name: file_sha256(inside / name) for name in log.files}
     except OSError:
         return None
-    begins, ends, machine = _describe_log(log.path)
+    begins, ends, machine = _begin_end_and_machine_of_log(log.path)
     if any(size_and_time(inside / name) != about for name, about in log.files.items()):
         return None
     last = open_list.lines[-1]
@@ -241,11 +241,11 @@ def make_entry(
         ends=ends,
         listed=_format_now(),
         machine_id=machine,
-        replaces=None if before is None else before.counter,
+        replaces=None if previous_entry is None else previous_entry.counter,
     )
 
 
-def _describe_log(path: Path) -> tuple[str, str, str]:
+def _begin_end_and_machine_of_log(path: Path) -> tuple[str, str, str]:
     """Begin, end and machine of a log; "" for what is unknown.
 
     A damaged log is listed as well.

@@ -12,11 +12,11 @@ from recordings.calibration.check_outcomes import (
     most_severe_outcome,
     verdict_text,
 )
-from recordings.notary.notary_check import check_list
+from recordings.notary.notary_check import check_notary_list
 from recordings.notary.notary_list import MOST_LIST_BYTES
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy
-from recordings.signatures.signing import public_key
+from recordings.signatures.signing import read_public_key
 
 #: What no check of a list can find.
 UNSEEN = (
@@ -72,7 +72,9 @@ class VerifiedList:
         }
 
 
-def verify_list(path: Path, *, key_file: Path | None = None, signed: bool = False) -> VerifiedList:
+def verify_notary_list(
+    path: Path, *, key_file: Path | None = None, signed: bool = False
+) -> VerifiedList:
     """Check a list on its own, without the logs.
 
     Args:
@@ -83,13 +85,13 @@ def verify_list(path: Path, *, key_file: Path | None = None, signed: bool = Fals
     Raises:
         EvidenceError: it, or the key, cannot be read.
     """
-    key = None if key_file is None else public_key(key_file)
+    key = None if key_file is None else read_public_key(key_file)
     try:
         with path.open("rb") as file:
             data = file.read(MOST_LIST_BYTES + 1)
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
-    kept = check_list(data, dt.datetime.now(dt.UTC))
+    kept = check_notary_list(data, dt.datetime.now(dt.UTC))
     findings = [
         BundleFinding(
             BundleOutcome.TAMPERED if fault.forged else BundleOutcome.INCOMPLETE,
@@ -101,7 +103,7 @@ def verify_list(path: Path, *, key_file: Path | None = None, signed: bool = Fals
     own = kept.key
     by = SignedBy("broken")
     if own is not None and not any(fault.forged for fault in kept.faults):
-        known = load_keyring().find(own.key_id)
+        known = load_keyring().find_key_or_none(own.key_id)
         how = "known" if known is not None else "unknown"
         by = SignedBy(how, "", "" if known is None else known.owner, own.key_id, own.text)
         if key is not None and key.key_id == own.key_id:

@@ -16,7 +16,7 @@ from estimators.errors import LogError, QueryError
 from recordings.review.shift_ledger import CSV, PARQUET
 from replay.fleet.gathered_tables import fleet_tables, open_fleet_results
 from replay.fleet.results_layout import MARK
-from replay.frames.scan import lazy_frame, resolve_log_paths, topic_source
+from replay.frames.scan import lazy_frame, log_paths_and_is_pattern, make_topic_source
 from replay.frames.shape import LOG_TIME
 from replay.frames.topic_source import TopicSource, open_or_reuse_log
 from replay.logs import TABLE, Log, TimeAxis
@@ -70,7 +70,7 @@ class NamedTables:
                 self.words[names[0]] = word
 
 
-def named_tables(
+def open_named_tables(
     sources: Sequence[str], time: TimeAxis | None = None, columns: Sequence[str] = ()
 ) -> NamedTables:
     """Open the named files as tables; only indices are read.
@@ -106,7 +106,7 @@ def named_tables(
             f"query: results of two fleets ({', '.join(fleets)}); query them separately"
         )
     found = NamedTables(tuple(dict.fromkeys(recordings)), fleets[0] if fleets else None)
-    t0_unix_ns = _add_recordings(found)
+    t0_unix_ns = _add_frames_of_recordings(found)
     if logs:
         _add_topics(found, logs, _TopicOptions(time, t0_unix_ns, tuple(columns)))
     for ledger in ledgers:
@@ -122,16 +122,16 @@ def _scan_ledger(ledger: Path) -> pl.LazyFrame:
     return rename_stored_checks("cycles", _PLAIN[ledger.name](ledger))
 
 
-def _add_recordings(found: NamedTables) -> int | None:
+def _add_frames_of_recordings(tables: NamedTables) -> int | None:
     """Add the frames of all recordings; return the start of the run if there is only one."""
     by_name: dict[str, list[RecordingFrame]] = {}
-    for path in found.recordings:
-        for name, frame in recording_frames(path, with_source=len(found.recordings) > 1).items():
+    for path in tables.recordings:
+        for name, frame in recording_frames(path, with_source=len(tables.recordings) > 1).items():
             by_name.setdefault(name, []).append(frame)
     for name, frames in by_name.items():
-        found.add(name, partial(_concatenate_lazily, frames), str(frames[0].recording))
+        tables.add(name, partial(_concatenate_lazily, frames), str(frames[0].recording))
     starts = {frame.t0_unix_ns for frames in by_name.values() for frame in frames}
-    return starts.pop() if len(found.recordings) == 1 else None
+    return starts.pop() if len(tables.recordings) == 1 else None
 
 
 def _concatenate_lazily(frames: Sequence[RecordingFrame]) -> pl.LazyFrame:
@@ -165,9 +165,9 @@ class _TopicOptions:
         return [*whole, *picked] if picked else None
 
 
-def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions) -> None:
+def _add_topics(tables: NamedTables, logs: Sequence[str], options: _TopicOptions) -> None:
     named = logs[0] if len(logs) == 1 else logs
-    paths, _ = resolve_log_paths(named)
+    paths, _ = log_paths_and_is_pattern(named)
     topics: dict[str, list[Path]] = {}
     for path in paths:
         for topic in open_or_reuse_log(path, options.time).topic_names():
@@ -178,14 +178,14 @@ def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions)
     def rows_of_topic(topic: str, of_logs: Sequence[Path]) -> pl.LazyFrame:
         chosen = named if len(paths) == 1 else of_logs
         first = open_or_reuse_log(of_logs[0], options.time)
-        source = topic_source(
+        source = make_topic_source(
             chosen,
             topic,
             fields=options.choose_fields(first, topic),
             time=options.time,
-            losses=found.losses,
+            losses=tables.losses,
         )
-        found.sources.append(source)
+        tables.sources.append(source)
         rows = lazy_frame(source)
         if options.t0_unix_ns is None:
             return rows
@@ -193,10 +193,10 @@ def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions)
         return rows.select((since_start / 1e9).alias(AT_S), pl.all())
 
     for topic, of_logs in topics.items():
-        found.add(topic, partial(rows_of_topic, topic, of_logs), str(of_logs[0]))
+        tables.add(topic, partial(rows_of_topic, topic, of_logs), str(of_logs[0]))
     for path in topics.get(TABLE, ()):
         # tables go by their own names as well, alike or not
-        found.add(path.stem, partial(rows_of_topic, TABLE, [path]), str(path))
+        tables.add(path.stem, partial(rows_of_topic, TABLE, [path]), str(path))
 
 
 def add_opening_second(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:

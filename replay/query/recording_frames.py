@@ -89,6 +89,6 @@ def recording_frames(path: Path, *, with_source: bool) -> dict[str, RecordingFra
         RecordingError: not a recording that keeps frames.
     """
     with open_recording(path) as held:
-        held.refuse_without_stages()
+        held.refuse_without_frames()
         t0_unix_ns, frames = held.provenance.t0_unix_ns, held.manifest.frames
     return {each.name: RecordingFrame(path, each, t0_unix_ns, with_source) for each in frames}

@@ -17,11 +17,16 @@ from recordings.report.atomic_output import (
     refuse_input_as_output,
     require_writable_output,
 )
-from replay.frames.select_statement import normalise_select, query_fault, quoted_names, select_rows
+from replay.frames.select_statement import (
+    explain_query_error,
+    normalise_select,
+    quoted_names,
+    run_select_in_stable_order,
+)
 from replay.frames.shape import LOG_TIME
 from replay.frames.topic_source import SOURCE, LossWarning
 from replay.logs import TimeAxis
-from replay.query.named_tables import NamedTables, named_tables
+from replay.query.named_tables import NamedTables, open_named_tables
 from replay.query.recording_frames import AT_S
 
 _KEY: Final = "key"
@@ -47,7 +52,7 @@ class Query:
             rows = self.rows.collect(engine="streaming")
         if join_within_s is None:
             return rows
-        return join_moments(rows, join_within_s, self.named.recordings, self.named.fleet)
+        return group_rows_into_moments(rows, join_within_s, self.named.recordings, self.named.fleet)
 
     def write(self, path: Path, file_format: str, *, force: bool) -> None:
         """Write the rows to a file as they are computed, in bounded memory.
@@ -77,10 +82,10 @@ class Query:
                 case _:
                     self.rows.sink_parquet(partial)
 
-    def opening_command(self, rows: pl.DataFrame) -> str | None:
+    def viewer_command_or_none(self, rows: pl.DataFrame) -> str | None:
         """Command that opens the first row that the viewer can show; None if there is none."""
         first = rows.row(0, named=True) if rows.height else {}
-        return opening_command(first, self.named.recordings, self.named.fleet)
+        return viewer_command_or_none(first, self.named.recordings, self.named.fleet)
 
     @contextmanager
     def _raise_query_errors(self) -> Generator[None]:
@@ -91,10 +96,12 @@ class Query:
                 yield
         except pl.exceptions.PolarsError as error:
             failures = [each.failure for each in self.named.sources if each.failure]
-            raise (failures[0] if failures else query_fault(error, self.named.tables)) from None
+            raise (
+                failures[0] if failures else explain_query_error(error, self.named.tables)
+            ) from None
 
 
-def query_tables(sources: Sequence[str], sql: str, time: TimeAxis | None = None) -> Query:
+def prepare_query(sources: Sequence[str], sql: str, time: TimeAxis | None = None) -> Query:
     """Prepare a query; only indices of the sources are read.
 
     Args:
@@ -106,13 +113,13 @@ def query_tables(sources: Sequence[str], sql: str, time: TimeAxis | None = None)
         PayscopeError: a source that cannot be opened, a statement that is not a SELECT over them.
     """
     normalise_select(sql)  # before logs are opened
-    named = named_tables(sources, time, quoted_names(sql))
+    named = open_named_tables(sources, time, quoted_names(sql))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LossWarning)
-        return Query(named, select_rows(sql, named.tables))
+        return Query(named, run_select_in_stable_order(sql, named.tables))
 
 
-def join_moments(
+def group_rows_into_moments(
     rows: pl.DataFrame, join_within_s: float, recordings: Sequence[Path], fleet: str | None
 ) -> pl.DataFrame:
     """Group rows that are close in time into moments.
@@ -156,13 +163,13 @@ def join_moments(
         )
         .drop("moment")
     )
-    opens = [opening_command(row, recordings, fleet) for row in found.iter_rows(named=True)]
+    opens = [viewer_command_or_none(row, recordings, fleet) for row in found.iter_rows(named=True)]
     if not any(opens):
         return found
     return found.with_columns(pl.Series(OPENS, opens, dtype=pl.String))
 
 
-def opening_command(
+def viewer_command_or_none(
     row: dict[str, Any], recordings: Sequence[Path], fleet: str | None
 ) -> str | None:
     """Command that opens a row or moment; None if there is no recording of it."""

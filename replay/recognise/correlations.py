@@ -80,7 +80,9 @@ def accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
     return found if axes == sorted(_AXES) else []
 
 
-def units_by_gravity(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[str, str]]:
+def accelerometer_units_by_gravity(
+    log: Log, columns: Sequence[LogColumn]
+) -> dict[str, tuple[str, str]]:
     """Units, with reasons, of an accelerometer without stated units, if one axis shows gravity.
 
     Args:
@@ -97,7 +99,7 @@ def units_by_gravity(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[
     return {}
 
 
-def lacks_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
+def fields_without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
     """Fields of an accelerometer without gravity on any axis: some program removed it."""
     axes = [column for column in accelerometer_axes(columns) if column.unit is not None]
     if len(axes) != len(_AXES):
@@ -113,15 +115,15 @@ def lacks_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
     return {column.field for column in axes} if total < (_GRAVITY_M_S2[0] / 2) ** 2 else set()
 
 
-def are_same_readings(log: Log, one: LogColumn, other: LogColumn) -> bool:
+def are_same_readings(log: Log, column: LogColumn, other_column: LogColumn) -> bool:
     """Whether two columns hold the same readings: their difference is small."""
     try:
-        (t, x), (at, y) = (read_series(log, c.topic, c.field) for c in (one, other))
+        (t, x), (at, y) = (read_series(log, c.topic, c.field) for c in (column, other_column))
     except (LogError, pl.exceptions.PolarsError):
         return False
-    if min(t.size, at.size) < _FEWEST or one.unit is None or other.unit is None:
+    if min(t.size, at.size) < _FEWEST or column.unit is None or other_column.unit is None:
         return False
-    y = y * gain_and_offset_to_si(other.unit, one.unit)[0]
+    y = y * gain_and_offset_to_si(other_column.unit, column.unit)[0]
     return float(np.std(x - np.interp(t, at, y))) < _SAME * float(np.std(x))
 
 
@@ -133,9 +135,11 @@ def _median_of_column(log: Log, column: LogColumn) -> float:
     return float(np.median(x)) if x.size else 0.0
 
 
-def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition) -> Recognition:
+def add_correlations(
+    log: Log, columns: Sequence[LogColumn], recognition: Recognition
+) -> Recognition:
     """Add how forces and accelerations go with the slope of speed, and speeds with position."""
-    by_name = {each.column: each for each in found.channels if each.field}
+    by_name = {each.column: each for each in recognition.channels if each.field}
     speed = by_name.get("speed_x_m_s") or by_name.get("speed_left_m_s") or by_name.get("motor_rpm")
     place = by_name.get("position_x_m") or next(
         (
@@ -145,11 +149,11 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
         ),
         None,
     )
-    ask_about_mirrored_side(log, by_name, found)
+    ask_about_mirrored_side(log, by_name, recognition)
     channels: list[ChannelProposal] = []
-    for each in found.channels:
+    for each in recognition.channels:
         reason = each.reason
-        ask_about_wrapped_sign(log, each, found)
+        ask_about_wrapped_sign(log, each, recognition)
         is_force = each.column.startswith(("force", "torque", "motor_torque", "motor_current"))
         is_acceleration = each.column.startswith(("specific_force_x", "acc_x"))
         if each.field and speed is not None and (is_force or is_acceleration):
@@ -157,27 +161,29 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
             if goes is not None:
                 reason += f"; correlates with the change of {speed.field}, {goes:.2f}"
                 if goes < -_CLEAR:
-                    found.ask_question("sign", _SIGN.format(f"'{each.field}'", goes))
+                    recognition.ask_question("sign", _SIGN.format(f"'{each.field}'", goes))
                 if is_force and abs(goes) < _NOTHING:
-                    found.ask_question("column", _APART.format(each.field, speed.field, goes))
+                    recognition.ask_question("column", _APART.format(each.field, speed.field, goes))
             if is_acceleration:
-                ask_about_units(log, each, speed, found)
+                ask_about_units(log, each, speed, recognition)
             if is_force:
-                _ask_without_sign(log, each, speed, found)
+                _ask_about_unsigned_force(log, each, speed, recognition)
         if each is speed and place is not None:
-            ask_about_units(log, each, place, found)
+            ask_about_units(log, each, place, recognition)
             goes = slope_correlation(log, each, place)
             if goes is not None and goes < -_CLEAR:
-                found.ask_question("sign", _AGAINST_PLACE.format(each.field, place.field, goes))
+                recognition.ask_question(
+                    "sign", _AGAINST_PLACE.format(each.field, place.field, goes)
+                )
             if goes is not None and abs(goes) > _CLEAR:
                 reason += f"; correlates with the change of {place.field}, {goes:.2f}"
         channels.append(replace(each, reason=reason))
-    found.channels = channels
-    return found
+    recognition.channels = channels
+    return recognition
 
 
 def ask_about_mirrored_side(
-    log: Log, by_name: dict[str, ChannelProposal], found: Recognition
+    log: Log, by_name: dict[str, ChannelProposal], recognition: Recognition
 ) -> None:
     """Ask which side turns backwards if two speeds of one machine have opposite signs.
 
@@ -187,19 +193,23 @@ def ask_about_mirrored_side(
         left, right = (by_name.get(name.format(side)) for side in ("left", "right"))
         if left is None or right is None:
             continue
-        (t, x), (at, y) = series_of_proposal(log, left), series_of_proposal(log, right)
-        goes = _correlate(x, np.interp(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
+        (t, x), (at, y) = read_series_of_proposal(log, left), read_series_of_proposal(log, right)
+        goes = (
+            _correlation_or_none(x, np.interp(t, at, y))
+            if min(t.size, at.size) >= _FEWEST
+            else None
+        )
         if goes is not None and goes < -_CLEAR:
-            found.ask_question("sign", _MIRRORED.format(left.field, right.field, goes))
+            recognition.ask_question("sign", _MIRRORED.format(left.field, right.field, goes))
 
 
 def ask_about_units(
-    log: Log, rate: ChannelProposal, other: ChannelProposal, found: Recognition
+    log: Log, rate: ChannelProposal, other: ChannelProposal, recognition: Recognition
 ) -> None:
     """Ask for the units of a column and its derivative if their magnitudes disagree."""
     if "?" in (rate.unit, other.unit) or not (rate.column in _SI and other.column in _SI):
         return
-    (t, x), (at, y) = series_of_proposal(log, rate), series_of_proposal(log, other)
+    (t, x), (at, y) = read_series_of_proposal(log, rate), read_series_of_proposal(log, other)
     if min(t.size, at.size) < _FEWEST:
         return
     gains = [
@@ -207,12 +217,12 @@ def ask_about_units(
         for each in (rate, other)
     ]
     x, change = x * gains[0], _slope_at_times(t, at, y * gains[1]) / _SPAN_S
-    goes = _correlate(x, change)
+    goes = _correlation_or_none(x, change)
     if goes is None or goes < _ALIKE:
         return
     times = float(change.std() / x.std())
     if not _UNITS_HOLD[0] < times < _UNITS_HOLD[1]:
-        found.ask_question("unit", _UNITS_APART.format(rate.field, other.field, times))
+        recognition.ask_question("unit", _UNITS_APART.format(rate.field, other.field, times))
 
 
 #: Units of channels of which one is the change of another.
@@ -224,37 +234,39 @@ _SI: Final = {
 }
 
 
-def ask_about_wrapped_sign(log: Log, each: ChannelProposal, found: Recognition) -> None:
+def ask_about_wrapped_sign(log: Log, proposal: ChannelProposal, recognition: Recognition) -> None:
     """Ask which values are negative if integers jump between the ends of their range."""
-    x = series_of_proposal(log, each)[1]
+    x = read_series_of_proposal(log, proposal)[1]
     if x.size < _FEWEST or x.min() < 0 or (x != np.rint(x)).any():
         return
     largest, jump = float(x.max()), float(np.abs(np.diff(x)).max())
     for bits in _BITS:
         half = 2 ** (bits - 1)
         if half < jump and half < largest < 2 * half:
-            found.ask_question("sign", _WRAPPED.format(each.field, bits, half - 1, 2 * half))
+            recognition.ask_question(
+                "sign", _WRAPPED.format(proposal.field, bits, half - 1, 2 * half)
+            )
 
 
-def _ask_without_sign(
-    log: Log, each: ChannelProposal, speed: ChannelProposal, found: Recognition
+def _ask_about_unsigned_force(
+    log: Log, proposal: ChannelProposal, speed: ChannelProposal, recognition: Recognition
 ) -> None:
     """Ask for the sign of a force that is never negative although the machine brakes with it."""
-    (t, x), (at, y) = series_of_proposal(log, each), series_of_proposal(log, speed)
+    (t, x), (at, y) = read_series_of_proposal(log, proposal), read_series_of_proposal(log, speed)
     if min(t.size, at.size) < _FEWEST or x.min() < -_NOISE * x.max():
         return
     slope = _slope_at_times(t, at, y)
     starts, stops = x[slope > slope.max() / 2], x[slope < slope.min() / 2]
     if slope.min() < 0 < slope.max() and stops.mean() > _BRAKING * starts.mean() > 0:
-        found.ask_question("sign", _WITHOUT_SIGN.format(each.field))
+        recognition.ask_question("sign", _WITHOUT_SIGN.format(proposal.field))
 
 
-def series_of_proposal(log: Log, each: ChannelProposal) -> tuple[Floats, Floats]:
+def read_series_of_proposal(log: Log, proposal: ChannelProposal) -> tuple[Floats, Floats]:
     """Times in seconds and readings of a proposal; empty if it has none."""
-    if each.field is None:
+    if proposal.field is None:
         return np.empty(0), np.empty(0)
     try:
-        return read_series(log, each.topic, each.field)
+        return read_series(log, proposal.topic, proposal.field)
     except (LogError, pl.exceptions.PolarsError):
         return np.empty(0), np.empty(0)
 
@@ -265,13 +277,17 @@ def _slope_at_times(t: Floats, at: Floats, y: Floats) -> Floats:
     return np.interp(t + half, at, y) - np.interp(t - half, at, y)
 
 
-def slope_correlation(log: Log, one: ChannelProposal, other: ChannelProposal) -> float | None:
+def slope_correlation(log: Log, proposal: ChannelProposal, sloped: ChannelProposal) -> float | None:
     """Correlation of a column with the slope of another; None if undefined."""
-    (t, x), (at, y) = series_of_proposal(log, one), series_of_proposal(log, other)
-    return _correlate(x, _slope_at_times(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
+    (t, x), (at, y) = read_series_of_proposal(log, proposal), read_series_of_proposal(log, sloped)
+    return (
+        _correlation_or_none(x, _slope_at_times(t, at, y))
+        if min(t.size, at.size) >= _FEWEST
+        else None
+    )
 
 
-def _correlate(x: Floats, y: Floats) -> float | None:
+def _correlation_or_none(x: Floats, y: Floats) -> float | None:
     """Correlation of two series; None if one is constant or not finite."""
     # what has a square beyond a float64 is scaled to 1 first
     x, y = (each / (float(np.abs(each).max()) or 1.0) for each in (x, y))

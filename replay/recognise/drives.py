@@ -14,25 +14,32 @@ _SLOWEST: Final = 0.3
 _TURNS: Final = ("rpm", "rad/s", "Hz")
 
 
-def propose_drives(columns: Sequence[LogColumn], found: Recognition) -> None:
+def propose_drives(columns: Sequence[LogColumn], recognition: Recognition) -> None:
     """Propose force and speed from motors and wheels if no column holds them."""
-    if "force_x_N" not in found.named and not _has_both_sides(found, "torque_{}_N_m"):
+    if "force_x_N" not in recognition.filled_or_proposed_channels and not _has_both_sides(
+        recognition, "torque_{}_N_m"
+    ):
         sketches = (
-            recognise_unnamed_sides,
-            recognise_motor_force,
-            _recognise_pressure,
-            _recognise_power,
+            propose_force_of_unnamed_sides,
+            propose_force_of_motor,
+            _propose_force_of_pressures,
+            _propose_force_of_power,
         )
-        any(propose(columns, found) for propose in sketches)
-    if "speed_x_m_s" not in found.named and not _has_both_sides(found, "speed_{}_m_s"):
-        any(propose(columns, found) for propose in (recognise_wheel_speeds, _recognise_motor_speed))
+        any(propose(columns, recognition) for propose in sketches)
+    if "speed_x_m_s" not in recognition.filled_or_proposed_channels and not _has_both_sides(
+        recognition, "speed_{}_m_s"
+    ):
+        any(
+            propose(columns, recognition)
+            for propose in (propose_speed_of_wheels, _propose_speed_of_motor)
+        )
 
 
-def _has_both_sides(found: Recognition, name: str) -> bool:
-    return {name.format(side) for side in _SIDES} <= found.named
+def _has_both_sides(recognition: Recognition, name: str) -> bool:
+    return {name.format(side) for side in _SIDES} <= recognition.filled_or_proposed_channels
 
 
-def recognise_unnamed_sides(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def propose_force_of_unnamed_sides(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose a force from two wheel torques without a side; whether there are any."""
     torques = [
         c
@@ -46,18 +53,18 @@ def recognise_unnamed_sides(columns: Sequence[LogColumn], found: Recognition) ->
         return False
     names = " or ".join(f"'{column.field}'" for column in wheels)
     for side, column in zip(_SIDES, wheels, strict=True):
-        found.sketch_source(
+        recognition.sketch_source(
             column,
             f"torque_{side}_N_m",
             column.unit,
             f"{column.field}: one of two torques; its name has no side",
         )
-    found.ask_question("radius", _RADIUS)
-    found.ask_question("side", f"which is the left one, {names}")
+    recognition.ask_question("radius", _RADIUS)
+    recognition.ask_question("side", f"which is the left one, {names}")
     return True
 
 
-def recognise_motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def propose_force_of_motor(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose a force from a motor's torque or current; whether there is any."""
     for quantity, unit, name, factor in (
         ("torque", "N*m", "motor_torque_N_m", ""),
@@ -80,29 +87,33 @@ def recognise_motor_force(columns: Sequence[LogColumn], found: Recognition) -> b
         column = fitting[0]
         if quantity == "torque" and column.said.part == "wheel":
             reason = f"{column.field}: at the wheels of both sides; needs their radius"
-            found.sketch_source(column, "wheel_torque_N_m", column.unit, reason)
-            found.propose_as_comment("force_x_N", "wheel_torque_N_m / wheel_radius_m", reason)
-            found.ask_question("radius", _RADIUS)
+            recognition.sketch_source(column, "wheel_torque_N_m", column.unit, reason)
+            recognition.propose_as_comment("force_x_N", "wheel_torque_N_m / wheel_radius_m", reason)
+            recognition.ask_question("radius", _RADIUS)
             return True
         motors = [c for c in fitting if c.said.part == column.said.part]
         if len(motors) > 1:
             names = ", ".join(f"'{each.field}'" for each in motors)
-            found.ask_question(
+            recognition.ask_question(
                 "column", f"which of {names} drive the machine: their torques are added"
             )
         reason = f"{column.field}: measured at the motor; needs the gear ratio"
-        found.sketch_source(column, name, column.unit, reason)
-        found.propose_as_comment("force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason)
-        found.ask_question("gear", _GEAR.format("force_x_N"))
+        recognition.sketch_source(column, name, column.unit, reason)
+        recognition.propose_as_comment(
+            "force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason
+        )
+        recognition.ask_question("gear", _GEAR.format("force_x_N"))
         if factor:
             word, _, of = factor.removeprefix(" * ").partition(" ")
-            found.ask_question("gear", f"the motor's {word} in {of.strip('[]')}, in the same line")
-        found.ask_question("radius", _RADIUS)
+            recognition.ask_question(
+                "gear", f"the motor's {word} in {of.strip('[]')}, in the same line"
+            )
+        recognition.ask_question("radius", _RADIUS)
         return True
     return False
 
 
-def _recognise_pressure(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def _propose_force_of_pressures(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose a force from a hydrostatic drive's pressures, not boom's or bucket's, if any."""
     drive = [c for c in columns if c.quantity == "pressure" and c.unit and not c.said.is_linkage]
     if not drive or len(drive) > 2:
@@ -110,24 +121,26 @@ def _recognise_pressure(columns: Sequence[LogColumn], found: Recognition) -> boo
     names = ["pressure_high_bar", "pressure_low_bar"][: len(drive)]
     for name, column in zip(names, drive, strict=True):
         reason = f"{column.field}: a pressure; needs the motor's displacement and the gear"
-        found.sketch_source(column, name, column.unit, reason)
+        recognition.sketch_source(column, name, column.unit, reason)
     torque = f"({' - '.join(names)})" if len(names) > 1 else names[0]
-    found.propose_as_comment(
+    recognition.propose_as_comment(
         "force_x_N",
         f"{torque} * DISPLACEMENT [m^3/turn] * GEAR / wheel_radius_m",
         "the drive's pressure times its displacement",
     )
-    found.ask_question("gear", _GEAR.format("force_x_N"))
-    found.ask_question("gear", "the motor's DISPLACEMENT in m³ a revolution, in the same line")
-    found.ask_question("radius", _RADIUS)
+    recognition.ask_question("gear", _GEAR.format("force_x_N"))
+    recognition.ask_question(
+        "gear", "the motor's DISPLACEMENT in m³ a revolution, in the same line"
+    )
+    recognition.ask_question("radius", _RADIUS)
     if len(names) > 1:
-        found.ask_question(
+        recognition.ask_question(
             "side", f"which pressure drives forwards, '{drive[0].field}' or '{drive[1].field}'"
         )
     return True
 
 
-def _recognise_power(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def _propose_force_of_power(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose a force from power, or current and voltage, over the speed, if any."""
     current = next(
         (c for c in columns if c.said.is_of_supply and c.has_dimension_of_unit("A")), None
@@ -141,28 +154,30 @@ def _recognise_power(columns: Sequence[LogColumn], found: Recognition) -> bool:
     power = min(powers, key=lambda c: c.unit is None, default=None)
     if power is not None and not (power.unit is None and current and voltage):
         reason = f"{power.field}: a power; over the speed it is a force; needs the efficiency"
-        found.sketch_source(power, "power_W", power.unit or "?", reason)
+        recognition.sketch_source(power, "power_W", power.unit or "?", reason)
         if power.unit is None:
-            found.ask_question("unit", f"the unit of '{power.field}', in channels.power_W.unit")
+            recognition.ask_question(
+                "unit", f"the unit of '{power.field}', in channels.power_W.unit"
+            )
         watts = "power_W"
     else:
         if current is None or voltage is None:
             return False
         reason = f"{current.field}, {voltage.field}: a power; over the speed it is a force"
-        found.sketch_source(current, "supply_A", current.unit, reason)
-        found.sketch_source(voltage, "supply_V", voltage.unit, reason)
+        recognition.sketch_source(current, "supply_A", current.unit, reason)
+        recognition.sketch_source(voltage, "supply_V", voltage.unit, reason)
         watts = "supply_A * supply_V"
     moving = f"abs(speed_x_m_s) > {_SLOWEST} [m/s]"
-    found.propose_as_comment(
+    recognition.propose_as_comment(
         "force_x_N", f"where({moving}, {watts} * EFFICIENCY / speed_x_m_s)", reason
     )
-    found.ask_question(
+    recognition.ask_question(
         "gear", "the EFFICIENCY from there to the wheels, in channels.force_x_N.derive"
     )
     return True
 
 
-def recognise_wheel_speeds(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def propose_speed_of_wheels(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose speeds from revolutions of both sides or of one wheel; whether there are any."""
     wheels = [
         c
@@ -183,13 +198,13 @@ def recognise_wheel_speeds(columns: Sequence[LogColumn], found: Recognition) -> 
     for channel, column in zip(channels, wheels, strict=True):
         source = channel.replace("speed", "wheel").replace("m_s", "rpm")
         reason = f"{column.field}: turns of a wheel; needs its radius"
-        found.sketch_source(column, source, column.unit, reason)
-        found.propose_as_comment(channel, f"{source} * wheel_radius_m", reason)
-    found.ask_question("radius", _RADIUS)
+        recognition.sketch_source(column, source, column.unit, reason)
+        recognition.propose_as_comment(channel, f"{source} * wheel_radius_m", reason)
+    recognition.ask_question("radius", _RADIUS)
     return True
 
 
-def _recognise_motor_speed(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def _propose_speed_of_motor(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     turns = next((c for c in columns if c.quantity == "erpm"), None) or next(
         (c for c in columns if c.quantity == "speed" and c.unit in _TURNS), None
     )
@@ -200,14 +215,16 @@ def _recognise_motor_speed(columns: Sequence[LogColumn], found: Recognition) -> 
         " and pole pairs" if pairs else ""
     )
     unit = None if turns.unit in (None, "rpm") else turns.unit
-    found.sketch_source(turns, "motor_rpm", unit, reason)
-    found.propose_as_comment("speed_x_m_s", f"motor_rpm{pairs} / GEAR * wheel_radius_m", reason)
-    found.ask_question("gear", _GEAR.format("speed_x_m_s"))
+    recognition.sketch_source(turns, "motor_rpm", unit, reason)
+    recognition.propose_as_comment(
+        "speed_x_m_s", f"motor_rpm{pairs} / GEAR * wheel_radius_m", reason
+    )
+    recognition.ask_question("gear", _GEAR.format("speed_x_m_s"))
     if pairs:
-        found.ask_question("gear", "the motor's POLE_PAIRS, in the same line")
+        recognition.ask_question("gear", "the motor's POLE_PAIRS, in the same line")
     elif turns.field.lower() == "rpm":
-        found.ask_question(
+        recognition.ask_question(
             "gear", f"whether '{turns.field}' counts electrical turns (VESC): / POLE_PAIRS"
         )
-    found.ask_question("radius", _RADIUS)
+    recognition.ask_question("radius", _RADIUS)
     return True

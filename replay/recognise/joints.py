@@ -17,7 +17,7 @@ _MOST_JOINTS: Final = 64
 _SIDES: Final = ("left", "right")
 
 
-def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) -> None:
+def recognise_joints(log: Log, topic: str, start_ns: int, recognition: Recognition) -> None:
     """Add the channels that the joints of a topic provide.
 
     Each sender fills only some arrays of a JointState; the first message shows which.
@@ -26,7 +26,7 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) ->
         log: an opened log.
         topic: topic of JointState.
         start_ns: time of its first message.
-        found: recognition to add to.
+        recognition: recognition to add to.
     """
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
     names = list(
@@ -35,14 +35,14 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) ->
     wheels, turns = _find_wheels(names)
     if wheels:
         for side, joints in wheels.items():
-            _fill_side_channels(log, topic, start_ns, side, joints, found, turns=turns)
+            _fill_side_channels(log, topic, start_ns, side, joints, recognition, turns=turns)
     elif len(names) == 1:
         for column, array in (("position_x_m", "position"), ("force_x_N", "effort")):
             for field in fields_with_values(log, topic, array, names, start_ns):
-                _propose_field(found, column, topic, field)
+                _propose_field(recognition, column, topic, field)
 
 
-def joint_fields(log: Log, topic: str, start_ns: int) -> list[str]:
+def fields_of_joints_with_values(log: Log, topic: str, start_ns: int) -> list[str]:
     """Fields such as `effort[left]` of all readings in the first message."""
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
     names = list(
@@ -73,54 +73,60 @@ def _fill_side_channels(
     start_ns: int,
     side: str,
     joints: Sequence[str],
-    found: Recognition,
+    recognition: Recognition,
     *,
     turns: bool,
 ) -> None:
     """Fill torque and speed of one side from its joints."""
     efforts = fields_with_values(log, topic, "effort", joints, start_ns)
     torque, speed = f"torque_{side}_N_m", f"speed_{side}_m_s"
-    if torque not in found.taken_columns:
-        parts = fill_parts(found, topic, efforts, torque)
+    if torque not in recognition.filled_channels:
+        parts = fill_channel_or_numbered_parts(recognition, topic, efforts, torque)
         if len(parts) > 1:
-            _propose_formula(found, torque, " + ".join(parts), f"the {side} wheels' torques")
+            _propose_formula(recognition, torque, " + ".join(parts), f"the {side} wheels' torques")
     velocities = fields_with_values(log, topic, "velocity", joints, start_ns)
-    if speed in found.taken_columns or not velocities:
+    if speed in recognition.filled_channels or not velocities:
         return
     if not turns:
-        _propose_field(found, speed, topic, velocities[0])
+        _propose_field(recognition, speed, topic, velocities[0])
         return
     source = f"wheel_{side}_rad_s"
-    parts = fill_parts(found, topic, velocities, source)
+    parts = fill_channel_or_numbered_parts(recognition, topic, velocities, source)
     mean = parts[0] if len(parts) == 1 else f"mean({', '.join(parts)})"
-    _propose_formula(found, speed, f"{mean} * wheel_radius_m", "a wheel's turns; needs its radius")
-    found.ask_question(
+    _propose_formula(
+        recognition, speed, f"{mean} * wheel_radius_m", "a wheel's turns; needs its radius"
+    )
+    recognition.ask_question(
         "radius", "machine.wheel_radius_m, which turns wheels' torques and turns into drive"
     )
-    found.ask_question(
+    recognition.ask_question(
         "unit",
         f"whether velocity[…] of the wheels is in rad/s, as drafted; where it is in m/s, "
         f"channels.speed_*_m_s.derive without * wheel_radius_m ({topic})",
     )
 
 
-def fill_parts(found: Recognition, topic: str, fields: Sequence[str], whole: str) -> list[str]:
+def fill_channel_or_numbered_parts(
+    recognition: Recognition, topic: str, fields: Sequence[str], channel: str
+) -> list[str]:
     """Fill a channel with one field, or numbered channels with several; return their names."""
-    quantity, _, behind = whole.partition("_")
+    quantity, _, behind = channel.partition("_")
     many = len(fields) > 1
-    names = [f"{quantity}_{k}_{behind}" if many else whole for k in range(1, len(fields) + 1)]
+    names = [f"{quantity}_{k}_{behind}" if many else channel for k in range(1, len(fields) + 1)]
     for name, field in zip(names, fields, strict=True):
-        _propose_field(found, name, topic, field)
+        _propose_field(recognition, name, topic, field)
     return names
 
 
-def _propose_field(found: Recognition, column: str, topic: str, field: str) -> None:
-    if column not in found.taken_columns:
-        found.channels.append(ChannelProposal(column, topic, field, None, "the name of its joint"))
+def _propose_field(recognition: Recognition, column: str, topic: str, field: str) -> None:
+    if column not in recognition.filled_channels:
+        recognition.channels.append(
+            ChannelProposal(column, topic, field, None, "the name of its joint")
+        )
 
 
-def _propose_formula(found: Recognition, column: str, formula: str, reason: str) -> None:
-    found.channels.append(ChannelProposal(column, None, None, None, reason, formula))
+def _propose_formula(recognition: Recognition, column: str, formula: str, reason: str) -> None:
+    recognition.channels.append(ChannelProposal(column, None, None, None, reason, formula))
 
 
 def fields_with_values(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from estimators.arrays import Floats
 from estimators.errors import LogError
 from replay.logs import Log
-from replay.recognise.joints import joint_fields
+from replay.recognise.joints import fields_of_joints_with_values
 
 #: Characters of a course, and the bars it is drawn with.
 _CELLS: Final = 16
@@ -82,7 +82,7 @@ def profile_fields(log: Log, topics: Sequence[str] | None = None) -> list[FieldP
             continue
         fields = [f for f in row["fields"] or [] if "[]" not in f and f not in _NO_READINGS]
         if row["type"].rpartition("/")[2] == "JointState":
-            fields += joint_fields(log, row["topic"], row["start_ns"])
+            fields += fields_of_joints_with_values(log, row["topic"], row["start_ns"])
         units = log.units(row["topic"])
         at_once = max(_AT_ONCE // row["messages"], _FEWEST_AT_ONCE)
         for begin in range(0, len(fields), at_once):
@@ -96,12 +96,14 @@ def profile_fields(log: Log, topics: Sequence[str] | None = None) -> list[FieldP
             whole = [n for n in part if frame[n].dtype.is_float() or frame[n].dtype.is_integer()]
             x = frame.select(pl.col(whole).cast(pl.Float64)).to_numpy(order="fortran")
             known = np.isfinite(x).all(axis=0) if x.size else np.zeros(len(whole), dtype=bool)
-            shapes = dict(zip(np.array(whole)[known], column_profiles(x[:, known]), strict=True))
+            shapes = dict(
+                zip(np.array(whole)[known], profile_columns_without_gaps(x[:, known]), strict=True)
+            )
             for name in part:
                 of = row["topic"], name, units.get(name), _rate_hz(t, frame[name].count())
                 shape = shapes.get(name)
                 found.append(
-                    profile_field(*of, frame[name])
+                    profile_column_with_gaps(*of, frame[name])
                     if shape is None
                     else FieldProfile(*of, t.size, *shape)
                 )
@@ -113,7 +115,7 @@ def _rate_hz(t_ns: NDArray[np.int64], count: int) -> float | None:
     return (count - 1) / span_s if count > 1 and span_s > 0 else None
 
 
-def column_profiles(x: Floats) -> list[tuple[float, float, float, str]]:
+def profile_columns_without_gaps(x: Floats) -> list[tuple[float, float, float, str]]:
     """Smallest, median and largest value and sparkline of columns (rows, columns) without gaps."""
     if not x.size:
         return []
@@ -128,7 +130,7 @@ def column_profiles(x: Floats) -> list[tuple[float, float, float, str]]:
     return list(zip(low.tolist(), middle.tolist(), high.tolist(), courses, strict=True))
 
 
-def profile_field(
+def profile_column_with_gaps(
     topic: str, field: str, unit: str | None, rate_hz: float | None, cells: pl.Series
 ) -> FieldProfile:
     """Profile of a column with gaps or without numbers."""

@@ -83,12 +83,12 @@ class Recognition:
         return list(dict.fromkeys(text for _, text in ranked))
 
     @property
-    def taken_columns(self) -> set[str]:
+    def filled_channels(self) -> set[str]:
         """Channels that are filled."""
         return {each.column for each in self.channels if not each.is_comment}
 
     @property
-    def named(self) -> set[str]:
+    def filled_or_proposed_channels(self) -> set[str]:
         """Channels that are filled or proposed as comments."""
         return {each.column for each in self.channels}
 
@@ -100,7 +100,7 @@ class Recognition:
         self, column: LogColumn, channel: str, reason: str, unit: str | None = None
     ) -> None:
         """Fill a channel unless an earlier column has filled it."""
-        if channel in self.taken_columns:
+        if channel in self.filled_channels:
             return
         stated = _unit_unless_si(unit or column.unit, channel)
         self.channels.append(ChannelProposal(channel, column.topic, column.field, stated, reason))

@@ -16,14 +16,14 @@ from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.signals.derive import unit_of_name
 from replay.logs import TABLE, Log
 from replay.recognise.correlations import (
+    accelerometer_units_by_gravity,
     add_correlations,
     are_same_readings,
-    lacks_gravity,
-    units_by_gravity,
+    fields_without_gravity,
 )
 from replay.recognise.drives import propose_drives
 from replay.recognise.proposals import LogColumn, Recognition
-from replay.recognise.words import has_side, read_column_name
+from replay.recognise.words import has_real_side_prefix, read_column_name
 
 #: A column that may fill a channel, why, and the unit that it is in.
 Claim = tuple[LogColumn, str, str | None]
@@ -43,7 +43,7 @@ _CALLED_BY_UNIT: Final = {
 }  # fmt: skip
 
 
-def recognise_channels(log: Log) -> Recognition:
+def recognise_channels_of_table(log: Log) -> Recognition:
     """Recognise the channels of a table.
 
     Args:
@@ -54,14 +54,14 @@ def recognise_channels(log: Log) -> Recognition:
     for column in columns:
         if column.field in _KNOWN:
             found.fill_channel(column, column.field, "its name", unit_of_name(column.field))
-    by_gravity = units_by_gravity(log, columns)
-    kinematic = lacks_gravity(log, columns)
+    by_gravity = accelerometer_units_by_gravity(log, columns)
+    kinematic = fields_without_gravity(log, columns)
     claims: defaultdict[str, list[Claim]] = defaultdict(list)
     for quantity, channel_of in _CHANNEL_OF.items():
         for column in columns:
             channel = channel_of(column) if column.quantity == quantity else None
             if channel is None and column.field in by_gravity:
-                channel = _recognise_specific_force(column)
+                channel = _specific_force_channel_or_none(column)
             if channel is None:
                 continue
             if column.field in kinematic or (
@@ -78,36 +78,38 @@ def recognise_channels(log: Log) -> Recognition:
             if all(column != claimed for claimed, *_ in claims[channel]):
                 claims[channel].append((column, reason, unit))
     for channel, each in claims.items():
-        settle_claims(log, channel, each, found)
+        fill_only_candidate_or_ask(log, channel, each, found)
     _ask_more_torques(columns, found)
-    recognise_by_unit(columns, found)
-    recognise_without_unit(columns, found)
+    propose_columns_by_unit(columns, found)
+    propose_columns_without_unit(columns, found)
     propose_drives(columns, found)
     return add_correlations(log, columns, found)
 
 
-def settle_claims(log: Log, channel: str, claims: Sequence[Claim], found: Recognition) -> None:
+def fill_only_candidate_or_ask(
+    log: Log, channel: str, claims: Sequence[Claim], recognition: Recognition
+) -> None:
     """Fill a channel with the only candidate column, or ask if there are several.
 
     Of several columns with equal readings the first is taken, except for forces, which add up.
     """
-    if channel in found.taken_columns:
+    if channel in recognition.filled_channels:
         return
     column, reason, unit = claims[0]
     adds_up = channel.startswith(("force", "torque"))
     others = [other for other, *_ in claims[1:]]
     if all(not adds_up and are_same_readings(log, column, other) for other in others):
-        found.fill_channel(column, channel, reason, unit)
+        recognition.fill_channel(column, channel, reason, unit)
         return
     names = ", ".join(f"'{each.field}'" for each, *_ in claims)
-    found.sketch_source(column, channel, unit, f"one of {names}")
+    recognition.sketch_source(column, channel, unit, f"one of {names}")
     together = "; if they act together, their sum" if adds_up else ""
-    found.ask_question("column", f"which of {names} is channels.{channel}{together}")
+    recognition.ask_question("column", f"which of {names} is channels.{channel}{together}")
 
 
-def _ask_more_torques(columns: Sequence[LogColumn], found: Recognition) -> None:
+def _ask_more_torques(columns: Sequence[LogColumn], recognition: Recognition) -> None:
     """Ask whether other wheels drive too if a left and a right torque make the force."""
-    if not {"torque_left_N_m", "torque_right_N_m"} <= found.taken_columns:
+    if not {"torque_left_N_m", "torque_right_N_m"} <= recognition.filled_channels:
         return
     more = [
         f"'{each.field}'"
@@ -117,7 +119,7 @@ def _ask_more_torques(columns: Sequence[LogColumn], found: Recognition) -> None:
     ]
     if more:
         names = ", ".join(more)
-        found.ask_question(
+        recognition.ask_question(
             "column", f"whether {names} also drives the machine: torques of wheels add up"
         )
 
@@ -133,7 +135,7 @@ def _list_columns(log: Log) -> list[LogColumn]:
                 read_column_name(_name_without_unit(name)),
                 units.get(name) or _CALLED_BY_UNIT.get(name.lower()),
             )
-            if said.side and not has_side(name, names):
+            if said.side and not has_real_side_prefix(name, names):
                 said = replace(said, side=None)
             if said.is_no_reading or said.is_elsewhere:
                 said = replace(said, quantity=None)
@@ -172,7 +174,7 @@ def _find_quantity_of_unit(unit: str) -> str | None:
     return None
 
 
-def _recognise_speed(column: LogColumn) -> str | None:
+def _speed_channel_or_none(column: LogColumn) -> str | None:
     # what is in m/s is no turning of a motor
     if column.said.axis in ("y", "z"):
         return None
@@ -180,12 +182,12 @@ def _recognise_speed(column: LogColumn) -> str | None:
     return name if column.has_dimension_of_channel(name) else None
 
 
-def _recognise_force(column: LogColumn) -> str | None:
+def _force_channel_or_none(column: LogColumn) -> str | None:
     off_axis = column.said.axis in ("y", "z") or column.said.side or column.said.is_linkage
     return "force_x_N" if not off_axis and column.has_dimension_of_channel("force_x_N") else None
 
 
-def _recognise_torque(column: LogColumn) -> str | None:
+def _torque_channel_or_none(column: LogColumn) -> str | None:
     side = column.said.side
     name = f"torque_{side}_N_m"
     return (
@@ -195,26 +197,28 @@ def _recognise_torque(column: LogColumn) -> str | None:
     )
 
 
-def _recognise_acceleration(column: LogColumn) -> str | None:
+def _acceleration_channel_or_none(column: LogColumn) -> str | None:
     return (
-        _recognise_specific_force(column) if column.has_dimension_of_channel("acc_x_m_s2") else None
+        _specific_force_channel_or_none(column)
+        if column.has_dimension_of_channel("acc_x_m_s2")
+        else None
     )
 
 
-def _recognise_specific_force(column: LogColumn) -> str | None:
+def _specific_force_channel_or_none(column: LogColumn) -> str | None:
     return f"specific_force_{column.said.axis}_m_s2" if column.said.axis else None
 
 
-def _recognise_position(column: LogColumn) -> str | None:
+def _position_channel_or_none(column: LogColumn) -> str | None:
     along = column.said.axis in (None, "x")
     return "position_x_m" if along and column.has_dimension_of_channel("position_x_m") else None
 
 
-def _recognise_yaw_rate(column: LogColumn) -> str | None:
+def _yaw_rate_channel_or_none(column: LogColumn) -> str | None:
     return "yaw_rate_rad_s" if column.has_dimension_of_channel("yaw_rate_rad_s") else None
 
 
-def _recognise_angle(name: str, column: LogColumn) -> str | None:
+def _angle_channel_or_none(name: str, column: LogColumn) -> str | None:
     return name if column.unit in ("deg", "rad") else None
 
 
@@ -223,20 +227,20 @@ def _is_in_degrees(column: LogColumn) -> bool:
 
 
 _CHANNEL_OF: Final[dict[str, Callable[[LogColumn], str | None]]] = {
-    "speed": _recognise_speed,
-    "force": _recognise_force,
-    "torque": _recognise_torque,
-    "acceleration": _recognise_acceleration,
-    "position": _recognise_position,
-    "yaw rate": _recognise_yaw_rate,
-    "boom": lambda column: _recognise_angle("boom_rad", column),
-    "bucket": lambda column: _recognise_angle("bucket_rad", column),
+    "speed": _speed_channel_or_none,
+    "force": _force_channel_or_none,
+    "torque": _torque_channel_or_none,
+    "acceleration": _acceleration_channel_or_none,
+    "position": _position_channel_or_none,
+    "yaw rate": _yaw_rate_channel_or_none,
+    "boom": lambda column: _angle_channel_or_none("boom_rad", column),
+    "bucket": lambda column: _angle_channel_or_none("bucket_rad", column),
     "latitude": lambda column: "latitude_deg" if _is_in_degrees(column) else None,
     "longitude": lambda column: "longitude_deg" if _is_in_degrees(column) else None,
 }
 
 
-def recognise_by_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
+def propose_columns_by_unit(columns: Sequence[LogColumn], recognition: Recognition) -> None:
     """Propose columns with meaningless names that alone have a unit of force or speed."""
     own = [each for each in columns if each.unit and not each.said.is_elsewhere]
     units = Counter(find_quantity_of_name("", column.unit) for column in own)
@@ -248,7 +252,7 @@ def recognise_by_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
         channel = {"force": "force_x_N", "speed": "speed_x_m_s"}.get(quantity or "")
         is_wheel_load = quantity == "force" and said.part == "wheel"
         if channel and units[quantity] == 1 and said.axis in (None, "x") and not is_wheel_load:
-            found.fill_channel(column, channel, f"in {column.unit}, the only {quantity}")
+            recognition.fill_channel(column, channel, f"in {column.unit}, the only {quantity}")
 
 
 #: Channels of quantities that one column holds for the whole machine.
@@ -259,9 +263,9 @@ _WITHOUT_UNIT: Final = {
 }
 
 
-def recognise_without_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
+def propose_columns_without_unit(columns: Sequence[LogColumn], recognition: Recognition) -> None:
     """Propose columns whose names state a quantity but which have no unit."""
-    given = {each.column for each in found.channels}
+    given = {each.column for each in recognition.channels}
     for quantity, channel in _WITHOUT_UNIT.items():
         if channel in given or (quantity == "speed" and "speed_left_m_s" in given):
             continue
@@ -270,8 +274,10 @@ def recognise_without_unit(columns: Sequence[LogColumn], found: Recognition) -> 
             part = said.part if quantity != "speed" or said.part == "motor" else None
             whole = said.side is None and part is None and said.axis in (None, "x")
             if column.quantity == quantity and column.unit is None and whole:
-                found.sketch_source(column, channel, "?", f"{column.field}: its unit is not stated")
-                found.ask_question(
+                recognition.sketch_source(
+                    column, channel, "?", f"{column.field}: its unit is not stated"
+                )
+                recognition.ask_question(
                     "unit", f"the unit of '{column.field}', in channels.{channel}.unit"
                 )
                 break

@@ -8,11 +8,15 @@ import polars as pl
 
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import LogError, PayscopeError, counted, one_line
-from recordings.rrd.viewer_stream import ViewerRequest, stream_run, stream_topics
+from recordings.rrd.viewer_stream import (
+    ViewerRequest,
+    stream_run_to_stdout,
+    stream_topics_to_stdout,
+)
 from replay.logs import Log, open_log
-from replay.machines.machine_file import load_machine, machine_path, time_axis
+from replay.machines.machine_file import load_machine, machine_file_or_shipped, time_axis_of_machine
 from replay.pipeline import run
-from replay.recording.importer_files import VARIABLE, machine_file_of_log
+from replay.recording.importer_files import VARIABLE, machine_file_of_log_or_none
 
 #: Elements of a list without names that are drawn.
 _ELEMENTS: Final = 12
@@ -24,7 +28,7 @@ def import_log(log: Path, request: ViewerRequest) -> str | None:
     """Write a log to standard output in the viewer's format.
 
     Args:
-        log: path accepted by `takes_file`.
+        log: path accepted by `is_imported_file`.
         request: request of the viewer.
 
     Returns:
@@ -33,21 +37,23 @@ def import_log(log: Path, request: ViewerRequest) -> str | None:
     Raises:
         PayscopeError: the log cannot be read.
     """
-    machine_file = machine_file_of_log(log)
+    machine_file = machine_file_of_log_or_none(log)
     fault: str | None = None
     if machine_file is not None:
         try:
-            machine = load_machine(machine_path(machine_file))
-            with open_log(log, time=time_axis(machine)) as opened:
+            machine = load_machine(machine_file_or_shipped(machine_file))
+            with open_log(log, time=time_axis_of_machine(machine)) as opened:
                 replayed = run(opened, machine)
         except PayscopeError as error:
             fault = one_line(str(error))
         else:
-            stream_run(replayed, request)
+            stream_run_to_stdout(replayed, request)
             return None
     with open_log(log) as opened:
         topics = dict(topic_frames(opened))
-        stream_topics(topics, _describe_log(opened, machine_file, fault), log.name, request)
+        stream_topics_to_stdout(
+            topics, _describe_log(opened, machine_file, fault), log.name, request
+        )
     return fault
 
 

@@ -10,8 +10,8 @@ import polars as pl
 from analysis.model.schema import FRAMES, Frame
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import RecordingError, nearest
-from recordings import read_frame, read_provenance, stage_columns
-from recordings.rrd.recording_window import check_stretch
+from recordings import columns_by_frame, read_frame, read_provenance
+from recordings.rrd.recording_window import refuse_invalid_time_range
 
 if TYPE_CHECKING:
     from replay.calibration.apply_evidence import CalibrationRequest
@@ -42,7 +42,7 @@ class RecordedStage:
         Raises:
             RecordingError: no recording, or it has no such frame.
         """
-        held = stage_columns(recording)
+        held = columns_by_frame(recording)
         if name not in held:
             raise RecordingError(f"{recording}: no frame '{name}'; {nearest(name, held)}")
         about = read_provenance(recording)
@@ -69,11 +69,11 @@ class RecordedStage:
                 f"{self.recording}: a calibration applies to frame 'loads', not to '{self.name}'"
             )
         from analysis.calibration.use.later_log import FRAMES as NEEDED
-        from replay.calibration.apply_evidence import calibrated_frame
+        from replay.calibration.apply_evidence import calibrate_recorded_loads
 
-        about, there = read_provenance(self.recording), stage_columns(self.recording)
+        about, there = read_provenance(self.recording), columns_by_frame(self.recording)
         frames = {name: read_frame(self.recording, name) for name in NEEDED if name in there}
-        return replace(self, rows=calibrated_frame(frames, about, request, self.recording))
+        return replace(self, rows=calibrate_recorded_loads(frames, about, request, self.recording))
 
     def select_rows_between(self, start_s: float | None, end_s: float | None) -> Self:
         """Rows between two seconds of the run, both included.
@@ -83,7 +83,7 @@ class RecordedStage:
         """
         if start_s is None and end_s is None:
             return self
-        check_stretch(self.recording, start_s, end_s)
+        refuse_invalid_time_range(self.recording, start_s, end_s)
         column = self._require_time_column()
         seconds = self._since_start_ns(column) / 1e9
         rows = self.rows

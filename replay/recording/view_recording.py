@@ -9,16 +9,16 @@ from typing import Final
 
 from estimators.errors import OutputError, RecordingError
 from recordings import plot_run, read_provenance, write_recording
-from recordings.report.picture import check_picture
+from recordings.report.picture import require_writable_picture
 from recordings.rrd.recording_window import LATEST_S, read_window
-from recordings.rrd.viewer import open_viewer, screenshot_recording
+from recordings.rrd.viewer import open_viewer, take_screenshots_of_recording
 from recordings.rrd.writer import SUFFIX
 
 #: What is drawn around a moment, in s either way.
 AROUND_S: Final = 15.0
 
 
-def parse_moment(recording: Path, text: str) -> float:
+def parse_moment_s(recording: Path, text: str) -> float:
     """Second of a recording's run that a text denotes.
 
     Args:
@@ -84,7 +84,7 @@ def view_recording(
         if screenshot is None:
             open_viewer(shown, at_s)
             return []
-        drawn = screenshot_recording(shown, folder, tab, at_s)
+        drawn = take_screenshots_of_recording(shown, folder, tab, at_s)
         screenshot.mkdir(parents=True, exist_ok=True)
         return [Path(shutil.move(each.png, screenshot / each.png.name)) for each in drawn]
 
@@ -113,7 +113,7 @@ def plot_recording(
     Raises:
         PayscopeError: no such recording, nothing in that stretch, or the picture cannot be written.
     """
-    check_picture(output, force=force)
+    require_writable_picture(output, force=force)
     if at_s is not None:
         if not math.isfinite(at_s):
             raise RecordingError(f"--at {at_s}: is not a time; name seconds since the start")

@@ -14,25 +14,25 @@ from estimators.errors import RecordingError, ReviewError
 from estimators.file_digest import file_sha256
 from recordings import read_frame
 from recordings.report.atomic_output import atomic_files
-from recordings.review.find_cycle import find_cycle, find_instant
-from recordings.review.review_state import RECORDING, ReviewState, read_state
+from recordings.review.find_cycle import find_cycle_row, find_instant
+from recordings.review.review_state import RECORDING, ReviewState, read_review_state
 from recordings.review.reviewer_verdicts import (
     VERDICTS,
     CycleVerdict,
     ShiftVerdict,
     VerdictFile,
-    match_verdicts,
+    format_verdicts_as_toml,
     parse_verdicts,
     read_verdict_text,
-    verdict_toml,
+    verdicts_by_row,
 )
-from recordings.review.shift_ledger import PARQUET, cycles_of_ledger
+from recordings.review.shift_ledger import PARQUET, cycles_frame_from_ledger
 from replay.review.review_folder import lock_folder
 from replay.review.write_review import (
     OUTPUTS,
     ShiftCount,
     ShiftReview,
-    track_of_shift,
+    thinned_track_or_none,
     write_review,
 )
 
@@ -44,7 +44,7 @@ class GivenVerdicts:
     """Verdicts of a reviewer from the command line.
 
     Attributes:
-        reject: cycles to exclude from the count; `find_cycle` describes their names.
+        reject: cycles to exclude from the count; `find_cycle_row` describes their names.
         accept: cycles to include again.
         cycles: cycles that the note and labels apply to.
         note: note on these cycles.
@@ -82,7 +82,7 @@ class GivenVerdicts:
     def _labels(self) -> dict[str, str]:
         return {name: text for name, text in self.labels.items() if text}
 
-    def check(self) -> None:
+    def refuse_incomplete(self) -> None:
         """Refuse incomplete verdicts.
 
         Raises:
@@ -110,21 +110,21 @@ class GivenVerdicts:
             raise ReviewError(f"--{first['loc'][0]}: {first['msg']}") from None
 
     def list_changes_to(
-        self, before: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
+        self, earlier: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
     ) -> list[CycleVerdict | ShiftVerdict]:
         """Verdicts that change something compared with the earlier ones.
 
         Args:
-            before: earlier verdicts.
+            earlier: earlier verdicts.
             rows: the ledger.
             state: state of the review.
             folder: folder of the review.
         """
-        logged = [each for each in self.spans if each not in before.shift]
-        return [*logged, *self._select_verdicts_by_person(before, rows, state, folder)]
+        logged = [each for each in self.spans if each not in earlier.shift]
+        return [*logged, *self._select_verdicts_by_person(earlier, rows, state, folder)]
 
     def _select_verdicts_by_person(
-        self, before: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
+        self, earlier: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
     ) -> list[CycleVerdict | ShiftVerdict]:
         """Verdicts by a person rather than from a log; arguments as for `list_changes_to`."""
         now = _current_second()
@@ -148,17 +148,17 @@ class GivenVerdicts:
             return [said]
         if not self.named_cycles:
             # labels of a part of the shift may say otherwise: the later one counts
-            in_parts = any(each.begin or each.end for each in before.shift)
+            in_parts = any(each.begin or each.end for each in earlier.shift)
             said = {
                 name: text
                 for name, text in self._labels.items()
-                if in_parts or getattr(before.shift_labels, name) != text
+                if in_parts or getattr(earlier.shift_labels, name) != text
             }
             return [ShiftVerdict.model_validate(said | signed)] if said else []
-        standing = match_verdicts(before, rows["id"], folder)
+        standing = verdicts_by_row(earlier, rows["id"], folder)
         found: dict[int, CycleVerdict] = {}
         for when, reject in self.named_cycles:
-            row = find_cycle(when, rows, state.clock)
+            row = find_cycle_row(when, rows, state.clock)
             old = found.get(row) or standing.get(row)
             kept = {} if old is None else old.model_dump(exclude=_MODEL_KEYS)
             said = kept | self._labels | ({"note": self.note} if self.note else {})
@@ -173,9 +173,9 @@ def _current_second() -> dt.datetime:
     return dt.datetime.now(dt.UTC).replace(microsecond=0)
 
 
-def is_review(folder: Path) -> bool:
+def is_review_folder(folder: Path) -> bool:
     """Whether a folder holds a review that can be recounted."""
-    return read_state(folder) is not None and (folder / PARQUET).is_file()
+    return read_review_state(folder) is not None and (folder / PARQUET).is_file()
 
 
 def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
@@ -184,8 +184,8 @@ def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
     Raises:
         ReviewError: no review is there, it is of another version, or a cycle is not there.
     """
-    verdicts.check()
-    state = read_state(folder)
+    verdicts.refuse_incomplete()
+    state = read_review_state(folder)
     if state is None:
         raise ReviewError(
             f"{folder}: holds no review of this version; create one with payscope review LOG… -m "
@@ -197,9 +197,9 @@ def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
             if file_sha256(recording) != state.recording_sha256:
                 raise RecordingError(f"{recording} was replaced by another recording")
             summary = read_frame(recording, "shift")
-            track = track_of_shift(read_frame(recording, "aligned"))
+            track = thinned_track_or_none(read_frame(recording, "aligned"))
             rows = pl.read_parquet(folder / PARQUET)
-            cycles = cycles_of_ledger(rows, state.t0_unix_ns)
+            cycles = cycles_frame_from_ledger(rows, state.t0_unix_ns)
         except (OSError, RecordingError, pl.exceptions.PolarsError) as error:
             raise ReviewError(
                 f"{folder}: its loads cannot be recounted ({error}); review its logs again"
@@ -207,7 +207,9 @@ def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
         before = read_verdict_text(folder)
         added = verdicts.list_changes_to(parse_verdicts(before, folder), rows, state, folder)
         # what a person wrote stays as it is
-        text = "\n".join(filter(None, (before and f"{before.rstrip()}\n", verdict_toml(added))))
+        text = "\n".join(
+            filter(None, (before and f"{before.rstrip()}\n", format_verdicts_as_toml(added)))
+        )
         shift = ShiftCount.from_cycles(cycles, summary, state.t0_unix_ns, text, folder)
         page = shift.make_page(state, [], track)
         names = [*OUTPUTS, *([VERDICTS] if added else [])]

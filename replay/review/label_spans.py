@@ -13,9 +13,9 @@ from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from estimators.errors import LogError, ReviewError, nearest
 from recordings.review.reviewer_verdicts import LABELS, ShiftVerdict
-from replay.inputs.channel_inputs import merge_topics
+from replay.inputs.channel_inputs import merge_messages_of_logs
 from replay.logs import expand_log_folders, open_log
-from replay.machines.machine_file import time_axis
+from replay.machines.machine_file import time_axis_of_machine
 
 _CHANNEL: Final = re.compile(r"(?P<label>\w+)=(?P<topic>.+):(?P<field>[^:]+)")
 #: Author of what the logs say.
@@ -61,7 +61,7 @@ def read_label_spans(
     found: list[ShiftVerdict] = []
     with ExitStack() as stack:
         logs = [
-            stack.enter_context(open_log(path, time=time_axis(machine)))
+            stack.enter_context(open_log(path, time=time_axis_of_machine(machine)))
             for path in expand_log_folders(paths)
         ]
         for channel in channels:
@@ -73,11 +73,15 @@ def read_label_spans(
                     f"{nearest(channel.topic, names)}"
                 )
             parts = {log: log.read(channel.topic, [channel.field]) for log in holders}
-            found += verdicts_of_spans(channel, merge_topics(channel.topic, parts))
+            found += iter_verdicts_of_label_spans(
+                channel, merge_messages_of_logs(channel.topic, parts)
+            )
     return found
 
 
-def verdicts_of_spans(channel: LabelChannel, frame: pl.DataFrame) -> Iterable[ShiftVerdict]:
+def iter_verdicts_of_label_spans(
+    channel: LabelChannel, frame: pl.DataFrame
+) -> Iterable[ShiftVerdict]:
     """Yield a verdict for each stretch with the same text."""
     texts = [_format_label(each) for each in frame[channel.field]]
     times = frame["log_time_ns"].to_list()

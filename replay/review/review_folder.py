@@ -23,7 +23,7 @@ def lock_folder(folder: Path) -> Generator[None]:
     """
     import fcntl
 
-    check_review_folder(folder)
+    refuse_unsuitable_review_folder(folder)
     try:
         new = not folder.exists()
         folder.mkdir(exist_ok=True)
@@ -47,7 +47,7 @@ def lock_folder(folder: Path) -> Generator[None]:
                 shutil.rmtree(folder, ignore_errors=True)
 
 
-def check_review_folder(folder: Path) -> None:
+def refuse_unsuitable_review_folder(folder: Path) -> None:
     """Refuse an unsuitable folder before the review is computed.
 
     Raises:

@@ -23,7 +23,7 @@ from analysis.model.run_record import Provenance, Run
 from estimators.errors import DataError, RecordingError
 from estimators.file_digest import file_sha256
 from estimators.threads import map_in_threads
-from recordings import read_frame, stage_columns, write_recording
+from recordings import columns_by_frame, read_frame, write_recording
 from recordings.report.atomic_output import atomic_files
 from recordings.review.review_state import (
     FORMAT,
@@ -31,7 +31,7 @@ from recordings.review.review_state import (
     ReviewState,
     changed_settings_of_review,
     collect_review_state,
-    read_state,
+    read_review_state,
 )
 from recordings.review.reviewer_verdicts import parse_verdicts, read_verdict_text
 from recordings.review.torn_logs import TornLog
@@ -43,21 +43,21 @@ from replay.calibration.apply_evidence import (
 from replay.inputs.channel_inputs import (
     channel_fields,
     input_files,
+    machine_without_settings_as_dict,
     package_versions,
-    resolve_machine,
 )
 from replay.inputs.decode_cache import FOLDER as DECODED
 from replay.inputs.decode_cache import decode_logs
 from replay.inputs.time_line import begin_of_each_log_ns
 from replay.logs import Log, expand_log_folders, open_log
-from replay.machines.machine_file import load_machine, time_axis
+from replay.machines.machine_file import load_machine, time_axis_of_machine
 from replay.pipeline import run
 from replay.review.review_folder import lock_folder
 from replay.review.write_review import (
     OUTPUTS,
     ShiftCount,
     ShiftReview,
-    track_of_shift,
+    thinned_track_or_none,
     write_review,
 )
 
@@ -118,21 +118,24 @@ def review_shift(
     machine, by, logged = load_machine(machine_file, options.overrides), None, ""
     if options.calibration is not None:
         by = load_calibration(options.calibration)
-        machine = by.require_machine(by.weighing_machine(machine), machine_file)
+        machine = by.require_calibrated_machine(by.weighing_machine(machine), machine_file)
     logs = expand_log_folders(logs)
     with lock_folder(folder), ExitStack() as stack:
         verdicts = read_verdict_text(folder)
         parse_verdicts(verdicts, folder)  # what is wrong in it is said before the logs are read
         on_stage("open")
         opened = sort_by_first_message(
-            [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
+            [
+                stack.enter_context(open_log(path, time=time_axis_of_machine(machine)))
+                for path in logs
+            ]
         )
         if by is not None:
-            logged = by.check_logs(opened)
+            logged = by.require_logs_of_machine(opened)
         map_in_threads(lambda log: log.digests, opened)
         plain = _make_review_inputs(machine, options, by)
         key = digest_replay_inputs(opened, machine, full=options.full)
-        before = read_state(folder)
+        before = read_review_state(folder)
         kept = read_earlier_replay(folder, before, key)
         made = kept or _replay_opened_shift(opened, machine, folder, (logs, machine_file), on_stage)
         cycles, against = made.cycles, ""
@@ -148,7 +151,9 @@ def review_shift(
             del targets[0]
         with atomic_files(targets, force=True) as stage:
             if made.run is not None:
-                write_recording(frames_to_keep(made.run, full=options.full), stage / RECORDING)
+                write_recording(
+                    run_for_shift_recording(made.run, full=options.full), stage / RECORDING
+                )
                 digest = file_sha256(stage / RECORDING)
                 torn = find_torn_logs(opened, channel_fields(machine), made.run.provenance)
                 energy = _shift_energy(made.run, machine)
@@ -198,7 +203,7 @@ def _replay_opened_shift(
         frames["cycles"],
         frames["shift"],
         made.provenance.t0_unix_ns,
-        track_of_shift(frames["aligned"]),
+        thinned_track_or_none(frames["aligned"]),
         made,
         mixed_machines_warning(made, opened, machine),
     )
@@ -227,13 +232,13 @@ def read_earlier_replay(folder: Path, before: ReviewState | None, key: str) -> R
         return None
     try:
         cycles, shift = (read_frame(recording, name) for name in ("cycles", "shift"))
-        track = track_of_shift(read_frame(recording, "aligned"))
+        track = thinned_track_or_none(read_frame(recording, "aligned"))
     except RecordingError:
         return None
     return ReplayedShift(cycles, shift, before.t0_unix_ns, track)
 
 
-def frames_to_keep(run: Run, *, full: bool) -> Run:
+def run_for_shift_recording(run: Run, *, full: bool) -> Run:
     """Frames for the recording of a shift."""
     if full:
         return run
@@ -265,7 +270,7 @@ def frames_for_calibration(shift: ReplayedShift, folder: Path) -> Mapping[str, p
     """Frames needed for calibration, from the replay or its recording."""
     if shift.run is not None:
         return shift.run.frames
-    there = stage_columns(folder / RECORDING)
+    there = columns_by_frame(folder / RECORDING)
     return {name: read_frame(folder / RECORDING, name) for name in NEEDED if name in there}
 
 
@@ -274,7 +279,7 @@ def digest_replay_inputs(logs: list[Log], machine: Machine, *, full: bool) -> st
     whole = {
         "format": FORMAT,
         "inputs": [each.sha256 for log in logs for each in input_files(log)],
-        "machine": resolve_machine(machine),
+        "machine": machine_without_settings_as_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "versions": package_versions(),
         "full": full,
@@ -287,7 +292,7 @@ def _make_review_inputs(
 ) -> dict[str, Any]:
     """Everything but the logs that a review depends on."""
     return {
-        **resolve_machine(machine),
+        **machine_without_settings_as_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "versions": package_versions(),
         "target_kg": options.target_kg,
@@ -296,31 +301,31 @@ def _make_review_inputs(
     }
 
 
-def _list_changes_since(before: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
+def _list_changes_since(earlier: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
     """Settings, options and logs that differ from the earlier review."""
-    was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (before, state))
+    was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (earlier, state))
     logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]
     logs += [(f"log {name}", "–", "there") for name in sorted(now - was)]
-    return [*logs, *changed_settings_of_review(before, state.resolved)]
+    return [*logs, *changed_settings_of_review(earlier, state.resolved)]
 
 
 def find_torn_logs(
-    logs: Sequence[Log], wanted: Mapping[str, Sequence[str]], about: Provenance
+    logs: Sequence[Log], wanted: Mapping[str, Sequence[str]], provenance: Provenance
 ) -> tuple[TornLog, ...]:
     """Logs that end abruptly, in order of time.
 
     Args:
         logs: logs of the shift.
         wanted: fields used by channels, by topic.
-        about: provenance of the replay, with its losses and the origin of its times.
+        provenance: provenance of the replay, with its losses and the origin of its times.
     """
-    begins = begin_of_each_log_ns(logs, wanted, about.t0_unix_ns)
+    begins = begin_of_each_log_ns(logs, wanted, provenance.t0_unix_ns)
     ordered = list(begins)
     found: list[TornLog] = []
     for number, log in enumerate(ordered, 1):
         losses = [
             str(loss)
-            for loss in about.losses
+            for loss in provenance.losses
             if any(words in loss.what for words in _TORN)
             and (loss.source == log.path.name or (log.path / loss.source).exists())
         ]

@@ -9,11 +9,16 @@ import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck, judge_payload_target
 from analysis.cycles.shift_totals import LabelTotal, recount_shift, sum_by_label
-from recordings.review.energy_columns import energy_dict
+from recordings.review.energy_columns import energy_as_dict
 from recordings.review.ledger_table import TABLE_CSV, XLSX, write_table_csv, write_xlsx
-from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, review_html
+from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, render_review_html
 from recordings.review.review_state import STATE, ReviewState
-from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, match_verdicts, parse_verdicts
+from recordings.review.reviewer_verdicts import (
+    LABELS,
+    CycleVerdict,
+    parse_verdicts,
+    verdicts_by_row,
+)
 from recordings.review.shift_facts import reason_for_no_tonnes
 from recordings.review.shift_ledger import (
     CSV,
@@ -68,7 +73,7 @@ class ShiftReview:
             "losses": list(self.state.losses),
             "warnings": [self.state.mixed_machines] if self.state.mixed_machines else [],
             "calibration": self.calibration._asdict(),
-            "energy": energy_dict(self.ledger, self.shift, self.state),
+            "energy": energy_as_dict(self.ledger, self.shift, self.state),
             "replayed": self.replayed,
         }
 
@@ -119,7 +124,7 @@ class ShiftCount:
             ReviewError: the file says something else, or a verdict is about no cycle.
         """
         verdicts = parse_verdicts(text, folder)
-        by_row = match_verdicts(verdicts, make_cycle_ids(cycles, t0_unix_ns), folder)
+        by_row = verdicts_by_row(verdicts, make_cycle_ids(cycles, t0_unix_ns), folder)
         rejected = [int(cycles["cycle"][row]) for row, each in by_row.items() if each.reject]
         rows = make_ledger(cycles, t0_unix_ns, by_row, verdicts.labels_of_dump_at)
         totals = {name: sum_by_label(cycles, rows[name].to_list(), rejected) for name in LABELS}
@@ -161,11 +166,11 @@ def write_review(page: ReviewPage, folder: Path) -> None:
     write_xlsx(page.ledger, clock, folder / XLSX)
     comma = bool(page.state.resolved.get("decimal_comma", False))
     write_table_csv(page.ledger, clock, folder / TABLE_CSV, decimal_comma=comma)
-    (folder / PAGE).write_text(review_html(page), encoding="utf-8")
+    (folder / PAGE).write_text(render_review_html(page), encoding="utf-8")
     (folder / STATE).write_text(page.state.model_dump_json(indent=1) + "\n", encoding="utf-8")
 
 
-def track_of_shift(aligned: pl.DataFrame) -> pl.DataFrame | None:
+def thinned_track_or_none(aligned: pl.DataFrame) -> pl.DataFrame | None:
     """Thinned positions of the frame `aligned`; None if it has none."""
     names = ("latitude_deg", "longitude_deg")
     if not set(names) <= set(aligned.columns):

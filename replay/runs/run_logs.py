@@ -11,7 +11,7 @@ from analysis.model.answer import Answer, answer
 from estimators.errors import DataError, LogError
 from recordings.report.atomic_output import refuse_input_as_output
 from replay.logs import open_log
-from replay.machines.machine_file import load_machine, time_axis
+from replay.machines.machine_file import load_machine, time_axis_of_machine
 from replay.pipeline import STAGES, run
 
 if TYPE_CHECKING:
@@ -74,17 +74,19 @@ def replay_logs(
         from replay.calibration.apply_evidence import load_calibration
 
         by = load_calibration(calibration)
-        machine = by.require_machine(by.weighing_machine(machine), machine_file)
+        machine = by.require_calibrated_machine(by.weighing_machine(machine), machine_file)
     if output.path is not None:
-        recordings.check_recording(output.path, force=output.force)
+        recordings.require_writable_recording(output.path, force=output.force)
         refuse_input_as_output(output.path, (path for path in logs if path.exists()))
     # before the work: without a screen there is nothing to wait for
     viewer = open_live_view(output)
     with ExitStack() as stack:
         on_stage("open")
-        opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
+        opened = [
+            stack.enter_context(open_log(path, time=time_axis_of_machine(machine))) for path in logs
+        ]
         if by is not None:
-            by.check_logs(opened)
+            by.require_logs_of_machine(opened)
         try:
             result = run(opened, machine, on_stage)
         except DataError as error:

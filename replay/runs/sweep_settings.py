@@ -19,9 +19,9 @@ from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
 from replay.inputs.cached_log import CachedLog
 from replay.logs import open_log
-from replay.machines.machine_file import load_machine, time_axis
+from replay.machines.machine_file import load_machine, time_axis_of_machine
 from replay.pipeline import run
-from replay.simulation.log_truth import has_truth, true_trials
+from replay.simulation.log_truth import has_truth, read_true_trials
 
 if TYPE_CHECKING:
     from replay.calibration.apply_evidence import CalibrationRequest, MachineCalibration
@@ -64,7 +64,7 @@ def sweep_settings(
         logs: logs; errors are given if the truth is next to each log.
         machine_file: the machine file.
         overrides: `key=value` for every combination.
-        grid: combinations of further overrides (`replay.runs.setting_grid.combinations`).
+        grid: combinations of further overrides (`value_combinations`).
         reference_kg: true mass, if known.
         calibration: evidence that calibrates the masses of the combinations that it is of; the
             others give the reason why they have none.
@@ -83,9 +83,11 @@ def sweep_settings(
         from replay.calibration.apply_evidence import load_calibration
 
         by = load_calibration(calibration)
-        by.require_machine(by.weighing_machine(load_machine(machine_file, overrides)), machine_file)
+        by.require_calibrated_machine(
+            by.weighing_machine(load_machine(machine_file, overrides)), machine_file
+        )
         machines = [by.weighing_machine(machine) for machine in machines]
-    truth = true_trials(logs) if has_truth(logs) else None
+    truth = read_true_trials(logs) if has_truth(logs) else None
     rows: list[SweepRow] = []
     with ExitStack() as stack:
         opened: dict[LogSection, list[CachedLog]] = {}
@@ -93,14 +95,16 @@ def sweep_settings(
             on_stage(" ".join(part.removeprefix("settings.") for part in each))
             if machine.log not in opened:
                 opened[machine.log] = [
-                    CachedLog(stack.enter_context(open_log(path, time=time_axis(machine))))
+                    CachedLog(
+                        stack.enter_context(open_log(path, time=time_axis_of_machine(machine)))
+                    )
                     for path in logs
                 ]
             if by is not None:
-                by.check_logs(opened[machine.log])
+                by.require_logs_of_machine(opened[machine.log])
             replayed = _replay_combination(opened[machine.log], machine, logs, machine_file, each)
             if by is not None:
-                replayed = by.calibrate_run(replayed, by.differences_of_machine(machine))
+                replayed = by.calibrate_run(replayed, by.differing_settings_text(machine))
             told = answer(replayed)
             errors: dict[str, dict[str, float | None]] = {}
             if reference_kg is not None:
@@ -121,13 +125,13 @@ def _replay_combination(
     machine: Machine,
     paths: Sequence[Path],
     machine_file: Path,
-    over: Sequence[str],
+    overrides: Sequence[str],
 ) -> Run:
     try:
         return run(logs, machine)
     except DataError as error:
         names = ", ".join(map(str, paths))
-        raise DataError(f"{names} with {machine_file}, {', '.join(over)}: {error}") from None
+        raise DataError(f"{names} with {machine_file}, {', '.join(overrides)}: {error}") from None
 
 
 def _rms_errors_by_truth(
@@ -171,7 +175,7 @@ def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
     Raises:
         MachineError: --over is not a range or list, or gives a key twice; one line.
     """
-    axes = [_parse_axis(each) for each in over]
+    axes = [_parse_swept_key(each) for each in over]
     keys = [axis[0].partition("=")[0] for axis in axes]
     for key in keys:
         if keys.count(key) > 1:
@@ -187,30 +191,32 @@ def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
     return list(product(*axes))
 
 
-def _parse_axis(over: str) -> list[str]:
+def _parse_swept_key(option: str) -> list[str]:
     """Overrides of one --over option."""
-    key, equals, text = (part.strip() for part in over.partition("="))
+    key, equals, text = (part.strip() for part in option.partition("="))
     if not (key and equals and text):
-        raise MachineError(f"--over {over}: {_HOW}")
-    values = _parse_range(over, text) if ":" in text else _split_values(text)
+        raise MachineError(f"--over {option}: {_HOW}")
+    values = _parse_range(option, text) if ":" in text else _split_values(text)
     if not all(values):
-        raise MachineError(f"--over {over}: a value is missing; {_HOW}")
+        raise MachineError(f"--over {option}: a value is missing; {_HOW}")
     return [f"{key}={value}" for value in values]
 
 
-def _parse_range(over: str, text: str) -> list[str]:
+def _parse_range(option: str, text: str) -> list[str]:
     """Decimal numbers of the range `from:to:step`, as text."""
     try:
         first, last, step = (Decimal(part.strip()) for part in text.split(":"))
         steps = (last - first) / step
     except (ArithmeticError, ValueError):
-        raise MachineError(f"--over {over}: {_HOW}") from None
+        raise MachineError(f"--over {option}: {_HOW}") from None
     if not steps.is_finite() or steps < 0:
         raise MachineError(
-            f"--over {over}: no whole number of steps of {step} leads from {first} to {last}"
+            f"--over {option}: no whole number of steps of {step} leads from {first} to {last}"
         )
     if steps >= _LARGEST:
-        raise MachineError(f"--over {over}: makes more than {_LARGEST:,} values; use a larger step")
+        raise MachineError(
+            f"--over {option}: makes more than {_LARGEST:,} values; use a larger step"
+        )
     return [f"{first + k * step:f}" for k in range(int(steps) + 1)]
 
 

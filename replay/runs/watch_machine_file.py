@@ -11,7 +11,7 @@ from analysis.model.answer import Answer
 from analysis.model.machine import Machine
 from estimators.errors import PayscopeError
 from recordings.rrd.viewer import list_shown_recordings, replace_recording
-from replay.machines.machine_file import load_machine, machine_path
+from replay.machines.machine_file import load_machine, machine_file_or_shipped
 from replay.runs.run_logs import RecordTo, open_live_view
 
 #: A look at one file costs nothing; an editor writes within one such step.
@@ -49,7 +49,7 @@ def watch_machine_file(
         PayscopeError: the first replay failed.
     """
     # a file that is gone is not the shipped one of its name
-    path = machine_path(machine_file).absolute()
+    path = machine_file_or_shipped(machine_file).absolute()
     view = open_live_view(output)
     last: Machine | None = None
     failed = False

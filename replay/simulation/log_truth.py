@@ -55,7 +55,7 @@ def has_truth(logs: Sequence[Path]) -> bool:
     return all(truth_path(log).is_file() and _has_trials(truth_path(log)) for log in logs)
 
 
-def true_trials(logs: Sequence[Path]) -> pl.DataFrame:
+def read_true_trials(logs: Sequence[Path]) -> pl.DataFrame:
     """True values of every trial, in the logs' order, by the logs' own clock.
 
     Args:
@@ -71,7 +71,7 @@ def true_trials(logs: Sequence[Path]) -> pl.DataFrame:
 
 
 def _has_trials(path: Path) -> bool:
-    """Whether a truth file is not of a shift; `true_trials` reports unreadable files."""
+    """Whether a truth file is not of a shift; `read_true_trials` reports unreadable files."""
     try:
         return json.loads(path.read_text(encoding="utf-8")).get("runs") != []
     except (OSError, ValueError, AttributeError):

@@ -11,7 +11,12 @@ from analysis.simulation.trials.trial_limits import (
 )
 from estimators.errors import ScenarioError
 from recordings.report.atomic_output import atomic_file
-from replay.machines.toml_file import read_toml, set_value, toml_value, validate
+from replay.machines.toml_file import (
+    read_toml,
+    set_dotted_key,
+    toml_text,
+    validate_toml_content,
+)
 
 
 def load_scenario(path: Path | str | None, overrides: Iterable[str] = ()) -> Scenario:
@@ -29,9 +34,9 @@ def load_scenario(path: Path | str | None, overrides: Iterable[str] = ()) -> Sce
     if path is not None:
         content = read_toml(Path(path), ScenarioError)
     for override in overrides:
-        set_value(content, override, ScenarioError)
+        set_dotted_key(content, override, ScenarioError)
     source = Path(path or "--set")
-    scenario = validate(source, content, Scenario, ScenarioError)
+    scenario = validate_toml_content(source, content, Scenario, ScenarioError)
     try:
         if scenario.shift is None:
             check_scenario_can_be_driven(scenario, scenario.campaign.loads_kg)
@@ -42,7 +47,7 @@ def load_scenario(path: Path | str | None, overrides: Iterable[str] = ()) -> Sce
     return scenario
 
 
-def scenario_text(scenario: Scenario) -> str:
+def format_scenario_file(scenario: Scenario) -> str:
     """Text of a scenario file with the values that differ from the defaults."""
     sections = scenario.model_dump(mode="json", exclude_defaults=True)
     manoeuvres = [each.model_dump(exclude_none=True) for each in scenario.campaign.manoeuvres]
@@ -63,10 +68,10 @@ def write_scenario(scenario: Scenario, path: Path, *, force: bool = False) -> No
         OutputError: the file is there already, or its folder cannot be written to.
     """
     with atomic_file(path, force=force) as partial:
-        partial.write_text(scenario_text(scenario), encoding="utf-8")
+        partial.write_text(format_scenario_file(scenario), encoding="utf-8")
 
 
 def _format_toml_block(title: str, values: Mapping[str, Any]) -> str:
     return "".join(
-        [f"{title}\n", *(f"{key} = {toml_value(value)}\n" for key, value in values.items())]
+        [f"{title}\n", *(f"{key} = {toml_text(value)}\n" for key, value in values.items())]
     )

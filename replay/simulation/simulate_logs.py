@@ -73,25 +73,25 @@ def write_logs(
         for log, target in zip(logs, targets, strict=True):
             WRITERS[target.suffix](log, stage / target.name)
             if log.torn_share:
-                tear_log(stage / target.name, log.torn_share)
+                cut_off_end_of_log(stage / target.name, log.torn_share)
             write_truth(log, stage / target.name)
         for target, write in further_files.items():
             write(stage / target.name)
 
 
-def tear_log(log: Path, share: float) -> None:
+def cut_off_end_of_log(log: Path, fraction: float) -> None:
     """Cut off the end of a log's file; a directory also loses its metadata.
 
     Args:
         log: file, or rosbag2 directory with one storage file.
-        share: share to cut off, from 0 to 1.
+        fraction: share to cut off, from 0 to 1.
     """
     if log.is_dir():
         (log / METADATA).unlink()
         (log,) = log.iterdir()
     size = log.stat().st_size
     with log.open("r+b") as file:
-        file.truncate(size - round(size * share))
+        file.truncate(size - round(size * fraction))
 
 
 def simulate_scenario(scenario: Scenario, output: Path, *, force: bool = False) -> list[Path]:

@@ -148,7 +148,10 @@ def test_an_index_that_two_processes_write_at_once_never_names_the_code_of_anoth
 
 
 def test_every_compiled_function_is_kept_under_such_names() -> None:
-    assert type(fit_loss._total_loss.compiled._cache._cache_file) is compiled._ContentNamedIndex
+    assert (
+        type(fit_loss._sum_autocovariance_loss.compiled._cache._cache_file)
+        is compiled._ContentNamedIndex
+    )
 
 
 def test_importing_the_estimators_changes_nothing_of_the_process_and_reads_nothing_above() -> None:

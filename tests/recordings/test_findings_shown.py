@@ -8,10 +8,14 @@ from analysis import Run
 from analysis.explain import explain
 from recordings import write_recording
 from recordings.explain.explanation_picture import draw_explanation, plot_explanation
-from recordings.explain.explanation_text import describe_findings, describe_gate, verdict_sentence
-from recordings.report.finding_text import findings_text
-from recordings.rrd.display_frames import display_frames
-from recordings.rrd.recording_texts import format_answer
+from recordings.explain.explanation_text import (
+    answer_and_cause_sentence,
+    iter_finding_lines,
+    iter_gate_lines,
+)
+from recordings.report.finding_text import findings_markdown
+from recordings.rrd.display_frames import make_display_frames
+from recordings.rrd.recording_texts import answer_markdown
 from recordings.rrd.stored_names import STATE
 from recordings.rrd.writer import make_scene
 
@@ -31,7 +35,7 @@ def healthy(run: Run) -> Run:
 def test_every_finding_is_told_with_evidence_kilograms_and_what_it_cannot_be_told_from(
     drives,
 ) -> None:
-    text = findings_text(drives(30.0))
+    text = findings_markdown(drives(30.0))
     assert "## 1. delay (force_x_N)" in text
     for part in (
         "it is 42 ± 3 ms late",
@@ -41,17 +45,17 @@ def test_every_finding_is_told_with_evidence_kilograms_and_what_it_cannot_be_tol
         "## 2. frozen (speed_x_m_s, 7.0 to 9.0 s)",
     ):
         assert part in text
-    assert "- **1** delay (force_x_N): it is 42 ± 3 ms late" in format_answer(drives(30.0))
+    assert "- **1** delay (force_x_N): it is 42 ± 3 ms late" in answer_markdown(drives(30.0))
 
 
 def test_silence_is_an_answer_and_a_run_that_was_not_looked_at_says_nothing(drives) -> None:
     run = drives(30.0)
-    assert "None of the known causes" in findings_text(healthy(run))
-    assert findings_text(without(run, "findings")) == ""
+    assert "None of the known causes" in findings_markdown(healthy(run))
+    assert findings_markdown(without(run, "findings")) == ""
 
 
 def test_in_the_lane_a_finding_of_a_stretch_stands_before_one_of_the_whole_log(drives) -> None:
-    lane = display_frames(drives(30.0))[LANE].unique("t_ns", keep="last", maintain_order=True)
+    lane = make_display_frames(drives(30.0))[LANE].unique("t_ns", keep="last", maintain_order=True)
     assert lane["t_ns"].to_list() == [0, 7 * S, 9 * S, 30 * S - S // 100]
     assert lane[STATE].to_list() == ["delay", "frozen", "delay", None]
 
@@ -80,30 +84,30 @@ def test_findings_are_events_in_time(drives, tmp_path: Path) -> None:
 
 
 def test_the_verdict_is_one_sentence_with_the_likeliest_cause(drives) -> None:
-    said = verdict_sentence(explain(drives(60.0)))
+    said = answer_and_cause_sentence(explain(drives(60.0)))
     assert said.count("\n") == 0
     assert said.endswith(
         "likeliest cause of an error: delay (fixing it changes the mass by +123 ± 10 kg), "
         "and 1 finding more."
     )
-    assert verdict_sentence(explain(healthy(drives(60.0)))).endswith(
+    assert answer_and_cause_sentence(explain(healthy(drives(60.0)))).endswith(
         "none of the known causes of an error was detected."
     )
     told = drives(60.0)
     told.frames["findings"] = told.frames["findings"].with_columns(
         severity=pl.lit("tell"), mass_change_kg=pl.lit(None, pl.Float64)
     )
-    assert verdict_sentence(explain(told)).endswith(
+    assert answer_and_cause_sentence(explain(told)).endswith(
         "none of the findings is known to affect the mass: delay, frozen."
     )
-    older = verdict_sentence(explain(without(drives(60.0), "findings")))
+    older = answer_and_cause_sentence(explain(without(drives(60.0), "findings")))
     assert older.endswith("replay the log.")
 
 
 def test_at_a_moment_the_gate_is_told_with_the_number_that_decided(drives) -> None:
     explained = explain(drives(60.0), at_s=14.0)
-    assert "at 14 s the window is accepted (index" in verdict_sentence(explained)
-    lines = list(describe_gate(explained))
+    assert "at 14 s the window is accepted (index" in answer_and_cause_sentence(explained)
+    lines = list(iter_gate_lines(explained))
     assert any("accepted (index" in line and "≥ 0.7 nat" in line for line in lines)
     # what is 5 s away is told as well, a finding elsewhere is not
     assert [each.cause for each in explained.findings or ()] == ["delay", "frozen"]
@@ -113,7 +117,7 @@ def test_at_a_moment_the_gate_is_told_with_the_number_that_decided(drives) -> No
 
 def test_the_lines_name_causes_and_proposals(drives) -> None:
     explained = explain(drives(60.0))
-    lines = list(describe_findings(explained))
+    lines = list(iter_finding_lines(explained))
     assert lines[0].startswith("1. delay (force_x_N): ")
     assert "   set channels.force_x_N.delay_s = 0.042" in lines
 
@@ -140,5 +144,5 @@ def test_of_a_long_run_the_signals_around_what_stands_out_are_drawn(drives) -> N
 
 
 def test_a_frame_of_findings_without_rows_draws_no_lane(drives) -> None:
-    assert LANE not in display_frames(healthy(drives(30.0)))
-    assert pl.DataFrame(display_frames(drives(30.0))[LANE]).height
+    assert LANE not in make_display_frames(healthy(drives(30.0)))
+    assert pl.DataFrame(make_display_frames(drives(30.0))[LANE]).height

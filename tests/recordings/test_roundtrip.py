@@ -13,7 +13,13 @@ from hypothesis import strategies as st
 from analysis import Loss, Provenance, Run
 from analysis.model.schema import PHASE
 from estimators.errors import OutputError, RecordingError
-from recordings import read_frame, read_provenance, read_recording, stage_columns, write_recording
+from recordings import (
+    columns_by_frame,
+    read_frame,
+    read_provenance,
+    read_recording,
+    write_recording,
+)
 from recordings.rrd.stored_frames import BLOCK_ROWS, StoredFrame
 from recordings.rrd.viewer import viewer_executable
 from tests.one_line import assert_one_line
@@ -97,7 +103,9 @@ def test_whatever_was_written_is_read_back_bit_for_bit_in_the_same_order(run: Ru
     back = read_recording(path)
     assert back == run
     assert bits(back) == bits(run)
-    assert stage_columns(path) == {name: tuple(frame.columns) for name, frame in run.frames.items()}
+    assert columns_by_frame(path) == {
+        name: tuple(frame.columns) for name, frame in run.frames.items()
+    }
 
 
 def test_a_run_with_every_frame_comes_back_equal_and_the_recorder_verifies_the_file(
@@ -195,7 +203,7 @@ def test_an_existing_recording_is_replaced_only_when_forced(tmp_path: Path):
     new = Run({"new": pl.DataFrame({"a": [2]})})
     with pytest.raises(OutputError, match=r"exists already.*--force"):
         write_recording(new, path)
-    assert list(stage_columns(path)) == ["old"]
+    assert list(columns_by_frame(path)) == ["old"]
     write_recording(new, path, force=True)
     assert read_recording(path) == new
     assert [each.name for each in tmp_path.iterdir()] == ["shift.rrd"]

@@ -23,10 +23,10 @@ from replay.logs.blocks.slabs import RecordGrammar, SlabIndex
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.unaligned import load64
 from replay.logs.mcap import mcap_grammar as mcap_grammar
-from replay.logs.messages.message_fields import resolve
+from replay.logs.messages.message_fields import resolve_field
 from replay.logs.messages.message_types import RecordType, Scalar
 from replay.logs.messages.raw_batch import RawBatch
-from replay.logs.sqlite.database_pages import LEAF, RowFilter, read_page_layout
+from replay.logs.sqlite.database_pages import LEAF, RowFilter, read_page_layout_or_none
 from replay.logs.sqlite.leaf_pages import ScannedRows, fill_child_pages, scan_leaves
 from replay.logs.storage.file_bytes import FileBytes
 from tests.replay.guarded import Guarded
@@ -105,7 +105,7 @@ def _decoding(encoding: str) -> Callable[[], None]:
 def text() -> None:
     """Characters of several bytes that the end of their message cuts."""
     record = RecordType("t/msg/Label", (("label", Scalar("string")),))
-    plan = DecodePlan(record, ros1=True, fields=[resolve("label", record)])
+    plan = DecodePlan(record, ros1=True, fields=[resolve_field("label", record)])
     for character in ("é", "€", "🚜"):
         for before in range(9):
             whole = b"x" * before + character.encode()
@@ -172,7 +172,7 @@ def sqlite_pages() -> None:
         many = ((k % 3, 2**k % 2**60, rng.randbytes(size)) for k, size in enumerate(sizes))
         database.executemany("INSERT INTO messages VALUES (NULL, ?, ?, ?)", many)
         file = FileBytes(path)
-        layout = read_page_layout(file, database)
+        layout = read_page_layout_or_none(file, database)
         assert layout is not None
         pages = [file.read(512 * number, 512) for number in range(1, layout.pages)]
         file.close()

@@ -11,15 +11,15 @@ from typing import Any
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from recordings.calibration.bundle_folder import READINGS, REPORT, STATEMENT, SUMS
-from recordings.signatures.canonical_json import canonical_bytes
+from recordings.signatures.canonical_json import canonical_json_bytes
 from recordings.signatures.signing import (
     PAYLOAD_TYPE,
     PublicKey,
     SigningKey,
-    make_envelope,
-    make_key_pair,
+    make_key_pair_pem,
+    make_signed_envelope_bytes,
     pre_authentication_encoding,
-    signing_key,
+    read_signing_key,
 )
 from tests.replay.attacker import Bundle, Tamper, sign_with, sign_with_own_key, tampered
 from tests.replay.made_evidence import Made
@@ -59,7 +59,7 @@ def together(*tampers: Tamper) -> Tamper:
 
 
 def made_by_signer(made: Made, scratch: Path, *tampers: Tamper, of: Path | None = None) -> Path:
-    key = signing_key(made.private)
+    key = read_signing_key(made.private)
     assert key is not None
     tamper = together(*tampers, lambda bundle: sign_with(bundle, key))
     return tampered(of or made.bundle, scratch / "resigned", tamper, signed=True)
@@ -93,7 +93,7 @@ def in_envelope(change: Callable[[dict[str, Any]], object]) -> Callable[[Made, P
     def write(folder: Path) -> None:
         held = json.loads((folder / STATEMENT).read_bytes())
         change(held)
-        (folder / STATEMENT).write_bytes(canonical_bytes(held))
+        (folder / STATEMENT).write_bytes(canonical_json_bytes(held))
 
     return copied(write)
 
@@ -104,7 +104,7 @@ def in_statement(change: Callable[[dict[str, Any]], object]) -> Callable[[Made, 
     def inside(held: dict[str, Any]) -> None:
         said = json.loads(base64.b64decode(held["payload"]))
         change(said)
-        held["payload"] = base64.b64encode(canonical_bytes(said)).decode()
+        held["payload"] = base64.b64encode(canonical_json_bytes(said)).decode()
 
     return in_envelope(inside)
 
@@ -128,7 +128,7 @@ def weak_key_forgery(bundle: Bundle) -> None:
         held = json.loads((folder / STATEMENT).read_bytes())
         forged = base64.b64encode((1).to_bytes(32, "little") + bytes(32)).decode()
         held["signatures"] = [{"keyid": weak.key_id, "sig": forged}]
-        (folder / STATEMENT).write_bytes(canonical_bytes(held))
+        (folder / STATEMENT).write_bytes(canonical_json_bytes(held))
 
     bundle.last.append(sign)
 
@@ -154,31 +154,31 @@ def unsigned(made: Made, scratch: Path) -> Asked:
 
 
 def with_other_key(made: Made, scratch: Path) -> Asked:
-    _, public = make_key_pair()
+    _, public = make_key_pair_pem()
     (scratch / "other.pem").write_bytes(public)
     return ("verify", made.bundle, "--key", scratch / "other.pem")
 
 
 def signed_as_other_kind(made: Made, scratch: Path) -> Asked:
     """Right digests under the signer's key, of a statement that is none about evidence."""
-    key = signing_key(made.private)
+    key = read_signing_key(made.private)
     assert key is not None
     folder = Path(shutil.copytree(made.bundle, scratch / "b"))
     held = json.loads((folder / STATEMENT).read_bytes())
     said = json.loads(base64.b64decode(held["payload"])) | {"predicateType": "https://slsa.dev/x"}
-    (folder / STATEMENT).write_bytes(make_envelope(canonical_bytes(said), key))
+    (folder / STATEMENT).write_bytes(make_signed_envelope_bytes(canonical_json_bytes(said), key))
     return verified(made, folder)
 
 
 def signed_under_other_type(made: Made, scratch: Path) -> Asked:
-    key: SigningKey | None = signing_key(made.private)
+    key: SigningKey | None = read_signing_key(made.private)
     assert key is not None
     folder = Path(shutil.copytree(made.bundle, scratch / "b"))
     held = json.loads((folder / STATEMENT).read_bytes())
     other = key.sign(pre_authentication_encoding("text/plain", base64.b64decode(held["payload"])))
     held["signatures"][0]["sig"] = base64.b64encode(other).decode()
     assert held["payloadType"] == PAYLOAD_TYPE
-    (folder / STATEMENT).write_bytes(canonical_bytes(held))
+    (folder / STATEMENT).write_bytes(canonical_json_bytes(held))
     return verified(made, folder)
 
 
@@ -329,8 +329,10 @@ def signed_under_the_signers_id(bundle: Bundle) -> None:
     def sign(folder: Path) -> None:
         held = json.loads((folder / STATEMENT).read_bytes())
         payload = base64.b64decode(held["payload"])
-        made = json.loads(make_envelope(payload, SigningKey(Ed25519PrivateKey.generate())))
+        made = json.loads(
+            make_signed_envelope_bytes(payload, SigningKey(Ed25519PrivateKey.generate()))
+        )
         held["signatures"][0]["sig"] = made["signatures"][0]["sig"]
-        (folder / STATEMENT).write_bytes(canonical_bytes(held))
+        (folder / STATEMENT).write_bytes(canonical_json_bytes(held))
 
     bundle.last.append(sign)

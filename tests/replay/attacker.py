@@ -20,27 +20,27 @@ from recordings.calibration.bundle_folder import (
     REPORT,
     STATEMENT,
     SUMS,
-    list_bundle,
-    read_file,
-    sums_text,
+    list_bundle_entries,
+    read_bundle_file,
+    sha256sums_text,
 )
-from recordings.calibration.bundle_tables import encode_parquet
+from recordings.calibration.bundle_tables import encode_table_as_parquet
 from recordings.calibration.calibration_report import report_html
-from recordings.calibration.evidence_document import EvidenceDocument, parse_document
-from recordings.signatures.canonical_json import canonical_bytes
+from recordings.calibration.evidence_document import EvidenceDocument, parse_evidence
+from recordings.signatures.canonical_json import canonical_json_bytes
 from recordings.signatures.signing import (
     PAYLOAD_TYPE,
     SigningKey,
-    make_envelope,
-    make_key_pair,
-    make_statement,
+    make_key_pair_pem,
+    make_signed_envelope_bytes,
+    make_statement_bytes,
 )
 
 
 def key_files(folder: Path, name: str = "key") -> tuple[Path, Path]:
     """A new key: its private and its public file."""
     private, public = folder / f"{name}.pem", folder / f"{name}.pub.pem"
-    for path, half in zip((private, public), make_key_pair(), strict=True):
+    for path, half in zip((private, public), make_key_pair_pem(), strict=True):
         path.write_bytes(half)
     return private, public
 
@@ -102,15 +102,15 @@ def tampered(genuine: Path, folder: Path, tamper: Tamper, *, signed: bool) -> Pa
 def _write(bundle: Bundle) -> None:
     folder = bundle.folder
     for name, frame in ((READINGS, bundle.readings), (POINTS, bundle.points)):
-        data = encode_parquet(frame)
+        data = encode_table_as_parquet(frame)
         (folder / name).write_bytes(data)
         bundle.evidence["tables"][f"{name.partition('.')[0]}_sha256"] = hashlib.sha256(
             data
         ).hexdigest()
-    data = canonical_bytes(bundle.evidence)
+    data = canonical_json_bytes(bundle.evidence)
     (folder / EVIDENCE).write_bytes(data)
     try:
-        document: EvidenceDocument = parse_document(data, EVIDENCE)
+        document: EvidenceDocument = parse_evidence(data, EVIDENCE)
     except EvidenceError:
         return  # the schema will refuse it; the page stays as it was
     (folder / REPORT).write_bytes(report_html(document, bundle.readings, bundle.points).encode())
@@ -118,9 +118,9 @@ def _write(bundle: Bundle) -> None:
 
 def _digest_anew(bundle: Bundle) -> None:
     folder = bundle.folder
-    names, _ = list_bundle(folder)
-    digests = {n: read_file(folder, n).sha256 for n in names if n not in (SUMS, STATEMENT)}
-    sums = sums_text(digests).encode()
+    names, _ = list_bundle_entries(folder)
+    digests = {n: read_bundle_file(folder, n).sha256 for n in names if n not in (SUMS, STATEMENT)}
+    sums = sha256sums_text(digests).encode()
     (folder / SUMS).write_bytes(sums)
     if (folder / STATEMENT).exists():
         held = json.loads((folder / STATEMENT).read_bytes())
@@ -136,8 +136,8 @@ def _digest_anew(bundle: Bundle) -> None:
             "counter": evidence["chain"]["counter"],
             "previous": evidence["chain"]["previous"],
         }
-        held["payload"] = base64.b64encode(canonical_bytes(said)).decode()
-        (folder / STATEMENT).write_bytes(canonical_bytes(held))
+        held["payload"] = base64.b64encode(canonical_json_bytes(said)).decode()
+        (folder / STATEMENT).write_bytes(canonical_json_bytes(held))
 
 
 def sign_with_own_key(bundle: Bundle) -> None:
@@ -155,7 +155,7 @@ def sign_with(bundle: Bundle, key: SigningKey) -> None:
         said = json.loads(base64.b64decode(held["payload"]))
         digests = {each["name"]: each["digest"]["sha256"] for each in said["subject"]}
         (folder / STATEMENT).write_bytes(
-            make_envelope(make_statement(digests, said["predicate"]), key)
+            make_signed_envelope_bytes(make_statement_bytes(digests, said["predicate"]), key)
         )
 
     bundle.last.append(sign)

@@ -11,8 +11,8 @@ from analysis.calibration.use.learnt_priors import pool_terms_of_logs
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, RECORDING, REPORT, SUMS
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import estimator_with_digest
-from recordings.calibration.evidence_document import parse_document
-from recordings.signatures.canonical_json import canonical_bytes
+from recordings.calibration.evidence_document import parse_evidence
+from recordings.signatures.canonical_json import canonical_json_bytes
 from tests.replay.attacker import Bundle, Tamper
 
 TAMPERED, IRREPRODUCIBLE = BundleOutcome.TAMPERED, BundleOutcome.IRREPRODUCIBLE
@@ -106,14 +106,14 @@ def relearnt(bundle: Bundle) -> None:
     for each in bundle.evidence["learnt"]["logs"]:
         if each["term"] == "const":
             each["posterior"] *= 1.1
-    document = parse_document(canonical_bytes(bundle.evidence), EVIDENCE)
+    document = parse_evidence(canonical_json_bytes(bundle.evidence), EVIDENCE)
     assert document.learnt is not None
     terms = pool_terms_of_logs(document.learnt.logs)
     bundle.evidence["learnt"]["terms"] = {
         name: term.model_dump(mode="json") for name, term in terms.items()
     }
-    document = parse_document(canonical_bytes(bundle.evidence), EVIDENCE)
-    estimator = estimator_with_digest(document.campaign, document.weighing)
+    document = parse_evidence(canonical_json_bytes(bundle.evidence), EVIDENCE)
+    estimator = estimator_with_digest(document.campaign, document.weighing_machine)
     bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
 
@@ -322,7 +322,7 @@ TAMPERINGS: dict[str, Tampering] = {
         "evidence.json: chain.counter: does not follow that of the previous link"),
     "the link": Tampering(
         in_evidence("chain", "previous", "sums_sha256", to="0" * 64), TAMPERED, None, "chain",
-        "evidence.json: chain.previous: is other evidence than that given"),
+        "evidence.json: chain.previous: is other evidence than the previous evidence given"),
     "no link": Tampering(
         lambda b: b.evidence.update(chain={"counter": 1, "previous": None}),
         TAMPERED, None, "chain", "evidence.json: chain.counter: is 1, and that before it 1"),

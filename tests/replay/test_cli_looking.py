@@ -9,7 +9,7 @@ import pytest
 
 from recordings import read_recording, write_recording
 from replay import load_machine, open_log, run
-from replay.machines.machine_file import time_axis
+from replay.machines.machine_file import time_axis_of_machine
 from tests.replay.logs.damaged import chunks, overwrite
 from tests.replay.logs.written_logs import Joints, write_mcap
 from tests.replay.sledge import MACHINE, Payscope, one_line, sledge
@@ -23,7 +23,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     sledge().write_csv(log)
     machine_file.write_text(MACHINE)
     machine = load_machine(machine_file)
-    with open_log(log, time=time_axis(machine)) as opened:
+    with open_log(log, time=time_axis_of_machine(machine)) as opened:
         return write_recording(run(opened, machine), folder / "out.rrd")
 
 

@@ -11,7 +11,7 @@ from tests.replay.sledge import MACHINE, sledge
 
 #: One compiled function, by which a run stands or falls like by all of them.
 ONE_LOOP = """
-from replay.commands.cli import discard_broken_cache
+from replay.commands.cli import discard_unreadable_cache
 import numpy as np
 from estimators.interpreted import compile_at_once
 from estimators.methods.window_mean import mean_weights
@@ -20,7 +20,7 @@ try:
         mean_weights(np.ones((4, 2)), np.ones((2, 2, 1)), np.array([3]), 2)
     print("done")
 except Exception as error:
-    print(discard_broken_cache(error))
+    print(discard_unreadable_cache(error))
 """
 
 

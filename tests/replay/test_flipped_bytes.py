@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recordings.calibration.bundle_checks import check_bundle_files, check_signature
+from recordings.calibration.bundle_checks import check_signature, read_and_check_bundle_files
 from recordings.calibration.bundle_folder import (
     EVIDENCE,
     POINTS,
@@ -18,13 +18,13 @@ from recordings.calibration.bundle_folder import (
     STATEMENT,
     SUMS,
     UNLISTED,
-    list_bundle,
+    list_bundle_entries,
 )
 from recordings.calibration.check_outcomes import BundleOutcome, most_severe_outcome
 from recordings.calibration.checked_bundle import CheckedBundle
-from recordings.calibration.evidence_document import parse_document
+from recordings.calibration.evidence_document import parse_evidence
 from recordings.signatures.keyring import Keyring
-from recordings.signatures.signing import public_key
+from recordings.signatures.signing import read_public_key
 from tests.replay.made_evidence import Made
 
 TAMPERED = BundleOutcome.TAMPERED
@@ -52,7 +52,7 @@ def assert_found(made: Made, folder: Path, name: str, places: Iterable[int]) -> 
 
 
 def test_every_file_counts_and_a_flipped_byte_of_each_is_found(made: Made, tmp_path: Path) -> None:
-    names, _ = list_bundle(made.bundle)
+    names, _ = list_bundle_entries(made.bundle)
     assert {EVIDENCE, READINGS, POINTS, RECORDING, REPORT, SUMS, STATEMENT} <= set(names)
     folder = Path(shutil.copytree(made.bundle, tmp_path / "b"))
     for name in names:
@@ -64,15 +64,15 @@ def test_every_file_counts_and_a_flipped_byte_of_each_is_found(made: Made, tmp_p
 def test_a_flip_of_any_byte_of_any_file_is_found(made: Made, tmp_path: Path) -> None:
     """By the first steps of `verify`, digests and signature; nothing takes a finding back."""
     folder = Path(shutil.copytree(made.bundle, tmp_path / "b"))
-    names, _ = list_bundle(folder)
-    key = public_key(made.public)
-    document = parse_document((folder / EVIDENCE).read_bytes(), EVIDENCE)
+    names, _ = list_bundle_entries(folder)
+    key = read_public_key(made.public)
+    document = parse_evidence((folder / EVIDENCE).read_bytes(), EVIDENCE)
     flips = 0
     for name in names:
         for place in range((folder / name).stat().st_size):
             with flipped(folder / name, place):
                 checked = CheckedBundle()
-                held = check_bundle_files(folder, checked)
+                held = read_and_check_bundle_files(folder, checked)
                 if name in UNLISTED:
                     digests = {n: each.sha256 for n, each in held.items() if n not in UNLISTED}
                     check_signature(checked, held, digests, document, key, Keyring(Path()))

@@ -15,9 +15,9 @@ from recordings.calibration.bundle_folder import (
     REPORT,
     STATEMENT,
     SUMS,
-    sums_text,
+    sha256sums_text,
 )
-from recordings.calibration.bundle_tables import UntrustedTable, read_tables
+from recordings.calibration.bundle_tables import UntrustedTable, read_untrusted_tables
 from recordings.calibration.check_outcomes import BundleOutcome
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
@@ -123,17 +123,17 @@ def test_tables_are_read_by_another_process_that_may_die() -> None:
     import pyarrow.parquet as pq
 
     from analysis.calibration.campaign.campaign_readings import READINGS as COLUMNS
-    from recordings.calibration.bundle_tables import encode_parquet
+    from recordings.calibration.bundle_tables import encode_table_as_parquet
 
     row = dict.fromkeys(COLUMNS, None) | {"run_id": "a", "reading": 1, "used": False}
     frame = pl.DataFrame([row], schema=COLUMNS)
-    data = encode_parquet(frame)
-    (back,) = read_tables([UntrustedTable(data, COLUMNS)])
+    data = encode_table_as_parquet(frame)
+    (back,) = read_untrusted_tables([UntrustedTable(data, COLUMNS)])
     assert isinstance(back, pl.DataFrame)
     assert back.equals(frame)
     bomb = io.BytesIO()
     pq.write_table(pa.table({"run_id": ["x" * 1000] * 1000}), bomb, compression="zstd")
-    found = read_tables(
+    found = read_untrusted_tables(
         [
             UntrustedTable(data[:200] + bytes([data[200] ^ 255]) + data[201:], COLUMNS),
             UntrustedTable(bomb.getvalue(), {"run_id": pl.String}),
@@ -158,7 +158,7 @@ def test_no_flipped_byte_of_a_table_ends_the_check(genuine: Path) -> None:
             data = bytearray(whole)
             data[place] ^= 1 << place % 8
             tables.append(UntrustedTable(bytes(data), COLUMNS))
-        assert len(read_tables(tables)) == len(tables)
+        assert len(read_untrusted_tables(tables)) == len(tables)
 
 
 @pytest.mark.parametrize(
@@ -191,9 +191,9 @@ def test_numbers_that_break_a_step_are_findings_and_no_traceback(
     evidence = json.loads((folder / EVIDENCE).read_bytes())
     bundle = Bundle(folder, evidence, None, None)  # pyright: ignore
     tamper(bundle)
-    from recordings.signatures.canonical_json import canonical_bytes
+    from recordings.signatures.canonical_json import canonical_json_bytes
 
-    (folder / EVIDENCE).write_bytes(canonical_bytes(evidence))
+    (folder / EVIDENCE).write_bytes(canonical_json_bytes(evidence))
     found = verify_bundle(folder)
     assert found.outcome is BundleOutcome.TAMPERED
     assert all(finding.item for finding in found.findings)
@@ -220,5 +220,5 @@ def _signed(genuine: Path, tmp_path: Path) -> Path:
     """The same with a statement, which `tampered` takes off again."""
     folder = Path(shutil.copytree(genuine, tmp_path / "signed"))
     (folder / STATEMENT).write_bytes(b"{}")
-    assert sums_text({}) == ""
+    assert sha256sums_text({}) == ""
     return folder

@@ -21,13 +21,18 @@ from cryptography.hazmat.primitives.serialization import (
 
 from estimators.errors import EvidenceError
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.signatures.canonical_json import canonical_bytes
+from recordings.signatures.canonical_json import canonical_json_bytes
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
-from recordings.signatures.signing import PublicKey, key_weakness, public_key, signing_key
+from recordings.signatures.signing import (
+    PublicKey,
+    key_weakness_text,
+    read_public_key,
+    read_signing_key,
+)
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
 from replay.calibration.calibrate_campaign import read_previous_evidence
 from replay.calibration.verify_bundle import verify_bundle
-from replay.fleet.machine_setups import NamedFiles, machine_setups
+from replay.fleet.machine_setups import NamedFiles, make_machine_setups
 from tests.conftest import REPO
 from tests.replay.attacker import Bundle, key_files, sign_with_own_key, tampered
 from tests.replay.made_evidence import Made, items
@@ -57,7 +62,7 @@ def invented(made: Made, tmp_path: Path) -> Path:
 
 
 def known(made: Made, **more: object) -> KnownKey:
-    key = public_key(made.public).text
+    key = read_public_key(made.public).text
     return KnownKey.model_validate({"key": key, "owner": "Test lab", **more})
 
 
@@ -116,9 +121,9 @@ def test_the_first_use_of_a_key_is_asked_on_a_terminal_and_remembered(
     """Test: the owner typed at a terminal. Expected Result: kept, and not asked again."""
     code = (
         "from pathlib import Path\n"
-        "from replay.commands.common_options import read_calibration\n"
+        "from replay.commands.common_options import calibration_request_from_options\n"
         "from replay.calibration.apply_evidence import load_calibration\n"
-        f"asked = read_calibration(Path({str(made.bundle)!r}), None, signed=True)\n"
+        f"asked = calibration_request_from_options(Path({str(made.bundle)!r}), None, signed=True)\n"
         "print('FOUND', load_calibration(asked).signed_by)\n"
     )
     first = at_a_terminal(code, "Test lab\n")
@@ -162,10 +167,10 @@ def at_a_terminal(code: str, typed: str) -> str:
 def test_a_fleet_asks_nobody_and_refuses_an_unknown_key(invented: Path, made: Made) -> None:
     files = NamedFiles(str(made.campaign.with_name("sledge.toml")), (), (str(invented),))
     with pytest.raises(EvidenceError, match=r"unknown key.*payscope keys add"):
-        machine_setups("sledge", files, lenient=False)
+        make_machine_setups("sledge", files, lenient=False)
     add_key(load_keyring(), known(made))
     files = NamedFiles(str(made.campaign.with_name("sledge.toml")), (), (str(made.bundle),))
-    assert len(machine_setups("sledge", files, lenient=False)) == 2
+    assert len(make_machine_setups("sledge", files, lenient=False)) == 2
 
 
 @pytest.mark.usefixtures("keyring")
@@ -174,12 +179,12 @@ def test_nothing_is_chained_to_evidence_by_an_unknown_key(
 ) -> None:
     own, _ = key_files(tmp_path, "other")
     with pytest.raises(EvidenceError, match="so its signature cannot be verified"):
-        read_previous_evidence(invented, None, signing_key(own))
+        read_previous_evidence(invented, None, read_signing_key(own))
     with pytest.raises(EvidenceError, match="its signature cannot be verified"):
-        read_previous_evidence(made.bundle, None, signing_key(own))
-    read_previous_evidence(made.bundle, None, signing_key(made.private))
+        read_previous_evidence(made.bundle, None, read_signing_key(own))
+    read_previous_evidence(made.bundle, None, read_signing_key(made.private))
     add_key(load_keyring(), known(made))
-    read_previous_evidence(made.bundle, None, signing_key(own))
+    read_previous_evidence(made.bundle, None, read_signing_key(own))
 
 
 @pytest.mark.usefixtures("keyring")
@@ -218,7 +223,7 @@ def test_keys_are_revoked_from_the_command_line(
     made: Made, keyring: Path, payscope: Payscope
 ) -> None:
     payscope("keys", "add", made.public, "--owner", "Test lab", "--valid-from", "2026-01-01")
-    key_id = public_key(made.public).key_id
+    key_id = read_public_key(made.public).key_id
     said = payscope("keys", "revoke", key_id[:12], "--day", "2026-06-01", "--because", "lost")
     assert said.status == 0
     (held,) = load_keyring().keys
@@ -273,7 +278,7 @@ def test_a_key_that_anyone_can_sign_for_is_refused(
     body = base64.b64encode(header + raw).decode()
     pem.write_text(f"-----BEGIN PUBLIC KEY-----\n{body}\n-----END PUBLIC KEY-----\n")
     with pytest.raises(EvidenceError):
-        public_key(pem)
+        read_public_key(pem)
 
 
 @pytest.mark.parametrize("seed", [bytes(32), b"\xff" * 32, bytes(range(32))])
@@ -283,8 +288,8 @@ def test_a_published_key_neither_signs_nor_verifies(seed: bytes, tmp_path: Path)
     private.write_bytes(key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
     half = key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
     public.write_bytes(half)
-    for read in (signing_key, public_key):
-        path = private if read is signing_key else public
+    for read in (read_signing_key, read_public_key):
+        path = private if read is read_signing_key else public
         with pytest.raises(EvidenceError, match="private half that is published"):
             read(path)
 
@@ -292,7 +297,7 @@ def test_a_published_key_neither_signs_nor_verifies(seed: bytes, tmp_path: Path)
 def test_a_key_as_it_should_be_has_no_weakness() -> None:
     for _ in range(20):
         raw = Ed25519PrivateKey.generate().public_key().public_bytes_raw()
-        assert key_weakness(raw) == ""
+        assert key_weakness_text(raw) == ""
 
 
 def test_evidence_that_names_a_weak_key_is_tampered(made: Made, tmp_path: Path) -> None:
@@ -308,7 +313,7 @@ def test_evidence_that_names_a_weak_key_is_tampered(made: Made, tmp_path: Path) 
             held["signatures"] = [
                 {"keyid": weak.key_id, "sig": base64.b64encode(signature).decode()}
             ]
-            (folder / "statement.dsse.json").write_bytes(canonical_bytes(held))
+            (folder / "statement.dsse.json").write_bytes(canonical_json_bytes(held))
 
         bundle.last.append(sign)
 

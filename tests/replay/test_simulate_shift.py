@@ -12,7 +12,7 @@ from rosbags.highlevel import AnyReader
 from analysis.simulation import Scenario
 from replay import load_machine, open_log, run
 from replay.simulation.log_truth import has_truth
-from replay.simulation.scenario_file import load_scenario, scenario_text
+from replay.simulation.scenario_file import format_scenario_file, load_scenario
 from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate_scenario
 from tests.one_line import assert_one_line
 from tests.replay.sledge import Payscope, one_line
@@ -135,7 +135,7 @@ def test_the_same_shift_is_written_with_the_same_bytes(tmp_path: Path) -> None:
 def test_a_scenario_file_of_a_shift_reads_back(tmp_path: Path) -> None:
     for scenario in (SHIFT, Scenario.model_validate({"shift": {}})):
         path = tmp_path / "shift.toml"
-        path.write_text(scenario_text(scenario), encoding="utf-8")
+        path.write_text(format_scenario_file(scenario), encoding="utf-8")
         assert load_scenario(path) == scenario
 
 

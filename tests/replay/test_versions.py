@@ -13,13 +13,13 @@ from recordings.calibration import evidence_document
 from recordings.calibration.bundle_folder import EVIDENCE, REPORT
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import estimator_with_digest
-from recordings.calibration.evidence_document import parse_document
+from recordings.calibration.evidence_document import parse_evidence
 from recordings.calibration.released_defaults import (
-    changed_defaults,
     defaults_of_this_version,
+    first_defaults_of_absent_settings,
     released_defaults,
 )
-from recordings.signatures.canonical_json import canonical_bytes
+from recordings.signatures.canonical_json import canonical_json_bytes
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.machines.machine_file import load_machine
@@ -150,9 +150,9 @@ def lacking(*place: str) -> Callable[[Bundle], None]:
         for name in place[:-1]:
             inside = inside[name]
         del inside[place[-1]]
-        document = parse_document(canonical_bytes(bundle.evidence), EVIDENCE)
+        document = parse_evidence(canonical_json_bytes(bundle.evidence), EVIDENCE)
         estimator = estimator_with_digest(
-            document.campaign, document.weighing, document.settings_at_default
+            document.campaign, document.weighing_machine, document.settings_at_default
         )
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
@@ -174,7 +174,7 @@ def test_an_absent_setting_takes_the_default_that_it_came_with(
     assert any("priors.sag_weight_share = 0.05" in note for note in verify_bundle(folder).notes)
     # and who weighs with today's is told
     machine = load_machine(made.campaign.with_name("sledge.toml"))
-    assert "settings.priors.sag_weight_share = 0.05 there" in held.differences_of_machine(
+    assert "settings.priors.sag_weight_share = 0.05 there" in held.differing_settings_text(
         held.weighing_machine(machine)
     )
 
@@ -182,7 +182,9 @@ def test_an_absent_setting_takes_the_default_that_it_came_with(
 def test_a_whole_part_that_came_later_takes_the_defaults_that_it_came_with() -> None:
     kept = {"0.2.0": {"machine.settings.new.a": 1, "machine.settings.new.b": 2}}
     absent = {"machine.settings.new": {"a": 1, "b": 3}, "machine.settings.other": 4}
-    assert changed_defaults(absent, kept) == {"machine.settings.new": {"a": 1, "b": 2}}
+    assert first_defaults_of_absent_settings(absent, kept) == {
+        "machine.settings.new": {"a": 1, "b": 2}
+    }
 
 
 def test_defaults_of_this_version_are_kept_as_they_are() -> None:

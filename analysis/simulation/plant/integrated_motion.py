@@ -13,7 +13,7 @@ from analysis.simulation.motion.timeline import DrivenManoeuvre
 from analysis.simulation.plant import plant
 from analysis.simulation.scenario.scenario import Scenario
 from estimators.arrays import Floats
-from estimators.compiled import compiled_without_refcounts, inlined
+from estimators.compiled import compiled_inline, compiled_without_refcounts
 
 #: What changes how fast: the force on the ground, the yaw rate, the acceleration, the mass.
 FORCE_RATE, TURN, JERK, FILLING = range(4)
@@ -127,7 +127,7 @@ class IntegratedLog:
         )
 
 
-@inlined
+@compiled_inline
 def _find_row_before(rows: Floats, time_s: float, known: int) -> int:
     """Last row at or before a time, between the first and the last row."""
     most = rows.shape[0] - 2
@@ -147,7 +147,7 @@ def _find_row_before(rows: Floats, time_s: float, known: int) -> int:
     return least
 
 
-@inlined
+@compiled_inline
 def _rate_of_interpolated_quantity(row: Floats, which: int) -> float:
     """Rate of an interpolated quantity at a row."""
     if which == FORCE_RATE:
@@ -157,7 +157,7 @@ def _rate_of_interpolated_quantity(row: Floats, which: int) -> float:
     return row[plant.YAW_RATE if which == TURN else plant.ACCELERATION]
 
 
-@inlined
+@compiled_inline
 def _rate_at_row(rows: Floats, at: int, which: int) -> float:
     """Rate of a value at a row from both sides, without discontinuities."""
     total, known = 0.0, 0.0

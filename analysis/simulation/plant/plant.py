@@ -23,7 +23,7 @@ from analysis.simulation.plant.resistance import (
     rolling_resistance,
 )
 from estimators.arrays import Floats
-from estimators.compiled import compiled, inlined
+from estimators.compiled import compiled, compiled_inline
 
 #: The state: position, speed of wheels and body, stretch between them, forces, pitch.
 POSITION, WHEEL, BODY, STRETCH, DRIVE, BRAKE, PITCH, PITCH_RATE = range(8)
@@ -44,7 +44,7 @@ _TURNS_AT: Final = 0.1
 _HALVINGS: Final = 60
 
 
-@inlined
+@compiled_inline
 def _limited_motor_force(asked_N: float, speed_m_s: float, plant: Plant) -> float:
     """Force of the motor: the commanded one, within its limits while it drives."""
     force_N = asked_N
@@ -57,7 +57,7 @@ def _limited_motor_force(asked_N: float, speed_m_s: float, plant: Plant) -> floa
     return force_N
 
 
-@inlined
+@compiled_inline
 def commanded_force_or_speed(
     t: float, stage: DriveStage, wave: Floats, wave_step_s: float
 ) -> float:
@@ -73,7 +73,7 @@ def commanded_force_or_speed(
     return stage.drive_N
 
 
-@inlined
+@compiled_inline
 def _pedal_force(wanted_m_s: float, speed_m_s: float, stage: DriveStage) -> tuple[float, float]:
     """Drive force and brake force that a pedal commands."""
     ahead_N = stage.way * stage.pedal_N_s_m * (wanted_m_s - speed_m_s)
@@ -83,7 +83,7 @@ def _pedal_force(wanted_m_s: float, speed_m_s: float, stage: DriveStage) -> tupl
     return (-slowing_N, 0.0) if stage.motor_brakes > 0.0 else (0.0, slowing_N)
 
 
-@inlined
+@compiled_inline
 def _rotating_mass_kg(speed_m_s: float, plant: Plant) -> float:
     """Equivalent rotating mass in the gear at a speed."""
     for gear in range(plant.gears.shape[0]):
@@ -92,7 +92,7 @@ def _rotating_mass_kg(speed_m_s: float, plant: Plant) -> float:
     return plant.rotating_kg
 
 
-@inlined
+@compiled_inline
 def _total_mass_at_kg(t: float, stage: DriveStage) -> float:
     """Mass of machine and load, some of which may fall in or off."""
     mass = stage.mass_kg + stage.fill_kg_s * (t - stage.begin_s)
@@ -101,7 +101,7 @@ def _total_mass_at_kg(t: float, stage: DriveStage) -> float:
     return mass
 
 
-@inlined
+@compiled_inline
 def _pitch_acceleration_rad_s2(y: Floats, acc_m_s2: float, load_kg: float, plant: Plant) -> float:
     """Pitch acceleration on springs under load and acceleration."""
     squat = (plant.squat_s2_m + plant.squat_s2_m_kg * load_kg) * acc_m_s2
@@ -111,7 +111,7 @@ def _pitch_acceleration_rad_s2(y: Floats, acc_m_s2: float, load_kg: float, plant
     )
 
 
-@inlined
+@compiled_inline
 def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does not
     t: float,
     y: Floats,
@@ -191,7 +191,7 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     out[_YAW_RATE] = turn
 
 
-@inlined
+@compiled_inline
 def _write_state_row(row: Floats, t: float, y: Floats, out: Floats, stands: float) -> None:
     row[TIME] = t
     for i in range(STATES):

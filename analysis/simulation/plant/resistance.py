@@ -4,13 +4,13 @@ import math
 from typing import Final
 
 from analysis.simulation.plant.plant_inputs import DriveStage, Plant
-from estimators.compiled import inlined
+from estimators.compiled import compiled_inline
 
 #: A loader's axles are about so far apart, in m: over it one ground passes into the other.
 _AXLES_APART_M: Final = 1.2
 
 
-@inlined
+@compiled_inline
 def cold_friction_share(t: float, warming: float, warming_s: float) -> float:
     """Remaining fraction of a cold machine's extra friction at a time."""
     if warming == 0.0:
@@ -18,7 +18,7 @@ def cold_friction_share(t: float, warming: float, warming_s: float) -> float:
     return 1.0 + warming * math.expm1(-t / warming_s)
 
 
-@inlined
+@compiled_inline
 def friction_capacity(t: float, turn_rad_s: float, plant: Plant, stage: DriveStage) -> float:
     """Coulomb friction at a time and yaw rate, in N: its limit at rest, its force in motion."""
     coulomb_N = stage.coulomb_N * cold_friction_share(t, plant.coulomb_warming, plant.warming_s)
@@ -32,7 +32,7 @@ def friction_capacity(t: float, turn_rad_s: float, plant: Plant, stage: DriveSta
     return capacity
 
 
-@inlined
+@compiled_inline
 def gentle_brake_force(
     t: float, grip: float, mass_kg: float, gravity_m_s2: float, plant: Plant, stage: DriveStage
 ) -> float:
@@ -43,7 +43,7 @@ def gentle_brake_force(
     return applied * mass_kg * (stage.gentle_m_s2 + max(0.0, -grip * gravity_m_s2))
 
 
-@inlined
+@compiled_inline
 def rolling_resistance(
     position_m: float,
     speed_m_s: float,

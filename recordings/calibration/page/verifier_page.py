@@ -34,7 +34,7 @@ _PAGE: Final = "verifier.html"
 _STYLE: Final = "verifier.css"
 
 
-def verifier_page() -> bytes:
+def build_verifier_page() -> bytes:
     """The page, the same bytes whenever this version makes it."""
     style = f"\n{_read_page_part(_STYLE)}"
     script = "\n".join(('"use strict";', *(_read_page_part(name) for name in _SCRIPTS)))
@@ -51,9 +51,9 @@ def verifier_page() -> bytes:
     return page.encode()
 
 
-def verifier_sha256() -> str:
+def verifier_page_sha256() -> str:
     """SHA-256 of the page, in hexadecimal digits."""
-    return hashlib.sha256(verifier_page()).hexdigest()
+    return hashlib.sha256(build_verifier_page()).hexdigest()
 
 
 def _read_page_part(name: str) -> str:

@@ -7,7 +7,12 @@ from typing import Final
 from rosbags.typesys.msg import normalize_msgtype
 
 from estimators.errors import LogError
-from replay.logs.bag.bag_index import BagIndex, chunk_block, read_index, read_indexed_times
+from replay.logs.bag.bag_index import (
+    BagIndex,
+    chunk_at_offset_or_none,
+    read_index_or_none,
+    read_indexed_times,
+)
 from replay.logs.bag.bag_records import (
     BAG_HEADER,
     CHUNK_INFO,
@@ -63,7 +68,7 @@ class BagFile(BlockFile):
         if index is not None:
             self._take_index_records(index)
         else:
-            self._walk(len(head), header)
+            self._read_whole_file(len(head), header)
         return tuple(self._connections.values())
 
     @staticmethod
@@ -72,7 +77,7 @@ class BagFile(BlockFile):
 
         return GRAMMAR
 
-    def check(self) -> int:
+    def check_and_count_crcs(self) -> int:
         """Read the file from start to end; a bag has no CRCs."""
         walk = BagWalk(self._make_second_pass_store(), len(MAGIC + VERSION), self._process_record)
         self._compare_with_first_pass(walk.chunks(), walk.store)
@@ -87,7 +92,7 @@ class BagFile(BlockFile):
             connections == chunks == 0
         ):
             return None
-        return read_index(self._file, position, connections, chunks)
+        return read_index_or_none(self._file, position, connections, chunks)
 
     def _take_index_records(self, index: BagIndex) -> None:
         """Add connections and chunks from the index."""
@@ -96,7 +101,7 @@ class BagFile(BlockFile):
         unknown: list[Block] = []
         for offset in sorted(index.chunks):
             counts = index.chunks[offset]
-            block = chunk_block(self._file, offset, read_record(self._file, offset))
+            block = chunk_at_offset_or_none(self._file, offset, read_record(self._file, offset))
             # the index stands behind all chunks, so that the end of the file tears none of them
             if block is None or (block.is_torn and counts):
                 lost = Block(offset, 0, 0, "", 0, counts=counts)
@@ -112,7 +117,7 @@ class BagFile(BlockFile):
         if unknown:
             self._store.add_unindexed(unknown)
 
-    def _walk(self, begin: int, header: BagRecord | None) -> None:
+    def _read_whole_file(self, begin: int, header: BagRecord | None) -> None:
         """Read the file from start to end."""
         damage = self._store.damage
         walk = BagWalk(self._store, begin, self._process_record)
@@ -126,18 +131,20 @@ class BagFile(BlockFile):
             f"{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
-    def _process_record(self, op: int, content: bytes, at: int) -> None:
+    def _process_record(self, op: int, content: bytes, offset: int) -> None:
         """Process a connection record from its header and data."""
         del op
         size = int.from_bytes(content[:4], "little")
-        self._note_connection(parse_fields(content[4 : 4 + size]) or {}, content[8 + size :], at)
+        self._note_connection(
+            parse_fields(content[4 : 4 + size]) or {}, content[8 + size :], offset
+        )
 
-    def _note_connection(self, fields: dict[bytes, bytes], data: bytes, at: int) -> None:
+    def _note_connection(self, fields: dict[bytes, bytes], data: bytes, offset: int) -> None:
         connection = make_connection(fields, data)
         if connection is None:
             self._store.damage.note("the record of a connection is damaged")
-        elif at < self._connections_at.get(connection.id, self._file.size):
-            self._connections_at[connection.id] = at
+        elif offset < self._connections_at.get(connection.id, self._file.size):
+            self._connections_at[connection.id] = offset
             self._connections[connection.id] = connection
 
 
@@ -173,7 +180,7 @@ class BagWalk:
         at = self.whole
         while at < file.size:
             record = read_record(file, at)
-            block = chunk_block(file, at, record)
+            block = chunk_at_offset_or_none(file, at, record)
             end = at
             if block is not None:
                 yield block

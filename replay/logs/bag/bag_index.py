@@ -36,7 +36,9 @@ class BagIndex:
     chunks: dict[int, dict[int, int]]
 
 
-def read_index(file: FileBytes, offset: int, connections: int, chunks: int) -> BagIndex | None:
+def read_index_or_none(
+    file: FileBytes, offset: int, connections: int, chunks: int
+) -> BagIndex | None:
     """Index at `offset`; None if it is incomplete."""
     described: list[tuple[BagRecord, bytes]] = []
     counts: dict[int, dict[int, int]] = {}
@@ -60,7 +62,7 @@ def read_index(file: FileBytes, offset: int, connections: int, chunks: int) -> B
     return BagIndex(tuple(described), counts)
 
 
-def chunk_block(file: FileBytes, offset: int, record: BagRecord | None) -> Block | None:
+def chunk_at_offset_or_none(file: FileBytes, offset: int, record: BagRecord | None) -> Block | None:
     """Chunk whose record begins at `offset`; None if there is none.
 
     A chunk that extends beyond the end of the file is torn. So is a chunk of size 0 in a longer

@@ -2,7 +2,7 @@
 
 from estimators.errors import LogError
 from replay.logs.bag.bag_file import make_connection
-from replay.logs.bag.bag_index import chunk_block
+from replay.logs.bag.bag_index import chunk_at_offset_or_none
 from replay.logs.bag.bag_records import (
     BAG_HEADER,
     CHUNK,
@@ -42,9 +42,13 @@ class BagTail(GrowingBlockFile):
         if record is None or record.end > file.size:
             return None
         if record.op == CHUNK:
-            block = chunk_block(file, self._at, record)
+            block = chunk_at_offset_or_none(file, self._at, record)
             # nothing behind an empty chunk yet: it may be one that has just been opened
-            if block is None or block.is_torn or (record.end == file.size and not block.room_bytes):
+            if (
+                block is None
+                or block.is_torn
+                or (record.end == file.size and not block.max_unpacked_bytes)
+            ):
                 return None
             self._at = record.end
             return self._take_block(block)

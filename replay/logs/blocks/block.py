@@ -50,7 +50,7 @@ class Block:
     last_ns: int = -1
 
     @property
-    def room_bytes(self) -> int:
+    def max_unpacked_bytes(self) -> int:
         """Upper bound of its unpacked size in bytes."""
         if not self.compression:
             return self.stored_bytes
@@ -60,21 +60,22 @@ class Block:
         return min(self.unpacked_bytes or most, most, LARGEST_BYTES)
 
 
-def unpack(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
-    """Unpack a block into `target` (block.room_bytes,), and return the number of bytes.
+def unpack_block(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
+    """Unpack a block into `target` (block.max_unpacked_bytes,), and return the number of bytes.
 
     Raises:
         DamagedBlockError: it is implausibly large, cannot be unpacked, has another size than it
             declares, or its CRC is wrong.
     """
-    if block.room_bytes > LARGEST_BYTES:
+    if block.max_unpacked_bytes > LARGEST_BYTES:
         raise DamagedBlockError(
-            f"it declares {block.room_bytes:,} bytes, more than the limit of {LARGEST_BYTES:,}"
+            f"it declares {block.max_unpacked_bytes:,} bytes, more than the limit of "
+            f"{LARGEST_BYTES:,}"
         )
-    if block.room_bytes > max(_ANY_BYTES, _MOST_GROWTH * block.stored_bytes):
+    if block.max_unpacked_bytes > max(_ANY_BYTES, _MOST_GROWTH * block.stored_bytes):
         raise DamagedBlockError(
-            f"it declares {block.room_bytes:,} bytes, more than {_MOST_GROWTH:,} times what is "
-            "stored"
+            f"it declares {block.max_unpacked_bytes:,} bytes, more than {_MOST_GROWTH:,} times "
+            "what is stored"
         )
     if not block.compression:
         done = file.read_into(block.offset, target)
@@ -84,7 +85,7 @@ def unpack(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
         done = _decompress(block, file, target)
     if block.is_torn:
         return done
-    if done != block.room_bytes:
+    if done != block.max_unpacked_bytes:
         raise DamagedBlockError(f"{done:,} of the {block.unpacked_bytes:,} bytes it declares")
     if block.crc and zlib.crc32(target.data) != block.crc:
         raise DamagedBlockError("its CRC is wrong")

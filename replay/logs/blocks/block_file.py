@@ -43,7 +43,7 @@ class BlockFile(ABC):
         """Grammar that finds its records in bytes."""
 
     @abstractmethod
-    def _process_record(self, op: int, content: bytes, at: int) -> None:
+    def _process_record(self, op: int, content: bytes, offset: int) -> None:
         """Process a record other than a message; see `block_messages.Describe`."""
 
     def _make_store(self) -> BlockStore:
@@ -84,8 +84,8 @@ class BlockFile(ABC):
         return self._store.earliest_ns
 
     @abstractmethod
-    def check(self) -> int:
-        """See `Container.check`."""
+    def check_and_count_crcs(self) -> int:
+        """See `Container.check_and_count_crcs`."""
 
     def close(self) -> None:
         """Release the file."""

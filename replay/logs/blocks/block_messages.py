@@ -277,7 +277,7 @@ class BlockStore:
     def _note_unread_bytes(self, block: Block, unread: int) -> None:
         if unread and not block.is_torn:
             self.damage.note(
-                f"{unread:,} of {block.room_bytes:,} bytes in the chunk at byte "
+                f"{unread:,} of {block.max_unpacked_bytes:,} bytes in the chunk at byte "
                 f"{block.record_offset} form no complete record and were not read"
             )
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
-from replay.logs.blocks.block import Block, DamagedBlockError, unpack
+from replay.logs.blocks.block import Block, DamagedBlockError, unpack_block
 from replay.logs.blocks.slabs import RecordGrammar, SlabIndex
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.storage import (
@@ -88,10 +88,10 @@ class GrowingBlockFile(ABC):
     def _take_block(self, block: Block) -> list[RawBatch]:
         """Messages of a complete chunk; a damaged one is a loss."""
         try:
-            if block.room_bytes > LARGEST_BYTES:
-                raise DamagedBlockError(f"it declares {block.room_bytes:,} bytes")
-            data = np.empty(block.room_bytes, np.uint8)
-            data = data[: unpack(block, self._file, data)]
+            if block.max_unpacked_bytes > LARGEST_BYTES:
+                raise DamagedBlockError(f"it declares {block.max_unpacked_bytes:,} bytes")
+            data = np.empty(block.max_unpacked_bytes, np.uint8)
+            data = data[: unpack_block(block, self._file, data)]
         except DamagedBlockError as error:
             what = f"the chunk at byte {block.record_offset} cannot be read: {error}"
             self._losses.note(self._file.path, what)

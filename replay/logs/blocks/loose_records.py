@@ -21,23 +21,23 @@ class LooseRecords:
         # grows while records go on, since where they do not most of a large read is for nothing
         self._window = _SMALLEST_WINDOW
 
-    def add(self, at: int, record_bytes: int) -> int:
-        """Add records from `at` on; returns their end, at a chunk or at invalid bytes.
+    def add(self, offset: int, record_bytes: int) -> int:
+        """Add records from `offset` on; returns their end, at a chunk or at invalid bytes.
 
         Args:
-            at: offset of the first record.
+            offset: offset of the first record.
             record_bytes: declared size of that record.
         """
         size = max(self._window, min(record_bytes, LARGEST_BYTES))
-        data = np.frombuffer(self._store.file.read(at, size), np.uint8)
+        data = np.frombuffer(self._store.file.read(offset, size), np.uint8)
         grammar = self._store.grammar
         _, stop = grammar.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
         self._window = min(2 * size, SLAB_BYTES) if stop > size // 2 else _SMALLEST_WINDOW
         if stop:
             rows = SlabIndex(grammar, data, 0)
             rows.scan(0, stop)
-            self._store.add_rows(Block(at, at, stop, "", stop), data, rows.found)
-        return at + stop
+            self._store.add_rows(Block(offset, offset, stop, "", stop), data, rows.found)
+        return offset + stop
 
 
 #: The first look is short, since damage mostly is: many small faults must not cost a large read

@@ -52,13 +52,13 @@ class BlockDamage(Damage):
             yield (
                 f"{len(damaged):,} chunks ({sum(b.stored_bytes for b in blocks):,} bytes) are "
                 f"damaged and were not read, the first at byte {blocks[0].record_offset}: "
-                f"{damaged[0][1]}; {content_text(blocks, topics)}"
+                f"{damaged[0][1]}; {contents_of_blocks_text(blocks, topics)}"
             )
             return
         for block, why in damaged:
             yield (
                 f"the chunk at byte {block.record_offset} ({block.stored_bytes:,} bytes) is "
-                f"damaged and was not read: {why}; {content_text([block], topics)}"
+                f"damaged and was not read: {why}; {contents_of_blocks_text([block], topics)}"
             )
 
     def _describe_gaps(self) -> Iterable[str]:
@@ -95,7 +95,7 @@ def torn_end_text(size: int, messages: int) -> str:
     return f"; {size:,} bytes at the end are lost or of a torn record" if size else ""
 
 
-def content_text(blocks: list[Block], topics: Mapping[int, str]) -> str:
+def contents_of_blocks_text(blocks: list[Block], topics: Mapping[int, str]) -> str:
     """Contents of damaged blocks, as far as an index gives them."""
     counts: dict[str, int] = {}
     for block in blocks:

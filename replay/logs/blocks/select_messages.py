@@ -30,7 +30,7 @@ def select_messages_of_connections(
     """
     ends = np.zeros(wanted.size, np.int64)
     found = np.empty((3, rows.shape[1]), np.int64)
-    append_wanted_messages(rows, indices_of_keys(rows[KEY], wanted), first, last, ends, found)
+    fill_wanted_messages(rows, indices_of_keys(rows[KEY], wanted), first, last, ends, found)
     begin = 0
     for key, end in zip(wanted.tolist(), ends.tolist(), strict=True):
         if end > begin:
@@ -40,7 +40,7 @@ def select_messages_of_connections(
 
 
 @compiled
-def append_wanted_messages(
+def fill_wanted_messages(
     rows: Ints, owners: Ints, first: int, last: int, ends: Ints, found: Ints
 ) -> None:
     """Store offset, length and time of each requested message, grouped by connection.
@@ -74,10 +74,10 @@ def append_wanted_messages(
             ends[owner] = place + 1
 
 
-def indices_of_keys(found: Ints, keys: Ints) -> Ints:
-    """Index of each of `found` (n,) in the ascending `keys`; -1 if absent."""
-    places = np.empty(found.size, np.int64)
-    _fill_key_indices(found, keys, places)
+def indices_of_keys(values: Ints, keys: Ints) -> Ints:
+    """Index of each of `values` (n,) in the ascending `keys`; -1 if absent."""
+    places = np.empty(values.size, np.int64)
+    _fill_key_indices(values, keys, places)
     return places
 
 
@@ -119,13 +119,15 @@ def chunk_stats(slab: Slab, keys: Ints) -> list[ChunkStats]:
     counts = np.zeros((len(bounds), keys.size + 1), np.int64)
     spans = np.tile(np.array([_INT64_MAX, -1, 0]), (len(bounds), 1))
     # -1, of a key that nobody asked for, is the last: that of all others
-    _count_wanted_messages(slab.rows, bounds, indices_of_keys(slab.rows[KEY], keys), counts, spans)
+    _count_messages_per_block(
+        slab.rows, bounds, indices_of_keys(slab.rows[KEY], keys), counts, spans
+    )
     pairs = zip(counts.tolist(), spans.tolist(), strict=True)
     return [ChunkStats(held, *span) for held, span in pairs]
 
 
 @compiled
-def _count_wanted_messages(
+def _count_messages_per_block(
     rows: Ints, bounds: Ints, owners: Ints, counts: Ints, spans: Ints
 ) -> None:
     """Count messages and time span of each block, by connection."""

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.logs.blocks.block import Block, DamagedBlockError, unpack
+from replay.logs.blocks.block import Block, DamagedBlockError, unpack_block
 from replay.logs.storage import LARGEST_BYTES, FileBytes
 
 #: (data, begin, end, rows, row) -> (rows found, where the first record begins that is not whole):
@@ -117,17 +117,19 @@ def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: RecordGrammar)
                 sum(each for _, each in waiting) + size > _MOST_WAITING_BYTES
                 or (prepared < _GROWING and len(waiting) > 1)
             ):
-                yield from _take_slabs(waiting, free)
+                yield from _yield_and_reuse_oldest_slab(waiting, free)
             prepared += 1
             recycled = free.pop() if free and size <= SLAB_BYTES else None
-            waiting.append((pool.submit(load_blocks, file, group, grammar, recycled), size))
+            waiting.append(
+                (pool.submit(unpack_and_scan_blocks, file, group, grammar, recycled), size)
+            )
         while waiting:
-            yield from _take_slabs(waiting, free)
+            yield from _yield_and_reuse_oldest_slab(waiting, free)
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _take_slabs(
+def _yield_and_reuse_oldest_slab(
     waiting: deque[tuple[Future[Slab], int]], free: list[NDArray[np.uint8]]
 ) -> Iterator[Slab]:
     """Yield the oldest slab, and reuse its memory afterwards."""
@@ -139,7 +141,7 @@ def _take_slabs(
 
 def _bytes_in_slab(block: Block) -> int:
     # a block that nobody believes takes no room; unpacking it says why
-    return block.room_bytes if block.room_bytes <= LARGEST_BYTES else 0
+    return block.max_unpacked_bytes if block.max_unpacked_bytes <= LARGEST_BYTES else 0
 
 
 def _block_groups(blocks: Iterable[Block]) -> Iterator[list[Block]]:
@@ -156,7 +158,7 @@ def _block_groups(blocks: Iterable[Block]) -> Iterator[list[Block]]:
         yield group
 
 
-def load_blocks(
+def unpack_and_scan_blocks(
     file: FileBytes, blocks: list[Block], grammar: RecordGrammar, recycled: NDArray[np.uint8] | None
 ) -> Slab:
     """Unpack and scan the blocks of one slab in a worker thread."""
@@ -173,7 +175,7 @@ def load_blocks(
     at = 0
     for block in blocks:
         try:
-            size = unpack(block, file, buffer[at : at + block.room_bytes])
+            size = unpack_block(block, file, buffer[at : at + block.max_unpacked_bytes])
             part = (block, *rows.scan(at, at + size))
         except DamagedBlockError as error:
             damaged.append((block, str(error)))

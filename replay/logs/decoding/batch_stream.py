@@ -13,7 +13,7 @@ import numpy as np
 import polars as pl
 
 from replay.logs.decoding.decoder import DecodedBatch, Decoder, DecodeTally, Submit, submit_at_once
-from replay.logs.decoding.gather_values import concatenate
+from replay.logs.decoding.gather_values import concatenate_byte_ranges
 from replay.logs.messages.raw_batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 
 #: With fewer messages, what a batch costs by itself is more than copying them into a larger one.
@@ -37,7 +37,7 @@ class TopicStream:
         #: the log time of the last message, by connection: slabs hold several side by side
         self._last: dict[int, int] = {}
 
-    def take(self, batch: RawBatch, submit: Submit) -> None:
+    def take_batch(self, batch: RawBatch, submit: Submit) -> None:
         """Take the next messages; their memory may be reused after `finish_decoding`."""
         self._note_decreasing_times(batch)
         for part in batch.split_to_batches():
@@ -62,7 +62,7 @@ class TopicStream:
                 self._frames.append(decoded.frame)
         self._begun.clear()
 
-    def drain(self, floor_ns: int) -> pl.DataFrame:
+    def drain_rows_in_final_order(self, floor_ns: int) -> pl.DataFrame:
         """Remove and return the decoded rows whose order is final; call `finish_decoding` before.
 
         Args:
@@ -83,7 +83,7 @@ class TopicStream:
         self._frames = [frame.slice(ready)]
         return frame.slice(0, ready)
 
-    def finish(self) -> pl.DataFrame:
+    def drain_all_rows(self) -> pl.DataFrame:
         """Return all remaining rows."""
         self._begin_small_batches(submit_at_once)
         self.finish_decoding()
@@ -120,7 +120,9 @@ def feed_streams(groups: Iterable[list[RawBatch]], streams: Mapping[int, TopicSt
     with ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-decode") as pool:
         for group in groups:
             for batch in group:
-                streams[batch.connection_id].take(batch, lambda work: pool.submit(work).result)
+                streams[batch.connection_id].take_batch(
+                    batch, lambda work: pool.submit(work).result
+                )
             for stream in dict.fromkeys(streams[batch.connection_id] for batch in group):
                 stream.finish_decoding()
 
@@ -128,7 +130,7 @@ def feed_streams(groups: Iterable[list[RawBatch]], streams: Mapping[int, TopicSt
 def feed_and_drain_streams(
     groups: Iterable[tuple[list[RawBatch], int]], streams: Mapping[int, TopicStream]
 ) -> Iterator[tuple[TopicStream, pl.DataFrame]]:
-    """Decode like `take_all`, and yield rows of each stream once their order is final.
+    """Decode like `feed_streams`, and yield rows of each stream once their order is final.
 
     Args:
         groups: lists of batches, each with the lower bound of later log times.
@@ -138,22 +140,24 @@ def feed_and_drain_streams(
     with ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-decode") as pool:
         for batches, floor_ns in groups:
             for batch in batches:
-                streams[batch.connection_id].take(batch, lambda work: pool.submit(work).result)
+                streams[batch.connection_id].take_batch(
+                    batch, lambda work: pool.submit(work).result
+                )
             for stream in distinct:
                 stream.finish_decoding()
             for stream in distinct:
-                ready = stream.drain(floor_ns)
+                ready = stream.drain_rows_in_final_order(floor_ns)
                 if ready.height:
                     yield stream, ready
     for stream in distinct:
-        rest = stream.finish()
+        rest = stream.drain_all_rows()
         if rest.height:
             yield stream, rest
 
 
 def _copy_batch(batch: RawBatch) -> RawBatch:
     """Copy the messages, since the container may reuse the memory."""
-    data = concatenate(batch.data, batch.offsets, batch.lengths)
+    data = concatenate_byte_ranges(batch.data, batch.offsets, batch.lengths)
     offsets = np.cumsum(batch.lengths) - batch.lengths
     return RawBatch(
         batch.connection_id, data, offsets, batch.lengths.copy(), batch.log_times.copy()

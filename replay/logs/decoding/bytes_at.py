@@ -23,7 +23,7 @@ def _load_64_bits(data: Bytes, at: int) -> np.int64:
     return np.int64(int.from_bytes(data[at : at + 8].tobytes(), "little", signed=True))
 
 
-def _copy(data: Bytes, at: int, target: Bytes, to: int, size: int) -> None:
+def _copy_bytes(data: Bytes, at: int, target: Bytes, to: int, size: int) -> None:
     target[to : to + size] = data[at : at + size]
 
 
@@ -33,7 +33,7 @@ def _widen(bits: int) -> np.int64:
     return np.int64(single.astype(np.float64).view(np.int64))
 
 
-def _prefetch(data: Bytes, at: int) -> None:
+def _do_not_prefetch(data: Bytes, at: int) -> None:
     pass
 
 
@@ -60,8 +60,8 @@ load16 = cast("Callable[[Bytes, int], int]", _make_primitive("load16", _make_uns
 load32 = cast("Callable[[Bytes, int], int]", _make_primitive("load32", _make_unsigned_reader(4)))
 load64 = cast("Callable[[Bytes, int], int]", _make_primitive("load64", _load_64_bits))
 #: (data, at, target, to, size): copy so many bytes
-copy = cast("Callable[[Bytes, int, Bytes, int, int], None]", _make_primitive("copy", _copy))
+copy = cast("Callable[[Bytes, int, Bytes, int, int], None]", _make_primitive("copy", _copy_bytes))
 #: (the bits of a number of single precision) -> those of the double that equals it
 widened = cast("Callable[[int], int]", _make_primitive("widened", _widen))
 #: (data, at): the processor may bring what lies there nearer
-fetch = cast("Callable[[Bytes, int], None]", _make_primitive("fetch", _prefetch))
+fetch = cast("Callable[[Bytes, int], None]", _make_primitive("fetch", _do_not_prefetch))

@@ -33,7 +33,7 @@ from replay.logs.decoding.walk_program import (
     read_encapsulations,
 )
 from replay.logs.decoding.wire import ENCAPSULATIONS, REFUSED, ROS1, Wire
-from replay.logs.messages.message_fields import ALL, OWN_COLUMNS, Field, resolve
+from replay.logs.messages.message_fields import ALL, OWN_COLUMNS, Field, resolve_field
 from replay.logs.messages.message_types import RecordType
 from replay.logs.messages.raw_batch import RawBatch
 
@@ -122,12 +122,12 @@ class BatchPass:
         return WalkedBatch(columns, whole, f"{FAULTS[self._outcome.faults[first]]} {where}")
 
 
-def _allocate_marks(program: DecodeProgram, room: Ints) -> WalkNotes:
+def _allocate_marks(program: DecodeProgram, elements_of_nodes: Ints) -> WalkNotes:
     """Allocate marks for the given numbers of elements of each node."""
     nodes = program.mark_nodes
-    ends = np.cumsum(room[nodes])
+    ends = np.cumsum(elements_of_nodes[nodes])
     return WalkNotes(
-        np.stack([nodes, ends - room[nodes], room[nodes]], axis=1),
+        np.stack([nodes, ends - elements_of_nodes[nodes], elements_of_nodes[nodes]], axis=1),
         marks=np.empty(int(ends[-1]) if ends.size else 0, np.int64),
         filled=np.zeros(program.nodes, np.int64),
         kept=np.empty(program.nodes, np.int64),
@@ -154,10 +154,10 @@ class DecodePlan:
 
     def __init__(self, record: RecordType, *, ros1: bool, fields: Sequence[Field]) -> None:
         self._fields = tuple(fields)
-        self._stamp = resolve("header.stamp", record) if record.has_header else None
+        self._stamp = resolve_field("header.stamp", record) if record.has_header else None
         wanted: Wanted = {}
         for field in (*self._fields, *filter(None, [self._stamp])):
-            _mark_wanted(wanted, field)
+            _mark_field_wanted(wanted, field)
         self._ros1 = ros1
         self._read_fields = self._fields if self._stamp is None else (self._stamp, *self._fields)
         self._names = [*OWN_COLUMNS, *(field.name for field in self._fields)]
@@ -218,7 +218,7 @@ class DecodePlan:
         faults = [(at[part.faulty], part.first_fault) for at, part in parts if part.faulty.size]
         unknown = np.flatnonzero(~np.isin(kinds, list(self._wires)))
         if unknown.size:
-            faults.append((unknown, _reason_for_no_plan(int(kinds[unknown[0]]))))
+            faults.append((unknown, _reason_for_no_plan_text(int(kinds[unknown[0]]))))
         _, first_fault = min(faults, key=lambda fault: int(fault[0][0]), default=(unknown, ""))
         return DecodedBatch(pl.concat(frames)[order], sum(at.size for at, _ in faults), first_fault)
 
@@ -272,7 +272,7 @@ class DecodePlan:
 _CompiledProgram: TypeAlias = tuple[DecodeProgram, DirectFields, tuple[int | None, ...]]
 
 
-def _mark_wanted(wanted: Wanted, field: Field) -> None:
+def _mark_field_wanted(wanted: Wanted, field: Field) -> None:
     """Add the path of a field to the tree of wanted fields."""
     for step in field.steps:
         if isinstance(step.element, str) and step.element != ALL:
@@ -280,7 +280,7 @@ def _mark_wanted(wanted: Wanted, field: Field) -> None:
         wanted = wanted.setdefault(step.name, {})
 
 
-def _reason_for_no_plan(kind: int) -> str:
+def _reason_for_no_plan_text(kind: int) -> str:
     if kind == TOO_SHORT:
         return "it is too short for its encapsulation"
     return f"no decoder for the encapsulation {REFUSED.get(kind, 'it begins with')} (0x{kind:04x})"

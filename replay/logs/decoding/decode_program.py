@@ -50,7 +50,7 @@ class Op(IntEnum):
 
 
 class Operand(IntEnum):
-    """Meaning of the columns of `Program.steps`; -1 for no mark or node."""
+    """Meaning of the columns of `DecodeProgram.steps`; -1 for no mark or node."""
 
     OP = 0
     ALIGNMENT = 1

@@ -35,10 +35,10 @@ from replay.logs.decoding.field_places import (
 )
 from replay.logs.decoding.gather_values import (
     DTYPES,
-    concatenate,
+    concatenate_byte_ranges,
     gather_string_views,
     gather_values,
-    index_of_name,
+    indices_of_name_in_lists,
     numbers_from_bytes,
 )
 from replay.logs.decoding.one_pass import GatheredRows
@@ -215,7 +215,7 @@ class Columns:
         assert isinstance(names.element, TextField)
         if (names.mark, name) not in self._found:
             text = names.element.mark
-            self._found[names.mark, name] = index_of_name(
+            self._found[names.mark, name] = indices_of_name_in_lists(
                 self.data,
                 self.mark_values[text],
                 self.mark_values[text + 1],
@@ -238,7 +238,7 @@ class Columns:
             starts = self._select_marks(array.mark, place.chosen)
         assert isinstance(array.element, InlineField)
         kind = array.element.kind
-        stored = concatenate(self.data, starts, counts * DTYPES[kind].itemsize)
+        stored = concatenate_byte_ranges(self.data, starts, counts * DTYPES[kind].itemsize)
         return array_of_elements(numbers_from_bytes(stored, kind, swap=self.swap), kind)
 
     def _gather_values(self, place: _Place) -> Array:

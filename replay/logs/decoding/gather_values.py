@@ -35,7 +35,7 @@ _INLINE: Final = 12
 
 
 @compiled
-def load_column_values(
+def load_values_as_64_bits(
     data: Bytes, positions: Ints, offset: int, how: int, swap: bool, out: Ints
 ) -> None:
     """Load values of a column as 64 bits each: floats as double, stamps in ns.
@@ -104,7 +104,9 @@ def _swap_8_bytes(value: int) -> int:
 
 
 @compiled
-def copy_equal(data: Bytes, positions: Ints, offset: int, size: int, out: Bytes) -> None:
+def copy_ranges_of_equal_size(
+    data: Bytes, positions: Ints, offset: int, size: int, out: Bytes
+) -> None:
     """Copy byte ranges of equal size, one after the other.
 
     Args:
@@ -119,7 +121,7 @@ def copy_equal(data: Bytes, positions: Ints, offset: int, size: int, out: Bytes)
 
 
 @compiled
-def make_string_view(
+def fill_string_views(
     data: Bytes,
     starts: Ints,
     sizes: Ints,
@@ -160,7 +162,7 @@ def make_string_view(
 
 
 @compiled
-def _copy(data: Bytes, starts: Ints, sizes: Ints, out: Bytes) -> None:
+def _copy_byte_ranges(data: Bytes, starts: Ints, sizes: Ints, out: Bytes) -> None:
     to = 0
     for k in range(starts.size):
         copy(data, starts[k], out, to, sizes[k])
@@ -187,7 +189,9 @@ def _find_name_in_messages(
         first += counts[row]
 
 
-def index_of_name(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str) -> Ints:
+def indices_of_name_in_lists(
+    data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str
+) -> Ints:
     """Index of the first occurrence of a name in each list of strings; -1 if absent.
 
     Args:
@@ -207,7 +211,7 @@ def index_of_name(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: st
 def gather_values(data: Bytes, positions: Ints, offset: int, kind: str, *, swap: bool) -> Ints:
     """Values of one type at `positions + offset`, 64 bits each."""
     out = np.empty(positions.size, np.int64)
-    load_column_values(data, positions, offset, LOADS[kind], swap, out)
+    load_values_as_64_bits(data, positions, offset, LOADS[kind], swap, out)
     return out
 
 
@@ -215,14 +219,14 @@ def gather_string_views(data: Bytes, starts: Ints, sizes: Ints) -> tuple[NDArray
     """Strings as Arrow views (n, 4), and the text of those too long for their view."""
     out = np.empty((starts.size, 4), np.uint32)
     text = np.empty(int(sizes[sizes > _INLINE].sum()), np.uint8)
-    make_string_view(data, starts, sizes, out, out.view(np.uint8), text)
+    fill_string_views(data, starts, sizes, out, out.view(np.uint8), text)
     return out, text
 
 
-def concatenate(data: Bytes, starts: Ints, sizes: Ints) -> Bytes:
+def concatenate_byte_ranges(data: Bytes, starts: Ints, sizes: Ints) -> Bytes:
     """Concatenate byte ranges with given begins and sizes."""
     out = np.empty(int(sizes.sum()), np.uint8)
-    _copy(data, starts, sizes, out)
+    _copy_byte_ranges(data, starts, sizes, out)
     return out
 
 

@@ -12,7 +12,11 @@ from numpy.typing import NDArray
 from estimators.arrays import Bytes, Ints
 from estimators.interpreted import compiled_without_refcounts
 from replay.logs.decoding.direct_fields import GatherPlan
-from replay.logs.decoding.gather_values import copy_equal, load_column_values, make_string_view
+from replay.logs.decoding.gather_values import (
+    copy_ranges_of_equal_size,
+    fill_string_views,
+    load_values_as_64_bits,
+)
 from replay.logs.decoding.walk_program import (
     EncodedMessages,
     Encoding,
@@ -108,7 +112,7 @@ def _gather_columns(
     for k in range(value_marks.size):
         base = table[value_marks[k], 1]
         positions = marks[base + first : base + end]
-        load_column_values(
+        load_values_as_64_bits(
             data, positions, value_offsets[k], value_loads[k], swap, values[k, first:end]
         )
     rows = values.shape[1]
@@ -117,11 +121,11 @@ def _gather_columns(
         base, size = table[array_marks[k], 1], array_bytes[k]
         positions = marks[base + first : base + end]
         out = arrays[above + first * size : above + end * size]
-        copy_equal(data, positions, array_offsets[k], size, out)
+        copy_ranges_of_equal_size(data, positions, array_offsets[k], size, out)
         above += rows * size
     for k in range(text_marks.size):
         base, sizes = table[text_marks[k], 1], table[text_marks[k] + 1, 1]
-        long_bytes[k] += make_string_view(
+        long_bytes[k] += fill_string_views(
             data,
             marks[base + first : base + end],
             marks[sizes + first : sizes + end],

@@ -17,7 +17,7 @@ from numba.extending import intrinsic
 from estimators.arrays import Bytes
 
 
-def _are_arrays_of_bytes(*arrays: Any) -> bool:
+def _are_byte_arrays_of_numba(*arrays: Any) -> bool:
     return all(
         isinstance(each, types.Array) and each.dtype == types.uint8 and each.layout == "C"
         for each in arrays
@@ -35,7 +35,7 @@ def _emit_load(number_type: Any) -> Any:
             pointer = builder.bitcast(address, context.get_data_type(number_type).as_pointer())
             return context.cast(builder, builder.load(pointer, align=1), number_type, types.int64)
 
-        return (types.int64(data, at), generate_load) if _are_arrays_of_bytes(data) else None
+        return (types.int64(data, at), generate_load) if _are_byte_arrays_of_numba(data) else None
 
     return type_load
 
@@ -50,7 +50,7 @@ def _emit_copy(
         return context.get_dummy_value()
 
     signature = types.void(data, at, target, to, size)
-    return (signature, generate_copy) if _are_arrays_of_bytes(data, target) else None
+    return (signature, generate_copy) if _are_byte_arrays_of_numba(data, target) else None
 
 
 def _emit_widen(_: Any, bits: Any) -> tuple[Any, Any]:
@@ -73,7 +73,7 @@ def _prefetch_cache_line(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
         builder.call(prefetch, [address, word(0), word(3), word(1)])
         return context.get_dummy_value()
 
-    return (types.void(data, at), generate_prefetch) if _are_arrays_of_bytes(data) else None
+    return (types.void(data, at), generate_prefetch) if _are_byte_arrays_of_numba(data) else None
 
 
 #: (data, at) -> an unsigned integer of 2 and of 4 little-endian bytes, and a signed one of 8

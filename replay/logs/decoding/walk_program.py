@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.arrays import Bytes, Ints
-from estimators.interpreted import compiled, compiled_without_refcounts, inlined
+from estimators.interpreted import compiled, compiled_inline, compiled_without_refcounts
 from replay.logs.decoding.bytes_at import fetch, load32, load64
 from replay.logs.decoding.decode_program import Op, Operand
 
@@ -197,7 +197,7 @@ def walk_messages(
     state[3], state[4], state[5] = other_size, other_end, walked
 
 
-@inlined
+@compiled_inline
 def _prefetch_message(data: Bytes, begins: Ints, sizes: Ints, message: int) -> None:
     """Prefetch a later message into the processor's cache."""
     if message + _AHEAD < begins.size:
@@ -206,7 +206,7 @@ def _prefetch_message(data: Bytes, begins: Ints, sizes: Ints, message: int) -> N
             fetch(data, line)
 
 
-@inlined
+@compiled_inline
 def _has_same_layout(data: Bytes, begin: int, other: int, checks: Ints, count: int) -> bool:
     """Whether a message equals another of its size in all bytes that determine the layout."""
     gap = other - begin
@@ -225,7 +225,7 @@ def _has_same_layout(data: Bytes, begin: int, other: int, checks: Ints, count: i
     return same
 
 
-@inlined
+@compiled_inline
 def _repeat_marks(
     table: Ints, marks: Ints, filled: Ints, notes: Ints, count: int, begin: int
 ) -> None:
@@ -236,7 +236,7 @@ def _repeat_marks(
         _write_marks(table, marks, mark, element, notes[number, 2], notes[number, 3], begin)
 
 
-@inlined
+@compiled_inline
 def _write_marks(
     table: Ints, marks: Ints, mark: int, element: int, place: int, count: int, begin: int
 ) -> None:
@@ -249,7 +249,7 @@ def _write_marks(
             marks[table[mark, 1] + element] = count
 
 
-@inlined
+@compiled_inline
 def _add_note_to_template(
     notes: Ints, checks: int, count: int, mark: int, element: int, place: int, value: int
 ) -> tuple[int, int]:
@@ -265,13 +265,13 @@ def _add_note_to_template(
     return checks, count + 1
 
 
-@inlined
+@compiled_inline
 def _copy_counts(filled: Ints, out: Ints) -> None:
     for node in range(filled.size):
         out[node] = filled[node]
 
 
-@inlined
+@compiled_inline
 def _add_elements(filled: Ints, elements: Ints) -> None:
     """Count a message and the elements of its lists."""
     for node in range(1, filled.size):
@@ -279,7 +279,7 @@ def _add_elements(filled: Ints, elements: Ints) -> None:
     filled[0] += 1
 
 
-@inlined
+@compiled_inline
 def _count_elements(filled: Ints, kept: Ints, elements: Ints) -> None:
     """Count a message, and store how many elements its lists have."""
     for node in range(1, filled.size):
@@ -287,7 +287,7 @@ def _count_elements(filled: Ints, kept: Ints, elements: Ints) -> None:
     filled[0] += 1
 
 
-@inlined
+@compiled_inline
 def _next_step(
     steps: Ints, step: int, filled: Ints, left: Ints, depth: int, count: int
 ) -> tuple[int, int]:
@@ -309,7 +309,7 @@ def _next_step(
     return step + 1, depth
 
 
-@inlined
+@compiled_inline
 def read_walk_step(
     data: Bytes, begin: int, at: int, size: int, steps: Ints, step: int, encoding: Encoding
 ) -> tuple[int, int, int, int, int, int]:
@@ -342,7 +342,7 @@ def read_walk_step(
     return -1, count, told, at, at, _LONG_LIST if is_long else 0
 
 
-@inlined
+@compiled_inline
 def _read_length(
     data: Bytes, begin: int, at: int, size: int, encoding: Encoding, known: int
 ) -> tuple[int, int, int, int]:
@@ -360,7 +360,7 @@ def _read_length(
     return length, at, at + 4, 0
 
 
-@inlined
+@compiled_inline
 def _walk_text(
     data: Bytes, begin: int, at: int, size: int, length: int, cdr: bool
 ) -> tuple[int, int, int, int]:
@@ -381,7 +381,7 @@ def _walk_text(
     return at, count, stop, 0 if is_text else _NO_UTF8
 
 
-@inlined
+@compiled_inline
 def _walk_strided_list(
     steps: Ints, step: int, at: int, size: int, count: int
 ) -> tuple[int, int, int]:
@@ -397,7 +397,7 @@ def _walk_strided_list(
     return at, at + span, _LONG_LIST if span > size - at else 0
 
 
-@inlined
+@compiled_inline
 def _add_bytes_to_compare(checks: Ints, count: int, begin: int, end: int) -> int:
     """Add bytes of a length or string to compare; returns their number, -1 if full."""
     if count < 0 or end == begin:
@@ -412,12 +412,14 @@ def _add_bytes_to_compare(checks: Ints, count: int, begin: int, end: int) -> int
 def read_encapsulations(data: NDArray[np.uint8], offsets: Ints, lengths: Ints) -> Ints:
     """Encapsulation (n,) of each message: two bytes, the most significant first."""
     kinds = np.empty(offsets.size, np.int64)
-    _name_encodings(data, offsets, lengths, kinds)
+    _fill_encapsulations(data, offsets, lengths, kinds)
     return kinds
 
 
 @compiled
-def _name_encodings(data: NDArray[np.uint8], offsets: Ints, lengths: Ints, kinds: Ints) -> None:
+def _fill_encapsulations(
+    data: NDArray[np.uint8], offsets: Ints, lengths: Ints, kinds: Ints
+) -> None:
     for k in range(offsets.size):
         if k + _AHEAD < offsets.size:
             fetch(data, offsets[k + _AHEAD])

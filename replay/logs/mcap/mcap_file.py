@@ -43,7 +43,7 @@ from replay.logs.mcap.mcap_records import (
     RECORD_HEAD,
     SCHEMA,
     STATISTICS,
-    chunk_block,
+    chunk_at_offset_or_none,
 )
 from replay.logs.messages.broken_bytes import BROKEN_BYTES
 from replay.logs.storage import Connection, FileBytes
@@ -78,7 +78,7 @@ class McapWalk:
         while not self.has_footer and len(head := file.read(at, RECORD_HEAD.size)) == _HEAD:
             opcode, length = RECORD_HEAD.unpack(head)
             end = at + _HEAD + length
-            block = chunk_block(file, at) if opcode == CHUNK else None
+            block = chunk_at_offset_or_none(file, at) if opcode == CHUNK else None
             if block is not None:
                 yield block
                 self.data_ended = False
@@ -129,7 +129,7 @@ class McapFile(BlockFile):
         walk = None
         if not is_enough:
             self._store = self._make_store()
-            walk = self._walk()
+            walk = self._read_whole_file()
             said = walk.message_count if said is None else said
         found = self._store.message_count
         # where every damaged chunk tells how many messages it held, that is said with it
@@ -151,7 +151,7 @@ class McapFile(BlockFile):
 
         return GRAMMAR
 
-    def check(self) -> int:
+    def check_and_count_crcs(self) -> int:
         """Read the file from start to end, and compare the CRCs of data and summary."""
         walk = McapWalk(self._make_second_pass_store(), self._process_record)
         self._compare_with_first_pass(walk.chunks(), walk.store)
@@ -179,7 +179,7 @@ class McapFile(BlockFile):
         for offset in sorted(chunks):
             chunk = chunks[offset]
             counts = count_indexed_messages(chunk)
-            block = chunk_block(self._file, offset, counts)
+            block = chunk_at_offset_or_none(self._file, offset, counts)
             read_times = partial(read_indexed_times_of_chunk, self._file, chunk)
             is_described = described and self._channels.keys() >= counts.keys()
             # the index stands behind all chunks, so that the end of the file tears none of them
@@ -195,7 +195,7 @@ class McapFile(BlockFile):
         if unknown:
             self._store.add_unindexed(unknown)
 
-    def _walk(self) -> McapWalk:
+    def _read_whole_file(self) -> McapWalk:
         """Read the file from start to end."""
         walk = McapWalk(self._store, self._process_record)
         self._store.add_unindexed(walk.chunks())
@@ -220,7 +220,7 @@ class McapFile(BlockFile):
             f"are read{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
-    def _process_record(self, op: int, content: bytes, at: int) -> None:
+    def _process_record(self, op: int, content: bytes, offset: int) -> None:
         """Keep the first channel or schema of each number, and the first summary counts."""
         stream = ReadDataStream(BytesIO(content))
         try:
@@ -230,10 +230,10 @@ class McapFile(BlockFile):
             self._store.damage.note(f"the record of a {kind} is damaged: {error}")
             return
         if isinstance(record, Channel):
-            if at < self._channels_at.get(record.id, self._file.size):
-                self._channels[record.id], self._channels_at[record.id] = record, at
-        elif at < self._schemas_at.get(record.id, self._file.size):
-            self._schemas[record.id], self._schemas_at[record.id] = record, at
+            if offset < self._channels_at.get(record.id, self._file.size):
+                self._channels[record.id], self._channels_at[record.id] = record, offset
+        elif offset < self._schemas_at.get(record.id, self._file.size):
+            self._schemas[record.id], self._schemas_at[record.id] = record, offset
 
 
 def _has_same_times(chunk: ChunkIndex, block: Block) -> bool:

@@ -35,7 +35,7 @@ _LONGEST_NAME: Final = 32
 _INT64_MAX: Final = 2**63 - 1
 
 
-def chunk_block(
+def chunk_at_offset_or_none(
     file: FileBytes, offset: int, counts: Mapping[int, int] | None = None
 ) -> Block | None:
     """Chunk whose record begins at `offset`, with messages by channel; None if there is none.

@@ -20,7 +20,7 @@ from replay.logs.mcap.mcap_records import (
     MESSAGE,
     RECORD_HEAD,
     SCHEMA,
-    chunk_block,
+    chunk_at_offset_or_none,
 )
 from replay.logs.messages.broken_bytes import BROKEN_BYTES
 from replay.logs.messages.raw_batch import RawBatch
@@ -56,7 +56,7 @@ class McapTail(GrowingBlockFile):
             return []
         if opcode in _LOOSE:
             return self._take_unchunked_messages(RECORD_HEAD.size + length)
-        block = chunk_block(file, self._at) if opcode == CHUNK else None
+        block = chunk_at_offset_or_none(file, self._at) if opcode == CHUNK else None
         self._at += RECORD_HEAD.size + length
         return [] if block is None else self._take_block(block)
 

@@ -12,7 +12,7 @@ from rosbags.typesys.base import normalize_fieldname
 from replay.logs.messages.broken_bytes import BrokenBytesError
 
 
-def int64(value: int) -> int:
+def require_int64(value: int) -> int:
     """Return a number unchanged.
 
     Raises:

@@ -57,7 +57,7 @@ class Field:
         return dtype
 
 
-def resolve(name: str, record: RecordType) -> Field:
+def resolve_field(name: str, record: RecordType) -> Field:
     """Find a field of a message type.
 
     Args:
@@ -104,12 +104,12 @@ def _parse_field_path(name: str) -> tuple[PathStep, ...]:
                 f"{name!r} is not a field name; write angular_velocity.z, covariance[0] or "
                 "effort[left]"
             )
-        steps.append(PathStep(match["name"], _parse_element(match["element"])))
+        steps.append(PathStep(match["name"], _parse_element_or_none(match["element"])))
         at = match.end()
     return tuple(steps)
 
 
-def _parse_element(text: str | None) -> int | str | None:
+def _parse_element_or_none(text: str | None) -> int | str | None:
     if text is None or not (text.isascii() and text.isdigit()):
         return text
     # lists count in 32 bits; Python refuses to read numbers of thousands of digits

@@ -119,7 +119,7 @@ class LeafField:
     is_stamp: bool = False
 
 
-def leaf_fields(
+def iter_leaf_fields(
     record: RecordType, prefix: str = "", lengths: tuple[int | None, ...] = ()
 ) -> Iterator[LeafField]:
     """Every part of a message that can be a column, in the order of the definition."""
@@ -129,7 +129,7 @@ def leaf_fields(
         if isinstance(kind, ListOf):
             path, inner, around = f"{path}[]", kind.element, (*lengths, kind.length)
         if isinstance(inner, RecordType):
-            yield from leaf_fields(inner, f"{path}.", around)
+            yield from iter_leaf_fields(inner, f"{path}.", around)
             continue
         assert isinstance(inner, Scalar), "there are no lists of lists"
         dtype = (ELEMENT_DTYPES if around else COLUMN_DTYPES)[inner.kind]
@@ -141,4 +141,4 @@ def leaf_fields(
 
 def iter_leaf_names(record: RecordType) -> Iterator[str]:
     """Dotted names of all possible columns; a list shows as `effort[]`."""
-    return (leaf.name for leaf in leaf_fields(record))
+    return (leaf.name for leaf in iter_leaf_fields(record))

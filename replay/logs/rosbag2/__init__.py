@@ -1,6 +1,6 @@
 """rosbag2 directories: storage files and metadata.yaml."""
 
 from replay.logs.rosbag2.rosbag2_directory import Rosbag2Directory, list_storage_files
-from replay.logs.rosbag2.rosbag2_metadata import METADATA, custom_data
+from replay.logs.rosbag2.rosbag2_metadata import METADATA, parse_custom_data
 
-__all__ = ["METADATA", "Rosbag2Directory", "custom_data", "list_storage_files"]
+__all__ = ["METADATA", "Rosbag2Directory", "list_storage_files", "parse_custom_data"]

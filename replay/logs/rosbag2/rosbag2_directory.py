@@ -87,10 +87,10 @@ class Rosbag2Directory:
             what = f"cannot be read, so the files are read in the order of their names: {error}"
             self._losses.note(self._path / METADATA, what)
             return Metadata(names)
-        self._compare_names(metadata.names, names)
+        self._note_wrong_file_names(metadata.names, names)
         return metadata
 
-    def _compare_names(self, named: Sequence[str], found: Sequence[str]) -> None:
+    def _note_wrong_file_names(self, named: Sequence[str], found: Sequence[str]) -> None:
         """Note files that metadata.yaml names twice or leaves out."""
         for name, times in Counter(named).items():
             if times > 1:
@@ -133,7 +133,7 @@ class Rosbag2Directory:
         stored = path
         if path.suffix == ".zstd":
             stored = Path(self._scratch.name, path.stem)
-            fault = unpack_file(path, stored)
+            fault = decompress_file_and_find_fault(path, stored)
             if fault:
                 what = f"the compressed file is damaged, what comes before is read: {fault}"
                 self._losses.note(path, what)
@@ -160,7 +160,7 @@ class Rosbag2Directory:
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
         """Log times of a connection."""
-        self._compare_counts()
+        self._note_wrong_message_counts()
         if connection_id >= len(self._origin):
             return make_empty_times()
         part_number, inner = self._origin[connection_id]
@@ -168,7 +168,7 @@ class Rosbag2Directory:
 
     def message_count(self, connection_id: int) -> int:
         """Number of messages of a connection."""
-        self._compare_counts()
+        self._note_wrong_message_counts()
         if connection_id >= len(self._origin):
             return 0
         part_number, inner = self._origin[connection_id]
@@ -212,12 +212,12 @@ class Rosbag2Directory:
                     part.files[0], f"{count:,} messages cannot be decompressed", topics[key]
                 )
 
-    def _compare_counts(self) -> None:
+    def _note_wrong_message_counts(self) -> None:
         """Note where metadata.yaml and files have different message counts."""
         if self._is_compared:
             return
         self._is_compared = True
-        self._compare_times()
+        self._note_overlapping_files()
         held: Counter[str] = Counter()
         for connection, (part_number, inner) in zip(self.connections, self._origin, strict=False):
             held[connection.topic] += self._parts[part_number].log_times(inner).size
@@ -235,7 +235,7 @@ class Rosbag2Directory:
                 f"counts {counted:,} messages in all, but {total:,} were found",
             )
 
-    def _compare_times(self) -> None:
+    def _note_overlapping_files(self) -> None:
         """Note files that overlap in time; parts of one recording are consecutive."""
         spans: list[tuple[int, int, str]] = []
         for part in self._parts:
@@ -256,10 +256,10 @@ class Rosbag2Directory:
         """Earliest log time of all files."""
         return min((part.earliest_ns() for part in self._parts), default=END_NS)
 
-    def check(self) -> int:
+    def check_and_count_crcs(self) -> int:
         """Check every file."""
-        self._compare_counts()
-        return sum(part.check() for part in self._parts)
+        self._note_wrong_message_counts()
+        return sum(part.check_and_count_crcs() for part in self._parts)
 
     def close(self) -> None:
         """Release the files."""
@@ -278,7 +278,7 @@ def _part_sort_key(name: str) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
 
 
-def unpack_file(packed: Path, target: Path) -> str | None:
+def decompress_file_and_find_fault(packed: Path, target: Path) -> str | None:
     """Decompress a file; if it is damaged, keep the part before and return the reason."""
     import pyarrow as pa  # slow to import, and most logs are not compressed so
 
@@ -328,14 +328,14 @@ def _decompress_file(unpacker: zstandard.ZstdDecompressor, packed: bytes) -> byt
     return _unpack_stepwise(unpacker, packed, room)
 
 
-def _unpack_stepwise(unpacker: zstandard.ZstdDecompressor, packed: bytes, room: int) -> bytes:
+def _unpack_stepwise(unpacker: zstandard.ZstdDecompressor, packed: bytes, max_bytes: int) -> bytes:
     """Unpack a frame of unknown size, in steps that a few bytes can hold."""
     stream = unpacker.decompressobj()
     parts: list[bytes] = []
     for at in range(0, len(packed), _FEW_BYTES):
         parts.append(stream.decompress(packed[at : at + _FEW_BYTES]))
-        room -= len(parts[-1])
-        if room < 0:
+        max_bytes -= len(parts[-1])
+        if max_bytes < 0:
             raise zstandard.ZstdError("implausibly large")
         if stream.eof:
             return b"".join(parts)

@@ -61,7 +61,7 @@ def read_metadata(folder: Path) -> Metadata:
         raise MetadataError(str(error)) from error
 
 
-def custom_data(data: bytes) -> Mapping[str, str]:
+def parse_custom_data(data: bytes) -> Mapping[str, str]:
     """The `custom_data` of a metadata.yaml: texts given by the recorder, by name.
 
     Empty if it has none or is damaged; `read_metadata` reports the error.
@@ -137,7 +137,7 @@ def _parse_metadata(content: Any, folder: Path) -> Metadata:
             _read_topic_entry(entry)
             for entry in _require_list(_require_value(information, "topics_with_message_count"))
         ),
-        None if messages is None else message_count(messages),
+        None if messages is None else require_message_count(messages),
     )
 
 
@@ -147,7 +147,7 @@ def _read_topic_entry(entry: Any) -> AnnouncedTopic:
         require_text(_require_value(topic, "name")),
         require_text(_require_value(topic, "type")),
         require_text(_require_value(topic, "serialization_format")),
-        message_count(_require_value(entry, "message_count")),
+        require_message_count(_require_value(entry, "message_count")),
     )
 
 
@@ -165,7 +165,7 @@ def _require_list(value: Any) -> list[Any]:
     return value
 
 
-def message_count(value: Any) -> int:
+def require_message_count(value: Any) -> int:
     """Validated number of messages; YAML also has quoted and infinite numbers."""
     try:
         return int(value)

@@ -58,7 +58,7 @@ class RowFilter(NamedTuple):
     with_data: bool
 
 
-def read_page_layout(file: FileBytes, database: sqlite3.Connection) -> PageLayout | None:
+def read_page_layout_or_none(file: FileBytes, database: sqlite3.Connection) -> PageLayout | None:
     """Layout of table `messages`; None if SQLite has to read it.
 
     Raises:

@@ -10,7 +10,7 @@ from analysis.model.loss import Loss
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.messages.raw_batch import RawBatch, join_messages
 from replay.logs.sqlite.row_query import LEAST_ID, Row, fetch_all, guard_sqlite_call
-from replay.logs.sqlite.sqlite_file import connect_to_read, read_connections
+from replay.logs.sqlite.sqlite_file import connect_for_reading, read_connections
 from replay.logs.storage import Connection, LossList
 
 #: Rows of one poll.
@@ -44,7 +44,7 @@ class Db3Tail:
         if looks == self._seen:
             return []
         try:
-            with closing(connect_to_read(self._path, unfinished=True)) as database:
+            with closing(connect_for_reading(self._path, unfinished=True)) as database:
                 rows = self._read_new_rows(database)
         except (BrokenBytesError, sqlite3.Error):
             return []

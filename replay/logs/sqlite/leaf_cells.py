@@ -23,7 +23,7 @@ MESSAGE, DAMAGED, NO_MESSAGE, UNUSUAL = range(4)
 
 
 @compiled_without_refcounts
-def big_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
+def read_big_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
     """Unsigned big-endian integer of less than 8 bytes."""
     value = np.int64(0)
     for k in range(size):

@@ -15,8 +15,8 @@ from replay.logs.sqlite.leaf_cells import (
     MESSAGE,
     NO_MESSAGE,
     UNUSUAL,
-    big_endian,
     parse_cell,
+    read_big_endian,
 )
 from replay.logs.sqlite.row_query import MOST_ID
 from replay.logs.storage import KEY, LENGTH, OFFSET, TIME, FileBytes
@@ -49,7 +49,7 @@ class ScannedRows(NamedTuple):
     gaps: NDArray[np.int64]
 
 
-def leaf_pages(file: FileBytes, layout: PageLayout) -> NDArray[np.uint32] | None:
+def leaf_page_numbers_or_none(file: FileBytes, layout: PageLayout) -> NDArray[np.uint32] | None:
     """Numbers of the leaf pages; None if the tree is damaged.
 
     No page is visited twice, so a cyclic tree ends here.
@@ -108,22 +108,22 @@ def fill_child_pages(
     """Pages below those that begin at `slots`; returns their number, -1 if one is damaged."""
     count = 0
     for base in slots:
-        cells = big_endian(data, base + 3, 2)
+        cells = read_big_endian(data, base + 3, 2)
         contents = base + _PAGE_HEAD + 2 * cells
         if data[base] != _INTERIOR or cells == 0 or contents > base + usable:
             return -1
         for cell in range(cells):
-            at = base + big_endian(data, base + _PAGE_HEAD + 2 * cell, 2)
+            at = base + read_big_endian(data, base + _PAGE_HEAD + 2 * cell, 2)
             # page and, in at least a byte, the last id below it
             if at < contents or at + 5 > base + usable:
                 return -1
             if count == found.size:
                 return -1
-            found[count] = big_endian(data, at, 4)
+            found[count] = read_big_endian(data, at, 4)
             count += 1
         if count == found.size:
             return -1
-        found[count] = big_endian(data, base + 8, 4)
+        found[count] = read_big_endian(data, base + 8, 4)
         count += 1
     return count
 
@@ -141,18 +141,18 @@ class PageRanges(NamedTuple):
 
 
 def page_ranges(
-    pages: NDArray[np.uint32], page_bytes: int, room: int
+    pages: NDArray[np.uint32], page_bytes: int, max_bytes: int
 ) -> tuple[PageRanges, NDArray[np.int64]]:
     """Ranges that contain as many of `pages` as there is room for, at least one.
 
     Returns:
         The ranges, and (n,) begin of each of the first n pages.
     """
-    numbers = pages[: max(1, room // page_bytes)].astype(np.int64)
+    numbers = pages[: max(1, max_bytes // page_bytes)].astype(np.int64)
     step = np.diff(numbers)
     apart = (step < 1) | ((step - 1) * page_bytes > _MOST_BETWEEN)
     slot = np.concatenate([[0], np.cumsum(np.where(apart, 1, step))])
-    count = int(np.searchsorted(slot, room // page_bytes))
+    count = int(np.searchsorted(slot, max_bytes // page_bytes))
     numbers, slot = numbers[:count], slot[:count]
     starts = np.concatenate([[0], np.flatnonzero(apart[: count - 1]) + 1])
     ends = np.concatenate([starts[1:], [count]]) - 1
@@ -206,13 +206,13 @@ def scan_leaves(
     while state[AT_LEAF] < leaves.size:
         base = int(leaves[state[AT_LEAF]])
         end = base + layout.usable_bytes
-        cells = big_endian(data, base + 3, 2)
+        cells = read_big_endian(data, base + 3, 2)
         contents = base + _LEAF_HEAD + 2 * cells
         if data[base] != LEAF or cells == 0 or contents > end:
             cells = 0
             _open_gap(gaps, state)
         while state[AT_CELL] < cells:
-            at = base + big_endian(data, base + _LEAF_HEAD + 2 * int(state[AT_CELL]), 2)
+            at = base + read_big_endian(data, base + _LEAF_HEAD + 2 * int(state[AT_CELL]), 2)
             what, row_id, topic, time, begin, length, local, stop = parse_cell(
                 data, at, contents, end, layout, row_filter.with_data
             )
@@ -236,7 +236,7 @@ def scan_leaves(
                     spills[ROW, spilled] = found
                     spills[BEGIN, spilled] = begin
                     spills[LOCAL, spilled] = local
-                    spills[PAGE, spilled] = big_endian(data, stop, 4)
+                    spills[PAGE, spilled] = read_big_endian(data, stop, 4)
                     spills[REST, spilled] = length - local
                     spilled += 1
                 rows[KEY, found] = topic

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from estimators.interpreted import is_compiler_loaded
-from replay.logs.sqlite.database_pages import PageLayout, RowFilter, read_page_layout
+from replay.logs.sqlite.database_pages import PageLayout, RowFilter, read_page_layout_or_none
 from replay.logs.sqlite.row_query import LEAST_ID, Row, TableRows, guard_sqlite_call, read_rows
 from replay.logs.storage import KEY, LENGTH, OFFSET, TIME, FileBytes, prefetch
 
@@ -45,7 +45,7 @@ class MessageTable:
         self._database = database
         self._file = file
         self._note = note
-        self._layout = read_page_layout(file, database)
+        self._layout = read_page_layout_or_none(file, database)
 
     def iter_times(self) -> Iterator[TableRows]:
         """Rows without their messages."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from estimators.compiled import compiled
 from replay.logs.sqlite.database_pages import PageLayout, RowFilter
-from replay.logs.sqlite.leaf_cells import big_endian
+from replay.logs.sqlite.leaf_cells import read_big_endian
 from replay.logs.sqlite.leaf_pages import (
     AT_LEAF,
     BEGIN,
@@ -24,7 +24,7 @@ from replay.logs.sqlite.leaf_pages import (
     ROW,
     PageRanges,
     ScannedRows,
-    leaf_pages,
+    leaf_page_numbers_or_none,
     page_ranges,
     read_ranges,
     scan_leaves,
@@ -92,7 +92,7 @@ class PageWalk:
 
     def __iter__(self) -> Iterator[TableRows]:
         try:
-            leaves = leaf_pages(self._file, self._layout)
+            leaves = leaf_page_numbers_or_none(self._file, self._layout)
             if leaves is not None:
                 yield from self._walk_leaves(leaves)
         except (OSError, MemoryError):
@@ -105,7 +105,7 @@ class PageWalk:
         at, step, reach = 0, 0, _FIRST_LEAVES
         is_usual = True
         while is_usual and at < leaves.size:
-            rows, is_usual = self._read(leaves[at : at + reach], memories[step % 2])
+            rows, is_usual = self._read_rows_of_leaves(leaves[at : at + reach], memories[step % 2])
             self.left_after = int(self._state[LAST_ID])
             yield rows
             # large messages fill a step from few leaves, and others would be read for nothing
@@ -116,7 +116,9 @@ class PageWalk:
         if is_usual:
             self.left_after = None
 
-    def _read(self, leaves: NDArray[np.uint32], memory: _PageBuffers) -> tuple[TableRows, bool]:
+    def _read_rows_of_leaves(
+        self, leaves: NDArray[np.uint32], memory: _PageBuffers
+    ) -> tuple[TableRows, bool]:
         """Rows from the given leaves on, and whether the following leaves have the usual layout."""
         size = self._layout.page_bytes
         ranges, slots = page_ranges(leaves, size, _LEAF_BYTES)
@@ -139,7 +141,7 @@ class PageWalk:
             if tail + joined_bytes > data.size:
                 data = np.empty(tail + joined_bytes, np.uint8)
                 data[:tail] = memory.data[:tail]
-            self._chains.join(data, ranges, memory.rows, self._spills, spilled)
+            self._chains.join_spilled_messages(data, ranges, memory.rows, self._spills, spilled)
             rows = self._drop_torn_rows(rows, self._spills[:, :spilled])
         return TableRows(data, rows), is_usual
 
@@ -168,18 +170,24 @@ class PageWalk:
             self._note(f"{odd:,} rows from row {first_odd} on hold no message")
 
 
-def _describe_lost_rows(before: int, until: int) -> str:
+def _describe_lost_rows(last_id_before: int, next_id: int) -> str:
     """Clause on the rows lost between two ids, as far as the ids show it."""
-    if until == MOST_ID:
-        return "all rows are" if before == LEAST_ID else f"rows from {before + 1} on are"
-    if before == LEAST_ID:
-        return f"rows before {until} are"
-    if until == before + 2:
-        return f"row {before + 1} is"
+    if next_id == MOST_ID:
+        return (
+            "all rows are"
+            if last_id_before == LEAST_ID
+            else f"rows from {last_id_before + 1} on are"
+        )
+    if last_id_before == LEAST_ID:
+        return f"rows before {next_id} are"
+    if next_id == last_id_before + 2:
+        return f"row {last_id_before + 1} is"
     # ids out of order are damaged themselves
-    in_order = until > before + 1
+    in_order = next_id > last_id_before + 1
     return (
-        f"rows from {before + 1} to {until - 1} are" if in_order else f"rows near row {before} are"
+        f"rows from {last_id_before + 1} to {next_id - 1} are"
+        if in_order
+        else f"rows near row {last_id_before} are"
     )
 
 
@@ -202,7 +210,7 @@ class OverflowPageReader:
         self._used = 0
         self._near = NearPages(0, 0, np.empty(0, np.uint8))
 
-    def join(
+    def join_spilled_messages(
         self,
         data: NDArray[np.uint8],
         ranges: PageRanges,
@@ -227,13 +235,13 @@ class OverflowPageReader:
             progress = int(state[_USED]) - self._used
             self._at_once = min(self._most, max(_FEWEST_PAGES, 2 * progress))
             self._used = int(state[_USED])
-            self._read(int(state[_NEXT]), int(state[_LEFT]))
+            self._read_likely_pages_of_message(int(state[_NEXT]), int(state[_LEFT]))
         self._used = int(state[_USED])
 
-    def _read(self, page: int, left: int) -> None:
+    def _read_likely_pages_of_message(self, page: int, bytes_left: int) -> None:
         """Read the pages that may hold the remaining bytes of a message."""
         size = self._layout.page_bytes
-        needed = -(-left // (self._layout.usable_bytes - 4))
+        needed = -(-bytes_left // (self._layout.usable_bytes - 4))
         pages = min(needed, self._at_once, self._layout.pages + 1 - page)
         data = self._near.data
         self._near = NearPages(
@@ -285,13 +293,13 @@ def _continue_chains(
             to = state[_TO]
             if first_near <= page < first_near + near_pages:
                 at = (page - first_near) * layout.page_bytes
-                following = big_endian(near_bytes, at, 4)
+                following = read_big_endian(near_bytes, at, 4)
                 data[to : to + size] = near_bytes[at + 4 : at + 4 + size]
             else:
                 at = _find_page(at_hand, page, layout.page_bytes)
                 if at < 0:
                     return True
-                following = big_endian(data, at, 4)
+                following = read_big_endian(data, at, 4)
                 data[to : to + size] = data[at + 4 : at + 4 + size]
             state[_USED] += 1
             # only the last names none: a chain in a circle has no last

@@ -138,15 +138,15 @@ def _iter_batches(
             rows, size = [], 0
 
 
-def find_first_row_after(database: sqlite3.Connection, query: str, after: int) -> Row | None:
+def find_first_row_after(database: sqlite3.Connection, query: str, row_id: int) -> Row | None:
     """First row after an id.
 
     Raises:
         BrokenBytesError: the database is damaged there.
     """
     with guard_sqlite_call():
-        row = database.execute(f"{query} LIMIT 1", (after,)).fetchone()
-    if row is not None and row[0] <= after:
+        row = database.execute(f"{query} LIMIT 1", (row_id,)).fetchone()
+    if row is not None and row[0] <= row_id:
         raise BrokenBytesError("the tree has a loop")
     return row
 

@@ -55,7 +55,7 @@ class Db3File:
             head = file.read(0, HEADER_BYTES)
             if not head.startswith(MAGIC):
                 raise LogError(f"{path}: not a rosbag2 .db3 file; it is not a SQLite database")
-            if tear := describe_tear(head, file.size):
+            if tear := torn_end_text_or_none(head, file.size):
                 self._damage.note(tear)
             journal = path.with_name(f"{path.name}-wal")
             unfinished = journal.exists() and journal.stat().st_size > 0
@@ -67,7 +67,7 @@ class Db3File:
             self._size = file.size
             #: by how much log times go back from the latest so far, at most; None until known
             self._back_ns: int | None = None
-            self._database = connect_to_read(path, unfinished=unfinished)
+            self._database = connect_for_reading(path, unfinished=unfinished)
             opened.callback(self._database.close)
             try:
                 self.connections: tuple[Connection, ...] = read_connections(
@@ -159,7 +159,7 @@ class Db3File:
             return END_NS
         return earliest if isinstance(earliest, int) else UNKNOWN_NS
 
-    def check(self) -> int:
+    def check_and_count_crcs(self) -> int:
         """Let SQLite check its pages; it keeps no CRCs."""
         try:
             ((answer,),) = fetch_all(self._database, "PRAGMA quick_check(1)")
@@ -217,7 +217,7 @@ def read_connections(
 def read_metadata_texts(path: Path) -> list[str]:
     """Copies of metadata.yaml in a database, the newest first; none before ROS 2 Iron."""
     try:
-        database = connect_to_read(path, unfinished=False)
+        database = connect_for_reading(path, unfinished=False)
     except LogError:
         return []
     query = "SELECT metadata FROM metadata WHERE typeof(metadata) = 'text' ORDER BY id DESC"
@@ -228,7 +228,7 @@ def read_metadata_texts(path: Path) -> list[str]:
             return []
 
 
-def connect_to_read(path: Path, *, unfinished: bool) -> sqlite3.Connection:
+def connect_for_reading(path: Path, *, unfinished: bool) -> sqlite3.Connection:
     """Open a database for reading; `unfinished` if it may still have a recorder."""
     # immutable reads files on read-only media, but is blind to messages still in a -wal file
     mode = "mode=ro" if unfinished else "mode=ro&immutable=1"
@@ -283,7 +283,7 @@ def count_uncommitted_bytes(path: Path) -> int:
         return size - closed
 
 
-def describe_tear(head: bytes, size: int) -> str | None:
+def torn_end_text_or_none(head: bytes, size: int) -> str | None:
     """What is wrong with the end of a database, by its first page; None if complete."""
     page = int.from_bytes(head[16:18], "big")
     page = 2**16 if page == 1 else page

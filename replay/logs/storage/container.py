@@ -72,7 +72,7 @@ class Container(Protocol):
         """Lower bound of all log times, as far as known without reading them."""
         ...
 
-    def check(self) -> int:
+    def check_and_count_crcs(self) -> int:
         """Check the rest of the files after all messages were read.
 
         Returns:

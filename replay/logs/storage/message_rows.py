@@ -27,7 +27,7 @@ def group_by_key(keys: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.intp
 
 
 def prefetch(items: Iterator[T]) -> Iterator[T]:
-    """Prefetch: run the producer of items one item ahead of the consumer, in another thread."""
+    """Yield the items while another thread already produces the next one."""
     with ThreadPoolExecutor(1, thread_name_prefix="payscope-prefetch") as pool:
         following = pool.submit(next, items, None)
         while (item := following.result()) is not None:

@@ -6,13 +6,13 @@ of the log, and what is ambiguous is an error that names the key of `[log]` that
 
 from typing import TYPE_CHECKING
 
-from estimators.late_names import resolve_late
+from estimators.late_names import make_late_getattr
 
 # every log takes a `TimeAxis`; what reads tables is imported when one is opened
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 
 if TYPE_CHECKING:
-    from replay.logs.tables.axis import RowTimes, TableTimes, find_times
+    from replay.logs.tables.axis import RowTimes, TableTimes, find_time_columns
     from replay.logs.tables.csv_columns import CsvColumns
     from replay.logs.tables.dialect import Dialect, sniff_dialect
     from replay.logs.tables.only_time import describe_disagreement
@@ -32,12 +32,12 @@ __all__ = [
     "Utf8Text",
     "convert_file_to_utf8",
     "describe_disagreement",
-    "find_times",
+    "find_time_columns",
     "read_head_lines",
     "sniff_dialect",
 ]
 
-__getattr__ = resolve_late(
+__getattr__ = make_late_getattr(
     "replay.logs.tables",
     {
         "NS_PER_UNIT": "replay.logs.tables.times",
@@ -49,7 +49,7 @@ __getattr__ = resolve_late(
         "Utf8Text": "replay.logs.tables.text",
         "convert_file_to_utf8": "replay.logs.tables.text",
         "describe_disagreement": "replay.logs.tables.only_time",
-        "find_times": "replay.logs.tables.axis",
+        "find_time_columns": "replay.logs.tables.axis",
         "read_head_lines": "replay.logs.tables.text",
         "sniff_dialect": "replay.logs.tables.dialect",
     },

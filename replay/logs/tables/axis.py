@@ -9,29 +9,29 @@ import numpy as np
 import polars as pl
 
 from estimators.arrays import Floats
-from replay.logs.tables.dates import is_clock, is_date, stamps_of_clock_times
+from replay.logs.tables.dates import is_date, is_time_of_day, stamps_of_clock_times
 from replay.logs.tables.header import (
     ColumnName,
-    name_before_dash,
-    name_by_last_part,
+    column_named_before_dash,
+    column_named_by_last_part,
+    has_multiple_of_unit,
     split_unit,
-    states_multiple,
     zone_offset_s,
 )
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
-from replay.logs.tables.only_time import find_only_time_column
+from replay.logs.tables.only_time import only_time_column_or_empty
 from replay.logs.tables.time_parts import (
-    calendar_columns,
-    calendar_times,
-    fraction_column,
-    fractions_ns,
+    find_calendar_columns,
+    fraction_column_or_none,
+    fractions_ns_and_unit,
     lower_case_letters,
+    times_of_calendar,
 )
 from replay.logs.tables.times import (
     NS_PER_UNIT,
     TimeError,
     correct_epoch_of_1904,
-    find_epoch,
+    find_plausible_epoch_or_none,
     times_in_ns,
 )
 
@@ -134,7 +134,7 @@ class TableTimes:
         if self.calendar:
             names = ", ".join(self.calendar)
             note = f"its times are composed of {names}" + ", as UTC" * (len(self.calendar) > 3)
-            whole = RowTimes(calendar_times([cells[name] for name in self.calendar]), (note,))
+            whole = RowTimes(times_of_calendar([cells[name] for name in self.calendar]), (note,))
             return self._add_fractions(whole, cells)
         if self.time is None:
             assert self.rate_hz is not None
@@ -145,13 +145,13 @@ class TableTimes:
             return RowTimes(stamps.alias("log_time_ns"), (note,))
         return self._add_fractions(self._read_one_column(cells), cells)
 
-    def _add_fractions(self, whole: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
+    def _add_fractions(self, seconds: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
         """Add fractions of a second from another column."""
         if self.fraction is None:
-            return whole
-        fractions, unit = fractions_ns(cells[self.fraction])
+            return seconds
+        fractions, unit = fractions_ns_and_unit(cells[self.fraction])
         note = f"the fractions of its seconds are those of '{self.fraction}', in {unit}"
-        return RowTimes((whole.stamps + fractions).alias("log_time_ns"), (*whole.notes, note))
+        return RowTimes((seconds.stamps + fractions).alias("log_time_ns"), (*seconds.notes, note))
 
     def _read_one_column(self, cells: Mapping[str, pl.Series]) -> RowTimes:
         assert self.time is not None
@@ -166,7 +166,7 @@ class TableTimes:
         if text.dtype == pl.String:
             sample = text.head(1000).drop_nulls().str.strip_chars()
             words = sample.filter(sample != "").head(50).to_list()
-            if words and sum(map(is_clock, words)) * 2 > len(words):
+            if words and sum(map(is_time_of_day, words)) * 2 > len(words):
                 return RowTimes(
                     *stamps_of_clock_times(None, text, self.day_first, zone_offset_s(self.time))
                 )
@@ -184,7 +184,7 @@ class TableTimes:
         return RowTimes(*recognise_times(text))
 
 
-def find_times(
+def find_time_columns(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]], time_axis: TimeAxis | None
 ) -> list[tuple[TableTimes, list[str]]] | None:
     """Find the time columns, and the columns that each belongs to.
@@ -206,13 +206,13 @@ def find_times(
     if time_axis is not None and time_axis.column is not None:
         place = names.index(time_axis.column)
         if unit is None:
-            unit = unit_of_name(columns[place])
-        return [(_make_axis(columns, cells, place, unit, table), names)]
-    if calendar := calendar_columns(columns):
-        fraction = fraction_column(columns, cells, names.index(calendar[-1]))
+            unit = time_unit_in_name(columns[place])
+        return [(_make_table_times(columns, cells, place, unit, table), names)]
+    if calendar := find_calendar_columns(columns):
+        fraction = fraction_column_or_none(columns, cells, names.index(calendar[-1]))
         return [(TableTimes(None, fraction=fraction, calendar=calendar), names)]
-    found = _rank_time_columns(columns, cells) or find_only_time_column(columns, cells)
-    for part in (name_by_last_part, name_before_dash) if not found else ():
+    found = _rank_time_columns(columns, cells) or only_time_column_or_empty(columns, cells)
+    for part in (column_named_by_last_part, column_named_before_dash) if not found else ():
         columns = [part(column) for column in columns]
         if found := _rank_time_columns(columns, cells):
             break
@@ -225,21 +225,21 @@ def find_times(
         if columns[k].bare.lower() == columns[first].bare.lower()
         and columns[k].unit == columns[first].unit
     ]
-    one = _make_axis(columns, cells, first, unit or unit_of_name(columns[first]), table)
+    one = _make_table_times(columns, cells, first, unit or time_unit_in_name(columns[first]), table)
     if len(times) == 1 or one.date:
         return [(one, names)]
     # pairs side by side: each column belongs to the time before it
     ends = [*times[1:], len(names)]
     return [
         (
-            TableTimes(names[at], unit=unit or unit_of_name(columns[at]), day_first=day_first),
+            TableTimes(names[at], unit=unit or time_unit_in_name(columns[at]), day_first=day_first),
             names[start:end],
         )
         for at, start, end in zip(times, [0, *times[1:]], ends, strict=True)
     ]
 
 
-def _make_axis(
+def _make_table_times(
     columns: Sequence[ColumnName],
     cells: Callable[[int], list[str]],
     place: int,
@@ -253,7 +253,7 @@ def _make_axis(
     return TableTimes(
         columns[place].name,
         _find_date_column(columns, cells, place),
-        fraction or fraction_column(columns, cells, place),
+        fraction or fraction_column_or_none(columns, cells, place),
         unit=unit,
         day_first=table.day_first if table else None,
     )
@@ -278,7 +278,7 @@ def _rank_time_columns(
             stated = list(NS_PER_UNIT).index(column.unit) if column.unit in NS_PER_UNIT else -1
             rank = -stated if stated >= 0 else 9
             ranked.append((_has_repeated_times(cells(place)), rank, _NAMES.index(bare), place))
-        elif (bare in _DATES or "time" in bare) and any(map(is_clock, cells(place)[:5])):
+        elif (bare in _DATES or "time" in bare) and any(map(is_time_of_day, cells(place)[:5])):
             ranked.append((_has_repeated_times(cells(place)), 10, bare not in _DATES, place))
     return [place for *_, place in sorted(ranked)]
 
@@ -287,13 +287,13 @@ def _has_repeated_times(cells: Sequence[str]) -> bool:
     return 2 * len(set(cells)) < len(cells)
 
 
-def unit_of_name(column: ColumnName) -> str | None:
+def time_unit_in_name(column: ColumnName) -> str | None:
     """Unit of time stated in a column's name; None without one.
 
     Raises:
         DialectError: the name states a multiple of a unit.
     """
-    if states_multiple(column.name):
+    if has_multiple_of_unit(column.name):
         raise DialectError(
             f"column '{column.name}' counts multiples of a unit of time; set [log] rate_hz = the "
             "rows in a second"
@@ -310,7 +310,11 @@ def _find_date_column(
 ) -> str | None:
     """Column of the dates, if the time is a time of day."""
     own = cells(place)[:5]
-    if not own or not all(is_clock(cell) for cell in own) or any(is_date(c[:10]) for c in own):
+    if (
+        not own
+        or not all(is_time_of_day(cell) for cell in own)
+        or any(is_date(c[:10]) for c in own)
+    ):
         return None
     dated = lower_case_letters(columns[place].bare).replace("time", "date")
     dates = [
@@ -346,11 +350,11 @@ def recognise_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
     if not steps.size:
         raise TimeError("all its cells hold the same number; name another column")
     step, span = float(np.median(steps)), float(x[-1] - x[0])
-    if epoch := find_epoch(float(x[0]), float(x[-1]), step, _STEPS_S):
+    if epoch := find_plausible_epoch_or_none(float(x[0]), float(x[-1]), step, _STEPS_S):
         integers = stripped.cast(pl.Int64, strict=False)
         exact = not stripped.dtype.is_float() and integers.count() == numbers.count()
         return epoch.to_unix_ns(integers if exact else numbers), (f"its times are {epoch.name}",)
-    if _is_clock(finite, step):
+    if _is_hhmmss_number(finite, step):
         hours, rest = numbers // 10_000, numbers % 10_000
         seconds = hours * 3600 + (rest // 100) * 60 + rest % 100
         return times_in_ns(seconds, "s"), ("its times are read as hhmmss.s",)
@@ -385,7 +389,7 @@ def _guess_unit(x: Floats, step: float, span: float) -> str:
     )
 
 
-def _is_clock(x: Floats, step: float) -> bool:
+def _is_hhmmss_number(x: Floats, step: float) -> bool:
     """Whether numbers are hhmmss.s: at most 59 s and min, with a jump of 40 at each minute."""
     if x.min() < 0 or x.max() >= 240_000 or step > _STEPS_S[1]:
         return False

@@ -72,7 +72,7 @@ def classify_cell(cell: str, decimal: str, *, is_grouped: bool = False) -> str:
         return "text"
     if _NUMBERLIKE.fullmatch(cell):
         return "odd"
-    return "measure" if unit_in_cell(cell, decimal) else "text"
+    return "measure" if unit_in_cell_or_none(cell, decimal) else "text"
 
 
 #: Kinds of cells that fill a numeric column.
@@ -87,14 +87,14 @@ def is_numeric(kinds: Sequence[str], *, empty: bool = False) -> bool:
     return sum(each in NUMERIC for each in present) >= _MOSTLY * len(present)
 
 
-def classify_decimal_sign(cell: str, decimal: str) -> tuple[bool, bool]:
+def matches_decimal_sign_and_may_group(cell: str, decimal: str) -> tuple[bool, bool]:
     """Whether a cell is a number with the decimal sign, and whether that may group thousands."""
     signed = decimal in cell and _NUMBERS[decimal].fullmatch(cell) is not None
     return signed, signed and _THOUSANDS[decimal].fullmatch(cell) is not None
 
 
 @lru_cache(maxsize=1 << 16)
-def unit_in_cell(cell: str, decimal: str) -> str | None:
+def unit_in_cell_or_none(cell: str, decimal: str) -> str | None:
     """Unit after a number, as written (` km/h`); None if unknown."""
     match = _MEASURE.fullmatch(cell)
     if match is None or not _NUMBERS[decimal].fullmatch(match["number"]):
@@ -102,9 +102,9 @@ def unit_in_cell(cell: str, decimal: str) -> str | None:
     return match["unit"] if pint_name_of_unit(match["unit"]) else None
 
 
-def common_unit(cells: Sequence[str], decimal: str) -> str | None:
+def common_unit_or_none(cells: Sequence[str], decimal: str) -> str | None:
     """Unit after the numbers of a column, if all have the same; else None."""
-    found = {unit_in_cell(cell, decimal) for cell in cells}
+    found = {unit_in_cell_or_none(cell, decimal) for cell in cells}
     return next(iter(found)) if len(found) == 1 else None
 
 

@@ -11,14 +11,14 @@ from polars.exceptions import PanicException, PolarsError
 
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.tables.cells import classify_cell, is_numeric, write_decimal_points
-from replay.logs.tables.dates import is_of_digits
+from replay.logs.tables.dates import is_date_and_time_in_digits
 from replay.logs.tables.dialect import BLANKS, first_cells_of_column, sniff_dialect
 from replay.logs.tables.hints import TableHints
 from replay.logs.tables.text import (
     Utf8Text,
     convert_file_to_utf8,
     copy_with_ascii_digits,
-    copy_with_tabs,
+    copy_with_tabs_for_blanks,
     copy_without_torn_quote,
     read_head_lines,
 )
@@ -58,7 +58,7 @@ class CsvColumns:
             self._replace_text_file(copy_with_ascii_digits(self._text))
             self._dialect = sniff_dialect(read_head_lines(self._text.path), hints)
             if self._dialect.separator == BLANKS:
-                self._replace_text_file(copy_with_tabs(self._text))
+                self._replace_text_file(copy_with_tabs_for_blanks(self._text))
             whole = copy_without_torn_quote(self._text, self._dialect.separator)
             self._is_torn = whole is not None
             self._replace_text_file(whole)
@@ -277,7 +277,7 @@ def _guess_type_of_cells(cells: Sequence[str]) -> pl.DataType:
     """Type of a column, guessed from its first cells."""
     if not cells:
         return pl.String()
-    if all(map(is_of_digits, cells)):
+    if all(map(is_date_and_time_in_digits, cells)):
         return pl.String()
     if all(map(_WHOLE.fullmatch, cells)):
         return pl.Int64()

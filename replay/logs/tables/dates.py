@@ -62,7 +62,7 @@ _SINCE: Final = rf"(?P<days>\d+) days?,? {_CLOCK}"
 _DIGITS: Final = rf"{_COMPACT}(?:[T, ]\s*)?{_COMPACT_CLOCK}"
 
 
-def is_of_digits(cell: str) -> bool:
+def is_date_and_time_in_digits(cell: str) -> bool:
     """Whether a number is a date with a time of day: 20261113081530020."""
     return re.fullmatch(_DIGITS, cell) is not None
 
@@ -74,15 +74,15 @@ def is_date(cell: str) -> bool:
     )
 
 
-def is_clock(cell: str) -> bool:
+def is_time_of_day(cell: str) -> bool:
     """Whether a cell is a time of day, with or without a date."""
     text = cell.strip()
     if any(re.fullmatch(pattern, text) for pattern in (_MINUTES, _CLOCK, _SINCE)):
         return True
-    return date_pattern(text) is not None
+    return date_pattern_or_none(text) is not None
 
 
-def date_pattern(text: str) -> str | None:
+def date_pattern_or_none(text: str) -> str | None:
     """Pattern of a date that is followed by a time of day; None without one."""
     days = [pattern for pattern in _DATES if pattern != _COMPACT]
     moments = [rf"{day}(?:[T, ]|\s+@)\s*{_CLOCK}" for day in days]
@@ -120,7 +120,7 @@ def stamps_of_clock_times(
     if present.is_empty():
         return pl.Series("log_time_ns", [None] * text.len(), dtype=pl.Int64), ()
     first = str(present[0])
-    pattern = date_pattern(first)
+    pattern = date_pattern_or_none(first)
     if pattern is None:
         return _parse_times_of_day(text, first)
     part = _match_groups(text, pattern)
@@ -184,7 +184,7 @@ def _count_days_since_1970(
     if "one" in part.columns:
         part = _decide_day_and_month(part, day_first, notes)
     if "name" in part.columns:
-        part = expand_short_years(part, day_first)
+        part = split_dates_with_short_years(part, day_first)
         begins = [pl.col("name").str.to_lowercase().str.starts_with(each) for each in _MONTH_OF]
         months = zip(begins, _MONTH_OF.values(), strict=True)
         number = pl.coalesce(pl.when(fits).then(month) for fits, month in months)
@@ -201,7 +201,7 @@ def _count_days_since_1970(
     return part.select(day.cast(pl.Int32).cast(pl.Int64)).to_series()
 
 
-def expand_short_years(part: pl.DataFrame, day_first: bool | None) -> pl.DataFrame:
+def split_dates_with_short_years(part: pl.DataFrame, day_first: bool | None) -> pl.DataFrame:
     """Dates with month names, whose two-digit year may be the first or the last number.
 
     Raises:

@@ -12,14 +12,19 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Final
 
-from replay.logs.tables.cells import classify_cell, classify_decimal_sign, common_unit, is_numeric
-from replay.logs.tables.dates import is_clock, is_date
+from replay.logs.tables.cells import (
+    classify_cell,
+    common_unit_or_none,
+    is_numeric,
+    matches_decimal_sign_and_may_group,
+)
+from replay.logs.tables.dates import is_date, is_time_of_day
 from replay.logs.tables.header import ColumnName, column_names, refuse_two_units
 from replay.logs.tables.header_rows import (
     TextRow,
     find_labelled_header_rows,
     find_name_and_unit_rows,
-    header_row,
+    strip_comment_and_join_brackets,
 )
 from replay.logs.tables.hints import DialectError, TableHints
 
@@ -217,7 +222,9 @@ def _try_separators(
     fitting = [row for row in later if len(row.cells) == width] or later
     columns = [[row.cells[k] for row in fitting if k < len(row.cells)] for k in range(width)]
     kinds = [[classify_cell(cell, decimal) for cell in column] for column in columns]
-    signed = [classify_decimal_sign(cell, decimal) for column in columns for cell in column]
+    signed = [
+        matches_decimal_sign_and_may_group(cell, decimal) for column in columns for cell in column
+    ]
     # a sign before three digits separates thousands where others show that it is not the decimal
     grouped = any("grouped" in each for each in kinds) or any(x and not y for x, y in signed)
     known = "grouped" if grouped else "odd"
@@ -257,7 +264,7 @@ def _try_separators(
         return None
     some = rows[first : first + _ROWS]
     cells = [row.cells[k] for row in some for k in numeric if k < len(row.cells)]
-    with_sign = [classify_decimal_sign(cell, decimal) for cell in cells]
+    with_sign = [matches_decimal_sign_and_may_group(cell, decimal) for cell in cells]
     return _DialectTrial(
         separator,
         decimal,
@@ -313,7 +320,10 @@ def _find_dialect_without_numbers(
 def _find_head_rows(reading: _DialectTrial, lines: Sequence[str], hints: TableHints) -> Dialect:
     """Find the rows of names and units above the data."""
     rows, width, separator = reading.rows, reading.width, reading.separator
-    above = [header_row(row, separator, width, lines) for row in rows[: reading.first]]
+    above = [
+        strip_comment_and_join_brackets(row, separator, width, lines)
+        for row in rows[: reading.first]
+    ]
     data = [row.cells for row in rows[reading.first :]]
     is_blank_first = bool(data) and not any(row[0] for row in data)
     labelled = find_labelled_header_rows(above, width, is_blank_first=is_blank_first)
@@ -340,7 +350,9 @@ def _find_head_rows(reading: _DialectTrial, lines: Sequence[str], hints: TableHi
     if units is not None and hints.units_row is None:
         refuse_two_units(cells, units.cells, units.line + 1)
     cell_units = tuple(
-        common_unit([row[k] for row in data[:_ROWS] if k < len(row) and row[k]], reading.decimal)
+        common_unit_or_none(
+            [row[k] for row in data[:_ROWS] if k < len(row) and row[k]], reading.decimal
+        )
         for k in range(width)
     )
     stated = units.cells if units else tuple(each or "" for each in cell_units)
@@ -359,7 +371,7 @@ def _find_head_rows(reading: _DialectTrial, lines: Sequence[str], hints: TableHi
 
 
 def _begins_with_a_date(data: Sequence[Sequence[str]]) -> bool:
-    return bool(data) and is_date(data[0][0]) and is_clock(data[0][1])
+    return bool(data) and is_date(data[0][0]) and is_time_of_day(data[0][1])
 
 
 def _describe_dialect(

@@ -104,7 +104,7 @@ def split_unit(name: str) -> tuple[str, str | None]:
     name = _ZONE.sub("", name) or name
     if match := _FORM.fullmatch(name):
         return match["name"], None
-    if states_multiple(name):
+    if has_multiple_of_unit(name):
         return name, None
     for form in (_BRACKETS, _BEHIND, _MIDDLE):
         match = form.fullmatch(name)
@@ -119,18 +119,18 @@ def split_unit(name: str) -> tuple[str, str | None]:
     return split_unit_from_name(name)
 
 
-def name_by_last_part(column: ColumnName) -> ColumnName:
+def column_named_by_last_part(column: ColumnName) -> ColumnName:
     """Column named by the last part of its name: payload.ts, /robot/time."""
     return replace(column, bare=re.split(r"[./]", column.bare)[-1])
 
 
-def name_before_dash(column: ColumnName) -> ColumnName:
+def column_named_before_dash(column: ColumnName) -> ColumnName:
     """Column named by the part before its channel: Time (s) - Speed (m/s)."""
     bare, unit = split_unit(column.name.partition(" - ")[0])
     return replace(column, bare=bare, unit=unit)
 
 
-def states_multiple(name: str) -> bool:
+def has_multiple_of_unit(name: str) -> bool:
     """Whether a name states a multiple of a unit: `Time [0.1 ms]`."""
     match = _MULTIPLE.fullmatch(name)
     return match is not None and pint_name_of_unit(match["unit"]) is not None
@@ -145,7 +145,7 @@ def zone_offset_s(name: str) -> int | None:
     return -offset if match["sign"] == "-" else offset
 
 
-def is_units(cells: Sequence[str], *, half: bool = False) -> bool:
+def is_row_of_units(cells: Sequence[str], *, half: bool = False) -> bool:
     """Whether a row contains only units, most of them known (half with `half`)."""
     said = [cell.strip() for cell in cells if cell.strip()]
     known = sum(pint_name_of_unit(cell) is not None for cell in said)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from replay.logs.tables.header import is_units
+from replay.logs.tables.header import is_row_of_units
 from replay.logs.tables.hints import DialectError, TableHints
 
 #: A cell of a row that says one thing of each column: "Unit: m/s", "Type: double".
@@ -25,7 +25,9 @@ class TextRow:
     cells: tuple[str, ...]
 
 
-def header_row(row: TextRow, separator: str, width: int, lines: Sequence[str]) -> TextRow:
+def strip_comment_and_join_brackets(
+    row: TextRow, separator: str, width: int, lines: Sequence[str]
+) -> TextRow:
     """Row above the data without comment sign; words in brackets belong to their name."""
     text = _COMMENT.sub("", lines[row.line])
     if separator != " ":
@@ -70,7 +72,11 @@ def find_name_and_unit_rows(
         if stated is None and hints.units_row is None:
             nearby = [row for row in above if abs(row.line - given.line) <= 2 and row != given]
             stated = next(
-                (r for r in nearby if _has_cell_for_each_column(r, width) and is_units(r.cells)),
+                (
+                    r
+                    for r in nearby
+                    if _has_cell_for_each_column(r, width) and is_row_of_units(r.cells)
+                ),
                 None,
             )
         return given, stated
@@ -83,8 +89,8 @@ def find_name_and_unit_rows(
         together = first.line - third.line <= 2
         if (
             together
-            and is_units(second.cells, half=True)
-            and not is_units(first.cells + third.cells)
+            and is_row_of_units(second.cells, half=True)
+            and not is_row_of_units(first.cells + third.cells)
         ):
             return third, second
     if stated is not None or len(wide) == 1:
@@ -102,17 +108,17 @@ def take_names_and_units(
     """
     if has_no_units:
         # there are none, and what looks like them holds no names either
-        return (before if is_units(last.cells) else last), None
+        return (before if is_row_of_units(last.cells) else last), None
     if last.line - before.line > 2:
         return last, None
-    if is_units(last.cells) and is_units(before.cells):
+    if is_row_of_units(last.cells) and is_row_of_units(before.cells):
         raise DialectError(
             f"lines {before.line + 1} and {last.line + 1} may both hold the units; set [log] "
             "units_row and header_row"
         )
-    if is_units(last.cells):
+    if is_row_of_units(last.cells):
         return before, last
-    return last, before if is_units(before.cells) else None
+    return last, before if is_row_of_units(before.cells) else None
 
 
 def find_labelled_header_rows(
@@ -129,7 +135,7 @@ def find_labelled_header_rows(
         if row.cells[0] and (is_blank_first or len(row.cells) == width + 1)
     ]
     rows = [row for row in rows if width - sum(map(bool, row.cells)) <= 2 * is_blank_first]
-    units = [row for row in rows if is_units(row.cells)]
+    units = [row for row in rows if is_row_of_units(row.cells)]
     names = [row for row in rows if row not in units and not any(map(_NUMBER.fullmatch, row.cells))]
     words = {row.line: row.cells[0] for row in above}
     said = any(_OF_UNITS.search(words[row.line]) for row in units)

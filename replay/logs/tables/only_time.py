@@ -5,7 +5,7 @@ from typing import Final
 
 import polars as pl
 
-from replay.logs.tables.dates import is_clock, stamps_of_clock_times
+from replay.logs.tables.dates import is_time_of_day, stamps_of_clock_times
 from replay.logs.tables.header import ColumnName
 from replay.logs.tables.times import NS_PER_UNIT, TimeError, times_in_ns
 
@@ -17,7 +17,7 @@ _APART_S: Final = 2.5
 _APART: Final = 0.1
 
 
-def find_only_time_column(
+def only_time_column_or_empty(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
 ) -> list[int]:
     """Index of the only column that contains times; empty if there is none or several.
@@ -37,8 +37,8 @@ def _is_clock_column(cells: list[str]) -> bool:
     """Whether cells are times of day to the second that advance."""
     return (
         len(set(cells)) > 1
-        and is_clock(cells[0])
-        and all(cell.count(":") > 1 and is_clock(cell) for cell in cells)
+        and is_time_of_day(cells[0])
+        and all(cell.count(":") > 1 and is_time_of_day(cell) for cell in cells)
     )
 
 

@@ -30,7 +30,7 @@ _ATTRIBUTES: Final = ("PANDAS_ATTRS", "attrs", "pandas")
 _UNIT_KEYS: Final = (b"unit", b"units", b"Unit", b"Units", b"UNIT", b"unit_string")
 
 
-def open_arrow(path: Path) -> "ParquetColumns":
+def open_parquet_or_arrow(path: Path) -> "ParquetColumns":
     """Open the columns of a Parquet file, or of an Arrow (Feather) file."""
     return ParquetColumns(path) if path.suffix.lower() == ".parquet" else ArrowColumns(path)
 
@@ -134,12 +134,12 @@ def _guard_library_call() -> Generator[None]:
         raise BrokenBytesError(error) from error
 
 
-def _name_column(name: str, metadata: dict[bytes, bytes], of_schema: str | None) -> ColumnName:
+def _name_column(name: str, metadata: dict[bytes, bytes], schema_unit: str | None) -> ColumnName:
     """Column with the unit from its metadata, the schema's metadata, or its name."""
     stated = next((metadata[key] for key in _UNIT_KEYS if key in metadata), b"")
     bare, unit = split_unit(name)
     own = pint_name_of_unit(stated.decode("utf-8", "replace"))
-    return ColumnName(name, bare, own or of_schema or unit)
+    return ColumnName(name, bare, own or schema_unit or unit)
 
 
 def units_of_schema(metadata: Mapping[str, str], names: Sequence[str]) -> dict[str, str]:

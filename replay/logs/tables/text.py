@@ -118,7 +118,7 @@ def _has_cr_line_ends(path: Path) -> bool:
     return b"\n" not in head and head.count(b"\r") > 1
 
 
-def copy_with_tabs(text: Utf8Text) -> Utf8Text:
+def copy_with_tabs_for_blanks(text: Utf8Text) -> Utf8Text:
     """Copy with each run of blanks replaced by a tab."""
     lines = ("\t".join(line.split()) + "\n" for line in _iter_lines(text.path, "utf-8-sig"))
     return _copy_lines_to_file(text.path, lines, text.notes)

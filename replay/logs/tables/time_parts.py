@@ -36,7 +36,7 @@ def lower_case_letters(text: str) -> str:
     return "".join(each for each in text.lower() if each.isalpha())
 
 
-def calendar_columns(columns: Sequence[ColumnName]) -> tuple[str, ...]:
+def find_calendar_columns(columns: Sequence[ColumnName]) -> tuple[str, ...]:
     """Columns of year, month, day, hour, minute and second, or of the last three.
 
     Empty if one of them is missing.
@@ -50,7 +50,7 @@ def calendar_columns(columns: Sequence[ColumnName]) -> tuple[str, ...]:
     return tuple(each for each in parts if each is not None)
 
 
-def calendar_times(parts: Sequence[pl.Series]) -> pl.Series:
+def times_of_calendar(parts: Sequence[pl.Series]) -> pl.Series:
     """Log times from columns of year to second, or hour to second; null if one is missing."""
     numbers = [part.cast(pl.Float64, strict=False).alias(str(k)) for k, part in enumerate(parts)]
     frame = pl.DataFrame(numbers)
@@ -64,7 +64,7 @@ def calendar_times(parts: Sequence[pl.Series]) -> pl.Series:
     return stamps.alias("log_time_ns")
 
 
-def fraction_column(
+def fraction_column_or_none(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]], place: int
 ) -> str | None:
     """Column of the fractions of a second, if the times have none; else None."""
@@ -82,21 +82,21 @@ def fraction_column(
             column.name
             for k, column in enumerate(columns)
             if k != place
-            and fraction_unit(column.name) is not None
+            and fraction_unit_or_none(column.name) is not None
             and all(cell.isdigit() for cell in cells(k))
         ),
         None,
     )
 
 
-def fraction_unit(name: str) -> str | None:
+def fraction_unit_or_none(name: str) -> str | None:
     """Unit of fractions of a second in a name: `nanosec`, `Millitm`."""
     word = lower_case_letters(name)
     by_beginning = (unit for start, unit in _BEGINNINGS.items() if word.startswith(start))
     return _FRACTIONS.get(word) or next(by_beginning, None)
 
 
-def fractions_ns(cells: pl.Series) -> tuple[pl.Series, str]:
+def fractions_ns_and_unit(cells: pl.Series) -> tuple[pl.Series, str]:
     """Fractions of a second in ns, and their unit, from the name or from their size.
 
     Raises:
@@ -106,7 +106,7 @@ def fractions_ns(cells: pl.Series) -> tuple[pl.Series, str]:
     largest, least = numbers.max(), numbers.min()
     if not isinstance(largest, float) or not isinstance(least, float) or least < 0:
         raise TimeError(f"column '{cells.name}' holds no fractions of a second")
-    stated = fraction_unit(cells.name)
+    stated = fraction_unit_or_none(cells.name)
     possible = [unit for unit in ("ms", "us", "ns") if largest < NS / NS_PER_UNIT[unit]]
     unit = stated or (possible[0] if possible else "")
     if unit not in possible:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from analysis.simulation import SimulatedLog
 from estimators.arrays import Ints
-from replay.logs.writers.recorded_order import FullChunk, blocks_in_order, cut_chunks
-from replay.logs.writers.ros_messages import TOPICS, recorded_topics
+from replay.logs.writers.recorded_order import FullChunk, cut_into_chunks, iter_blocks_by_log_time
+from replay.logs.writers.ros_messages import TOPICS, make_recorded_topics
 from replay.logs.writers.serialise_messages import Envelope
 
 _MAGIC: Final = b"#ROSBAG V2.0\n"
@@ -41,10 +41,12 @@ def write_bag(log: SimulatedLog, path: Path) -> None:
     for name, number in numbers.items():
         definition, digest = store.generate_msgdef(TOPICS[name].msgtype)
         connections.append(_make_connection_record(number, name, definition, digest))
-    topics = recorded_topics(log, store, numbers, _make_envelope, ros1=True)
+    topics = make_recorded_topics(log, store, numbers, _make_envelope, ros1=True)
     with path.open("xb") as file:
         file.write(_MAGIC + _encode_bag_header(0, 0, 0))
-        whole = cut_chunks(blocks_in_order(topics), b"".join(connections), _CHUNK_BYTES)
+        whole = cut_into_chunks(
+            iter_blocks_by_log_time(topics), b"".join(connections), _CHUNK_BYTES
+        )
         written = [_write_chunk(file, chunk) for chunk in whole]
         index_at = file.tell()
         file.write(b"".join(connections))

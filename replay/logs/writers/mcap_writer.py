@@ -29,8 +29,13 @@ from mcap.records import (
 
 from analysis.simulation import SimulatedLog
 from estimators.arrays import Ints
-from replay.logs.writers.recorded_order import FullChunk, RecordedTopic, blocks_in_order, cut_chunks
-from replay.logs.writers.ros_messages import TOPICS, recorded_topics
+from replay.logs.writers.recorded_order import (
+    FullChunk,
+    RecordedTopic,
+    cut_into_chunks,
+    iter_blocks_by_log_time,
+)
+from replay.logs.writers.ros_messages import TOPICS, make_recorded_topics
 from replay.logs.writers.serialise_messages import Envelope
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
@@ -57,7 +62,7 @@ def write_mcap(log: SimulatedLog, path: Path) -> None:
         channels.append(make_channel_record(number, topic.name, topic.msgtype, definition))
     with path.open("xb") as file:
         made = ColumnMcap(file, channels)
-        made.write(recorded_topics(log, store, numbers, make_envelope, ros1=False))
+        made.write(make_recorded_topics(log, store, numbers, make_envelope, ros1=False))
         machine_id = log.scenario.log.machine_id
         made.finish([Metadata("machine", {"id": machine_id})] if machine_id else ())
 
@@ -143,7 +148,7 @@ class ColumnMcap:
         self._write_record(Header("ros2", "payscope"))
         preamble = b"".join(_serialise_record(record) for each in self.channels for record in each)
         for chunk, done in self._compress_ahead(
-            cut_chunks(blocks_in_order(topics), preamble, _CHUNK_BYTES)
+            cut_into_chunks(iter_blocks_by_log_time(topics), preamble, _CHUNK_BYTES)
         ):
             counts = self._write_chunk(chunk, done.result())
             _add_to_statistics(self.statistics, counts, chunk)

@@ -46,7 +46,7 @@ def _scatter_rows(rows: Bytes, size: int, begins: Ints, target: Bytes) -> None:
         copy(rows, number * size, target, begins[number], size)
 
 
-def blocks_in_order(topics: Sequence[RecordedTopic]) -> Iterator[RecordBlock]:
+def iter_blocks_by_log_time(topics: Sequence[RecordedTopic]) -> Iterator[RecordBlock]:
     """Yield all messages in order of log time; ties are in the order of the topics."""
     times = np.concatenate([np.empty(0, np.int64), *(topic.log_time_ns for topic in topics)])
     sizes = [topic.log_time_ns.size for topic in topics]
@@ -105,7 +105,7 @@ class FullChunk(NamedTuple):
         return found
 
 
-def cut_chunks(
+def cut_into_chunks(
     blocks: Iterator[RecordBlock], preamble: bytes, threshold: int
 ) -> Iterator[FullChunk]:
     """Cut records into chunks, each ending with the record that exceeds the threshold.

@@ -12,7 +12,7 @@ from estimators.arrays import Ints
 from replay.logs.decoding.wire import CDR, ROS1
 from replay.logs.writers.message_columns import Column
 from replay.logs.writers.recorded_order import RecordedTopic
-from replay.logs.writers.serialise_messages import SameLayout, serialise
+from replay.logs.writers.serialise_messages import SameLayout, serialise_messages
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -32,7 +32,7 @@ class Topic(NamedTuple):
     fields: Callable[[pl.DataFrame, Scenario], dict[str, Column]]
 
 
-def recorded_topics(
+def make_recorded_topics(
     log: SimulatedLog,
     store: "Typestore",
     connections: Mapping[str, int],
@@ -56,10 +56,10 @@ def recorded_topics(
 
         def serialise_rows(first: int, last: int) -> list[SameLayout]:
             part = ordered.slice(first, last - first)
-            return serialise(
+            return serialise_messages(
                 store,
                 TOPICS[name].msgtype,
-                message_columns(name, part, log.scenario, first),
+                make_message_columns(name, part, log.scenario, first),
                 last - first,
                 ROS1 if ros1 else CDR,
                 envelope(connections[name], times[first:last]),
@@ -70,7 +70,7 @@ def recorded_topics(
     return [make_topic(name, frame) for name, frame in log.topics.items()]
 
 
-def message_columns(
+def make_message_columns(
     name: str, frame: pl.DataFrame, scenario: Scenario, first: int = 0
 ) -> dict[str, Column]:
     """Columns of a topic's messages.
@@ -91,7 +91,7 @@ def message_columns(
     return {"header": header, **topic.fields(frame, scenario)}
 
 
-def _stack_pairs(frame: pl.DataFrame, *names: str) -> NDArray[np.float64]:
+def _stack_columns(frame: pl.DataFrame, *names: str) -> NDArray[np.float64]:
     """Stack columns of a frame into an array (n, names)."""
     return np.column_stack([frame[name].to_numpy() for name in names])
 
@@ -121,17 +121,17 @@ def _make_imu_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Col
 
 
 def _make_torque_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
-    wheels = _stack_pairs(frame, "torque_left_N_m", "torque_right_N_m")
+    wheels = _stack_columns(frame, "torque_left_N_m", "torque_right_N_m")
     return {"name": _WHEELS, "effort": wheels}
 
 
 def _make_speed_columns(frame: pl.DataFrame, scenario: Scenario) -> dict[str, Column]:
-    wheels = _stack_pairs(frame, "speed_left_m_s", "speed_right_m_s")
+    wheels = _stack_columns(frame, "speed_left_m_s", "speed_right_m_s")
     return {"name": _WHEELS, "velocity": wheels / scenario.machine.wheel_radius_m}
 
 
 def _make_boom_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
-    return {"name": _JOINTS, "position": _stack_pairs(frame, "boom_rad", "bucket_rad")}
+    return {"name": _JOINTS, "position": _stack_columns(frame, "boom_rad", "bucket_rad")}
 
 
 def _make_odometry_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:

@@ -18,8 +18,8 @@ from replay.logs.writers.mcap_writer import (
     make_channel_record,
     make_envelope,
 )
-from replay.logs.writers.recorded_order import RecordedTopic, blocks_in_order
-from replay.logs.writers.ros_messages import TOPICS, recorded_topics
+from replay.logs.writers.recorded_order import RecordedTopic, iter_blocks_by_log_time
+from replay.logs.writers.ros_messages import TOPICS, make_recorded_topics
 from replay.logs.writers.serialise_messages import Envelope
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def _write(log: SimulatedLog, path: Path, plugin: StoragePlugin) -> None:
             name: bag.add_connection(TOPICS[name].name, TOPICS[name].msgtype, typestore=store).id
             for name in log.topics
         }
-        bag.write_topics(recorded_topics(log, store, numbers, before, ros1=False))
+        bag.write_topics(make_recorded_topics(log, store, numbers, before, ros1=False))
         if log.scenario.log.machine_id:
             bag.set_custom_data("machine_id", log.scenario.log.machine_id)
 
@@ -129,7 +129,7 @@ class _Database(Sqlite3Writer):
 
 
 def _iter_messages(topics: Sequence[RecordedTopic]) -> Iterator[tuple[int, int, memoryview]]:
-    for block in blocks_in_order(topics):
+    for block in iter_blocks_by_log_time(topics):
         data = memoryview(block.data.data)
         begins = np.concatenate([[0], block.ends[:-1]]).tolist()
         parts = zip(begins, block.ends.tolist(), strict=True)

@@ -35,7 +35,7 @@ class SameLayout(NamedTuple):
     rows: Bytes
 
 
-def serialise(
+def serialise_messages(
     store: "Typestore",
     msgtype: str,
     column: Mapping[str, Column],

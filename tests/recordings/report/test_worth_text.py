@@ -4,8 +4,8 @@ import pytest
 
 from analysis import Run
 from analysis.model.answer import answer
-from recordings.report.worth_text import budget_rows, load_lines, uncertainty_advice
-from recordings.rrd.recording_texts import recording_markdown
+from recordings.report.worth_text import advice_to_reduce_uncertainty, budget_rows, load_lines
+from recordings.rrd.recording_texts import markdown_by_text_name
 
 LOAD = {
     "mass_kg": 3732.4,
@@ -72,20 +72,20 @@ class TestBudget:
         assert [row[0] for row in rows] == ["force_gain"]
 
     def test_the_largest_source_is_what_would_shrink_it_most(self, drives):
-        told = uncertainty_advice(answer(drives(60.0)))
+        told = advice_to_reduce_uncertainty(answer(drives(60.0)))
         assert told is not None
         assert "a constant force (const, 95% of the variance)" in told
         assert told.endswith("starts in both directions")
 
     def test_a_withheld_answer_has_no_advice_and_no_part_in_the_page(self, drives):
         run = drives(60.0, passed=False)
-        assert uncertainty_advice(answer(run)) is None
-        page = recording_markdown(run)["answer"]
+        assert advice_to_reduce_uncertainty(answer(run)) is None
+        page = markdown_by_text_name(run)["answer"]
         assert "Where the uncertainty comes from" not in page
         assert "by the joint fit" not in page
 
     def test_the_page_has_budget_and_terms_with_prior_and_posterior(self, drives):
-        page = recording_markdown(drives(60.0))["answer"]
+        page = markdown_by_text_name(drives(60.0))["answer"]
         assert "## Where the uncertainty comes from" in page
         assert "- **const** (common): 40 kg " in page
         assert "- **lag**, how late the force is: -0.0030 ± 0.0010 s, prior ± 0.02 s; " in page

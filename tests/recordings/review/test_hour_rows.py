@@ -1,6 +1,6 @@
 """The table of hours: each that the shift touches, with what was recorded of it."""
 
-from recordings.review.review_page import HOUR_HEADS, hour_rows
+from recordings.review.review_page import HOUR_HEADS, make_hour_table_rows
 from tests.recordings.review.test_shift_facts import rows, state
 
 #: From 00:00:00 in Berlin: four cycles of 100 s, then nothing.
@@ -11,7 +11,10 @@ AT_MIDNIGHT = {"t0_unix_ns": MIDNIGHT_S * 10**9, "duration_s": 3 * 3600.0 + 600.
 def hours(**more: object) -> dict[str, dict[str, str]]:
     """The cells by hour and head."""
     of = state(**(AT_MIDNIGHT | more))
-    return {row[0]: dict(zip(HOUR_HEADS, row[1:], strict=True)) for row in hour_rows(rows(of), of)}
+    return {
+        row[0]: dict(zip(HOUR_HEADS, row[1:], strict=True))
+        for row in make_hour_table_rows(rows(of), of)
+    }
 
 
 def test_an_hour_of_which_no_log_is_left_is_there_with_nothing_recorded() -> None:

@@ -7,7 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from analysis.model.run_record import InputFile
-from recordings.review.review_page import ReviewPage, UsedCalibration, review_html
+from recordings.review.review_page import ReviewPage, UsedCalibration, render_review_html
 from recordings.review.review_state import ReviewState, TopicSampling
 from recordings.review.shift_ledger import add_motion_columns, make_ledger
 from tests.analysis.cycles.drawn import drawn_shift
@@ -41,7 +41,7 @@ def page(cycles: int, text: str) -> str:
     rows = add_motion_columns(make_ledger(found(frames), state.t0_unix_ns, {}), state)
     track = pl.DataFrame({"latitude_deg": [49.0, 49.001], "longitude_deg": [8.0, 8.001]})
     changes = [(text, text, text)]
-    return review_html(
+    return render_review_html(
         ReviewPage(state, rows, summed(frames), None, changes, UsedCalibration(text, text), track)
     )
 

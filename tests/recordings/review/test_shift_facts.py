@@ -9,7 +9,7 @@ from recordings.review.review_state import ReviewState
 from recordings.review.shift_facts import (
     cycle_time_facts,
     list_shift_facts,
-    long_hole_sentence,
+    long_gap_sentence,
     reason_for_no_tonnes,
     summarise_shift,
     torn_log_sentences,
@@ -87,12 +87,12 @@ def test_a_hole_of_half_an_hour_is_said_on_top_with_what_it_costs() -> None:
     shift = summed(FRAMES) | {
         "lost_cycles": 14.5, "lost_cycles_u": 0.7, "lost_kg": 9700.0, "lost_u_kg": 700.0,
     }  # fmt: skip
-    said = long_hole_sentence(shift, state(gaps_s=((600.0, 2400.0), (3000.0, 3020.0))))
+    said = long_gap_sentence(shift, state(gaps_s=((600.0, 2400.0), (3000.0, 3020.0))))
     assert said.startswith("Nothing was recorded from 2023-11-14 23:23:20 +01:00")
     assert "(30 min)" in said
     assert "14.5 ± 1.4 loads, 9.70 ± 1.40 t" in said
     assert "20 s" not in said
-    assert not long_hole_sentence(shift, state())
+    assert not long_gap_sentence(shift, state())
 
 
 def test_a_cycle_with_a_hole_is_in_no_mean() -> None:

@@ -10,7 +10,7 @@ import pytest
 from analysis import Run
 from recordings import write_recording
 from recordings.rrd.blueprint import Page, Panel, _relative_panel_heights, tab_panels
-from recordings.rrd.display_frames import DisplayColumn, display_frames
+from recordings.rrd.display_frames import DisplayColumn, make_display_frames
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.recording_views import MethodLayout, Tab, ViewKind
 from recordings.rrd.writer import make_scene
@@ -154,7 +154,7 @@ def _methods_of(panel: Panel) -> set[str]:
 @pytest.mark.parametrize("tab", TABS, ids=lambda tab: tab.name)
 def test_no_view_draws_two_methods_over_each_other(drives, tab: Tab) -> None:
     run = drives(60.0)
-    rows = Page(tab.name, tab_panels(tab, run, display_frames(run))).rows
+    rows = Page(tab.name, tab_panels(tab, run, make_display_frames(run))).rows
     assert all(len(_methods_of(panel)) <= 1 for row in rows for panel in row)
     if tab.methods is MethodLayout.ROWS:
         assert [_methods_of(row[0]) for row in rows] == [{method} for method in METHODS]
@@ -194,7 +194,7 @@ def test_a_lane_of_gaps_needs_a_gap(drives) -> None:
     (tab,) = (tab for tab in TABS if tab.name == "Motion")
     for frames, lanes in ((run.frames, 2), ({**run.frames, "aligned": whole}, 1)):
         each = replace(run, frames=frames)
-        *_, states = tab_panels(tab, each, display_frames(each))
+        *_, states = tab_panels(tab, each, make_display_frames(each))
         assert len(states.drawn) == lanes
 
 

@@ -13,7 +13,7 @@ BYTES = bytes(range(256)) * 20_000
 def test_what_the_library_writes_is_in_the_file(tmp_path: Path):
     path, before = tmp_path / "file", len(list(FDS.iterdir()))
     with open_piped_file(path) as piped, Path(piped.name).open("wb") as library:
-        piped.opened()
+        piped.close_writing_end()
         library.write(BYTES)
     assert path.read_bytes() == BYTES
     assert len(list(FDS.iterdir())) == before

@@ -10,9 +10,9 @@ from recordings.rrd.recording_texts import (
     answer_headline,
     format_number,
     format_plus_minus,
-    format_summary,
-    recording_markdown,
-    recording_name,
+    markdown_by_text_name,
+    recording_name_in_viewer,
+    summary_lines_text,
 )
 
 
@@ -20,7 +20,7 @@ def test_the_answer_begins_with_the_mass_of_the_load_and_what_its_uncertainty_is
     run = drives(60.0)
     told = "3500 ± 41 kg (standard uncertainty, scale error not included)"
     assert answer_headline(answer(run)) == told
-    assert recording_markdown(run)["answer"].startswith(f"# {told}")
+    assert markdown_by_text_name(run)["answer"].startswith(f"# {told}")
     scaled = run.frames["loads"].with_columns(scale_unknown=pl.lit(""))
     known = Run({**run.frames, "loads": scaled}, run.provenance)
     assert answer_headline(answer(known)) == "3500 ± 41 kg (standard uncertainty)"
@@ -42,14 +42,14 @@ def test_a_check_that_fails_and_withholds_nothing_is_not_called_failed(drives):
     )
     told = Run({**run.frames, "verdict": judged}, run.provenance)
     assert answer_headline(answer(told)) == answer_headline(answer(run))
-    assert "failed" not in recording_markdown(told)["answer"]
-    assert "- widened: **partial_correlation**" in recording_markdown(told)["answer"]
-    assert "note     relative_std" in format_summary(told)
-    assert "FAILED" not in format_summary(told)
+    assert "failed" not in markdown_by_text_name(told)["answer"]
+    assert "- widened: **partial_correlation**" in markdown_by_text_name(told)["answer"]
+    assert "note     relative_std" in summary_lines_text(told)
+    assert "FAILED" not in summary_lines_text(told)
 
 
 def test_a_withheld_mass_says_which_checks_failed_with_number_and_limit(drives):
-    told = recording_markdown(drives(60.0, passed=False))["answer"]
+    told = markdown_by_text_name(drives(60.0, passed=False))["answer"]
     assert told.startswith("# This log cannot weigh the machine")
     assert "**The mass is withheld**" in told
     assert "**partial_correlation** is 0.12, must be ≥ 0.5: how well" in told
@@ -61,13 +61,13 @@ def test_a_log_without_an_accepted_window_says_so(drives):
 
 
 def test_every_check_is_listed_also_one_that_does_not_apply(drives):
-    told = recording_markdown(drives(60.0))["answer"]
+    told = markdown_by_text_name(drives(60.0))["answer"]
     assert "does not apply: **acceleration_gain** – (0.5 … 2)" in told
     assert "passed: **partial_correlation** 0.93 (≥ 0.5)" in told
 
 
 def test_a_person_reads_the_local_time_of_the_machine(drives):
-    written = recording_markdown(drives(60.0))["answer"]
+    written = markdown_by_text_name(drives(60.0))["answer"]
     assert "2023-11-14 19:13:20 -03:00 America/Santiago" in written
     assert "Times on the axes are UTC, unless the viewer's settings say local time." in written
 
@@ -75,7 +75,7 @@ def test_a_person_reads_the_local_time_of_the_machine(drives):
 def test_a_clock_that_counts_from_its_start_is_given_no_date(drives):
     run = drives(60.0)
     about = run.provenance.model_copy(update={"t0_unix_ns": 47_580_000_000})
-    written = recording_markdown(Run(run.frames, about))["answer"]
+    written = markdown_by_text_name(Run(run.frames, about))["answer"]
     assert "47.580 s of the log's own clock" in written
     assert "1970" not in written
     assert "Times on the axes are those of the log's own clock" in written
@@ -83,7 +83,7 @@ def test_a_clock_that_counts_from_its_start_is_given_no_date(drives):
 
 
 def test_nothing_of_a_calibration_is_cut_off_at_the_side(drives):
-    written = recording_markdown(drives(60.0))["calibration"]
+    written = markdown_by_text_name(drives(60.0))["calibration"]
     (head,) = (line for line in written.splitlines() if "reference kg" in line)
     assert head.count("|") == 7
     assert "| ls | 0 |" in written
@@ -101,7 +101,9 @@ def test_what_turning_is_worth_is_a_list_that_wraps(drives):
         "shrinks": ["more turns", "measuring it"],
     }
     run = drives(60.0)
-    written = recording_markdown(Run({**run.frames, "planar_budget": pl.DataFrame(rows)}))["planar"]
+    written = markdown_by_text_name(Run({**run.frames, "planar_budget": pl.DataFrame(rows)}))[
+        "planar"
+    ]
     assert "- **noise** (random): 8.7 kg·m²; shrinks with more turns" in written
     assert "- **track_width** (scale): not known; shrinks with measuring it" in written
 
@@ -111,7 +113,7 @@ def test_a_loss_of_a_whole_file_has_no_topic():
 
 
 def test_losses_and_notes_stand_in_the_answer_and_inputs_with_their_hash_in_the_provenance(drives):
-    written = recording_markdown(drives(60.0))
+    written = markdown_by_text_name(drives(60.0))
     assert "lost: shift.bag /imu: 3 messages could not be decoded" in written["answer"]
     assert "force share" in written["answer"]
     assert "ab" * 32 in written["provenance"]
@@ -120,16 +122,16 @@ def test_losses_and_notes_stand_in_the_answer_and_inputs_with_their_hash_in_the_
 
 
 def test_the_calibration_is_written_only_where_there_is_one(drives):
-    assert "reference = " in recording_markdown(drives(60.0))["calibration"]
-    assert "calibration" not in recording_markdown(drives(60.0, calibration=False))
+    assert "reference = " in markdown_by_text_name(drives(60.0))["calibration"]
+    assert "calibration" not in markdown_by_text_name(drives(60.0, calibration=False))
 
 
 def test_a_run_of_nothing_still_has_its_texts():
-    written = recording_markdown(Run({}))
+    written = markdown_by_text_name(Run({}))
     assert set(written) == {"answer", "settings", "provenance"}
-    assert recording_name(Run({}).provenance) == "payscope"
+    assert recording_name_in_viewer(Run({}).provenance) == "payscope"
     # also a log without an accepted window has checks: without them the answer is what is missing
-    assert format_summary(Run({"masses": pl.DataFrame()})).startswith(
+    assert summary_lines_text(Run({"masses": pl.DataFrame()})).startswith(
         "This recording contains no answer."
     )
 
@@ -148,10 +150,10 @@ def test_numbers_are_short_and_a_value_ends_where_its_standard_deviation_does():
 
 
 def test_the_centre_of_mass_is_told_with_its_deviation_and_what_the_motion_determines(drives):
-    written = recording_markdown(drives(60.0))
+    written = markdown_by_text_name(drives(60.0))
     line = "centre of mass from all motion together: 0.1300 ± 0.0040 m ahead of the origin"
     assert line in written["answer"]
-    assert line in format_summary(drives(60.0))
+    assert line in summary_lines_text(drives(60.0))
     assert "together only mass_kg - 5 first_moment_y_kg_m" in written["planar"]
     assert "| arc | 5.00 – 9.00 |" in written["planar"]
 
@@ -164,7 +166,7 @@ def test_a_centre_of_mass_behind_and_to_the_right_is_told_without_a_sign():
 
 
 def test_a_withheld_centre_of_mass_has_no_number(drives):
-    written = recording_markdown(drives(60.0, passed=False))
+    written = markdown_by_text_name(drives(60.0, passed=False))
     assert "centre of mass from all motion together: withheld" in written["answer"]
     assert "0.13" not in written["planar"]
 
@@ -181,12 +183,12 @@ def test_a_failed_check_of_the_inertia_withholds_the_inertia_and_not_the_mass(dr
     judged = pl.concat([run.frames["verdict"], spin])
     failing = Run({**run.frames, "verdict": judged}, run.provenance)
     assert answer_headline(answer(failing)) == answer_headline(answer(run))
-    assert "**The yaw inertia is withheld**" in recording_markdown(failing)["answer"]
-    assert "**The yaw inertia is withheld**" not in recording_markdown(run)["answer"]
+    assert "**The yaw inertia is withheld**" in markdown_by_text_name(failing)["answer"]
+    assert "**The yaw inertia is withheld**" not in markdown_by_text_name(run)["answer"]
 
 
 def test_a_run_that_does_not_turn_has_no_page_about_its_centre_of_mass(drives):
     run = drives(60.0)
     straight = Run({**run.frames, "planar": run.frames["planar"].clear()}, run.provenance)
-    assert "planar" not in recording_markdown(straight)
-    assert "centre of mass" not in format_summary(straight)
+    assert "planar" not in markdown_by_text_name(straight)
+    assert "centre of mass" not in summary_lines_text(straight)

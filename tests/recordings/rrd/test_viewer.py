@@ -14,7 +14,7 @@ from estimators.errors import OutputError, RecordingError
 from recordings import read_recording, write_recording
 from recordings.report import colours
 from recordings.rrd.recording_table import TABS
-from recordings.rrd.viewer import run_headless_viewer, screenshot_recording
+from recordings.rrd.viewer import run_headless_viewer, take_screenshots_of_recording
 from tests.recordings.conftest import METHODS
 from tests.viewer_needed import VIEWER
 
@@ -40,7 +40,7 @@ class TestViewer:
         self, drives, tmp_path: Path, options: dict
     ):
         path = write_recording(drives(**options), tmp_path / "shift.rrd")
-        drawn = screenshot_recording(path, tmp_path)
+        drawn = take_screenshots_of_recording(path, tmp_path)
         named = [tab.name for tab in TABS if tab.name not in EMPTY]
         assert [each.tab for each in drawn] == [
             name
@@ -55,7 +55,7 @@ class TestViewer:
     @pytest.mark.parametrize("tab", ["Estimates", "Calibration"])
     def test_each_of_five_methods_is_seen(self, drives, tmp_path: Path, tab: str):
         path = write_recording(drives(60.0), tmp_path / "shift.rrd")
-        (shot,) = screenshot_recording(path, tmp_path, tab)
+        (shot,) = take_screenshots_of_recording(path, tmp_path, tab)
         pixels = np.asarray(Image.open(shot.png).convert("RGB")).reshape(-1, 3).astype(int)
         for method in METHODS:
             own = [int(colours.method_colour(method)[at : at + 2], 16) for at in (1, 3, 5)]
@@ -78,10 +78,10 @@ class TestViewer:
 
 def test_a_missing_recording_or_folder_is_said_before_any_viewer_starts(tmp_path: Path):
     with pytest.raises(RecordingError, match="no such recording"):
-        screenshot_recording(tmp_path / "missing.rrd", tmp_path)
+        take_screenshots_of_recording(tmp_path / "missing.rrd", tmp_path)
     path = write_recording(Run({}), tmp_path / "empty.rrd")
     with pytest.raises(OutputError, match="no such folder"):
-        screenshot_recording(path, tmp_path / "nowhere")
+        take_screenshots_of_recording(path, tmp_path / "nowhere")
 
 
 def test_importing_the_package_loads_neither_the_viewer_nor_the_plots():

@@ -13,11 +13,11 @@ from analysis.calibration.use.learnt_priors import machine_for_later_log
 from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
 from recordings.calibration.derived_values import estimator_with_digest
-from recordings.calibration.evidence_document import parse_document
-from recordings.signatures.canonical_json import canonical_bytes
+from recordings.calibration.evidence_document import parse_evidence
+from recordings.signatures.canonical_json import canonical_json_bytes
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
-from replay.calibration.campaign_runs import replay_runs
+from replay.calibration.campaign_runs import replay_logs_of_campaign
 from replay.calibration.check_mass import KnownMassOnBoard, check_mass
 from replay.calibration.verify_bundle import verify_bundle
 from replay.machines.machine_file import load_machine
@@ -48,7 +48,7 @@ def test_evidence_has_what_its_logs_said_and_what_came_of_it(made: CalibrationOu
     assert learnt is not None
     assert {each.log for each in learnt.logs} == {f"load-{number}.csv" for number in range(4)}
     assert "const" in learnt.terms
-    assert made.document.weighing.settings.priors.learnt == learnt.terms
+    assert made.document.weighing_machine.settings.priors.learnt == learnt.terms
     assert made.document.machine.settings.priors.learnt == {}
 
 
@@ -65,8 +65,8 @@ def test_evidence_that_counts_gain_as_a_common_error_is_replayed_as_it_was_made(
     file.write_text(file.read_text().replace("[machine]", "[machine]\nforce_gain_u = 0.02", 1))
     now = calibrate_from_campaign(campaign, tmp_path / "now")
     with monkeypatch.context() as earlier:
-        counted = partial(replay_runs, procedure=PROCEDURES[1])
-        earlier.setattr("replay.calibration.calibrate_campaign.replay_runs", counted)
+        counted = partial(replay_logs_of_campaign, procedure=PROCEDURES[1])
+        earlier.setattr("replay.calibration.calibrate_campaign.replay_logs_of_campaign", counted)
         made = calibrate_from_campaign(campaign, tmp_path / "made")
     assert now.document.calibration is not None
     assert made.document.calibration is not None
@@ -88,7 +88,7 @@ def test_a_campaign_may_leave_the_priors_as_they_are(folder: Path, tmp_path: Pat
     shutil.copy(folder / "sledge.toml", tmp_path)
     made = calibrate_from_campaign(tmp_path / "campaign.toml", tmp_path / "evidence")
     assert made.document.learnt is None
-    assert made.document.weighing == made.document.machine
+    assert made.document.weighing_machine == made.document.machine
 
 
 def test_the_calibrated_mass_stands_beside_the_raw_one_everywhere(
@@ -196,10 +196,10 @@ def test_the_machine_that_is_weighed_is_that_of_the_evidence(
 ) -> None:
     held = load_calibration(CalibrationRequest(made.folder))
     weighing = held.weighing_machine(load_machine(folder / "sledge.toml"))
-    machine = held.require_machine(weighing, "sledge.toml")
+    machine = held.require_calibrated_machine(weighing, "sledge.toml")
     # but that a later log of several loads tells what the means have wrong
-    assert machine == machine_for_later_log(made.document.weighing)
-    assert held.differences_of_machine(machine) == ""
+    assert machine == machine_for_later_log(made.document.weighing_machine)
+    assert held.differing_settings_text(machine) == ""
 
 
 def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
@@ -210,7 +210,7 @@ def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
         for log in bundle.evidence["logs"]:
             del log["machine_id"]
         document = made.document
-        estimator = estimator_with_digest(document.campaign, document.weighing, (), form)
+        estimator = estimator_with_digest(document.campaign, document.weighing_machine, (), form)
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
         del bundle.evidence["learnt"]["responses"], bundle.evidence["calibration"]["responses"]
 
@@ -227,9 +227,9 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
 ) -> None:
     def before(bundle: Bundle) -> None:
         del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]
-        document = parse_document(canonical_bytes(bundle.evidence), "evidence.json")
+        document = parse_evidence(canonical_json_bytes(bundle.evidence), "evidence.json")
         estimator = estimator_with_digest(
-            document.campaign, document.weighing, document.settings_at_default
+            document.campaign, document.weighing_machine, document.settings_at_default
         )
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
@@ -239,7 +239,7 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
     assert any("settings.priors.sag_weight_share" in note for note in found.notes)
     held = load_calibration(CalibrationRequest(earlier))
     assert (
-        held.differences_of_machine(
+        held.differing_settings_text(
             held.weighing_machine(load_machine(made.folder.parent / "sledge.toml"))
         )
         == ""

@@ -16,18 +16,18 @@ from recordings.calibration.bundle_folder import (
     READINGS,
     RECORDING,
     SUMS,
-    list_bundle,
-    read_file,
-    sums_text,
+    list_bundle_entries,
+    read_bundle_file,
+    sha256sums_text,
 )
-from recordings.calibration.calibration_recording import calibration_run, write_calibration
+from recordings.calibration.calibration_recording import make_calibration_run, write_calibration
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.evidence_document import parse_document
+from recordings.calibration.evidence_document import parse_evidence
 from recordings.calibration.pdf_check import (
+    compare_pdf_with_page,
     describe_first_difference,
-    find_pdf_fault,
+    join_words_without_repeated_heads,
     table_heads,
-    text_without_spaces,
 )
 from recordings.rrd.writer import write_recording
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
@@ -52,7 +52,7 @@ def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def changed(bundle: Path, tmp_path: Path, tamper: Callable[[Bundle], None]) -> Path:
     folder = tampered(bundle, tmp_path / "b", tamper, signed=False)
-    document = parse_document((folder / "evidence.json").read_bytes(), "evidence.json")
+    document = parse_evidence((folder / "evidence.json").read_bytes(), "evidence.json")
     (folder / RECORDING).unlink()
     tables = (pl.read_parquet(folder / name) for name in (READINGS, POINTS))
     write_calibration(folder, document, *tables)
@@ -60,9 +60,9 @@ def changed(bundle: Path, tmp_path: Path, tamper: Callable[[Bundle], None]) -> P
 
 
 def digested(folder: Path) -> Path:
-    names, _ = list_bundle(folder)
-    digests = {name: read_file(folder, name).sha256 for name in names if name != SUMS}
-    (folder / SUMS).write_text(sums_text(digests))
+    names, _ = list_bundle_entries(folder)
+    digests = {name: read_bundle_file(folder, name).sha256 for name in names if name != SUMS}
+    (folder / SUMS).write_text(sha256sums_text(digests))
     return folder
 
 
@@ -91,7 +91,7 @@ def test_every_lie_about_a_log_is_found_by_its_replay(bundle: Path, tmp_path: Pa
         ("load-0.csv: duration_s", "its duration differs"),
         ("load-0.csv: topics", "counts of messages or their stamps differ"),
         ("load-1.csv: topics", "stamped_by='header'"),
-        ("load-1.csv: losses", "a gap that is not there there,  here"),
+        ("load-1.csv: losses", "a gap that is not there in the evidence,  in the replay"),
         ("load-1.csv: notes", "other notes: weighed by hand there"),
         ("load-2.csv: speed_range_m_s", "-1.0; 9.0 there"),
         ("load-2.csv: files", "the files differ"),
@@ -189,9 +189,9 @@ def test_a_recording_with_one_number_changed_or_damaged_is_found(
 def test_the_recording_of_the_calibration_is_made_anew_and_compared(
     bundle: Path, tmp_path: Path
 ) -> None:
-    document = parse_document((bundle / "evidence.json").read_bytes(), "evidence.json")
+    document = parse_evidence((bundle / "evidence.json").read_bytes(), "evidence.json")
     readings, points = (pl.read_parquet(bundle / name) for name in (READINGS, POINTS))
-    forged = calibration_run(document, readings, points.with_columns(pl.col("mean_kg") + 5.0))
+    forged = make_calibration_run(document, readings, points.with_columns(pl.col("mean_kg") + 5.0))
     folder = exchanged(bundle, tmp_path, RECORDING, lambda path: write_recording(forged, path))
     assert any(
         "calibration.rrd and report.pdf show" in each for each in verify_bundle(folder).unseen
@@ -209,14 +209,17 @@ def test_a_pdf_is_compared_by_its_words(bundle: Path, tmp_path: Path) -> None:
     forged = html.replace(alpha, "1.5000")
     path = tmp_path / PDF
     weasyprint.HTML(string=forged).write_pdf(path)
-    fault, why = find_pdf_fault(tmp_path, read_file(tmp_path, PDF).sha256, html)
+    fault, why = compare_pdf_with_page(tmp_path, read_bundle_file(tmp_path, PDF).sha256, html)
     assert why == ""
     assert "1.5000" in fault
     assert alpha in fault
-    own = read_file(bundle, PDF).sha256
-    assert find_pdf_fault(bundle, own, html) == ("", "")
+    own = read_bundle_file(bundle, PDF).sha256
+    assert compare_pdf_with_page(bundle, own, html) == ("", "")
     path.write_bytes(path.read_bytes()[:500])
-    assert "cannot be read" in find_pdf_fault(tmp_path, read_file(tmp_path, PDF).sha256, html)[0]
+    assert (
+        "cannot be read"
+        in compare_pdf_with_page(tmp_path, read_bundle_file(tmp_path, PDF).sha256, html)[0]
+    )
 
 
 def test_heads_that_a_page_break_repeats_are_no_difference() -> None:
@@ -229,10 +232,12 @@ def test_heads_that_a_page_break_repeats_are_no_difference() -> None:
     )
     assert (
         describe_first_difference(
-            text_without_spaces(once, heads), text_without_spaces(twice, heads)
+            join_words_without_repeated_heads(once, heads),
+            join_words_without_repeated_heads(twice, heads),
         )
         == ""
     )
     assert "12" in describe_first_difference(
-        text_without_spaces(once, heads), text_without_spaces(["run", "mass", "kg", "1"], heads)
+        join_words_without_repeated_heads(once, heads),
+        join_words_without_repeated_heads(["run", "mass", "kg", "1"], heads),
     )

@@ -15,18 +15,18 @@ from lxml import etree
 
 from estimators.errors import CampaignError
 from recordings.calibration.certificate_text import (
-    list_missing_statements,
+    list_missing_certificate_statements,
     traceability_warnings,
-    weighings_by_load,
+    weighing_rows_by_load,
 )
 from recordings.calibration.evidence_document import Chain, Link
 from recordings.dcc.dcc_document import DCC, parse_dcc
 from recordings.dcc.dcc_masses import read_certified_masses
-from recordings.dcc.dcc_signature import check_signature, trusted_key_id
-from recordings.dcc.write_dcc import make_dcc
+from recordings.dcc.dcc_signature import check_signature, read_trusted_key_id
+from recordings.dcc.write_dcc import make_unsigned_dcc
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.campaign_file import load_campaign
-from replay.calibration.dcc_output import DccOutput, write_dcc_output
+from replay.calibration.dcc_output import DccOutput, write_and_verify_dcc
 from replay.calibration.verify_bundle import verify_bundle
 from tests.recordings.dcc.certificates import (
     WEIGHTS,
@@ -225,7 +225,7 @@ def test_the_page_has_the_weighings_max_and_min_of_r_51(made: CalibrationOutcome
     page = (made.folder / "report.html").read_text()
     assert "Min of OIML R 51 Y(b), 10 e: 30.0 kg. Below it: 20.0005 kg." in page
     assert "the heaviest load that was judged: 40.0 kg" in page
-    rows = weighings_by_load(made.document, made.readings)
+    rows = weighing_rows_by_load(made.document, made.readings)
     fitted = made.document.calibration
     assert fitted is not None
     used = made.readings.filter(pl.col("used") & (pl.col("load_id") == "weight-1"))
@@ -241,7 +241,7 @@ def test_the_certificate_is_signed_and_read_back(made: CalibrationOutcome, folde
     data = (folder / "sledge.xml").read_bytes()
     signed = check_signature(parse_dcc(data, "sledge.xml"), "sledge.xml")
     (folder / "own.pub.pem").write_bytes(public_pem(ec_key()))
-    assert signed.key_id == trusted_key_id(folder / "own.pub.pem")
+    assert signed.key_id == read_trusted_key_id(folder / "own.pub.pem")
     assert "sledge.xml is signed by the key" in made.remarks[-1]
     # it is the certificate of a machine, so nobody takes a weight from it
     with pytest.raises(Exception, match="has no item 'weight-1'"):
@@ -260,7 +260,7 @@ def test_the_certificate_is_valid_after_the_official_schema(folder: Path, name: 
 def test_a_certificate_after_another_names_it_by_its_digest(made: CalibrationOutcome) -> None:
     before = Link(id="evidence-1", counter=1, sums_sha256="ab" * 32)
     chained = made.document.model_copy(update={"chain": Chain(counter=2, previous=before)})
-    root = make_dcc(chained, "cd" * 32)
+    root = make_unsigned_dcc(chained, "cd" * 32)
     report = root.find(f".//{{{DCC}}}previousReport")
     assert report is not None
     assert report.findtext(f"{{{DCC}}}referralID") == "evidence-1"
@@ -307,7 +307,7 @@ def test_a_certificate_needs_what_the_campaign_does_not_state(
 def test_without_a_line_there_is_no_certificate(tmp_path: Path, made: CalibrationOutcome) -> None:
     without = made.document.model_copy(update={"calibration": None})
     dcc = DccOutput(tmp_path / "e.xml")
-    remark = write_dcc_output(made.folder, without, dcc, None, force=False)
+    remark = write_and_verify_dcc(made.folder, without, dcc, None, force=False)
     assert "no calibration line to certify" in remark
     assert not dcc.file.exists()
 
@@ -333,6 +333,6 @@ def test_the_report_says_loudly_what_is_not_traceable(made: CalibrationOutcome) 
     assert traceability_warnings(changed) == [
         "NOT TRACEABLE: mass 'weight-1' has a standard uncertainty of 0."
     ]
-    assert list_missing_statements(changed) == [
+    assert list_missing_certificate_statements(changed) == [
         "Not stated, and ISO/IEC 17025, 7.8 asks for it: machine.make."
     ]

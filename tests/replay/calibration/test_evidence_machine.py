@@ -21,11 +21,11 @@ from replay.calibration.check_mass import KnownMassOnBoard, check_mass
 from replay.calibration.verify_bundle import verify_bundle
 from replay.fleet.fleet_file import load_fleet
 from replay.fleet.log_sources import list_fleet_logs
-from replay.fleet.machine_setups import NamedFiles, machine_setups
+from replay.fleet.machine_setups import NamedFiles, make_machine_setups
 from replay.fleet.run_fleet import replay_fleet
 from replay.inputs.machine_identity import common_machine_id
 from replay.logs import open_log
-from replay.logs.machine_ids import machine_ids
+from replay.logs.machine_ids import machine_ids_in_files
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 from tests.replay.attacker import Bundle, tampered
@@ -157,11 +157,11 @@ def test_a_sisters_machine_file_is_refused_though_all_else_is_the_same(
         ask = ("-m", file, "--calibration", made.folder)
         one_line(payscope(command[0], folder / "load-1.parquet", *ask, *command[1:]), words)
     with pytest.raises(EvidenceError, match=words):
-        machine_setups("sledge", NamedFiles(str(file), (), (str(made.folder),)), lenient=False)
+        make_machine_setups("sledge", NamedFiles(str(file), (), (str(made.folder),)), lenient=False)
     # and by its serial number a machine is known under another name
     file.write_text(text.replace('name = "sledge"', f'name = "the red one"\nid = "{OWN}"'))
     held = load_calibration(CalibrationRequest(made.folder))
-    assert held.differences_of_machine(held.weighing_machine(load_machine(file))) == ""
+    assert held.differing_settings_text(held.weighing_machine(load_machine(file))) == ""
 
 
 def test_a_log_that_does_not_name_its_machine_says_so_beside_the_mass(
@@ -230,7 +230,7 @@ def test_what_touches_no_mass_is_no_difference(folder: Path, made: CalibrationOu
             "settings.planar.threshold_std_com_m=0.01",
         ),
     )
-    assert held.differences_of_machine(held.weighing_machine(other)) == ""
+    assert held.differing_settings_text(held.weighing_machine(other)) == ""
     with open_log(folder / "load-2.csv") as log:
         frames = [run(log, machine).frames for machine in (plain, other)]
     for name in ("loads", "manoeuvres", "verdict"):
@@ -289,7 +289,7 @@ def test_a_bare_database_has_the_metadata_of_its_directory(tmp_path: Path) -> No
             else:
                 database.execute("DROP TABLE metadata")
             database.commit()
-        assert machine_ids([path]) == told
+        assert machine_ids_in_files([path]) == told
 
 
 def test_logs_of_two_machines_are_no_time_line(folder: Path, payscope: Payscope) -> None:

@@ -13,10 +13,10 @@ import pytest
 from estimators.errors import CampaignError
 from recordings.calibration.bundle_folder import NOTARY
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.notary.notary_list import NotaryEntry, list_bytes, parse_line, signed_line
+from recordings.notary.notary_list import NotaryEntry, encode_lines, parse_line, sign_line
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
-from recordings.signatures.signing import SigningKey, public_key, signing_key
-from replay.calibration.calibrate_campaign import calibrate_from_campaign, load_stretch
+from recordings.signatures.signing import SigningKey, read_public_key, read_signing_key
+from replay.calibration.calibrate_campaign import calibrate_from_campaign, load_notary_stretch
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.notary.list_file import STATE_VARIABLE
@@ -94,7 +94,7 @@ def test_a_required_signature_asks_for_a_known_recorder_as_well(notarised: Notar
     found = notarised.verify(notarised.bundle, signed=True)
     assert found.outcome is INCOMPLETE
     assert "notary.jsonl: is signed by an unknown key" in items(found)
-    key = public_key(notarised.recorder_public).text
+    key = read_public_key(notarised.recorder_public).text
     add_key(load_keyring(), KnownKey(key=key, owner="Recorder 7"))
     found = notarised.verify(notarised.bundle, signed=True)
     assert not found.findings
@@ -103,7 +103,7 @@ def test_a_required_signature_asks_for_a_known_recorder_as_well(notarised: Notar
 
 def test_the_list_of_a_revoked_recorder_counts_for_nothing(notarised: Notarised) -> None:
     key = KnownKey(
-        key=public_key(notarised.recorder_public).text,
+        key=read_public_key(notarised.recorder_public).text,
         owner="Recorder 7",
         revoked=dt.date(2026, 6, 1),
     )
@@ -130,7 +130,7 @@ def test_a_stretch_that_cannot_be_is_refused(
     campaign = folder / notarised.campaign.name
     campaign.write_text(campaign.read_text().replace(old, new))
     with pytest.raises(CampaignError, match=words):
-        load_stretch(campaign, load_campaign(campaign)[0])
+        load_notary_stretch(campaign, load_campaign(campaign)[0])
 
 
 def test_a_campaign_that_leaves_a_log_out_is_refused(notarised: Notarised, tmp_path: Path) -> None:
@@ -245,7 +245,7 @@ def test_what_is_done_to_a_stretch_is_found_though_the_evidence_is_signed_anew(
 
 
 def resigned(notarised: Notarised, tmp_path: Path, change: Callable[[Bundle], None]) -> Path:
-    key = signing_key(notarised.private)
+    key = read_signing_key(notarised.private)
     assert key is not None
 
     def tamper(bundle: Bundle) -> None:
@@ -260,22 +260,22 @@ def relisted(key: SigningKey, **values: Any) -> Callable[[bytes], bytes]:
 
     def change(data: bytes) -> bytes:
         head, *rest = (parse_line(line, "line") for line in data.splitlines())
-        made = [signed_line(head.content.model_copy(update={"public_key": key.public.text}), key)]
+        made = [sign_line(head.content.model_copy(update={"public_key": key.public.text}), key)]
         for line in rest:
             more = {"head": made[0].digest, "previous": made[-1].digest, **values}
             content = line.content.model_dump(mode="json") | more
-            made.append(signed_line(NotaryEntry.model_validate(content), key))
-        return list_bytes(made)
+            made.append(sign_line(NotaryEntry.model_validate(content), key))
+        return encode_lines(made)
 
     return change
 
 
 def test_a_list_by_a_key_of_ones_own_is_no_recorders(notarised: Notarised, tmp_path: Path) -> None:
-    own = signing_key(notarised.private)
+    own = read_signing_key(notarised.private)
     assert own is not None
     add_key(
         load_keyring(),
-        KnownKey(key=public_key(notarised.recorder_public).text, owner="Recorder 7"),
+        KnownKey(key=read_public_key(notarised.recorder_public).text, owner="Recorder 7"),
     )
     forged = resigned(notarised, tmp_path, of_bytes(relisted(own)))
     found = notarised.verify(forged, signed=True)
@@ -288,7 +288,7 @@ def test_a_line_that_names_another_machine_is_none_of_the_campaign(
     notarised: Notarised, tmp_path: Path
 ) -> None:
     """Test: by a thief of the recorder's key. Expected Result: found by what logs contradict."""
-    key = signing_key(notarised.recorder)
+    key = read_signing_key(notarised.recorder)
     assert key is not None
     forged = resigned(notarised, tmp_path, of_bytes(relisted(key, machine_id="sledge-8")))
     found = notarised.verify(forged)
@@ -297,7 +297,7 @@ def test_a_line_that_names_another_machine_is_none_of_the_campaign(
 
 
 def test_a_line_of_another_time_than_its_log_is_found(notarised: Notarised, tmp_path: Path) -> None:
-    key = signing_key(notarised.recorder)
+    key = read_signing_key(notarised.recorder)
     assert key is not None
     times = {"begins": "2026-04-01T12:00:00Z", "ends": "2026-04-01T12:01:00Z"}
     forged = resigned(notarised, tmp_path, of_bytes(relisted(key, **times)))

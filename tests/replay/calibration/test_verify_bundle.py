@@ -15,7 +15,7 @@ from recordings.calibration.bundle_folder import EVIDENCE, PDF, STATEMENT, SUMS
 from recordings.calibration.chain_check import check_chain
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
-from recordings.calibration.evidence_document import parse_document
+from recordings.calibration.evidence_document import parse_evidence
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from tests.conftest import REPO
@@ -57,15 +57,15 @@ def test_an_older_head_of_the_chain_is_found(made: Made) -> None:
     assert "the counter only grows" in items(older)
     skipped = verify_bundle(made.third, key_file=made.public, previous=made.first)
     assert skipped.outcome is TAMPERED
-    assert "is other evidence than that given" in items(skipped)
+    assert "is other evidence than the previous evidence given" in items(skipped)
 
 
 def test_a_check_has_line_machine_and_priors_of_what_it_is_a_check_of(made: Made) -> None:
     before = CheckedBundle()
-    before.document = last = parse_document((made.first / EVIDENCE).read_bytes(), EVIDENCE)
+    before.document = last = parse_evidence((made.first / EVIDENCE).read_bytes(), EVIDENCE)
     before.sums = (made.first / SUMS).read_bytes()
-    own = parse_document((made.bundle / EVIDENCE).read_bytes(), EVIDENCE)
-    other = parse_document((made.third / EVIDENCE).read_bytes(), EVIDENCE)
+    own = parse_evidence((made.bundle / EVIDENCE).read_bytes(), EVIDENCE)
+    other = parse_evidence((made.third / EVIDENCE).read_bytes(), EVIDENCE)
     assert other.learnt != last.learnt
     names = ("calibration", "expires", "machine", "learnt", "options")
     kept = {"kind": "check", **{name: getattr(last, name) for name in names}}

@@ -11,7 +11,7 @@ from analysis import Run
 from analysis.model.schema import conform_to_schema
 from recordings import read_recording, write_recording
 from recordings.rrd.viewer import viewer_executable
-from replay.explain.mended_file import Proposal, write_proposals
+from replay.explain.mended_file import Proposal, insert_proposals
 from tests.replay.sledge import MACHINE, Payscope, one_line
 
 LATE = MACHINE.replace('field = "force_N"', 'field = "force_N"  # of the motor\ndelay_s = 0.05')
@@ -230,7 +230,7 @@ CHANGE = Proposal("channels.force_x_N.scale", -1.0, "sign_flipped", "sign flippe
 def test_a_change_is_written_where_the_key_is(text: str, wanted: str) -> None:
     import tomllib
 
-    written = write_proposals(text, [CHANGE], Path("machine.toml"))
+    written = insert_proposals(text, [CHANGE], Path("machine.toml"))
     assert tomllib.loads(written) == tomllib.loads(wanted)
     if "{" not in text:
         assert written == wanted
@@ -239,9 +239,9 @@ def test_a_change_is_written_where_the_key_is(text: str, wanted: str) -> None:
 def test_a_boolean_is_changed_with_its_comment() -> None:
     change = Proposal("settings.gate.exclude_braking", True, "braking_inside", "why")
     text = "[settings.gate]\nexclude_braking = false  # electric\n"
-    assert write_proposals(text, [change], Path("m.toml")).endswith(
+    assert insert_proposals(text, [change], Path("m.toml")).endswith(
         "exclude_braking = true # electric; payscope: why; it was false\n"
-    ) or "true  # electric; payscope: why; it was false" in write_proposals(
+    ) or "true  # electric; payscope: why; it was false" in insert_proposals(
         text, [change], Path("m.toml")
     )
 

@@ -15,7 +15,7 @@ from replay.fleet.gathered_tables import open_fleet_results
 from replay.fleet.log_sources import list_fleet_logs
 from replay.fleet.machine_setups import setup_of_day
 from replay.fleet.run_fleet import FleetRun, replay_fleet
-from replay.fleet.write_fleet_page import report_page
+from replay.fleet.write_fleet_page import make_fleet_page
 from tests.replay.sledge_campaign import campaign_folder
 
 RULE = """
@@ -73,7 +73,7 @@ def test_calibrations_in_use_are_kept_for_the_report(folder: Path, tmp_path: Pat
     did = run(folder, tmp_path / "results")
     assert did.failed == {}
     results = open_fleet_results(str(tmp_path / "results"))
-    page = report_page(results, "dest", "fleet")
+    page = make_fleet_page(results, "dest", "fleet")
     (kept,) = page.calibrations
     assert isinstance(kept, FleetCalibration)
     assert (kept.machine, kept.method) == ("sledge", "joint_mass")
@@ -89,7 +89,7 @@ def test_calibrations_in_use_are_kept_for_the_report(folder: Path, tmp_path: Pat
 def test_evidence_of_other_settings_is_a_fault_of_its_logs_and_left_out_of_a_what_if(
     folder: Path, tmp_path: Path
 ) -> None:
-    from replay.fleet.machine_setups import NamedFiles, machine_setups
+    from replay.fleet.machine_setups import NamedFiles, make_machine_setups
 
     override = "settings.gate.threshold_nat=0.9"
     did = run(folder, tmp_path / "results", override)
@@ -98,5 +98,5 @@ def test_evidence_of_other_settings_is_a_fault_of_its_logs_and_left_out_of_a_wha
     files = NamedFiles(
         str(folder / "sledge.toml"), (override,), (str(folder / "evidence/sledge/first"),)
     )
-    (plain,) = machine_setups("sledge", files, lenient=True)
+    (plain,) = make_machine_setups("sledge", files, lenient=True)
     assert plain.by is None

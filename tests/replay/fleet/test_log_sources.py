@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from estimators.errors import FleetError
-from replay.commands.fleet_progress import TimeLeft, interval_text
+from replay.commands.fleet_progress import TimeLeft, time_left_text
 from replay.fleet.log_sources import list_fleet_logs
 from replay.fleet.object_store import ObjectStore
 from replay.logs import group_objects_by_log
@@ -58,7 +58,7 @@ def test_nothing_is_said_of_the_time_left_before_some_are_done() -> None:
     for _ in range(4):
         left.add_recording(1000, 1.0)
     assert left.interval_s(1) is None
-    assert interval_text(None) == ""
+    assert time_left_text(None) == ""
 
 
 @given(
@@ -84,6 +84,6 @@ def test_what_scatters_has_an_interval_in_a_unit_that_suits_it() -> None:
         left.add_recording(1000, 5.0 + 5.0 * (n % 2))
     low, high = left.interval_s(2) or (0.0, 0.0)
     assert low < 990 * 7.5 / 2 < high
-    assert interval_text((low, high)).endswith(" min left")
-    assert interval_text((20.0, 30.0)) == "20 to 30 s left"
-    assert interval_text((7200.0, 10800.0)) == "2.0 to 3.0 h left"
+    assert time_left_text((low, high)).endswith(" min left")
+    assert time_left_text((20.0, 30.0)) == "20 to 30 s left"
+    assert time_left_text((7200.0, 10800.0)) == "2.0 to 3.0 h left"

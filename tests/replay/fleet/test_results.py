@@ -163,7 +163,7 @@ def test_other_settings_are_other_results_and_those_of_the_last_run_count(
     found = open_fleet_results(str(results))
     assert found.results.height == 6
     assert found.scan("loads").select(pl.col("key").n_unique()).collect().item() == 6
-    assert found.all_results("results").collect().height == 8
+    assert found.scan_all_rows("results").collect().height == 8
     # back again: nothing to make, and the first ones count
     assert run_in(results).there == 6
     assert set(open_fleet_results(str(results)).results["basis"]) != set(found.results["basis"])

@@ -19,7 +19,7 @@ from replay.follow.agreement import FollowedDigests
 from replay.follow.follow_logs import Following, follow_logs
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import follow_log
-from replay.machines.machine_file import time_axis
+from replay.machines.machine_file import time_axis_of_machine
 from replay.simulation.simulate_logs import simulate_scenario
 from tests.replay.follow.recorders import (
     Recording,
@@ -103,7 +103,7 @@ def followed(
 
 
 def replayed(path: Path, machine: Machine) -> Run:
-    with open_log(path, time=time_axis(machine)) as log:
+    with open_log(path, time=time_axis_of_machine(machine)) as log:
         return run(log, machine)
 
 

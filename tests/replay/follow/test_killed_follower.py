@@ -19,7 +19,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType
 
 from analysis.simulation import Scenario
-from recordings.follow.growing_file import find_messages, is_unfinished
+from recordings.follow.growing_file import is_unfinished_recording, iter_whole_messages
 from recordings.follow.growing_recording import read_recording_end
 from replay.simulation.simulate_logs import simulate_scenario
 from tests.one_line import assert_one_line
@@ -120,7 +120,7 @@ def assert_goes_on(
             if not Path("out.rrd").exists():
                 continue
             data = Path("out.rrd").read_bytes()
-            assert [*find_messages(data)][-1].end == len(data), "a message is cut"
+            assert [*iter_whole_messages(data)][-1].end == len(data), "a message is cut"
             rows = rows_of(Path("out.rrd"))
             assert rows[: len(recorded)] == recorded
             assert len(set(rows)) == len(rows)
@@ -179,7 +179,7 @@ def test_after_ctrl_c_a_log_that_has_grown_is_followed_on(
     out, err = first.communicate()
     assert first.returncode == 0
     assert "interrupted" in err
-    assert not is_unfinished(Path("out.rrd"))
+    assert not is_unfinished_recording(Path("out.rrd"))
     until_s = json.loads(out.splitlines()[-1])["t_s"]
     refused = payscope("follow", "drive.mcap", *MACHINE, "-o", "out.rrd")
     assert "exists already" in refused.err, "nothing has come since"
@@ -249,7 +249,7 @@ def test_a_disc_that_fills_ends_the_outputs_and_not_the_following(
     assert process.returncode == 2, "the replay does not fit either"
     assert "Traceback" not in err
     data = Path("out.rrd").read_bytes()
-    assert 300_000 < len(data) == [*find_messages(data)][-1].end
+    assert 300_000 < len(data) == [*iter_whole_messages(data)][-1].end
     rows = rows_of(Path("out.rrd"))
     again = payscope("follow", "drive.mcap", *MACHINE, "-o", "out.rrd", "--json")
     assert again.status == 0, again.err

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from estimators.errors import LogError
 from replay import open_log
-from replay.commands.info import show
+from replay.commands.info import print_log_info
 from replay.init.describe_log import LogInfo, describe_log
 from tests.one_line import assert_one_line
 
@@ -19,7 +19,7 @@ SANTIAGO = ZoneInfo("America/Santiago")
 def shown(info: LogInfo, width: int = 200) -> str:
     console = Console(width=width, color_system=None)
     with console.capture() as capture:
-        show(info, SANTIAGO, console)
+        print_log_info(info, SANTIAGO, console)
     return capture.get()
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from estimators.errors import LogError
-from replay.inputs.channel_inputs import merge_topics
+from replay.inputs.channel_inputs import merge_messages_of_logs
 from replay.logs import Log
 
 ROWS = 400
@@ -17,7 +17,7 @@ LATE_NS = 3_000_000
 
 
 class Named:
-    """What `merge_topics` asks of a log: its name."""
+    """What `merge_messages_of_logs` asks of a log: its name."""
 
     def __init__(self, number: int) -> None:
         self.path = Path(f"part_{number}.mcap")
@@ -37,7 +37,7 @@ def messages(*, stamped: bool = True) -> pl.DataFrame:
 
 def of(*parts: pl.DataFrame) -> pl.DataFrame:
     logs: dict[Log, pl.DataFrame] = {Named(n): part for n, part in enumerate(parts)}  # pyright: ignore[reportAssignmentType]
-    return merge_topics("/topic", logs)
+    return merge_messages_of_logs("/topic", logs)
 
 
 spans = st.lists(st.tuples(st.integers(0, ROWS), st.integers(1, ROWS)), min_size=1, max_size=6)

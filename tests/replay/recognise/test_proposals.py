@@ -12,7 +12,7 @@ from analysis.model.physical_units import split_unit_from_name
 from replay.init.guess_machine import draft_machine_file
 from replay.logs import open_log
 from replay.recognise.proposals import ChannelProposal
-from replay.recognise.table import recognise_channels
+from replay.recognise.table import recognise_channels_of_table
 
 T = np.arange(600) / 50
 V = np.clip(np.sin(T), 0, None) * 3
@@ -26,7 +26,7 @@ def proposed(tmp_path: Path, **columns: object) -> tuple[dict[str, ChannelPropos
     frame = pl.DataFrame({"time_s": T, **columns})
     frame.rename({old: f"{new}]" for new, old in names.items() if "__" in old}).write_csv(path)
     with open_log(path) as log:
-        found = recognise_channels(log)
+        found = recognise_channels_of_table(log)
     return {each.column: each for each in found.channels}, found.questions
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from recordings.rrd.viewer import photograph_tabs
+from recordings.rrd.viewer import take_screenshots_of_file
 from tests.viewer_needed import VIEWER
 
 REPO = Path(__file__).resolve().parents[3]
@@ -216,6 +216,6 @@ class TestViewer:
     ) -> None:
         # no other importer of ours, nor any else's
         monkeypatch.setenv("PATH", f"{script.parent}:/usr/bin:/bin")
-        drawn = photograph_tabs(data / "logs/husky_asphalt.bag", tmp_path)
+        drawn = take_screenshots_of_file(data / "logs/husky_asphalt.bag", tmp_path)
         assert [each.tab for each in drawn] == ["Log", "/imu/data", "/drives"]
         assert [error for each in drawn for error in each.errors] == []

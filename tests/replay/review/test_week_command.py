@@ -9,7 +9,7 @@ from typing import Any
 import polars as pl
 import pytest
 
-from recordings.review.review_state import STATE, read_state
+from recordings.review.review_state import STATE, read_review_state
 from recordings.review.shift_ledger import PARQUET
 from replay.review.review_shift import ReviewOptions, review_shift
 from tests.replay.shift_review import shift_folder, verdict
@@ -31,7 +31,7 @@ def on_day(reviewed: Path, tmp_path: Path) -> Callable[..., Path]:
 
     def later(days: int, friction: float = 1.0) -> Path:
         folder = Path(shutil.copytree(reviewed, tmp_path / f"day{days}"))
-        state = read_state(folder)
+        state = read_review_state(folder)
         assert state is not None
         value, std = state.friction
         assert value is not None
@@ -92,7 +92,7 @@ def test_friction_that_rises_is_dated_and_such_as_does_not_is_not(
     on_day: Callable[..., Path], payscope: Payscope
 ) -> None:
     folders = [on_day(day, 1.0 + 0.1 * day / 6.0) for day in range(7)]
-    state = read_state(folders[0])
+    state = read_review_state(folders[0])
     assert state is not None
     assert state.friction[0] is not None
     limit = f"{1.3 * state.friction[0]:.0f}"

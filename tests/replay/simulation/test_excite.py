@@ -9,7 +9,7 @@ import pytest
 from analysis.excitation import design_excitation
 from analysis.simulation import Scenario
 from estimators.errors import DataError, OutputError
-from replay.simulation.scenario_file import load_scenario, scenario_text, write_scenario
+from replay.simulation.scenario_file import format_scenario_file, load_scenario, write_scenario
 from replay.simulation.simulate_logs import simulate_scenario
 
 PLANAR = Path(__file__).parents[3] / "examples" / "planar.toml"
@@ -31,7 +31,7 @@ def excite(payscope, tmp_path, monkeypatch):
 @pytest.mark.parametrize("made", [Scenario(), BASE, load_scenario(PLANAR)])
 def test_a_scenario_that_is_written_reads_back_as_it_was(tmp_path, made):
     path = tmp_path / "scenario.toml"
-    path.write_text(scenario_text(made), encoding="utf-8")
+    path.write_text(format_scenario_file(made), encoding="utf-8")
     assert load_scenario(path) == made
 
 
@@ -86,7 +86,7 @@ def test_what_is_wrong_is_said_in_one_line_and_leaves_with_two(excite, arguments
 
 def test_the_scenario_that_is_read_is_never_overwritten(excite, designed, tmp_path):
     mine = tmp_path / "mine.toml"
-    mine.write_text(scenario_text(BASE), encoding="utf-8")
+    mine.write_text(format_scenario_file(BASE), encoding="utf-8")
     before = mine.read_bytes()
     assert excite("mine.toml", "-o", "mine.toml", "--force").status == 2
     with pytest.raises(OutputError, match="exists already"):

@@ -11,7 +11,7 @@ from rosbags.highlevel import AnyReader
 
 from analysis.simulation import Scenario, simulate_campaign
 from estimators.errors import OutputError, ScenarioError
-from replay.simulation.scenario_file import scenario_text
+from replay.simulation.scenario_file import format_scenario_file
 from replay.simulation.simulate_logs import log_paths, simulate_scenario, write_logs
 from tests.one_line import assert_one_line
 from tests.replay.sledge import Payscope, one_line
@@ -243,7 +243,7 @@ def test_a_scenario_made_in_python_that_has_no_motion_is_refused_before_anything
 class TestCommand:
     def test_the_logs_are_named_on_stdout(self, payscope: Payscope, tmp_path: Path) -> None:
         scenario = tmp_path / "one.toml"
-        scenario.write_text(scenario_text(ONE), encoding="utf-8")
+        scenario.write_text(format_scenario_file(ONE), encoding="utf-8")
         said = payscope("simulate", scenario, "-o", tmp_path / "log.csv")
         assert (said.status, said.out.split()) == (0, [str(tmp_path / "log.csv")])
 

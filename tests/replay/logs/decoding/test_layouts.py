@@ -7,19 +7,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from replay.logs.decoding.decode_plan import DecodePlan
-from replay.logs.message_definitions import compile_type
-from replay.logs.messages.message_fields import resolve
+from replay.logs.message_definitions import compile_message_type
+from replay.logs.messages.message_fields import resolve_field
 from replay.logs.messages.message_types import iter_leaf_names
 from replay.logs.storage.container import Connection
 from tests.replay.logs.decoding.random_types import batch_of
 
-TYPE = compile_type(
+TYPE = compile_message_type(
     Connection(
         0, "/t", "t/msg/A", "ros1", "string a\nstring b\nuint8[] c\nstring[] name\nfloat64 e\n",
         "ros1msg",
     )
 )  # fmt: skip
-FIELDS = [resolve(leaf, TYPE.record) for leaf in iter_leaf_names(TYPE.record)]
+FIELDS = [resolve_field(leaf, TYPE.record) for leaf in iter_leaf_names(TYPE.record)]
 PLAN = DecodePlan(TYPE.record, ros1=True, fields=FIELDS)
 Parts = tuple[bytes, bytes, bytes, list[bytes], float]
 

@@ -15,7 +15,7 @@ from rosbags.typesys.store import Typestore
 
 from replay.logs.decoding.wire import CDR, ROS1
 from replay.logs.writers.message_columns import Column, RaggedColumn
-from replay.logs.writers.serialise_messages import SameLayout, serialise
+from replay.logs.writers.serialise_messages import SameLayout, serialise_messages
 from tests.replay.logs.decoding.random_types import Sample, Types, random_message, types
 
 TYPES = int(os.environ.get("PAYSCOPE_RANDOM_TYPES", "35"))
@@ -79,7 +79,7 @@ def test_messages_of_a_random_type_are_those_of_rosbags(
     sample = Sample(types, encoding, seed)
     wire = ROS1 if sample.ros1 else CDR
     column = columns(sample.store, "t/msg/A", sample.values)
-    made = serialise(sample.store, "t/msg/A", column, sample.count, wire)
+    made = serialise_messages(sample.store, "t/msg/A", column, sample.count, wire)
     assert messages_of(made, sample.count) == sample.stored(encoding)
 
 
@@ -90,7 +90,7 @@ def test_messages_of_the_types_in_use_are_those_of_rosbags(release: Stores, name
     ros1 = release is Stores.ROS1_NOETIC
     values = [random_message(store, name, rng) for _ in range(40)]
     serialize = store.serialize_ros1 if ros1 else store.serialize_cdr
-    made = serialise(store, name, columns(store, name, values), 40, ROS1 if ros1 else CDR)
+    made = serialise_messages(store, name, columns(store, name, values), 40, ROS1 if ros1 else CDR)
     assert messages_of(made, 40) == [bytes(serialize(value, name)) for value in values]
 
 
@@ -107,7 +107,7 @@ def test_what_all_messages_share_is_said_once_and_what_is_left_out_is_empty(
         "name": ("left", "right"),
         "effort": efforts,
     }
-    made = serialise(store, name, column, 2, ROS1 if ros1 else CDR)
+    made = serialise_messages(store, name, column, 2, ROS1 if ros1 else CDR)
     serialize = store.serialize_ros1 if ros1 else store.serialize_cdr
     expected: list[bytes] = []
     for number in range(2):
@@ -124,7 +124,9 @@ def test_what_all_messages_share_is_said_once_and_what_is_left_out_is_empty(
 def test_messages_of_the_same_lengths_are_one_layout() -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     texts = ["a", "bc", "d", "ef", "a"]
-    made = serialise(store, "std_msgs/msg/String", {"data": RaggedColumn.from_texts(texts)}, 5, CDR)
+    made = serialise_messages(
+        store, "std_msgs/msg/String", {"data": RaggedColumn.from_texts(texts)}, 5, CDR
+    )
     assert [None if same.chosen is None else same.chosen.tolist() for same in made] == [
         [0, 2, 4],
         [1, 3],
@@ -134,9 +136,9 @@ def test_messages_of_the_same_lengths_are_one_layout() -> None:
 def test_an_envelope_stands_before_each_message_and_moves_no_alignment() -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     values = np.array([1.5, -2.5])
-    plain = serialise(store, "std_msgs/msg/Float64", {"data": values}, 2, CDR)
+    plain = serialise_messages(store, "std_msgs/msg/Float64", {"data": values}, 2, CDR)
     times = np.array([10, 20])
-    made = serialise(
+    made = serialise_messages(
         store,
         "std_msgs/msg/Float64",
         {"data": values},
