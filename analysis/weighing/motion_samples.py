@@ -281,10 +281,7 @@ class MotionSamples:
 
     @cached_property
     def drives_both_ways(self) -> bool:
-        """Whether it drives forwards and in reverse, however little of either is fitted.
-
-        Coulomb friction of a single start in reverse has the other sign than that of all others.
-        """
+        """Whether it drives forwards and in reverse, be it for a single start."""
         forwards = self.direction[self.used] > 0
         return bool(forwards.any() and not forwards.all())
 
