@@ -129,6 +129,8 @@ def are_equal_values(stored: object, replayed: object) -> bool:
 
 
 def _format_compared_value(value: object) -> str:
+    if value in ((), ""):
+        return "none"
     text = "; ".join(map(_format_compared_value, value)) if isinstance(value, tuple) else str(value)
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
 

@@ -91,11 +91,11 @@ def test_every_lie_about_a_log_is_found_by_its_replay(bundle: Path, tmp_path: Pa
         ("load-0.csv: duration_s", "its duration differs"),
         ("load-0.csv: topics", "counts of messages or their stamps differ"),
         ("load-1.csv: topics", "stamped_by='header'"),
-        ("load-1.csv: losses", "a gap that is not there in the evidence,  in the replay"),
-        ("load-1.csv: notes", "other notes: weighed by hand there"),
-        ("load-2.csv: speed_range_m_s", "-1.0; 9.0 there"),
+        ("load-1.csv: losses", "a gap that is not there in the evidence, none in the replay"),
+        ("load-1.csv: notes", "other notes: weighed by hand in the evidence, none in the replay"),
+        ("load-2.csv: speed_range_m_s", "-1.0; 9.0 in the evidence"),
         ("load-2.csv: files", "the files differ"),
-        ("load-2.csv: machine_id", "its metadata name another machine: sledge-7 there"),
+        ("load-2.csv: machine_id", "its metadata name another machine: sledge-7 in the evidence"),
     ):
         assert f"{place}: " in said
         assert words in said

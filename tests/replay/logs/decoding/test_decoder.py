@@ -109,7 +109,7 @@ def test_batches_of_any_size_give_the_rows_in_their_order_and_a_tally() -> None:
     fields = [resolve_field("effort[left]", kind.record)]
     stream = TopicStream(make_decoder(kind, fields), frame_schema_of_fields(fields))
     feed_streams(([batch] for batch in batches()), {0: stream})
-    frame, tally = stream.finish(), stream.tally
+    frame, tally = stream.drain_all_rows(), stream.tally
     assert frame["log_time_ns"].to_list() == [0, 2, 5, *range(6, 5007 + 2 * BATCH_ROWS + 1)]
     assert set(frame["effort[left]"]) == {0.5}
     assert frame["effort[left]"].n_chunks() < 8
