@@ -80,6 +80,8 @@ class CycleLimits:
     sole_witness_probability: float = 0.75
     #: and if it has one, which shows nothing.
     contradicted_probability: float = 0.25
+    #: Number of confirmed or denied cycles that these two are worth.
+    witness_prior_trials: float = 4.0
     #: Probability that a load is dumped where the recording goes on without its machine in view.
     unseen_dump_probability: float = 0.5
     #: Time in ns behind the last haul in which a recording may have a dump.

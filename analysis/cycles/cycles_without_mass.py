@@ -2,8 +2,9 @@
 
 Digging, dumps of the boom and counted cycles are compared. What two of them show was a cycle; what
 only one shows was one with a probability: more where the log has no second witness, less where it
-has one that is silent. Where neither tells, the rhythm does: work that goes on for two cycles
-between two dumps hides one.
+has one that is silent. Dumps of the boom that masses confirm raise it, and the doubt that remains
+is one doubt of all cycles that the boom alone shows. Where neither tells, the rhythm does: work
+that goes on for two cycles between two dumps hides one.
 """
 
 from typing import Final, NamedTuple
@@ -56,7 +57,7 @@ def estimate_uncounted_cycles(
     end_ns = int(t_ns[-1]) if t_ns.size else 0
     times = cycles["dump_t_ns"].drop_nulls().to_list()
     boom = find_boom_dumps(aligned, excitation, [(t - ONE_DUMP_NS, t + ONE_DUMP_NS) for t in times])
-    likely = _cycle_probabilities(cycles, boom)
+    likely, common_u = _cycle_probabilities_and_common_u(cycles, boom)
     if not boom.tells and not is_digging_reliable(cycles):
         likely += rhythm_gap_probabilities(np.array(sorted(times), np.int64), excitation)
     on_board = cycles.tail(1).filter(pl.col("quality") == "not dumped")
@@ -69,7 +70,7 @@ def estimate_uncounted_cycles(
     return UncountedCycles(
         len(boom.dumps) if boom.tells else None,
         float(p.sum()),
-        float(np.sqrt((p * (1.0 - p)).sum())),
+        float(np.hypot(np.sqrt((p * (1.0 - p)).sum()), common_u)),
         load_kg,
         load_u_kg,
     )
@@ -99,20 +100,63 @@ def unweighed_load_and_u_kg(
     return cycles * mean_kg, float(np.linalg.norm(parts))
 
 
-def _cycle_probabilities(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
-    """Probability that each row without a mass was a cycle."""
+class _Reliability(NamedTuple):
+    """Probability that what one witness shows was a cycle.
+
+    Attributes:
+        probability: its mean.
+        u: its standard uncertainty, common to all cycles.
+    """
+
+    probability: float
+    u: float
+
+    @classmethod
+    def from_trials(cls, prior: float, confirmed: int = 0, denied: int = 0) -> "_Reliability":
+        """Posterior mean and standard deviation of a beta distribution.
+
+        Args:
+            prior: mean before the trials; worth `LIMITS.witness_prior_trials` of them.
+            confirmed: number of its cycles that masses confirm.
+            denied: number of its cycles that they deny.
+        """
+        trials = LIMITS.witness_prior_trials + confirmed + denied
+        mean = (LIMITS.witness_prior_trials * prior + confirmed) / trials
+        return cls(mean, float(np.sqrt(mean * (1.0 - mean) / (trials + 1.0))))
+
+
+#: What two witnesses show was a cycle.
+_CERTAIN: Final = _Reliability(1.0, 0.0)
+
+
+def _cycle_probabilities_and_common_u(
+    cycles: pl.DataFrame, boom: BoomDumps
+) -> tuple[list[float], float]:
+    """Probability that each row without a mass was a cycle, and the common u of their number."""
     blank = cycles.filter(pl.col("payload_kg").is_null())
-    only_dug = LIMITS.contradicted_probability if boom.tells else LIMITS.sole_witness_probability
-    only_dumped = (
-        LIMITS.contradicted_probability
-        if is_digging_reliable(cycles)
-        else LIMITS.sole_witness_probability
-    )
+    contradicted = _Reliability.from_trials(LIMITS.contradicted_probability)
+    alone = _Reliability.from_trials(LIMITS.sole_witness_probability)
+    only_dug = contradicted if boom.tells else alone
+    only_dumped = contradicted if is_digging_reliable(cycles) else _boom_reliability(cycles, boom)
     digs, dumps, hauls = (blank[name].is_not_null() for name in ("dig_t_ns", "dump_t_ns", "haul_s"))
-    return [
-        1.0 if haul or (dig and dump and boom.tells) else only_dug if dig else only_dumped
+    shown = [
+        _CERTAIN if haul or (dig and dump and boom.tells) else only_dug if dig else only_dumped
         for dig, dump, haul in zip(digs, dumps, hauls, strict=True)
     ]
+    # one doubt of all that the same witness shows
+    parts = [shown.count(each) * each.u for each in {only_dug, only_dumped}]
+    return [each.probability for each in shown], float(np.linalg.norm(parts))
+
+
+def _boom_reliability(cycles: pl.DataFrame, boom: BoomDumps) -> _Reliability:
+    """How often a dump of the boom was a cycle, by the cycles that masses confirm."""
+    weighed = cycles.filter(pl.col("counted"))["dump_t_ns"].drop_nulls().to_numpy()
+    every = cycles["dump_t_ns"].drop_nulls().to_numpy()
+    return _Reliability.from_trials(
+        LIMITS.sole_witness_probability,
+        confirmed=sum(dump.is_near(weighed) for dump in boom.dumps),
+        denied=sum(not dump.is_near(every) for dump in boom.dumps),
+    )
 
 
 def is_digging_reliable(cycles: pl.DataFrame) -> bool:

@@ -77,6 +77,23 @@ def test_a_dump_of_the_boom_without_digging_is_worth_less_where_the_others_are_d
     assert summed(whole)["uncounted_cycles"] < summed(undug)["uncounted_cycles"] < 1.0
 
 
+def test_a_boom_that_masses_confirm_at_every_dump_is_believed_where_there_is_no_mass() -> None:
+    """Priced at 0.75 each as if independent, 48 of 320 were 3.6 u short."""
+    unseen = tuple(range(2, 40, 5))
+    row = summed(drawn_shift(LOADS * 5, boom=True, unseen=unseen, digs=False))
+    assert row["cycles_without_mass"] == len(unseen)
+    assert row["uncounted_cycles"] == pytest.approx(len(unseen), abs=0.3)
+    assert row["total_kg"] == pytest.approx(5.0 * sum(LOADS), abs=2.0 * row["total_u_kg"])
+
+
+def test_the_doubt_about_the_only_witness_is_common_to_all_that_it_shows() -> None:
+    few, many = (
+        summed(drawn_shift(LOADS, boom=True, unseen=unseen, digs=False))
+        for unseen in ((3,), (1, 3, 4, 6))
+    )
+    assert many["uncounted_cycles_u"] > 2.5 * few["uncounted_cycles_u"]
+
+
 def test_loads_that_are_dug_and_cannot_be_told_from_empty_are_said() -> None:
     frames = drawn_shift([20.0] * 8, noise_kg=60.0)
     row = summed(frames)
