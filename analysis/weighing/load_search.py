@@ -5,6 +5,7 @@ from typing import Final, Self
 
 import numpy as np
 
+from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.fit_columns import stride_between_means
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.haul_patterns import propose_hauling_partitions
@@ -53,7 +54,10 @@ def search_and_fit_load_states(
     if not misfits or found.motion.manoeuvre_count < FEWEST:
         return settled
     inputs = _add_uneven_ground(found, inputs, make_refit_rows(found, inputs.noise).group)
-    alike = _PartitionComparison.from_fit(found, inputs)
+    # over short means the residual is noise and transients, which no loads explain
+    transient = rows_in_duration(LIMITS.transient_mean_s, found.motion.rate_hz)
+    samples = max(found.mean_samples, settled.mean_samples, transient)
+    alike = _PartitionComparison.from_fit(found, inputs, samples)
     fits = list[JointFit]()
     hints = np.append(0, np.cumsum(kind > 1))
     if hints[-1] and not _has_membership(settled, hints):
@@ -99,8 +103,8 @@ class _PartitionComparison:
     known: dict[bytes, float] = field(default_factory=dict[bytes, float])
 
     @classmethod
-    def from_fit(cls, found: JointFit, inputs: JointFitInputs) -> Self:
-        """Prepare the comparison with the mean length and manoeuvres of an earlier fit."""
+    def from_fit(cls, found: JointFit, inputs: JointFitInputs, samples: int) -> Self:
+        """Prepare the comparison with the manoeuvres of an earlier fit, over means of `samples`."""
         motion, terms = found.motion, applicable_terms(found.motion, several=True)
         task = FitTask(
             motion, inputs.noise, inputs.priors, terms, inputs.wheels, None, inputs.uneven_1_s
@@ -110,7 +114,7 @@ class _PartitionComparison:
             task,
             _manoeuvre_effects(found, inputs, load_change_kinds(motion)),
             number,
-            found.mean_samples,
+            samples,
         )
 
     def states(self, membership: Ints) -> LoadStates:
