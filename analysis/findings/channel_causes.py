@@ -345,7 +345,7 @@ def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
             f"by {abs(sides.value_1):.1%} ± {sides.std_1:.1%} more than in soft ones, "
             "by the gyroscope",
             channel=larger,
-            change=lambda: mass_change_by_wheel_speed(inputs),
+            change=lambda: mass_change_by_wheel_speed_fault(inputs),
             alternatives=("slip",),
         )
     wrong = find_wrong_speed(inputs, sides)
@@ -360,7 +360,7 @@ def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
         channel=larger if wrong is None else wrong[0],
         setting=setting,
         value=value,
-        change=lambda: mass_change_by_wheel_speed(inputs),
+        change=lambda: mass_change_by_wheel_speed_fault(inputs),
     )
 
 
@@ -391,7 +391,7 @@ def mass_change_if_smaller_wrong(inputs: FindingInputs, sides: SideDifference) -
     return MassChange(kg, kg)
 
 
-def mass_change_by_wheel_speed(inputs: FindingInputs) -> MassChange | None:
+def mass_change_by_wheel_speed_fault(inputs: FindingInputs) -> MassChange | None:
     """Mass change of 0 ± half the answer's uncertainty; None without an accelerometer."""
     fit = inputs.fit
     return (

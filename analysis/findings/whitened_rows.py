@@ -270,7 +270,7 @@ class ProjectedEquation:
 
 
 def row_noise_variance(noise: Floats) -> float:
-    """Noise variance of a row, scaled for correlated sums; at least that of the channels."""
+    """Noise variance of a whitened row, raised where neighbouring rows are correlated."""
     own = float(noise @ noise) / max(noise.size, 1)
     if not own > 0.0:
         return 1.0

@@ -36,7 +36,7 @@ def running_standstill_count(excitation: pl.DataFrame) -> Ints:
     return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
 
 
-def running_silence_count(known: Bools, shortest: int) -> Ints:
+def running_gap_count(known: Bools, shortest: int) -> Ints:
     """Number of gaps of at least `shortest` samples up to each sample, (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[True], known, [True]]).astype(np.int8)))
     first, end = edges[::2], edges[1::2]

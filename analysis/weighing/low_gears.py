@@ -32,7 +32,7 @@ def _remaining_slope_s_m(speed: Floats, quarter_m_s: float) -> Floats:
     return -4.0 * speed / quarter_m_s**2 * (1.0 + (speed / quarter_m_s) ** 2) ** -3
 
 
-def _has_gears(motion: MotionSamples) -> bool:
+def _do_speeds_span_gears(motion: MotionSamples) -> bool:
     """Whether speeds reach from that of a first gear to that of a road."""
     if motion.largest_speed <= LIMITS.road_speed_m_s:
         return False
@@ -57,7 +57,7 @@ def _make_gear_term(quarter_m_s: float) -> Nuisance:
         "starts at different throttles; driving without a change of gear",
         by_speed=lambda m: m.acceleration * _remaining_slope_s_m(m.speed, quarter_m_s),
         by_acceleration=fraction_in_low_gear,
-        applies=_has_gears,
+        applies=_do_speeds_span_gears,
         source=BY_GEAR,
     )
 

@@ -28,7 +28,7 @@ from analysis.weighing.fitted_stretches import (
     mark_missing_rows,
     number_one_way_runs,
     path_positions,
-    running_silence_count,
+    running_gap_count,
     running_standstill_count,
     stretch_spans,
     trim_to_break_away,
@@ -338,7 +338,7 @@ def collect_motion_samples(
     stood = running_standstill_count(excitation)
     unit = cut_drives(stood, rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz))
     longest_hole = rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
-    silences = running_silence_count(known, longest_hole)
+    silences = running_gap_count(known, longest_hole)
     group = cut_stretches(group, unit)
     return MotionSamples(
         np.where(known, acceleration, 0.0),

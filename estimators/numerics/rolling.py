@@ -108,7 +108,7 @@ def add_prefix_sums(terms: Floats, start: int, skip: int, count: int, sums: Floa
             u += c[k]
 
 
-def _multiply_by_arrays(z: Floats, count: int, products: Floats) -> None:
+def _write_pair_products_by_arrays(z: Floats, count: int, products: Floats) -> None:
     i, j = np.triu_indices(len(z))
     products[: i.size, :count] = z[i, :count] * z[j, :count]
 
@@ -116,7 +116,7 @@ def _multiply_by_arrays(z: Floats, count: int, products: Floats) -> None:
 def _centre_by_arrays(z: Floats, centre: Floats, count: int, terms: Floats) -> None:
     q = len(z)
     terms[:q, :count] = z[:, :count] - centre[:, None]
-    _multiply_by_arrays(terms[:q], count, terms[q:])
+    _write_pair_products_by_arrays(terms[:q], count, terms[q:])
 
 
 @compiled_with_array_form(_centre_by_arrays)
@@ -130,7 +130,7 @@ def fill_centred_terms(z: Floats, centre: Floats, count: int, terms: Floats) -> 
     sample_products(terms[:q], count, terms[q:])
 
 
-@compiled_with_array_form(_multiply_by_arrays)
+@compiled_with_array_form(_write_pair_products_by_arrays)
 def sample_products(z: Floats, count: int, products: Floats) -> None:
     """Products of the q rows of z at each of `count` samples, packed (entries, ≥ count)."""
     q = z.shape[0]

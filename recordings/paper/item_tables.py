@@ -74,15 +74,17 @@ def render_table_2_calibration_lines(frame: pl.DataFrame) -> list[RenderedTable]
 
 def render_table_3_errors_by_threshold(frame: pl.DataFrame) -> list[RenderedTable]:
     """Tables of errors by threshold, with the own load in the fit and without it."""
-    return _render_errors_by_setting(frame, campaign_tables.THRESHOLD, "threshold, nat")
+    return _render_error_tables_by_setting(frame, campaign_tables.THRESHOLD, "threshold, nat")
 
 
 def render_table_4_errors_by_window(frame: pl.DataFrame) -> list[RenderedTable]:
     """Tables of errors by window length, with the own load in the fit and without it."""
-    return _render_errors_by_setting(frame, campaign_tables.WINDOW, "samples")
+    return _render_error_tables_by_setting(frame, campaign_tables.WINDOW, "samples")
 
 
-def _render_errors_by_setting(frame: pl.DataFrame, setting: str, title: str) -> list[RenderedTable]:
+def _render_error_tables_by_setting(
+    frame: pl.DataFrame, setting: str, title: str
+) -> list[RenderedTable]:
     campaigns = frame["trials"].max()
     within = table_beside_printed_numbers(
         frame, setting, title, lambda row: number_with_interval_text(row, "run_kg"), "bound_kg"

@@ -47,7 +47,7 @@ def draw_shift_pictures(state: ReviewState, track: pl.DataFrame | None) -> list[
     if len(state.friction_parts) > 1:
         found.append(_draw_friction(state))
     if state.gate_shares:
-        found.append(_draw_reasons(state))
+        found.append(_draw_gate_reasons(state))
     if track is not None and track.height > 1:
         found.append(draw_track(track))
     return found
@@ -154,7 +154,7 @@ def _draw_friction(state: ReviewState) -> Drawing:
     return picture
 
 
-def _draw_reasons(state: ReviewState) -> Drawing:
+def _draw_gate_reasons(state: ReviewState) -> Drawing:
     rows = sorted(state.gate_shares.items(), key=lambda row: -row[1])[:_MOST_REASONS]
     words = ", ".join(f"{name.replace('_', ' ')} {share:.0%}" for name, share in rows)
     picture = Drawing(

@@ -203,7 +203,7 @@ def _send_run_through_pipe(
         recording, piped, path
     )  # what describes the frames first, or a cut file is past help
     waiting = 0
-    for index, batch in iter_frame_batches(run, scene.shown):
+    for index, batch in iter_indexed_batches(run, scene.shown):
         recording.send_record_batch(batch, index=index)
         waiting += batch.nbytes
         if waiting > _MOST_WAITING:  # or the queue of chunks grows to the whole run
@@ -286,7 +286,7 @@ def wait_until_written(recording: "RecordingStream", piped: PipedFile, path: Pat
             return
 
 
-def iter_frame_batches(
+def iter_indexed_batches(
     run: Run, display_frames: Mapping[str, pl.DataFrame]
 ) -> "Iterator[tuple[list[str], pa.RecordBatch]]":
     """Record batches with their index: drawn frames first, in order of time, then all others."""

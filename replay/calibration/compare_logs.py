@@ -64,7 +64,7 @@ def replay_and_compare_logs(
     try:
         if document.learnt is not None and document.kind == "calibration":
             before = replay_logs_of_campaign(campaign, document.machine, lambda log: paths[log])
-            _compare_learnt_terms(bundle, document.learnt.logs, before.terms)
+            _check_learnt_terms(bundle, document.learnt.logs, before.terms)
         replayed = replay_logs_of_campaign(
             campaign,
             document.weighing_machine,
@@ -135,7 +135,7 @@ def _format_compared_value(value: object) -> str:
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
 
 
-def _compare_learnt_terms(
+def _check_learnt_terms(
     bundle: CheckedBundle, stored: tuple[TermOfLog, ...], replayed: tuple[TermOfLog, ...]
 ) -> None:
     """Compare each log's nuisance estimates under the machine's own priors."""

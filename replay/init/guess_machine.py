@@ -169,7 +169,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     used = {(guess.topic or TABLE, guess.field) for guess in guesses}
     to_answer = [*([_JOINT_UNIT] if is_unsure else []), *ask_about_efforts(used, profiles)]
     lines += [f"# to answer: {sentence}" for sentence in (*to_answer, *_TO_ANSWER)]
-    rest = [*_profile_unused_columns(profiles, used), *notes_on_topics(topics, guesses)]
+    rest = [*_comment_lines_of_unused_columns(profiles, used), *notes_on_topics(topics, guesses)]
     lines += ["", *rest, "", "[settings.forces]"]
     lines.append(f'acceleration = "{"kinematic" if kinematic else "specific_force"}"')
     return "\n".join(lines) + "\n", lacking
@@ -203,7 +203,7 @@ def _make_comment_lines(proposal: ChannelProposal) -> list[str]:
     return [f"# {_replace_unprintable(proposal.reason)}", *(f"# {line}" for line in lines), ""]
 
 
-def _profile_unused_columns(
+def _comment_lines_of_unused_columns(
     profiles: list[FieldProfile], used: Collection[tuple[str, str]]
 ) -> list[str]:
     """Commented lines of all unused columns, with unit, rate and range."""

@@ -94,7 +94,7 @@ def _fill_side_channels(
     parts = fill_channel_or_numbered_parts(recognition, topic, velocities, source)
     mean = parts[0] if len(parts) == 1 else f"mean({', '.join(parts)})"
     _propose_formula(
-        recognition, speed, f"{mean} * wheel_radius_m", "a wheel's turns; needs its radius"
+        recognition, speed, f"{mean} * wheel_radius_m", "a wheel's angular speed; needs its radius"
     )
     recognition.ask_question(
         "radius", "machine.wheel_radius_m, which turns wheels' torques and turns into drive"

@@ -11,7 +11,7 @@ from analysis.calibration.line.variance_components import WithinRunVariance
 from estimators.arrays import Floats
 from estimators.errors import DataError, counted
 
-#: A line that is to show whether it is one needs a load more than it has parameters.
+#: Fewest loads that show whether a line is straight: one more than it has parameters.
 LOADS_MIN: Final = 3
 
 
@@ -116,8 +116,8 @@ def _check_points(points: Points) -> None:
     loads = np.unique(points.x_kg).size
     if loads < LOADS_MIN:
         raise DataError(
-            f"calibration: readings of {counted(loads, 'different load')}; a line that shows "
-            f"whether it is one needs {LOADS_MIN}"
+            f"calibration: readings of {counted(loads, 'different load')}; at least {LOADS_MIN} "
+            "are needed to check that the line is straight"
         )
     if np.ptp(points.y_kg) <= 1e-9 * np.abs(points.y_kg).max():
         raise DataError(

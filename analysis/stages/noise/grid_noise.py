@@ -163,7 +163,7 @@ def simulate_grid_noise_covariances(
 
 
 def row_stamps_to_analyse(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str, Ints]:
-    """Stamps of the rows to analyse, from where all channels have begun, by channel."""
+    """Stamps of each channel, up to `_ROWS` rows of the grid after the last one has begun."""
     begin = max(int(t[0]) for t, _ in read.values())
     end = begin + math.ceil(_ROWS / rate_hz * 1e9)
     return {name: t[: max(int(np.searchsorted(t, end)), 2)] for name, (t, _) in read.items()}

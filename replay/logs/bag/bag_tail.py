@@ -31,7 +31,7 @@ class BagTail(GrowingBlockFile):
 
         return GRAMMAR
 
-    def _take_next_record(self) -> list[RawBatch] | None:
+    def _take_next_batches(self) -> list[RawBatch] | None:
         file = self._file
         if self._at == 0:
             return self._check_first_line()

@@ -53,7 +53,7 @@ class GrowingBlockFile(ABC):
         """Process a record other than a message."""
 
     @abstractmethod
-    def _take_next_record(self) -> list[RawBatch] | None:
+    def _take_next_batches(self) -> list[RawBatch] | None:
         """Process the record at `_at` and advance; None if it is incomplete."""
 
     @property
@@ -67,7 +67,7 @@ class GrowingBlockFile(ABC):
         batches: list[RawBatch] = []
         self._is_torn = False
         while not self.is_finished and sum(batch.data.size for batch in batches) < _POLL_BYTES:
-            found = self._take_next_record()
+            found = self._take_next_batches()
             if found is None:
                 self._is_torn = self._at < self._file.size
                 break

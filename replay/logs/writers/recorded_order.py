@@ -134,13 +134,13 @@ def cut_into_chunks(
             size += piece.data.size
             begin = end
             if size > threshold:
-                yield _join_pieces(lead, pieces)
+                yield _join_into_full_chunk(lead, pieces)
                 pieces, lead, size = [], lead[:0], 0
     if pieces:
-        yield _join_pieces(lead, pieces)
+        yield _join_into_full_chunk(lead, pieces)
 
 
-def _join_pieces(lead: Bytes, pieces: Sequence[RecordBlock]) -> FullChunk:
+def _join_into_full_chunk(lead: Bytes, pieces: Sequence[RecordBlock]) -> FullChunk:
     data = np.concatenate([lead, *(piece.data for piece in pieces)])
     offsets: list[Ints] = []
     at = lead.size
