@@ -39,7 +39,7 @@ MOST_COLD_TURNS: Final = 131_072
 #: takes: at worst a loop costs three times its compilation.
 MOST_COLD_SECONDS: Final = 1.0
 #: How a function is compiled, by the name of the decorator in `estimators.compiled`.
-_COMPILED, _UNCOUNTED, _INLINED = (
+_COMPILED, _WITHOUT_REFCOUNTS, _INLINED = (
     "compiled",
     "compiled_without_refcounts",
     "compiled_inline",
@@ -197,7 +197,7 @@ def compiled(function: F) -> F:
 
 def compiled_without_refcounts(function: F) -> F:
     """Like `estimators.compiled.compiled_without_refcounts`, but interpreted at first."""
-    return cast("F", Loop(function, _UNCOUNTED))
+    return cast("F", Loop(function, _WITHOUT_REFCOUNTS))
 
 
 def compiled_inline(function: F) -> F:

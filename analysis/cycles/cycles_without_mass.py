@@ -7,7 +7,7 @@ is one doubt of all cycles that the boom alone shows. Where neither tells, the r
 that goes on for two cycles between two dumps hides one.
 """
 
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 import polars as pl
@@ -112,7 +112,7 @@ class _Reliability(NamedTuple):
     u: float
 
     @classmethod
-    def from_trials(cls, prior: float, confirmed: int = 0, denied: int = 0) -> "_Reliability":
+    def from_trials(cls, prior: float, confirmed: int = 0, denied: int = 0) -> Self:
         """Posterior mean and standard deviation of a beta distribution.
 
         Args:

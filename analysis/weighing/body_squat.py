@@ -22,9 +22,15 @@ from analysis.weighing.fitted_stretches import stretch_spans
 from analysis.weighing.haul_route import Route
 from analysis.weighing.motion_samples import Floats, MotionSamples, ground_speed_ratio
 from analysis.weighing.pitch_squat import fit_instrumental_variables, pitch_squat_cross_products
+from analysis.weighing.uneven_ground import random_walk_ratio
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.numerics.autocorrelation import student_factor
+
+#: Columns of a stretch before those of the grade: gain by load, gain, slip, delay.
+_OWN_COLUMNS: Final = 4
+#: Parts of the route between which the grade changes linearly: 3 to 8 m, a machine's length.
+_GRADE_PARTS: Final = 8
 
 
 @dataclass(frozen=True)
@@ -135,12 +141,6 @@ def gain_change_and_variance_by_squat(
 _Stretch = tuple[Floats, Floats, Floats, float]
 
 
-#: Columns of a stretch before those of the grade: gain by load, gain, slip, delay.
-_OWN_COLUMNS: Final = 4
-#: Parts of the route between which the grade changes linearly: 3 to 8 m, a machine's length.
-_GRADE_PARTS: Final = 8
-
-
 def _make_stretch_rows(
     motion: MotionSamples, wheels: WheelKinematics, loads: RelativeLoads, route: Route | None
 ) -> list[_Stretch]:
@@ -155,7 +155,7 @@ def _make_stretch_rows(
     in_time = motion.advance_speed(delay_s)
     ground = in_time.speed * ground_speed_ratio(in_time.speed, motion.force, slip_1_N)
     relative = loads.relative_load_of(motion.unit)
-    place, heading = (None, None) if route is None else route.place_and_heading(motion)
+    along = route and (route.relative_distance_to_dump(motion), route.heading_from_dump(motion))
     found: list[_Stretch] = []
     for begin, end in stretch_spans(motion.group).tolist():
         means = (end - begin) // LIMITS.squat_mean_samples
@@ -169,12 +169,9 @@ def _make_stretch_rows(
             # the speed and not what the accelerometer gained: no squat turns gravity on a slope
             [ground[part] * load, ground[part], np.abs(ground[part]) * motion.force[part], -a]
         )
-        if place is not None and heading is not None:
-            risen = np.clip(place[part, None] * _GRADE_PARTS - np.arange(_GRADE_PARTS), 0.0, 1.0)
-            grade = heading[part, None] * np.insert(risen, 0, 1.0, axis=1)
-            columns = np.hstack(
-                [columns, (np.cumsum(grade, axis=0) - grade / 2.0) / motion.rate_hz]
-            )
+        if along:
+            place, heading = (each[part] for each in along)
+            columns = np.hstack([columns, _integrate_grade(place, heading) / motion.rate_hz])
         y = ground[part] - gained
         both = (
             np.column_stack([columns, y]).reshape(means, LIMITS.squat_mean_samples, -1).mean(axis=1)
@@ -183,6 +180,21 @@ def _make_stretch_rows(
         time = np.linspace(-0.5, 0.5, means) * means * LIMITS.squat_mean_samples / motion.rate_hz
         found.append((both[:, :-1], both[:, -1], time, load))
     return found
+
+
+def _integrate_grade(place: Floats, heading: Floats) -> Floats:
+    """Sums over the samples of the grade's level and of its change over each part of the route.
+
+    Args:
+        place: (n,) distance from the dump over the route's length.
+        heading: (n,) 1 with the front away from the dump, -1 towards it.
+
+    Returns:
+        (n, 1 + parts) sums up to the middle of each sample.
+    """
+    risen = np.clip(place[:, None] * _GRADE_PARTS - np.arange(_GRADE_PARTS), 0.0, 1.0)
+    grade = heading[:, None] * np.insert(risen, 0, 1.0, axis=1)
+    return np.cumsum(grade, axis=0) - grade / 2.0
 
 
 def estimate_squat_by_pitch(
@@ -243,7 +255,7 @@ def is_explained_by_grades(found: GainChangeByLoad, wheels: WheelKinematics) -> 
 
 def _grade_prior_std(route: Route) -> Floats:
     """Prior standard deviations of the grade's columns, as acceleration of gravity in m/s²."""
-    change = LIMITS.grade_change_m_s2 * np.sqrt(route.length_m / _GRADE_PARTS / 10.0)
+    change = LIMITS.grade_change_m_s2 * random_walk_ratio(route.length_m / _GRADE_PARTS)
     return np.append(LIMITS.grade_m_s2, np.full(_GRADE_PARTS, change))
 
 
@@ -264,14 +276,14 @@ def _estimate_by_wheels(rows: list[_Stretch], grade_std: Floats) -> GainChangeBy
     pilot = float(((y - own @ np.linalg.lstsq(own, y)[0]) ** 2).sum()) / freedom
     prior = np.zeros((grade_std.size, X.shape[1]))
     np.fill_diagonal(prior[:, _OWN_COLUMNS:], np.sqrt(pilot) / grade_std)
-    held, response = np.concatenate([X, prior]), np.concatenate([y, np.zeros(grade_std.size)])
-    beta, _, rank, _ = np.linalg.lstsq(held, response)
+    rows_X, rows_y = np.concatenate([X, prior]), np.concatenate([y, np.zeros(grade_std.size)])
+    beta, _, rank, _ = np.linalg.lstsq(rows_X, rows_y)
     if rank < X.shape[1]:
         return None
     variance = float(((y - X @ beta) ** 2).sum()) / freedom
     if not variance > 0.0:
         return None
-    bare = y - X[:, 1:] @ np.linalg.lstsq(held[:, 1:], response)[0]
+    bare = y - X[:, 1:] @ np.linalg.lstsq(rows_X[:, 1:], rows_y)[0]
     left = float(np.linalg.norm(y - X @ beta) / np.linalg.norm(bare))
     slopes = np.array([time @ (y - X @ beta) / (time @ time) for X, y, time, _ in rows])
     noise = np.array([variance / (time @ time) for *_, time, _ in rows])
@@ -287,15 +299,15 @@ def _estimate_by_wheels(rows: list[_Stretch], grade_std: Floats) -> GainChangeBy
     if not (scale > 0.0).all():
         return None
     X, prior = X / scale, prior / scale
-    held = prior.T @ prior
-    bread = np.linalg.pinv(X.T @ X + held)
+    prior_information = prior.T @ prior
+    bread = np.linalg.pinv(X.T @ X + prior_information)
     theta = bread @ X.T @ y
     residual = y - X @ theta
     ends_at = np.cumsum([each[1].size for each in part])[:-1]
     parts = zip(np.split(X, ends_at), np.split(residual, ends_at), strict=True)
     scores = np.stack([own.T @ left for own, left in parts])
     freedom = max(count - _OWN_COLUMNS - 1, 1)
-    meat = scores.T @ scores * count / freedom + held * variance
+    meat = scores.T @ scores * count / freedom + prior_information * variance
     # stretches that agree by chance tell no more than white noise lets them
     found = max(float((bread @ meat @ bread)[0, 0]), float(bread[0, 0]) * variance)
     found *= student_factor(freedom) ** 2

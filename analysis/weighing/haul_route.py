@@ -59,21 +59,21 @@ class Route:
 
     def relative_distance_to_dump(self, motion: MotionSamples) -> Floats:
         """Distance of samples from the nearest dump over the route's length, (n,), at most 1."""
-        return self.place_and_heading(motion)[0]
+        ahead, behind = self._distances_to_dumps_m(motion)
+        return np.minimum(np.minimum(ahead, behind) / self.length_m, 1.0)
 
-    def place_and_heading(self, motion: MotionSamples) -> tuple[Floats, Floats]:
-        """Place of samples on the route, and which way the machine faces.
+    def heading_from_dump(self, motion: MotionSamples) -> Floats:
+        """Heading of samples, (n,): 1 with the front away from the nearest dump, -1 towards it."""
+        ahead, behind = self._distances_to_dumps_m(motion)
+        return np.where(behind < ahead, motion.direction, -motion.direction)
 
-        Returns:
-            (n,) distance from the nearest dump over the route's length, at most 1; (n,) 1 with the
-            front away from that dump, -1 towards it.
-        """
+    def _distances_to_dumps_m(self, motion: MotionSamples) -> tuple[Floats, Floats]:
+        """Distances to the next dump and from the one before, (n,) each; infinite without one."""
         here = motion.driven_m
         ahead = np.append(self.dumps_m, np.inf)[np.searchsorted(self.dumps_m, here)] - here
         passed = np.searchsorted(self.dumps_m, here, "right")
         behind = here - np.append(-np.inf, self.dumps_m)[passed]
-        place = np.minimum(np.minimum(ahead, behind) / self.length_m, 1.0)
-        return place, np.where(behind < ahead, motion.direction, -motion.direction)
+        return ahead, behind
 
 
 def find_dump_positions(arrives_m: Floats, leaves_m: Floats) -> Floats:

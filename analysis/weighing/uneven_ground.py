@@ -134,11 +134,11 @@ def _restrict_to_direction(column: Floats, direction: Floats, sign: float) -> Fl
 
 def _make_random_walk_prior(over_m: float) -> Callable[[MotionSamples, PriorSettings], float]:
     """Make the function that gives the prior std of the change over a way: a random walk."""
-    share = _random_walk_ratio(over_m)
+    share = random_walk_ratio(over_m)
     return lambda motion, priors: priors.ground_change_share * share * motion.weight
 
 
-def _random_walk_ratio(over_m: float) -> float:
+def random_walk_ratio(over_m: float) -> float:
     """Standard deviation of a random walk over a length, relative to ten metres."""
     return float(np.sqrt(over_m / _CHANGES_OVER_M))
 
@@ -148,7 +148,7 @@ def _make_route_term(part: int) -> Nuisance:
     begin, end = part / _ROUTE_PARTS, (part + 1) / _ROUTE_PARTS
 
     def route_column(m: ColumnInputs) -> Floats:
-        changes = _clipped_ramp(m.route_1, begin, end) * _random_walk_ratio(
+        changes = _clipped_ramp(m.route_1, begin, end) * random_walk_ratio(
             m.route_length_m / _ROUTE_PARTS
         )
         return m.direction * (1.0 + m.relative_load) * changes
