@@ -166,8 +166,8 @@ FIT_CHECKS: Final = (
         "filling",
         "mass",
         _make_weighing_value(lambda weighing: weighing.filling.evidence),
-        "evidence for a load that grows during every start, in standard deviations; less where it "
-        "moves no mass by its uncertainty",
+        "evidence for a load that grows during every start, in standard deviations; 0 where it "
+        "moves neither a mass nor the mean payload by its uncertainty",
         maximum="filling_max",
         optional=True,
         remedy="starts without digging or filling; else the force is late, or brakes release",

@@ -62,7 +62,7 @@ class LoadFilling:
         kg_s: growth rate, at least 0.
         deviations: z-score of the growth, including the residual common to all starts; NaN if
             undetermined.
-        moves_u: largest change of a mass, in standard uncertainties of that mass.
+        moves_u: largest change of a mass or of the mean payload, in its standard uncertainties.
     """
 
     kg_s: float
@@ -71,11 +71,11 @@ class LoadFilling:
 
     @property
     def evidence(self) -> float:
-        """The deviations, reduced if the growth moves no mass by its uncertainty.
+        """The deviations; 0 if the growth changes no mass and no payload by its uncertainty.
 
         Long logs make a misfit significant even if it changes no mass.
         """
-        return self.deviations * min(self.moves_u, 1.0)
+        return self.deviations * float(self.moves_u > 1.0)
 
 
 def fit_filling(
@@ -111,8 +111,21 @@ def fit_filling(
     # what the masses are beside that growth and those resistances
     follows = np.linalg.lstsq(covariance, grown.fit.covariance[at, : fit.count])[0]
     moved = grown.theta[: fit.count] + (best * std - found) @ follows - fit.theta[: fit.count]
-    moves_u = float(np.max(np.abs(moved) / np.maximum(fit.fit.std[: fit.count], 1e-9)))
+    of_sums = [*np.eye(fit.count), *mean_payload_weights(fit)]
+    moves_u = max(abs(float(each @ moved)) / max(fit.sum_u_kg(each), 1e-9) for each in of_sums)
     return LoadFilling(float(best[0] * std[0]), float(np.sqrt(better)), moves_u)
+
+
+def mean_payload_weights(fit: JointFit) -> list[Floats]:
+    """(masses,) weights of the mean payload: heavy manoeuvres less light ones; none of one load."""
+    loads, states = fit.found.relative_loads, fit.states
+    if loads is None or states is None:
+        return []
+    loaded = loads.is_loaded_in(states.unit)
+    if loaded.all() or not loaded.any():
+        return []
+    each = np.where(loaded, 1.0 / loaded.sum(), -1.0 / (~loaded).sum())
+    return [np.bincount(states.membership, each, fit.count).astype(np.float64)]
 
 
 def find_growing_loads(

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.signal import lfilter
+from scipy.signal import StateSpace, lfilter, lsim
 
 from analysis.weighing.lever_arm import (
     BodySwing,
@@ -28,15 +27,15 @@ BY_GRAVITY_S2 = SQUAT_1 / (2.0 * np.pi * SPRINGS_HZ) ** 2
 
 
 def swung(a: Floats) -> tuple[Floats, Floats]:
-    """The pitch of a body on springs over its squat, and the second derivative, by Runge-Kutta."""
+    """The pitch of a body on springs over its squat, and the second derivative."""
     t_s, turn = np.arange(a.size) / RATE_HZ, 2.0 * np.pi * SPRINGS_HZ
-
-    def rate(t: float, y: Floats) -> list[float]:
-        aim = float(np.interp(t, t_s, a))
-        return [y[1], turn**2 * (aim - y[0]) - 2.0 * DAMPING * turn * y[1]]
-
-    y, dy = solve_ivp(rate, (0.0, t_s[-1]), [0.0, 0.0], t_eval=t_s, max_step=0.02, rtol=1e-6).y
-    return y, turn**2 * (a - y) - 2.0 * DAMPING * turn * dy
+    drag = 2.0 * DAMPING * turn
+    springs = StateSpace(
+        [[0.0, 1.0], [-(turn**2), -drag]], [[0.0], [turn**2]], np.eye(2), [[0.0]] * 2
+    )
+    states = lsim(springs, a, t_s)[1]
+    y, dy = states[:, 0], states[:, 1]
+    return y, turn**2 * (a - y) - drag * dy
 
 
 def starts(
