@@ -9,6 +9,8 @@ from analysis.model.verdict import Check
 
 #: What a check that failed led to, where it withholds nothing.
 REMARKED: Final = {"widen": "widened", "method": "withheld", "tell": "note"}
+#: What any check that failed led to.
+CONSEQUENCES: Final = {"withhold": "no mass", **REMARKED}
 
 
 def format_check_outcome(check: Check, *, passed: str, failed: str, absent: str) -> str:

@@ -12,7 +12,7 @@ from analysis.cycles.shift_totals import LabelTotal, sum_cycles
 from analysis.model.physical_units import NS, NS_PER_S
 from estimators.errors import counted
 from recordings.report.clock_text import ShiftClock, duration_text
-from recordings.report.number_text import REMARKED, format_plus_minus
+from recordings.report.number_text import CONSEQUENCES, format_plus_minus
 from recordings.report.render_page import render_page_html
 from recordings.report.shift_text import K, format_tonnes
 from recordings.review.energy_columns import energy_table_by_phase
@@ -240,7 +240,7 @@ def render_review_html(page: ReviewPage) -> str:
         _PACKAGE,
         _TEMPLATE,
         scripts=_SCRIPTS,
-        consequence_words=REMARKED,
+        consequence_words=CONSEQUENCES,
         title=f"Shift of {state.machine or 'a machine without a name'}",
         state=state,
         duration=duration_text(shift["duration_s"]),

@@ -266,6 +266,7 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
 
     If there are no tonnes, the command prints the reason on stderr.
     """
+    from recordings.report.number_text import CONSEQUENCES
     from recordings.review.review_page import NOT_CALIBRATED, PAGE
     from recordings.review.shift_facts import (
         list_shift_facts,
@@ -296,7 +297,7 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
         print_line(screen, f"{NOT_CALIBRATED}: {review.calibration.against}")
     elif review.calibration.says:
         print_line(screen, review.calibration.says)
-    failed = [check.check for check in state.failed]
+    failed = [f"{check.check} ({CONSEQUENCES[check.consequence]})" for check in state.failed]
     if failed:
         print_line(screen, f"checks that failed: {', '.join(failed)}")
     for loss in loss_texts_besides_torn_ends(state):
