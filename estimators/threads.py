@@ -1,11 +1,12 @@
 """Work on windows in chunks on several cores, with results independent of their number."""
 
+import ctypes
+import sys
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Final, TypeVar
 
-import numpy as np
 from numba.core import config
 
 T = TypeVar("T")
@@ -16,10 +17,30 @@ CHUNK: Final = 8192
 #: Fewer chunks than these are not worth starting threads for.
 _WORTH_THREADS: Final = 8
 
-# glibc gives freed memory back to the system beyond a threshold that grows with the largest block
-# freed. Below it the arrays of every chunk would be paged in anew, which costs more than the work.
-_UNTOUCHED = np.empty(3 * 2**20)
-del _UNTOUCHED
+#: Parameters of glibc's `mallopt`, by number.
+_TRIM_THRESHOLD: Final = -1
+_MMAP_THRESHOLD: Final = -3
+#: Largest block in bytes that is taken from the heap, and most freed bytes that stay there: of
+#: 8 h, columns of a fit have up to half a gigabyte.
+_LARGEST_HEAP_BLOCK: Final = 1 << 30
+_MOST_KEPT: Final = 1 << 28
+
+
+def _keep_freed_memory() -> None:
+    """Have glibc keep freed memory, where there is a glibc.
+
+    Left alone, it gives blocks beyond a threshold back to the system. Each chunk's arrays would be
+    paged in anew, which costs more than the work.
+    """
+    if sys.platform != "linux":
+        return
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(_MMAP_THRESHOLD, _LARGEST_HEAP_BLOCK)
+        mallopt(_TRIM_THRESHOLD, _MOST_KEPT)
+
+
+_keep_freed_memory()
 
 
 def run_in_chunks(work: Callable[[slice], None], rows: int) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.numerics.autocorrelation import pooled_autocorrelation
-from estimators.numerics.group_sums import GroupSums, NoiseMoments, scaled_columns
+from estimators.numerics.group_sums import GroupSums, NoiseMoments, column_scales
 from estimators.numerics.sandwich import meat
 
 #: Kinds of boundaries where something besides the units tells a change: a machine backs out of
@@ -76,7 +76,7 @@ def group_effects(
     """
     used = group >= 0
     n = int(used.sum())
-    A, f, scale = scaled_columns(A, f, group)
+    f, scale = np.where(used, f, 0.0), column_scales(A, group)
     sums = GroupSums.from_groups(A, f, group, noise, scale)
     of_group = np.zeros(f.size, np.int64)
     for part, number in zip(sums.rows, unit, strict=True):
@@ -100,12 +100,13 @@ def group_effects(
     variance = float(f[used] @ f[used]) / n
     level, correlation, white = y, np.ones(1), variance
     # few units share their effects with few others: as if each had its own
-    own_columns = A[:, :1] if y.size >= _MANY else A[:, np.abs(A).sum(axis=0) > 0.0]
+    own_columns = A[:, :1] if y.size >= _MANY else A[:, np.abs(A[used]).sum(axis=0) > 0.0]
     for _ in range(_NOISE_ROUNDS):
         whole = within / variance + np.diag(precision)
         beta = np.linalg.lstsq(whole, cross / variance + precision * prior_mean * scale[1:])[0]
         level = y - x @ beta
-        residual = np.where(used, f - A[:, 0] * level[of_group] - A[:, 1:] @ beta, 0.0)
+        residual = f - A[:, 0] * (level[of_group] / scale[0]) - A[:, 1:] @ (beta / scale[1:])
+        residual = np.where(used, residual, 0.0)
         correlation, _ = pooled_autocorrelation(residual, group, own_columns)
         white = float(residual @ residual) / max(n - level.size, 1)
         variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
@@ -116,6 +117,7 @@ def group_effects(
         )
         for part in sums.rows
     )
+    sandwiched /= scale[0] ** 2
     per_square = white * max(sandwiched / float(each.grams[:, 0, 0].sum()), 1.0)
     back = scale[1:]
     return GroupEffects(

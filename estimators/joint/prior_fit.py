@@ -28,7 +28,7 @@ from estimators.numerics.autocorrelation import (
     pooled_autocorrelation,
     student_factor,
 )
-from estimators.numerics.group_sums import GroupSums, NoiseMoments, scaled_columns
+from estimators.numerics.group_sums import GroupSums, NoiseMoments, column_scales
 from estimators.numerics.sandwich import meat
 
 #: Groups disagree when the ratio of variances exceeds 1 by so many of its deviations.
@@ -64,9 +64,9 @@ class _SolvedSamples:
 
     Attributes:
         theta: (wide,) estimates, unscaled.
-        A: (n, p) scaled columns.
+        A: (n, p) columns.
         group: (n,) group of each sample.
-        sums: sums by group.
+        sums: sums of the scaled columns by group.
         shape: relation of a group's parameters to all parameters.
         precision: (p,) prior precisions of the scaled columns.
         scale: (p,) divisors of the columns.
@@ -105,7 +105,7 @@ class _SolvedSamples:
                 meat(A, group, int(group[part[0]]), int(part[0]), int(part[-1]), correlation)
                 for part in sums.rows
             ]
-        )
+        ) / np.outer(self.scale, self.scale)
         # noise of the columns times the residuals, both of which last as long as the mean does
         alike = max(2.0 * float(correlation @ correlation) - 1.0, 1.0)
         turns = turned.turns[shape.levels.unit]
@@ -131,7 +131,7 @@ class _SolvedSamples:
             gain,
             A,
             residual,
-            _InformativeGroups([sums.rows[i] for i in told], turns[told], shape, told),
+            _InformativeGroups([sums.rows[i] for i in told], turns[told] / self.scale, shape, told),
             signs,
         )
         # where noise is nearly all there is, what was not taken off is doubted whole
@@ -233,7 +233,7 @@ def solve(
     nothing = UndeterminedFit(np.full(p + count - 1, np.nan), f.size)
     if n <= p + count:
         return nothing
-    A, f, scale = scaled_columns(A, f, group)
+    A, f, scale = np.ascontiguousarray(A), np.where(group >= 0, f, 0.0), column_scales(A, group)
     sums = GroupSums.from_groups(A, f, group, noise, scale)
     one = np.zeros(len(sums.rows), np.int64)
     shape = InterceptShape(
@@ -245,7 +245,9 @@ def solve(
     taken = A if grouping.taken is None and len(sums.rows) < _FEW_GROUPS else grouping.taken
     loss = autocovariance_loss(group, taken) if grouping.loss is None else grouping.loss
     try:
-        solved = solve_with_priors(A, f, group, sums, shape, (precision, believed), (taken, loss))
+        solved = solve_with_priors(
+            A, f, group, sums, scale, shape, (precision, believed), (taken, loss)
+        )
     except np.linalg.LinAlgError:
         return nothing
     theta = solved.theta / shape.widen(scale)
@@ -286,7 +288,7 @@ class _InformativeGroups:
 
     Attributes:
         rows: samples of each group.
-        turns: (groups, p, p) transformation of its scores by the scatter of its level.
+        turns: (groups, p, p) transformation of its unscaled scores by the scatter of its level.
         shape: relation of a group's parameters to all parameters.
         number: index of each among all groups.
     """

@@ -165,6 +165,7 @@ def _subtract_fit_by_arrays(
     A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, count: int
 ) -> Floats:
     """Residuals f - A θ, with the level of each group's unit; 0 without a group."""
+    A = np.where(group[:, None] >= 0, A, 0.0)
     left = f - A[:, 0] * theta[level_of_unit[group]]
     for column, value in zip(A.T[1:], theta[count:], strict=True):
         left -= column * value
@@ -214,6 +215,7 @@ def solve_with_priors(
     f: Floats,
     group: Ints,
     sums: GroupSums,
+    scale: Floats,
     shape: InterceptShape,
     priors: tuple[Floats, Floats],
     correlated: tuple[Floats | None, Floats],
@@ -227,7 +229,8 @@ def solve_with_priors(
         A: (n, p) columns.
         f: (n,) response.
         group: (n,) group of each sample.
-        sums: sums by group.
+        sums: sums of the scaled columns by group.
+        scale: (p,) divisors of the columns; `theta` and priors are of the scaled ones.
         shape: relation of a group's parameters to all parameters.
         priors: (p,) precisions P⁻¹, and (p,) P⁻¹ θ₀.
         correlated: (n, q) columns projected out of each group, and their `autocovariance_loss`.
@@ -244,10 +247,11 @@ def solve_with_priors(
     added = sums.noise_gram.sum(axis=0)
     # the first residuals are the textbook's: from those of nothing fitted, three rounds are too few
     first = np.linalg.lstsq(gram, cross, rcond=None)[0]
-    left = f - A @ first
+    one_level = np.zeros(len(sums.rows), np.int64)
+    left = residual_of_grouped_samples(A, f, index, first / scale, one_level, 1)
     variance = float(left @ left) / n
     theta = shape.widen(np.asarray(first, np.float64))
-    wide_precision, wide_believed = shape.widen(precision), shape.widen(believed)
+    wide_precision, wide_believed, wide_scale = map(shape.widen, (precision, believed, scale))
     solved: SolutionParts | None = None
     units, of_units, level_of_unit = (
         sums.sum_by_unit(shape.levels.unit),
@@ -268,7 +272,7 @@ def solve_with_priors(
             turned, (wide_precision, wide_believed), variance, doubted
         )
         residual = residual_of_grouped_samples(
-            A, f, index, theta, level_of_unit, shape.levels.count
+            A, f, index, theta / wide_scale, level_of_unit, shape.levels.count
         )
         correlation, _ = pooled_autocorrelation(residual, group, taken, loss)
         with np.errstate(over="ignore"):  # of what rounding alone determines

@@ -115,21 +115,21 @@ def noise_moments(
     return gram, cross
 
 
-def scaled_columns(A: Floats, f: Floats, group: Ints) -> tuple[Floats, Floats, Floats]:
-    """Columns scaled to mean square 1; zero, like the response, for samples without a group.
+def column_scales(A: Floats, group: Ints) -> Floats:
+    """Divisors (p,) that make the columns' mean square about 1.
+
+    Powers of two: dividing by them changes no digit, so that sums are divided instead of columns,
+    which would be copied.
 
     Args:
         A: (n, p) columns.
-        f: (n,) response.
         group: (n,) group of each sample, negative for none.
 
     Returns:
-        The scaled columns, the response, and (p,) divisors: 1 for a column that is 0 except for
-        rounding, which is left to its prior.
+        The divisors: 1 for a column that is 0 except for rounding, which is left to its prior.
     """
-    scale = np.sqrt(_sum_squares(A, group) / max(int((group >= 0).sum()), 1))
-    scale = np.where(scale**2 > NOTHING, scale, 1.0)
-    return *_divide_columns_by_scale(A, f, group, scale), scale
+    squares = _sum_squares(A, group) / max(int((group >= 0).sum()), 1)
+    return np.exp2(np.round(np.log2(np.where(squares > NOTHING, squares, 1.0)) / 2.0))
 
 
 def _sum_squares_by_arrays(A: Floats, group: Ints) -> Floats:
@@ -144,24 +144,6 @@ def _sum_squares(A: Floats, group: Ints) -> Floats:
             for i in range(A.shape[1]):
                 total[i] += A[k, i] * A[k, i]
     return total
-
-
-def _divide_by_arrays(A: Floats, f: Floats, group: Ints, scale: Floats) -> tuple[Floats, Floats]:
-    used = group >= 0
-    return np.where(used[:, None], A / scale, 0.0), np.where(used, f, 0.0)
-
-
-@compiled_with_array_form(_divide_by_arrays)
-def _divide_columns_by_scale(
-    A: Floats, f: Floats, group: Ints, scale: Floats
-) -> tuple[Floats, Floats]:
-    columns, response = np.empty(A.shape), np.empty(f.size)
-    for k in range(A.shape[0]):
-        used = group[k] >= 0
-        response[k] = f[k] if used else 0.0
-        for i in range(A.shape[1]):
-            columns[k, i] = A[k, i] / scale[i] if used else 0.0
-    return columns, response
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,14 +168,14 @@ class GroupSums:
     def from_groups(
         cls, A: Floats, f: Floats, group: Ints, noise: NoiseMoments | None, scale: Floats
     ) -> Self:
-        """Sum the products of scaled columns by group."""
-        rows = group_rows(group)
+        """Sum the products of the columns, divided by (p,) `scale`, by group."""
+        rows, square = group_rows(group), np.outer(scale, scale)
         own = [as_slice(part) for part in rows]
-        grams = np.stack([A[part].T @ A[part] for part in own])
-        crosses = np.stack([A[part].T @ f[part] for part in own])
+        grams = np.stack([A[part].T @ A[part] for part in own]) / square
+        crosses = np.stack([A[part].T @ f[part] for part in own]) / scale
         if noise is None:
             return cls(rows, grams, crosses, np.zeros_like(grams), np.zeros_like(crosses))
-        return cls(rows, grams, crosses, noise.gram / np.outer(scale, scale), noise.cross / scale)
+        return cls(rows, grams, crosses, noise.gram / square, noise.cross / scale)
 
     def sum_by_unit(self, unit: Ints) -> Self:
         """Sum over the groups of each unit, (groups,) from 0; `rows` stay by group."""
