@@ -1,6 +1,7 @@
 """Columns of the fit: thinned means inside the stretches, and the noise in them."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -23,7 +24,7 @@ from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics import group_sums
 from estimators.numerics.fit_loss import group_rows
 from estimators.numerics.group_mean import trailing_group_means
-from estimators.numerics.group_sums import NoiseMoments
+from estimators.numerics.group_sums import NoiseMoments, as_slice
 from estimators.threads import map_in_threads
 
 
@@ -148,10 +149,10 @@ class FitRows:
         if terms == self.terms:
             return self
         at = np.array([0, 1, *(2 + self.terms.index(term) for term in terms)])
-        parts = self.A[:, at], self.noise.gram[:, at[:, None], at], self.noise.cross[:, at]
         # in the order of what was made so: sums depend on it to their last bits
-        A, gram, cross = (np.ascontiguousarray(part) for part in parts)
-        return replace(self, A=A, noise=NoiseMoments(gram, cross), terms=terms)
+        gram = np.ascontiguousarray(self.noise.gram[:, at[:, None], at])
+        noise = NoiseMoments(gram, np.take(self.noise.cross, at, axis=1))
+        return replace(self, A=np.take(self.A, at, axis=1), noise=noise, terms=terms)
 
 
 @dataclass(frozen=True)
@@ -186,9 +187,14 @@ class FitColumns:
 
     def average_to_rows(self, noise: ColumnNoiseModel, samples: int) -> FitRows:
         """Average the columns over so many samples."""
-        pieces = map_in_threads(lambda piece: _average_piece(piece, samples), self.pieces)
-        return weight_rows_of_pieces(
-            pieces, noise, self.terms, samples, self.found.uneven_1_s, self.rate_hz
+        return _average_pieces(
+            self.pieces.__getitem__,
+            [piece.group for piece in self.pieces],
+            noise,
+            self.terms,
+            samples,
+            self.found.uneven_1_s,
+            self.rate_hz,
         )
 
 
@@ -208,67 +214,75 @@ def average_columns(
         samples: length of the longest mean.
         previous: estimates of earlier rounds.
     """
-    # a piece at a time: the columns of a whole shift are many
-    pieces = map_in_threads(
-        lambda piece: _average_piece(_make_piece_columns(piece, noise, terms, previous), samples),
-        list(motion.pieces),
+    pieces = motion.pieces
+    return _average_pieces(
+        lambda number: _make_piece_columns(pieces[number], noise, terms, previous),
+        [_drop_samples_of_delay(piece, previous.lag_s) for piece in pieces],
+        noise,
+        terms,
+        samples,
+        previous.uneven_1_s,
+        motion.rate_hz,
     )
-    return weight_rows_of_pieces(pieces, noise, terms, samples, previous.uneven_1_s, motion.rate_hz)
 
 
-def weight_rows_of_pieces(
-    pieces: list["_PieceMeans"],
+def _average_pieces(
+    make_columns: Callable[[int], "_PieceColumns"],
+    groups: list[Ints],
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
     samples: int,
     uneven_1_s: float,
     rate_hz: float,
 ) -> FitRows:
-    """Weight the rows of all pieces.
+    """Average and weight the columns of all pieces.
 
     Args:
-        pieces: means of each piece of the log.
+        make_columns: makes the columns of a piece of the log; those of a whole shift are many.
+        groups: stretch of each sample of each piece.
         noise: noise of acceleration, speed and force.
         terms: the nuisances.
         samples: length of the longest mean.
         uneven_1_s: see `PreviousEstimates`.
         rate_hz: rate of the grid.
     """
-    motion = np.concatenate([piece.A[:, :2] for piece in pieces])
-    f = np.concatenate([piece.f for piece in pieces])
-    counts = np.concatenate([piece.count for piece in pieces])
+    stride = stride_between_means(samples)
+    kept = [np.flatnonzero(_select_every_nth_sample(group, stride)) for group in groups]
+    ends = np.cumsum([each.size for each in kept]).tolist()
+    places = [slice(end - each.size, end) for each, end in zip(kept, ends, strict=True)]
+    A, f = np.empty((ends[-1], 2 + len(terms))), np.empty(ends[-1])
+    counts = np.empty(f.size, np.int64)
+
+    def average_piece(number: int) -> tuple[Ints, ColumnInputs]:
+        piece, own, rows = make_columns(number), kept[number], places[number]
+        means, counts[rows] = trailing_group_means(piece.values, piece.group, samples, own)
+        A[rows], f[rows] = means[:, :-1], means[:, -1]
+        return piece.group[own], piece.raw.select_rows(own)
+
+    pieces = map_in_threads(average_piece, range(len(places)))
     # lengths are few and short: counting them is quicker than sorting all rows
     occurs = np.bincount(counts) > 0
     lengths, which = np.flatnonzero(occurs), (np.cumsum(occurs) - 1)[counts]
     covariances = np.stack([noise.covariance(int(length)) for length in lengths])
-    weight = _row_weights(motion, f, covariances, which)
-    ends_at = np.cumsum([piece.f.size for piece in pieces])[:-1]
-    A = np.empty((f.size, 2 + len(terms)))
+    weight = _row_weights(A[:, :2], f, covariances, which)
 
-    def weigh_rows(
-        piece: _PieceMeans, rows: Floats, which: Ints, weight: Floats
-    ) -> tuple[Floats, Floats]:
-        # while the piece is in the cache: the rows of a shift are hundreds of megabytes
-        np.multiply(piece.A, weight[:, None], out=rows)
-        return _noise_moments(terms, piece, covariances, which, weight)
+    def weigh_rows(number: int) -> tuple[Floats, Floats]:
+        (group, raw), rows = pieces[number], places[number]
+        A[rows] *= weight[rows, None]
+        return _noise_moments(terms, group, raw, covariances, which[rows], weight[rows])
 
-    added = map_in_threads(
-        lambda each: weigh_rows(*each),
-        list(zip(pieces, *(np.split(each, ends_at) for each in (A, which, weight)), strict=True)),
-    )
+    added = map_in_threads(weigh_rows, range(len(places)))
     f *= weight
-    group = np.concatenate([piece.group for piece in pieces])
+    group = np.concatenate([group for group, _ in pieces])
     if uneven_1_s:
-        whiten_random_intercepts(A, f, group, uneven_1_s / rate_hz * stride_between_means(samples))
+        whiten_random_intercepts(A, f, group, uneven_1_s / rate_hz * stride)
     return FitRows(
         A,
         f,
         group,
-        np.concatenate([piece.raw.direction for piece in pieces]),
+        np.concatenate([raw.direction for _, raw in pieces]),
         NoiseMoments(*(np.concatenate(each) for each in zip(*added, strict=True))),
-        max(
-            rows_in_duration(LIMITS.shortest_stretch_s, rate_hz) // stride_between_means(samples), 6
-        ),
+        max(rows_in_duration(LIMITS.shortest_stretch_s, rate_hz) // stride, 6),
         terms,
     )
 
@@ -283,9 +297,9 @@ def whiten_random_intercepts(A: Floats, f: Floats, group: Ints, ratio: float) ->
         ratio: variance of the intercepts over that of a row.
     """
     for part in group_rows(group):
-        off = 1.0 - 1.0 / np.sqrt(1.0 + ratio * part.size)
-        A[part] -= off * A[part].mean(axis=0)
-        f[part] -= off * f[part].mean()
+        off, rows = 1.0 - 1.0 / np.sqrt(1.0 + ratio * part.size), as_slice(part)
+        A[rows] -= off * A[rows].mean(axis=0)
+        f[rows] -= off * f[rows].mean()
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,17 +308,6 @@ class _PieceColumns:
 
     values: Floats
     group: Ints
-    raw: ColumnInputs
-
-
-@dataclass(frozen=True, slots=True)
-class _PieceMeans:
-    """Means of a piece: columns, force, stretch, length and last sample of each mean."""
-
-    A: Floats
-    f: Floats
-    group: Ints
-    count: Ints
     raw: ColumnInputs
 
 
@@ -351,21 +354,12 @@ def _make_piece_columns(
         previous.transfer_s2_m,
         (0.0, 0.0) if loads is None else loads.weight_shares,
     )
-    group = _drop_first_samples(motion.group, math.ceil(abs(previous.lag_s) * motion.rate_hz))
+    group = _drop_samples_of_delay(motion, previous.lag_s)
     values = np.empty((len(terms) + 3, group.size))
     values[0], values[1], values[-1] = raw.acceleration, raw.speed, force
     for place, term in enumerate(terms, start=2):
         values[place] = term.column(raw)
     return _PieceColumns(values, group, raw)
-
-
-def _average_piece(piece: _PieceColumns, samples: int) -> _PieceMeans:
-    """Average the columns of a piece, without weights."""
-    kept = np.flatnonzero(_select_every_nth_sample(piece.group, stride_between_means(samples)))
-    means, count = trailing_group_means(piece.values, piece.group, samples, kept)
-    return _PieceMeans(
-        means[:, :-1], means[:, -1], piece.group[kept], count, piece.raw.select_rows(kept)
-    )
 
 
 def stride_between_means(samples: int) -> int:
@@ -398,8 +392,9 @@ def _route_positions_and_length_m(
     return route.relative_distance_to_dump(motion), route.length_m
 
 
-def _drop_first_samples(group: Ints, lag: int) -> Ints:
-    """Stretch of each sample, (n,); -1 for its first `lag`, whose force is from before it."""
+def _drop_samples_of_delay(motion: MotionSamples, lag_s: float) -> Ints:
+    """Stretch of each sample, (n,); -1 for the first ones, whose force is from before it."""
+    group, lag = motion.group, math.ceil(abs(lag_s) * motion.rate_hz)
     return np.where(
         (_count_samples_since_start(group) >= lag) | is_last_of_stretch(group), group, -1
     )
@@ -446,7 +441,8 @@ def derive_force_rate(force: Floats, rate_hz: float, noise_N: float, *, keep_sma
 
 def _noise_moments(
     terms: tuple[Nuisance, ...],
-    piece: _PieceMeans,
+    group: Ints,
+    raw: ColumnInputs,
     covariances: Floats,
     which: Ints,
     weight: Floats,
@@ -455,18 +451,19 @@ def _noise_moments(
 
     Args:
         terms: the nuisances.
-        piece: means of the rows.
+        group: (rows,) stretch of each row.
+        raw: means that the columns are made of.
         covariances: (kinds, 3, 3) noise covariance of means of each length.
         which: (rows,) kind of each row.
         weight: (rows,) factor of each row.
     """
-    ids, index = np.unique(piece.group, return_inverse=True)
+    ids, index = np.unique(group, return_inverse=True)
     # derivatives of the columns by acceleration, speed and force; the others are 0
     slopes, places = [weight, weight], [(0, 0), (1, 1)]
     for j, term in enumerate(terms, start=2):
         for channel, by in enumerate((term.by_acceleration, term.by_speed, term.by_force)):
             if by is not None:
-                slopes.append(by(piece.raw) * weight)
+                slopes.append(by(raw) * weight)
                 places.append((j, channel))
     return group_sums.noise_moments(
         np.stack(slopes),
