@@ -9,6 +9,7 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
 from estimators.errors import PayscopeError
+from replay.init.guess_machine import BRAKES_QUESTION
 from replay.logs import Log
 from replay.pipeline import run
 
@@ -51,6 +52,12 @@ def propose_lines_from_replay(log: Log, text: str) -> list[str]:
         if tried is not None and _can_weigh_replayed_log(tried):
             return [*braking, *_lines_of_narrower_priors(tried)]
     return [*BRAKING, *([] if replayed is None else _lines_of_narrower_priors(replayed))]
+
+
+def drop_answered_question(text: str, lines: list[str]) -> str:
+    """Draft without the question about the brakes where the lines from its replay answer it."""
+    answered = any(line.startswith("exclude_braking") for line in lines)
+    return text.replace(f"# to answer: {BRAKES_QUESTION}\n", "") if answered else text
 
 
 def _replay_draft(log: Log, text: str) -> Run | None:

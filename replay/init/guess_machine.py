@@ -54,10 +54,14 @@ _SHORT = {
 }
 
 
+#: Asked where a replay of the draft does not answer it.
+BRAKES_QUESTION: Final = (
+    "does the force sensor measure the brakes? if so, settings.gate.exclude_braking = false"
+)
 #: What every answer rests on and has a default: asked behind what is missing.
 _TO_ANSWER = (
     "does the machine dig? machine.digs = false where it has no bucket",
-    "does the force sensor measure the brakes? if so, settings.gate.exclude_braking = false",
+    BRAKES_QUESTION,
 )
 
 
