@@ -185,6 +185,9 @@ def _iter_lines(path: Path, encoding: str, *, any_end: bool = False) -> Iterator
 def _recognise_encoding(path: Path) -> str:
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
+    for mark, kind in _OTHER_FILES:
+        if head.startswith(mark):
+            raise BrokenBytesError(f"it is {kind}")
     for mark, name in _MARKS:
         if head.startswith(mark):
             return name
@@ -196,13 +199,25 @@ def _recognise_encoding(path: Path) -> str:
         return "utf-8"
     if _OTHER_LETTERS.search(b"\n".join(head.split(b"\n", _NAMES_LINES)[:_NAMES_LINES])):
         raise DialectError(
-            "its names are not in Western letters; set [log] encoding, for example cp1251 or cp932"
+            "its names are not in Western letters; set [log] encoding, cp1251 or cp932 for example,"
         )
     # bytes that no name has are a fault of a cell, which polars takes as it is
     readable = re.sub(rb"[^\x20-\x7e\t\r\n]", b"", head)
     return "cp1252" if len(readable) > _MOSTLY_TEXT * len(head) else "utf-8"
 
 
+#: First bytes of files that are no text, though their name may say so.
+_OTHER_FILES: Final = (
+    (b"%PDF-", "a PDF document"),
+    (b"\x89PNG", "a picture (PNG)"),
+    (b"\xff\xd8\xff", "a picture (JPEG)"),
+    (b"PK\x03\x04", "an Excel workbook or a ZIP archive; a workbook's name ends in .xlsx"),
+    (b"\x1f\x8b", "packed by gzip; its name ends in .gz"),
+    (b"PAR1", "a Parquet table; its name ends in .parquet"),
+    (b"#ROSBAG", "a ROS 1 bag; its name ends in .bag"),
+    (b"\x89MCAP", "an MCAP file; its name ends in .mcap"),
+    (b"SQLite format 3", "an SQLite database; that of rosbag2 ends in .db3"),
+)
 #: Three letters beyond ASCII in a row: no Western language writes them. They are looked for in the
 #: lines where names are, since damaged cells have them too.
 _OTHER_LETTERS: Final = re.compile(rb"[\x80-\xff]{3}")

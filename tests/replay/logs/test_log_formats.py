@@ -58,9 +58,31 @@ def test_a_directory_without_bags_says_what_a_bag_directory_holds(tmp_path: Path
     assert "metadata.yaml and .mcap or .db3" in one_line(tmp_path)
 
 
-def test_a_directory_of_ros1_bags_names_them(tmp_path: Path) -> None:
+def test_a_directory_of_logs_names_them(tmp_path: Path) -> None:
     (tmp_path / "morning.bag").touch()
-    assert "name one of its logs: morning.bag" in one_line(tmp_path)
+    (tmp_path / "noon").mkdir()
+    (tmp_path / "noon/metadata.yaml").touch()
+    (tmp_path / "notes").mkdir()
+    assert one_line(tmp_path).endswith("a folder of logs; name one of them: morning.bag, noon")
+    for number in range(9):
+        (tmp_path / f"shift_{number}.bag").touch()
+    assert one_line(tmp_path).endswith("shift_5.bag and 3 more")
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"%PDF-1.7\n%\xe2\xe3\xcf\xd3\n1 0 obj", "not a csv table: it is a PDF document"),
+        (b"\x89PNG\r\n\x1a\n\0\0", "it is a picture (PNG)"),
+        (b"PK\x03\x04\x14\0", "a workbook's name ends in .xlsx"),
+        (b"#ROSBAG V2.0\n", "its name ends in .bag"),
+    ],
+)
+def test_another_file_with_the_name_of_a_table_is_named(
+    tmp_path: Path, content: bytes, says: str
+) -> None:
+    (tmp_path / "shift.csv").write_bytes(content)
+    assert says in one_line(tmp_path / "shift.csv")
 
 
 def test_importing_the_readers_loads_no_format_library() -> None:
