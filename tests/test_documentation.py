@@ -19,7 +19,9 @@ from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 from replay.commands.cli import app
 
 REPO = Path(__file__).resolve().parent.parent
-PAGES = sorted([REPO / "README.md", REPO / "CHANGELOG.md", *(REPO / "docs").rglob("*.md")])
+#: At the top of the repository.
+TOP = [REPO / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
+PAGES = sorted([*TOP, *(REPO / "docs").rglob("*.md")])
 
 
 def _commands() -> list[str]:
@@ -32,6 +34,8 @@ def test_every_command_has_help_and_a_section_with_its_help() -> None:
         assert f"## `payscope {name}`" in page
         command = typer.main.get_command(app).commands[name]  # pyright: ignore
         assert command.help
+        # the terminal wraps it, at its own width
+        assert all("\n" not in each for each in command.help.split("\n\n"))
         for parameter in command.params:
             assert parameter.help or parameter.name == "help", f"{name} {parameter.name}"
 
@@ -154,8 +158,17 @@ def test_the_library_example_of_the_readme_runs(
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(REPO)))
 def test_links_within_the_repository_lead_somewhere(page: Path) -> None:
-    for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text(encoding="utf-8")):
-        assert (page.parent / target).exists(), f"{page}: {target}"
+    text = page.read_text(encoding="utf-8")
+    for target, heading in re.findall(r"\]\((?!https?:)([^)#]*)#?([^)]*)\)", text):
+        found = page.parent / target if target else page
+        assert found.exists(), f"{page}: {target}"
+        assert not heading or heading in _anchors(found), f"{page}: {target}#{heading}"
+
+
+def _anchors(page: Path) -> set[str]:
+    """Anchors of a page's headings, as they are made where it is shown."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.M)
+    return {re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in headings}
 
 
 def _prose(text: str) -> Iterator[str]:
