@@ -327,7 +327,7 @@ def _describe_reliability(answer: Answer, cycles: list[str]) -> list[str]:
     parts += [
         f"## Where the uncertainty comes from{which}",
         "\n".join(
-            f"- **{cause}** ({kind}): {u} kg {share}; shrinks with {shrinks}"
+            f"- **{cause}** ({kind}): {f'{u} kg {share}' if share else u}; shrinks with {shrinks}"
             for cause, kind, u, share, shrinks in budget_rows(answer, _MARK)
         ),
         "## Terms of the fit besides mass and friction",
