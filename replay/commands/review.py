@@ -296,9 +296,12 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
         print_line(screen, f"{NOT_CALIBRATED}: {review.calibration.against}")
     elif review.calibration.says:
         print_line(screen, review.calibration.says)
-    failed = [check.check for check in state.failed]
-    if failed:
-        print_line(screen, f"checks that failed: {', '.join(failed)}")
+    for title, names in (
+        ("checks that failed", [c.check for c in state.failed if c.consequence == "withhold"]),
+        ("checks with a remark", [c.check for c in state.failed if c.consequence != "withhold"]),
+    ):
+        if names:
+            print_line(screen, f"{title}: {', '.join(names)}")
     for loss in loss_texts_besides_torn_ends(state):
         print_line(screen, f"lost: {loss}")
     if not review.replayed:
