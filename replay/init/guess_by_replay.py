@@ -102,6 +102,7 @@ def _format_prior_proposals(replayed: Run) -> list[str]:
         if setting is None or narrowed > _RICH:
             continue
         value = f"# {setting} = {priors[setting] * narrowed:.2g}"
-        said = f"found {row['posterior']:.2g} ± {row['posterior_std']:.1g} {row['unit']}"
+        unit = "" if row["unit"] == "1" else f" {row['unit']}"
+        said = f"found {row['posterior']:.2g} ± {row['posterior_std']:.1g}{unit}"
         lines.append(f"{value:<32}# {said}")
     return lines
