@@ -46,6 +46,15 @@ def test_the_index_of_decisions_has_every_record() -> None:
     assert written == index["index"](), "python -P docs/decision_index.py writes it"
 
 
+def test_the_tables_of_settings_and_keys_are_those_of_their_models() -> None:
+    update = runpy.run_path(str(REPO / "docs/update.py"))
+    for page in update["PAGES"]:
+        written = page.read_text(encoding="utf-8")
+        assert update["with_tables"](written) == written, (
+            f"{page}: python -P docs/update.py --tables writes its tables"
+        )
+
+
 def test_the_api_reference_is_what_the_docstrings_say() -> None:
     reference = runpy.run_path(str(REPO / "docs/api_reference.py"))
     folder, pages = reference["FOLDER"], reference["pages"]()
@@ -67,7 +76,9 @@ def test_every_public_name_is_in_the_api_reference() -> None:
 def assert_has_row(page: str, key: str, meaning: str | None) -> None:
     """Assert that a page has a row of a key, and that the key's field has a meaning."""
     rows = (REPO / page).read_text(encoding="utf-8").splitlines()
-    assert any(row.startswith(f"| `{key}` |") for row in rows), f"{page}: no row `{key}`"
+    assert any(row.startswith(f"| `{key}` |") for row in rows), (
+        f"{page}: no row `{key}`; python -P docs/update.py --tables writes it"
+    )
     assert meaning, f"{key}: its Field has no description"
 
 
