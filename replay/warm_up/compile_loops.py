@@ -8,12 +8,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
+from analysis.model.methods import METHODS
 from analysis.online.follower import FollowedRow
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.interpreted import compile_at_once
 from replay.follow.follow_logs import Following, follow_logs
 from replay.machines.machine_file import load_machine
+from replay.machines.toml_file import toml_text
 from replay.review.review_shift import ReviewOptions, review_shift
 from replay.runs.run_logs import replay_logs
 from replay.simulation.simulate_logs import simulate_scenario
@@ -25,9 +27,7 @@ STEPS: Final = (
     *("rates", "turns", "follow", "review"),
 )
 _MACHINE: Final = Path("cat262c.toml")
-_ALL_METHODS: Final = (
-    'settings.trace.methods=["ls", "rls", "fgls", "tls", "rtls", "huber", "pooled"]'
-)
+_ALL_METHODS: Final = f"settings.trace.methods={toml_text([*METHODS])}"
 #: Two starts in half a minute, at half the usual rate: as little as a fit needs.
 _STRAIGHT: Final = {
     "campaign": {
