@@ -1,7 +1,7 @@
 """Run the commands in the documentation and put their real output below them.
 
     python -P docs/update.py            rewrite README.md and docs/*.md
-    python -P docs/update.py --tables   rewrite the tables of settings and keys alone, in a second
+    python -P docs/update.py --quick    rewrite tables of settings and keys, and help, alone
     python -P docs/update.py --check    exit 1 when what is written is not what comes out
     python -P docs/update.py --check README.md      the same of this page and those before it
 
@@ -257,15 +257,23 @@ def main(check: bool, last: str | None = None) -> int:
     return differ
 
 
-def write_tables() -> int:
-    """Write the tables of settings and keys into their pages; 0."""
+def write_tables_and_help() -> int:
+    """Write tables of settings and keys, and blocks of nothing but help, into their pages; 0."""
+
+    def with_help(block: re.Match[str]) -> str:
+        commands = [line for line in block[1].splitlines() if line.startswith("$ ")]
+        if not all(line.endswith(" --help") for line in commands):
+            return block[0]
+        return f"```console\n{_run_block(block[1], REPO)}```"
+
     for page in PAGES:
-        page.write_text(with_tables(page.read_text(encoding="utf-8")), encoding="utf-8")
+        written = with_tables(page.read_text(encoding="utf-8"))
+        page.write_text(_BLOCK.sub(with_help, written), encoding="utf-8")
     return 0
 
 
 if __name__ == "__main__":
     _words = sys.argv[1:]
-    if "--tables" in _words:
-        sys.exit(write_tables())
+    if "--quick" in _words:
+        sys.exit(write_tables_and_help())
     sys.exit(main("--check" in _words, *(word for word in _words if word != "--check")))

@@ -31,7 +31,10 @@ def _commands() -> list[str]:
 def test_every_command_has_help_and_a_section_with_its_help() -> None:
     page = (REPO / "docs/commands.md").read_text(encoding="utf-8")
     for name in _commands():
-        assert f"## `payscope {name}`" in page
+        assert f"## `payscope {name}`" in page, (
+            f"docs/commands.md: no section '## `payscope {name}`'; write it with a block of "
+            f"`$ payscope {name} --help`, whose output python -P docs/update.py --quick writes"
+        )
         command = typer.main.get_command(app).commands[name]  # pyright: ignore
         assert command.help
         # the terminal wraps it, at its own width
@@ -51,7 +54,7 @@ def test_the_tables_of_settings_and_keys_are_those_of_their_models() -> None:
     for page in update["PAGES"]:
         written = page.read_text(encoding="utf-8")
         assert update["with_tables"](written) == written, (
-            f"{page}: python -P docs/update.py --tables writes its tables"
+            f"{page}: python -P docs/update.py --quick writes its tables"
         )
 
 
@@ -77,7 +80,7 @@ def assert_has_row(page: str, key: str, meaning: str | None) -> None:
     """Assert that a page has a row of a key, and that the key's field has a meaning."""
     rows = (REPO / page).read_text(encoding="utf-8").splitlines()
     assert any(row.startswith(f"| `{key}` |") for row in rows), (
-        f"{page}: no row `{key}`; python -P docs/update.py --tables writes it"
+        f"{page}: no row `{key}`; python -P docs/update.py --quick writes it"
     )
     assert meaning, f"{key}: its Field has no description"
 
