@@ -1,8 +1,7 @@
 """Read machine files in TOML and validate them as `Machine`, with errors of one line."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Final
 
 from analysis.model.machine import LogSection, Machine
 from analysis.model.physical_units import gain_and_offset_to_si
@@ -10,19 +9,14 @@ from analysis.model.settings import Settings
 from analysis.stages.signals.derive import derivation_in_si, unit_of_name
 from estimators.errors import MachineError
 from replay.logs import TableHints, TimeAxis
-from replay.machines.toml_file import read_toml, set_dotted_key, validate_toml_content
+from replay.machines.toml_file import (
+    read_toml,
+    refuse_other_kind_of_file,
+    set_dotted_key,
+    validate_toml_content,
+)
 
 _SHIPPED = Path(__file__).parent
-#: What has a table of this name is another file.
-_OTHER_FILES: Final = {
-    "masses": "a campaign file of `payscope calibrate`",
-    "runs": "a campaign file of `payscope calibrate`",
-    "fleet": "a fleet file of `payscope fleet`",
-    "machines": "a fleet file of `payscope fleet`",
-    "sensors": "a scenario file of `payscope simulate`",
-    "shift": "a scenario file of `payscope simulate`",
-    "campaign": "a campaign or scenario file",
-}
 
 
 def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
@@ -46,7 +40,7 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
             f"`payscope init LOG -o {path}` drafts one"
         )
     content = read_toml(path, MachineError)
-    _refuse_file_of_another_kind(path, content)
+    refuse_other_kind_of_file(path, content, "machine file", MachineError)
     for override in overrides:
         refuse_setting_without_prefix(override)
         set_dotted_key(content, override, MachineError)
@@ -62,17 +56,6 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
             where = "" if said.startswith("channels.") else f"channels.{name}: "
             raise MachineError(f"{path}: {where}{said}") from error
     return machine
-
-
-def _refuse_file_of_another_kind(path: Path, content: Mapping[str, Any]) -> None:
-    """Refuse a campaign, fleet or scenario file: it has tables of its own, and no channels."""
-    kind = next((_OTHER_FILES[each] for each in _OTHER_FILES if each in content), None)
-    if kind is None or "channels" in content:
-        return
-    body = content.get("machine")
-    named = body.get("file") if isinstance(body, Mapping) else None
-    remedy = f"; the machine file that it names is {named}" if isinstance(named, str) else ""
-    raise MachineError(f"{path}: is {kind}, no machine file{remedy}")
 
 
 def refuse_setting_without_prefix(override: str) -> None:

@@ -29,6 +29,14 @@ _IN_TOML = {
 }
 #: A number with a decimal comma behind a key.
 _DECIMAL_COMMA: Final = re.compile(r"^[^\[#\"=]*= *(-?\d+),(\d+) *(?:#.*)?$", re.M)
+#: The files of payscope in TOML, each with the tables that no other one has.
+_KINDS: Final = {
+    "a machine file": ("channels",),
+    "a campaign file of `payscope calibrate`": ("masses", "runs"),
+    "a fleet file of `payscope fleet`": ("fleet", "machines"),
+    "a scenario file of `payscope simulate`": ("sensors", "shift"),
+    "a campaign file or a scenario file": ("campaign",),
+}
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
@@ -42,6 +50,7 @@ def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
         PayscopeError: as `error`, in one line: there is no such file, it is not TOML, or has a key
             under its old and its new name.
     """
+    text = ""
     try:
         text = path.read_text(encoding="utf-8")
         content = tomllib.loads(text)
@@ -63,6 +72,23 @@ def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
             f"{path}: {renamed_keys_text(renamed)}; {remedy}", OldNameWarning, stacklevel=3
         )
     return content
+
+
+def refuse_other_kind_of_file(
+    path: Path, content: Mapping[str, Any], kind: str, error: type[PayscopeError]
+) -> None:
+    """Refuse a file of payscope of another kind, such as a campaign file for a machine file.
+
+    Raises:
+        PayscopeError: as `error`: which kind it is, and which machine file it names, if it does.
+    """
+    found = next((k for k, tables in _KINDS.items() if any(each in content for each in tables)), "")
+    if not found or kind in found:
+        return
+    body = content.get("machine")
+    named = body.get("file") if kind == "machine file" and isinstance(body, Mapping) else None
+    remedy = f"; the machine file that it names is {named}" if isinstance(named, str) else ""
+    raise error(f"{path}: is {found}, no {kind}{remedy}")
 
 
 def parse_toml_value(text: str) -> Any:
