@@ -138,7 +138,7 @@ def main() -> None:
     sys.exit(status or 0)
 
 
-#: What a command says when an option is missing that is no file.
+#: How to get an option that is missing.
 _MISSING: Final = {
     "--machine": "`payscope init LOG -o machine.toml` drafts a machine file",
     "--over": "name a setting and its values, --over settings.gate.threshold_nat=0.5,0.7",
@@ -146,13 +146,16 @@ _MISSING: Final = {
 
 
 def describe_usage_error(error: typer.TyperException) -> str:
-    """Message for a wrong command line; without a machine file it names `payscope init`."""
+    """Message for a wrong command line; what is missing is named with how to get it."""
     said = error.format_message() or "see payscope --help"
-    if said.startswith("Missing option"):
-        for option, remedy in _MISSING.items():
-            if option in said:
-                return f"{said.rstrip('.')}; {remedy}"
-    return said
+    if said.startswith("Missing "):
+        path = getattr(getattr(error, "ctx", None), "command_path", "payscope")
+        help_of = f"`{path} --help` lists what it takes"
+        remedy = next((text for option, text in _MISSING.items() if option in said), help_of)
+        return f"{said.rstrip('.')}; {remedy}"
+    # what the library for options says by Python's names
+    said = said.removeprefix("Invalid value: ").replace("Value error, ", "")
+    return said.replace(": Input should", ": input should")
 
 
 def _open_closed_streams() -> None:

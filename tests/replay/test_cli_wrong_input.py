@@ -86,6 +86,21 @@ class TestWrongInput:
         said = payscope("run", log, "-m", machine_file, "--set", "settings.trace.methods=ls")
         one_line(said, 'write ["ls"]')
 
+    @pytest.mark.parametrize(
+        ("words", "says"),
+        [
+            (("info",), "Missing argument 'logs'; `payscope info --help` lists what it takes"),
+            (("run", "a.bag"), "`payscope init LOG -o machine.toml` drafts a machine file"),
+            (("plot", "a.rrd", "-o", "b.png", "--figure", "x"), "'--figure': 'x' is not one of"),
+            (("show", "a.rrd", "gate", "--from", "x"), "'--from': input should be a valid number"),
+            (("show", "a.rrd", "--from", "3"), "payscope: --from, --to, --at and -o need the name"),
+        ],
+    )
+    def test_wrong_usage_is_said_in_words_that_help(
+        self, payscope: Payscope, words: tuple[str, ...], says: str
+    ) -> None:
+        one_line(payscope(*words), says)
+
     def test_a_decimal_comma_is_answered_with_the_point(
         self, payscope: Payscope, log: Path, tmp_path: Path
     ) -> None:
