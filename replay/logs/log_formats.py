@@ -120,8 +120,9 @@ def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
             raise LogError(f"{path}: no such file or directory")
         opener = OPENERS.get(path.suffix.lower())
         if opener is None:
+            suffix = f"'{path.suffix}'" if path.suffix else "a name without a suffix"
             raise LogError(
-                f"{path}: no reader for '{path.suffix}'; supported: {', '.join(OPENERS)} or a "
+                f"{path}: no reader for {suffix}; supported: {', '.join(OPENERS)} or a "
                 "rosbag2 directory"
             )
         if path.stat().st_size == 0:

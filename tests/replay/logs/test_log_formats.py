@@ -29,6 +29,8 @@ def test_an_unknown_suffix_is_answered_with_the_known_ones(tmp_path: Path) -> No
     (tmp_path / "shift.doc").write_text("hello")
     message = one_line(tmp_path / "shift.doc")
     assert all(suffix in message for suffix in OPENERS)
+    (tmp_path / "shift").write_text("hello")
+    assert "no reader for a name without a suffix; supported: .bag" in one_line(tmp_path / "shift")
 
 
 @pytest.mark.parametrize("suffix", OPENERS)
