@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from replay.logs.messages.broken_bytes import BrokenBytesError
+from replay.logs.messages.broken_bytes import BrokenBytesError, describe_other_file
 from replay.logs.tables.hints import DialectError
 
 #: So much of a file is looked at for its dialect, in bytes: and more for lines that are longer.
@@ -185,9 +185,8 @@ def _iter_lines(path: Path, encoding: str, *, any_end: bool = False) -> Iterator
 def _recognise_encoding(path: Path) -> str:
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
-    for mark, kind in _OTHER_FILES:
-        if head.startswith(mark):
-            raise BrokenBytesError(f"it is {kind}")
+    if other := describe_other_file(head, ""):
+        raise BrokenBytesError(other)
     for mark, name in _MARKS:
         if head.startswith(mark):
             return name
@@ -206,18 +205,6 @@ def _recognise_encoding(path: Path) -> str:
     return "cp1252" if len(readable) > _MOSTLY_TEXT * len(head) else "utf-8"
 
 
-#: First bytes of files that are no text, though their name may say so.
-_OTHER_FILES: Final = (
-    (b"%PDF-", "a PDF document"),
-    (b"\x89PNG", "a picture (PNG)"),
-    (b"\xff\xd8\xff", "a picture (JPEG)"),
-    (b"PK\x03\x04", "an Excel workbook or a ZIP archive; a workbook's name ends in .xlsx"),
-    (b"\x1f\x8b", "packed by gzip; its name ends in .gz"),
-    (b"PAR1", "a Parquet table; its name ends in .parquet"),
-    (b"#ROSBAG", "a ROS 1 bag; its name ends in .bag"),
-    (b"\x89MCAP", "an MCAP file; its name ends in .mcap"),
-    (b"SQLite format 3", "an SQLite database; that of rosbag2 ends in .db3"),
-)
 #: Three letters beyond ASCII in a row: no Western language writes them. They are looked for in the
 #: lines where names are, since damaged cells have them too.
 _OTHER_LETTERS: Final = re.compile(rb"[\x80-\xff]{3}")

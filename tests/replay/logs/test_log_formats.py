@@ -87,6 +87,23 @@ def test_another_file_with_the_name_of_a_table_is_named(
     assert says in one_line(tmp_path / "shift.csv")
 
 
+@pytest.mark.parametrize(
+    ("suffix", "content", "says"),
+    [
+        (".mcap", b"#ROSBAG V2.0\n", "not an MCAP file; it is a ROS 1 bag; its name ends in .bag"),
+        (".bag", b"\x89MCAP0\r\n", "not a ROS 1 bag; it is an MCAP file; its name ends in .mcap"),
+        (".bag", b"RRF2\0\0", "it is a recording; its name ends in .rrd"),
+        (".db3", b"%PDF-1.7", "not a rosbag2 .db3 file; it is a PDF document"),
+        (".mcap", b"\x89MCAP9\r\n", "not an MCAP file; it does not start with the MCAP magic"),
+    ],
+)
+def test_a_log_with_the_name_of_another_format_is_named(
+    tmp_path: Path, suffix: str, content: bytes, says: str
+) -> None:
+    (tmp_path / f"shift{suffix}").write_bytes(content + bytes(200))
+    assert says in one_line(tmp_path / f"shift{suffix}")
+
+
 def test_importing_the_readers_loads_no_format_library() -> None:
     code = "import replay, sys; print([m for m in ('rosbags', 'mcap', 'rich') if m in sys.modules])"
     answer = subprocess.run(
