@@ -1,6 +1,7 @@
 """Run the commands in the documentation and put their real output below them.
 
     python -P docs/update.py            rewrite README.md and docs/*.md
+    python -P docs/update.py --quick    rewrite tables of settings and keys, and help, alone
     python -P docs/update.py --check    exit 1 when what is written is not what comes out
     python -P docs/update.py --check README.md      the same of this page and those before it
 
@@ -95,12 +96,18 @@ _NUMBER = re.compile(r"[-+]?\d[\d,]*\.?\d*(?:e[-+]?\d+)?")
 
 
 def updated(page: str, folder: Path) -> str:
-    """The page with the output of its commands, and the settings, as they are now."""
+    """The page with the output of its commands, and its tables, as they are now."""
+    return _BLOCK.sub(
+        lambda block: f"```console\n{_run_block(block[1], folder)}```", with_tables(page)
+    )
+
+
+def with_tables(page: str) -> str:
+    """The page with its tables of settings and keys as they are now."""
     page = _SETTINGS.sub(lambda found: f"{found[1]}\n{settings_table()}\n{found[2]}", page)
     page = _SCENARIO.sub(lambda found: f"{found[1]}\n{scenario_tables()}\n{found[2]}", page)
     page = _FLEET.sub(lambda found: f"{found[1]}\n{fleet_tables()}\n{found[2]}", page)
-    page = _CAMPAIGN.sub(lambda found: f"{found[1]}\n{campaign_tables()}\n{found[2]}", page)
-    return _BLOCK.sub(lambda block: f"```console\n{_run_block(block[1], folder)}```", page)
+    return _CAMPAIGN.sub(lambda found: f"{found[1]}\n{campaign_tables()}\n{found[2]}", page)
 
 
 def settings_table() -> str:
@@ -250,6 +257,23 @@ def main(check: bool, last: str | None = None) -> int:
     return differ
 
 
+def write_tables_and_help() -> int:
+    """Write tables of settings and keys, and blocks of nothing but help, into their pages; 0."""
+
+    def with_help(block: re.Match[str]) -> str:
+        commands = [line for line in block[1].splitlines() if line.startswith("$ ")]
+        if not all(line.endswith(" --help") for line in commands):
+            return block[0]
+        return f"```console\n{_run_block(block[1], REPO)}```"
+
+    for page in PAGES:
+        written = with_tables(page.read_text(encoding="utf-8"))
+        page.write_text(_BLOCK.sub(with_help, written), encoding="utf-8")
+    return 0
+
+
 if __name__ == "__main__":
     _words = sys.argv[1:]
+    if "--quick" in _words:
+        sys.exit(write_tables_and_help())
     sys.exit(main("--check" in _words, *(word for word in _words if word != "--check")))

@@ -19,7 +19,9 @@ from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 from replay.commands.cli import app
 
 REPO = Path(__file__).resolve().parent.parent
-PAGES = sorted([REPO / "README.md", REPO / "CHANGELOG.md", *(REPO / "docs").rglob("*.md")])
+#: At the top of the repository.
+TOP = [REPO / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
+PAGES = sorted([*TOP, *(REPO / "docs").rglob("*.md")])
 
 
 def _commands() -> list[str]:
@@ -29,9 +31,14 @@ def _commands() -> list[str]:
 def test_every_command_has_help_and_a_section_with_its_help() -> None:
     page = (REPO / "docs/commands.md").read_text(encoding="utf-8")
     for name in _commands():
-        assert f"## `payscope {name}`" in page
+        assert f"## `payscope {name}`" in page, (
+            f"docs/commands.md: no section '## `payscope {name}`'; write it with a block of "
+            f"`$ payscope {name} --help`, whose output python -P docs/update.py --quick writes"
+        )
         command = typer.main.get_command(app).commands[name]  # pyright: ignore
         assert command.help
+        # the terminal wraps it, at its own width
+        assert all("\n" not in each for each in command.help.split("\n\n"))
         for parameter in command.params:
             assert parameter.help or parameter.name == "help", f"{name} {parameter.name}"
 
@@ -40,6 +47,15 @@ def test_the_index_of_decisions_has_every_record() -> None:
     index = runpy.run_path(str(REPO / "docs/decision_index.py"))
     written = index["INDEX"].read_text(encoding="utf-8")
     assert written == index["index"](), "python -P docs/decision_index.py writes it"
+
+
+def test_the_tables_of_settings_and_keys_are_those_of_their_models() -> None:
+    update = runpy.run_path(str(REPO / "docs/update.py"))
+    for page in update["PAGES"]:
+        written = page.read_text(encoding="utf-8")
+        assert update["with_tables"](written) == written, (
+            f"{page}: python -P docs/update.py --quick writes its tables"
+        )
 
 
 def test_the_api_reference_is_what_the_docstrings_say() -> None:
@@ -63,7 +79,9 @@ def test_every_public_name_is_in_the_api_reference() -> None:
 def assert_has_row(page: str, key: str, meaning: str | None) -> None:
     """Assert that a page has a row of a key, and that the key's field has a meaning."""
     rows = (REPO / page).read_text(encoding="utf-8").splitlines()
-    assert any(row.startswith(f"| `{key}` |") for row in rows), f"{page}: no row `{key}`"
+    assert any(row.startswith(f"| `{key}` |") for row in rows), (
+        f"{page}: no row `{key}`; python -P docs/update.py --quick writes it"
+    )
     assert meaning, f"{key}: its Field has no description"
 
 
@@ -154,8 +172,17 @@ def test_the_library_example_of_the_readme_runs(
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(REPO)))
 def test_links_within_the_repository_lead_somewhere(page: Path) -> None:
-    for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text(encoding="utf-8")):
-        assert (page.parent / target).exists(), f"{page}: {target}"
+    text = page.read_text(encoding="utf-8")
+    for target, heading in re.findall(r"\]\((?!https?:)([^)#]*)#?([^)]*)\)", text):
+        found = page.parent / target if target else page
+        assert found.exists(), f"{page}: {target}"
+        assert not heading or heading in _anchors(found), f"{page}: {target}#{heading}"
+
+
+def _anchors(page: Path) -> set[str]:
+    """Anchors of a page's headings, as they are made where it is shown."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.M)
+    return {re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in headings}
 
 
 def _prose(text: str) -> Iterator[str]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
 from analysis.diagnosis.excluded_stretches import MOVES_U
 from analysis.model.verdict import Consequence, EvidenceSubject
+from analysis.model.verdict_limits import VerdictLimits
 
 
 def _applies_always(_: CheckInputs, __: AxisMotion) -> bool:
@@ -52,6 +53,14 @@ class CheckRow:
     consequence: Consequence = "withhold"
     moved_u: Callable[[CheckInputs, AxisMotion], float | None] = _return_none
     remedy: str = ""
+
+    def __post_init__(self) -> None:
+        for limit in filter(None, (self.minimum, self.maximum)):
+            if limit not in VerdictLimits.model_fields:
+                raise ValueError(
+                    f"check '{self.name}': no setting '{limit}'; add it to VerdictLimits in "
+                    "analysis/model/verdict_limits.py"
+                )
 
     def describe_number(self, inputs: CheckInputs, motion: AxisMotion) -> str:
         """Meaning of the number and its subject, as text."""

@@ -173,7 +173,12 @@ class Machine(BaseModel):
         if not isinstance(given, Mapping) or not isinstance(given.get("channels"), Mapping):
             return given
         body = given.get("machine")
-        radius_m = body.get(_WHEEL_RADIUS) if isinstance(body, Mapping) else None
+        if not isinstance(body, Mapping):
+            return given  # that it has no such table says more than what needs it
+        radius_m = body.get(_WHEEL_RADIUS)
+        misspelt = {*given} - {*cls.model_fields} | {*body} - {*Body.model_fields}
+        if radius_m is None and misspelt:
+            return given  # likewise
         channels = dict(given["channels"])
         for name, channel in channels.items():
             if isinstance(channel, Mapping) and channel.get("scale") == _WHEEL_RADIUS:

@@ -192,3 +192,7 @@ METHODS: Final = _methods_by_name(
         takes_noise_off=True,
     ),
 )
+#: Names of methods whose estimate at a time is from everything before it.
+RECURSIVE_METHODS: Final = tuple(
+    name for name, method in METHODS.items() if method.summary is LogSummary.LAST
+)

@@ -915,7 +915,10 @@ def frame_schema(name: str) -> Frame:
     Raises:
         KeyError: the name is not in the table (`raw/...` has no fixed columns).
     """
-    return FRAMES[name.partition("/")[0]]
+    family = name.partition("/")[0]
+    if family not in FRAMES:
+        raise KeyError(f"{name}: no such frame; declare it in analysis/model/schema.py")
+    return FRAMES[family]
 
 
 def conform_to_schema(name: str, frame: pl.DataFrame) -> pl.DataFrame:
@@ -935,7 +938,10 @@ def _make_declared_frame(name: str, given: Mapping[str, pl.Series]) -> pl.DataFr
     declared = frame_schema(name)
     unknown = given.keys() - {column.name for column in declared.columns}
     if unknown:
-        raise KeyError(f"{name}: columns without a declaration: {sorted(unknown)}")
+        raise KeyError(
+            f"{name}: columns without a declaration: {sorted(unknown)}; declare them in "
+            "analysis/model/schema.py"
+        )
     # column by column: a query a frame, or a frame of a mapping, costs more than all of its casts
     return pl.DataFrame(
         [

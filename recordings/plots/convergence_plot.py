@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.model.methods import RECURSIVE_METHODS
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 from recordings.plots.time_panels import series_as_floats
@@ -22,8 +23,6 @@ Rows = NDArray[np.float64]
 _POINTS: Final = 3000
 #: Points of small type.
 _SMALL: Final = 8
-#: Estimators whose estimate at a time is from everything before it.
-_RECURSIVE: Final = ("rls", "rtls")
 #: Loads up to which the recursions are drawn: more lines hide each other.
 _LOADS: Final = 12
 #: Margin above and below, as a share of the range.
@@ -41,7 +40,7 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
     bounds: list[float] = []
     starts = _load_start_times_ns(run)
     # of many loads what is left of the beginnings covers all else
-    for method in _RECURSIVE if len(starts) <= _LOADS else ():
+    for method in RECURSIVE_METHODS if len(starts) <= _LOADS else ():
         frame = run.frames.get(f"estimates/{method}")
         if frame is not None and frame.height and "mass_kg" in frame.columns:
             bounds += _draw_estimates_of_method(

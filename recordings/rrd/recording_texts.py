@@ -327,19 +327,24 @@ def _describe_reliability(answer: Answer, cycles: list[str]) -> list[str]:
     parts += [
         f"## Where the uncertainty comes from{which}",
         "\n".join(
-            f"- **{cause}** ({kind}): {u} kg {share}; shrinks with {shrinks}"
+            f"- **{cause}** ({kind}): {f'{u} kg {share}' if share else u}; shrinks with {shrinks}"
             for cause, kind, u, share, shrinks in budget_rows(answer, _MARK)
         ),
         "## Terms of the fit besides mass and friction",
         "\n".join(
             f"- **{row['term']}**, {row['meaning']}: "
-            f"{format_plus_minus(row['posterior'], row['posterior_std'])} {row['unit']}, prior ± "
-            f"{format_number(row['prior_std'])} {row['unit']}; u of the mass "
+            f"{format_plus_minus(row['posterior'], row['posterior_std'])}{_behind(row['unit'])}, "
+            f"prior ± {format_number(row['prior_std'])}{_behind(row['unit'])}; u of the mass "
             f"{format_number(row['u_kg'])} kg"
             for row in answer.nuisances
         ),
     ]
     return parts
+
+
+def _behind(unit: str) -> str:
+    """Unit behind a number; nothing where it is a ratio."""
+    return "" if unit == "1" else f" {unit}"
 
 
 def _make_cycle_lines(run: Run) -> list[str]:

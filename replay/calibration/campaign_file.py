@@ -11,7 +11,11 @@ from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, DataError, EvidenceError
 from replay.machines.machine_file import load_machine, machine_file_or_shipped
-from replay.machines.toml_file import read_toml, validate_toml_content
+from replay.machines.toml_file import (
+    read_toml,
+    refuse_other_kind_of_file,
+    validate_toml_content,
+)
 
 #: What is read of a certificate and is not to be stated beside it.
 _READ: Final = ("value_kg", "u_kg", "certificate", "certificate_sha256", "certificate_issuer")
@@ -36,6 +40,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
             "one from a folder of logs"
         )
     content = read_toml(path, CampaignError)
+    refuse_other_kind_of_file(path, content, "campaign file", CampaignError)
     for place, text in find_todo_entries(content):
         raise CampaignError(f"{path}: {place}: is not filled in yet ('{text}')")
     content = add_certified_masses(path, content)

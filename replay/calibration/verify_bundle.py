@@ -176,7 +176,10 @@ def _check_expiry(bundle: CheckedBundle, document: EvidenceDocument, on: dt.date
     zone = document.machine.machine.zone
     day = on or dt.datetime.now(zone).date()
     if document.expires < day:
-        what = f"on {document.expires}: it calibrates no log of a later day, such as {day}"
+        what = (
+            f"on {document.expires}: it calibrates no log of a later day, such as {day}; "
+            "--on DATE verifies it as of another day"
+        )
         bundle.add_finding(BundleOutcome.EXPIRED, f"{EVIDENCE}: expires", what)
 
 

@@ -5,6 +5,7 @@ line that says which file, what is wrong and what to do. `verify` adds 3 tampere
 5 incomplete, 6 not within limits, 7 expired, 8 made by another version.
 """
 
+import inspect
 import os
 import signal
 import sys
@@ -76,6 +77,17 @@ app.add_typer(
 )
 
 
+def _join_lines_of_help(commands: typer.Typer) -> None:
+    """Join the lines of each paragraph of help, which the terminal wraps at its own width."""
+    for each in commands.registered_commands:
+        paragraphs = (inspect.getdoc(each.callback) or "").split("\n\n")
+        each.help = "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
+
+
+for _app in (app, fleet.app, keys.app):
+    _join_lines_of_help(_app)
+
+
 @app.callback(invoke_without_command=True)
 def _print_version(
     version: bool = typer.Option(False, "--version", help="Show the version and exit."),
@@ -126,12 +138,24 @@ def main() -> None:
     sys.exit(status or 0)
 
 
+#: How to get an option that is missing.
+_MISSING: Final = {
+    "--machine": "`payscope init LOG -o machine.toml` drafts a machine file",
+    "--over": "name a setting and its values, --over settings.gate.threshold_nat=0.5,0.7",
+}
+
+
 def describe_usage_error(error: typer.TyperException) -> str:
-    """Message for a wrong command line; without a machine file it names `payscope init`."""
+    """Message for a wrong command line; what is missing is named with how to get it."""
     said = error.format_message() or "see payscope --help"
-    if said.startswith("Missing option") and "--machine" in said:
-        return f"{said.rstrip('.')}; `payscope init LOG -o machine.toml` drafts a machine file"
-    return said
+    if said.startswith("Missing "):
+        path = getattr(getattr(error, "ctx", None), "command_path", "payscope")
+        help_of = f"`{path} --help` lists what it takes"
+        remedy = next((text for option, text in _MISSING.items() if option in said), help_of)
+        return f"{said.rstrip('.')}; {remedy}"
+    # what the library for options says by Python's names
+    said = said.removeprefix("Invalid value: ").replace("Value error, ", "")
+    return said.replace(": Input should", ": input should")
 
 
 def _open_closed_streams() -> None:

@@ -145,7 +145,13 @@ def _print_explanation(
     print_part("causes, the likeliest first:", iter_finding_lines(explanation))
     if explanation.manoeuvre is not None:
         print_part("its manoeuvre:", [manoeuvre_line(explanation.manoeuvre)])
-    print_part("conspicuous manoeuvres:", map(manoeuvre_line, explanation.worst))
+    has_masses = any(each.mass_kg is not None for each in explanation.worst)
+    print_part(
+        "manoeuvres farthest from their load:"
+        if has_masses
+        else "longest manoeuvres without a mass:",
+        map(manoeuvre_line, explanation.worst),
+    )
     around = (
         "the gate around it:" if explanation.at_s is not None else "the gate, by share of time:"
     )

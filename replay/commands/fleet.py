@@ -43,8 +43,6 @@ First = Annotated[
 Last = Annotated[str | None, typer.Option("--to", metavar="DAY", help="Last day.")]
 #: Rows that are printed unless more are asked for.
 _SHOWN: Final = 20
-#: A table on a screen shows its ends.
-_ROWS_SHOWN: Final = 40
 
 
 @app.callback(invoke_without_command=True)
@@ -127,6 +125,7 @@ def query_command(
     from replay.commands.frame_output import (
         choose_output_format,
         frame_as_text_table,
+        print_frame,
         print_or_write_frame,
     )
     from replay.fleet.gathered_tables import open_fleet_results, query_fleet_tables
@@ -135,9 +134,8 @@ def query_command(
     if output is not None:
         require_writable_output(output, force=force)
     rows = query_fleet_tables(open_fleet_results(destination), sql)
-    if chosen == "table" and output is None and rows.height > _ROWS_SHOWN:
-        typer.echo(frame_as_text_table(rows, _ROWS_SHOWN), nl=False)
-        typer.echo(f"{rows.height} rows, {_ROWS_SHOWN} shown; --format csv gives all", err=True)
+    if chosen == "table" and output is None:
+        print_frame(rows)
         return
     print_or_write_frame(
         rows, chosen, output, force=force, table=lambda: frame_as_text_table(rows, rows.height)

@@ -1,5 +1,6 @@
 """Print or write frames as CSV, JSON, Parquet or Arrow; commands render tables themselves."""
 
+import shutil
 import sys
 from collections.abc import Callable
 from io import BytesIO, StringIO
@@ -8,6 +9,7 @@ from typing import Any, Final
 
 import polars as pl
 import typer
+from rich.cells import cell_len
 
 from estimators.errors import OutputError
 from recordings.report.atomic_output import atomic_file
@@ -17,6 +19,8 @@ from replay.commands.print_tables import json_text
 _WRITTEN: Final = ("csv", "json", "parquet", "arrow")
 #: Bytes that no screen shows.
 _BINARY: Final = ("parquet", "arrow")
+#: A table on a screen shows its ends.
+_ROWS_SHOWN: Final = 40
 #: Characters of a line of a table.
 _NO_LIMIT = 10_000
 
@@ -101,8 +105,47 @@ def _format_times_as_text(frame: pl.DataFrame) -> pl.DataFrame:
     return frame.with_columns(pl.col(pl.Datetime).dt.to_string("iso:strict"))
 
 
-def frame_as_text_table(frame: pl.DataFrame, rows: int) -> str:
-    """A frame as text, with lines as long as they must be: broken cells cannot be read."""
+def print_frame(frame: pl.DataFrame, choice: str = "") -> None:
+    """Print the ends of a frame as a table that fits the terminal, and how to get the others.
+
+    Args:
+        frame: the rows.
+        choice: options that choose rows, for the note on those that are not shown.
+    """
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    typer.echo(frame_as_text_table(frame, _ROWS_SHOWN, width), nl=False)
+    if frame.height > _ROWS_SHOWN:
+        note = f"{frame.height} rows, {_ROWS_SHOWN} shown; {choice}--format csv gives all"
+        typer.echo(note, err=True)
+
+
+def frame_as_text_table(frame: pl.DataFrame, rows: int, width: int | None = None) -> str:
+    """A frame as text, its cells whole: broken ones cannot be read.
+
+    Args:
+        frame: the rows.
+        rows: most rows to print.
+        width: columns of a screen; a wider frame stands there in parts, one below the other, each
+            behind the columns that say what its rows are. None for lines as long as they must be.
+    """
+    if width is None:
+        return _render_frame(frame, rows)
+    wide = {name: _line_length(_render_frame(frame.select(name), rows)) for name in frame.columns}
+    # local time and seconds say where a row is, or what stands first
+    names = frame.columns[: 2 if frame.columns[1:2] == ["t_s"] else 1]
+    parts: list[list[str]] = [names]
+    for name in frame.columns[len(names) :]:
+        if parts[-1] != names and sum(wide[each] for each in [*parts[-1], name]) > width:
+            parts.append([*names])
+        parts[-1] = [*parts[-1], name]
+    return "\n".join(_render_frame(frame.select(part), rows) for part in parts)
+
+
+def _line_length(text: str) -> int:
+    return max(map(cell_len, text.splitlines()), default=0)
+
+
+def _render_frame(frame: pl.DataFrame, rows: int) -> str:
     text = StringIO()
     with pl.Config(
         tbl_rows=rows,

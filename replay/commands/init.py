@@ -33,7 +33,11 @@ def command(
         require_writable_output,
     )
     from replay.commands.common_options import time_axis_from_options
-    from replay.init.guess_by_replay import BRAKING, propose_lines_from_replay
+    from replay.init.guess_by_replay import (
+        BRAKING,
+        drop_answered_question,
+        propose_lines_from_replay,
+    )
     from replay.init.guess_machine import draft_machine_file
     from replay.logs import open_log
 
@@ -53,8 +57,8 @@ def command(
             refuse_input_as_output(output, opened.files)
             text, missing = draft_machine_file(opened, axis)
             lacking = [f"note: {note}" for note in opened.notes()]
-            found = BRAKING if missing else propose_lines_from_replay(opened, text)
-            text += "\n".join(["", *found])
+            found = [*BRAKING] if missing else propose_lines_from_replay(opened, text)
+            text = "\n".join([drop_answered_question(text, found), *found])
         lacking += [f"still missing: {sentence}" for sentence in missing]
     with atomic_file(output, force=force) as partial:
         partial.write_text(text, encoding="utf-8")

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from replay.query.named_tables import NamedTables
     from replay.query.run_query import Query
 
-#: A table on a screen shows its ends.
-_ROWS_SHOWN: Final = 40
 #: Formats that are written as rows are computed.
 _STREAMED: Final = ("csv", "parquet", "arrow")
 
@@ -85,15 +83,13 @@ def _print_rows(
     query: "Query", join_within_s: float | None, chosen: str, output: Path | None, *, force: bool
 ) -> None:
     from recordings.report.atomic_output import require_writable_output
-    from replay.commands.frame_output import frame_as_text_table, print_or_write_frame
+    from replay.commands.frame_output import frame_as_text_table, print_frame, print_or_write_frame
 
     if output is not None:
         require_writable_output(output, force=force)
     rows = query.collect(join_within_s)
     if chosen == "table" and output is None:
-        typer.echo(frame_as_text_table(rows, _ROWS_SHOWN), nl=False)
-        if rows.height > _ROWS_SHOWN:
-            typer.echo(f"{rows.height} rows, {_ROWS_SHOWN} shown; --format csv gives all", err=True)
+        print_frame(rows)
         opens = query.viewer_command_or_none(rows)
         if opens and join_within_s is None:
             typer.echo(f"the first row in the viewer: {opens}", err=True)

@@ -266,7 +266,7 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
 
     If there are no tonnes, the command prints the reason on stderr.
     """
-    from recordings.report.number_text import CONSEQUENCES
+    from recordings.report.number_text import REMARKED
     from recordings.review.review_page import NOT_CALIBRATED, PAGE
     from recordings.review.shift_facts import (
         list_shift_facts,
@@ -297,9 +297,16 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
         print_line(screen, f"{NOT_CALIBRATED}: {review.calibration.against}")
     elif review.calibration.says:
         print_line(screen, review.calibration.says)
-    failed = [f"{check.check} ({CONSEQUENCES[check.consequence]})" for check in state.failed]
+    failed = [check for check in state.failed if check.consequence == "withhold"]
     if failed:
-        print_line(screen, f"checks that failed: {', '.join(failed)}")
+        print_line(screen, f"checks that failed: {', '.join(check.check for check in failed)}")
+    remarked = [
+        f"{check.check} ({REMARKED[check.consequence]})"
+        for check in state.failed
+        if check.consequence != "withhold"
+    ]
+    if remarked:
+        print_line(screen, f"checks with a remark: {', '.join(remarked)}")
     for loss in loss_texts_besides_torn_ends(state):
         print_line(screen, f"lost: {loss}")
     if not review.replayed:

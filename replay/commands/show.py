@@ -1,7 +1,7 @@
 """`payscope show`: any intermediate of a recording, without a screen."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,9 +17,6 @@ from replay.commands.common_options import (
 
 if TYPE_CHECKING:
     from replay.calibration.apply_evidence import CalibrationRequest
-
-#: A table on a screen shows its ends; --format csv or -o gives every row.
-_ROWS_SHOWN: Final = 40
 
 
 def command(
@@ -112,6 +109,7 @@ def _show_frame(
     from replay.commands.frame_output import (
         choose_output_format,
         frame_as_text_table,
+        print_frame,
         print_or_write_frame,
     )
     from replay.recording.read_stage import RecordedStage
@@ -130,14 +128,7 @@ def _show_frame(
         else stage.select_rows_at(seconds)
     )
     if output is None and output_format == "table":
-        rows = stage.make_readable()
-        typer.echo(frame_as_text_table(rows, _ROWS_SHOWN), nl=False)
-        if rows.height > _ROWS_SHOWN:
-            typer.echo(
-                f"{rows.height} rows, {_ROWS_SHOWN} shown; --from and --to choose, "
-                "--format csv gives all",
-                err=True,
-            )
+        print_frame(stage.make_readable(), "--from and --to choose, ")
         return
     print_or_write_frame(
         stage.rows,

@@ -10,6 +10,7 @@ from analysis.compare.run_comparison import changed_settings
 from analysis.explain import Explanation, explain
 from analysis.explain.explanation import COLUMNS, SMALL
 from analysis.model.machine import Machine
+from analysis.model.methods import RECURSIVE_METHODS
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError, RecordingError
 from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from replay.explain.try_proposals import MendedMachine
 
 _SETTLING: Final = ("t_ns", "mass_kg", "mass_std_kg")
-_RECURSIVE: Final = ("estimates/rls", "estimates/rtls")
+_RECURSIVE: Final = tuple(f"estimates/{name}" for name in RECURSIVE_METHODS)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
 from estimators.errors import PayscopeError
+from replay.init.guess_machine import BRAKES_QUESTION
 from replay.logs import Log
 from replay.pipeline import run
 
@@ -53,6 +54,12 @@ def propose_lines_from_replay(log: Log, text: str) -> list[str]:
     return [*BRAKING, *([] if replayed is None else _lines_of_narrower_priors(replayed))]
 
 
+def drop_answered_question(text: str, lines: list[str]) -> str:
+    """Draft without the question about the brakes where the lines from its replay answer it."""
+    answered = any(line.startswith("exclude_braking") for line in lines)
+    return text.replace(f"# to answer: {BRAKES_QUESTION}\n", "") if answered else text
+
+
 def _replay_draft(log: Log, text: str) -> Run | None:
     try:
         return run(log, Machine.model_validate(tomllib.loads(text)))
@@ -95,6 +102,7 @@ def _format_prior_proposals(replayed: Run) -> list[str]:
         if setting is None or narrowed > _RICH:
             continue
         value = f"# {setting} = {priors[setting] * narrowed:.2g}"
-        said = f"found {row['posterior']:.2g} ± {row['posterior_std']:.1g} {row['unit']}"
+        unit = "" if row["unit"] == "1" else f" {row['unit']}"
+        said = f"found {row['posterior']:.2g} ± {row['posterior_std']:.1g}{unit}"
         lines.append(f"{value:<32}# {said}")
     return lines

@@ -54,13 +54,13 @@ _SHORT = {
 }
 
 
-#: What every answer rests on and has a default: asked behind what is missing.
+#: What every answer rests on and has a default: asked behind what is missing. The second is asked
+#: where a replay of the draft does not answer it.
 _TO_ANSWER = (
     "does the machine dig? machine.digs = false where it has no bucket",
     "does the force sensor measure the brakes? if so, settings.gate.exclude_braking = false",
 )
-
-
+BRAKES_QUESTION: Final = _TO_ANSWER[1]
 _JOINT_UNIT = 'are the joints\' velocities in m/s? if they are in rad/s, scale = "wheel_radius_m"'
 #: The topic (None in a table) and the field of a column.
 Source = tuple[str | None, str]

@@ -70,6 +70,11 @@ def read_channels(
             for log in logs
             if topic not in has[log] and _has_accompanying_topic(log, topic, has, wanted)
         ]
+    losses += [
+        Loss(source=log.path.name, what="has no topic of the machine file: nothing is read from it")
+        for log in logs
+        if not has[log] & wanted.keys()
+    ]
     for log in logs:
         _refuse_contradicting_units(log, machine)
     later = time_line_offsets_ns(logs, wanted)

@@ -56,15 +56,30 @@ def _open_directory(path: Path) -> Log:
     from replay.logs.rosbag2 import METADATA, Rosbag2Directory, list_storage_files
 
     if not (path / METADATA).exists() and not list_storage_files(path):
-        logs = sorted(p.name for p in path.iterdir() if p.suffix.lower() in OPENERS)
-        remedy = f"; name one of its logs: {', '.join(logs)}" if logs else ""
+        logs = sorted(each.name for each in path.iterdir() if _may_be_log(each))
+        if logs:
+            rest = f" and {len(logs) - _MOST_NAMED} more" if len(logs) > _MOST_NAMED else ""
+            raise LogError(
+                f"{path}: is a folder of logs; name one of them: "
+                f"{', '.join(logs[:_MOST_NAMED])}{rest}"
+            )
         raise LogError(
             f"{path}: no bag in this directory; a rosbag2 directory holds metadata.yaml "
-            f"and .mcap or .db3 files, a converted log {DESCRIPTION}{remedy}"
+            f"and .mcap or .db3 files, a converted log {DESCRIPTION}"
         )
     return MessageLog(path, "rosbag2 directory", Rosbag2Directory)
 
 
+def _may_be_log(path: Path) -> bool:
+    """Whether a path has the name of a log, or is a directory that is one."""
+    from replay.logs.rosbag2 import METADATA
+
+    is_directory_log = any((path / each).is_file() for each in (METADATA, DESCRIPTION))
+    return path.suffix.lower() in OPENERS or is_directory_log
+
+
+#: Logs of a folder that an error names.
+_MOST_NAMED: Final = 8
 #: Suffixes of tables. A folder of logs is searched for the first two alone: the others are of notes
 #: as well.
 TABLES: Final = (
@@ -105,8 +120,9 @@ def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
             raise LogError(f"{path}: no such file or directory")
         opener = OPENERS.get(path.suffix.lower())
         if opener is None:
+            suffix = f"'{path.suffix}'" if path.suffix else "a name without a suffix"
             raise LogError(
-                f"{path}: no reader for '{path.suffix}'; supported: {', '.join(OPENERS)} or a "
+                f"{path}: no reader for {suffix}; supported: {', '.join(OPENERS)} or a "
                 "rosbag2 directory"
             )
         if path.stat().st_size == 0:

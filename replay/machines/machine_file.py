@@ -9,7 +9,12 @@ from analysis.model.settings import Settings
 from analysis.stages.signals.derive import derivation_in_si, unit_of_name
 from estimators.errors import MachineError
 from replay.logs import TableHints, TimeAxis
-from replay.machines.toml_file import read_toml, set_dotted_key, validate_toml_content
+from replay.machines.toml_file import (
+    read_toml,
+    refuse_other_kind_of_file,
+    set_dotted_key,
+    validate_toml_content,
+)
 
 _SHIPPED = Path(__file__).parent
 
@@ -31,10 +36,11 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
     if not path.exists():
         shipped = ", ".join(sorted(each.name for each in _SHIPPED.glob("*.toml")))
         raise MachineError(
-            f"{path}: no such machine file; shipped: {shipped}; `payscope init LOG -o {path}` "
-            "drafts one"
+            f"{path}: no such machine file; shipped with payscope: {shipped}; "
+            f"`payscope init LOG -o {path}` drafts one"
         )
     content = read_toml(path, MachineError)
+    refuse_other_kind_of_file(path, content, "machine file", MachineError)
     for override in overrides:
         refuse_setting_without_prefix(override)
         set_dotted_key(content, override, MachineError)

@@ -1,17 +1,18 @@
 """Validate TOML files as models, with errors of one line that suggest the nearest known key."""
 
 import json
+import re
 import reprlib
 import tomllib
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Final, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from estimators.errors import PayscopeError, nearest
+from estimators.errors import PayscopeError, counted, nearest
 from replay.machines.old_names import (
     OLD_NAMES,
     BothNamesError,
@@ -26,6 +27,16 @@ _IN_TOML = {
     "dict_type": "input should be a table",
     "model_attributes_type": "input should be a table",
 }
+#: A number with a decimal comma behind a key.
+_DECIMAL_COMMA: Final = re.compile(r"^[^\[#\"=]*= *(-?\d+),(\d+) *(?:#.*)?$", re.M)
+#: The files of payscope in TOML, each with the tables that no other one has.
+_KINDS: Final = {
+    "a machine file": ("channels",),
+    "a campaign file of `payscope calibrate`": ("masses", "runs"),
+    "a fleet file of `payscope fleet`": ("fleet", "machines"),
+    "a scenario file of `payscope simulate`": ("sensors", "shift"),
+    "a campaign file or a scenario file": ("campaign",),
+}
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
@@ -39,14 +50,18 @@ def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
         PayscopeError: as `error`, in one line: there is no such file, it is not TOML, or has a key
             under its old and its new name.
     """
+    text = ""
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        content = tomllib.loads(text)
     except OSError as fault:
         raise error(f"{path}: cannot be read ({fault.strerror})") from None
     except UnicodeDecodeError:
         raise error(f"{path}: is not TOML: not UTF-8") from None
     except ValueError as fault:  # a TOMLDecodeError, or a number of thousands of digits
-        raise error(f"{path}: is not TOML: {fault}") from None
+        comma = _DECIMAL_COMMA.search(text)
+        remedy = f"; write {comma[1]}.{comma[2]}, with a decimal point" if comma else ""
+        raise error(f"{path}: is not TOML: {fault}{remedy}") from None
     try:
         renamed = rename_old_keys(content)
     except BothNamesError as fault:
@@ -57,6 +72,23 @@ def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
             f"{path}: {renamed_keys_text(renamed)}; {remedy}", OldNameWarning, stacklevel=3
         )
     return content
+
+
+def refuse_other_kind_of_file(
+    path: Path, content: Mapping[str, Any], kind: str, error: type[PayscopeError]
+) -> None:
+    """Refuse a file of payscope of another kind, such as a campaign file for a machine file.
+
+    Raises:
+        PayscopeError: as `error`: which kind it is, and which machine file it names, if it does.
+    """
+    found = next((k for k, tables in _KINDS.items() if any(each in content for each in tables)), "")
+    if not found or kind in found:
+        return
+    body = content.get("machine")
+    named = body.get("file") if kind == "machine file" and isinstance(body, Mapping) else None
+    remedy = f"; the machine file that it names is {named}" if isinstance(named, str) else ""
+    raise error(f"{path}: is {found}, no {kind}{remedy}")
 
 
 def parse_toml_value(text: str) -> Any:
@@ -141,9 +173,13 @@ def explain_validation_fault(fault: ValidationError, model: type[BaseModel]) -> 
         # what pydantic calls by Python's names
         message = _IN_TOML.get(kind, first["msg"])
         text = f"{key}: {message[:1].lower()}{message[1:]}, not {reprlib.repr(first['input'])}"
+        if kind == "tuple_type" and isinstance(first["input"], str):
+            text += f": write {toml_text([first['input']])}"
     others = len(details) - 1
     # a quoted key may hold line breaks
-    return " ".join(f"{text} (and {others} more)".split() if others else text.split())
+    return " ".join(
+        f"{text} (and {counted(others, 'more fault')})".split() if others else text.split()
+    )
 
 
 def keys_and_table(

@@ -13,6 +13,7 @@ from estimators.errors import ScenarioError
 from recordings.report.atomic_output import atomic_file
 from replay.machines.toml_file import (
     read_toml,
+    refuse_other_kind_of_file,
     set_dotted_key,
     toml_text,
     validate_toml_content,
@@ -33,6 +34,7 @@ def load_scenario(path: Path | str | None, overrides: Iterable[str] = ()) -> Sce
     content: dict[str, Any] = {"campaign": {"loads_kg": [0.0], "runs": 1}}
     if path is not None:
         content = read_toml(Path(path), ScenarioError)
+        refuse_other_kind_of_file(Path(path), content, "scenario file", ScenarioError)
     for override in overrides:
         set_dotted_key(content, override, ScenarioError)
     source = Path(path or "--set")

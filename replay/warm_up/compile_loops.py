@@ -8,23 +8,26 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
+from analysis.model.methods import METHODS
 from analysis.online.follower import FollowedRow
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.interpreted import compile_at_once
 from replay.follow.follow_logs import Following, follow_logs
 from replay.machines.machine_file import load_machine
+from replay.machines.toml_file import toml_text
 from replay.review.review_shift import ReviewOptions, review_shift
 from replay.runs.run_logs import replay_logs
 from replay.simulation.simulate_logs import simulate_scenario
 
 _CONTAINERS: Final = (".bag", ".mcap", ".db3")
 #: What `on_stage` is told, in order.
-STEPS: Final = ("simulate", *(each[1:] for each in _CONTAINERS), "turns", "follow", "review")
-_MACHINE: Final = Path("cat262c.toml")
-_ALL_METHODS: Final = (
-    'settings.trace.methods=["ls", "rls", "fgls", "tls", "rtls", "huber", "pooled"]'
+STEPS: Final = (
+    *("simulate", *(each[1:] for each in _CONTAINERS)),
+    *("rates", "turns", "follow", "review"),
 )
+_MACHINE: Final = Path("cat262c.toml")
+_ALL_METHODS: Final = f"settings.trace.methods={toml_text([*METHODS])}"
 #: Two starts in half a minute, at half the usual rate: as little as a fit needs.
 _STRAIGHT: Final = {
     "campaign": {
@@ -36,6 +39,11 @@ _STRAIGHT: Final = {
         "rest_s": 1.5,
     },
     "sensors": {"rate_hz": 50.0},
+}
+#: The same where the wheels are slower than the grid, and where all is faster: both are averaged.
+_OTHER_RATES: Final = {
+    "slow": {**_STRAIGHT, "sampling": {"torque_rate_hz": 8.0, "speed_rate_hz": 8.0}},
+    "fast": {**_STRAIGHT, "sensors": {"rate_hz": 400.0}},
 }
 #: A start each way, a spin and an arc, with samples that were dropped.
 _TURNING: Final = {
@@ -73,6 +81,10 @@ def compile_loops(on_stage: Callable[[str], None] = lambda _: None) -> None:
             on_stage(suffix[1:])
             logs = simulate_scenario(straight, folder / f"straight{suffix}")
             replay_logs(logs, _MACHINE, overrides=[_ALL_METHODS])
+        on_stage("rates")
+        for name, keys in _OTHER_RATES.items():
+            scenario = Scenario.model_validate(keys)
+            replay_logs(simulate_scenario(scenario, folder / f"{name}.mcap"), _MACHINE)
         on_stage("turns")
         replay_logs(turning, _MACHINE)
         on_stage("follow")

@@ -94,6 +94,7 @@ class TestInit:
         pl.read_csv(slide).rename({"acc_m_s2": "acc_x_m_s2"}).write_csv(table)
         assert payscope("init", table, "-o", made).status == 0
         assert tomllib.loads(made.read_text())["settings"]["gate"] == {"exclude_braking": False}
+        assert "measure the brakes?" not in made.read_text()
         assert payscope("run", table, "-m", made).status == 0
 
     def test_another_draft_names_the_setting_in_a_comment(
@@ -103,3 +104,4 @@ class TestInit:
         assert payscope("init", log, "-o", made).status == 0
         assert "gate" not in tomllib.loads(made.read_text())["settings"]
         assert "# exclude_braking = false" in made.read_text()
+        assert "measure the brakes?" in made.read_text()

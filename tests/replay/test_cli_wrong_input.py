@@ -83,6 +83,61 @@ class TestWrongInput:
         for override, wanted in (("trace.methods=ls", "a list"), ("verdict=3", "a table")):
             said = payscope("run", log, "-m", machine_file, "--set", f"settings.{override}")
             one_line(said, f"input should be {wanted}, not")
+        said = payscope("run", log, "-m", machine_file, "--set", "settings.trace.methods=ls")
+        one_line(said, 'write ["ls"]')
+
+    @pytest.mark.parametrize(
+        ("words", "says"),
+        [
+            (("info",), "Missing argument 'logs'; `payscope info --help` lists what it takes"),
+            (("run", "a.bag"), "`payscope init LOG -o machine.toml` drafts a machine file"),
+            (("plot", "a.rrd", "-o", "b.png", "--figure", "x"), "'--figure': 'x' is not one of"),
+            (("show", "a.rrd", "gate", "--from", "x"), "'--from': input should be a valid number"),
+            (("show", "a.rrd", "--from", "3"), "payscope: --from, --to, --at and -o need the name"),
+        ],
+    )
+    def test_wrong_usage_is_said_in_words_that_help(
+        self, payscope: Payscope, words: tuple[str, ...], says: str
+    ) -> None:
+        one_line(payscope(*words), says)
+
+    def test_a_decimal_comma_is_answered_with_the_point(
+        self, payscope: Payscope, log: Path, tmp_path: Path
+    ) -> None:
+        (tmp_path / "m.toml").write_text('[machine]\nname = "a"\nwheel_radius_m = 0,42  # worn\n')
+        one_line(
+            payscope("run", log, "-m", tmp_path / "m.toml"), "write 0.42, with a decimal point"
+        )
+
+    @pytest.mark.parametrize(
+        ("text", "says"),
+        [
+            ("[machin]\nwheel_radius_m = 0.4", "unknown key 'machin'; did you mean 'machine'?"),
+            ('[machine]\nname = "a"\nwheel_radus_m = 0.4', "did you mean 'wheel_radius_m'?"),
+            ('[machine]\nname = "a"', "needs machine.wheel_radius_m"),
+        ],
+    )
+    def test_what_is_misspelt_comes_before_what_lacks_it(
+        self, payscope: Payscope, log: Path, tmp_path: Path, text: str, says: str
+    ) -> None:
+        speed = 'field = "speed"\nscale = "wheel_radius_m"\n'
+        (tmp_path / "m.toml").write_text(f"{text}\n[channels.speed_x_m_s]\n{speed}")
+        one_line(payscope("run", log, "-m", tmp_path / "m.toml"), says)
+
+    @pytest.mark.parametrize(
+        ("text", "says"),
+        [
+            ('[machine]\nfile = "a.toml"\n[[masses]]', "a campaign file of `payscope calibrate`"),
+            ('[machine]\nfile = "a.toml"\n[[masses]]', "the machine file that it names is a.toml"),
+            ("[[machines]]", "a fleet file of `payscope fleet`"),
+            ("[campaign]\n[sensors]", "a scenario file of `payscope simulate`"),
+        ],
+    )
+    def test_another_file_of_payscope_is_named(
+        self, payscope: Payscope, log: Path, tmp_path: Path, text: str, says: str
+    ) -> None:
+        (tmp_path / "m.toml").write_text(text)
+        one_line(payscope("run", log, "-m", tmp_path / "m.toml"), says, "no machine file")
 
     def test_machine_file_without_channels_says_which_it_needs(
         self, payscope: Payscope, log: Path, tmp_path: Path

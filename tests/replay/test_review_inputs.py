@@ -205,5 +205,6 @@ def test_no_name_reaches_the_terminal_as_a_command(reviewed: ShiftReview, name: 
         print_review(screen, made)
         told: str = screen.file.getvalue()  # pyright: ignore[reportAttributeAccessIssue]
         assert not [c for c in told if not c.isprintable() and c != "\n"]
+        assert "\nchecks with a remark: " in told  # it withholds nothing
         said.append(told.count("\n"))
     assert said[0] == said[1]

@@ -191,7 +191,9 @@ def test_defaults_of_this_version_are_kept_as_they_are() -> None:
     """A default that changes belongs to a new version: evidence of this one has the old one."""
     kept = released_defaults()[version("payscope")]
     assert kept == defaults_of_this_version(), (
-        "with a new version, python -P -m recordings.calibration.released_defaults prints the file"
+        "python -P -m recordings.calibration.released_defaults prints what has to be in "
+        "recordings/calibration/released_defaults.json; where a released default changes, write a "
+        "new version into pyproject.toml first"
     )
 
 

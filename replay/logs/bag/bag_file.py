@@ -36,6 +36,7 @@ from replay.logs.blocks import (
     find_records_after_damage,
     torn_end_text,
 )
+from replay.logs.messages.broken_bytes import KIND_BYTES, describe_other_file
 from replay.logs.storage import Connection
 
 #: By a field that it must have: a chunk whose op is damaged must not be passed over in silence.
@@ -54,7 +55,9 @@ class BagFile(BlockFile):
         path = self._file.path
         head = self._file.read(0, len(MAGIC + VERSION))
         if not head.startswith(MAGIC):
-            raise LogError(f"{path}: not a ROS 1 bag; it does not start with '#ROSBAG V2.0'")
+            begin = self._file.read(0, KIND_BYTES)
+            why = describe_other_file(begin, "it does not start with '#ROSBAG V2.0'")
+            raise LogError(f"{path}: not a ROS 1 bag; {why}")
         if not head.endswith(VERSION):
             version = head.removeprefix(MAGIC).split(b"\n")[0].decode(errors="replace")
             raise LogError(

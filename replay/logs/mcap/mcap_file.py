@@ -45,7 +45,7 @@ from replay.logs.mcap.mcap_records import (
     STATISTICS,
     chunk_at_offset_or_none,
 )
-from replay.logs.messages.broken_bytes import BROKEN_BYTES
+from replay.logs.messages.broken_bytes import BROKEN_BYTES, KIND_BYTES, describe_other_file
 from replay.logs.storage import Connection, FileBytes
 
 #: Bytes of a record that is read; what identifies a machine is short.
@@ -114,9 +114,9 @@ class McapFile(BlockFile):
 
     def _open(self) -> tuple[Connection, ...]:
         if self._file.read(0, len(MAGIC)) != MAGIC:
-            raise LogError(
-                f"{self._file.path}: not an MCAP file; it does not start with the MCAP magic"
-            )
+            begin = self._file.read(0, KIND_BYTES)
+            why = describe_other_file(begin, "it does not start with the MCAP magic")
+            raise LogError(f"{self._file.path}: not an MCAP file; {why}")
         summary = Summary(self._file)
         self._channels, self._schemas = dict(summary.channels), dict(summary.schemas)
         self._channels_at = dict.fromkeys(self._channels, -1)

@@ -26,6 +26,34 @@ BROKEN_BYTES: Final = (
 )
 
 
+#: First bytes of files whose name may say something else, in full where a format has versions.
+_KINDS: Final = (
+    (b"%PDF-", "a PDF document"),
+    (b"\x89PNG", "a picture (PNG)"),
+    (b"\xff\xd8\xff", "a picture (JPEG)"),
+    (b"PK\x03\x04", "an Excel workbook or a ZIP archive; a workbook's name ends in .xlsx"),
+    (b"\x1f\x8b", "packed by gzip; its name ends in .gz"),
+    (b"PAR1", "a Parquet table; its name ends in .parquet"),
+    (b"#ROSBAG V2.0\n", "a ROS 1 bag; its name ends in .bag"),
+    (b"\x89MCAP0\r\n", "an MCAP file; its name ends in .mcap"),
+    (b"SQLite format 3\0", "an SQLite database; that of rosbag2 ends in .db3"),
+    (b"RRF2", "a recording; its name ends in .rrd"),
+)
+#: So many first bytes tell each of them.
+KIND_BYTES: Final = 16
+
+
+def describe_other_file(head: bytes, otherwise: str) -> str:
+    """What a file is by its first bytes, with the name that it should have.
+
+    Args:
+        head: its first `KIND_BYTES`.
+        otherwise: what is returned for a file of no known kind.
+    """
+    found = (f"it is {kind}" for mark, kind in _KINDS if head.startswith(mark))
+    return next(found, otherwise)
+
+
 class BrokenBytesError(Exception):
     """Data cannot be used; one line with the reason."""
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError
-from replay.logs.messages.broken_bytes import BrokenBytesError
+from replay.logs.messages.broken_bytes import BrokenBytesError, describe_other_file
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.sqlite.database_pages import HEADER_BYTES, MAGIC
 from replay.logs.sqlite.messages_table import MessageTable
@@ -54,7 +54,8 @@ class Db3File:
             opened.callback(file.close)
             head = file.read(0, HEADER_BYTES)
             if not head.startswith(MAGIC):
-                raise LogError(f"{path}: not a rosbag2 .db3 file; it is not a SQLite database")
+                why = describe_other_file(head, "it is not an SQLite database")
+                raise LogError(f"{path}: not a rosbag2 .db3 file; {why}")
             if tear := torn_end_text_or_none(head, file.size):
                 self._damage.note(tear)
             journal = path.with_name(f"{path.name}-wal")

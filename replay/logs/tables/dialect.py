@@ -160,7 +160,7 @@ def _decide_decimal(best: list[_DialectTrial], hints: TableHints) -> _DialectTri
         sign = reading.decimal
         raise DialectError(
             f"'{sign}' may be its decimal sign or separate thousands: all its numbers have three "
-            f'digits behind it; set [log] decimal = "{sign}" if it is the decimal sign'
+            f'digits behind it; if it is the decimal sign, set [log] decimal = "{sign}"'
         )
     return reading
 
@@ -312,8 +312,8 @@ def _find_dialect_without_numbers(
             reading = _DialectTrial(separator, ".", rows, len(rows), len(rows[0].cells), 0.0, 0, 0)
             return _find_head_rows(reading, lines, hints)
     raise DialectError(
-        "its lines are not rows of cells with numbers; set [log] separator, decimal or header_row "
-        "if they are written in another way"
+        "its lines are not rows of cells with numbers; if they are written in another way, set "
+        "[log] separator, decimal or header_row"
     )
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from replay.logs.messages.broken_bytes import BrokenBytesError
+from replay.logs.messages.broken_bytes import BrokenBytesError, describe_other_file
 from replay.logs.tables.hints import DialectError
 
 #: So much of a file is looked at for its dialect, in bytes: and more for lines that are longer.
@@ -185,6 +185,8 @@ def _iter_lines(path: Path, encoding: str, *, any_end: bool = False) -> Iterator
 def _recognise_encoding(path: Path) -> str:
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
+    if other := describe_other_file(head, ""):
+        raise BrokenBytesError(other)
     for mark, name in _MARKS:
         if head.startswith(mark):
             return name
@@ -196,7 +198,7 @@ def _recognise_encoding(path: Path) -> str:
         return "utf-8"
     if _OTHER_LETTERS.search(b"\n".join(head.split(b"\n", _NAMES_LINES)[:_NAMES_LINES])):
         raise DialectError(
-            "its names are not in Western letters; set [log] encoding, for example cp1251 or cp932"
+            "its names are not in Western letters; set [log] encoding, cp1251 or cp932 for example,"
         )
     # bytes that no name has are a fault of a cell, which polars takes as it is
     readable = re.sub(rb"[^\x20-\x7e\t\r\n]", b"", head)

@@ -1,5 +1,6 @@
 """Every check finds the fault that it is about, and none is raised by clean logs."""
 
+import dataclasses
 from functools import cache
 
 import numpy as np
@@ -9,7 +10,6 @@ import pytest
 from analysis.diagnosis import CHECKS, CheckInputs, judge_checks
 from analysis.diagnosis.measured_channels import RawSignals
 from analysis.diagnosis.method_disagreement import compare_methods_with_joint_fit
-from analysis.model.settings import Settings
 from analysis.stages.estimation.masses import summarise_masses
 from tests.analysis.weighing.weighed import RICH, Weighed, merged, weighed
 from tests.trials.situations import SITUATIONS
@@ -178,14 +178,9 @@ def test_every_check_of_the_mass_has_a_fault_that_it_finds():
     assert not unknown, f"{', '.join(unknown)}: no such check; remove it from this file"
 
 
-def test_the_limits_of_every_check_are_settings_of_the_verdict():
-    limits = set(Settings().verdict.model_dump())
-    for row in CHECKS:
-        for limit in filter(None, (row.minimum, row.maximum)):
-            assert limit in limits, (
-                f"check '{row.name}': no setting '{limit}'; add it to VerdictSettings in "
-                "analysis/model/verdict_limits.py"
-            )
+def test_a_check_whose_limit_is_no_setting_says_where_to_add_it():
+    with pytest.raises(ValueError, match="'late_max'; add it to VerdictLimits in analysis/model"):
+        dataclasses.replace(CHECKS[0], maximum="late_max")
 
 
 class TestConsequences:

@@ -6,7 +6,7 @@ import pytest
 from analysis.findings import CAUSES
 from benchmarks.findings_rows import AXES, design, needed, replayed
 from tests.analysis.findings.conftest import BY_NAME, Named
-from tests.analysis.findings.kept import OR, PLAIN, log_name, read_kept
+from tests.analysis.findings.kept import OR, PLAIN, UPDATE, log_name, read_kept
 from tests.trials.drawn_designs import join_designs
 from tests.trials.fault_injection import FAULTS, Fault
 from tests.twins import mark_slow_after
@@ -36,7 +36,9 @@ OTHERS = 3.0
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
 def test_a_fault_is_named_first_in_what_is_kept(fault: Fault) -> None:
     """`test_kept.py` replays these logs, and finds what is kept."""
-    first, *_ = read_kept(PLAIN)[log_name(PLAIN, fault)]
+    kept = read_kept(PLAIN)
+    assert log_name(PLAIN, fault) in kept, f"nothing is kept of '{fault.name}': {UPDATE}"
+    first, *_ = kept[log_name(PLAIN, fault)]
     assert set(first[0].split(OR)) & set(fault.causes)
 
 

@@ -20,7 +20,12 @@ def _drawn(frame: str) -> set[str]:
 def test_every_declared_column_is_either_drawn_or_listed_as_kept_but_not_drawn(frame: str):
     declared = {column.name for column in FRAMES[frame].columns}
     kept = set(KEPT.get(frame, ()))
-    assert _drawn(frame) | kept == declared
+    nowhere, unknown = declared - _drawn(frame) - kept, (_drawn(frame) | kept) - declared
+    assert not nowhere, (
+        f"{frame}: no view draws {', '.join(sorted(nowhere))}: draw it in TABS, or name it in KEPT "
+        "of recordings/rrd/recording_table.py"
+    )
+    assert not unknown, f"{frame}: no column {', '.join(sorted(unknown))} in the schema"
     assert _drawn(frame) & kept == set()
 
 

@@ -56,6 +56,20 @@ def test_a_withheld_mass_says_which_checks_failed_with_number_and_limit(drives):
     assert "**relative_std** is 0.8, must be ≤ 0.25" in told
 
 
+def test_what_is_not_known_of_the_scale_has_no_unit(drives):
+    told = markdown_by_text_name(drives(60.0))["answer"]
+    assert "- **force_gain** (scale): not known; shrinks with known loads" in told
+    assert "- **noise** (random): 9 kg = 5%; shrinks with more starts" in told
+
+
+def test_a_ratio_among_the_terms_has_no_unit_behind_it(drives):
+    run = drives(60.0)
+    ratio = run.frames["nuisances"].with_columns(unit=pl.Series(["1", "s"]))
+    told = markdown_by_text_name(Run({**run.frames, "nuisances": ratio}, run.provenance))["answer"]
+    assert "120 ± 40, prior ± 300; u of the mass 12 kg" in told
+    assert "-0.0030 ± 0.0010 s, prior ± 0.02 s;" in told
+
+
 def test_a_log_without_an_accepted_window_says_so(drives):
     assert "there is no mass" in answer_headline(answer(drives(60.0, accepted=False)))
 

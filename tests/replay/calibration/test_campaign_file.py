@@ -94,6 +94,11 @@ def test_a_mass_that_is_not_traceable_is_said(
     assert any(said in each for each in load_campaign(campaign)[0].untraceable_references)
 
 
+def test_a_machine_file_is_no_campaign(campaign: Path) -> None:
+    with pytest.raises(CampaignError, match=r"sledge\.toml: is a machine file, no campaign file"):
+        load_campaign(campaign.parent / "sledge.toml")
+
+
 def test_what_is_replaced_needs_a_reason(campaign: Path) -> None:
     campaign.write_text(
         campaign.read_text().replace('author = "A', 'replaces = "abc"\nauthor = "A', 1)

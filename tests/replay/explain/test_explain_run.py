@@ -39,6 +39,15 @@ def test_a_recording_is_explained_as_it_is_and_a_log_by_its_replay(
     assert recorded.out == replayed.out
     assert "delay (force_x_N)" in recorded.out
     assert "set channels.force_x_N.delay_s = " in recorded.out
+    assert "\nmanoeuvres farthest from their load:\n" in recorded.out
+
+
+def test_where_nothing_was_accepted_the_longest_manoeuvres_are_listed(
+    payscope: Payscope, log: Path, machine_file: Path
+) -> None:
+    never = "settings.gate.threshold_nat=50"
+    told = payscope("explain", log, "-m", machine_file, "--set", never).out
+    assert "\nlongest manoeuvres without a mass:\n" in told
 
 
 @pytest.fixture

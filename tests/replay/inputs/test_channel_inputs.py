@@ -151,6 +151,17 @@ def test_a_hint_whose_topic_is_missing_or_empty_is_a_loss_and_stops_nothing(
     assert result.frames["masses"].equals(without.frames["masses"])
 
 
+def test_a_log_from_which_nothing_is_read_is_told(tmp_path: Path, machine_file: Path) -> None:
+    sledge().write_csv(tmp_path / "shift.csv")
+    write_mcap(tmp_path / "other.mcap", [Joints(1_000, {"slide": 1.0})])
+    logs = [open_log(tmp_path / name) for name in ("shift.csv", "other.mcap")]
+    raw, losses = read_channels(logs, load_machine(machine_file))
+    assert [str(loss) for loss in losses] == [
+        "other.mcap: has no topic of the machine file: nothing is read from it"
+    ]
+    assert raw["table"].height == sledge().height
+
+
 def test_a_topic_that_a_damaged_log_does_not_have_is_told_with_the_damage(
     tmp_path: Path, machine_file: Path
 ) -> None:

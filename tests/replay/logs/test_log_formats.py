@@ -29,6 +29,8 @@ def test_an_unknown_suffix_is_answered_with_the_known_ones(tmp_path: Path) -> No
     (tmp_path / "shift.doc").write_text("hello")
     message = one_line(tmp_path / "shift.doc")
     assert all(suffix in message for suffix in OPENERS)
+    (tmp_path / "shift").write_text("hello")
+    assert "no reader for a name without a suffix; supported: .bag" in one_line(tmp_path / "shift")
 
 
 @pytest.mark.parametrize("suffix", OPENERS)
@@ -58,9 +60,48 @@ def test_a_directory_without_bags_says_what_a_bag_directory_holds(tmp_path: Path
     assert "metadata.yaml and .mcap or .db3" in one_line(tmp_path)
 
 
-def test_a_directory_of_ros1_bags_names_them(tmp_path: Path) -> None:
+def test_a_directory_of_logs_names_them(tmp_path: Path) -> None:
     (tmp_path / "morning.bag").touch()
-    assert "name one of its logs: morning.bag" in one_line(tmp_path)
+    (tmp_path / "noon").mkdir()
+    (tmp_path / "noon/metadata.yaml").touch()
+    (tmp_path / "notes").mkdir()
+    assert one_line(tmp_path).endswith("a folder of logs; name one of them: morning.bag, noon")
+    for number in range(9):
+        (tmp_path / f"shift_{number}.bag").touch()
+    assert one_line(tmp_path).endswith("shift_5.bag and 3 more")
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"%PDF-1.7\n%\xe2\xe3\xcf\xd3\n1 0 obj", "not a csv table: it is a PDF document"),
+        (b"\x89PNG\r\n\x1a\n\0\0", "it is a picture (PNG)"),
+        (b"PK\x03\x04\x14\0", "a workbook's name ends in .xlsx"),
+        (b"#ROSBAG V2.0\n", "its name ends in .bag"),
+    ],
+)
+def test_another_file_with_the_name_of_a_table_is_named(
+    tmp_path: Path, content: bytes, says: str
+) -> None:
+    (tmp_path / "shift.csv").write_bytes(content)
+    assert says in one_line(tmp_path / "shift.csv")
+
+
+@pytest.mark.parametrize(
+    ("suffix", "content", "says"),
+    [
+        (".mcap", b"#ROSBAG V2.0\n", "not an MCAP file; it is a ROS 1 bag; its name ends in .bag"),
+        (".bag", b"\x89MCAP0\r\n", "not a ROS 1 bag; it is an MCAP file; its name ends in .mcap"),
+        (".bag", b"RRF2\0\0", "it is a recording; its name ends in .rrd"),
+        (".db3", b"%PDF-1.7", "not a rosbag2 .db3 file; it is a PDF document"),
+        (".mcap", b"\x89MCAP9\r\n", "not an MCAP file; it does not start with the MCAP magic"),
+    ],
+)
+def test_a_log_with_the_name_of_another_format_is_named(
+    tmp_path: Path, suffix: str, content: bytes, says: str
+) -> None:
+    (tmp_path / f"shift{suffix}").write_bytes(content + bytes(200))
+    assert says in one_line(tmp_path / f"shift{suffix}")
 
 
 def test_importing_the_readers_loads_no_format_library() -> None:

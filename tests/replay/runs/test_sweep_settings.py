@@ -45,6 +45,12 @@ def test_every_row_equals_run_with_the_same_settings(
         assert {key: row[key] for key in KEYS} == {key: told[key] for key in KEYS}
 
 
+def test_without_a_setting_to_vary_it_shows_one(
+    payscope: Payscope, log: Path, machine_file: Path
+) -> None:
+    one_line(payscope("sweep", log, "-m", machine_file), "'--over'", "threshold_nat=0.5,0.7")
+
+
 def test_a_combination_that_cannot_weigh_is_marked_and_has_no_mass(
     payscope: Payscope, log: Path, machine_file: Path
 ) -> None:
