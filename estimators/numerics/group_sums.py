@@ -116,10 +116,9 @@ def noise_moments(
 
 
 def column_scales(A: Floats, group: Ints) -> Floats:
-    """Divisors (p,) that make the columns' mean square about 1.
+    """Divisors (p,) that make the columns' mean square 1.
 
-    Powers of two: dividing by them changes no digit, so that sums are divided instead of columns,
-    which would be copied.
+    Sums are divided by them instead of columns, which would be copied.
 
     Args:
         A: (n, p) columns.
@@ -128,8 +127,8 @@ def column_scales(A: Floats, group: Ints) -> Floats:
     Returns:
         The divisors: 1 for a column that is 0 except for rounding, which is left to its prior.
     """
-    squares = _sum_squares(A, group) / max(int((group >= 0).sum()), 1)
-    return np.exp2(np.round(np.log2(np.where(squares > NOTHING, squares, 1.0)) / 2.0))
+    scale = np.sqrt(_sum_squares(A, group) / max(int((group >= 0).sum()), 1))
+    return np.where(scale**2 > NOTHING, scale, 1.0)
 
 
 def _sum_squares_by_arrays(A: Floats, group: Ints) -> Floats:
