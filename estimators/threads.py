@@ -1,6 +1,7 @@
 """Work on windows in chunks on several cores, with results independent of their number."""
 
 import ctypes
+import os
 import sys
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -20,23 +21,26 @@ _WORTH_THREADS: Final = 8
 #: Parameters of glibc's `mallopt`, by number.
 _TRIM_THRESHOLD: Final = -1
 _MMAP_THRESHOLD: Final = -3
-#: Largest block in bytes that is taken from the heap, and most freed bytes that stay there: of
-#: 8 h, columns of a fit have up to half a gigabyte.
-_LARGEST_HEAP_BLOCK: Final = 1 << 30
+#: Largest block in bytes that is taken from the heap: of 8 h, columns of a fit have up to half a
+#: gigabyte. Some versions of glibc allow no more than the second.
+_LARGEST_HEAP_BLOCKS: Final = (1 << 30, 1 << 25)
+#: Free bytes at the top of the heap that are kept.
 _MOST_KEPT: Final = 1 << 28
 
 
 def _keep_freed_memory() -> None:
-    """Have glibc keep freed memory, where there is a glibc.
+    """Have glibc keep freed memory, where there is a glibc that the environment does not set.
 
     Left alone, it gives blocks beyond a threshold back to the system. Each chunk's arrays would be
-    paged in anew, which costs more than the work.
+    paged in anew, which costs more than the work. Heaps of threads other than the first hold 64
+    MiB; larger blocks are mapped there as before.
     """
-    if sys.platform != "linux":
+    is_set = any(name.startswith(("MALLOC_", "GLIBC_TUNABLES")) for name in os.environ)
+    if sys.platform != "linux" or is_set:
         return
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    if mallopt is not None:
-        mallopt(_MMAP_THRESHOLD, _LARGEST_HEAP_BLOCK)
+    # without the first threshold the second would stop glibc from raising its own
+    if mallopt and any(mallopt(_MMAP_THRESHOLD, size) for size in _LARGEST_HEAP_BLOCKS):
         mallopt(_TRIM_THRESHOLD, _MOST_KEPT)
 
 

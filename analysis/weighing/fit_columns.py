@@ -149,7 +149,7 @@ class FitRows:
         if terms == self.terms:
             return self
         at = np.array([0, 1, *(2 + self.terms.index(term) for term in terms)])
-        # in the order of what was made so: sums depend on it to their last bits
+        # contiguous, as where the columns are made at once: sums depend on it to their last bits
         gram = np.ascontiguousarray(self.noise.gram[:, at[:, None], at])
         noise = NoiseMoments(gram, np.take(self.noise.cross, at, axis=1))
         return replace(self, A=np.take(self.A, at, axis=1), noise=noise, terms=terms)
@@ -180,9 +180,12 @@ class FitColumns:
         previous: PreviousEstimates,
     ) -> Self:
         """Make the columns; the arguments are those of `average_columns`."""
-        pieces = map_in_threads(
-            lambda piece: _make_piece_columns(piece, noise, terms, previous), list(motion.pieces)
-        )
+
+        def make_columns(piece: MotionSamples) -> _PieceColumns:
+            group = _drop_samples_of_delay(piece, previous.lag_s)
+            return _make_piece_columns(piece, group, noise, terms, previous)
+
+        pieces = map_in_threads(make_columns, list(motion.pieces))
         return cls(pieces, terms, previous, motion.rate_hz)
 
     def average_to_rows(self, noise: ColumnNoiseModel, samples: int) -> FitRows:
@@ -215,9 +218,10 @@ def average_columns(
         previous: estimates of earlier rounds.
     """
     pieces = motion.pieces
+    groups = [_drop_samples_of_delay(piece, previous.lag_s) for piece in pieces]
     return _average_pieces(
-        lambda number: _make_piece_columns(pieces[number], noise, terms, previous),
-        [_drop_samples_of_delay(piece, previous.lag_s) for piece in pieces],
+        lambda number: _make_piece_columns(pieces[number], groups[number], noise, terms, previous),
+        groups,
         noise,
         terms,
         samples,
@@ -313,11 +317,12 @@ class _PieceColumns:
 
 def _make_piece_columns(
     motion: MotionSamples,
+    group: Ints,
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
     previous: PreviousEstimates,
 ) -> _PieceColumns:
-    """Make the columns of a piece."""
+    """Make the columns of a piece, with the stretch of each of its samples that may be fitted."""
     in_time = motion.advance_force(previous.lag_s)
     if previous.speed_late_s:
         # what a late speed does to friction goes with the motion, which a specific force is not
@@ -354,7 +359,6 @@ def _make_piece_columns(
         previous.transfer_s2_m,
         (0.0, 0.0) if loads is None else loads.weight_shares,
     )
-    group = _drop_samples_of_delay(motion, previous.lag_s)
     values = np.empty((len(terms) + 3, group.size))
     values[0], values[1], values[-1] = raw.acceleration, raw.speed, force
     for place, term in enumerate(terms, start=2):

@@ -11,7 +11,7 @@ moved before and after.
 """
 
 from dataclasses import dataclass
-from itertools import compress
+from itertools import chain, compress
 from typing import Final
 
 import numpy as np
@@ -75,6 +75,8 @@ class LoadFilling:
 
         Long logs make a misfit significant even if it changes no mass.
         """
+        if np.isnan(self.moves_u):
+            return float("nan")
         return self.deviations * float(self.moves_u > 1.0)
 
 
@@ -111,9 +113,11 @@ def fit_filling(
     # what the masses are beside that growth and those resistances
     follows = np.linalg.lstsq(covariance, grown.fit.covariance[at, : fit.count])[0]
     moved = grown.theta[: fit.count] + (best * std - found) @ follows - fit.theta[: fit.count]
-    of_sums = [*np.eye(fit.count), *mean_payload_weights(fit)]
-    moves_u = max(abs(float(each @ moved)) / max(fit.sum_u_kg(each), 1e-9) for each in of_sums)
-    return LoadFilling(float(best[0] * std[0]), float(np.sqrt(better)), moves_u)
+    of_sums = chain(map(fit.weights_of_state, range(fit.count)), mean_payload_weights(fit))
+    moves_u = [abs(float(each @ moved)) / max(fit.sum_u_kg(each), 1e-9) for each in of_sums]
+    return LoadFilling(
+        float(best[0] * std[0]), float(np.sqrt(better)), float(np.max(np.array(moves_u)))
+    )
 
 
 def mean_payload_weights(fit: JointFit) -> list[Floats]:

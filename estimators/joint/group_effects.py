@@ -77,6 +77,7 @@ def group_effects(
     used = group >= 0
     n = int(used.sum())
     f, scale = np.where(used, f, 0.0), column_scales(A, group)
+    A = A if used.all() else np.where(used[:, None], A, 0.0)
     sums = GroupSums.from_groups(A, f, group, noise, scale)
     of_group = np.zeros(f.size, np.int64)
     for part, number in zip(sums.rows, unit, strict=True):
@@ -100,7 +101,7 @@ def group_effects(
     variance = float(f[used] @ f[used]) / n
     level, correlation, white = y, np.ones(1), variance
     # few units share their effects with few others: as if each had its own
-    own_columns = A[:, :1] if y.size >= _MANY else A[:, np.abs(A[used]).sum(axis=0) > 0.0]
+    own_columns = A[:, :1] if y.size >= _MANY else A[:, np.abs(A).sum(axis=0) > 0.0]
     for _ in range(_NOISE_ROUNDS):
         whole = within / variance + np.diag(precision)
         beta = np.linalg.lstsq(whole, cross / variance + precision * prior_mean * scale[1:])[0]

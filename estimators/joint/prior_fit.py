@@ -268,7 +268,7 @@ def fit(
     """Fit θ in A θ = f.
 
     Args:
-        A: (n, p) columns; rows without a group may hold anything but NaN.
+        A: (n, p) columns; rows without a group may hold anything.
         f: (n,) response.
         group: (n,) group of each sample, contiguous, negative for none.
         noise: noise moments of the columns; None takes them as exact.

@@ -7,7 +7,7 @@ from typing import Final
 from analysis.model.uncertainty_sources import IMU_POSITION, SCALES, TRACK_WIDTH
 from analysis.model.verdict import Check
 
-#: What a check that failed led to, where it withholds nothing.
+#: What a check that failed led to, where it withholds no mass.
 REMARKED: Final = {"widen": "widened", "method": "withheld", "tell": "note"}
 #: What any check that failed led to.
 CONSEQUENCES: Final = {"withhold": "no mass", **REMARKED}
