@@ -244,6 +244,8 @@ def main(check: bool, last: str | None = None) -> int:
     """Update or check the pages up to `last`; the number of pages that differ when checking."""
     differ = 0
     names = [page.name for page in PAGES]
+    if last is not None and last not in names:
+        raise SystemExit(f"{last}: no such page; choices: {', '.join(names)}")
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "examples").symlink_to(REPO / "examples")
         for page in PAGES[: names.index(last) + 1 if last else None]:
