@@ -16,7 +16,7 @@
 An answer of "no" (a log that cannot weigh) is a result, not an exception.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 
@@ -74,6 +74,12 @@ class OutputError(PayscopeError):
 def one_line(text: str) -> str:
     """Join a text to one line, replacing line breaks in quoted bytes and names."""
     return "".join(c if c.isprintable() else " " if c.isspace() else "�" for c in text)
+
+
+def list_some(names: Sequence[object], most: int) -> str:
+    """The first `most` names, separated by commas, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(map(str, names[:most])) + more
 
 
 def counted(count: int, thing: str) -> str:

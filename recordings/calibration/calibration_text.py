@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.calibration.campaign.next_load import rank_next_loads
 from analysis.calibration.line.calibration import Calibration
-from estimators.errors import counted
+from estimators.errors import counted, list_some
 from recordings.calibration.campaign_faults import logs_without_machine, runs_without_date
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.learnt_terms_text import RUNS, TERMS
@@ -127,10 +127,9 @@ def _describe_recording_machine(document: EvidenceDocument) -> Iterator[str]:
     without = logs_without_machine(document.logs)
     told = len(document.logs) - len(without)
     if without:
-        named = ", ".join(without[:_MOST_NAMED])
-        more = f" and {len(without) - _MOST_NAMED} more" if len(without) > _MOST_NAMED else ""
         yield (
-            f"Whether these logs were recorded by this machine: {named}{more}. They do not name "
+            f"Whether these logs were recorded by this machine: "
+            f"{list_some(without, _MOST_NAMED)}. They do not name "
             "theirs; their digests only show that they are the files that were replayed."
         )
     if told:

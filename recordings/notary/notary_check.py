@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final
 
-from estimators.errors import EvidenceError
+from estimators.errors import EvidenceError, list_some
 from recordings.notary.notary_list import (
     MOST_LIST_BYTES,
     NotaryEntry,
@@ -235,9 +235,7 @@ def find_remarks_on_list(entries: Sequence[NotaryEntry]) -> Iterator[str]:
 
 def _line_numbers_text(counters: Sequence[int]) -> str:
     """Numbers of the affected lines as text; only the first ones are listed."""
-    named = ", ".join(map(str, counters[:_MOST_NAMED]))
-    more = f" and {len(counters) - _MOST_NAMED} more" if len(counters) > _MOST_NAMED else ""
-    return f"number {named}{more}"
+    return f"number {list_some(counters, _MOST_NAMED)}"
 
 
 def parse_time_or_none(stamp: str) -> dt.datetime | None:

@@ -27,6 +27,11 @@ def format_check_outcome(check: Check, *, passed: str, failed: str, absent: str)
     return passed if check.passed else REMARKED.get(check.consequence, failed)
 
 
+def format_unit_suffix(unit: str) -> str:
+    """Unit behind a number; nothing for a ratio."""
+    return "" if unit == "1" else f" {unit}"
+
+
 def format_number(value: object) -> str:
     """Table cell of a value: five significant digits, thousands separators, a dash for None."""
     if value is None:

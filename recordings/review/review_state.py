@@ -127,6 +127,16 @@ class ReviewState(BaseModel):
         """Local clock of the shift."""
         return ShiftClock(self.timezone, self.t0_unix_ns, self.duration_s)
 
+    @property
+    def withholding_checks(self) -> tuple[FailedCheck, ...]:
+        """Failed checks that withhold the masses."""
+        return tuple(each for each in self.failed if each.consequence == "withhold")
+
+    @property
+    def remarks(self) -> tuple[FailedCheck, ...]:
+        """Failed checks that withhold no mass."""
+        return tuple(each for each in self.failed if each.consequence != "withhold")
+
 
 def collect_review_state(
     run: Run,

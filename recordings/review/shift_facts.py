@@ -7,7 +7,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck
-from estimators.errors import counted
+from estimators.errors import counted, list_some
 from recordings.report.clock_text import duration_text
 from recordings.report.number_text import format_plus_minus
 from recordings.report.shift_text import K, format_tonnes, shift_payload_sentence
@@ -49,10 +49,8 @@ def reason_for_no_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
     if ledger["counted"].any():
         return ""
     if not state.can_weigh:
-        failed = [check for check in state.failed if check.consequence == "withhold"]
-        more = len(failed) - _MOST_CHECKS
-        names = ", ".join(check.check for check in failed[:_MOST_CHECKS])
-        names += f" and {more} more" if more > 0 else ""
+        failed = state.withholding_checks
+        names = list_some([check.check for check in failed], _MOST_CHECKS)
         why = f": {failed[0].meaning}" if len(failed) == 1 else ""
         return f"these logs cannot weigh; failed: {names}{why}"
     if ledger.is_empty():

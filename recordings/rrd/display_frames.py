@@ -16,6 +16,7 @@ import polars as pl
 from analysis.model.physical_units import NS
 from analysis.model.run_record import Run
 from recordings.report import colours
+from recordings.report.number_text import format_unit_suffix
 from recordings.rrd.recording_table import TABS, frames_of_series
 from recordings.rrd.recording_views import View, ViewKind, ViewSeries
 from recordings.rrd.stored_names import STATE, entity_parts
@@ -116,8 +117,8 @@ def drawn_columns_of_view(
         ends = [_extreme_column_name(series.column, end) for end in _ENDS if extremes]
         drawn += [DisplayColumn(frame, end, label, colour, faint=True) for end in ends]
     if drawn and view.threshold is not None:
-        unit = "" if view.unit == "1" else f" {view.unit}"
-        label = f"threshold {_threshold_setting_of_view(run, view):g}{unit}"
+        value = f"{_threshold_setting_of_view(run, view):g}{format_unit_suffix(view.unit)}"
+        label = f"threshold {value}"
         drawn.append(DisplayColumn(_threshold_frame_name(view), "threshold", label, "#d55e00"))
     return tuple(drawn)
 

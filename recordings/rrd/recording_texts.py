@@ -21,6 +21,7 @@ from recordings.report.number_text import (
     format_check_outcome,
     format_number,
     format_plus_minus,
+    format_unit_suffix,
     markdown_table,
 )
 from recordings.report.planar_text import planar_fit_lines, planar_markdown
@@ -333,18 +334,14 @@ def _describe_reliability(answer: Answer, cycles: list[str]) -> list[str]:
         "## Terms of the fit besides mass and friction",
         "\n".join(
             f"- **{row['term']}**, {row['meaning']}: "
-            f"{format_plus_minus(row['posterior'], row['posterior_std'])}{_behind(row['unit'])}, "
-            f"prior ± {format_number(row['prior_std'])}{_behind(row['unit'])}; u of the mass "
+            f"{format_plus_minus(row['posterior'], row['posterior_std'])}{unit}, "
+            f"prior ± {format_number(row['prior_std'])}{unit}; u of the mass "
             f"{format_number(row['u_kg'])} kg"
             for row in answer.nuisances
+            for unit in [format_unit_suffix(row["unit"])]
         ),
     ]
     return parts
-
-
-def _behind(unit: str) -> str:
-    """Unit behind a number; nothing where it is a ratio."""
-    return "" if unit == "1" else f" {unit}"
 
 
 def _make_cycle_lines(run: Run) -> list[str]:

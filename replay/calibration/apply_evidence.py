@@ -15,7 +15,7 @@ from analysis.calibration.use.learnt_priors import machine_for_later_log, machin
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
-from estimators.errors import EvidenceError
+from estimators.errors import EvidenceError, list_some
 from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import settings_that_define_mass
@@ -114,14 +114,14 @@ class MachineCalibration:
         if mine_id is None and kept[name] != mine[name]:
             return f"belongs to machine '{kept[name]}', not to '{mine[name]}'"
         names = {*kept, *mine} - {name}
-        differ = [each for each in sorted(names) if kept.get(each) != mine.get(each)]
-        named = ", ".join(
+        differ = [
             f"{each} = {_format_value(kept.get(each))} there and {_format_value(mine.get(each))} "
             "here"
-            for each in differ[:_MOST_NAMED]
-        )
-        more = f" and {len(differ) - _MOST_NAMED} more" if len(differ) > _MOST_NAMED else ""
-        return f"was made with other settings: {named}{more}" if differ else ""
+            for each in sorted(names)
+            if kept.get(each) != mine.get(each)
+        ]
+        named = list_some(differ, _MOST_NAMED)
+        return f"was made with other settings: {named}" if differ else ""
 
     def require_calibrated_machine(self, weighing: Machine, what: object) -> Machine:
         """Return the machine with its serial number if it is the calibrated one.

@@ -297,16 +297,10 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
         print_line(screen, f"{NOT_CALIBRATED}: {review.calibration.against}")
     elif review.calibration.says:
         print_line(screen, review.calibration.says)
-    failed = [check for check in state.failed if check.consequence == "withhold"]
-    if failed:
-        print_line(screen, f"checks that failed: {', '.join(check.check for check in failed)}")
-    remarked = [
-        f"{check.check} ({REMARKED[check.consequence]})"
-        for check in state.failed
-        if check.consequence != "withhold"
-    ]
-    if remarked:
-        print_line(screen, f"checks with a remark: {', '.join(remarked)}")
+    if failed := [check.check for check in state.withholding_checks]:
+        print_line(screen, f"checks that failed: {', '.join(failed)}")
+    if remarks := [f"{each.check} ({REMARKED[each.consequence]})" for each in state.remarks]:
+        print_line(screen, f"checks with a remark: {', '.join(remarks)}")
     for loss in loss_texts_besides_torn_ends(state):
         print_line(screen, f"lost: {loss}")
     if not review.replayed:

@@ -6,7 +6,7 @@ from typing import Final
 
 import polars as pl
 
-from estimators.errors import QueryError, nearest
+from estimators.errors import QueryError, list_some, nearest
 
 #: A table is made when a statement names it.
 Tables = Mapping[str, Callable[[], pl.LazyFrame]]
@@ -119,9 +119,7 @@ def _suggest_tables(name: str, tables: Tables) -> str:
 
 
 def _list_tables(tables: Tables) -> str:
-    names = list(tables)
-    more = f" and {len(names) - _MOST_LISTED} more" if len(names) > _MOST_LISTED else ""
-    return ", ".join(names[:_MOST_LISTED]) + more
+    return list_some(list(tables), _MOST_LISTED)
 
 
 def order_by_all_columns(query: str, columns: Sequence[str]) -> str:

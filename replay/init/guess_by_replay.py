@@ -9,6 +9,7 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
 from estimators.errors import PayscopeError
+from recordings.report.number_text import format_unit_suffix
 from replay.init.guess_machine import BRAKES_QUESTION
 from replay.logs import Log
 from replay.pipeline import run
@@ -102,7 +103,7 @@ def _format_prior_proposals(replayed: Run) -> list[str]:
         if setting is None or narrowed > _RICH:
             continue
         value = f"# {setting} = {priors[setting] * narrowed:.2g}"
-        unit = "" if row["unit"] == "1" else f" {row['unit']}"
+        unit = format_unit_suffix(row["unit"])
         said = f"found {row['posterior']:.2g} ± {row['posterior_std']:.1g}{unit}"
         lines.append(f"{value:<32}# {said}")
     return lines

@@ -10,7 +10,7 @@ import polars as pl
 from pydantic import ValidationError
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, nearest
+from estimators.errors import LogError, list_some, nearest
 from estimators.file_digest import file_sha256
 from replay.logs.converted import DESCRIPTION
 from replay.logs.converted.description import (
@@ -178,8 +178,8 @@ class ConvertedLog(Log):
         }
         missing = [part for part in self._parts if not (path / part).is_file()]
         if missing:
-            more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
-            raise LogError(f"{path}: '{missing[0]}'{more} is missing; convert the log again")
+            named = list_some([f"'{part}'" for part in missing], 1)
+            raise LogError(f"{path}: {named} is missing; convert the log again")
 
     @cached_property
     def _parts(self) -> list[str]:

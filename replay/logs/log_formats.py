@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-from estimators.errors import LogError
+from estimators.errors import LogError, list_some
 from replay.logs.converted import DESCRIPTION
 from replay.logs.log import Log, TimeAxis
 
@@ -58,11 +58,8 @@ def _open_directory(path: Path) -> Log:
     if not (path / METADATA).exists() and not list_storage_files(path):
         logs = sorted(each.name for each in path.iterdir() if _may_be_log(each))
         if logs:
-            rest = f" and {len(logs) - _MOST_NAMED} more" if len(logs) > _MOST_NAMED else ""
-            raise LogError(
-                f"{path}: is a folder of logs; name one of them: "
-                f"{', '.join(logs[:_MOST_NAMED])}{rest}"
-            )
+            named = list_some(logs, _MOST_NAMED)
+            raise LogError(f"{path}: is a folder of logs; name one of them: {named}")
         raise LogError(
             f"{path}: no bag in this directory; a rosbag2 directory holds metadata.yaml "
             f"and .mcap or .db3 files, a converted log {DESCRIPTION}"

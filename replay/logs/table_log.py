@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import polars as pl
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, counted, nearest
+from estimators.errors import LogError, counted, list_some, nearest
 from replay.logs.log import TABLE, Log, LogCheck, TimeAxis
 from replay.logs.machine_ids import ids_in_preamble, iter_serial_numbers
 from replay.logs.messages.broken_bytes import BrokenBytesError
@@ -144,10 +144,9 @@ class TableLog(Log):
         except DialectError as error:
             raise LogError(f"{self.path}: {error} {_WHERE}") from error
         if found is None:
-            more = f" and {len(columns) - _NAMED} more" if len(columns) > _NAMED else ""
-            named = ", ".join(map(repr, columns[:_NAMED]))
+            named = list_some([*map(repr, columns)], _NAMED)
             raise LogError(
-                f"{self.path}: no time column among {named}{more}; "
+                f"{self.path}: no time column among {named}; "
                 'name it in the machine file: [log] time = "COLUMN", time_unit = "s", or where '
                 "there is none, [log] rate_hz = rows per second"
             )
