@@ -63,7 +63,7 @@ class PlanarLog:
 
 @dataclass(frozen=True, slots=True)
 class PlanarFit:
-    """A fit, and the names of its priors."""
+    """A fit, and the names of what its `responses` are of."""
 
     estimate: BaseEstimate
     priors: tuple[str, ...]
@@ -280,7 +280,12 @@ def fit_with_coefficients(
         np.concatenate([noise, np.zeros((noise.shape[0], len(terms)))], axis=1),
         regressor.noise_loading,
     )
-    return PlanarFit(fitted, prior.names)
+    names = prior.names
+    for term, _ in terms:
+        if term.least_u and term.name in width:
+            fitted = fitted.with_uncertainty_of(term.name, term.least_u)
+            names = (*names, term.name)
+    return PlanarFit(fitted, names)
 
 
 def prior_for_rows(prior: Prior, rows: slice, names: tuple[str, ...]) -> Prior:

@@ -39,14 +39,16 @@ def list_uncertainty_sources(
     Args:
         estimate: the fit.
         gradient: (p,) derivatives of the quantity by the parameters.
-        terms: names of its prior terms; other priors count as noise.
+        terms: names of what its `responses` are of; those that are no terms count as noise.
         machine: machine file with its uncertainties.
     """
     at = np.flatnonzero(gradient)
     variance = float(gradient[at] @ estimate.covariance[np.ix_(at, at)] @ gradient[at])
     moved = estimate.responses[:, at] @ gradient[at]
-    parts = dict(zip(terms, np.abs(moved), strict=True))
-    own = {name: u for name, u in parts.items() if name in _TERMS}
+    own: dict[str, float] = {}
+    for name, u in zip(terms, moved, strict=True):
+        if name in _TERMS:
+            own[name] = float(np.hypot(own.get(name, 0.0), u))
     rest = np.sqrt(max(variance - sum(u**2 for u in own.values()), 0.0))
     found = [
         UncertaintySource(

@@ -16,6 +16,8 @@ from estimators.planar.planar_rows import PARAMETERS
 _REACHES = 0.95
 #: A yaw rate below this has no direction yet, rad/s: ten times the noise of a gyroscope.
 _TURNS_RAD_S = 0.02
+#: Nor has a speed below this, m/s: `phases.standstill_speed_m_s` by default.
+_MOVES_M_S = 0.02
 _AT = {name: number for number, name in enumerate(PARAMETERS)}
 
 
@@ -39,6 +41,7 @@ class TurningSamples(NamedTuple):
     torque_rate: Floats
     slip_rate: Floats
     direction_x: Floats
+    direction_x_spinning: Floats
     direction_z: Floats
     progress: Floats
     heading_rad: Floats
@@ -54,7 +57,7 @@ class Drive:
         plane: motion and forces.
         machine: machine file.
         coefficients: (6,) coefficients of the planar regressor; 0 if not determined.
-        of_samples: (9, n) fields of `TurningSamples` from force to heading.
+        of_samples: (10, n) fields of `TurningSamples` from force to heading.
         largest_force: large quantile of the force, in N.
         largest_torque: large quantile of the yaw torque, in N·m.
         largest_speed: large quantile of the speed, in m/s.
@@ -106,7 +109,7 @@ class Drive:
     @property
     def half_track_m(self) -> float:
         """Lever arm of each side's force; 1 m without a track width."""
-        return (self.machine.machine.track_width_m or 2.0) / 2.0
+        return half_track_m(self.machine)
 
     @property
     def machine_weight(self) -> float:
@@ -158,10 +161,17 @@ def make_drive(
         out[span:-span] = (x[2 * span :] - x[: -2 * span]) / step_s
         return out
 
+    def direction(speed: Floats, acceleration: Floats, least: float) -> Floats:
+        # the mean over a change of sign of what moves steadily
+        passes = np.abs(acceleration) * machine.settings.smooth.samples / rate_hz / 2.0
+        return np.clip(speed / np.maximum(passes, least), -1.0, 1.0)
+
     t = np.arange(motion.speed.size) / rate_hz
-    # the mean over a change of sign of what turns steadily
-    passes = np.abs(motion.yaw_acceleration) * machine.settings.smooth.samples / rate_hz / 2.0
-    direction_z = np.clip(motion.yaw_rate / np.maximum(passes, _TURNS_RAD_S), -1.0, 1.0)
+    direction_x = direction(
+        motion.speed, column_values(excitation, "speed_rate_x_m_s2"), _MOVES_M_S
+    )
+    direction_z = direction(motion.yaw_rate, motion.yaw_acceleration, _TURNS_RAD_S)
+    spins = np.abs(motion.speed) < half_track_m(machine) * np.abs(motion.yaw_rate)
     of_samples = np.stack(
         [
             force,
@@ -169,7 +179,8 @@ def make_drive(
             central_difference(force),
             central_difference(torque),
             central_difference(motion.speed * np.abs(force)),
-            column_values(excitation, "direction_x_1"),
+            np.where(spins, 0.0, direction_x),
+            np.where(spins, direction_x, 0.0),
             np.where(plane.turning, direction_z, 0.0),
             t / max(float(t[-1]), 1.0) - 0.5,
             np.cumsum(np.nan_to_num(motion.yaw_rate)) / rate_hz,
@@ -187,6 +198,11 @@ def make_drive(
         robust_maximum(motion.yaw_rate, turns),
         robust_maximum(motion.specific_force_y, turns),
     )
+
+
+def half_track_m(machine: Machine) -> float:
+    """Distance of each side's wheels from the middle, in m; 1 m without a track width."""
+    return (machine.machine.track_width_m or 2.0) / 2.0
 
 
 def robust_maximum(x: Floats, used: Bools) -> float:

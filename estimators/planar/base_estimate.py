@@ -1,6 +1,6 @@
 """Normal priors of parameters, and estimates of the parameters that a motion determines."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -71,6 +71,19 @@ class BaseEstimate:
     def std(self) -> Floats:
         """(p,) standard deviations, NaN where the motion does not determine a parameter."""
         return np.sqrt(np.diagonal(self.covariance))
+
+    def with_uncertainty_of(self, parameter: str, u: float) -> "BaseEstimate":
+        """Add an uncertainty of a parameter that its residuals do not show.
+
+        The others follow it as their covariance with it says. It is a further row of `responses`.
+        """
+        at = self.parameters.index(parameter)
+        moved = u * self.covariance[at] / self.covariance[at, at]
+        return replace(
+            self,
+            covariance=self.covariance + np.outer(moved, moved),
+            responses=np.vstack([self.responses, moved]),
+        )
 
     def slope(self, numerator: str, denominator: str) -> tuple[float, Floats]:
         """Ratio of two parameters, and its derivatives by each parameter, (p,).
