@@ -264,7 +264,12 @@ def fit_with_coefficients(
     part = slice(int(where[0]), int(where[-1]) + 1)
     of_columns = np.array(columns)
     drive = make_drive(log.plane, log.excitation, log.machine, coefficients)
-    terms = select_terms_of_drive(drive, "xz"[rows])
+    # the noise of a column that is not fitted would tell a term that is a share of it
+    terms = [
+        (term, std)
+        for term, std in select_terms_of_drive(drive, "xz"[rows])
+        if not {n for mixed in term.mixture(drive)[rows] for n in mixed} - set(columns)
+    ]
     names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
     width = {term.name: std for term, std in terms if term.name not in known.names}
     regressor = Regressor.from_drive(drive.cut(part), of_columns, [term for term, _ in terms], rows)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import polars as pl
+from scipy.ndimage import uniform_filter1d
 
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
@@ -16,6 +17,9 @@ from estimators.planar.planar_rows import PARAMETERS
 _REACHES = 0.95
 #: A yaw rate below this has no direction yet, rad/s: ten times the noise of a gyroscope.
 _TURNS_RAD_S = 0.02
+#: The model's force and torque are averaged over so long, s: what is in proportion to them is a few
+#: per cent of them, and shares the less of the accelerometer's noise.
+_AVERAGED_S = 1.0
 #: Nor has a speed below this, m/s: `phases.standstill_speed_m_s` by default.
 _MOVES_M_S = 0.02
 _AT = {name: number for number, name in enumerate(PARAMETERS)}
@@ -161,6 +165,9 @@ def make_drive(
         out[span:-span] = (x[2 * span :] - x[: -2 * span]) / step_s
         return out
 
+    def averaged(x: Floats) -> Floats:
+        return uniform_filter1d(np.nan_to_num(x), round(_AVERAGED_S * rate_hz), mode="nearest")
+
     def direction(speed: Floats, acceleration: Floats, least: float) -> Floats:
         # the mean over a change of sign of what moves steadily
         passes = np.abs(acceleration) * machine.settings.smooth.samples / rate_hz / 2.0
@@ -174,8 +181,8 @@ def make_drive(
     spins = np.abs(motion.speed) < half_track_m(machine) * np.abs(motion.yaw_rate)
     of_samples = np.stack(
         [
-            force,
-            torque,
+            averaged(force),
+            averaged(torque),
             central_difference(force),
             central_difference(torque),
             central_difference(motion.speed * np.abs(force)),
