@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in_duration
-from analysis.weighing.fitted_stretches import is_first_of_stretch, is_last_of_stretch
+from analysis.weighing.fitted_stretches import count_samples_since_start, is_last_of_stretch
 from analysis.weighing.haul_route import Route
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.motion_samples import (
@@ -68,9 +68,10 @@ class RelativeLoads:
         )
         return cls(unit, value, weight_shares)
 
-    def standardised_load_of(self, unit: Ints) -> Floats:
-        """Relative load of these manoeuvres over the root mean square of all, (n,)."""
-        return self.relative_load_of(unit) / max(float(np.sqrt(np.mean(self.value**2))), 1e-9)
+    @property
+    def rms(self) -> float:
+        """Root mean square of the relative loads, above 0."""
+        return max(float(np.sqrt(np.mean(self.value**2))), 1e-9)
 
     def is_loaded_in(self, unit: Ints) -> Bools:
         """Whether these manoeuvres carry more than midway between light and heavy loads, (n,)."""
@@ -80,8 +81,11 @@ class RelativeLoads:
 
     def relative_load_of(self, unit: Ints) -> Floats:
         """Relative load of these manoeuvres, (n,); an unknown one takes that of the one before."""
-        place = np.searchsorted(self.unit, unit, "right") - 1
-        return self.value[place.clip(0, self.unit.size - 1)]
+        # samples come in runs of one manoeuvre
+        first = np.flatnonzero(np.append(True, unit[1:] != unit[:-1]))
+        place = np.searchsorted(self.unit, unit[first], "right") - 1
+        value = self.value[place.clip(0, self.unit.size - 1)]
+        return np.repeat(value, np.diff(np.append(first, unit.size)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -333,11 +337,11 @@ def _make_piece_columns(
         own = acceleration if motion.without_gravity is None else motion.without_gravity
         acceleration = acceleration + previous.motion_gain * own
     loads = previous.relative_loads
+    relative_load = 0.0 if loads is None else loads.relative_load_of(motion.unit)
     if previous.swing.lever_s2 and motion.specific_force is not None:
         # springs give way in proportion to the mass
-        by_load = 1.0 if loads is None else 1.0 + loads.relative_load_of(motion.unit)
         swing_m_s2 = previous.swing.swing_m_s2(motion.specific_force, motion.rate_hz)
-        acceleration = acceleration - by_load * swing_m_s2
+        acceleration = acceleration - (1.0 + relative_load) * swing_m_s2
     wheels, zeros = motion.wheel_acceleration, np.zeros(speed.size)
     force_std = float(np.sqrt(noise.covariance(1)[2, 2]))
     raw = ColumnInputs(
@@ -349,11 +353,11 @@ def _make_piece_columns(
         derive_force_rate(force, motion.rate_hz, force_std, keep_small=wheels is not None),
         motion.direction,
         motion.progress,
-        _count_samples_since_start(motion.group) / motion.rate_hz,
-        zeros if loads is None else loads.relative_load_of(motion.unit),
-        zeros if loads is None else loads.standardised_load_of(motion.unit),
+        motion.samples_since_start / motion.rate_hz,
+        zeros if loads is None else relative_load,
+        zeros if loads is None else relative_load / loads.rms,
         motion.place_1,
-        _distances_from_start_m(motion),
+        motion.travelled_m,
         *_route_positions_and_length_m(motion, previous),
         previous.slip_s_m,
         previous.transfer_s2_m,
@@ -369,18 +373,6 @@ def _make_piece_columns(
 def stride_between_means(samples: int) -> int:
     """Stride in samples between the means that are fitted."""
     return max(1, samples // LIMITS.rows_per_mean)
-
-
-def _count_samples_since_start(group: Ints) -> Ints:
-    """Number of earlier samples in the same stretch, (n,)."""
-    row = np.arange(group.size)
-    return row - np.maximum.accumulate(np.where(is_first_of_stretch(group), row, 0))
-
-
-def _distances_from_start_m(motion: MotionSamples) -> Floats:
-    """Distance of each sample from the begin of its stretch, (n,) in m."""
-    way = np.cumsum(np.abs(motion.speed)) / motion.rate_hz
-    return way - way[np.arange(way.size) - _count_samples_since_start(motion.group)]
 
 
 def _route_positions_and_length_m(
@@ -399,14 +391,14 @@ def _route_positions_and_length_m(
 def _drop_samples_of_delay(motion: MotionSamples, lag_s: float) -> Ints:
     """Stretch of each sample, (n,); -1 for the first ones, whose force is from before it."""
     group, lag = motion.group, math.ceil(abs(lag_s) * motion.rate_hz)
-    return np.where(
-        (_count_samples_since_start(group) >= lag) | is_last_of_stretch(group), group, -1
-    )
+    if not lag:
+        return group
+    return np.where((motion.samples_since_start >= lag) | is_last_of_stretch(group), group, -1)
 
 
 def _select_every_nth_sample(group: Ints, stride: int) -> Bools:
     """Select every `stride`-th sample of each stretch, at least its last one, (n,)."""
-    since = _count_samples_since_start(group)
+    since = count_samples_since_start(group)
     short = is_last_of_stretch(group) & (since < stride - 1)
     return (group >= 0) & ((since % stride == stride - 1) | short)
 

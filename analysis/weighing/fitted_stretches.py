@@ -104,6 +104,12 @@ def is_last_of_stretch(group: Ints) -> Bools:
     return (group >= 0) & (np.append(group[1:], -1) != group)
 
 
+def count_samples_since_start(group: Ints) -> Ints:
+    """Number of earlier samples in the same stretch, (n,)."""
+    row = np.arange(group.size)
+    return row - np.maximum.accumulate(np.where(is_first_of_stretch(group), row, 0))
+
+
 def stretch_spans(group: Ints) -> Ints:
     """First sample of each stretch, and the one behind its last, (stretches, 2)."""
     first, last = (np.flatnonzero(of(group)) for of in (is_first_of_stretch, is_last_of_stretch))

@@ -5,7 +5,7 @@ ground does at a place is the same with the load and without.
 """
 
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Final, Literal, Self
 
 import numpy as np
 
@@ -70,9 +70,14 @@ class Route:
     def _distances_to_dumps_m(self, motion: MotionSamples) -> tuple[Floats, Floats]:
         """Distances to the next dump and from the one before, (n,) each; infinite without one."""
         here = motion.driven_m
-        ahead = np.append(self.dumps_m, np.inf)[np.searchsorted(self.dumps_m, here)] - here
-        passed = np.searchsorted(self.dumps_m, here, "right")
-        behind = here - np.append(-np.inf, self.dumps_m)[passed]
+
+        def between_dumps(dumps_m: Floats, side: Literal["left", "right"]) -> Floats:
+            # both ascend, and the dumps are few
+            bounds = np.searchsorted(here, self.dumps_m, side)
+            return np.repeat(dumps_m, np.diff(bounds, prepend=0, append=here.size))
+
+        ahead = between_dumps(np.append(self.dumps_m, np.inf), "right") - here
+        behind = here - between_dumps(np.append(-np.inf, self.dumps_m), "left")
         return ahead, behind
 
 

@@ -19,6 +19,7 @@ from analysis.model.windows import flag_windows
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
 from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.fitted_stretches import (
+    count_samples_since_start,
     cut_drives,
     cut_stretches,
     driving_directions,
@@ -198,32 +199,43 @@ class MotionSamples:
     def _advance_signal(self, x: Floats, late_s: float) -> Floats:
         """Signal (n,) advanced by a cubic per stretch: lines low-pass it on a slow grid."""
         late = late_s * self.rate_hz
-        rows = np.arange(x.size, dtype=np.float64)
-        moved = np.interp(rows + late, rows, x)
+        if not late and np.isfinite(x).all():
+            return x
         whole = math.floor(late)
         part = late - whole
-        if not part:
-            return moved
         first, end = max(1 - whole, 0), min(x.size - 2 - whole, x.size)
-        if first >= end:
-            return moved
-        weights = (
-            -part * (part - 1.0) * (part - 2.0) / 6.0,
-            (part + 1.0) * (part - 1.0) * (part - 2.0) / 2.0,
-            -(part + 1.0) * part * (part - 2.0) / 2.0,
-            (part + 1.0) * part * (part - 1.0) / 6.0,
-        )
-        from_row = first + whole - 1
-        cubic = sum(
-            weight * x[from_row + k : from_row + k + end - first]
-            for k, weight in enumerate(weights)
-        )
-        group = self.group[first:end]
-        inside = group >= 0
-        for row in (from_row, from_row + 3):
-            inside &= self.group[row : row + end - first] == group
-        moved[first:end] = np.where(inside, cubic, moved[first:end])
+        moved, by_cubic = np.empty(x.size), np.zeros(x.size, np.bool_)
+        if part and first < end:
+            weights = (
+                -part * (part - 1.0) * (part - 2.0) / 6.0,
+                (part + 1.0) * (part - 1.0) * (part - 2.0) / 2.0,
+                -(part + 1.0) * part * (part - 2.0) / 2.0,
+                (part + 1.0) * part * (part - 1.0) / 6.0,
+            )
+            from_row = first + whole - 1
+            moved[first:end] = sum(
+                weight * x[from_row + k : from_row + k + end - first]
+                for k, weight in enumerate(weights)
+            )
+            group = self.group[first:end]
+            inside = group >= 0
+            for row in (from_row, from_row + 3):
+                inside &= self.group[row : row + end - first] == group
+            by_cubic[first:end] = inside
+        by_line = np.flatnonzero(~by_cubic)
+        moved[by_line] = np.interp(by_line + late, np.arange(x.size, dtype=np.float64), x)
         return moved
+
+    @cached_property
+    def samples_since_start(self) -> Ints:
+        """Number of earlier samples in the same stretch, (n,)."""
+        return count_samples_since_start(self.group)
+
+    @cached_property
+    def travelled_m(self) -> Floats:
+        """Distance of each sample from the begin of its stretch, (n,) in m."""
+        way = np.cumsum(np.abs(self.speed)) / self.rate_hz
+        return way - way[np.arange(way.size) - self.samples_since_start]
 
     @cached_property
     def used(self) -> Bools:

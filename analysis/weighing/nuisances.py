@@ -5,7 +5,8 @@ where no calibration learnt another (`settings.priors.learnt`).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Final, Self
 
 import numpy as np
@@ -68,8 +69,14 @@ class ColumnInputs:
 
     def select_rows(self, rows: Ints) -> "ColumnInputs":
         """Select some of the samples."""
-        channels = {n: x[rows] for n, x in vars(self).items() if isinstance(x, np.ndarray)}
-        return replace(self, **channels)
+        channels = {each.name: getattr(self, each.name) for each in fields(self)}
+        own = {n: x[rows] for n, x in channels.items() if isinstance(x, np.ndarray)}
+        return replace(self, **own)
+
+    @cached_property
+    def loaded_direction(self) -> Floats:
+        """Driving direction in proportion to the weight with its load, (n,)."""
+        return self.direction * (1.0 + self.relative_load)
 
 
 @dataclass(frozen=True, slots=True)

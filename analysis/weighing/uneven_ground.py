@@ -123,6 +123,15 @@ def _clipped_ramp(place: Floats, begin: float, end: float) -> Floats:
 
 
 @compiled_ahead
+def _scaled_ramp(scale: Floats, place: Floats, begin: float, end: float, ratio: float) -> Floats:
+    """The same in proportion to `ratio` and to a scale (n,)."""
+    out = np.empty(place.size)
+    for k in range(out.size):
+        out[k] = scale[k] * (min(max((place[k] - begin) / (end - begin), 0.0), 1.0) * ratio)
+    return out
+
+
+@compiled_ahead
 def _restrict_to_direction(column: Floats, direction: Floats, sign: float) -> Floats:
     """Column (n,) in one driving direction, 0 in the other."""
     out = np.zeros(column.size)
@@ -148,10 +157,8 @@ def _make_route_term(part: int) -> Nuisance:
     begin, end = part / _ROUTE_PARTS, (part + 1) / _ROUTE_PARTS
 
     def route_column(m: ColumnInputs) -> Floats:
-        changes = _clipped_ramp(m.route_1, begin, end) * random_walk_ratio(
-            m.route_length_m / _ROUTE_PARTS
-        )
-        return m.direction * (1.0 + m.relative_load) * changes
+        ratio = random_walk_ratio(m.route_length_m / _ROUTE_PARTS)
+        return _scaled_ramp(m.loaded_direction, m.route_1, begin, end, ratio)
 
     return Nuisance(
         f"ground_route_{part + 1}_of_{_ROUTE_PARTS}",

@@ -18,9 +18,12 @@ SLOW = pytest.mark.slow
         ("Coulomb friction of turning", "inertia_z_kg_m2", (0,)),
         ("IMU 5 cm off", "com_x_m", (1,)),
         ("track 1 %", "inertia_z_kg_m2", (0,)),
+        # its spins creep: 15 % too heavy where their sign of speed was a direction
+        ("rolling and Coulomb", "mass_kg", (610011,)),
         pytest.param("Coulomb friction of turning", "inertia_z_kg_m2", SEEDS, marks=SLOW),
         pytest.param("IMU 5 cm off", "com_x_m", SEEDS, marks=SLOW),
         pytest.param("track 1 %", "inertia_z_kg_m2", SEEDS, marks=SLOW),
+        pytest.param("rolling and Coulomb", "mass_kg", range(610011, 610014), marks=SLOW),
     ],
 )
 def test_what_is_said_of_a_faulty_log_is_within_three_standard_uncertainties(

@@ -135,5 +135,5 @@ class TestRelativeLoads:
         assert found is not None
         assert usual is not None
         np.testing.assert_array_equal(
-            found.standardised_load_of(unit), usual.standardised_load_of(unit)
+            found.relative_load_of(unit) / found.rms, usual.relative_load_of(unit) / usual.rms
         )

@@ -79,6 +79,19 @@ def test_the_error_of_what_is_known_is_an_error_of_what_is_found():
     assert abs(found.responses[0, i]) == pytest.approx(7.5 * 50.0, rel=0.01)
 
 
+def test_an_uncertainty_that_no_residual_shows_is_added_to_what_follows_the_parameter():
+    """As in the arc above: a u of 100 N·s/m more of the friction is one of 750 kg·m."""
+    A, f = noisy_arc()
+    prior = known(1, friction_x_N_s_m=(2891.0, 50.0))
+    before = fit(A[:, :1], f[:, :1], planar_rows.PARAMETERS, prior=prior)
+    found = before.with_uncertainty_of("friction_x_N_s_m", 100.0)
+    i, j = AT["first_moment_x_kg_m"], AT["friction_x_N_s_m"]
+    assert found.std[j] == pytest.approx(np.hypot(before.std[j], 100.0))
+    assert found.std[i] == pytest.approx(np.hypot(before.std[i], 750.0), rel=0.01)
+    assert found.responses[-1, [i, j]] == pytest.approx([750.0, 100.0], rel=0.01)
+    np.testing.assert_array_equal(found.theta, before.theta)
+
+
 @pytest.mark.parametrize(
     # 30 trials tell a share of 0.95 to within 0.04 (one sigma)
     ("trials", "least"),
