@@ -223,12 +223,7 @@ def _weigh_with_priors(
             alone = joint_fit(fitted, fit.states and fit.states.restrict_to(driving))
             # driving that its own model does not fit is no witness against braking
             beyond = max(alone.distances_from_priors.values()) > settings.verdict.beyond_prior_max
-            # nor driving that finds another delay of the same force
-            lags_apart = abs(alone.lag_s - fit.lag_s) > LIMITS.same_lag_s
-            if (
-                not (beyond or lags_apart)
-                and not fit_force_curvature(alone, columns, priors).is_significant
-            ):
+            if not beyond and not fit_force_curvature(alone, columns, priors).is_significant:
                 braking_kg = mean_mass_difference_kg(fit, alone)
                 allowed = LIMITS.braking_left_out_u * float(np.hypot(fit.u_kg, alone.u_kg))
                 left_out = abs(braking_kg) > max(

@@ -314,8 +314,6 @@ class WeighingLimits:
     braking_doubted_u: float = 2.0
     #: and in either case moves it by at least this share.
     braking_min_fraction: float = 0.005
-    #: Fits of one log find one lag, within so many s: half of what its prior expects.
-    same_lag_s: float = 0.01
     #: Standard deviations from which a term in a·|a| shows,
     curvature_min_std: float = 6.0
     #: if it moves the mass by this share,
