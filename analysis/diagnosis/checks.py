@@ -100,8 +100,8 @@ def _explained_force_variance(_: CheckInputs, motion: AxisMotion) -> float:
 
 
 def _opposing_share(_: CheckInputs, motion: AxisMotion) -> float:
-    """Fraction of decelerating samples whose force opposes the motion."""
-    return 1.0 - fit_quality.share_along_motion(motion.speed, motion.f, motion.braking)
+    """Fraction of samples braked by the drive whose force opposes the motion."""
+    return fit_quality.share_against_motion(motion.A, motion.f, motion.braking, motion.speeding)
 
 
 def _driving_share(_: CheckInputs, motion: AxisMotion) -> float:
@@ -211,9 +211,10 @@ def make_model_checks(about: EvidenceSubject, words: AxisQuantityNames) -> tuple
             f"{words.prefix}opposing_share",
             about,
             _opposing_share,
-            f"fraction of decelerating samples whose {force} opposes the {moves}; 0: the {force} "
-            "has no sign",
+            f"fraction of samples that the drive slows down whose {force} opposes the {moves}; 0: "
+            f"the {force} has no sign",
             minimum="opposing_share_min",
+            optional=True,
             applies=lambda _, motion: bool(motion.braking.any()),
             remedy="a force with its sign: motor currents often have none",
         ),

@@ -12,6 +12,7 @@ from analysis.model.schema import column_values
 from analysis.weighing.mass_budget import relative_u
 from analysis.weighing.other_motion import wheel_imu_disagreement
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
+from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
 
 
@@ -69,9 +70,11 @@ def _name_farthest_term(inputs: CheckInputs, _: AxisMotion) -> str:
 
 
 def _friction_t_value(weighing: Weighing) -> float:
-    """Viscous friction over its standard deviation."""
-    value, std = weighing.fit.friction
-    return value / std
+    """Viscous friction over its standard deviation; at least 0 if friction may fall so far."""
+    fit = weighing.fit
+    value, std = fit.friction
+    share = value * fit.motion.largest_speed / fit.motion.largest_force
+    return value / std if share < -LIMITS.falling_friction_1 else max(value / std, 0.0)
 
 
 def _braking_mass_share(weighing: Weighing) -> float:
@@ -176,7 +179,8 @@ FIT_CHECKS: Final = (
         "friction_sign",
         "mass",
         _make_weighing_value(_friction_t_value),
-        "viscous friction over its standard deviation; negative friction is unphysical",
+        "viscous friction over its standard deviation; negative friction is unphysical. Friction "
+        "that falls with the speed by less than 15 % of the largest force counts as 0",
         minimum="friction_t_min",
         applies=_has_fit,
         remedy="channels.speed_x_m_s.scale, channels.force_x_N.scale: a sign or a unit is wrong",

@@ -17,7 +17,9 @@ def _raw_opposing_share(inputs: CheckInputs, motion: AxisMotion) -> float:
     force = _raw_force(inputs)
     if force is None:
         return np.nan
-    return 1.0 - fit_quality.share_along_motion(motion.speed, force, motion.braking)
+    return fit_quality.share_against_motion(
+        motion.A, motion.f, motion.braking, motion.speeding, force
+    )
 
 
 def _raw_force(inputs: CheckInputs) -> Floats | None:
@@ -87,7 +89,7 @@ SIGNAL_CHECKS: Final = (
         "raw_opposing_share",
         "mass",
         _raw_opposing_share,
-        "fraction of decelerating samples whose unfiltered force opposes the motion",
+        "fraction of samples that the drive slows down whose unfiltered force opposes the motion",
         minimum="opposing_share_min",
         optional=True,
         remedy="a force with its sign: motor currents often have none",

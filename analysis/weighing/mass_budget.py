@@ -111,6 +111,11 @@ _PARTS: Final = {
         "gain of the accelerometer, or wheels that disagree with it: the log cannot say which",
         "the wheel radius by rolling a known distance; IMU level and mounted stiffly",
     ),
+    "falling_friction": _FitPart(
+        "common",
+        "friction that falls with the speed, which the fit takes for negative viscous friction",
+        "starts at different throttles and cruising at several speeds",
+    ),
     "braking": _FitPart(
         "common",
         "braking and driving say different masses, and driving alone cannot decide",
@@ -188,6 +193,14 @@ def relative_u(weighing: Weighing, machine: Machine, state: int) -> float:
     return combined_u(sources, "random", "common") / mass_kg if mass_kg > 0.0 else float("inf")
 
 
+def _change_without_friction_kg(fit: JointFit, weights: Floats) -> float:
+    """Change of a sum of masses if viscous friction were known to be zero, in kg."""
+    at = fit.count
+    responses = fit.fit.responses
+    by_friction = (fit.fit.noise + fit.fit.scatter)[at] + responses.T @ responses[:, at]
+    return -fit.viscous * float(weights @ by_friction[:at]) / float(by_friction[at])
+
+
 def _relative_loads(fit: JointFit, machine: Machine) -> Floats:
     """(masses,) mass of each state over the empty machine's, or the lightest state's, less 1."""
     body = machine.machine
@@ -214,6 +227,9 @@ def _widening_by_checks(
         found["drifted_gain"] = LIMITS.half_gain_drift * abs(drift_kg)
     if weighing.curvature.is_significant:
         found["curvature"] = abs(weighing.curvature.kg) * share
+    viscous, std = fit.friction
+    if viscous < -LIMITS.falling_friction_std * std:
+        found["falling_friction"] = abs(_change_without_friction_kg(fit, weights))
     if weighing.braking_doubted:
         found["braking"] = abs(weighing.braking_kg) / 2.0 * share
     leans_kg = abs(float(weights @ (weighing.doubled_kg - fit.masses_kg)))

@@ -303,6 +303,15 @@ class WeighingLimits:
     #: Standard deviation of a free column of unit mean square, over that of the force.
     free_column_std: float = 1e3
 
+    # mass_budget
+    #: Viscous friction that is negative by at most this share of the largest force, at top speed,
+    #: is friction that falls with the speed (mixed lubrication, gears that shift up): the prior of
+    #: a friction that is not in proportion to the speed is 0.07. Machines with grease that breaks
+    #: away or four gears had up to 0.11, and masses that are right; a speed of the wrong sign 0.9.
+    falling_friction_1: float = 0.15
+    #: It widens a mass from so many standard deviations on.
+    falling_friction_std: float = 3.0
+
     # uneven_ground
     #: Fraction of the samples from which a direction has ground of its own.
     direction_min_fraction: float = 0.05

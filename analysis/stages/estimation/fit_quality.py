@@ -9,6 +9,13 @@ from estimators.methods import pooled
 ENOUGH = 10
 #: Noise is taken off what varies down to this share of it: a variance is not known better.
 _LEAST_TOLD = 0.1
+#: A force below this share of the 95 % quantile of those that drive has a sign that offset, losses
+#: and hysteresis decide: torque sensors and drivelines have 1 to 5 % of them.
+_LEAST_SIGNED_1 = 0.15
+#: A model that leaves more of the variance of what drives says nothing of braking.
+_EXPLAINED_1 = 0.5
+#: No sensor sees the brakes where no larger share of braking has such a force.
+_FEWEST_SIGNED_1 = 0.1
 
 
 def has_enough_samples(A: Floats, moving: Bools) -> bool:
@@ -41,6 +48,40 @@ def partial_correlation(A: Floats, f: Floats, moving: Bools) -> float:
 def share_along_motion(speed: Floats, f: Floats, samples: Bools) -> float:
     """Fraction of the samples whose force acts along the motion."""
     return float((speed[samples] * f[samples] >= 0).mean()) if samples.any() else float("nan")
+
+
+def share_against_motion(
+    A: Floats, f: Floats, braking: Bools, speeding: Bools, raw: Floats | None = None
+) -> float:
+    """Fraction of the samples braked by the drive whose force opposes the motion.
+
+    Braked by it are those that slow down by more than friction, by what the samples that speed up
+    say of mass and friction, and that have a force of some size. Where hardly any has one, no
+    sensor sees the brakes, and offset and losses decide the sign of what is left.
+
+    Args:
+        A: (n, 2) acceleration and speed of an axis.
+        f: (n,) force or torque.
+        braking: (n,) samples that slow down.
+        speeding: (n,) samples that speed up.
+        raw: (n,) the same force before it was filtered, whose sign is judged; None judges `f`.
+
+    Returns:
+        The fraction; NaN where the drive does not brake or no sensor sees it.
+    """
+    judged = f if raw is None else raw
+    if not has_enough_samples(A, speeding):
+        return 1.0 - share_along_motion(A[:, 1], judged, braking)
+    own = f[speeding]
+    expected = A @ np.linalg.lstsq(A[speeding], own, rcond=None)[0]
+    least = _LEAST_SIGNED_1 * float(np.quantile(np.abs(own), 0.95))
+    braked = braking
+    if float(np.var(own - expected[speeding])) < _EXPLAINED_1 * float(np.var(own)):
+        braked = braking & (-np.sign(A[:, 1]) * expected > least)
+    seen = braked & (np.abs(judged) > least)
+    if np.count_nonzero(seen) <= _FEWEST_SIGNED_1 * np.count_nonzero(braked):
+        return float("nan")
+    return 1.0 - share_along_motion(A[:, 1], judged, seen)
 
 
 def regression_slope(x: Floats, y: Floats, used: Bools, x_noise: float = 0.0) -> float:

@@ -92,7 +92,7 @@ FAULTS = {
         BRAKES_SEEN,
         "settings.forces.acceleration=kinematic",
         'channels.acc_x_m_s2.derive="d/dt speed_x_m_s"',
-        "settings.filter.cutoff_hz=0.1",
+        "settings.filter.cutoff_hz=0.3",
         changed=torques(pl.Expr.abs),
     ),
     "force_sign": lambda: weighed({}, changed=torques(pl.Expr.neg)),
