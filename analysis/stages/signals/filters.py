@@ -98,7 +98,10 @@ def low_pass_power_gain(at: Floats, *, causal: bool) -> Floats:
 
 
 def differentiate(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> tuple[Ints, Floats]:
-    """Central differences within stretches, without delay.
+    """Central differences within stretches, without delay: slopes between both neighbours.
+
+    A parabola through three samples would give the shorter interval the larger weight: of even
+    readings whose stamps scatter by a fifth of their interval, slopes are 4 % too large.
 
     If `causal`, the ends of a stretch have no derivative: it would be one-sided, and the end is not
     known yet on board. All others use three samples only, so they do not depend on where the log
@@ -111,17 +114,14 @@ def differentiate(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> 
         if t.size < 3:
             continue
         times.append(t[1:-1] if causal else t)
-        rates.append(_three_sample_slope(t, y) if causal else np.gradient(y, (t - t[0]) / 1e9))
+        slopes = (y[2:] - y[:-2]) / ((t[2:] - t[:-2]) / 1e9)
+        if not causal:
+            first, last = np.diff(y)[[0, -1]] / (np.diff(t)[[0, -1]] / 1e9)
+            slopes = np.concatenate([[first], slopes, [last]])
+        rates.append(slopes)
     if not times:
         return t_ns[:0], x[:0]
     return np.concatenate(times), np.concatenate(rates)
-
-
-def _three_sample_slope(t_ns: Ints, x: Floats) -> Floats:
-    """Slope (n - 2,) of the parabola through each sample and its neighbours."""
-    before, after = np.diff(t_ns)[:-1] / 1e9, np.diff(t_ns)[1:] / 1e9
-    rise, fall = np.diff(x)[1:] / after, np.diff(x)[:-1] / before
-    return (before * rise + after * fall) / (before + after)
 
 
 def interpolate_linearly(
