@@ -83,6 +83,9 @@ class Body(BaseModel):
     attachment: str | None = Field(None, exclude_if=lambda value: value is None)
     wheel_radius_m: float | None = Field(None, gt=0)
     wheel_radius_u_m: float | None = Field(None, ge=0)
+    #: Of the rolling radius' relative change under a load as heavy as the machine.
+    #: Left out where it is not given, as the serial number.
+    wheel_radius_by_load_u: float | None = Field(None, ge=0, exclude_if=lambda value: value is None)
     track_width_m: float | None = Field(None, gt=0)
     track_width_u_m: float | None = Field(None, ge=0)
     force_share: float = Field(1.0, gt=0, le=1)

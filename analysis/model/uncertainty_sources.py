@@ -90,6 +90,13 @@ def _relative_u(u: float | None, value: float | None) -> float | None:
     return None if u is None or value is None else u / value
 
 
+def _radius_by_load_u(machine: Machine) -> float | None:
+    """Relative u of a mass due to the radius under load: of the force, and of a wheel's motion."""
+    u = machine.machine.wheel_radius_by_load_u
+    by_wheels = machine.settings.forces.acceleration == "kinematic"
+    return None if u is None else u * (2.0 if by_wheels else 1.0)
+
+
 #: Factors of the force.
 SCALES: Final = (
     Scale(
@@ -122,6 +129,14 @@ SCALES: Final = (
         ),
         "machine.wheel_radius_u_m",
         "radius of the wheels",
+    ),
+    Scale(
+        "wheel_radius_by_load",
+        _derives_force_from_torque,
+        _radius_by_load_u,
+        "machine.wheel_radius_by_load_u",
+        "change of the wheels' rolling radius with the load that presses their tyres",
+        by_load=True,
     ),
 )
 #: A factor of the yaw torque alone.

@@ -24,6 +24,8 @@ _TERMS: Final = {term.name: term for term in TERMS}
 _TORQUE: Final = 1
 #: A gain that changes a quantity by less than this share of it cancels in it.
 _CANCELS: Final = 1e-9
+#: Likewise of one that changes with the load: an empty machine that is fitted 2 % too heavy.
+_LOAD_CANCELS: Final = 0.02
 
 
 def quantity_gradient(estimate: BaseEstimate, name: str) -> Floats:
@@ -90,6 +92,8 @@ def machine_uncertainty_sources(
             mass_kg = float(np.nan_to_num(estimate.coefficients[0]))
             empty_kg = body.empty_mass_kg or mass_kg
             change *= max(mass_kg / empty_kg - 1.0, 0.0) if empty_kg else 0.0
+            if abs(change) <= _LOAD_CANCELS * size:
+                continue
         u = scale.u(machine)
         part = fitted.get(scale.name, 0.0)
         yield scale.to_source(None if u is None else float(np.hypot(u * change, part)))

@@ -166,7 +166,8 @@ def make_drive(
         return out
 
     def averaged(x: Floats) -> Floats:
-        return uniform_filter1d(np.nan_to_num(x), round(_AVERAGED_S * rate_hz), mode="nearest")
+        rows = max(round(_AVERAGED_S * rate_hz), 1)
+        return uniform_filter1d(np.nan_to_num(x), rows, mode="nearest")
 
     def direction(speed: Floats, acceleration: Floats, least: float) -> Floats:
         # the mean over a change of sign of what moves steadily

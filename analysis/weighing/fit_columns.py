@@ -337,12 +337,13 @@ def _make_piece_columns(
         own = acceleration if motion.without_gravity is None else motion.without_gravity
         acceleration = acceleration + previous.motion_gain * own
     loads = previous.relative_loads
-    relative_load = 0.0 if loads is None else loads.relative_load_of(motion.unit)
+    zeros = np.zeros(motion.speed.size)
+    relative_load = zeros if loads is None else loads.relative_load_of(motion.unit)
     if previous.swing.lever_s2 and motion.specific_force is not None:
         # springs give way in proportion to the mass
         swing_m_s2 = previous.swing.swing_m_s2(motion.specific_force, motion.rate_hz)
         acceleration = acceleration - (1.0 + relative_load) * swing_m_s2
-    wheels, zeros = motion.wheel_acceleration, np.zeros(speed.size)
+    wheels = motion.wheel_acceleration
     force_std = float(np.sqrt(noise.covariance(1)[2, 2]))
     raw = ColumnInputs(
         acceleration,
@@ -354,8 +355,8 @@ def _make_piece_columns(
         motion.direction,
         motion.progress,
         motion.samples_since_start / motion.rate_hz,
-        zeros if loads is None else relative_load,
-        zeros if loads is None else relative_load / loads.rms,
+        relative_load,
+        relative_load if loads is None else relative_load / loads.rms,
         motion.place_1,
         motion.travelled_m,
         *_route_positions_and_length_m(motion, previous),

@@ -10,6 +10,7 @@ import pytest
 
 from analysis.model.machine import Machine
 from replay import open_log, run
+from tests.replay import truck
 from tests.replay.sledge import MACHINE, Payscope
 
 MASS_KG = 120.0
@@ -37,6 +38,17 @@ def strokes(seen: float = 1.0, count: int = 14) -> pl.DataFrame:
     read = {"force_N": (force, 2.0), "speed_m_s": (speed, 0.002), "acc_m_s2": (acc, 0.02)}
     noisy = {name: x + dice.normal(0.0, std, x.size) for name, (x, std) in read.items()}
     return pl.DataFrame({"time_s": np.arange(speed.size) / RATE_HZ, **noisy})
+
+
+@pytest.mark.parametrize("seen", [1.0, 0.8, 0.5])
+def test_brakes_that_the_force_sees_in_part_do_not_lower_the_mass(
+    seen: float, tmp_path: Path
+) -> None:
+    """What they do looks like a late force: driving finds another delay, and is right."""
+    found = truck.replayed(tmp_path, truck.starts(seen_1=seen), exclude_braking=False)
+    (load,) = found.frames["loads"].to_dicts()
+    assert abs(load["mass_kg"] - truck.MASS_KG) <= 2.0 * load["u_kg"]
+    assert load["braking_left_out"] is (seen < 1.0)
 
 
 @pytest.fixture

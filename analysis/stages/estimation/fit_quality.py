@@ -14,8 +14,9 @@ _LEAST_TOLD = 0.1
 _LEAST_SIGNED_1 = 0.15
 #: A model that leaves more of the variance of what drives says nothing of braking.
 _EXPLAINED_1 = 0.5
-#: No sensor sees the brakes where no larger share of braking has such a force.
-_FEWEST_SIGNED_1 = 0.1
+#: No sensor sees the brakes where no larger share of braking has such a force: a drive that lets go
+#: as they grip still pushes for a third of it.
+_FEWEST_SIGNED_1 = 0.5
 
 
 def has_enough_samples(A: Floats, moving: Bools) -> bool:

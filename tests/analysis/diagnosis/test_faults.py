@@ -92,7 +92,7 @@ FAULTS = {
         BRAKES_SEEN,
         "settings.forces.acceleration=kinematic",
         'channels.acc_x_m_s2.derive="d/dt speed_x_m_s"',
-        "settings.filter.cutoff_hz=0.3",
+        "settings.filter.cutoff_hz=0.5",
         changed=torques(pl.Expr.abs),
     ),
     "force_sign": lambda: weighed({}, changed=torques(pl.Expr.neg)),

@@ -66,6 +66,19 @@ def test_a_force_that_has_lost_its_sign_is_found(good, judge):
     assert check(table, "opposing_share")["value"] < 0.05
 
 
+@pytest.mark.parametrize("left_N", [150.0, -20.0])
+def test_brakes_that_no_sensor_sees_are_no_force_that_has_lost_its_sign(good, judge, left_N):
+    """An offset, or what rolls, is all that is left of the force while they act."""
+
+    def without_brakes(force):
+        return np.where(force * good.speed_x_m_s < 0.0, left_N * np.sign(good.speed_x_m_s), force)
+
+    table = judge(good.but(force_x_N=without_brakes))
+    assert Verdict.from_frame(table).can_weigh
+    assert check(table, "opposing_share")["value"] is None
+    assert check(table, "opposing_share")["passed"] is None
+
+
 def test_an_accelerometer_that_sees_a_tenth_of_the_motion_is_found(good, judge):
     table = judge(good.but(specific_force_x_m_s2=lambda x: 0.1 * x))
     assert not Verdict.from_frame(table).can_weigh

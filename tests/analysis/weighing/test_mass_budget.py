@@ -64,16 +64,27 @@ class TestScale:
         found = u_of(log, wheel_radius_m=0.42, wheel_radius_u_m=0.0042)
         assert found["wheel_radius"] == pytest.approx(0.01 * log.weighing.fit.mass_kg)
 
+    def test_tyres_that_a_load_presses_count_twice_where_wheels_tell_the_motion(self, log):
+        body = {"empty_mass_kg": 3000.0, "wheel_radius_by_load_u": 0.02}
+        payload_kg = log.weighing.fit.mass_kg - 3000.0
+        expected = 0.02 * log.weighing.fit.mass_kg * payload_kg / 3000.0
+        assert u_of(log, **body)["wheel_radius_by_load"] == pytest.approx(expected)
+        forces = log.machine.settings.forces.model_copy(update={"acceleration": "kinematic"})
+        settings = log.machine.settings.model_copy(update={"forces": forces})
+        wheels = with_body(log, **body).model_copy(update={"settings": settings})
+        found = {each.name: each.u for each in budget_of_mass(log.weighing, wheels, ONE)}
+        assert found["wheel_radius_by_load"] == pytest.approx(2.0 * expected)
+
     def test_a_share_of_the_force_is_known_to_its_share(self, log):
         found = u_of(log, force_share=0.5, force_share_u=0.01)
         assert found["force_share"] == pytest.approx(0.02 * log.weighing.fit.mass_kg)
 
     def test_what_the_machine_file_does_not_say_is_named(self, log):
         assert the_load(log)["scale_unknown"] == (
-            "force_gain, force_share, force_share_by_load, wheel_radius"
+            "force_gain, force_share, force_share_by_load, wheel_radius, wheel_radius_by_load"
         )
         told = {"force_gain_u": 0.01, "force_share_u": 0.005, "force_share_by_load_u": 0.3}
-        told["wheel_radius_u_m"] = 0.001
+        told |= {"wheel_radius_u_m": 0.001, "wheel_radius_by_load_u": 0.01}
         assert the_load(log, **told)["scale_unknown"] == ""
         some = budget_of_mass(log.weighing, with_body(log, force_gain_u=0.0), ONE)
         assert "force_gain" not in names_of_unknown_scale_sources(some)
@@ -123,8 +134,8 @@ class TestFrames:
         assert total == pytest.approx(log.load["u_kg"])
         assert known["share_1"].sum() == pytest.approx(1.0)
         assert known["u_kg"].is_sorted(descending=True)
-        assert frame["u_kg"].null_count() == 4
-        assert frame["u_kg"][-3:].null_count() == 3
+        assert frame["u_kg"].null_count() == 5
+        assert frame["u_kg"][-4:].null_count() == 4
         assert all(frame["meaning"])
         assert all(frame["shrinks"])
 
