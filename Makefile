@@ -8,7 +8,9 @@ MADE := .pytest_cache
 # what Python compiles is kept: every process that a test starts would compile the packages anew
 unexport PYTHONDONTWRITEBYTECODE
 # a worker a processor, each of up to a gigabyte
-PARALLEL := -n logical --maxprocesses 8 --dist loadfile --no-loadscope-reorder
+# one more than processors: a worker waits a quarter of its time, for servers, viewers, processes
+WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
+PARALLEL := -n $(WORKERS) --maxprocesses 9 --dist loadfile --no-loadscope-reorder
 
 .PHONY: fleet fleet-s3 fleet-speed fleet-years fleet-size unseen shift-speed demo test test-times check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty findings findings-kept mended unlisted shifts shift-coverage payloads degenerate independent-shifts reproduction reading writing speed memory fuzz lock clean help
 .DELETE_ON_ERROR:
