@@ -7,8 +7,7 @@ BENCH_STAMP := .venv/.bench-stamp
 MADE := .pytest_cache
 # what Python compiles is kept: every process that a test starts would compile the packages anew
 unexport PYTHONDONTWRITEBYTECODE
-# a worker a processor, each of up to a gigabyte
-# one more than processors: a worker waits a quarter of its time, for servers, viewers, processes
+# one worker more than processors, each of up to a gigabyte: they wait for servers and viewers
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 PARALLEL := -n $(WORKERS) --maxprocesses 9 --dist loadfile --no-loadscope-reorder
 
