@@ -174,6 +174,7 @@ def drawn_shift(
             "force_gain_u": GAIN_U,
             "force_share_u": 0.0,
             "wheel_radius_u_m": RADIUS_U * scenario.machine.wheel_radius_m,
+            "wheel_radius_by_load_u": 0.0,
         }
         machine = load_machine(YARD)
         body = machine.machine.model_copy(update=stated)

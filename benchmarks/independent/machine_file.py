@@ -46,6 +46,7 @@ def machine_file(seen: Instruments, known: Known) -> str:
         "empty_mass_u_kg": known.empty_mass_u_kg,
         "wheel_radius_m": seen.radius_m,
         "wheel_radius_u_m": known.radius_u_m,
+        "wheel_radius_by_load_u": 0.0,
         "force_share": seen.share,
         "force_share_u": 0.0,
         "force_gain_u": known.force_gain_u,

@@ -133,6 +133,7 @@ def turn_log(fault: TurnFault, seed: int, *, stated: bool = True) -> TurnLog:
     if stated:
         body |= {
             "wheel_radius_u_m": 0.0,
+            "wheel_radius_by_load_u": 0.0,
             "track_width_u_m": fault.track_1 * track_m,
             "force_gain_u": fault.gain_1,
         }
