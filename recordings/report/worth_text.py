@@ -79,13 +79,13 @@ def answer_lines(answer: Answer, *, brief: bool = False) -> list[str]:
         mass = empty[0]["mass_kg"]
         known = "" if mass is None else f" ({format_plus_minus(mass, empty[0]['u_kg'])} kg)"
         lines.append(
-            f"payloads are differences to load {empty[0]['load_id']}, taken as empty{known}; set "
-            "the time span with --empty FROM:TO"
+            f"payloads are differences to load {empty[0]['load_id']}, taken as empty{known}; if "
+            "another is, give its time span with --empty FROM:TO"
         )
     elif empty:
         lines.append(
-            f"payloads are differences to the mean of {len(empty)} loads taken as empty; set the "
-            "time span with --empty FROM:TO"
+            f"payloads are differences to the mean of {len(empty)} loads taken as empty; if others "
+            "are, give their time span with --empty FROM:TO"
         )
     known = [load for load in answer.loads if load["mass_kg"] is not None]
     return lines + (_notes_common_to_loads(known[0]) if known else [])
