@@ -7,7 +7,7 @@ BENCH_STAMP := .venv/.bench-stamp
 MADE := .pytest_cache
 # what Python compiles is kept: every process that a test starts would compile the packages anew
 unexport PYTHONDONTWRITEBYTECODE
-# one worker more than processors, each of up to a gigabyte: they wait for servers and viewers
+# one worker more than processors, as they wait for servers and viewers; each takes up to a gigabyte
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 PARALLEL := -n $(WORKERS) --maxprocesses 9 --dist loadfile --no-loadscope-reorder
 

@@ -180,7 +180,8 @@ FIT_CHECKS: Final = (
         "mass",
         _make_weighing_value(_friction_t_value),
         "viscous friction over its standard deviation; negative friction is unphysical. Friction "
-        "that falls with the speed by less than 15 % of the largest force counts as 0",
+        f"that falls with the speed by at most {LIMITS.falling_friction_1:.0%} of the largest "
+        "force counts as 0",
         minimum="friction_t_min",
         applies=_has_fit,
         remedy="channels.speed_x_m_s.scale, channels.force_x_N.scale: a sign or a unit is wrong",

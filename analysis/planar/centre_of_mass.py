@@ -17,10 +17,11 @@ from analysis.model.axes import Axis, X, Z
 from analysis.model.machine import Machine
 from analysis.model.schema import FRAMES, build_frame
 from analysis.model.settings import Settings
-from analysis.model.uncertainty_sources import combined_u, names_of_unknown_scale_sources
+from analysis.model.uncertainty_sources import names_of_unknown_scale_sources
 from analysis.model.verdict import Verdict
 from analysis.planar.planar_budget import (
     list_uncertainty_sources,
+    make_budget_rows,
     quantity_gradient,
     standard_uncertainty,
 )
@@ -34,13 +35,12 @@ from analysis.stages.gating.segments import number_manoeuvres
 from estimators.arrays import Bools, Floats, Ints
 from estimators.planar import base_parameters
 from estimators.planar.base_estimate import BaseEstimate, Prior
-from estimators.planar.planar_rows import PARAMETERS
+from estimators.planar.planar_rows import MOMENTS, PARAMETERS
 
-_MOMENTS: Final = ("first_moment_x_kg_m", "first_moment_y_kg_m")
 #: Columns of value and deviation of every parameter.
 _COLUMNS: Final = {
     **dict((*X.parameters, *Z.parameters)),
-    **{name: name.replace("_kg_m", "_std_kg_m") for name in _MOMENTS},
+    **{name: name.replace("_kg_m", "_std_kg_m") for name in MOMENTS},
 }
 _COM: Final = ("com_x_m", "com_x_std_m", "com_y_m", "com_y_std_m")
 _UNKNOWN: Final = ("scale_unknown", "com_scale_unknown")
@@ -63,7 +63,7 @@ class PlanarLog:
 
 @dataclass(frozen=True, slots=True)
 class PlanarFit:
-    """A fit, and the names of what its `responses` are of."""
+    """A fit, and the names of what its `responses` are of: a term with two kinds has two rows."""
 
     estimate: BaseEstimate
     priors: tuple[str, ...]
@@ -100,7 +100,7 @@ def make_planar_frames(
     rows += [joint[0]] if joint else []
     declared = FRAMES["planar"].columns
     table = pl.DataFrame(rows, schema={c.name: c.dtype for c in declared}, orient="row")
-    parts = make_uncertainty_rows(*joint, machine) if joint else []
+    parts = make_budget_rows(joint[0], joint[1].estimate, joint[1].priors, machine) if joint else []
     declared = FRAMES["planar_budget"].columns
     budget = pl.DataFrame(parts, schema={c.name: c.dtype for c in declared}, orient="row")
     return build_frame("planar", table.to_dict()), build_frame("planar_budget", budget.to_dict())
@@ -212,8 +212,9 @@ def is_fit_plausible(
     driving = fit_quality.share_along_motion(
         plane.motion.speed, force, plane.known & (plane.pace > 0)
     )
-    opposing = 1.0 - fit_quality.share_along_motion(
-        plane.motion.speed, force, plane.known & (plane.pace < 0)
+    along = np.column_stack([plane.motion.specific_force_x, plane.motion.speed])
+    opposing = fit_quality.share_against_motion(
+        along, force, plane.known & (plane.pace < 0), plane.known & (plane.pace > 0)
     )
     return (
         explained >= limits.r_squared_min
@@ -268,7 +269,9 @@ def fit_with_coefficients(
     terms = [
         (term, std)
         for term, std in select_terms_of_drive(drive, "xz"[rows])
-        if not {n for mixed in term.mixture(drive)[rows] for n in mixed} - set(columns)
+        if not {
+            n for mixed in term.mixture(drive)[rows] for n, share in mixed.items() if share
+        }.difference(columns)
     ]
     names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
     width = {term.name: std for term, std in terms if term.name not in known.names}
@@ -333,16 +336,16 @@ def _make_fit_row(
     for name, value in zip(estimate.parameters, estimate.theta, strict=True):
         if name in PARAMETERS and name not in known:
             row[name], row[_COLUMNS[name]] = float(value), u_of(quantity_gradient(estimate, name))
-    for axis, moment in zip("xy", _MOMENTS, strict=True):
+    for axis, moment in zip("xy", MOMENTS, strict=True):
         value, gradient = estimate.slope(moment, "mass_kg")
         row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u_of(gradient)
     row["predicted_std_com_m"] = row["com_x_std_m"]
-    told = {*_MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
+    told = {*MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
     row["scale_unknown"] = missing_values_text(
         fitted, [quantity_gradient(estimate, name) for name in sorted(told)], log.machine
     )
     row["com_scale_unknown"] = missing_values_text(
-        fitted, [estimate.slope(moment, "mass_kg")[1] for moment in _MOMENTS], log.machine
+        fitted, [estimate.slope(moment, "mass_kg")[1] for moment in MOMENTS], log.machine
     )
     for name, rms in zip(
         ("residual_rms_N", "residual_rms_N_m"), estimate.residual_rms, strict=False
@@ -357,47 +360,6 @@ def missing_values_text(fitted: PlanarFit, gradients: list[Floats], machine: Mac
     each = [list_uncertainty_sources(fitted.estimate, g, fitted.priors, machine) for g in told]
     names = (name for found in each for name in names_of_unknown_scale_sources(found))
     return ", ".join(dict.fromkeys(names))
-
-
-#: What the budget is told of: quantity, and its unit.
-_QUANTITIES: Final = {
-    "inertia_z_kg_m2": "kg·m²",
-    "first_moment_x_kg_m": "kg·m",
-    "first_moment_y_kg_m": "kg·m",
-    "com_x_m": "m",
-    "com_y_m": "m",
-}
-
-
-def make_uncertainty_rows(
-    row: Mapping[str, Any], fitted: PlanarFit, machine: Machine
-) -> list[dict[str, Any]]:
-    """Rows on the sources of uncertainty of each quantity that all motion determines."""
-    parts: list[dict[str, Any]] = []
-    for quantity, unit in _QUANTITIES.items():
-        if row.get(quantity) is None or not np.isfinite(row[quantity]):
-            continue
-        if quantity in PARAMETERS:
-            gradient = quantity_gradient(fitted.estimate, quantity)
-        else:
-            moment = _MOMENTS["xy".index(quantity[4])]
-            gradient = fitted.estimate.slope(moment, "mass_kg")[1]
-        found = list_uncertainty_sources(fitted.estimate, gradient, fitted.priors, machine)
-        total = combined_u(found)
-        parts += [
-            {
-                "quantity": quantity,
-                "cause": source.name,
-                "kind": source.kind,
-                "u": source.u,
-                "unit": unit,
-                "share_1": None if source.u is None else (source.u / total) ** 2,
-                "meaning": source.meaning,
-                "shrinks": source.shrinks,
-            }
-            for source in found
-        ]
-    return parts
 
 
 def _withhold_undetermined(row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:

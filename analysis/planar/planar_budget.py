@@ -1,7 +1,7 @@
 """Uncertainty budget of inertia, moments and centre of mass."""
 
-from collections.abc import Iterator
-from typing import Final
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
 
 import numpy as np
 
@@ -18,10 +18,19 @@ from analysis.model.uncertainty_sources import (
 from analysis.planar.planar_terms import TERMS
 from estimators.arrays import Floats
 from estimators.planar.base_estimate import BaseEstimate
+from estimators.planar.planar_rows import MOMENTS, PARAMETERS
 
 _TERMS: Final = {term.name: term for term in TERMS}
 #: Rows of the planar regressor.
 _TORQUE: Final = 1
+#: What the budget is told of: quantity, and its unit.
+_QUANTITIES: Final = {
+    "inertia_z_kg_m2": "kg·m²",
+    "first_moment_x_kg_m": "kg·m",
+    "first_moment_y_kg_m": "kg·m",
+    "com_x_m": "m",
+    "com_y_m": "m",
+}
 #: A gain that changes a quantity by less than this share of it cancels in it.
 _CANCELS: Final = 1e-9
 #: Likewise of one that changes with the load: an empty machine that is fitted 2 % too heavy.
@@ -89,10 +98,10 @@ def machine_uncertainty_sources(
         if abs(change) <= _CANCELS * size and not sides:
             continue
         if scale.by_load:
-            mass_kg = float(np.nan_to_num(estimate.coefficients[0]))
+            mass_kg = float(np.nan_to_num(estimate.coefficients[0])) - body.rotating_mass_kg
             empty_kg = body.empty_mass_kg or mass_kg
             change *= max(mass_kg / empty_kg - 1.0, 0.0) if empty_kg else 0.0
-            if abs(change) <= _LOAD_CANCELS * size:
+            if body.empty_mass_kg and abs(change) <= _LOAD_CANCELS * size:
                 continue
         u = scale.u(machine)
         part = fitted.get(scale.name, 0.0)
@@ -110,3 +119,41 @@ def standard_uncertainty(
     if not np.isfinite(estimate.covariance[np.ix_(at, at)]).all():
         return float("nan")
     return combined_u(list_uncertainty_sources(estimate, gradient, terms, machine))
+
+
+def make_budget_rows(
+    row: Mapping[str, Any], estimate: BaseEstimate, terms: tuple[str, ...], machine: Machine
+) -> list[dict[str, Any]]:
+    """Rows on the sources of uncertainty of each quantity that all motion determines.
+
+    Args:
+        row: the fit of all motion in `planar`.
+        estimate: the fit.
+        terms: as `list_uncertainty_sources` takes them.
+        machine: machine file with its uncertainties.
+    """
+    parts: list[dict[str, Any]] = []
+    for quantity, unit in _QUANTITIES.items():
+        if row.get(quantity) is None or not np.isfinite(row[quantity]):
+            continue
+        if quantity in PARAMETERS:
+            gradient = quantity_gradient(estimate, quantity)
+        else:
+            moment = MOMENTS["xy".index(quantity[4])]
+            gradient = estimate.slope(moment, "mass_kg")[1]
+        found = list_uncertainty_sources(estimate, gradient, terms, machine)
+        total = combined_u(found)
+        parts += [
+            {
+                "quantity": quantity,
+                "cause": source.name,
+                "kind": source.kind,
+                "u": source.u,
+                "unit": unit,
+                "share_1": None if source.u is None else (source.u / total) ** 2,
+                "meaning": source.meaning,
+                "shrinks": source.shrinks,
+            }
+            for source in found
+        ]
+    return parts

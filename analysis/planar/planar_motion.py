@@ -17,11 +17,11 @@ from estimators.planar.planar_rows import PARAMETERS
 _REACHES = 0.95
 #: A yaw rate below this has no direction yet, rad/s: ten times the noise of a gyroscope.
 _TURNS_RAD_S = 0.02
+#: Nor has a speed below this, m/s: `phases.standstill_speed_m_s` by default.
+_MOVES_M_S = 0.02
 #: The model's force and torque are averaged over so long, s: what is in proportion to them is a few
 #: per cent of them, and shares the less of the accelerometer's noise.
 _AVERAGED_S = 1.0
-#: Nor has a speed below this, m/s: `phases.standstill_speed_m_s` by default.
-_MOVES_M_S = 0.02
 _AT = {name: number for number, name in enumerate(PARAMETERS)}
 
 
@@ -29,7 +29,7 @@ class TurningSamples(NamedTuple):
     """Samples (m,) of a slice of planar motion.
 
     Force and torque are those of the model, unless named otherwise: noise of measured ones would
-    explain itself.
+    explain itself. They are means over a second, their rates are not.
     """
 
     acc_x: Floats
@@ -150,7 +150,7 @@ def make_drive(
 
     Args:
         plane: motion and forces, of all samples of `excitation`.
-        excitation: frame with the direction of motion.
+        excitation: frame with the rate of the speed.
         machine: machine file.
         coefficients: (6,) coefficients of the previous fit; 0 if not determined.
     """

@@ -45,7 +45,8 @@ class Term:
         axes: x, z, or xz for both rows.
         applies: whether it applies to a machine.
         stated: setting of the machine file for it, which names its part of the budget.
-        least_u: standard uncertainty that it keeps whatever the log says: what else looks like it.
+        least_u: standard uncertainty that a fit with this term keeps, whatever the log says: what
+            else looks like it.
     """
 
     name: str

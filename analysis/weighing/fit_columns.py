@@ -82,7 +82,7 @@ class RelativeLoads:
     def relative_load_of(self, unit: Ints) -> Floats:
         """Relative load of these manoeuvres, (n,); an unknown one takes that of the one before."""
         # samples come in runs of one manoeuvre
-        first = np.flatnonzero(np.append(True, unit[1:] != unit[:-1]))
+        first = np.flatnonzero(np.diff(unit, prepend=unit[:1] - 1))
         place = np.searchsorted(self.unit, unit[first], "right") - 1
         value = self.value[place.clip(0, self.unit.size - 1)]
         return np.repeat(value, np.diff(np.append(first, unit.size)))

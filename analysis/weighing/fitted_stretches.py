@@ -1,5 +1,7 @@
 """Stretches in which the equation of straight motion may be fitted, from the break-away on."""
 
+import math
+
 import numpy as np
 import polars as pl
 
@@ -180,3 +182,39 @@ def mark_missing_rows(aligned: pl.DataFrame) -> Bools:
 def make_centred_progress(samples: int) -> Floats:
     """Evenly spaced values from -1/2 to 1/2, (samples,)."""
     return np.arange(samples) / max(samples, 1) - 0.5
+
+
+def advance_in_stretches(x: Floats, group: Ints, late: float) -> Floats:
+    """Signal (n,) advanced by a cubic per stretch: lines low-pass it on a slow grid.
+
+    Args:
+        x: (n,) the signal.
+        group: (n,) stretch of each sample, negative for none.
+        late: delay in samples.
+    """
+    if not late and np.isfinite(x).all():
+        return x
+    whole = math.floor(late)
+    part = late - whole
+    first, end = max(1 - whole, 0), min(x.size - 2 - whole, x.size)
+    moved, by_cubic = np.empty(x.size), np.zeros(x.size, np.bool_)
+    if part and first < end:
+        weights = (
+            -part * (part - 1.0) * (part - 2.0) / 6.0,
+            (part + 1.0) * (part - 1.0) * (part - 2.0) / 2.0,
+            -(part + 1.0) * part * (part - 2.0) / 2.0,
+            (part + 1.0) * part * (part - 1.0) / 6.0,
+        )
+        from_row = first + whole - 1
+        moved[first:end] = sum(
+            weight * x[from_row + k : from_row + k + end - first]
+            for k, weight in enumerate(weights)
+        )
+        own = group[first:end]
+        inside = own >= 0
+        for row in (from_row, from_row + 3):
+            inside &= group[row : row + end - first] == own
+        by_cubic[first:end] = inside
+    by_line = np.flatnonzero(~by_cubic)
+    moved[by_line] = np.interp(by_line + late, np.arange(x.size, dtype=np.float64), x)
+    return moved

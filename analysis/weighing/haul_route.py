@@ -71,13 +71,13 @@ class Route:
         """Distances to the next dump and from the one before, (n,) each; infinite without one."""
         here = motion.driven_m
 
-        def between_dumps(dumps_m: Floats, side: Literal["left", "right"]) -> Floats:
+        def repeat_between_dumps(each_m: Floats, side: Literal["left", "right"]) -> Floats:
             # both ascend, and the dumps are few
             bounds = np.searchsorted(here, self.dumps_m, side)
-            return np.repeat(dumps_m, np.diff(bounds, prepend=0, append=here.size))
+            return np.repeat(each_m, np.diff(bounds, prepend=0, append=here.size))
 
-        ahead = between_dumps(np.append(self.dumps_m, np.inf), "right") - here
-        behind = here - between_dumps(np.append(-np.inf, self.dumps_m), "left")
+        ahead = repeat_between_dumps(np.append(self.dumps_m, np.inf), "right") - here
+        behind = here - repeat_between_dumps(np.append(-np.inf, self.dumps_m), "left")
         return ahead, behind
 
 

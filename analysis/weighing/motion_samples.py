@@ -19,6 +19,7 @@ from analysis.model.windows import flag_windows
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
 from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.fitted_stretches import (
+    advance_in_stretches,
     count_samples_since_start,
     cut_drives,
     cut_stretches,
@@ -190,41 +191,15 @@ class MotionSamples:
 
     def advance_force(self, lag_s: float) -> "MotionSamples":
         """Advance the force by its delay."""
-        return replace(self, force=self._advance_signal(self.force, lag_s))
+        return replace(
+            self, force=advance_in_stretches(self.force, self.group, lag_s * self.rate_hz)
+        )
 
     def advance_speed(self, delay_s: float) -> "MotionSamples":
         """Advance the speed by its delay."""
-        return replace(self, speed=self._advance_signal(self.speed, delay_s))
-
-    def _advance_signal(self, x: Floats, late_s: float) -> Floats:
-        """Signal (n,) advanced by a cubic per stretch: lines low-pass it on a slow grid."""
-        late = late_s * self.rate_hz
-        if not late and np.isfinite(x).all():
-            return x
-        whole = math.floor(late)
-        part = late - whole
-        first, end = max(1 - whole, 0), min(x.size - 2 - whole, x.size)
-        moved, by_cubic = np.empty(x.size), np.zeros(x.size, np.bool_)
-        if part and first < end:
-            weights = (
-                -part * (part - 1.0) * (part - 2.0) / 6.0,
-                (part + 1.0) * (part - 1.0) * (part - 2.0) / 2.0,
-                -(part + 1.0) * part * (part - 2.0) / 2.0,
-                (part + 1.0) * part * (part - 1.0) / 6.0,
-            )
-            from_row = first + whole - 1
-            moved[first:end] = sum(
-                weight * x[from_row + k : from_row + k + end - first]
-                for k, weight in enumerate(weights)
-            )
-            group = self.group[first:end]
-            inside = group >= 0
-            for row in (from_row, from_row + 3):
-                inside &= self.group[row : row + end - first] == group
-            by_cubic[first:end] = inside
-        by_line = np.flatnonzero(~by_cubic)
-        moved[by_line] = np.interp(by_line + late, np.arange(x.size, dtype=np.float64), x)
-        return moved
+        return replace(
+            self, speed=advance_in_stretches(self.speed, self.group, delay_s * self.rate_hz)
+        )
 
     @cached_property
     def samples_since_start(self) -> Ints:

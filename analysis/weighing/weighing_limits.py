@@ -203,6 +203,8 @@ class WeighingLimits:
     first_gear_min_fraction: float = 0.05
 
     # mass_budget
+    #: Negative viscous friction widens a mass from so many standard deviations on.
+    falling_friction_std: float = 3.0
     #: Shift by doubled priors, in standard deviations, from which the answer depends on them.
     prior_dependence_std: float = 1.5
     #: Relative standard uncertainty of what the ground along the way does to a difference of loads:
@@ -303,14 +305,12 @@ class WeighingLimits:
     #: Standard deviation of a free column of unit mean square, over that of the force.
     free_column_std: float = 1e3
 
-    # mass_budget
+    # fit_checks
     #: Viscous friction that is negative by at most this share of the largest force, at top speed,
     #: is friction that falls with the speed (mixed lubrication, gears that shift up): the prior of
     #: a friction that is not in proportion to the speed is 0.07. Machines with grease that breaks
     #: away or four gears had up to 0.11, and masses that are right; a speed of the wrong sign 0.9.
     falling_friction_1: float = 0.15
-    #: It widens a mass from so many standard deviations on.
-    falling_friction_std: float = 3.0
 
     # uneven_ground
     #: Fraction of the samples from which a direction has ground of its own.

@@ -48,8 +48,8 @@ class BaseEstimate:
         by_axis: (k, p) contributions of each axis' force, on which a gain of that axis acts; NaN
             likewise.
         covariance: (p, p) covariance; NaN likewise.
-        responses: (q, p) response to one standard deviation of each prior; NaN likewise. Correlated
-            priors are as in `Prior.covariance`.
+        responses: (q, p) response to one standard deviation of each prior, and of each uncertainty
+            that was added; NaN likewise. Correlated priors are as in `Prior.covariance`.
         coefficients: (p,) coefficients of the columns of A in the fit; 0 for excluded ones.
         combination: (c,) values of `identifiability.combinations`.
         combination_std: (c,) their standard deviations.
@@ -75,7 +75,8 @@ class BaseEstimate:
     def with_uncertainty_of(self, parameter: str, u: float) -> "BaseEstimate":
         """Add an uncertainty of a parameter that its residuals do not show.
 
-        The others follow it as their covariance with it says. It is a further row of `responses`.
+        The others follow it as their covariance with it says. It is a further row of `responses`,
+        and not in the deviations of combinations.
         """
         at = self.parameters.index(parameter)
         moved = u * self.covariance[at] / self.covariance[at, at]

@@ -37,6 +37,9 @@ PARAMETERS = (
     "friction_z_N_m_s",
 )
 
+#: Those of them that are first moments, ahead and to the left.
+MOMENTS = ("first_moment_x_kg_m", "first_moment_y_kg_m")
+
 #: What the two rows are.
 ROWS = ("force_x_N", "torque_z_N_m")
 

@@ -16,7 +16,9 @@ RATE_HZ = 50.0
 STARTS = 10
 
 
-def starts(*, seen_1: float = 0.0, grease_N: float = 0.0, viscous_N_s_m: float = 300.0):
+def starts(
+    *, seen_1: float = 0.0, grease_N: float = 0.0, viscous_N_s_m: float = 300.0
+) -> pl.DataFrame:
     """Starts to 6 to 9 m/s, and brakes.
 
     Args:

@@ -57,8 +57,10 @@ def share_against_motion(
     """Fraction of the samples braked by the drive whose force opposes the motion.
 
     Braked by it are those that slow down by more than friction, by what the samples that speed up
-    say of mass and friction, and that have a force of some size. Where hardly any has one, no
-    sensor sees the brakes, and offset and losses decide the sign of what is left.
+    say of mass and friction, and that have a force of some size. Where no more than half of them
+    have one, no sensor sees the brakes, and offset and losses decide the sign of what is left. All
+    that slow down are judged where mass and friction explain less than half of what speeds up, and
+    whatever their force where nearly nothing does.
 
     Args:
         A: (n, 2) acceleration and speed of an axis.
