@@ -18,10 +18,7 @@ class VerdictLimits(BaseModel):
         0.5, le=1, description="least share of the force's variance explained"
     )
     opposing_share_min: float = Field(
-        0.05,
-        ge=0,
-        le=1,
-        description="least share of samples that the drive slows down with opposing force",
+        0.05, ge=0, le=1, description="least share of decelerating samples with opposing force"
     )
     driving_share_min: float = Field(
         0.6, ge=0, le=1, description="least share of accelerating samples with driving force"
