@@ -66,7 +66,7 @@ class PlanarFit:
     """A fit, and the names of what its `responses` are of: a term with two kinds has two rows."""
 
     estimate: BaseEstimate
-    priors: tuple[str, ...]
+    response_names: tuple[str, ...]
 
 
 def make_planar_frames(
@@ -100,7 +100,11 @@ def make_planar_frames(
     rows += [joint[0]] if joint else []
     declared = FRAMES["planar"].columns
     table = pl.DataFrame(rows, schema={c.name: c.dtype for c in declared}, orient="row")
-    parts = make_budget_rows(joint[0], joint[1].estimate, joint[1].priors, machine) if joint else []
+    parts = (
+        make_budget_rows(joint[0], joint[1].estimate, joint[1].response_names, machine)
+        if joint
+        else []
+    )
     declared = FRAMES["planar_budget"].columns
     budget = pl.DataFrame(parts, schema={c.name: c.dtype for c in declared}, orient="row")
     return build_frame("planar", table.to_dict()), build_frame("planar_budget", budget.to_dict())
@@ -269,9 +273,7 @@ def fit_with_coefficients(
     terms = [
         (term, std)
         for term, std in select_terms_of_drive(drive, "xz"[rows])
-        if not {
-            n for mixed in term.mixture(drive)[rows] for n, share in mixed.items() if share
-        }.difference(columns)
+        if term.mixed_columns(drive, rows) <= set(columns)
     ]
     names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
     width = {term.name: std for term, std in terms if term.name not in known.names}
@@ -331,7 +333,7 @@ def _make_fit_row(
     }
 
     def u_of(gradient: Floats) -> float:
-        return standard_uncertainty(estimate, gradient, fitted.priors, log.machine)
+        return standard_uncertainty(estimate, gradient, fitted.response_names, log.machine)
 
     for name, value in zip(estimate.parameters, estimate.theta, strict=True):
         if name in PARAMETERS and name not in known:
@@ -357,7 +359,9 @@ def _make_fit_row(
 def missing_values_text(fitted: PlanarFit, gradients: list[Floats], machine: Machine) -> str:
     """Values missing in the machine file that any of these quantities needs."""
     told = [g for g in gradients if np.isfinite(g).all()]
-    each = [list_uncertainty_sources(fitted.estimate, g, fitted.priors, machine) for g in told]
+    each = [
+        list_uncertainty_sources(fitted.estimate, g, fitted.response_names, machine) for g in told
+    ]
     names = (name for found in each for name in names_of_unknown_scale_sources(found))
     return ", ".join(dict.fromkeys(names))
 

@@ -60,6 +60,10 @@ class Term:
     least_u: float = 0.0
     mixture: Callable[[Drive], Mixture] = lambda _: ({}, {})
 
+    def mixed_columns(self, drive: Drive, rows: slice) -> set[int]:
+        """Columns among the six that it is a share of, in these rows."""
+        return {n for row in self.mixture(drive)[rows] for n, share in row.items() if share}
+
 
 def measures_specific_force(machine: Machine) -> bool:
     """Whether an accelerometer measures the forward specific force, gravity included."""
@@ -144,6 +148,10 @@ def _imu_y_mixture(drive: Drive) -> Mixture:
     return {_MOMENT_Y: -drive.mass_kg}, {_INERTIA: -drive.moment_y_kg_m}
 
 
+def _coulomb_prior_std(drive: Drive, priors: PriorSettings) -> float:
+    return coulomb_std(drive.largest_force, drive.machine_weight, priors)
+
+
 def _imu_position_prior_std(drive: Drive, _: PriorSettings) -> float:
     return IMU_POSITION.u(drive.machine) or 0.0
 
@@ -161,7 +169,7 @@ TERMS: Final = (
     Term(
         "direction",
         lambda m: (m.direction_x, None),
-        lambda d, s: coulomb_std(d.largest_force, d.machine_weight, s),
+        _coulomb_prior_std,
         "Coulomb friction and rolling resistance",
         "driving both ways, and starts at different throttles",
         "x",
@@ -170,7 +178,7 @@ TERMS: Final = (
         # of wheels that roll against each other rolling resistance is no force, of a drive it is
         "direction_spinning",
         lambda m: (m.direction_x_spinning, None),
-        lambda d, s: coulomb_std(d.largest_force, d.machine_weight, s),
+        _coulomb_prior_std,
         "Coulomb friction along a machine that spins, whose sides roll against each other",
         "spins about the origin",
         "x",

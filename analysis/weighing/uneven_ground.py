@@ -22,7 +22,7 @@ from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import ColumnInputs, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_ahead, compiled_inline
 
 #: Between such distances from where a stretch begins, in m, the ground's force goes on a line: a
 #: machine's length or two while it gains speed. Farther on the ground is the route's.
@@ -113,21 +113,27 @@ def _make_ramp_between(begin_m: float, end_m: float) -> Callable[[ColumnInputs],
     return lambda m: _clipped_ramp(m.travelled_m, begin_m, end_m)
 
 
+@compiled_inline
+def _ramp_at(place: float, begin: float, end: float) -> float:
+    """Linear from 0 at `begin` to 1 at `end`, constant outside."""
+    return min(max((place - begin) / (end - begin), 0.0), 1.0)
+
+
 @compiled_ahead
 def _clipped_ramp(place: Floats, begin: float, end: float) -> Floats:
-    """Linear from 0 at `begin` to 1 at `end`, constant outside, as `place`."""
+    """Ramp at each place, as `place`."""
     out = np.empty(place.size)
     for k in range(out.size):
-        out[k] = min(max((place[k] - begin) / (end - begin), 0.0), 1.0)
+        out[k] = _ramp_at(place[k], begin, end)
     return out
 
 
 @compiled_ahead
 def _scaled_ramp(scale: Floats, place: Floats, begin: float, end: float, ratio: float) -> Floats:
-    """The same in proportion to `ratio` and to a scale (n,)."""
+    """Ramp at each place in proportion to `ratio` and to a scale (n,)."""
     out = np.empty(place.size)
     for k in range(out.size):
-        out[k] = scale[k] * (min(max((place[k] - begin) / (end - begin), 0.0), 1.0) * ratio)
+        out[k] = scale[k] * (_ramp_at(place[k], begin, end) * ratio)
     return out
 
 
