@@ -23,7 +23,7 @@ from analysis.weighing.nuisances import ColumnInputs, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics import group_sums
 from estimators.numerics.fit_loss import group_rows
-from estimators.numerics.group_mean import trailing_group_means
+from estimators.numerics.group_mean import fill_trailing_group_means
 from estimators.numerics.group_sums import NoiseMoments, as_slice
 from estimators.threads import map_in_threads
 
@@ -186,8 +186,8 @@ class FitColumns:
         """Make the columns; the arguments are those of `average_columns`."""
 
         def make_columns(piece: MotionSamples) -> _PieceColumns:
-            group = _drop_samples_of_delay(piece, previous.lag_s)
-            return _make_piece_columns(piece, group, noise, terms, previous)
+            fitted = _find_fitted_samples(piece, previous.lag_s)
+            return _make_piece_columns(piece, fitted, noise, terms, previous)
 
         pieces = map_in_threads(make_columns, list(motion.pieces))
         return cls(pieces, terms, previous, motion.rate_hz)
@@ -222,10 +222,10 @@ def average_columns(
         previous: estimates of earlier rounds.
     """
     pieces = motion.pieces
-    groups = [_drop_samples_of_delay(piece, previous.lag_s) for piece in pieces]
+    fitted = [_find_fitted_samples(piece, previous.lag_s) for piece in pieces]
     return _average_pieces(
-        lambda number: _make_piece_columns(pieces[number], groups[number], noise, terms, previous),
-        groups,
+        lambda number: _make_piece_columns(pieces[number], fitted[number], noise, terms, previous),
+        [piece.group[own] for piece, own in zip(pieces, fitted, strict=True)],
         noise,
         terms,
         samples,
@@ -247,7 +247,7 @@ def _average_pieces(
 
     Args:
         make_columns: makes the columns of a piece of the log; those of a whole shift are many.
-        groups: stretch of each sample of each piece.
+        groups: stretch of each fitted sample of each piece.
         noise: noise of acceleration, speed and force.
         terms: the nuisances.
         samples: length of the longest mean.
@@ -263,8 +263,8 @@ def _average_pieces(
 
     def average_piece(number: int) -> tuple[Ints, ColumnInputs]:
         piece, own, rows = make_columns(number), kept[number], places[number]
-        means, counts[rows] = trailing_group_means(piece.values, piece.group, samples, own)
-        A[rows], f[rows] = means[:, :-1], means[:, -1]
+        counts[rows] = fill_trailing_group_means(piece.A, piece.group, samples, own, A[rows])
+        fill_trailing_group_means(piece.f[None], piece.group, samples, own, f[rows, None])
         return piece.group[own], piece.raw.select_rows(own)
 
     pieces = map_in_threads(average_piece, range(len(places)))
@@ -312,21 +312,22 @@ def whiten_random_intercepts(A: Floats, f: Floats, group: Ints, ratio: float) ->
 
 @dataclass(frozen=True, slots=True)
 class _PieceColumns:
-    """Columns of a piece, (terms + 3, n), its force, and the stretch of each sample."""
+    """Columns (2 + terms, n) and force of the fitted samples of a piece, and their stretches."""
 
-    values: Floats
+    A: Floats
+    f: Floats
     group: Ints
     raw: ColumnInputs
 
 
 def _make_piece_columns(
     motion: MotionSamples,
-    group: Ints,
+    fitted: Ints,
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
     previous: PreviousEstimates,
 ) -> _PieceColumns:
-    """Make the columns of a piece, with the stretch of each of its samples that may be fitted."""
+    """Make the columns of the fitted samples of a piece; those around are for what looks there."""
     in_time = motion.advance_force(previous.lag_s)
     if previous.speed_late_s:
         # what a late speed does to friction goes with the motion, which a specific force is not
@@ -363,12 +364,12 @@ def _make_piece_columns(
         previous.slip_s_m,
         previous.transfer_s2_m,
         (0.0, 0.0) if loads is None else loads.weight_shares,
-    )
-    values = np.empty((len(terms) + 3, group.size))
-    values[0], values[1], values[-1] = raw.acceleration, raw.speed, force
+    ).select_rows(fitted)
+    A = np.empty((2 + len(terms), fitted.size))
+    A[0], A[1] = raw.acceleration, raw.speed
     for place, term in enumerate(terms, start=2):
-        values[place] = term.column(raw)
-    return _PieceColumns(values, group, raw)
+        A[place] = term.column(raw)
+    return _PieceColumns(A, force[fitted], motion.group[fitted], raw)
 
 
 def stride_between_means(samples: int) -> int:
@@ -389,12 +390,12 @@ def _route_positions_and_length_m(
     return route.relative_distance_to_dump(motion), route.length_m
 
 
-def _drop_samples_of_delay(motion: MotionSamples, lag_s: float) -> Ints:
-    """Stretch of each sample, (n,); -1 for the first ones, whose force is from before it."""
-    group, lag = motion.group, math.ceil(abs(lag_s) * motion.rate_hz)
-    if not lag:
-        return group
-    return np.where((motion.samples_since_start >= lag) | is_last_of_stretch(group), group, -1)
+def _find_fitted_samples(motion: MotionSamples, lag_s: float) -> Ints:
+    """Samples in stretches, but for the first ones of each, whose force is from before it."""
+    fitted, lag = motion.used, math.ceil(abs(lag_s) * motion.rate_hz)
+    if lag:
+        fitted = fitted & ((motion.samples_since_start >= lag) | is_last_of_stretch(motion.group))
+    return np.flatnonzero(fitted)
 
 
 def _select_every_nth_sample(group: Ints, stride: int) -> Bools:

@@ -17,9 +17,9 @@ def find_runs(group: Ints) -> Iterator[tuple[int, int]]:
 
 
 def _average_by_arrays(
-    columns: Floats, group: Ints, samples: int, rows: Ints
-) -> tuple[Floats, Ints]:
-    mean, count = np.empty((rows.size, len(columns))), np.empty(rows.size, np.int64)
+    columns: Floats, group: Ints, samples: int, rows: Ints, mean: Floats
+) -> Ints:
+    count = np.empty(rows.size, np.int64)
     for first, end in find_runs(group):
         own = slice(*np.searchsorted(rows, (first, end)))
         after = rows[own] + 1 - first
@@ -28,47 +28,47 @@ def _average_by_arrays(
         total = np.cumsum(np.vstack([zero, columns[:, first:end].T]), axis=0)
         count[own] = after - before
         mean[own] = (total[after] - total[before]) / count[own, None]
-    return mean, count
+    return count
 
 
 @compiled_with_array_form(_average_by_arrays)
-def trailing_group_means(
-    columns: Floats, group: Ints, samples: int, rows: Ints
-) -> tuple[Floats, Ints]:
-    """Mean of each requested sample and up to `samples` - 1 before it in the same group.
+def fill_trailing_group_means(
+    columns: Floats, group: Ints, samples: int, rows: Ints, mean: Floats
+) -> Ints:
+    """Average each requested sample and up to `samples` - 1 before it in the same group.
 
     Args:
         columns: (p, n) values; ignored where the group is negative.
         group: (n,) group of each sample, negative for none.
         samples: maximum samples in a mean.
         rows: (m,) samples whose means are requested, ascending; all in groups.
+        mean: (m, p) filled with the means: of a shift they are hundreds of megabytes.
 
     Returns:
-        (m, p) means, and (m,) number of samples in each.
+        (m,) number of samples in each mean.
     """
     p, n = columns.shape
-    mean, count = np.empty((rows.size, p)), np.empty(rows.size, np.int64)
-    longest, begin = 0, 0
-    for k in range(n):
-        if group[k] < 0 or (k > 0 and group[k] != group[k - 1]):
-            begin = k
-        longest = max(longest, k + 1 - begin)
-    # of the group so far, so that rounding does not add up over the log
-    total = np.zeros((longest + 1, p))
-    begin, at = 0, 0
+    count = np.empty(rows.size, np.int64)
+    # sums of the group so far, so that rounding does not add up over the log: those that a mean
+    # still needs, in turn
+    kept = samples + 1
+    total = np.zeros((kept, p))
+    begin, at, now = 0, 0, 0
     for k in range(n):
         if group[k] < 0:
             begin = k + 1
             continue
-        if k > 0 and group[k] != group[k - 1]:
-            begin = k
-        i = k - begin
+        if k == begin or group[k] != group[k - 1]:
+            begin, now = k, 0
+            total[0] = 0.0
+        before, now = now, now + 1 if now + 1 < kept else 0
         for j in range(p):
-            total[i + 1, j] = total[i, j] + columns[j, k]
+            total[now, j] = total[before, j] + columns[j, k]
         if at < rows.size and rows[at] == k:
-            first = max(0, i + 1 - samples)
-            count[at] = i + 1 - first
+            held = min(samples, k + 1 - begin)
+            count[at] = held
+            first = now - held if now >= held else now - held + kept
             for j in range(p):
-                mean[at, j] = (total[i + 1, j] - total[first, j]) / count[at]
+                mean[at, j] = (total[now, j] - total[first, j]) / held
             at += 1
-    return mean, count
+    return count

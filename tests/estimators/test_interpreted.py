@@ -75,7 +75,8 @@ GROUPS = [
 def test_groups_that_are_empty_or_have_holes(group: np.ndarray) -> None:
     x = np.random.default_rng(1).normal(size=(group.size, 3))
     rows = np.flatnonzero(group >= 0)
-    both_ways(group_mean.trailing_group_means, x.T.copy(), group, 2, rows)
+    means = np.empty((rows.size, 3))
+    both_ways(group_mean.fill_trailing_group_means, x.T.copy(), group, 2, rows, means)
     both_ways(group_sums._sum_squares, x, group)
 
 

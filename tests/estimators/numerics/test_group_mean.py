@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimators.numerics.group_mean import trailing_group_means
+from estimators.numerics.group_mean import fill_trailing_group_means
 
 groups = st.lists(st.tuples(st.integers(-1, 3), st.integers(1, 8)), min_size=1, max_size=8).map(
     lambda runs: np.repeat([g for g, _ in runs], [n for _, n in runs]).astype(np.int64)
@@ -15,8 +15,9 @@ def trailing_group_mean(x, group, samples):
     """The means of one column at all samples of a group, 0 elsewhere."""
     rows = np.flatnonzero(group >= 0)
     mean, count = np.zeros(x.size), np.zeros(x.size, np.int64)
-    found = trailing_group_means(x[None], group, samples, rows)
-    mean[rows], count[rows] = found[0][:, 0], found[1]
+    means = np.empty((rows.size, 1))
+    count[rows] = fill_trailing_group_means(x[None], group, samples, rows, means)
+    mean[rows] = means[:, 0]
     return mean, count
 
 
@@ -61,7 +62,8 @@ def test_a_group_begins_anew_without_what_was_before_it():
 def test_some_samples_of_several_columns_have_the_same_means(group, samples, every):
     columns = np.random.default_rng(0).normal(0.0, 1.0, (3, group.size))
     rows = np.flatnonzero(group >= 0)[::every]
-    means, count = trailing_group_means(columns, group, samples, rows)
+    means = np.empty((rows.size, 3))
+    count = fill_trailing_group_means(columns, group, samples, rows, means)
     for j, x in enumerate(columns):
         alone, of = trailing_group_mean(x, group, samples)
         np.testing.assert_array_equal(means[:, j], alone[rows])
