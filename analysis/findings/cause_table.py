@@ -229,6 +229,13 @@ CAUSES: Final = (
         explains=("heteroscedastic",),
     ),
     Cause(
+        "hysteresis",
+        "the force has hysteresis: it reads less while it rises and more while it falls",
+        "starts that reach a force and let it fall",
+        residual_causes.find_hysteresis,
+        explains=("delay", "coulomb", "braking_inside", *_OF_RESIDUALS),
+    ),
+    Cause(
         "gain_drift",
         "the force's gain drifts over the log, or the load changes steadily",
         "starts at the beginning of the log and at its end",

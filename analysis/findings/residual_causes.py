@@ -1,4 +1,4 @@
-"""Causes in the residual of the force: coloured noise, uneven noise or oscillation.
+"""Causes in the residual of the force: coloured noise, uneven noise, oscillation or hysteresis.
 
 The same sum of channels is looked at while the machine stands, where it holds the instruments'
 noise alone; its spectrum while it drives is compared with that.
@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.findings.cause import Symptom
+from analysis.findings.cause import MassChange, Symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.schema import column_values
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
+from analysis.weighing.force_hysteresis import HYSTERESIS
 from estimators.arrays import Bools, Floats
 
 
@@ -160,5 +161,24 @@ def find_coloured_residuals(inputs: FindingInputs) -> list[Symptom]:
             ratio / LIMITS.slow_noise_ratio,
             f"below {LIMITS.slow_noise_hz:g} Hz the noise has {ratio:.1f} times the power of "
             "white noise",
+        )
+    ]
+
+
+def find_hysteresis(inputs: FindingInputs) -> list[Symptom]:
+    """Report hysteresis of the force, for which the fit has corrected the mass."""
+    fit = inputs.fit
+    if fit is None or fit.hysteresis_kg is None:
+        return []
+    half_N, std_N = fit.term_value(HYSTERESIS.name), fit.term_std(HYSTERESIS.name)
+    u_kg = fit.u_parts_kg(fit.weights_of_state(fit.main_state))[HYSTERESIS.name]
+    return [
+        Symptom(
+            half_N / (LIMITS.hysteresis_share * fit.motion.largest_force),
+            f"the force reads {half_N:.0f} ± {std_N:.0f} N less while it rises and more while it "
+            f"falls, {half_N / fit.motion.largest_force:.1%} of the largest force; the mass is "
+            "corrected for it",
+            channel=inputs.force_channel,
+            change=lambda: MassChange(0.0, u_kg),
         )
     ]

@@ -109,6 +109,12 @@ class PriorSettings(BaseModel):
         description="prior of a force that depends on the place on a short path that is driven to "
         "and fro (a spring, gravity), over the force",
     )
+    hysteresis_share: float = Field(
+        0.0,
+        ge=0,
+        description="prior of half the hysteresis loop of the force, as a share; 0: fitted only "
+        "where the log shows one",
+    )
     low_gear_share: float = Field(
         0.2,
         gt=0,

@@ -9,6 +9,7 @@ import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.fitted_stretches import count_samples_since_start, is_last_of_stretch
+from analysis.weighing.force_hysteresis import Play, force_direction
 from analysis.weighing.haul_route import Route
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.motion_samples import (
@@ -104,6 +105,7 @@ class PreviousEstimates:
         swing: effect of a swinging body on the accelerometer.
         relative_loads: relative loads of the load states; None with one state.
         route: route between loading and dumping; None if nothing is dumped.
+        play: of the hysteresis of the force; None without.
         uneven_1_s: variance of the ground force between stretches over that of the noise of one
             second.
     """
@@ -118,6 +120,7 @@ class PreviousEstimates:
     swing: BodySwing = NO_SWING
     relative_loads: RelativeLoads | None = None
     route: Route | None = None
+    play: Play | None = None
     uneven_1_s: float = 0.0
 
     def ground_force(self, motion: MotionSamples) -> Floats:
@@ -353,6 +356,7 @@ def _make_piece_columns(
         ground_speed_ratio(speed, acting, previous.slip_1_N),
         acting,
         derive_force_rate(force, motion.rate_hz, force_std, keep_small=wheels is not None),
+        zeros if previous.play is None else force_direction(force, previous.play),
         motion.direction,
         motion.progress,
         motion.samples_since_start / motion.rate_hz,
@@ -363,6 +367,7 @@ def _make_piece_columns(
         *_route_positions_and_length_m(motion, previous),
         previous.slip_s_m,
         previous.transfer_s2_m,
+        0.0 if previous.play is None else previous.play.by_force_1_N,
         (0.0, 0.0) if loads is None else loads.weight_shares,
     ).select_rows(fitted)
     A = np.empty((2 + len(terms), fitted.size))

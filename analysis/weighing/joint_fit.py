@@ -17,6 +17,7 @@ from analysis.weighing.fit_columns import (
 )
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.force_by_place import PLACE
+from analysis.weighing.force_hysteresis import HYSTERESIS, choose_play
 from analysis.weighing.joint_result import JointFit, MotionResponses
 from analysis.weighing.load_states import LoadStates
 from analysis.weighing.log_effects import LikelyEffects
@@ -249,6 +250,7 @@ def refit_with_changes(
         averaging_share=earlier_fit.averaging_share,
         effects=earlier_fit.effects,
         squat=earlier_fit.squat,
+        hysteresis_kg=earlier_fit.hysteresis_kg,
     )
 
 
@@ -269,6 +271,39 @@ def drop_unlikely_effects(
     likely = LikelyEffects.from_fit(fit.fit, fit.count, fit.terms, fit.prior_std)
     fit = replace(fit, effects=likely)
     return refit_with_changes(fit, noise, priors, rounds=2) if likely and likely.left_out else fit
+
+
+def add_hysteresis(
+    fit: JointFit,
+    noise: ColumnNoiseModel,
+    priors: PriorSettings,
+    terms_of_checks: tuple[Nuisance, ...],
+) -> tuple[JointFit, FitRows]:
+    """Add hysteresis of the force if the log shows it or the priors expect it.
+
+    Args:
+        fit: the fit without hysteresis.
+        noise: noise of acceleration, speed and force.
+        priors: of the nuisances.
+        terms_of_checks: terms that later refits add.
+
+    Returns:
+        The fit, and its `make_refit_rows` with the terms of the checks.
+    """
+    found = replace(fit.found, play=choose_play(fit.motion, noise, fit.mean_samples))
+    played = replace(fit, found=found)
+    rows = make_refit_rows(played, noise, (*terms_of_checks, HYSTERESIS))
+    tested = refit_with_changes(fit, noise, priors, (HYSTERESIS,), rows=rows)
+    half_width_N, std_N = float(tested.theta[-1]), float(tested.fit.std[-1])
+    least_N = LIMITS.hysteresis_min_share * fit.motion.largest_force
+    shown = half_width_N > max(LIMITS.hysteresis_min_std * std_N, least_N)
+    if not (shown or priors.hysteresis_share):
+        return fit, rows
+    looped = refit_with_changes(played, noise, priors, (HYSTERESIS,), rounds=2)
+    if looped.count != fit.count or not np.isfinite(looped.theta).all():
+        return fit, rows
+    looped = replace(looped, hysteresis_kg=looped.masses_kg - fit.masses_kg)
+    return looped, make_refit_rows(looped, noise, terms_of_checks)
 
 
 def fit_gain_by_load(fit: JointFit, priors: PriorSettings) -> JointFit:

@@ -10,10 +10,12 @@ import numpy as np
 from analysis.weighing.body_squat import LoadSquat
 from analysis.weighing.fit_columns import PreviousEstimates
 from analysis.weighing.force_by_place import BY_PLACE, make_place_force_columns
+from analysis.weighing.force_hysteresis import HYSTERESIS
 from analysis.weighing.load_states import LoadStates
 from analysis.weighing.log_effects import LikelyEffects
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
+from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS, WheelKinematics
 from estimators.joint.map_fit import MapFit
 from estimators.joint.prior_fit import Solution
@@ -77,6 +79,7 @@ class JointFit:
         by_motion: responses to errors of the motion; None if level ground is assumed.
         effects: effects of the log, and the changes by others; None if it can have none.
         squat: gain of the accelerometer by load; None if unknown or not needed.
+        hysteresis_kg: (masses,) change of the masses by hysteresis; None if the log shows none.
     """
 
     terms: tuple[Nuisance, ...]
@@ -95,6 +98,7 @@ class JointFit:
     by_motion: MotionResponses | None = None
     effects: LikelyEffects | None = None
     squat: LoadSquat | None = None
+    hysteresis_kg: Floats | None = None
 
     @cached_property
     def fit(self) -> MapFit:
@@ -187,6 +191,11 @@ class JointFit:
         names = [term.name for term in self.terms]
         return float(self._term_values[names.index(name)]) if name in names else 0.0
 
+    def term_std(self, name: str) -> float:
+        """Posterior standard deviation of a nuisance term, in its unit; 0 if the fit lacks it."""
+        names = [term.name for term in self.terms]
+        return float(self.posterior[1][names.index(name)]) if name in names else 0.0
+
     @property
     def _term_values(self) -> Floats:
         return self.theta[self.count + 1 :]
@@ -261,6 +270,9 @@ class JointFit:
             "lag_shape": abs(float(self.lag_shape_kg @ weights)) / 2.0,
             "averaging": abs(self.averaging_share * mass_kg),
         }
+        if self.hysteresis_kg is not None:
+            shape_kg = LIMITS.hysteresis_shape_u_1 * float(self.hysteresis_kg @ weights)
+            parts[HYSTERESIS.name] = math.hypot(parts[HYSTERESIS.name], shape_kg)
         parts |= self._wheel_parts_kg(wide, parts["slip"])
         learnt_kg = self.learnt_mean_sensitivities[1] @ weights
         if learnt_kg.any():

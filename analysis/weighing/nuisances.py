@@ -28,6 +28,7 @@ class ColumnInputs:
         ground_speed_ratio: ground speed over wheel speed, by the known slip.
         force: force on the ground in N, corrected for its delay.
         force_rate: derivative of the measured force in N/s; 0 within its noise.
+        force_rises_1: 1 where the force rises, -1 where it falls; 0 if the fit has no hysteresis.
         direction: driving direction of each manoeuvre.
         progress: from -1/2 to 1/2 over the log.
         under_way_s: time since the stretch began.
@@ -39,6 +40,7 @@ class ColumnInputs:
         route_length_m: length of the route.
         slip_s_m: estimated cost of slip, as a fraction of the force per m/s.
         transfer_s2_m: estimated load transfer, as a fraction of the force per m/s².
+        rises_by_force_1_N: derivative of `force_rises_1` by the force.
         weight_shares: expected fractions of the constant force and of Coulomb friction that are
             proportional to the weight.
     """
@@ -49,6 +51,7 @@ class ColumnInputs:
     ground_speed_ratio: Floats
     force: Floats
     force_rate: Floats
+    force_rises_1: Floats
     direction: Floats
     progress: Floats
     under_way_s: Floats
@@ -60,6 +63,7 @@ class ColumnInputs:
     route_length_m: float
     slip_s_m: float
     transfer_s2_m: float
+    rises_by_force_1_N: float
     weight_shares: tuple[float, float]
 
     @property

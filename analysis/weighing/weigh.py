@@ -22,11 +22,11 @@ from analysis.weighing.growing_load import (
 )
 from analysis.weighing.joint_fit import (
     JointFitInputs,
+    add_hysteresis,
     add_motion_responses,
     drop_unlikely_effects,
     fit_gain_by_load,
     joint_fit,
-    make_refit_rows,
     refit_with_changes,
 )
 from analysis.weighing.joint_result import JointFit
@@ -236,13 +236,13 @@ def _weigh_with_priors(
     doubted = not left_out and abs(braking_kg) > LIMITS.braking_doubted_u * fit.u_kg
 
     fit = drop_unlikely_effects(fit, columns, priors)
+    fit, rows = add_hysteresis(fit, columns, priors, (CURVATURE, FILLING))
     fit = fit_gain_by_load(fit, priors)
     fit = add_motion_responses(fit, columns, priors)
     if fit.mass_kg == 0.0:  # of a force that is 0 wherever the machine accelerates
         return None
     alone = _fit_without_learnt(fit, columns, priors)
     own, own_priors = (fit, priors) if alone is None else (alone, _drop_learnt_priors(priors))
-    rows = make_refit_rows(fit, columns, (CURVATURE, FILLING))
     halved_kg, doubled_kg = (
         refit_with_changes(fit, columns, _scale_prior_stds(priors, factor), rows=rows).masses_kg
         for factor in (0.5, 2.0)

@@ -190,6 +190,24 @@ class WeighingLimits:
     #: than of a fit's groups, whose own deviations are of more samples.
     excess_scatter_std: float = 5.0
 
+    # force_hysteresis
+    #: Prior standard deviation of half the loop, as a share of the largest force: sensors and
+    #: drivelines have 1 to 5 %.
+    hysteresis_prior_share: float = 0.03
+    #: The force has turned when it went back by so much of the largest force: half of a loop that
+    #: matters,
+    hysteresis_turn_share: float = 0.01
+    #: and by so many standard deviations of the noise of a mean,
+    hysteresis_turn_std: float = 8.0
+    #: which takes so many seconds at most: a force is held for longer.
+    hysteresis_mean_s: float = 1.0
+    #: A log shows hysteresis from so many standard deviations on,
+    hysteresis_min_std: float = 8.0
+    #: and from this share of the largest force: less moves no mass.
+    hysteresis_min_share: float = 0.002
+    #: Standard uncertainty of what it moves, over itself: loops are no parallelograms.
+    hysteresis_shape_u_1: float = 0.2
+
     # log_effects
     #: Prior probability that a log has an effect.
     effect_prior_probability: float = 0.2

@@ -188,6 +188,13 @@ class SimulatedDefects(BaseModel):
         le=1e7,
         description="total force at which the torque sensors saturate, half on each side; 0: none",
     )
+    force_play_N: float = Field(
+        default=0.0,
+        ge=0,
+        le=1e7,
+        description="play of the torque sensors: the total force by which they read less while it "
+        "rises and more while it falls",
+    )
     left_torque_gain: float = Field(
         default=1.0,
         ge=-10,

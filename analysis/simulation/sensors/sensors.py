@@ -25,6 +25,7 @@ from analysis.simulation.sensors.recorder import (
     sample_times_ns,
 )
 from estimators.arrays import Floats
+from estimators.numerics.play import follow_with_play
 
 #: Between two steps of the filter a signal is taken for a straight line.
 _STEP_S: Final = 0.001
@@ -181,7 +182,9 @@ def _measure_torque(
         timeline, at_ns, times_s, lambda motion, part: _true_torque_signals(scenario, motion, part)
     )
     noise = sensors.force_noise_N * lever_m / math.sqrt(2)
-    most_N_m = defects.force_clip_N * lever_m / 2
+    most_N_m, play_N_m = (
+        force_N * lever_m / 2 for force_N in (defects.force_clip_N, defects.force_play_N)
+    )
     readings: dict[str, Floats] = {}
     for side, _ in _SIDES:
         name = f"torque_{side}_N_m"
@@ -190,8 +193,9 @@ def _measure_torque(
             sensors.force_drift_N * lever_m / math.sqrt(2),
             sensors.force_drift_s * rate_hz(scenario, "torque"),
         )
+        follows = follow_with_play(signals[name], play_N_m) if play_N_m else signals[name]
         reading = _add_sensor_errors(
-            signals[name] + drift, streams, name, WhiteNoise(noise, sensors.torque_lsb_N_m)
+            follows + drift, streams, name, WhiteNoise(noise, sensors.torque_lsb_N_m)
         )
         readings[name] = np.clip(reading, -most_N_m, most_N_m) if most_N_m else reading
     readings["torque_left_N_m"] = readings["torque_left_N_m"] * defects.left_torque_gain

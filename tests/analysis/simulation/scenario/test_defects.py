@@ -103,6 +103,17 @@ def test_a_clipped_force_reads_no_more_than_its_limit():
     assert true_N.max() > 5900.0
 
 
+def test_a_sensor_with_play_reads_less_while_the_force_rises_and_more_while_it_falls():
+    made = log(defects={"force_play_N": 200.0})
+    true_N = made.noise_free_motion["measured_force_x_N"].to_numpy()
+    away_N = total_force(made) - true_N
+    changes = np.diff(true_N, prepend=0.0)
+    np.testing.assert_allclose(away_N[np.cumsum(changes > 0.0) == changes.size], -200.0)
+    assert away_N[np.argmax(true_N)] == pytest.approx(-200.0)
+    assert away_N.min() == pytest.approx(-200.0)
+    assert away_N.max() == pytest.approx(200.0)
+
+
 def test_larger_wheels_turn_slower_and_take_more_torque_than_their_nominal_radius_says():
     made = log(machine={"wheel_radius_excess": 0.05})
     truth = made.noise_free_motion

@@ -1,0 +1,27 @@
+"""Play: hysteresis of fixed width, as of backlash and of a sensor with friction.
+
+Visintin, Differential Models of Hysteresis, 1994, ch. III.
+"""
+
+import numpy as np
+
+from estimators.arrays import Floats
+from estimators.interpreted import compiled_ahead
+
+
+@compiled_ahead
+def follow_with_play(x: Floats, half_width: float) -> Floats:
+    """Follow a signal (n,) with play: stay until it is half a width away, then go with it.
+
+    Args:
+        x: (n,) input.
+        half_width: distance at which the output begins to move, in the input's unit.
+
+    Returns:
+        (n,) output, which begins at the input.
+    """
+    out = np.empty(x.size)
+    for k in range(x.size):
+        y = x[k] if k == 0 else out[k - 1]
+        out[k] = min(max(y, x[k] - half_width), x[k] + half_width)
+    return out
