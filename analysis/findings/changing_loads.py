@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from analysis.findings.cause import Symptom
+from analysis.findings.cause import MassChange, Symptom
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
@@ -25,6 +25,8 @@ from analysis.findings.whitened_rows import (
     samples_in_whole_blocks,
     whitened_force_rows,
 )
+from analysis.weighing.empty_mass_drift import estimate_empty_mass_drift
+from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from estimators.errors import counted
 from estimators.numerics.fit_loss import group_rows
 
@@ -196,3 +198,22 @@ def _select_significant_growths(inputs: FindingInputs) -> list[LoadGrowthRate]:
         if len(found) > 1
         else [each for each in found if each.deviations > LIMITS.single_growth_factor]
     )
+
+
+def find_drift_of_empty_mass(inputs: FindingInputs) -> list[Symptom]:
+    """Find an empty machine whose mass changes over the log by more than fuel."""
+    drift = None if inputs.fit is None else estimate_empty_mass_drift(inputs.fit)
+    if inputs.fit is None or drift is None or not drift.is_significant:
+        return []
+    u_kg = drift.gain_u_1 * abs(inputs.fit.mass_kg)
+    return [
+        Symptom(
+            abs(drift.change_1)
+            / (drift.fuel_1 + WEIGHING_LIMITS.empty_drift_min_std * max(drift.u_1, 1e-6)),
+            f"the empty machine weighs {abs(drift.change_1):.1%} ± {drift.u_1:.1%} "
+            f"{'more' if drift.change_1 > 0.0 else 'less'} at the end of the log than at its "
+            "beginning: the force's gain drifts, or the machine loses mass",
+            channel=inputs.force_channel,
+            change=lambda: MassChange(0.0, u_kg),
+        )
+    ]

@@ -7,7 +7,10 @@ import numpy as np
 import polars as pl
 
 from analysis.findings.cause import MassChange, Symptom
-from analysis.findings.changing_loads import compare_force_share_with_loads
+from analysis.findings.changing_loads import (
+    compare_force_share_with_loads,
+    find_drift_of_empty_mass,
+)
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
@@ -257,8 +260,11 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
 
 def find_gain_drift(inputs: FindingInputs) -> list[Symptom]:
     """Find a force gain that changes over the log, or a load that changes steadily."""
+    fit = inputs.fit
+    if fit is None or fit.count > 1:
+        return find_drift_of_empty_mass(inputs)
     pick = search_likelihood(inputs).get("gain_drift")
-    if pick is None or inputs.fit is None or inputs.fit.count > 1:
+    if pick is None:
         return []
     return [
         Symptom(
@@ -270,11 +276,7 @@ def find_gain_drift(inputs: FindingInputs) -> list[Symptom]:
             "beginning of the log to its end: the force's gain, or the load",
             channel=inputs.force_channel,
             # its mean over the log is what the masses have
-            change=lambda: (
-                MassChange(0.0, abs(pick.value) / 2.0 * abs(inputs.fit.mass_kg))
-                if inputs.fit is not None
-                else None
-            ),
+            change=lambda: MassChange(0.0, abs(pick.value) / 2.0 * abs(fit.mass_kg)),
             alternatives=indistinguishable_cause_keys(pick),
         )
     ]

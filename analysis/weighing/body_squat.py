@@ -84,7 +84,7 @@ def estimate_load_squat(
     Returns:
         None if the change is undetermined.
     """
-    if motion.without_gravity is not None:
+    if wheels.pitch_shows_squat:
         gain, variance = gain_change_and_variance_by_squat(
             wheels.squat[0], estimate_squat_by_pitch(motion, loads)
         )
@@ -102,8 +102,11 @@ def estimate_load_squat(
     if wheels.gain_counts and wheels.gain[0] < 0.0:
         # a body that squats without a load does so more with one
         before = LIMITS.squat_by_load_prior_probability
+    # a squat that the pitch hides grows with the load by anything up to itself
+    hidden_1 = 0.0 if motion.without_gravity is None else max(-wheels.gain[0], 0.0)
     if is_explained_by_grades(found, wheels):
-        return LoadSquat(0.0, float(np.sqrt(before)) * prior_std, relative_load)
+        std = max(float(np.sqrt(before)) * prior_std, hidden_1 / np.sqrt(3.0))
+        return LoadSquat(0.0, std, relative_load)
     # normal densities of what was measured, with a change and without
     wide = variance + prior_std**2
     log_odds = 0.5 * (np.log(variance / wide) + value**2 * (1.0 / variance - 1.0 / wide))
@@ -114,9 +117,8 @@ def estimate_load_squat(
     squats = probability > 0.5
     other = 1.0 - probability if squats else probability
     own = variance if squats else probability * variance
-    return LoadSquat(
-        value if squats else 0.0, float(np.sqrt(own + other * value**2)), relative_load
-    )
+    std = max(float(np.sqrt(own + other * value**2)), hidden_1 / np.sqrt(3.0))
+    return LoadSquat(value if squats else 0.0, std, relative_load)
 
 
 def gain_change_and_variance_by_squat(

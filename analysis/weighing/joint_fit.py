@@ -31,7 +31,7 @@ from analysis.weighing.motion_samples import (
 from analysis.weighing.nuisances import NUISANCES, Nuisance
 from analysis.weighing.uneven_ground import GROUND
 from analysis.weighing.weighing_limits import LIMITS
-from analysis.weighing.wheel_comparison import compare_wheels
+from analysis.weighing.wheel_comparison import compare_wheels, wheels_show_squat
 from analysis.weighing.wheel_kinematics import WheelKinematics
 
 #: Lengths of the mean that are tried, in s: the one with the smallest deviation of the mass is
@@ -311,7 +311,8 @@ def fit_gain_by_load(fit: JointFit, priors: PriorSettings) -> JointFit:
     wheels, loads, states = fit.kinematics, fit.found.relative_loads, fit.states
     if wheels is None or loads is None or states is None:
         return fit
-    told = fit.motion.without_gravity is None or wheels.squat[0] > 0.0
+    squats = wheels.squat[0] > 0.0 or wheels_show_squat(wheels, fit.motion)
+    told = fit.motion.without_gravity is None or squats
     if not (fit.motion.by_accelerometer and told):
         return fit
     first = np.unique(states.membership, return_index=True)[1]

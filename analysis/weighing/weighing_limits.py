@@ -190,6 +190,17 @@ class WeighingLimits:
     #: than of a fit's groups, whose own deviations are of more samples.
     excess_scatter_std: float = 5.0
 
+    # empty_mass_drift
+    #: Loads of the empty machine that tell its drift: three at either end,
+    empty_drift_min_states: int = 6
+    #: and standard deviations beyond which it is one.
+    empty_drift_min_std: float = 3.0
+    #: Largest loss of mass by fuel an hour, over the mass: twice what loaders burn.
+    fuel_loss_1_h: float = 0.002
+    #: Standard uncertainty of the gain over its drift: its stated value may be that of either end,
+    #: near which a gain that warms up is for most of the log.
+    empty_drift_u_1: float = 0.75
+
     # force_hysteresis
     #: Prior standard deviation of half the loop, as a share of the largest force: sensors and
     #: drivelines have 1 to 5 %.

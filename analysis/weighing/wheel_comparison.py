@@ -115,12 +115,22 @@ def _compare_wheels_and_accelerometer(
         upright = motion.specific_force - squat[0] * motion.without_gravity
         even = _fit_comparison(upright, motion, noise, priors, told)
         best = level if even is None or level.mismatch < even.mismatch else even
-        if best.is_consistent or best.mismatch < found.mismatch:
-            return replace(best, squat=squat)
+        # a pitch that is filtered or of a map shows less of a squat than the wheels do
+        shown = not wheels_show_squat(best, motion)
+        if shown and (best.is_consistent or best.mismatch < found.mismatch):
+            return replace(best, squat=squat, pitch_shows_squat=True)
     agrees = level.disagreement_m_s < LIMITS.gravity_disagreement_ratio * found.disagreement_m_s
     if agrees and level.mismatch < LIMITS.gravity_mismatch_ratio * found.mismatch:
-        return level
+        return _subtract_squat(level, motion.without_gravity, motion, noise, priors, told)
     return _subtract_squat(found, motion.specific_force, motion, noise, priors, told)
+
+
+def wheels_show_squat(found: WheelKinematics, motion: MotionSamples) -> bool:
+    """Whether wheels of known radius show that the accelerometer reads too much, as squat does."""
+    radius_u_1 = motion.wheel_radius_u_1
+    if radius_u_1 is None or not found.gain_counts:
+        return False
+    return -found.gain[0] > LIMITS.gain_min_std * radius_u_1
 
 
 def _subtract_squat(
@@ -137,9 +147,7 @@ def _subtract_squat(
     that recur with every start have the same effect, but leave a residual between the two.
     """
     share, radius_u_1 = -found.gain[0], motion.wheel_radius_u_1
-    if radius_u_1 is None or not found.gain_counts:
-        return found
-    if not LIMITS.gain_min_std * radius_u_1 < share < LIMITS.max_squat_1:
+    if radius_u_1 is None or not wheels_show_squat(found, motion) or share > LIMITS.max_squat_1:
         return found
     even = _fit_comparison(measured * (1.0 - share), motion, noise, priors, earlier)
     if even is None or even.gain_counts:

@@ -31,6 +31,7 @@ class WheelKinematics:
         mean_u: (3,) standard uncertainties of learnt means; else 0.
         squat: fraction of the acceleration that pitching adds to the accelerometer, with its
             deviation; it is corrected if pitch or wheels show it, else 0.
+        pitch_shows_squat: whether the squat is the pitch's, not the wheels'.
         swing: swing of an accelerometer above the pitch axis.
         springs: springs of the body; None if nothing tells them.
         own: estimates of this log alone, if a calibration replaces them.
@@ -47,6 +48,7 @@ class WheelKinematics:
     prior_std: Floats
     mean_u: Floats
     squat: tuple[float, float] = (0.0, 0.0)
+    pitch_shows_squat: bool = False
     swing: BodySwing = NO_SWING
     springs: BodySwing | None = None
     own: "WheelKinematics | None" = None

@@ -1,0 +1,57 @@
+"""Drift of the empty machine's mass over a log: of the force's gain, since machines lose little."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.weighing.joint_result import JointFit
+from analysis.weighing.weighing_limits import LIMITS
+
+
+@dataclass(frozen=True, slots=True)
+class EmptyMassDrift:
+    """Change of the empty machine's mass from the first to the last manoeuvre without a load.
+
+    Attributes:
+        change_1: change over the mean mass.
+        u_1: standard uncertainty of that, from the scatter of the masses.
+        fuel_1: loss that fuel explains.
+    """
+
+    change_1: float
+    u_1: float
+    fuel_1: float
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether neither fuel nor the scatter of the masses explains the change."""
+        return abs(self.change_1) > self.fuel_1 + LIMITS.empty_drift_min_std * self.u_1
+
+    @property
+    def gain_u_1(self) -> float:
+        """Relative standard uncertainty of the force's gain due to the change."""
+        return LIMITS.empty_drift_u_1 * abs(self.change_1) if self.is_significant else 0.0
+
+
+def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
+    """Estimate the drift; None unless enough manoeuvres without a load have masses of their own.
+
+    A gain that drifts changes all masses alike. Loads that return are weighed by the difference to
+    their neighbours, which takes the drift out of the tare, but not out of the payload.
+    """
+    states, loads = fit.states, fit.found.relative_loads
+    if states is None or loads is None or not states.load_returns:
+        return None
+    light = np.flatnonzero(~loads.is_loaded_in(states.unit))
+    first = light[np.unique(states.membership[light], return_index=True)[1]]
+    if first.size < LIMITS.empty_drift_min_states:
+        return None
+    masses_kg, third = fit.masses_kg[states.membership[np.sort(first)]], first.size // 3
+    begin, end = masses_kg[:third], masses_kg[-third:]
+    mean_kg = float(np.mean(masses_kg))
+    # neighbours differ by noise and by what is carried back, and hardly by the drift
+    scatter_kg = float(np.std(np.diff(masses_kg))) / np.sqrt(2.0)
+    change_1 = float(np.mean(end) - np.mean(begin)) / mean_kg
+    u_1 = scatter_kg * np.sqrt(2.0 / third) / mean_kg
+    hours = fit.motion.speed.size / fit.motion.rate_hz / 3600.0
+    return EmptyMassDrift(change_1, u_1, LIMITS.fuel_loss_1_h * hours)
