@@ -17,7 +17,7 @@ from analysis.model.run_record import Run
 from analysis.model.schema import column_values
 from estimators.errors import DataError, MachineError
 from recordings.report.finding_text import findings_of_run
-from replay.explain.mended_file import Proposal, split_into_proposals
+from replay.explain.proposal_edits import Proposal, split_into_proposals
 
 #: By how much the uncertainty may grow for a cause that hardly moves the mass.
 _WIDER: Final = 1.05
