@@ -247,7 +247,7 @@ def _payload_uncertainty(
     assert isinstance(random_kg, float)
     own_common_kg, own_shared_kg = worth.own.uncertainty_of_payload_kg(weights, own_kg)
     common_kg, shared_kg = (
-        worth.scale_1 * u for u in worth.told.uncertainty_of_payload_kg(weights, own_kg)
+        worth.scale_1 * u for u in worth.on_empty_scale.uncertainty_of_payload_kg(weights, own_kg)
     )
     random_kg *= worth.scale_1
     return {
@@ -321,13 +321,13 @@ class _SharedUncertainty:
 
     Attributes:
         own: by the log alone, for uncalibrated payloads.
-        told: with the scale from the empty machine, before its factor.
+        on_empty_scale: with the scale from the empty machine, before its factor.
         scale_1: factor from the empty machine.
         scale: source of the scale.
     """
 
     own: _CommonUncertainty
-    told: _CommonUncertainty
+    on_empty_scale: _CommonUncertainty
     scale_1: float
     scale: ShiftScale
 

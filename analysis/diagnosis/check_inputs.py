@@ -135,7 +135,7 @@ class AxisMotion:
     Attributes:
         A: regressor.
         f: force in N, or yaw torque in N·m.
-        known: no value is missing.
+        complete: no value is missing.
         moving: fitted samples: in motion, and not braking unless braking counts as driving.
         braking: the machine slows down.
         speeding: the machine speeds up.
@@ -143,7 +143,7 @@ class AxisMotion:
 
     A: Floats
     f: Floats
-    known: Bools
+    complete: Bools
     moving: Bools
     braking: Bools
     speeding: Bools

@@ -182,17 +182,17 @@ def repeat_share_and_resolution(inputs: FindingInputs, name: str) -> tuple[float
     The resolution is 0 if the steps have no common divisor.
     """
     key = f"steps {name}"
-    if key not in inputs.kept:
+    if key not in inputs.cache:
         t, x = inputs.series[name]
         steps = np.diff(x)[inputs.is_moving_at(t)[1:] & (x[1:] != 0.0)]
         sizes = np.abs(steps[steps != 0.0])
-        inputs.kept[key] = 0.0, 0.0
+        inputs.cache[key] = 0.0, 0.0
         if steps.size >= _FEWEST and sizes.size:
             lsb = float(np.min(sizes))
             whole = float(np.mean(np.abs(sizes / lsb - np.rint(sizes / lsb)) < 0.05))
             repeats = float((steps == 0.0).mean())
-            inputs.kept[key] = repeats, lsb if whole > _WHOLE else 0.0
-    return inputs.kept[key]  # type: ignore[return-value]
+            inputs.cache[key] = repeats, lsb if whole > _WHOLE else 0.0
+    return inputs.cache[key]  # type: ignore[return-value]
 
 
 def _is_coarse(inputs: FindingInputs, name: str) -> bool:
@@ -237,9 +237,9 @@ def find_spikes(inputs: FindingInputs) -> list[Symptom]:
 
 def spikes_by_channel(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
     """Spikes by channel; channels without spikes are absent."""
-    if "spikes" not in inputs.kept:
-        inputs.kept["spikes"] = _detect_spikes(inputs)
-    return inputs.kept["spikes"]  # type: ignore[return-value]
+    if "spikes" not in inputs.cache:
+        inputs.cache["spikes"] = _detect_spikes(inputs)
+    return inputs.cache["spikes"]  # type: ignore[return-value]
 
 
 def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:

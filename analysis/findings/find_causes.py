@@ -50,7 +50,7 @@ def find_causes(inputs: FindingInputs) -> pl.DataFrame:
         and (cause[1].strength >= other[1].strength or not _explains_other(other, cause))
     )
     shown.sort(key=lambda each: (explained[each[0].key], -each[1].strength))
-    inputs.kept[SHOWN] = tuple(cause.key for cause, _ in shown)
+    inputs.cache[SHOWN] = tuple(cause.key for cause, _ in shown)
     shown += [(UNKNOWN, sign) for sign in UNKNOWN.find(inputs)]
     rows = [
         _make_finding_row(rank, cause, sign, inputs) for rank, (cause, sign) in enumerate(shown, 1)

@@ -60,9 +60,9 @@ class PickedCause:
 
 def search_likelihood(inputs: FindingInputs) -> Mapping[str, PickedCause]:
     """Rank the causes by their gain of likelihood; picked causes come first."""
-    if "picks" not in inputs.kept:
-        inputs.kept["picks"] = _pick_causes_in_turn(inputs)
-    return inputs.kept["picks"]  # type: ignore[return-value]
+    if "picks" not in inputs.cache:
+        inputs.cache["picks"] = _pick_causes_in_turn(inputs)
+    return inputs.cache["picks"]  # type: ignore[return-value]
 
 
 def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:

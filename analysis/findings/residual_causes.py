@@ -27,9 +27,9 @@ class Spectra(NamedTuple):
 
 def residual_spectra(inputs: FindingInputs) -> Spectra | None:
     """Spectra of f - m a - b v; None if standstill or motion is too short, or the grid too slow."""
-    if "spectra" in inputs.kept:
-        return inputs.kept["spectra"]  # type: ignore[return-value]
-    inputs.kept["spectra"] = found = _compute_residual_spectra(inputs)
+    if "spectra" in inputs.cache:
+        return inputs.cache["spectra"]  # type: ignore[return-value]
+    inputs.cache["spectra"] = found = _compute_residual_spectra(inputs)
     return found
 
 

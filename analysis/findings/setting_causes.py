@@ -58,7 +58,7 @@ def _braking_over_driving_mass(evidence: CheckInputs) -> float:
     """Mass from braking over mass from driving, without the gate; NaN if undetermined."""
     motion = evidence.straight_motion
     A = np.column_stack([motion.A[:, :2], np.sign(motion.speed)])
-    driving = motion.known & evidence.is_phase("accelerating", "cruising")
+    driving = motion.complete & evidence.is_phase("accelerating", "cruising")
     found = [_fit_mass_and_std(A, motion.f, of) for of in (driving, motion.braking)]
     if not all(std_kg < _KNOWN * abs(kg) for kg, std_kg in found):
         return float("nan")

@@ -129,14 +129,14 @@ def find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
     if not np.isfinite(opposing):
         opposing = inputs.checks.get("opposing_share", np.nan)
     straight = inputs.check_inputs.straight_motion
-    if not straight.known.any():
+    if not straight.complete.any():
         return []
     fewest = rows_in_duration(
         LIMITS.unsigned_braking_s,
         inputs.machine.settings.align.rate_hz,
         LIMITS.unsigned_min_samples,
     )
-    backwards = float((straight.speed[straight.known] < -LIMITS.reverse_speed_m_s).mean()) > 0.05
+    backwards = float((straight.speed[straight.complete] < -LIMITS.reverse_speed_m_s).mean()) > 0.05
     brakes = (
         np.count_nonzero(straight.braking) >= fewest
         and opposing <= LIMITS.unsigned_opposing_fraction
