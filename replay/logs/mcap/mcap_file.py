@@ -61,8 +61,8 @@ class McapWalk:
 
     store: BlockStore
     describe: Describe
-    #: where the last whole record ends
-    whole: int = len(MAGIC)
+    #: offset at which the last whole record ends
+    end: int = len(MAGIC)
     data_ended: bool = False
     has_footer: bool = False
     #: where the record begins that ends the data; 0 where there is none
@@ -101,7 +101,7 @@ class McapWalk:
                 self.describe(opcode, file.read(at + _HEAD, length), at)
             elif opcode == STATISTICS:
                 self.message_count = int.from_bytes(file.read(at + _HEAD, 8), "little")
-            self.whole = at = end
+            self.end = at = end
 
 
 class McapFile(BlockFile):
@@ -214,9 +214,9 @@ class McapFile(BlockFile):
                 )
             return
         size = self._file.size
-        torn = torn_end_text(size - walk.whole, self._store.torn_messages)
+        torn = torn_end_text(size - walk.end, self._store.torn_messages)
         self._store.damage.note(
-            f"breaks off after byte {walk.whole} of {size}, without a footer: all whole messages "
+            f"breaks off after byte {walk.end} of {size}, without a footer: all whole messages "
             f"are read{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
