@@ -49,7 +49,7 @@ class CycleMotion(NamedTuple):
     Attributes:
         cycle: number of the cycle.
         haul_m: distance with the load, from the end of digging to the stop for dumping; None if
-            either was not seen, or without a speed.
+            either was not detected, or the log has no speed.
         whole: motion from one dump to the next.
     """
 

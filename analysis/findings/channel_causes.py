@@ -24,7 +24,7 @@ from estimators.arrays import Bools, Floats, Ints
 _FROZEN_S: Final = 0.3
 #: Share of the readings that pile up at an extreme.
 _CLIPPED: Final = 0.001
-#: Share of moving readings that repeat the one before: noise is below the resolution.
+#: Share of readings in motion that repeat the previous one: noise is below the resolution.
 _REPEATS: Final = 0.1
 #: Share of the steps that are multiples of the least one; fewer steps tell nothing.
 _WHOLE: Final = 0.95
@@ -168,8 +168,8 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
         found.append(
             Symptom(
                 repeats / _REPEATS,
-                f"{repeats:.0%} of its moving readings repeat the one before; it "
-                f"resolves {lsb:.3g}",
+                f"{repeats:.0%} of its readings in motion repeat the previous one; its "
+                f"resolution is {lsb:.3g}",
                 channel=name,
             )
         )
@@ -225,7 +225,7 @@ def find_spikes(inputs: FindingInputs) -> list[Symptom]:
             Symptom(
                 each.ratio / _SPIKE * float(np.sqrt(min(each.unix_ns.size, 25))) / _ALONE,
                 f"{each.unix_ns.size} single readings are off by {each.size:.3g} (median), up to "
-                f"{each.ratio:.0f} deviations",
+                f"{each.ratio:.0f} standard deviations",
                 channel=name,
                 span_ns=inputs.since_first_sample_ns(int(each.unix_ns[0]), int(each.unix_ns[-1])),
                 change=lambda near=each.near: refit_without_rows(inputs, near),

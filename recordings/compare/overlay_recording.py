@@ -74,7 +74,7 @@ def write_overlay_recording(
     """
     moved = align_times(a, b, one_log=one_log)
     about = a.provenance.model_copy(
-        update={"notes": ("two replays over each other; see the tab Compared",), "losses": ()}
+        update={"notes": ("two replays overlaid; see the tab Compared",), "losses": ()}
     )
 
     def make_overlay_scene(_: Run) -> Scene:

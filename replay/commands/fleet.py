@@ -179,7 +179,7 @@ def report_command(
         )
     for sentence in made.page.friction:
         print_line(screen, sentence)
-    print_line(screen, f"recordings that need a look: {len(said['to_look_at'])}")
+    print_line(screen, f"recordings to check: {len(said['to_look_at'])}")
     print_line(screen, f"page: {made.path}")
 
 

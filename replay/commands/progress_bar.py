@@ -77,7 +77,7 @@ class StageProgress:
             opening = sum(seconds for stage, seconds in took if stage == "open")
             console.print(
                 f"{'total':<9} {total:8.3f} s, "
-                f"but for opening {(total - opening) / reading:.1f} times the reading"
+                f"without opening {(total - opening) / reading:.1f} times the reading time"
             )
 
 

@@ -236,10 +236,9 @@ class TableLog(Log):
             said = "all rows have the same; name another column: [log] time"
         else:
             said = (
-                f"{shared:,} of {known_times.len():,} rows have the time of the row before; name "
-                "another "
-                "column or the one of the fractions, [log] time or time_fraction, or set "
-                "[log] rate_hz = rows per second"
+                f"{shared:,} of {known_times.len():,} rows have the same time as the row before; "
+                "name another time column, [log] time, or the column of the fractions of a second, "
+                "[log] time_fraction, or set [log] rate_hz = rows per second"
             )
         raise LogError(f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said}")
 

@@ -156,7 +156,7 @@ class McapFile(BlockFile):
         walk = McapWalk(self._make_second_pass_store(), self._process_record)
         self._compare_with_first_pass(walk.chunks(), walk.store)
         if not (walk.data_end and walk.has_footer) and not self._store.damage:
-            self._store.damage.note("its records do not connect its data with its footer")
+            self._store.damage.note("its records do not lead from its data to its footer")
         return self._store.crcs + self._is_sealed + self._does_data_crc_agree(walk.data_end)
 
     def _does_data_crc_agree(self, end: int) -> bool:
@@ -167,7 +167,7 @@ class McapFile(BlockFile):
         agrees = self._file.crc32_before(end) == said
         if not agrees:
             self._store.damage.note(
-                f"the CRC of its data is wrong: some of their {end:,} bytes are not as they were "
+                f"the CRC of its data is wrong: some of the {end:,} bytes differ from those "
                 "recorded, and it is not known which"
             )
         return agrees

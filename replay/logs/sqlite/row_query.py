@@ -91,7 +91,7 @@ def read_rows(
                     yield whole
                     after = whole[-1][0]
                 if len(whole) < len(rows):
-                    note(f"the database is damaged behind row {after}: its rows form a loop")
+                    note(f"the database is damaged after row {after}: its rows form a loop")
                     return
         except BrokenBytesError as error:
             fault = error

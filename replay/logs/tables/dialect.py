@@ -160,7 +160,7 @@ def _decide_decimal(best: list[_DialectTrial], hints: TableHints) -> _DialectTri
         sign = reading.decimal
         raise DialectError(
             f"'{sign}' may be its decimal sign or separate thousands: all its numbers have three "
-            f'digits behind it; if it is the decimal sign, set [log] decimal = "{sign}"'
+            f'digits after it; if it is the decimal sign, set [log] decimal = "{sign}"'
         )
     return reading
 
