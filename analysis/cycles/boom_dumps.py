@@ -1,7 +1,7 @@
 """Dumps shown by the boom: it is out while the machine hardly moves.
 
-How far out a dump is, is the log's own to tell: by the boom between loads and the empty passes
-after them.
+The boom angle of a dump is taken from the log itself: from the boom between loaded passes and the
+empty passes after them.
 """
 
 from collections.abc import Sequence

@@ -1,10 +1,10 @@
 """Cycles without a mass, and cycles hidden by holes in the log: expected number and mass.
 
 Digging, dumps of the boom and counted cycles are compared. What two of them show was a cycle; what
-only one shows was one with a probability: more where the log has no second witness, less where it
-has one that is silent. Dumps of the boom that masses confirm raise it, and the doubt that remains
-is one doubt of all cycles that the boom alone shows. Where neither tells, the rhythm does: work
-that goes on for two cycles between two dumps hides one.
+only one shows was a cycle with a probability, which is higher if the log has no second indicator
+and lower if it has one that shows nothing. Dumps of the boom that masses confirm raise it; the
+remaining uncertainty is common to all cycles that only the boom shows. Without either, the rhythm
+decides: two cycle times of work between two dumps hide one cycle.
 """
 
 from typing import Final, NamedTuple, Self

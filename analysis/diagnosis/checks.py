@@ -1,8 +1,8 @@
 """The table of checks: whether a log can weigh, judged on all moving samples, ungated.
 
-A gate cannot protect from a log that holds no answer: of enough windows some look fine. So the
-checks look at everything that moved, each with its number and its limit. Straight motion decides
-about the mass, spins decide about the inertia.
+A gate cannot protect against a log that contains no answer: among enough windows some look fine. So
+the checks use all moving samples, each with a number and a limit. Straight motion decides about the
+mass, spins about the inertia.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,9 @@
 """Constant forces: attribute them to an offset, an accelerometer tilt or Coulomb friction.
 
-Standing tells what the force reads at rest, and the accelerometer beyond gravity by the pitch;
-driving tells their sum C = F₀ - m e + F_c. Brakes may hold a force at rest that driving has not,
-and ground may slope under a log without pitch, so what rests shows need not be what drives.
+Standstill shows the force at rest, and the accelerometer's reading beyond gravity if the pitch is
+known; driving shows their sum C = F₀ - m e + F_c. Brakes may hold a force at rest that is absent
+while driving, and the ground may slope in a log without pitch, so the constants at standstill may
+differ from those while driving.
 """
 
 from dataclasses import dataclass, replace

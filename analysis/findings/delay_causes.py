@@ -1,8 +1,8 @@
 """Delays: find which of force, wheels and accelerometer is late.
 
-The likelihood of the equation covers delays up to a fifth of a second. A longer one, as of a GNSS
-speed, makes everything else show (friction, a misaligned accelerometer, a frozen speed), and is
-found first, by the correlation of whole channels.
+The likelihood of the equation covers delays up to a fifth of a second. A longer one, such as that
+of a GNSS speed, makes other causes appear (friction, a misaligned accelerometer, a frozen speed),
+and is therefore searched first, by the correlation of whole channels.
 """
 
 from dataclasses import dataclass, replace

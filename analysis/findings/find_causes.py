@@ -1,8 +1,8 @@
 """The stage `findings`: the causes that a log shows, by likelihood, and the causes they mask.
 
-A force of the wrong sign, in another unit or late by a second leaves nothing that could be weighed,
-so that nothing else shows. What corrects it is a key of a channel: the log is examined once more
-with it.
+A force with the wrong sign, in another unit or late by a second leaves nothing to weigh, and so
+masks all other causes. One key of a channel corrects it; the log is then examined again with that
+key.
 """
 
 import tomllib

@@ -1,7 +1,7 @@
 """Change of the mass if a cause is corrected, by refitting a corrected motion.
 
-One refit costs a fraction of a replay. What a replay would do besides (other windows accepted,
-another mean) is in the uncertainty.
+One refit costs a fraction of a replay. The other effects of a replay (different accepted windows, a
+different mean) are included in the uncertainty.
 """
 
 from collections.abc import Callable

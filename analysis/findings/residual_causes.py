@@ -1,7 +1,7 @@
 """Causes in the residual of the force: coloured noise, uneven noise or oscillation.
 
-The same sum of channels is looked at while the machine stands, where it holds the instruments'
-noise alone; its spectrum while it drives is compared with that.
+The same combination of channels is examined at standstill, where it contains only the noise of the
+instruments; its spectrum while driving is compared with that.
 """
 
 from typing import NamedTuple

@@ -1,7 +1,8 @@
 """Causes in the settings: braking left out although the force shows it, and forgetting.
 
-Where a machine is always about to brake, the gate leaves nothing. Whether the force sees the brakes
-is asked of the samples themselves, gate or no gate: then braking tells the mass that driving tells.
+If a machine is always about to brake, the gate accepts nothing. Whether the force sensor measures
+the brakes is therefore decided on all samples, gated or not: if it does, braking gives the same
+mass as driving.
 """
 
 from collections.abc import Callable

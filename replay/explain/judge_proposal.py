@@ -1,7 +1,7 @@
 """Judge a proposed setting by comparing replays with and without it.
 
-A value is found in the whole log, and would be confirmed by it. So it is found once more in the
-first half and tried on the second, which it was not fitted to.
+A value fitted to the whole log would be confirmed by the same log. So it is fitted again to the
+first half, and tested on the second half.
 """
 
 import math

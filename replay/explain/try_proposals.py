@@ -1,10 +1,11 @@
 """Correct a machine file from findings, trying each proposal by replays.
 
-A proposal is kept where the log then still weighs, fails no other check, no longer shows that cause
-(or less than half of it, or less of it and the mass moved as claimed), where that holds on a half
-of the log that it was not fitted to, and where the empty machine's mass does not speak against it.
-The next one is taken from what the log shows after it: what one cause explains is gone with it, and
-is not corrected while that cause stays. Where the mass remains withheld nothing is written.
+A proposal is accepted if with it the log can still weigh, fails no other check, no longer shows the
+cause (or less than half of it, or less of it with the mass changed as claimed), if that also holds
+on a half of the log that it was not fitted to, and if the empty machine's mass does not contradict
+it. The next proposal is taken from the findings that remain, since findings that one cause explains
+disappear with it, and are not corrected while that cause remains. If the mass remains withheld,
+nothing is written.
 """
 
 import tempfile

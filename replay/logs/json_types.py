@@ -1,6 +1,6 @@
 """Types of JSON messages, from the JSON schema in an MCAP file.
 
-JSON may hold anything anywhere, in a schema as in a message: every value is looked at before it is
+JSON may contain any value anywhere, in schemas and in messages: every value is checked before it is
 used.
 """
 

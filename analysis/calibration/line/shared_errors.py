@@ -1,9 +1,9 @@
 """Errors that a log shares with its calibration through learnt priors.
 
-Means of learnt priors are wrong by ε, in their standard uncertainties. That moved the campaign's
-points by R(m) ε, and the line has taken it with it; it moves a later mass by r ε. What is left is
-(r - R(m)) ε: nothing where the log is driven as its campaign was. What ε is, the later log says
-together with the calibration.
+Means of learnt priors are wrong by ε, in units of their standard uncertainties. That moved the
+campaign's points by R(m) ε, which the line contains; it moves a later mass by r ε. The remaining
+error is (r - R(m)) ε, which vanishes if the log is driven as its campaign was. The later log and
+the calibration together estimate ε.
 """
 
 from collections.abc import Mapping, Sequence
