@@ -130,8 +130,7 @@ def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             abs(const) / (LIMITS.term_min_std * std),
-            f"driving shows a constant {_format_newtons(const, std, sign='+')} besides inertia "
-            "and friction",
+            f"driving shows a constant force of {_format_newtons(const, std, sign='+')}",
             channel=inputs.force_channel,
             alternatives=("imu_misaligned", "imu_bias", "slope", "coulomb"),
         )

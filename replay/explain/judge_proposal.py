@@ -183,7 +183,7 @@ def _reads_gravity(run: Run) -> bool:
 
 
 def is_cause_reduced(remaining: Finding, finding: Finding, *, as_claimed: bool) -> bool:
-    """Whether a cause is nearly gone, or is weaker and moved the mass as claimed."""
+    """Whether a cause has nearly vanished, or is weaker and the mass changed as claimed."""
     left = remaining.strength_1 / finding.strength_1
     return left < _REMAINDER or (left < 1.0 and as_claimed)
 

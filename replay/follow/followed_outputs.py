@@ -67,7 +67,7 @@ class FollowedOutputs:
             paths: paths of the logs.
             machine: the machine of the follower.
             noise: noise given to the follower, if any.
-            tell: called with a line when an output continues or is abandoned.
+            tell: called with a message when an output continues or is abandoned.
             output: recording to write, or None.
             reports: MCAP file of reports, or None.
             server: address of a viewer's server, or None.
