@@ -145,7 +145,7 @@ def trial(
             weighs=(outcome.before.verdict.can_weigh, outcome.after.verdict.can_weigh),
             changes=tuple((each.cause, each.key, each.value) for each in outcome.changes),
             taken_back=tuple((each.proposal.cause, each.why) for each in outcome.rejected),
-            left=tuple(each.cause for each in outcome.left),
+            left=tuple(each.cause for each in outcome.remaining),
         )
 
 

@@ -63,7 +63,7 @@ class Finding:
         # the causes bring all that looks for them; most recordings show none
         from analysis.findings import CAUSES, UNKNOWN
 
-        says = {cause.key: cause.says for cause in (*CAUSES, UNKNOWN)}
+        says = {cause.key: cause.statement for cause in (*CAUSES, UNKNOWN)}
         kept: dict[str, Any] = {n: row[n] for n in cls.__dataclass_fields__ if n in row}
         start, end = (row[name] for name in ("start_t_ns", "end_t_ns"))
         kept["says"] = says.get(row["cause"], row["cause"].replace("_", " "))

@@ -23,7 +23,7 @@ from analysis.findings.unexplained import SHOWN
 from analysis.model.machine import Machine
 from analysis.model.schema import build_frame, frame_schema
 
-_HIDES: Final = [cause.key for cause in CAUSES if cause.hides]
+_MASKS_OTHERS: Final = [cause.key for cause in CAUSES if cause.masks_others]
 #: Keys of a channel that mend one.
 _OF_CHANNEL: Final = ("scale", "unit", "delay_s")
 #: What pushes back in a start that digs.
@@ -67,7 +67,7 @@ def _explains_other(one: tuple[Cause, Symptom], other: tuple[Cause, Symptom]) ->
     (cause, own), (seen, sign) = one, other
     if seen.key in own.explains:
         return True
-    return seen.key in cause.explains and sign.strength <= cause.outdone * own.strength
+    return seen.key in cause.explains and sign.strength <= cause.explains_up_to * own.strength
 
 
 def find_symptoms_of_all_causes(inputs: FindingInputs) -> list[tuple[Cause, Symptom]]:
@@ -208,7 +208,7 @@ def _correct_machine(machine: Machine, first: pl.DataFrame) -> Machine | None:
     """Machine file with the masking cause corrected; None if no channel setting corrects it."""
     if first.is_empty() or first["setting"][0] is None:
         return None
-    if first["cause"][0] not in _HIDES and not masks_other_causes(
+    if first["cause"][0] not in _MASKS_OTHERS and not masks_other_causes(
         first["cause"][0], first["strength_1"][0]
     ):
         return None
