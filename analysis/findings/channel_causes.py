@@ -168,8 +168,8 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
         found.append(
             Symptom(
                 repeats / _REPEATS,
-                f"{repeats:.0%} of its readings in motion repeat the previous one; its "
-                f"resolution is {lsb:.3g}",
+                f"{repeats:.0%} of its moving readings repeat the one before; it "
+                f"resolves {lsb:.3g}",
                 channel=name,
             )
         )
