@@ -102,7 +102,7 @@ def applied(fault: Fault | Unlisted, seed: int) -> Applied:
         _mass(answer(before)),
         _mass(answer(found.run)),
         sorted({each.cause for each in found.changes}),
-        [(each.proposal.cause, each.why) for each in found.taken_back],
+        [(each.proposal.cause, each.why) for each in found.rejected],
     )
 
 

@@ -171,5 +171,5 @@ def of_delays(trials: Sequence[DelayTrial]) -> str:
 
 def of_needs() -> str:
     """What each cause is, and needs to be seen at all."""
-    lines = [[cause.key, cause.says, cause.needs] for cause in CAUSES]
+    lines = [[cause.key, cause.statement, cause.needs] for cause in CAUSES]
     return markdown(["cause", "what it is", "what a log must hold"], lines)

@@ -109,7 +109,7 @@ def main() -> int:
         did, killer = on_cluster(logs, folder / "fleet.toml", folder / "cluster", count)
         took = time.perf_counter() - began
         told(f"killed: {', '.join(killer.killed)}")
-        told(f"on the cluster: {did.made} replayed in {took:.0f} s, {len(did.failed)} failed")
+        told(f"on the cluster: {did.replayed} replayed in {took:.0f} s, {len(did.failed)} failed")
         for source, why in did.failed.items():
             told(f"failed: {source}: {why}")
         began = time.perf_counter()

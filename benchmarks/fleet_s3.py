@@ -128,8 +128,12 @@ def checked(
     replay_fleet(list_fleet_logs([str(logs)]), fleet, str(folder / "beside"), SerialEngine)
     there, differ = _same(folder / "beside", home / "results")
     wrong = [f"failed: {source}: {why}" for source, why in did.failed.items()]
-    wrong += [] if did.made == count else [f"{did.made} replayed of {count}"]
-    wrong += [] if again.there == count else [f"the second run has {again.there} there of {count}"]
+    wrong += [] if did.replayed == count else [f"{did.replayed} replayed of {count}"]
+    wrong += (
+        []
+        if again.up_to_date == count
+        else [f"the second run has {again.up_to_date} there of {count}"]
+    )
     wrong += [] if _listed(home) == before else ["the second run changed something"]
     wrong += [] if asked["number"].sum() == count else [f"the query counts {asked['number'].sum()}"]
     wrong += [] if there == count else [f"{there} results of {count}"]

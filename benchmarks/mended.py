@@ -27,8 +27,8 @@ from benchmarks.findings_trials import BY_NAME, base, errors, tried
 from benchmarks.kept_trials import keep, read_rows
 from benchmarks.page import markdown, put
 from estimators.errors import PayscopeError
-from replay.explain.mended_file import Proposal, insert_proposals
-from replay.explain.try_proposals import MachineText, mend_machine_file
+from replay.explain.proposal_edits import Proposal, insert_proposals
+from replay.explain.try_proposals import MachineText, write_corrected_machine_file
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, machine_file_or_shipped, time_axis_of_machine
 from replay.pipeline import run
@@ -131,7 +131,7 @@ def trial(
             before = run(log, machine)
         output = folder / "mended.toml"
         source = MachineText(file, (POOLED, *fault.overrides))
-        outcome = mend_machine_file(bags["faulty"], source, before, (output, False))
+        outcome = write_corrected_machine_file(bags["faulty"], source, before, (output, False))
         last = output if output.is_file() else file
         return MendedTrial(
             fault=fault.name,
@@ -144,8 +144,8 @@ def trial(
             mended_kg=_mass_kg(bags["faulty"], last, fault.overrides),
             weighs=(outcome.before.verdict.can_weigh, outcome.after.verdict.can_weigh),
             changes=tuple((each.cause, each.key, each.value) for each in outcome.changes),
-            taken_back=tuple((each.proposal.cause, each.why) for each in outcome.taken_back),
-            left=tuple(each.cause for each in outcome.left),
+            taken_back=tuple((each.proposal.cause, each.why) for each in outcome.rejected),
+            left=tuple(each.cause for each in outcome.remaining),
         )
 
 

@@ -22,7 +22,7 @@ from rosbags.rosbag1 import Reader, Writer
 from benchmarks.page import markdown, put
 from estimators.errors import DataError
 from recordings.report.finding_text import cause_name, findings_of_run
-from replay.explain.try_proposals import MachineText, mend_machine_file
+from replay.explain.try_proposals import MachineText, write_corrected_machine_file
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, time_axis_of_machine
 from replay.pipeline import run
@@ -169,7 +169,7 @@ def trial(fault: RealFault, size: float, table: Path, bag: Path, seed: int = 1) 
         with open_log(log, time=time_axis_of_machine(machine)) as opened:
             before = run(opened, machine)
         output = Path(name) / "mended.toml"
-        after = mend_machine_file(log, MachineText(file), before, (output, False))
+        after = write_corrected_machine_file(log, MachineText(file), before, (output, False))
     return RealTrial(
         fault.name.format(size),
         fault.causes,

@@ -19,7 +19,7 @@ def does_digging_contradict_boom(passes: Passes, digs: pl.DataFrame) -> bool:
         passes: the passes.
         digs: the frame `digging`.
     """
-    if passes.dumps.tells or digs.height <= LIMITS.boom_min_cycles:
+    if passes.dumps.shows_dumps or digs.height <= LIMITS.boom_min_cycles:
         return False
     begin_ns, end_ns = (np.sort(digs[name].to_numpy()) for name in ("start_t_ns", "end_t_ns"))
     fills = begin_ns[np.append(True, begin_ns[1:] - end_ns[:-1] > passes.one_filling_ns)]

@@ -1,7 +1,7 @@
 """Dumps shown by the boom: it is out while the machine hardly moves.
 
-How far out a dump is, is the log's own to tell: by the boom between loads and the empty passes
-after them.
+The boom angle of a dump is taken from the log itself: from the boom between loaded passes and the
+empty passes after them.
 """
 
 from collections.abc import Sequence
@@ -47,11 +47,11 @@ class BoomDumps:
     """Dumps that the boom shows, in order of time.
 
     Attributes:
-        tells: whether the boom shows dumps in this log; otherwise their absence means nothing.
+        shows_dumps: whether the boom shows dumps in this log; if not, their absence means nothing.
         dumps: all dumps found.
     """
 
-    tells: bool
+    shows_dumps: bool
     dumps: tuple[BoomDump, ...] = ()
 
     def dumps_during(self, start_ns: int, end_ns: int) -> list[BoomDump]:
@@ -64,11 +64,11 @@ class BoomDumps:
 
     def shows_no_dump(self, start_ns: int, end_ns: int) -> bool:
         """Whether the boom reliably shows that there is no dump in a time span."""
-        return self.tells and not self.dumps_with_boom_out(start_ns, end_ns)
+        return self.shows_dumps and not self.dumps_with_boom_out(start_ns, end_ns)
 
 
 #: Of a log whose boom shows none.
-NO_DUMPS: Final = BoomDumps(tells=False)
+NO_DUMPS: Final = BoomDumps(shows_dumps=False)
 
 
 def find_boom_dumps(
@@ -115,7 +115,7 @@ def find_boom_dumps(
     ):
         return NO_DUMPS
     dumps = [BoomDump(*span, _emptying_time_ns(reach, t_ns, span)) for span in spans]
-    return BoomDumps(tells=True, dumps=tuple(dumps))
+    return BoomDumps(shows_dumps=True, dumps=tuple(dumps))
 
 
 def is_standing_or_creeping(excitation: pl.DataFrame) -> Bools:

@@ -30,7 +30,7 @@ def _doubts_about_cycle(row: Mapping[str, Any], typical_kg: Any, mad_kg: Any) ->
         return ""
     found: list[str] = []
     if payload_kg - LIMITS.coverage_factor * u_kg <= 0.0:
-        found.append("the payload may be nothing")
+        found.append("the payload may be zero")
     back_kg, back_u_kg = row["carry_back_kg"], row["carry_back_u_kg"]
     if (
         back_kg is not None
@@ -38,7 +38,9 @@ def _doubts_about_cycle(row: Mapping[str, Any], typical_kg: Any, mad_kg: Any) ->
         and abs(back_kg) > LIMITS.coverage_factor * back_u_kg
     ):
         if back_kg < 0.0:
-            found.append(f"after the dump {-back_kg:,.0f} kg less than empty: weighed wrong")
+            found.append(
+                f"after the dump {-back_kg:,.0f} kg less than empty: the weighing is wrong"
+            )
         elif back_kg > LIMITS.max_carried_fraction * abs(payload_kg):
             found.append(f"after the dump {back_kg:,.0f} kg still in the bucket")
     if typical_kg is not None:

@@ -2,11 +2,11 @@
 
     work = kinetic + slope + friction + digging
 
-Work is what the wheels get while the drive pushes, turning included. Of it, kinetic is what the
-masses gain in speed, slope what lifts them, digging what a pile takes beyond friction, and friction
-the rest: rolling, driveline, slip and scrubbing. Braking is what the machine gives up again where
-the drive does not push, less friction there; it comes out of kinetic and slope, and is no part of
-the sum. Masses, offset, lag, load transfer and friction are those of the joint fit.
+Work is the energy at the wheels while the drive pushes, turning included. Kinetic is the part that
+accelerates the masses, slope the part that lifts them, digging the part that a pile takes beyond
+friction, and friction the rest: rolling, driveline, slip and scrubbing. Braking is the energy lost
+while the drive does not push, less friction there; it comes from kinetic and slope energy, and is
+not part of the sum. Masses, offset, lag, load transfer and friction are those of the joint fit.
 """
 
 from collections.abc import Mapping, Sequence

@@ -49,7 +49,7 @@ class CycleMotion(NamedTuple):
     Attributes:
         cycle: number of the cycle.
         haul_m: distance with the load, from the end of digging to the stop for dumping; None if
-            either was not seen, or without a speed.
+            either was not detected, or the log has no speed.
         whole: motion from one dump to the next.
     """
 
@@ -208,7 +208,7 @@ def add_dump_times(
             over.append(later.dig_ns[0])
         empty = min(over, default=int(t_ns[-1]))
         dumped = passes.dumps.dumps_with_boom_out(ready, empty)
-        if not dumped and cycle.loaded is None and over and not passes.dumps.tells:
+        if not dumped and cycle.loaded is None and over and not passes.dumps.shows_dumps:
             # by no witness: where a machine that has dug stands or creeps longest it dumps
             inside = (t_ns > ready) & (t_ns < empty)
             cycle.dump_ns = _find_longest_stop(stops[inside], t_ns[inside])

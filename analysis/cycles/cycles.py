@@ -1,11 +1,11 @@
 """Frame `cycles`: a row per load that was dug, hauled and dumped, with its mass.
 
-The payload is what was dumped: the loaded pass less the empty one. Both empty passes beside it tell
-that: the one after by itself, the one before as far as what is carried back is alike. Their weights
-are those of the smallest variance; where nothing is carried back, it is their mean.
+The payload is the dumped mass: that of the loaded pass less that of the empty machine. Both
+neighbouring empty passes measure the latter: the one after it directly, the one before it as far as
+the carry-back is the same. Their weights minimise the variance; without carry-back they are equal.
 
-Where the machine file states the mass of the empty machine with its uncertainty, the empty passes
-tell the scale of the payloads.
+If the machine file states the mass of the empty machine with its uncertainty, the empty passes
+determine the scale of the payloads.
 """
 
 from dataclasses import dataclass
@@ -247,7 +247,7 @@ def _payload_uncertainty(
     assert isinstance(random_kg, float)
     own_common_kg, own_shared_kg = worth.own.uncertainty_of_payload_kg(weights, own_kg)
     common_kg, shared_kg = (
-        worth.scale_1 * u for u in worth.told.uncertainty_of_payload_kg(weights, own_kg)
+        worth.scale_1 * u for u in worth.on_empty_scale.uncertainty_of_payload_kg(weights, own_kg)
     )
     random_kg *= worth.scale_1
     return {
@@ -321,13 +321,13 @@ class _SharedUncertainty:
 
     Attributes:
         own: by the log alone, for uncalibrated payloads.
-        told: with the scale from the empty machine, before its factor.
+        on_empty_scale: with the scale from the empty machine, before its factor.
         scale_1: factor from the empty machine.
         scale: source of the scale.
     """
 
     own: _CommonUncertainty
-    told: _CommonUncertainty
+    on_empty_scale: _CommonUncertainty
     scale_1: float
     scale: ShiftScale
 

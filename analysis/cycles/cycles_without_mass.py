@@ -1,10 +1,10 @@
 """Cycles without a mass, and cycles hidden by holes in the log: expected number and mass.
 
 Digging, dumps of the boom and counted cycles are compared. What two of them show was a cycle; what
-only one shows was one with a probability: more where the log has no second witness, less where it
-has one that is silent. Dumps of the boom that masses confirm raise it, and the doubt that remains
-is one doubt of all cycles that the boom alone shows. Where neither tells, the rhythm does: work
-that goes on for two cycles between two dumps hides one.
+only one shows was a cycle with a probability, which is higher if the log has no second indicator
+and lower if it has one that shows nothing. Dumps of the boom that masses confirm raise it; the
+remaining uncertainty is common to all cycles that only the boom shows. Without either, the rhythm
+decides: two cycle times of work between two dumps hide one cycle.
 """
 
 from typing import Final, NamedTuple, Self
@@ -58,17 +58,17 @@ def estimate_uncounted_cycles(
     times = cycles["dump_t_ns"].drop_nulls().to_list()
     boom = find_boom_dumps(aligned, excitation, [(t - ONE_DUMP_NS, t + ONE_DUMP_NS) for t in times])
     likely, common_u = _cycle_probabilities_and_common_u(cycles, boom)
-    if not boom.tells and not is_digging_reliable(cycles):
+    if not boom.shows_dumps and not is_digging_reliable(cycles):
         likely += rhythm_gap_probabilities(np.array(sorted(times), np.int64), excitation)
     on_board = cycles.tail(1).filter(pl.col("quality") == "not dumped")
     load_kg = load_u_kg = None
     if on_board.height:
         load_kg, load_u_kg = on_board["payload_kg"][0], on_board["payload_u_kg"][0]
         goes_on = end_ns - int(on_board["end_t_ns"][0]) > LIMITS.unseen_dump_ns
-        likely += [LIMITS.unseen_dump_probability] * (goes_on and not boom.tells)
+        likely += [LIMITS.unseen_dump_probability] * (goes_on and not boom.shows_dumps)
     p = np.array(likely, np.float64)
     return UncountedCycles(
-        len(boom.dumps) if boom.tells else None,
+        len(boom.dumps) if boom.shows_dumps else None,
         float(p.sum()),
         float(np.hypot(np.sqrt((p * (1.0 - p)).sum()), common_u)),
         load_kg,
@@ -136,11 +136,15 @@ def _cycle_probabilities_and_common_u(
     blank = cycles.filter(pl.col("payload_kg").is_null())
     contradicted = _Reliability.from_trials(LIMITS.contradicted_probability)
     alone = _Reliability.from_trials(LIMITS.sole_witness_probability)
-    only_dug = contradicted if boom.tells else alone
+    only_dug = contradicted if boom.shows_dumps else alone
     only_dumped = contradicted if is_digging_reliable(cycles) else _boom_reliability(cycles, boom)
     digs, dumps, hauls = (blank[name].is_not_null() for name in ("dig_t_ns", "dump_t_ns", "haul_s"))
     shown = [
-        _CERTAIN if haul or (dig and dump and boom.tells) else only_dug if dig else only_dumped
+        _CERTAIN
+        if haul or (dig and dump and boom.shows_dumps)
+        else only_dug
+        if dig
+        else only_dumped
         for dig, dump, haul in zip(digs, dumps, hauls, strict=True)
     ]
     # one doubt of all that the same witness shows

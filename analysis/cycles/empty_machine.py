@@ -1,6 +1,7 @@
 """The empty machine by a shift's empty passes: its mass, clean bucket and identity.
 
-Fuel, mud, a fork for a bucket change an empty machine by a few per cent; another machine by more.
+Fuel, mud or a fork instead of a bucket change the empty mass by a few per cent; another machine
+changes it by more.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
 """Integrals of force, speed and acceleration over the phases of cycles, for the energies.
 
-Each energy is linear in what the joint fit found (offset of the force, load transfer, friction),
-so that one pass over the samples serves the value and its uncertainty alike.
+Each energy is linear in the parameters of the joint fit (offset of the force, load transfer,
+friction), so that one pass over the samples gives both the value and its uncertainty.
 """
 
 from dataclasses import dataclass, replace

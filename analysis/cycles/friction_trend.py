@@ -1,14 +1,14 @@
 """Friction over a shift and over days with known masses, as a sign of wear or a cold start.
 
-Masses, and what else the joint fit says of the force, are those of the whole shift; of each part of
-it the viscous friction is what is left. So the parts compare with each other; what they share (a
-lag, slip) is in none of their deviations.
+Masses and the other terms of the joint fit are those of the whole shift; only the viscous friction
+is fitted to each part of it. So the parts can be compared with each other; their common errors (a
+lag, slip) are in none of their deviations.
 
-When friction reaches a limit is told by a line through the days, each weighted by its own variance;
-where days scatter by more than that, their scatter counts. The day at which the line reaches the
+A line through the days, each weighted by its variance, predicts when friction reaches a limit; if
+the days scatter by more than that, their scatter is used. The day at which the line reaches the
 limit is a ratio of two estimates, and its interval is Fieller's (J. Royal Statistical Society B 16,
-1954): all days for which the limit is inside the line's own interval. Where the slope may be zero
-it has no end, and nothing is said.
+1954): all days for which the limit is inside the interval of the line. If the slope may be zero,
+the interval is unbounded and no day is predicted.
 """
 
 from collections.abc import Sequence

@@ -1,8 +1,8 @@
 """Spillage on the haul: the fraction of the weighed load that arrives at the dump.
 
-A load is weighed where the machine gains speed, at the start of a haul. What pours from the bucket
-after that leaves no trace in the log that uneven ground does not leave as well, so the machine file
-states it (`machine.haul_spillage_share`), as a check weighing at the dump tells it.
+A load is weighed while the machine accelerates, at the start of a haul. Later spillage cannot be
+distinguished from uneven ground in the log, so the machine file states it
+(`machine.haul_spillage_share`), as determined by a check weighing at the dump.
 """
 
 from collections.abc import Mapping, Sequence

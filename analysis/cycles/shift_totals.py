@@ -1,7 +1,7 @@
 """Frame `shift`: totals of the cycles, with random and common uncertainty.
 
-What was dumped in the shift is the counted cycles, those that the log shows without a mass, and
-those that holes hide; one uncertainty holds for all of it.
+The mass dumped in the shift is that of the counted cycles, of the cycles that the log shows without
+a mass, and of those hidden by holes; one uncertainty covers all of it.
 """
 
 from collections.abc import Collection, Mapping, Sequence

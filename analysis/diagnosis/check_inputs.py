@@ -1,8 +1,8 @@
 """Inputs of the checks: the ungated samples of straight motion and of spins.
 
-Among it is what the log weighs against the machine's empty mass: a gear that nobody divided out, a
-force in another unit or a wrong radius multiply every mass of a log alike, and have no other
-witness. The difference is judged in its standard uncertainty with the scale.
+They include the log's mass compared with the machine's empty mass: an omitted gear ratio, a force
+in another unit or a wrong radius multiply every mass of a log by the same factor, and nothing else
+reveals it. The difference is judged by its standard uncertainty, including the scale.
 """
 
 from collections.abc import Mapping
@@ -135,7 +135,7 @@ class AxisMotion:
     Attributes:
         A: regressor.
         f: force in N, or yaw torque in N·m.
-        known: no value is missing.
+        complete: no value is missing.
         moving: fitted samples: in motion, and not braking unless braking counts as driving.
         braking: the machine slows down.
         speeding: the machine speeds up.
@@ -143,7 +143,7 @@ class AxisMotion:
 
     A: Floats
     f: Floats
-    known: Bools
+    complete: Bools
     moving: Bools
     braking: Bools
     speeding: Bools

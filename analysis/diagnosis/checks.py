@@ -1,8 +1,8 @@
 """The table of checks: whether a log can weigh, judged on all moving samples, ungated.
 
-A gate cannot protect from a log that holds no answer: of enough windows some look fine. So the
-checks look at everything that moved, each with its number and its limit. Straight motion decides
-about the mass, spins decide about the inertia.
+A gate cannot protect against a log that contains no answer: among enough windows some look fine. So
+the checks use all moving samples, each with a number and a limit. Straight motion decides about the
+mass, spins about the inertia.
 """
 
 from dataclasses import dataclass
@@ -111,7 +111,7 @@ def _driving_share(_: CheckInputs, motion: AxisMotion) -> float:
 
 def _acceleration_gain(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Slope of the accelerometer against the wheels' acceleration in straight motion."""
-    used = motion.known & inputs.is_phase("accelerating", "cruising", "braking")
+    used = motion.complete & inputs.is_phase("accelerating", "cruising", "braking")
     measured = column_values(inputs.excitation, "specific_force_x_m_s2")
     imu = average_like_speed_rate(measured, inputs.machine.settings)
     rate = column_values(inputs.excitation, "speed_rate_x_m_s2")
@@ -165,7 +165,7 @@ def _describe_empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
 
 def _spin_centre_offset_m(inputs: CheckInputs, motion: AxisMotion) -> float:
     x, y = (column_values(inputs.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
-    return fit_quality.spin_centre_offset_m(x, y, motion.speed, motion.A[:, 0], motion.known)
+    return fit_quality.spin_centre_offset_m(x, y, motion.speed, motion.A[:, 0], motion.complete)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,8 @@
 """Stretches that a check names, left out of the fit, and the resulting change of the answer.
 
-A sensor that freezes for a second of a day, or an engine that gives no more than it can, is no
-reason to say nothing: what is named is left out. Where the answer then is another one, nobody knows
-what else is wrong with that channel, and there is none.
+A sensor that freezes for one second of a day, or an engine at its limit, is no reason to withhold
+the answer: these stretches are left out. If that changes the answer, the channel cannot be trusted
+elsewhere either, and the answer is withheld.
 """
 
 from collections.abc import Callable, Iterator, Mapping

@@ -1,8 +1,8 @@
 """Left against right on straight drives: torque against torque, wheel speeds against the gyroscope.
 
-The sum of two torques weighs, and looks as sound with one sensor that reads a fifth. A machine that
-drives straight has sides that push and turn alike but for a few per cent: tyres, a cross slope and
-gentle curves make the difference.
+The sum of two torques gives the mass, and looks as plausible if one sensor reads a fifth of its
+torque. On a straight drive the two sides differ in torque and speed by only a few per cent, due to
+tyres, a cross slope and gentle curves.
 """
 
 from collections.abc import Mapping, Sequence

@@ -63,7 +63,7 @@ class Finding:
         # the causes bring all that looks for them; most recordings show none
         from analysis.findings import CAUSES, UNKNOWN
 
-        says = {cause.key: cause.says for cause in (*CAUSES, UNKNOWN)}
+        says = {cause.key: cause.statement for cause in (*CAUSES, UNKNOWN)}
         kept: dict[str, Any] = {n: row[n] for n in cls.__dataclass_fields__ if n in row}
         start, end = (row[name] for name in ("start_t_ns", "end_t_ns"))
         kept["says"] = says.get(row["cause"], row["cause"].replace("_", " "))
@@ -83,7 +83,7 @@ class Explanation:
     """Explanation of a run's answer.
 
     Attributes:
-        said: the answer.
+        answer: the answer of the run.
         at_s: explained moment; None for the whole run.
         findings: causes found in the log, likeliest first, only those that cover `at_s` if it is
             given; None if the run did not look for causes.
@@ -94,7 +94,7 @@ class Explanation:
         determined: determined parameters; None if unknown.
     """
 
-    said: Answer
+    answer: Answer
     at_s: float | None
     findings: tuple[Finding, ...] | None
     manoeuvre: ManoeuvreReport | None
@@ -107,9 +107,9 @@ class Explanation:
         """The fields as plain JSON values."""
         return {
             "at_s": self.at_s,
-            "can_weigh": self.said.verdict.can_weigh,
-            "loads": [dict(row) for row in self.said.loads],
-            "verdict": self.said.verdict.to_dict(),
+            "can_weigh": self.answer.verdict.can_weigh,
+            "loads": [dict(row) for row in self.answer.loads],
+            "verdict": self.answer.verdict.to_dict(),
             "findings": None if self.findings is None else [asdict(each) for each in self.findings],
             "manoeuvre": None if self.manoeuvre is None else asdict(self.manoeuvre),
             "worst_manoeuvres": [asdict(each) for each in self.worst],
@@ -134,7 +134,7 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
         stretches = list_gate_stretches(gate, settings, begin, end)
     manoeuvre = None if at_s is None else report_manoeuvre_at(frames, at_s)
     return Explanation(
-        said=answer(run),
+        answer=answer(run),
         at_s=at_s,
         findings=_select_findings_near(frames, at_s),
         manoeuvre=manoeuvre,

@@ -30,7 +30,7 @@ def convert_to_si(
         The expression with unitless numbers, and its dimension as pint's object.
 
     Raises:
-        ExpressionError: both sides, where they cannot be added or compared; an unknown unit.
+        ExpressionError: two sides cannot be added or compared (it names both), or an unknown unit.
     """
     if isinstance(tree, Name):
         gain, dimension = si_gain_and_dimension(units[tree.name], tree.name, registry)

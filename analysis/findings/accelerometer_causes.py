@@ -1,8 +1,8 @@
 """Causes in the accelerometer: tilt, bias, misalignment, low-pass, lost gravity, a loose mount.
 
-An IMU that rocks rings after each start, and the force does not. What moves slowly against the
-mount's own frequency only reads as an accelerometer of another scale: x grows by gravity times the
-angle that the acceleration tilts it by.
+An IMU that rocks on its mount rings after each start, while the force does not. Motion that is slow
+against the mount's natural frequency only looks like a wrong scale of the accelerometer: x grows by
+gravity times the angle by which the acceleration tilts the IMU.
 """
 
 from dataclasses import replace

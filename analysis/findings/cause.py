@@ -56,26 +56,26 @@ class Cause:
 
     Attributes:
         key: its name in the frame `findings`.
-        says: the cause, in a sentence.
+        statement: the cause, in a sentence.
         needs: what a log must contain for the cause to be detectable, in a sentence.
         find: finds its symptoms by channel; returns an empty list if the log lacks the inputs in
             `needs`.
         withholds: whether a finding invalidates the mass.
         as_judged: whether a finding invalidates the mass only if a check of the verdict does.
         explains: causes that are reported as consequences of this one.
-        outdone: a symptom stronger than this one by this factor is not explained by it.
-        hides: whether this cause masks most others until it is corrected.
+        explains_up_to: factor by which an explained symptom may be stronger than this one.
+        masks_others: whether this cause masks most others until it is corrected.
     """
 
     key: str
-    says: str
+    statement: str
     needs: str
     find: Callable[[FindingInputs], list[Symptom]]
     withholds: bool = False
     as_judged: bool = False
     explains: tuple[str, ...] = ()
-    outdone: float = float("inf")
-    hides: bool = False
+    explains_up_to: float = float("inf")
+    masks_others: bool = False
 
 
 def keep_strongest_symptom(symptoms: Sequence[Symptom]) -> list[Symptom]:

@@ -39,7 +39,7 @@ CAUSES: Final = (
             *(*_OF_FIT, "unsigned", "offset", "wrong_unit", "imu_misaligned", "swapped_sides"),
             *("wrong_scale", "unlike_sides"),
         ),
-        hides=True,
+        masks_others=True,
     ),
     Cause(
         "unsigned",
@@ -59,7 +59,7 @@ CAUSES: Final = (
         sign_causes.find_wrong_unit,
         withholds=True,
         explains=(*_OF_FIT, "imu_misaligned", "offset", "slope", "wrong_scale"),
-        hides=True,
+        masks_others=True,
     ),
     Cause(
         "wrong_scale",
@@ -109,7 +109,7 @@ CAUSES: Final = (
         "nothing more",
         channel_causes.find_spikes,
         explains=("load_changed_inside", "external_force", *_OF_RESIDUALS),
-        outdone=2.0,
+        explains_up_to=2.0,
     ),
     Cause(
         "quantised",
@@ -189,7 +189,7 @@ CAUSES: Final = (
             *("imu_low_passed", "load_changed_inside", "external_force", *_OF_RESIDUALS),
             *("wheel_radius", "slip"),
         ),
-        outdone=3.0,
+        explains_up_to=3.0,
     ),
     Cause(
         "imu_low_passed",

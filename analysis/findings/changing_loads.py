@@ -1,12 +1,12 @@
-"""Loads that change: one that grows while a manoeuvre drives, or two that take turns.
+"""Loads that change: one that grows during a manoeuvre, or two that alternate.
 
-A growing load obeys f = (m + g t) a + (b + g) v, with g in kg/s: what comes in is brought to the
-machine's speed, which costs g v. Each manoeuvre has its own mass and growth; friction and constant
-forces are those of all manoeuvres together.
+A growing load obeys f = (m + g t) a + (b + g) v, with g in kg/s: accelerating the incoming material
+to the machine's speed takes g v. Each manoeuvre has its own mass and growth; friction and constant
+forces are common to all manoeuvres.
 
-Loads that take turns may be one load whose measured share of the force changes: where the direction
-changes from start to start, so does the sign of the acceleration, and with it what a load transfer
-takes from the measured wheels.
+Alternating loads may be one load whose measured share of the force changes: if the direction
+changes from start to start, so does the sign of the acceleration, and with it the force that a load
+transfer takes from the measured wheels.
 """
 
 from statistics import NormalDist

@@ -24,7 +24,7 @@ from estimators.arrays import Bools, Floats, Ints
 _FROZEN_S: Final = 0.3
 #: Share of the readings that pile up at an extreme.
 _CLIPPED: Final = 0.001
-#: Share of moving readings that repeat the one before: noise is below the resolution.
+#: Share of readings in motion that repeat the previous one: noise is below the resolution.
 _REPEATS: Final = 0.1
 #: Share of the steps that are multiples of the least one; fewer steps tell nothing.
 _WHOLE: Final = 0.95
@@ -182,17 +182,17 @@ def repeat_share_and_resolution(inputs: FindingInputs, name: str) -> tuple[float
     The resolution is 0 if the steps have no common divisor.
     """
     key = f"steps {name}"
-    if key not in inputs.kept:
+    if key not in inputs.cache:
         t, x = inputs.series[name]
         steps = np.diff(x)[inputs.is_moving_at(t)[1:] & (x[1:] != 0.0)]
         sizes = np.abs(steps[steps != 0.0])
-        inputs.kept[key] = 0.0, 0.0
+        inputs.cache[key] = 0.0, 0.0
         if steps.size >= _FEWEST and sizes.size:
             lsb = float(np.min(sizes))
             whole = float(np.mean(np.abs(sizes / lsb - np.rint(sizes / lsb)) < 0.05))
             repeats = float((steps == 0.0).mean())
-            inputs.kept[key] = repeats, lsb if whole > _WHOLE else 0.0
-    return inputs.kept[key]  # type: ignore[return-value]
+            inputs.cache[key] = repeats, lsb if whole > _WHOLE else 0.0
+    return inputs.cache[key]  # type: ignore[return-value]
 
 
 def _is_coarse(inputs: FindingInputs, name: str) -> bool:
@@ -225,7 +225,7 @@ def find_spikes(inputs: FindingInputs) -> list[Symptom]:
             Symptom(
                 each.ratio / _SPIKE * float(np.sqrt(min(each.unix_ns.size, 25))) / _ALONE,
                 f"{each.unix_ns.size} single readings are off by {each.size:.3g} (median), up to "
-                f"{each.ratio:.0f} deviations",
+                f"{each.ratio:.0f} standard deviations",
                 channel=name,
                 span_ns=inputs.since_first_sample_ns(int(each.unix_ns[0]), int(each.unix_ns[-1])),
                 change=lambda near=each.near: refit_without_rows(inputs, near),
@@ -237,9 +237,9 @@ def find_spikes(inputs: FindingInputs) -> list[Symptom]:
 
 def spikes_by_channel(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
     """Spikes by channel; channels without spikes are absent."""
-    if "spikes" not in inputs.kept:
-        inputs.kept["spikes"] = _detect_spikes(inputs)
-    return inputs.kept["spikes"]  # type: ignore[return-value]
+    if "spikes" not in inputs.cache:
+        inputs.cache["spikes"] = _detect_spikes(inputs)
+    return inputs.cache["spikes"]  # type: ignore[return-value]
 
 
 def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:

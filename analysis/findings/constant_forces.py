@@ -1,8 +1,9 @@
 """Constant forces: attribute them to an offset, an accelerometer tilt or Coulomb friction.
 
-Standing tells what the force reads at rest, and the accelerometer beyond gravity by the pitch;
-driving tells their sum C = F₀ - m e + F_c. Brakes may hold a force at rest that driving has not,
-and ground may slope under a log without pitch, so what rests shows need not be what drives.
+Standstill shows the force at rest, and the accelerometer's reading beyond gravity if the pitch is
+known; driving shows their sum C = F₀ - m e + F_c. Brakes may hold a force at rest that is absent
+while driving, and the ground may slope in a log without pitch, so the constants at standstill may
+differ from those while driving.
 """
 
 from dataclasses import dataclass, replace
@@ -52,17 +53,17 @@ def gravity_by_pitch(inputs: FindingInputs) -> np.typing.NDArray[np.float64]:
     """Gravity along x from the pitch, (n,) in m/s²; 0 without a pitch channel."""
     if not has_pitch(inputs):
         return np.zeros(inputs.aligned.height)
-    if "gravity" not in inputs.kept:
+    if "gravity" not in inputs.cache:
         pitch = column_values(inputs.aligned, _PITCH)
-        inputs.kept["gravity"] = inputs.machine.machine.gravity_m_s2 * np.sin(pitch)
-    return inputs.kept["gravity"]  # type: ignore[return-value]
+        inputs.cache["gravity"] = inputs.machine.machine.gravity_m_s2 * np.sin(pitch)
+    return inputs.cache["gravity"]  # type: ignore[return-value]
 
 
 def explain_constant_force(inputs: FindingInputs) -> ConstantForces:
     """Explain the constant force in motion by the fewest causes that suffice."""
-    if "constants" not in inputs.kept:
-        inputs.kept["constants"] = _explain_constant_forces(inputs)
-    found = inputs.kept["constants"]
+    if "constants" not in inputs.cache:
+        inputs.cache["constants"] = _explain_constant_forces(inputs)
+    found = inputs.cache["constants"]
     assert isinstance(found, ConstantForces)
     return found
 

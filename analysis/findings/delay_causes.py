@@ -1,8 +1,8 @@
 """Delays: find which of force, wheels and accelerometer is late.
 
-The likelihood of the equation covers delays up to a fifth of a second. A longer one, as of a GNSS
-speed, makes everything else show (friction, a misaligned accelerometer, a frozen speed), and is
-found first, by the correlation of whole channels.
+The likelihood of the equation covers delays up to a fifth of a second. A longer one, such as that
+of a GNSS speed, makes other causes appear (friction, a misaligned accelerometer, a frozen speed),
+and is therefore searched first, by the correlation of whole channels.
 """
 
 from dataclasses import dataclass, replace
@@ -54,9 +54,9 @@ class LongDelay:
 
 def find_long_delay(inputs: FindingInputs) -> LongDelay | None:
     """Find the channel that is far behind the two others, which agree."""
-    if "long delay" not in inputs.kept:
-        inputs.kept["long delay"] = _search_long_delay(inputs)
-    return inputs.kept["long delay"]  # type: ignore[return-value]
+    if "long delay" not in inputs.cache:
+        inputs.cache["long delay"] = _search_long_delay(inputs)
+    return inputs.cache["long delay"]  # type: ignore[return-value]
 
 
 def _search_long_delay(inputs: FindingInputs) -> LongDelay | None:
@@ -198,13 +198,15 @@ def find_delays(inputs: FindingInputs) -> list[Symptom]:
     if late is not None:
         return [_make_long_delay_symptom(inputs, late)]
     found = [pick for name, pick in search_likelihood(inputs).items() if name.startswith("delay")]
-    return [_make_delay_symptom(inputs, pick) for pick in found if not is_rather_filter_delay(pick)]
+    return [
+        _make_delay_symptom(inputs, pick) for pick in found if not is_filter_delay_likelier(pick)
+    ]
 
 
 def find_filter_delay(inputs: FindingInputs) -> list[Symptom]:
     """Find an accelerometer that a filter makes later than its stamps explain."""
     found = search_likelihood(inputs).get("delay:imu")
-    if found is None or not is_rather_filter_delay(found):
+    if found is None or not is_filter_delay_likelier(found):
         return []
     return [
         replace(
@@ -218,7 +220,7 @@ def masks_other_causes(cause: str, strength: float | None) -> bool:
     return cause == "delay" and strength is not None and strength >= LIMITS.long_delay_rank
 
 
-def is_rather_filter_delay(pick: PickedCause) -> bool:
+def is_filter_delay_likelier(pick: PickedCause) -> bool:
     """Whether a delay is better explained by a filter of the accelerometer."""
     return pick.name == "delay:imu" and pick.value > LIMITS.filter_delay_s
 

@@ -1,8 +1,8 @@
 """The stage `findings`: the causes that a log shows, by likelihood, and the causes they mask.
 
-A force of the wrong sign, in another unit or late by a second leaves nothing that could be weighed,
-so that nothing else shows. What corrects it is a key of a channel: the log is examined once more
-with it.
+A force with the wrong sign, in another unit or late by a second leaves nothing to weigh, and so
+masks all other causes. One key of a channel corrects it; the log is then examined again with that
+key.
 """
 
 import tomllib
@@ -23,7 +23,7 @@ from analysis.findings.unexplained import SHOWN
 from analysis.model.machine import Machine
 from analysis.model.schema import build_frame, frame_schema
 
-_HIDES: Final = [cause.key for cause in CAUSES if cause.hides]
+_MASKS_OTHERS: Final = [cause.key for cause in CAUSES if cause.masks_others]
 #: Keys of a channel that mend one.
 _OF_CHANNEL: Final = ("scale", "unit", "delay_s")
 #: What pushes back in a start that digs.
@@ -50,7 +50,7 @@ def find_causes(inputs: FindingInputs) -> pl.DataFrame:
         and (cause[1].strength >= other[1].strength or not _explains_other(other, cause))
     )
     shown.sort(key=lambda each: (explained[each[0].key], -each[1].strength))
-    inputs.kept[SHOWN] = tuple(cause.key for cause, _ in shown)
+    inputs.cache[SHOWN] = tuple(cause.key for cause, _ in shown)
     shown += [(UNKNOWN, sign) for sign in UNKNOWN.find(inputs)]
     rows = [
         _make_finding_row(rank, cause, sign, inputs) for rank, (cause, sign) in enumerate(shown, 1)
@@ -67,7 +67,7 @@ def _explains_other(one: tuple[Cause, Symptom], other: tuple[Cause, Symptom]) ->
     (cause, own), (seen, sign) = one, other
     if seen.key in own.explains:
         return True
-    return seen.key in cause.explains and sign.strength <= cause.outdone * own.strength
+    return seen.key in cause.explains and sign.strength <= cause.explains_up_to * own.strength
 
 
 def find_symptoms_of_all_causes(inputs: FindingInputs) -> list[tuple[Cause, Symptom]]:
@@ -208,7 +208,7 @@ def _correct_machine(machine: Machine, first: pl.DataFrame) -> Machine | None:
     """Machine file with the masking cause corrected; None if no channel setting corrects it."""
     if first.is_empty() or first["setting"][0] is None:
         return None
-    if first["cause"][0] not in _HIDES and not masks_other_causes(
+    if first["cause"][0] not in _MASKS_OTHERS and not masks_other_causes(
         first["cause"][0], first["strength_1"][0]
     ):
         return None

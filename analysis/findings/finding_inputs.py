@@ -40,7 +40,7 @@ class FindingInputs:
         digs: stretches in which an external force opposes the machine.
         judged: the frame `verdict`.
         estimates: estimates by method.
-        kept: results cached by one cause for another.
+        cache: results that one cause computes and another uses.
     """
 
     check_inputs: CheckInputs
@@ -50,7 +50,7 @@ class FindingInputs:
     digs: pl.DataFrame
     judged: pl.DataFrame
     estimates: Mapping[str, pl.DataFrame] = field(default_factory=dict)
-    kept: dict[str, object] = field(default_factory=dict)
+    cache: dict[str, object] = field(default_factory=dict)
 
     @property
     def machine(self) -> Machine:

@@ -133,7 +133,7 @@ def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             abs(const) / (LIMITS.term_min_std * std),
-            f"driving shows {_format_newtons(const, std, sign='+')} besides mass and friction",
+            f"driving shows a constant force of {_format_newtons(const, std, sign='+')}",
             channel=inputs.force_channel,
             alternatives=("imu_misaligned", "imu_bias", "slope", "coulomb"),
         )
@@ -363,7 +363,7 @@ def find_braking_inside(inputs: FindingInputs) -> list[Symptom]:
             pick.value / LIMITS.seen_braking_fraction,
         )
         share, others = (
-            f" ({pick.value:.2%} ± {pick.std:.2%} unseen)",
+            f" ({pick.value:.2%} ± {pick.std:.2%} is not measured)",
             indistinguishable_cause_keys(pick),
         )
     return [

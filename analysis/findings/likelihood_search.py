@@ -1,8 +1,8 @@
 """Stepwise search for causes that raise the likelihood of the two equations.
 
-At each step every cause is tried with one parameter beside mass, friction and what was found
-before; that which raises the likelihood most is taken. Causes that would raise it nearly as much
-are its class: this log does not tell them apart.
+At each step every cause is tried as one additional parameter besides mass, friction and the causes
+picked before; the one that raises the likelihood most is picked. Causes that would raise it nearly
+as much form its class: this log cannot distinguish them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -60,9 +60,9 @@ class PickedCause:
 
 def search_likelihood(inputs: FindingInputs) -> Mapping[str, PickedCause]:
     """Rank the causes by their gain of likelihood; picked causes come first."""
-    if "picks" not in inputs.kept:
-        inputs.kept["picks"] = _pick_causes_in_turn(inputs)
-    return inputs.kept["picks"]  # type: ignore[return-value]
+    if "picks" not in inputs.cache:
+        inputs.cache["picks"] = _pick_causes_in_turn(inputs)
+    return inputs.cache["picks"]  # type: ignore[return-value]
 
 
 def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:

@@ -1,7 +1,7 @@
 """Change of the mass if a cause is corrected, by refitting a corrected motion.
 
-One refit costs a fraction of a replay. What a replay would do besides (other windows accepted,
-another mean) is in the uncertainty.
+One refit costs a fraction of a replay. The other effects of a replay (different accepted windows, a
+different mean) are included in the uncertainty.
 """
 
 from collections.abc import Callable
@@ -85,14 +85,14 @@ def refit_corrected(
 
 def _uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
     """Mass before the correction, by the whole fit or, in a long log, by the refitted part."""
-    if "refitted" not in inputs.kept:
+    if "refitted" not in inputs.cache:
         whole = np.unique(fit.motion.group[fit.motion.used]).size <= LIMITS.refit_max_stretches
         if whole and fit.states is not None:
-            inputs.kept["states"] = fit.states.count
+            inputs.cache["states"] = fit.states.count
         if whole:
-            inputs.kept["wheels"] = fit.kinematics
-        inputs.kept["refitted"] = fit.mass_kg if whole else _refit_mass_kg(inputs, fit.motion)
-    return inputs.kept["refitted"]  # type: ignore[return-value]
+            inputs.cache["wheels"] = fit.kinematics
+        inputs.cache["refitted"] = fit.mass_kg if whole else _refit_mass_kg(inputs, fit.motion)
+    return inputs.cache["refitted"]  # type: ignore[return-value]
 
 
 def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
@@ -110,14 +110,14 @@ def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None
         return None
     motion = motion.keep_near_fitted(LIMITS.refit_reach_s)
     states = None if fit.states is None else fit.states.restrict_to(motion)
-    if states is not None and states.count != inputs.kept.setdefault("states", states.count):
+    if states is not None and states.count != inputs.cache.setdefault("states", states.count):
         return None
-    earlier = inputs.kept.get("wheels")
+    earlier = inputs.cache.get("wheels")
     wheels = earlier if isinstance(earlier, WheelKinematics) else fit.kinematics
     if not known or earlier is None:
         wheels = compare_wheels(motion, noise, priors, wheels)
     if known:
-        inputs.kept["wheels"] = wheels
+        inputs.cache["wheels"] = wheels
     begun = replace(fit, motion=motion, kinematics=wheels, states=states)
     found = refit_warm_started(begun, noise, priors, known=known).mass_kg
     return found if np.isfinite(found) else None

@@ -1,7 +1,7 @@
 """Causes in the residual of the force: coloured noise, uneven noise, oscillation or hysteresis.
 
-The same sum of channels is looked at while the machine stands, where it holds the instruments'
-noise alone; its spectrum while it drives is compared with that.
+The same combination of channels is examined at standstill, where it contains only the noise of the
+instruments; its spectrum while driving is compared with that.
 """
 
 from typing import NamedTuple
@@ -28,9 +28,9 @@ class Spectra(NamedTuple):
 
 def residual_spectra(inputs: FindingInputs) -> Spectra | None:
     """Spectra of f - m a - b v; None if standstill or motion is too short, or the grid too slow."""
-    if "spectra" in inputs.kept:
-        return inputs.kept["spectra"]  # type: ignore[return-value]
-    inputs.kept["spectra"] = found = _compute_residual_spectra(inputs)
+    if "spectra" in inputs.cache:
+        return inputs.cache["spectra"]  # type: ignore[return-value]
+    inputs.cache["spectra"] = found = _compute_residual_spectra(inputs)
     return found
 
 

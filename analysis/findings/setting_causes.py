@@ -1,7 +1,8 @@
 """Causes in the settings: braking left out although the force shows it, and forgetting.
 
-Where a machine is always about to brake, the gate leaves nothing. Whether the force sees the brakes
-is asked of the samples themselves, gate or no gate: then braking tells the mass that driving tells.
+If a machine is always about to brake, the gate accepts nothing. Whether the force sensor measures
+the brakes is therefore decided on all samples, gated or not: if it does, braking gives the same
+mass as driving.
 """
 
 from collections.abc import Callable
@@ -58,7 +59,7 @@ def _braking_over_driving_mass(evidence: CheckInputs) -> float:
     """Mass from braking over mass from driving, without the gate; NaN if undetermined."""
     motion = evidence.straight_motion
     A = np.column_stack([motion.A[:, :2], np.sign(motion.speed)])
-    driving = motion.known & evidence.is_phase("accelerating", "cruising")
+    driving = motion.complete & evidence.is_phase("accelerating", "cruising")
     found = [_fit_mass_and_std(A, motion.f, of) for of in (driving, motion.braking)]
     if not all(std_kg < _KNOWN * abs(kg) for kg, std_kg in found):
         return float("nan")

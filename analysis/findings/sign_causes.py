@@ -76,7 +76,7 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             10.0 * strength,
-            f"force and acceleration have the correlation {of_force:+.2f} at equal speed"
+            f"force and acceleration correlate by {of_force:+.2f} at equal speed"
             + (f", the accelerometer reads {gain:+.2f} of the wheels'" if by_imu else ""),
             channel=names[0],
             setting=setting,
@@ -112,7 +112,7 @@ def _find_flipped_side(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             LIMITS.sign_rank * abs(together),
-            f"left and right torque have the correlation {together:+.2f} in straight driving",
+            f"left and right torque correlate by {together:+.2f} in straight driving",
             channel=wrong,
             setting=setting,
             value=value,
@@ -129,14 +129,14 @@ def find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
     if not np.isfinite(opposing):
         opposing = inputs.checks.get("opposing_share", np.nan)
     straight = inputs.check_inputs.straight_motion
-    if not straight.known.any():
+    if not straight.complete.any():
         return []
     fewest = rows_in_duration(
         LIMITS.unsigned_braking_s,
         inputs.machine.settings.align.rate_hz,
         LIMITS.unsigned_min_samples,
     )
-    backwards = float((straight.speed[straight.known] < -LIMITS.reverse_speed_m_s).mean()) > 0.05
+    backwards = float((straight.speed[straight.complete] < -LIMITS.reverse_speed_m_s).mean()) > 0.05
     brakes = (
         np.count_nonzero(straight.braking) >= fewest
         and opposing <= LIMITS.unsigned_opposing_fraction
@@ -147,7 +147,7 @@ def find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             LIMITS.sign_rank,
-            f"of up to {high:.3g}, not one of its readings is below zero, though the machine "
+            f"its readings reach {high:.3g} and are never below zero, although the machine "
             + (
                 "drives back"
                 if backwards

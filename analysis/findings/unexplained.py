@@ -28,7 +28,7 @@ _OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
 
 def find_unexplained_checks(inputs: FindingInputs) -> list[Symptom]:
     """Report failed checks of the mass that no cause accounts for."""
-    kept = inputs.kept.get(SHOWN, ())
+    kept = inputs.cache.get(SHOWN, ())
     found = make_unexplained_symptom(inputs.judged, kept if isinstance(kept, tuple) else ())
     return [] if found is None else [found]
 

@@ -1,7 +1,7 @@
 """The two equations that causes are tested on, as rows with white noise of unit size.
 
 Force: f = m a + b v, by means of a few samples inside the stretches. Wheels: v = v₀ + ∫a + c t, by
-means inside each stretch, without its own line; the accelerometer's noise adds up over it.
+means inside each stretch, with a linear trend removed; the accelerometer's noise adds up over it.
 """
 
 from collections.abc import Sequence

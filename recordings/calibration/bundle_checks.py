@@ -1,6 +1,7 @@
 """Check the folder of a bundle without trusting its maker or this program's earlier output.
 
-Its files are those that were signed, its statement is about them, and signed by whom it should be.
+It checks that the files are those that were signed, that the statement covers them, and that the
+required signer signed it.
 """
 
 import datetime as dt

@@ -1,7 +1,7 @@
 """Tables of a bundle as Parquet, and safe reading of untrusted ones.
 
-A few bytes of Parquet can ask for gigabytes, and Arrow's reader ends the whole process on some
-damaged files. So ours are neither compressed nor coded, and another process with bounds reads them.
+A few bytes of Parquet can unpack to gigabytes, and some damaged files crash Arrow's reader. So
+tables of bundles are neither compressed nor encoded, and a separate process with limits reads them.
 """
 
 import io

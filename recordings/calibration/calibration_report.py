@@ -1,7 +1,7 @@
 """Report of a bundle: one page for readers, made from the evidence only.
 
-The same evidence gives the same bytes, so that whoever checks a bundle makes the page anew and
-compares. It has no script, and forbids itself to load anything.
+The same evidence gives the same bytes, so that `verify` can make the page again and compare. The
+page has no script, and its policy forbids loading anything.
 """
 
 import datetime as dt

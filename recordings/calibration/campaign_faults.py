@@ -66,7 +66,7 @@ def runs_without_date(document: EvidenceDocument) -> list[CampaignRun]:
 
 
 def creation_time(document: EvidenceDocument) -> dt.datetime:
-    """Time at which the evidence was made, by its own statement."""
+    """Time at which the evidence was made, as it states."""
     return dt.datetime.fromisoformat(document.made)
 
 

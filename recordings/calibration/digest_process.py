@@ -1,4 +1,6 @@
-"""Started by `strange_files` as a process of its own, in bounds: files in, what they hold as JSON.
+"""Digest untrusted files in a separate process with limits, and print their contents as JSON.
+
+Started by `strange_files`:
 
 python -m recordings.calibration.digest_process {recording|pdf} FILE…
 """

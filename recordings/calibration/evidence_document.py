@@ -24,8 +24,8 @@ from analysis.model.machine import Machine
 from analysis.model.strict_config import STRICT
 from estimators.errors import EvidenceError
 from recordings.calibration.released_defaults import (
+    changed_defaults_of_absent_settings,
     find_absent_settings,
-    first_defaults_of_absent_settings,
     insert_dotted_values,
     released_defaults,
     remove_dotted_values,
@@ -240,7 +240,7 @@ class EvidenceDocument(BaseModel):
         Args:
             values: `evidence.json`, that it was read from.
         """
-        changed = first_defaults_of_absent_settings(self.settings_at_default, released_defaults())
+        changed = changed_defaults_of_absent_settings(self.settings_at_default, released_defaults())
         if not changed:
             return self
         document = EvidenceDocument.model_validate_json(

@@ -1,4 +1,4 @@
-"""Started by `tables` as a process of its own: Parquet on stdin, JSON on stdout, in bounds.
+"""Read untrusted Parquet in a separate process with limits: Parquet on stdin, JSON on stdout.
 
 It imports nothing of ours, so that it can be started alone, and opens no file.
 """

@@ -123,7 +123,7 @@ def _find_absent_values(
             yield from _find_absent_values(value, evidence_values[name], f"{prefix}{name}.")
 
 
-def first_defaults_of_absent_settings(
+def changed_defaults_of_absent_settings(
     absent: Mapping[str, Any], released: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
     """Settings missing in evidence whose default has changed since their release.

@@ -94,7 +94,7 @@ def check_timestamp(
     document: EvidenceDocument,
     authorities: "Sequence[Certificate]",
 ) -> None:
-    """Check that the time stamp, if any, is of this signature, and by whom.
+    """Check that the time stamp, if any, belongs to this signature, and who issued it.
 
     Args:
         bundle: receives the findings and the proven day.

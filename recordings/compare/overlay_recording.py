@@ -43,13 +43,15 @@ class _OverlaidRun:
 
     name: str
     run: Run
-    shown: Mapping[str, pl.DataFrame]
+    drawn_frames: Mapping[str, pl.DataFrame]
 
     def columns_drawn_in_view(self, view: View) -> tuple[DisplayColumn, ...]:
-        return drawn_columns_of_view(view, self.run, self.shown)
+        return drawn_columns_of_view(view, self.run, self.drawn_frames)
 
     def frames_by_entity(self) -> dict[str, pl.DataFrame]:
-        return {entity_under_side(self.name, frame): rows for frame, rows in self.shown.items()}
+        return {
+            entity_under_side(self.name, frame): rows for frame, rows in self.drawn_frames.items()
+        }
 
 
 def write_overlay_recording(
@@ -72,7 +74,7 @@ def write_overlay_recording(
     """
     moved = align_times(a, b, one_log=one_log)
     about = a.provenance.model_copy(
-        update={"notes": ("two replays over each other; see the tab Compared",), "losses": ()}
+        update={"notes": ("two replays overlaid; see the tab Compared",), "losses": ()}
     )
 
     def make_overlay_scene(_: Run) -> Scene:
@@ -82,7 +84,7 @@ def write_overlay_recording(
         ]
         return Scene(
             name="A and B",
-            shown={name: rows for side in sides for name, rows in side.frames_by_entity().items()},
+            frames={name: rows for side in sides for name, rows in side.frames_by_entity().items()},
             layout=lay_out_tabs(_make_overlay_pages(*sides), unix_span_of_grid_ns(a)),
             texts={COMPARED: text},
         )
@@ -141,7 +143,9 @@ def has_difference(view: View, a: _OverlaidRun, b: _OverlaidRun) -> bool:
     if [(each.frame, each.column) for each in mine] != [(o.frame, o.column) for o in theirs]:
         return True
     return any(
-        not a.shown[each.frame].select(names).equals(b.shown[each.frame].select(names))
+        not a.drawn_frames[each.frame]
+        .select(names)
+        .equals(b.drawn_frames[each.frame].select(names))
         for each in mine
         for names in [["t_ns", each.column, *([each.variance] if each.variance else [])]]
     )
@@ -190,7 +194,7 @@ def difference_panel_or_none(
     drawn = [
         each
         for each in difference.columns_drawn_in_view(plain)
-        if (difference.shown[each.frame][each.column].fill_null(0.0) != 0.0).any()
+        if (difference.drawn_frames[each.frame][each.column].fill_null(0.0) != 0.0).any()
     ]
     if not drawn:
         return None

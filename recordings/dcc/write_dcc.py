@@ -134,7 +134,7 @@ def _add_ref_types(parent: "_Element", document: EvidenceDocument) -> None:
         ("basic", "Terms for every certificate", "https://dccwiki.ptb.de", ""),
         (
             "payscope",
-            "Terms that the list of the namespace basic is not known to have",
+            "Terms that are not in the list of the namespace basic",
             "payscope/docs/evidence.md",
             f"v{document.software.payscope}",
         ),

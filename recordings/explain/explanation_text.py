@@ -35,7 +35,7 @@ _APART: Final = 3.0
 
 def answer_and_cause_sentence(explanation: Explanation) -> str:
     """The answer and the likeliest cause of an error, in one sentence."""
-    said = answer_headline(explanation.said).removesuffix(".")
+    said = answer_headline(explanation.answer).removesuffix(".")
     here = (
         ""
         if explanation.at_s is None

@@ -52,7 +52,7 @@ class Item(Generic[N]):
         title: title of the item.
         needs: extracts of simulations that it needs.
         numbers: function that computes its numbers from the extracts.
-        said: function that makes its sentences from the numbers.
+        make_sentences: function that makes its sentences from the numbers.
         frame: function that makes the frame of the CSV file, with keys as text.
         tables: function that makes the tables of the page.
         picture: height and painter of its picture, or None.
@@ -62,7 +62,7 @@ class Item(Generic[N]):
     title: str
     needs: tuple[Extract[Any, Any], ...]
     numbers: Callable[[Extracts], N]
-    said: Callable[[N], ItemSentences]
+    make_sentences: Callable[[N], ItemSentences]
     frame: Callable[[N], pl.DataFrame] = _one_row_frame
     tables: Callable[[pl.DataFrame], list[RenderedTable]] = _render_no_tables
     picture: FigurePicture | None = None
@@ -74,13 +74,13 @@ class ItemResult:
 
     item: Item[Any]
     frame: pl.DataFrame
-    said: ItemSentences
+    sentences: ItemSentences
 
 
 def compute_item(item: Item[N], extracts: Extracts) -> ItemResult:
     """Compute an item from the extracts that it needs."""
     numbers = item.numbers(extracts)
-    return ItemResult(item, item.frame(numbers), item.said(numbers))
+    return ItemResult(item, item.frame(numbers), item.make_sentences(numbers))
 
 
 def _make_extract_getter(extract: Extract[Any, N]) -> Callable[[Extracts], N]:

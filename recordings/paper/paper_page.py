@@ -99,8 +99,8 @@ def _render_page_markdown(results: Sequence[ItemResult], introduction: str) -> s
             "title": each.item.title,
             "picture": _picture_file_name(each.item) if each.item.picture else None,
             "tables": each.item.tables(each.frame),
-            "findings": each.said.findings,
-            "choices": each.said.choices,
+            "findings": each.sentences.findings,
+            "choices": each.sentences.choices,
         }
         for each in results
     ]
@@ -110,6 +110,6 @@ def _render_page_markdown(results: Sequence[ItemResult], introduction: str) -> s
 def _make_sentence_rows(results: Sequence[ItemResult], introduction: str) -> pl.DataFrame:
     rows = [("", "about", introduction)]
     for each in results:
-        rows += [(each.item.name, "finding", sentence) for sentence in each.said.findings]
-        rows += [(each.item.name, "choice", sentence) for sentence in each.said.choices]
+        rows += [(each.item.name, "finding", sentence) for sentence in each.sentences.findings]
+        rows += [(each.item.name, "choice", sentence) for sentence in each.sentences.choices]
     return pl.DataFrame(rows, schema=["item", "kind", "sentence"], orient="row")

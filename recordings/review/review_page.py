@@ -187,17 +187,17 @@ class UsedCalibration(NamedTuple):
     """Calibration of a review.
 
     Attributes:
-        says: description; empty without one.
+        description: sentence about the calibration; empty without one.
         against: why the logs contradict it, so that it is not used; else empty.
     """
 
-    says: str = ""
+    description: str = ""
     against: str = ""
 
     @property
     def counts(self) -> bool:
         """Whether the payloads are calibrated by this evidence."""
-        return bool(self.says) and not self.against
+        return bool(self.description) and not self.against
 
 
 @dataclass(frozen=True)
@@ -266,7 +266,7 @@ def render_review_html(page: ReviewPage) -> str:
         verdicts=f"{counted(said, 'cycle')} with a reviewer's verdict",
         verdict_lines=verdict_file_lines(page.verdicts),
         verdict_file=VERDICTS,
-        calibration=page.calibration.says or "none: masses are by the machine file alone",
+        calibration=page.calibration.description or "none: masses are by the machine file alone",
         friction=_describe_friction(state),
         energy=energy_table_by_phase(state),
         energy_phases=[row.phase for row in state.energy.rows if row.cycle is None],

@@ -103,7 +103,7 @@ class VerdictFile(BaseModel):
         """Labels of all cycles, whenever they are dumped."""
         return merge_labels(each for each in self.shift if each.begin is None and each.end is None)
 
-    def labels_of_dump_at(self, unix_s: float) -> Labels:
+    def labels_at_dump_time(self, unix_s: float) -> Labels:
         """Labels of cycles dumped at a time."""
         return merge_labels(each for each in self.shift if each.applies_to_dump_at(unix_s))
 

@@ -72,7 +72,7 @@ def missing_load_sentences(shift: Mapping[str, Any]) -> list[str]:
     found: list[str] = []
     if shift["uncounted_cycles"] > 0.0 and not shift["cycles_counted"]:
         found.append(
-            f"Not weighed: about {shift['uncounted_cycles']:.0f} cycles seen by digging or the "
+            f"Not weighed: about {shift['uncounted_cycles']:.0f} cycles detected by digging or the "
             "boom; no load has a mass from which to estimate theirs."
         )
     if shift["on_board_kg"] is not None:
@@ -147,7 +147,7 @@ def _list_work_facts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tup
     found.append(
         (
             "cycles",
-            f"{shift['cycles']} seen ({_recorded_time_text(shift)}), "
+            f"{shift['cycles']} detected ({_recorded_time_text(shift)}), "
             f"{shift['cycles_counted']} counted, "
             f"{shift['cycles_rejected']} rejected, {shift['cycles_without_mass']} without a mass",
         )

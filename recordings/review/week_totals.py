@@ -141,7 +141,7 @@ def _sum_loads_of_parts(
             clock.to_local_datetime((ends_ns - state.t0_unix_ns) / NS) if clock.is_dated else None
         )
         day = NO_DATE if local is None else f"{local:%Y-%m-%d}"
-        groups[day, own or verdicts.labels_of_dump_at(ends_ns / NS).product].append(row)
+        groups[day, own or verdicts.labels_at_dump_time(ends_ns / NS).product].append(row)
     parts: list[WeekPart] = []
     for (day, product), members in groups.items():
         sums = sum_cycles(cycles[members], rejected)

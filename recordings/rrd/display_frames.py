@@ -166,7 +166,7 @@ def make_display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.Data
 
 def axis_range(view: View, run: Run) -> tuple[float, float] | None:
     """Range of most values of a view with outliers; None to show all."""
-    if not view.wild:
+    if not view.clips_outliers:
         return None
     drawn = list(series_of_view(view, run))
     if not drawn:

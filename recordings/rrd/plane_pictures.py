@@ -1,7 +1,7 @@
 """Pictures without a time axis: force over acceleration, and a calibration's line and errors.
 
-The viewer has plots over time only. So these are drawn in its plane: grid, numbers, points and
-lines, each under a path of its own, which can be hidden there.
+The viewer plots over time only. So these are drawn in its 2D view: grid, numbers, points and lines,
+each under a separate path, which can be hidden in the viewer.
 """
 
 from collections.abc import Iterator

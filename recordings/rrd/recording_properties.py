@@ -1,7 +1,7 @@
 """Properties of a recording, by which viewer and catalog sort recordings.
 
-They are of the property `ANSWER`: `property:answer:mass_kg` is a column of Rerun's tables, and so
-on. A quantity is there where the run has it; all else always is.
+They belong to the property `ANSWER`: `property:answer:mass_kg` is a column of Rerun's tables, for
+example. A quantity is present if the run has it; all others always are.
 """
 
 from collections.abc import Mapping

@@ -13,8 +13,8 @@ from recordings.rrd.recording_views import (
     ViewKind,
     ViewSeries,
     band_view,
+    clipped_line_view,
     line_view,
-    outlier_view,
     states_view,
 )
 from recordings.rrd.stored_names import entity_parts
@@ -46,7 +46,7 @@ _LOADS = View(
         ViewSeries("loads", "mass_kg", "load ± u", "u_kg"),
         ViewSeries("manoeuvres", "mass_kg", "a manoeuvre by itself", "mass_std_kg"),
     ),
-    wild=True,
+    clips_outliers=True,
 )
 _MASS = band_view("Mass", "estimates", "mass_kg", "mass_std_kg")
 _FRICTION = band_view("Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m")
@@ -128,10 +128,10 @@ TABS: Final = (
                 noise_share_x_1="along",
                 noise_share_z_1="yaw",
             ),
-            outlier_view(
+            clipped_line_view(
                 "Predicted standard deviation of the mass", "gate", "predicted_std_x", "predicted"
             ),
-            outlier_view(
+            clipped_line_view(
                 "Predicted standard deviation of the inertia",
                 "gate",
                 "predicted_std_z",
@@ -153,9 +153,9 @@ TABS: Final = (
     Tab(
         "Residuals",
         (
-            outlier_view("Residual r.m.s.", "estimates", "residual_rms_N"),
-            outlier_view("Residual r.m.s. of the yaw torque", "estimates", "residual_rms_N_m"),
-            outlier_view("Condition number", "estimates", "condition_1"),
+            clipped_line_view("Residual r.m.s.", "estimates", "residual_rms_N"),
+            clipped_line_view("Residual r.m.s. of the yaw torque", "estimates", "residual_rms_N_m"),
+            clipped_line_view("Condition number", "estimates", "condition_1"),
         ),
         methods=MethodLayout.ROWS,
     ),

@@ -36,7 +36,7 @@ class View:
     series: tuple[ViewSeries, ...]
     threshold: str | None = None
     """The setting that is drawn as a constant line."""
-    wild: bool = False
+    clips_outliers: bool = False
     """Whether a few estimates may be off by orders of magnitude: the axis then shows the bulk."""
 
     @property
@@ -88,14 +88,14 @@ def line_view(name: str, frame: str, threshold: str | None = None, /, **series: 
     return View(name, ViewKind.LINES, drawn, threshold)
 
 
-def outlier_view(name: str, frame: str, column: str, label: str = "") -> View:
-    """View of a column with outliers, which are cut off."""
-    return View(name, ViewKind.LINES, (ViewSeries(frame, column, label),), wild=True)
+def clipped_line_view(name: str, frame: str, column: str, label: str = "") -> View:
+    """View of a column as a line, on an axis that leaves its outliers out."""
+    return View(name, ViewKind.LINES, (ViewSeries(frame, column, label),), clips_outliers=True)
 
 
 def band_view(name: str, frame: str, column: str, std: str, label: str = "") -> View:
     """View of a column with a band of its standard deviation."""
-    return View(name, ViewKind.BANDS, (ViewSeries(frame, column, label, std),), wild=True)
+    return View(name, ViewKind.BANDS, (ViewSeries(frame, column, label, std),), clips_outliers=True)
 
 
 def states_view(name: str, *series: tuple[str, str, str]) -> View:

@@ -1,8 +1,8 @@
 """Storage of frames in a recording: blocks of rows, each column's block as one list.
 
-Rerun repeats row id and times in every row and an offset in every cell, which for a shift is more
-than the numbers themselves. So a frame that is kept, and not drawn, lies in rows of many values
-each. It forgets empty frames, the order of columns and their dtypes: a manifest goes with them.
+Rerun stores row id and times in every row and an offset in every cell, which for a shift is more
+than the numbers themselves. So a frame that is not drawn is stored in rows of many values each.
+Rerun does not keep empty frames, the order of columns and their dtypes: a manifest stores these.
 """
 
 from collections.abc import Iterator, Sequence

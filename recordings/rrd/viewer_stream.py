@@ -152,7 +152,7 @@ def _send_scene(scene: Scene, request: ViewerRequest, t0_unix_ns: int) -> None:
     send_texts(recording, scene, request.under)
     at = times_on_extra_timelines(request)
     send_events(recording, scene, t0_unix_ns, request.under, at)
-    for name, frame in scene.shown.items():
+    for name, frame in scene.frames.items():
         for batch in iter_drawn_batches(name, frame, t0_unix_ns, request.under, at):
             recording.send_record_batch(batch, index=[TIME, SINCE_START, *at])
     recording.flush()

@@ -93,13 +93,13 @@ class Scene:
 
     Attributes:
         name: name in the viewer's list.
-        shown: drawn frames, with `t_ns`.
+        frames: drawn frames, with `t_ns`.
         layout: blueprint.
         texts: Markdown texts by name.
     """
 
     name: str
-    shown: Mapping[str, pl.DataFrame]
+    frames: Mapping[str, pl.DataFrame]
     layout: "Blueprint"
     texts: Mapping[str, str]
     events: tuple[tuple[int, str, bool], ...] = ()
@@ -203,7 +203,7 @@ def _send_run_through_pipe(
         recording, piped, path
     )  # what describes the frames first, or a cut file is past help
     waiting = 0
-    for index, batch in iter_indexed_batches(run, scene.shown):
+    for index, batch in iter_indexed_batches(run, scene.frames):
         recording.send_record_batch(batch, index=index)
         waiting += batch.nbytes
         if waiting > _MOST_WAITING:  # or the queue of chunks grows to the whole run

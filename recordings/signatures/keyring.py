@@ -46,7 +46,7 @@ class KnownKey(BaseModel):
     because: Annotated[str, StringConstraints(max_length=200)] = ""
 
     @model_validator(mode="after")
-    def _check_sound(self) -> Self:
+    def _validate_key(self) -> Self:
         try:
             self.public  # noqa: B018  reading it refuses a weak key
         except EvidenceError as fault:

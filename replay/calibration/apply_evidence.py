@@ -230,7 +230,7 @@ def load_calibration(request: CalibrationRequest) -> MachineCalibration:
         first = str(next(iter(wrong or found.findings), "no evidence"))
         more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
         raise EvidenceError(
-            f"{folder}: calibrates nothing: {first}{more}; `payscope verify` lists all"
+            f"{folder}: cannot be used to calibrate: {first}{more}; `payscope verify` lists all"
         )
     by = (
         accept_known_signature(request, found.signed_by, keyring)

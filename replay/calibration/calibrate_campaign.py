@@ -365,7 +365,7 @@ def _make_evidence_document(
         no_fit=fitted.no_fit,
         limits=fitted.limits,
         drift=evidence.drift,
-        as_found=evaluate_previous_line(last, redigested_estimator(last), estimator, fitted.frame),
+        as_found=evaluate_previous_line(last, redigest_estimator(last), estimator, fitted.frame),
         replay_tolerance_kg=TOLERANCE_KG,
         procedure=last.procedure if last and evidence.kind == "check" else PRESENT_NUMBER,
         chain=_make_next_link(previous),
@@ -375,7 +375,7 @@ def _make_evidence_document(
     return document.with_all_settings
 
 
-def redigested_estimator(previous: EvidenceDocument | None) -> Estimator | None:
+def redigest_estimator(previous: EvidenceDocument | None) -> Estimator | None:
     """Estimator of the previous evidence, with its digest by this version."""
     if previous is None:
         return None

@@ -117,7 +117,7 @@ def _make_single_run_campaign(
             "id": "check",
             "log": log.name,
             "loads": (_MASS,) if mass_on_board.value_kg else (),
-            "day": _given_or_logged_date(calibration, log, mass_on_board.day),
+            "day": _date_given_or_of_log(calibration, log, mass_on_board.day),
         }
     )
     return calibration.campaign.model_copy(
@@ -131,7 +131,7 @@ def _make_single_run_campaign(
     )
 
 
-def _given_or_logged_date(calibration: EvidenceDocument, log: Path, day: str | None) -> dt.date:
+def _date_given_or_of_log(calibration: EvidenceDocument, log: Path, day: str | None) -> dt.date:
     """Given day, else the log's date in the machine's time zone."""
     if day is not None:
         try:

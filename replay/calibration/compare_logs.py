@@ -94,8 +94,8 @@ def _compare_replayed_log(
         )
     if any(name.startswith("machine.") for name in document.settings_at_default):
         bundle.notes.append(
-            f"{evidence_log.log}: settings and frames are compared value by value alone, not by "
-            "their digests: this version has settings that the evidence lacks"
+            f"{evidence_log.log}: settings and frames are compared by value only, not by "
+            "digest: this version has settings that the evidence lacks"
         )
     elif evidence_log.settings_fingerprint != replayed.settings_fingerprint:
         bundle.add_finding(
@@ -153,7 +153,7 @@ def _check_learnt_terms(
     if not wrong and len(stored) != len(replayed):
         item = f"{EVIDENCE}: learnt"
         bundle.add_finding(
-            BundleOutcome.IRREPRODUCIBLE, item, "its logs yield more terms than it has"
+            BundleOutcome.IRREPRODUCIBLE, item, "its logs determine more terms than it lists"
         )
 
 
@@ -194,7 +194,7 @@ def compare_readings(
                 bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, item, what)
     if wrong > _MOST_NAMED:
         bundle.add_finding(
-            BundleOutcome.IRREPRODUCIBLE, READINGS, f"and {wrong - _MOST_NAMED} readings more"
+            BundleOutcome.IRREPRODUCIBLE, READINGS, f"and {wrong - _MOST_NAMED} more readings"
         )
 
 
@@ -215,7 +215,7 @@ def _find_log_path(
         same = [path.parent for path in named if file_sha256(path) == file.sha256]
         if not same:
             if named:
-                what = f"'{file.name}' is not the file of the evidence"
+                what = f"'{file.name}' differs from the file in the evidence"
                 bundle.add_finding(BundleOutcome.TAMPERED, item, what)
             else:
                 what = f"'{file.name}' is not in the folder of logs"

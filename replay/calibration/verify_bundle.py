@@ -168,7 +168,7 @@ def iter_unverifiable_claims(document: EvidenceDocument) -> Iterator[str]:
         "statement."
     )
     if document.signer is None:
-        yield "Who made this: it is unsigned."
+        yield "Who made this evidence: it is unsigned."
 
 
 def _check_expiry(bundle: CheckedBundle, document: EvidenceDocument, on: dt.date | None) -> None:

@@ -148,5 +148,7 @@ def _print_evidence(screen: "Console", outcome: "CalibrationOutcome") -> None:
     else:
         print_line(screen, f"signed as {signer.name or 'no name'}, key {signer.key_id[:12]}…")
     if outcome.document.chain.previous is None:
-        print_line(screen, "number 1 of this machine's evidence; --previous chains it to another")
+        print_line(
+            screen, "first evidence of this machine; --previous chains it to earlier evidence"
+        )
     print_line(screen, f"evidence: {outcome.folder}")

@@ -146,7 +146,7 @@ _MISSING: Final = {
 
 
 def describe_usage_error(error: typer.TyperException) -> str:
-    """Message for a wrong command line; what is missing is named with how to get it."""
+    """Message for a wrong command line; it says how to obtain a missing argument."""
     said = error.format_message() or "see payscope --help"
     if said.startswith("Missing "):
         path = getattr(getattr(error, "ctx", None), "command_path", "payscope")

@@ -62,8 +62,8 @@ def _print_conversion(conversion: "Conversion", screen: "Console") -> None:
         table.add_row(escape(one_line(topic["topic"])), f"{topic['rows']:,}", size, escape(files))
     print_table(screen, table)
     taken = (
-        f", {conversion.taken_up} of {conversion.spans} spans done before"
-        if conversion.taken_up
+        f", {conversion.resumed_spans} of {conversion.spans} spans already converted"
+        if conversion.resumed_spans
         else ""
     )
     print_line(

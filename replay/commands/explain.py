@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from analysis.explain import Explanation
     from analysis.model.answer import Answer
-    from replay.explain.try_proposals import MendedMachine
+    from replay.explain.try_proposals import CorrectedMachine
 
 
 #: Of a replay, for a bar: a recording is explained without the pipeline, which is slow to load.
@@ -60,20 +60,20 @@ def command(
     from replay.commands.progress_bar import StageProgress
     from replay.explain.explain_run import ExplainRequest, explain_run
 
-    picture, mended_file = split_picture_and_machine_outputs(output or [], apply=apply)
+    picture, corrected_file = split_picture_and_machine_outputs(output or [], apply=apply)
     if overrides and machine is None:
         raise typer.BadParameter("--set changes a machine file; name the file with -m")
     asked = ExplainRequest(
-        recording, machine, tuple(overrides or ()), at_s, picture, mended_file, force=force
+        recording, machine, tuple(overrides or ()), at_s, picture, corrected_file, force=force
     )
     with StageProgress(_STAGES) as stages:
-        explained, mended = explain_run(asked, stages.begin)
+        explained, corrected = explain_run(asked, stages.begin)
     if as_json:
-        told = {} if mended is None else {"mended": _mended_machine_as_dict(mended)}
+        told = {} if corrected is None else {"mended": _corrected_machine_as_dict(corrected)}
         print_json({**explained.to_dict(), **told})
     else:
-        _print_explanation(explained, mended, asked.picture)
-    if mended is not None and mended.path is None:
+        _print_explanation(explained, corrected, asked.picture)
+    if corrected is not None and corrected.path is None:
         raise typer.Exit(1)
 
 
@@ -99,22 +99,22 @@ def split_picture_and_machine_outputs(
     return (pictures[0] if pictures else None), (files[0] if files else None)
 
 
-def _mended_machine_as_dict(mended: "MendedMachine") -> dict[str, Any]:
+def _corrected_machine_as_dict(corrected: "CorrectedMachine") -> dict[str, Any]:
     from dataclasses import asdict
 
     return {
-        "path": None if mended.path is None else str(mended.path),
-        "changes": [asdict(each) for each in mended.changes],
-        "taken_back": [asdict(each) for each in mended.taken_back],
-        "can_weigh": mended.after.verdict.can_weigh,
-        "loads_before": [dict(row) for row in mended.before.loads],
-        "loads": [dict(row) for row in mended.after.loads],
-        "findings_left": [asdict(each) for each in mended.left],
+        "path": None if corrected.path is None else str(corrected.path),
+        "changes": [asdict(each) for each in corrected.changes],
+        "taken_back": [asdict(each) for each in corrected.rejected],
+        "can_weigh": corrected.after.verdict.can_weigh,
+        "loads_before": [dict(row) for row in corrected.before.loads],
+        "loads": [dict(row) for row in corrected.after.loads],
+        "findings_left": [asdict(each) for each in corrected.remaining],
     }
 
 
 def _print_explanation(
-    explanation: "Explanation", mended: "MendedMachine | None", picture: Path | None
+    explanation: "Explanation", corrected: "CorrectedMachine | None", picture: Path | None
 ) -> None:
     from recordings.explain.explanation_text import (
         answer_and_cause_sentence,
@@ -135,10 +135,10 @@ def _print_explanation(
         for line in listed:
             print_line(screen, line)
 
-    if mended is not None and mended.path is None:
+    if corrected is not None and corrected.path is None:
         print_line(screen, "no proposal improves the mass, so no machine file was written")
     print_line(screen, answer_and_cause_sentence(explanation))
-    failed = explanation.said.verdict.withholding_checks("mass")
+    failed = explanation.answer.verdict.withholding_checks("mass")
     if failed:
         screen.print("\nfailed checks:", markup=False)
         print_failed_checks(screen, failed)
@@ -157,37 +157,37 @@ def _print_explanation(
     )
     print_part(around, iter_gate_lines(explanation))
     print_part("the motion:", determined_parameter_lines(explanation.determined))
-    if mended is not None:
-        _print_mended_machine(screen, mended)
+    if corrected is not None:
+        _print_corrected_machine(screen, corrected)
     if picture is not None:
         screen.print()
         print_line(screen, f"picture: {picture}")
 
 
-def _print_mended_machine(screen: "Console", mended: "MendedMachine") -> None:
+def _print_corrected_machine(screen: "Console", corrected: "CorrectedMachine") -> None:
     from recordings.report.finding_text import cause_name
     from replay.commands.print_tables import print_line, setting_value_text
 
     screen.print("\nproposed corrections, each tested by a replay:", markup=False)
-    for each in mended.changes:
+    for each in corrected.changes:
         claim = ""
         if each.change_kg is not None:
             claim = f", claimed {each.change_kg:+,.2f} ± {each.change_u_kg or 0.0:,.2f} kg"
         said = f"{each.key} = {setting_value_text(each.value)} ({cause_name(each.cause)}{claim})"
         print_line(screen, said)
-    for tried in mended.taken_back:
+    for tried in corrected.rejected:
         key, cause = tried.proposal.key, cause_name(tried.proposal.cause)
         print_line(screen, f"not {key} ({cause}): {tried.why}")
-    if mended.path is None:
+    if corrected.path is None:
         return
     before, after = (
-        _format_mass_of_heaviest_load(mended.before),
-        _format_mass_of_heaviest_load(mended.after),
+        _format_mass_of_heaviest_load(corrected.before),
+        _format_mass_of_heaviest_load(corrected.after),
     )
     print_line(screen, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed")
-    left = ", ".join(cause_name(each.cause) for each in mended.left) or "no cause"
+    left = ", ".join(cause_name(each.cause) for each in corrected.remaining) or "no cause"
     print_line(screen, f"remaining findings: {left}")
-    print_line(screen, f"machine file: {mended.path}")
+    print_line(screen, f"machine file: {corrected.path}")
 
 
 def _format_mass_of_heaviest_load(answer: "Answer") -> str:

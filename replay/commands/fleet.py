@@ -179,7 +179,7 @@ def report_command(
         )
     for sentence in made.page.friction:
         print_line(screen, sentence)
-    print_line(screen, f"recordings that need a look: {len(said['to_look_at'])}")
+    print_line(screen, f"recordings to check: {len(said['to_look_at'])}")
     print_line(screen, f"page: {made.path}")
 
 
@@ -328,10 +328,10 @@ def _print_run(run: "FleetRun") -> None:
     from replay.commands.print_tables import print_line, stdout_console
 
     screen = stdout_console()
-    total = run.made + run.there + len(run.refused) + len(run.failed)
+    total = run.replayed + run.up_to_date + len(run.refused) + len(run.failed)
     print_line(
         screen,
-        f"{counted(total, 'recording')}: {run.made:,} replayed, {run.there:,} up to date, "
+        f"{counted(total, 'recording')}: {run.replayed:,} replayed, {run.up_to_date:,} up to date, "
         f"{len(run.refused):,} refused, {len(run.failed):,} without a result",
     )
     for source, why in sorted(run.refused.items()):

@@ -71,12 +71,14 @@ def _make_parser() -> argparse.ArgumentParser:
         ".parquet with a machine file next to them).",
     )
     parser.add_argument("path", type=Path, help="the file or folder that the viewer opens")
-    parser.add_argument("--application-id", help="of the recording that the viewer waits for")
-    parser.add_argument("--recording-id", help="likewise")
+    parser.add_argument(
+        "--application-id", help="application id of the recording that the viewer waits for"
+    )
+    parser.add_argument("--recording-id", help="id of that recording")
     parser.add_argument(
         "--entity-path-prefix",
         default="",
-        help="name of the application for everything that is shown",
+        help="entity path under which everything is shown",
     )
     for kind in ("sequence", "duration_nanos", "timestamp_nanos"):
         parser.add_argument(
@@ -84,6 +86,6 @@ def _make_parser() -> argparse.ArgumentParser:
             action="append",
             default=[],
             metavar="TIMELINE=TIME",
-            help="where everything lies on a further timeline; repeatable",
+            help="time of everything on an additional timeline; repeatable",
         )
     return parser

@@ -77,7 +77,7 @@ class StageProgress:
             opening = sum(seconds for stage, seconds in took if stage == "open")
             console.print(
                 f"{'total':<9} {total:8.3f} s, "
-                f"but for opening {(total - opening) / reading:.1f} times the reading"
+                f"without opening {(total - opening) / reading:.1f} times the reading time"
             )
 
 
@@ -93,7 +93,7 @@ def warn_on_slow_compile(warn: Callable[[], None]) -> Generator[None]:
         def __init__(self) -> None:
             self._nested = 0
             self._began = self._took = 0.0
-            self._told = False
+            self._has_warned = False
 
         def on_start(self, event: Any) -> None:
             del event
@@ -110,8 +110,8 @@ def warn_on_slow_compile(warn: Callable[[], None]) -> Generator[None]:
                 self._took += time.perf_counter() - self._began
 
         def _check(self) -> None:
-            if not self._told and self._took + time.perf_counter() - self._began > LONG_S:
-                self._told = True
+            if not self._has_warned and self._took + time.perf_counter() - self._began > LONG_S:
+                self._has_warned = True
                 warn()
 
     listener = Compiling()

@@ -295,8 +295,8 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
         print_line(screen, f"{name}: {value}")
     if review.calibration.against:
         print_line(screen, f"{NOT_CALIBRATED}: {review.calibration.against}")
-    elif review.calibration.says:
-        print_line(screen, review.calibration.says)
+    elif review.calibration.description:
+        print_line(screen, review.calibration.description)
     if failed := [check.check for check in state.withholding_checks]:
         print_line(screen, f"checks that failed: {', '.join(failed)}")
     if remarks := [f"{each.check} ({REMARKED[each.consequence]})" for each in state.remarks]:

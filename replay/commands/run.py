@@ -146,7 +146,7 @@ def _watch_machine_file(
     """Replay after each change of the machine file and print the change, until interrupted."""
     from estimators.errors import PayscopeError, one_line
     from replay.commands.print_tables import setting_value_text
-    from replay.runs.watch_machine_file import watch_machine_file
+    from replay.runs.run_logs import watch_machine_file
 
     def print_changed_answer(answer: "Answer", changed: "list[ValueChange]") -> None:
         if changed:

@@ -54,14 +54,14 @@ class Conversion:
         topics: topics with their parts.
         losses: data that could not be read.
         spans: number of time spans.
-        taken_up: number of spans from an earlier, interrupted conversion.
+        resumed_spans: number of spans from an earlier, interrupted conversion.
     """
 
     folder: Path
     topics: tuple[ConvertedTopic, ...]
     losses: tuple[Loss, ...]
     spans: int
-    taken_up: int
+    resumed_spans: int
 
     @property
     def rows(self) -> int:
@@ -80,7 +80,7 @@ class Conversion:
             "rows": self.rows,
             "size_bytes": self.size_bytes,
             "spans": self.spans,
-            "taken_up": self.taken_up,
+            "taken_up": self.resumed_spans,
             "topics": [
                 {
                     "topic": topic.summary["topic"],
@@ -127,7 +127,7 @@ def convert_log(
     making = RunningConversion(log, topics)
     try:
         with unfinished_folder(target) as folder:
-            done, taken_up = making.convert_by_spans(folder, span_messages, on_span)
+            done, resumed_spans = making.convert_by_spans(folder, span_messages, on_span)
             described = making.describe_converted_folder(folder, done)
             kept = {part.file for topic in described.topics for part in topic.parts}
             folder.remove_all_except(kept)
@@ -135,7 +135,7 @@ def convert_log(
             _replace_folder(folder.path, target)
     except OSError as error:
         raise OutputError(f"{target}: cannot be written ({error.strerror or error})") from None
-    return Conversion(target, described.topics, described.losses, len(done), taken_up)
+    return Conversion(target, described.topics, described.losses, len(done), resumed_spans)
 
 
 def _replace_folder(finished: Path, target: Path) -> None:
@@ -188,7 +188,7 @@ class RunningConversion:
         )
         before = set(self._log.losses())
         done: list[_Parts] = [span.parts for span in folder.resume_or_restart(plan)]
-        taken_up = len(done)
+        resumed_spans = len(done)
         if borders and not before:
             for number in range(len(done), len(borders) + 1):
                 on_span(f"convert {number + 1} of {len(borders) + 1}")
@@ -200,7 +200,7 @@ class RunningConversion:
                 done.append(folder.add_finished_part(number, parts).parts)
             else:
                 if self._has_all_indexed_messages(done):
-                    return done, taken_up
+                    return done, resumed_spans
         folder.clear()
         self._faults.clear()
         on_span("convert 1 of 1")

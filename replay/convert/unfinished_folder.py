@@ -1,8 +1,8 @@
 """State of an unfinished conversion: its plan, and the completed time spans.
 
-It lies beside the output, under another name. A span is done when its record is there, which is
-written behind its parts, a Parquet file a topic; whatever else is there is of a span that was cut
-off.
+It is kept next to the output, under another name. A span is complete when its record exists, which
+is written after its parts, one Parquet file per topic; all other files belong to an interrupted
+span.
 """
 
 import fcntl

@@ -22,7 +22,7 @@ from replay.logs import open_log
 from replay.machines.machine_file import load_machine, time_axis_of_machine
 
 if TYPE_CHECKING:
-    from replay.explain.try_proposals import MendedMachine
+    from replay.explain.try_proposals import CorrectedMachine
 
 _SETTLING: Final = ("t_ns", "mass_kg", "mass_std_kg")
 _RECURSIVE: Final = tuple(f"estimates/{name}" for name in RECURSIVE_METHODS)
@@ -38,7 +38,7 @@ class ExplainRequest:
         overrides: `key=value` overrides of the machine file.
         at_s: time in s to explain; None for the whole run.
         picture: picture to write; None draws none.
-        mended_file: corrected machine file to write; None writes none.
+        corrected_file: corrected machine file to write; None writes none.
         force: whether to replace existing files.
     """
 
@@ -47,13 +47,13 @@ class ExplainRequest:
     overrides: tuple[str, ...] = ()
     at_s: float | None = None
     picture: Path | None = None
-    mended_file: Path | None = None
+    corrected_file: Path | None = None
     force: bool = False
 
 
 def explain_run(
     request: ExplainRequest, on_stage: Callable[[str], None] = lambda _: None
-) -> "tuple[Explanation, MendedMachine | None]":
+) -> "tuple[Explanation, CorrectedMachine | None]":
     """Explain a recording or a log; optionally draw it and write a corrected machine file.
 
     Args:
@@ -75,13 +75,13 @@ def explain_run(
         from recordings.explain.explanation_picture import plot_explanation
 
         plot_explanation(whole, explained, request.picture, force=request.force)
-    if request.mended_file is None or request.machine_file is None:
+    if request.corrected_file is None or request.machine_file is None:
         return explained, None
-    from replay.explain.try_proposals import MachineText, mend_machine_file
+    from replay.explain.try_proposals import MachineText, write_corrected_machine_file
 
     source = MachineText(request.machine_file, request.overrides)
-    output = (request.mended_file, request.force)
-    return explained, mend_machine_file(request.path, source, whole, output, on_stage)
+    output = (request.corrected_file, request.force)
+    return explained, write_corrected_machine_file(request.path, source, whole, output, on_stage)
 
 
 def _check_request(request: ExplainRequest) -> None:
@@ -96,13 +96,13 @@ def _check_request(request: ExplainRequest) -> None:
     if request.picture is not None:
         refuse_input_as_output(request.picture, inputs)
         require_writable_picture(request.picture, force=request.force)
-    if request.mended_file is not None:
+    if request.corrected_file is not None:
         if request.machine_file is None:
             raise MachineError(
-                f"{request.mended_file}: --apply corrects a machine file; name that file with -m"
+                f"{request.corrected_file}: --apply corrects a machine file; name that file with -m"
             )
-        refuse_input_as_output(request.mended_file, inputs)
-        require_writable_output(request.mended_file, force=request.force)
+        refuse_input_as_output(request.corrected_file, inputs)
+        require_writable_output(request.corrected_file, force=request.force)
 
 
 def _check_moment(request: ExplainRequest, run: Run) -> None:
@@ -120,12 +120,12 @@ def load_frames_to_explain(request: ExplainRequest, on_stage: Callable[[str], No
     """The frames to explain, from the recording or from a replay."""
     if request.machine_file is None:
         with open_recording(request.path) as held:
-            return read_explained_frames(held, pictured=request.picture is not None)
+            return read_frames_for_explanation(held, pictured=request.picture is not None)
     machine = load_machine(request.machine_file, request.overrides)
     if request.path.suffix == SUFFIX and request.path.is_file():
         with open_recording(request.path) as held:
             if "findings" in held.stages and not _differs_from_recorded_machine(held, machine):
-                return read_explained_frames(held, pictured=request.picture is not None)
+                return read_frames_for_explanation(held, pictured=request.picture is not None)
     # a recording is explained without what replays a log
     from replay.pipeline import run
 
@@ -143,7 +143,7 @@ def _differs_from_recorded_machine(recording: OpenRecording, machine: Machine) -
     return bool(changed_settings(recorded, machine))
 
 
-def read_explained_frames(recording: OpenRecording, *, pictured: bool) -> Run:
+def read_frames_for_explanation(recording: OpenRecording, *, pictured: bool) -> Run:
     """Read the frames needed for an explanation or a picture."""
     recording.refuse_without_frames()
     wanted: dict[str, Sequence[str]] = {}

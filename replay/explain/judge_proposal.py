@@ -1,7 +1,7 @@
 """Judge a proposed setting by comparing replays with and without it.
 
-A value is found in the whole log, and would be confirmed by it. So it is found once more in the
-first half and tried on the second, which it was not fitted to.
+A value fitted to the whole log would be confirmed by the same log. So it is fitted again to the
+first half, and tested on the second half.
 """
 
 import math
@@ -17,7 +17,7 @@ from analysis.model.run_record import Run
 from analysis.model.schema import column_values
 from estimators.errors import DataError, MachineError
 from recordings.report.finding_text import findings_of_run
-from replay.explain.mended_file import Proposal, split_into_proposals
+from replay.explain.proposal_edits import Proposal, split_into_proposals
 
 #: By how much the uncertainty may grow for a cause that hardly moves the mass.
 _WIDER: Final = 1.05
@@ -183,7 +183,7 @@ def _reads_gravity(run: Run) -> bool:
 
 
 def is_cause_reduced(remaining: Finding, finding: Finding, *, as_claimed: bool) -> bool:
-    """Whether a cause is nearly gone, or is weaker and moved the mass as claimed."""
+    """Whether a cause has nearly vanished, or is weaker and the mass changed as claimed."""
     left = remaining.strength_1 / finding.strength_1
     return left < _REMAINDER or (left < 1.0 and as_claimed)
 

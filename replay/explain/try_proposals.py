@@ -1,10 +1,11 @@
 """Correct a machine file from findings, trying each proposal by replays.
 
-A proposal is kept where the log then still weighs, fails no other check, no longer shows that cause
-(or less than half of it, or less of it and the mass moved as claimed), where that holds on a half
-of the log that it was not fitted to, and where the empty machine's mass does not speak against it.
-The next one is taken from what the log shows after it: what one cause explains is gone with it, and
-is not mended while that cause stays. Where the mass remains withheld nothing is written.
+A proposal is accepted if with it the log can still weigh, fails no other check, no longer shows the
+cause (or less than half of it, or less of it with the mass changed as claimed), if that also holds
+on a half of the log that it was not fitted to, and if the empty machine's mass does not contradict
+it. The next proposal is taken from the findings that remain, since findings that one cause explains
+disappear with it, and are not corrected while that cause remains. If the mass remains withheld,
+nothing is written.
 """
 
 import tempfile
@@ -24,7 +25,7 @@ from estimators.errors import DataError, MachineError
 from recordings.report.atomic_output import atomic_file
 from recordings.report.finding_text import cause_name, findings_of_run
 from replay.explain.judge_proposal import ProposalTrial, Stretch, held_out_objection_text
-from replay.explain.mended_file import Proposal, insert_proposals, split_into_proposals
+from replay.explain.proposal_edits import Proposal, insert_proposals, split_into_proposals
 from replay.inputs.cached_log import CachedLog, LogPart
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import Log, open_log
@@ -64,24 +65,24 @@ class RejectedProposal:
 
 
 @dataclass(frozen=True)
-class MendedMachine:
+class CorrectedMachine:
     """A corrected machine file and its effect.
 
     Attributes:
         path: path of the file; None if no proposal helps and none was written.
         changes: accepted proposals.
-        taken_back: rejected proposals.
+        rejected: rejected proposals.
         before: answer without the proposals.
         after: answer with the accepted proposals.
-        left: remaining findings.
+        remaining: findings that remain.
     """
 
     path: Path | None
     changes: tuple[Proposal, ...]
-    taken_back: tuple[RejectedProposal, ...]
+    rejected: tuple[RejectedProposal, ...]
     before: Answer
     after: Answer
-    left: tuple[Finding, ...]
+    remaining: tuple[Finding, ...]
 
 
 @dataclass(frozen=True)
@@ -133,25 +134,25 @@ class ProposalProgress:
     Attributes:
         run: replay with the accepted proposals.
         changes: accepted proposals.
-        taken_back: rejected proposals.
-        seen: causes and channels already tried.
+        rejected: rejected proposals.
+        tried: causes and channels already tried.
         while_withheld: findings accepted while the mass was withheld.
     """
 
     run: Run
     changes: list[Proposal] = field(default_factory=list[Proposal])
-    taken_back: list[RejectedProposal] = field(default_factory=list[RejectedProposal])
-    seen: set[tuple[str, str | None]] = field(default_factory=set[tuple[str, str | None]])
+    rejected: list[RejectedProposal] = field(default_factory=list[RejectedProposal])
+    tried: set[tuple[str, str | None]] = field(default_factory=set[tuple[str, str | None]])
     while_withheld: list[Finding] = field(default_factory=list[Finding])
 
 
-def mend_machine_file(
+def write_corrected_machine_file(
     path: Path,
     source: MachineText,
     run_without_proposals: Run,
     output: tuple[Path, bool],
     on_stage: Callable[[str], None] = lambda _: None,
-) -> MendedMachine:
+) -> CorrectedMachine:
     """Write a machine file with the proposals that help.
 
     Args:
@@ -186,10 +187,10 @@ def mend_machine_file(
             ProposalReplays(CachedLog(opened), text, load_trial_machine, file, on_stage),
         )
     if not progress.changes:
-        return _make_mended_machine(None, progress, run_without_proposals)
+        return _make_corrected_machine(None, progress, run_without_proposals)
     with atomic_file(output[0], force=output[1]) as partial:
         partial.write_text(insert_proposals(text, progress.changes, file), encoding="utf-8")
-    return _make_mended_machine(output[0], progress, run_without_proposals)
+    return _make_corrected_machine(output[0], progress, run_without_proposals)
 
 
 def try_all_proposals(run_without_proposals: Run, replays: ProposalReplays) -> ProposalProgress:
@@ -206,7 +207,7 @@ def try_all_proposals(run_without_proposals: Run, replays: ProposalReplays) -> P
             break
         try_proposal(tried, finding, replays)
     behind = causes_masked_by_others(tried)
-    tried.taken_back += [
+    tried.rejected += [
         RejectedProposal(
             split_into_proposals(each)[0],
             f"{cause_name(behind[each.cause])} explains this finding and is still present",
@@ -215,11 +216,11 @@ def try_all_proposals(run_without_proposals: Run, replays: ProposalReplays) -> P
         if each.cause in behind
     ]
     if tried.changes and not answer(tried.run).verdict.can_weigh:
-        tried.taken_back += [
+        tried.rejected += [
             RejectedProposal(each, "the mass remains withheld")
             for each in _first_proposal_of_each_cause(tried.changes)
         ]
-        return ProposalProgress(run_without_proposals, taken_back=tried.taken_back)
+        return ProposalProgress(run_without_proposals, rejected=tried.rejected)
     reject_unneeded_proposals(tried, replays)
     return tried
 
@@ -240,7 +241,7 @@ def reject_unneeded_proposals(progress: ProposalProgress, replays: ProposalRepla
         shown = {each.cause for each in findings_of_run(without)}
         if answer(without).verdict.can_weigh and finding.cause not in shown:
             own = next(each for each in progress.changes if each.cause == finding.cause)
-            progress.taken_back.append(
+            progress.rejected.append(
                 RejectedProposal(own, "the correction does not improve the mass")
             )
             progress.changes, progress.run = others, without
@@ -271,7 +272,7 @@ def findings_without_trial(progress: ProposalProgress) -> list[Finding]:
     return [
         each
         for each in shown
-        if _finding_key(each) not in progress.seen and split_into_proposals(each)
+        if _finding_key(each) not in progress.tried and split_into_proposals(each)
     ]
 
 
@@ -306,7 +307,7 @@ def _finding_key(finding: Finding) -> tuple[str, str | None]:
 
 def try_proposal(progress: ProposalProgress, finding: Finding, replays: ProposalReplays) -> None:
     """Replay with a proposal, and accept or reject it."""
-    progress.seen.add(_finding_key(finding))
+    progress.tried.add(_finding_key(finding))
     changes = list(split_into_proposals(finding))
     try:
         replayed = replays.replay_with_changes([*progress.changes, *changes])
@@ -327,16 +328,16 @@ def try_proposal(progress: ProposalProgress, finding: Finding, replays: Proposal
             progress.run = replayed
             progress.changes += changes
             return
-    progress.taken_back.append(RejectedProposal(changes[0], why))
+    progress.rejected.append(RejectedProposal(changes[0], why))
 
 
-def _make_mended_machine(
+def _make_corrected_machine(
     path: Path | None, progress: ProposalProgress, run_without_proposals: Run
-) -> MendedMachine:
-    return MendedMachine(
+) -> CorrectedMachine:
+    return CorrectedMachine(
         path,
         tuple(progress.changes),
-        tuple(progress.taken_back),
+        tuple(progress.rejected),
         answer(run_without_proposals),
         answer(progress.run),
         findings_of_run(progress.run),

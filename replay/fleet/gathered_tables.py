@@ -1,8 +1,8 @@
 """A fleet's results as tables: gathered by machine, since thousands of small files are slow.
 
-What is gathered is derived: `gathered/machine=M/DIGEST/TABLE.parquet` holds the rows of all results
-of a machine, in the order of their logs, and DIGEST is of their keys. Where it is missing or of
-other keys, it is made anew, from the gathered one before and the results that are new.
+Gathered tables are derived: `gathered/machine=M/DIGEST/TABLE.parquet` holds the rows of all results
+of a machine, in the order of their logs, and DIGEST is the digest of their keys. If it is missing
+or the keys differ, it is rebuilt from the previous gathered table and the new results.
 """
 
 import hashlib

@@ -1,7 +1,6 @@
 """One interface for folders and object storage: whole objects, listed by prefix.
 
-A write appears whole or not at all: in a folder a hidden file is renamed, in object storage that
-is how an object is put.
+Writes are atomic: in a folder a hidden file is renamed; object storage puts objects atomically.
 """
 
 import os

@@ -1,8 +1,8 @@
 """Task of one recording: replay it on a node and store its result.
 
-The task itself holds its limits, seconds and memory. One that is over them is interrupted with the
-reason; one that cannot be interrupted, since it hangs in a library, ends its process; the engine
-counts that and gives it up.
+The task enforces its own limits of time and memory. A task that exceeds them is interrupted, with
+the reason; if it cannot be interrupted, since it hangs in a library, its process is ended, and the
+engine counts such ends and gives the task up.
 """
 
 import datetime as dt

@@ -49,8 +49,8 @@ class FleetRun:
 
     Attributes:
         destination: destination of the results.
-        made: number of replayed recordings.
-        there: number of recordings with an existing result.
+        replayed: number of replayed recordings.
+        up_to_date: number of recordings whose result exists already.
         refused: recordings without an answer, and why; these are results too.
         failed: recordings without a result, and why.
         seconds: total duration of the replays.
@@ -58,8 +58,8 @@ class FleetRun:
     """
 
     destination: str
-    made: int = 0
-    there: int = 0
+    replayed: int = 0
+    up_to_date: int = 0
     refused: dict[str, str] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
     seconds: float = 0.0
@@ -70,9 +70,9 @@ class FleetRun:
         self.seconds += outcome.seconds
         self.overhead_s += outcome.overhead_s
         if outcome.status == "made":
-            self.made += 1
+            self.replayed += 1
         elif outcome.status == "there":
-            self.there += 1
+            self.up_to_date += 1
         else:
             listed = self.refused if outcome.status == "refused" else self.failed
             listed[source] = outcome.reason
@@ -81,8 +81,8 @@ class FleetRun:
         """The fields as JSON-compatible values."""
         return {
             "destination": self.destination,
-            "made": self.made,
-            "there": self.there,
+            "made": self.replayed,
+            "there": self.up_to_date,
             "refused": dict(sorted(self.refused.items())),
             "failed": dict(sorted(self.failed.items())),
             "replay_s": self.seconds,

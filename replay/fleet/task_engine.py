@@ -1,8 +1,8 @@
 """Interface of a fleet's engine, which runs one function over many tasks anywhere.
 
-An engine places tasks on nodes by the memory that each declares, gives each one thread, starts
-those of a lost node or worker anew, and says which it gave up and why. `ray_engine` is the one
-there is; another needs these two methods.
+An engine places tasks on nodes by the memory that each declares, gives each one thread, restarts
+tasks of a lost node or worker, and reports the tasks that it gave up, with the reason. `ray_engine`
+is the only one so far; another one needs these two methods.
 """
 
 from collections.abc import Callable, Iterator, Sequence

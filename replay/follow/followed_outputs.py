@@ -67,7 +67,7 @@ class FollowedOutputs:
             paths: paths of the logs.
             machine: the machine of the follower.
             noise: noise given to the follower, if any.
-            tell: called with a line when an output continues or is abandoned.
+            tell: called with a message when an output continues or is abandoned.
             output: recording to write, or None.
             reports: MCAP file of reports, or None.
             server: address of a viewer's server, or None.
@@ -91,10 +91,10 @@ class FollowedOutputs:
         if reports is not None:
             self._topic = ReportFile(reports, paths, self._identity, force=force)
         self._recorded_ns = self._from.until_unix_ns if self._from else 0
-        self._told_ns = max(self._recorded_ns, self._topic.until_unix_ns if self._topic else 0)
-        if self._told_ns:
+        self._until_ns = max(self._recorded_ns, self._topic.until_unix_ns if self._topic else 0)
+        if self._until_ns:
             tell(
-                f"continues after {utc_time_text(self._told_ns)} UTC without repeating what is on "
+                f"continues after {utc_time_text(self._until_ns)} UTC without repeating what is on "
                 "disc"
             )
 
@@ -109,7 +109,7 @@ class FollowedOutputs:
             if row.reports:
                 self._record_rows(following, waiting, reports_markdown(row.reports[-1]))
                 self._write_reports(row.reports)
-                told += [each for each in row.reports if each.unix_ns > self._told_ns]
+                told += [each for each in row.reports if each.unix_ns > self._until_ns]
                 waiting = []
         self._record_rows(following, waiting, None)
         return told

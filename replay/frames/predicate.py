@@ -1,8 +1,8 @@
 """Time range of a filter, from the tree of a polars expression.
 
-An expression offers its children (`meta.pop`) and whether it equals another (`meta.eq`). What a
-node does is found by building what it may be from its children, so that nothing depends on how
-polars prints or stores expressions. What is not understood bounds nothing.
+An expression offers its children (`meta.pop`) and a test for equality (`meta.eq`). A node is
+identified by building candidates from its children and comparing, so that nothing depends on how
+polars prints or stores expressions. A node that is not recognised does not bound the range.
 """
 
 import operator

@@ -1,7 +1,7 @@
 """Cache of decoded logs: each is decoded in its own process, and kept until it changes.
 
-What is kept of a log are the fields that the machine file names, as they were read. A process that
-decodes ends with its log, so that memory goes with the largest logs at work and not with all.
+The cache keeps the fields of a log that the machine file names, as they were read. A decoding
+process ends with its log, so that memory depends on the largest logs in progress and not on all.
 """
 
 import hashlib

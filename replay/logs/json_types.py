@@ -1,6 +1,6 @@
 """Types of JSON messages, from the JSON schema in an MCAP file.
 
-JSON may hold anything anywhere, in a schema as in a message: every value is looked at before it is
+JSON may contain any value anywhere, in schemas and in messages: every value is checked before it is
 used.
 """
 
@@ -138,7 +138,7 @@ def _require_list(values: Any) -> Sequence[Any]:
     return values
 
 
-def _make_converter(value: Any, kind: str) -> Any:
+def _convert_value(value: Any, kind: str) -> Any:
     if kind == "string":
         return require_encodable_text(value)
     try:
@@ -153,8 +153,8 @@ def _stamp_ns(stamp: Any) -> int:
         raise BrokenBytesError(f"{type(stamp).__name__} in place of a time")
     nanoseconds = stamp.get("nsec", stamp.get("nanosec", 0))
     return require_int64(
-        _make_converter(stamp["sec"], "int64") * 10**9 + _make_converter(nanoseconds, "int64")
+        _convert_value(stamp["sec"], "int64") * 10**9 + _convert_value(nanoseconds, "int64")
     )
 
 
-JSON: Final = Library("json", _read_member, _stamp_ns, _require_list, _make_converter)
+JSON: Final = Library("json", _read_member, _stamp_ns, _require_list, _convert_value)

@@ -211,7 +211,9 @@ class _Records:
         if node == Nodetype.BASE:
             kind = detail[0]
             if kind not in COLUMN_DTYPES:
-                raise DefinitionError(f"{above[-1]} has a field of type {kind}, not supported")
+                raise DefinitionError(
+                    f"{above[-1]} has a field of type {kind}, which is not supported"
+                )
             return self._byte if kind == "byte" else Scalar(kind)
         length = detail[1] if node == Nodetype.ARRAY else None
         element = self._make_field(detail[0], above, repeated * (length or 1))
@@ -221,7 +223,7 @@ class _Records:
             most = _LARGEST_ARRAY if numbers else _MOST_ELEMENTS // repeated
             if length > most:
                 raise DefinitionError(
-                    f"{above[-1]} has an array of {length} elements, not supported"
+                    f"{above[-1]} has an array of {length} elements, which is not supported"
                 )
         return ListOf(element, length)
 

@@ -158,7 +158,7 @@ class TableLog(Log):
         asked = dict.fromkeys(name for names in fields.values() for name in names)
         self._expected = [name for name in asked if name in inside]
 
-    def _look_at_all_rows(self, fields: Sequence[str] = ()) -> None:
+    def _find_losses_of_all_rows(self, fields: Sequence[str] = ()) -> None:
         """Scan all rows of a text once, reading its times and some fields."""
         if self._is_checked or not isinstance(self._columns, CsvColumns):
             return
@@ -173,7 +173,7 @@ class TableLog(Log):
     def _log_times_of_topic(self, topic: str) -> pl.Series:
         """Log time of each row; null if it has none."""
         if topic not in self._stamps:
-            self._look_at_all_rows()
+            self._find_losses_of_all_rows()
             self._stamps[topic] = self._find_stamps(self._parts[topic][0])
         return self._stamps[topic]
 
@@ -213,8 +213,8 @@ class TableLog(Log):
     def _refuse_disagreement(self, axis: TableTimes, times: pl.Series) -> None:
         """Raise an error if another time column contradicts the detected one."""
         columns = self._columns
-        is_told = self._is_time_given or axis.time is None or len(self._parts) > 1
-        if is_told or not isinstance(columns, CsvColumns):
+        is_unambiguous = self._is_time_given or axis.time is None or len(self._parts) > 1
+        if is_unambiguous or not isinstance(columns, CsvColumns):
             return
         first = partial(columns.first_text_cells, count=_FIRST)
         said = describe_disagreement(
@@ -236,10 +236,9 @@ class TableLog(Log):
             said = "all rows have the same; name another column: [log] time"
         else:
             said = (
-                f"{shared:,} of {known_times.len():,} rows have the time of the row before; name "
-                "another "
-                "column or the one of the fractions, [log] time or time_fraction, or set "
-                "[log] rate_hz = rows per second"
+                f"{shared:,} of {known_times.len():,} rows have the same time as the row before; "
+                "name another time column, [log] time, or the column of the fractions of a second, "
+                "[log] time_fraction, or set [log] rate_hz = rows per second"
             )
         raise LogError(f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said}")
 
@@ -308,7 +307,7 @@ class TableLog(Log):
         for field in fields:
             if field not in inside:
                 raise LogError(f"{self.path}: no column '{field}'; {nearest(field, choices)}")
-        self._look_at_all_rows(fields)
+        self._find_losses_of_all_rows(fields)
         cells = self._cells_of_columns(list(dict.fromkeys(fields)))
         columns = [self._values_of_cells(cells.pop(field)) for field in dict.fromkeys(fields)]
         times = self._log_times_of_topic(topic)
@@ -364,7 +363,7 @@ class TableLog(Log):
     def check(self) -> LogCheck:
         """Read every column; see `Log.check`."""
         self._check_open()
-        self._look_at_all_rows()
+        self._find_losses_of_all_rows()
         fields = {field for topic in self._parts for field in self._fields_of_topic(topic)}
         message_bytes = 0
         for name in self._columns.names:

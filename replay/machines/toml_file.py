@@ -77,10 +77,10 @@ def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
 def refuse_other_kind_of_file(
     path: Path, content: Mapping[str, Any], kind: str, error: type[PayscopeError]
 ) -> None:
-    """Refuse a file of payscope of another kind, such as a campaign file for a machine file.
+    """Refuse another kind of payscope file, such as a campaign file given as a machine file.
 
     Raises:
-        PayscopeError: as `error`: which kind it is, and which machine file it names, if it does.
+        PayscopeError: of type `error`; it names the kind, and the machine file that it refers to.
     """
     found = next((k for k, tables in _KINDS.items() if any(each in content for each in tables)), "")
     if not found or kind in found:
@@ -205,7 +205,7 @@ def keys_and_table(
 
 
 def table_of_annotation(annotation: Any, tag: int | str | None = None) -> type[BaseModel] | None:
-    """Model that an annotation allows; among several, the one with this tag."""
+    """Model in a type annotation; of a union, the one whose discriminator is `tag`; else None."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     if get_origin(annotation) is Annotated:

@@ -119,7 +119,7 @@ def notarise_folder(
         raise EvidenceError(f"a notary needs a signing key; give --key KEY.pem, or {KEY_VARIABLE}")
     path = list_path or folder / LIST_NAME
     with open_list(path) as held:
-        head = begin_list_or_check_keeper(held, key, machine_id)
+        head = begin_list_or_check_signer_and_machine(held, key, machine_id)
         notes = [f"a torn tail of {held.cut_bytes} bytes was cut off"] if held.cut_bytes else []
         if held.second is None:
             notes.append(
@@ -146,7 +146,9 @@ def notarise_folder(
         )
 
 
-def begin_list_or_check_keeper(open_list: OpenList, key: SigningKey, machine_id: str) -> list[str]:
+def begin_list_or_check_signer_and_machine(
+    open_list: OpenList, key: SigningKey, machine_id: str
+) -> list[str]:
     """Begin a new list, or check that an existing one has this key and machine; return notes."""
     if not open_list.lines:
         head = NotaryHead(

@@ -59,7 +59,7 @@ class NamedTables:
         else:
             self.tables[name] = table
 
-    def add_word_names(self) -> None:
+    def add_identifier_aliases(self) -> None:
         """Add single-word names of tables."""
         words: dict[str, list[str]] = {}
         for name in self.tables:
@@ -114,7 +114,7 @@ def open_named_tables(
     for fleet in fleets:
         for name, table in fleet_tables(open_fleet_results(fleet)).items():
             found.add(name, partial(add_opening_second, table), fleet)
-    found.add_word_names()
+    found.add_identifier_aliases()
     return found
 
 

@@ -75,8 +75,10 @@ _OF_SIDES: Final = ("speed_{}_m_s", "wheel_{}_rpm")
 
 def accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
     """Three axes of the only accelerometer; empty if there are several or axes are missing."""
-    found = [c for c in columns if c.said.quantity == "acceleration" and c.said.axis]
-    axes = sorted(c.said.axis for c in found if c.said.axis)
+    found = [
+        c for c in columns if c.name_meaning.quantity == "acceleration" and c.name_meaning.axis
+    ]
+    axes = sorted(c.name_meaning.axis for c in found if c.name_meaning.axis)
     return found if axes == sorted(_AXES) else []
 
 
@@ -145,7 +147,7 @@ def add_correlations(
         (
             ChannelProposal("position_x_m", c.topic, c.field, c.unit, "")
             for c in columns
-            if c.said.quantity == "position" and c.has_dimension_of_unit("m")
+            if c.name_meaning.quantity == "position" and c.has_dimension_of_unit("m")
         ),
         None,
     )

@@ -46,9 +46,13 @@ def propose_force_of_unnamed_sides(columns: Sequence[LogColumn], recognition: Re
         for c in columns
         if c.quantity == "torque"
         and c.has_dimension_of_channel("torque_left_N_m")
-        and c.said.part != "motor"
+        and c.name_meaning.part != "motor"
     ]
-    wheels = [c for c in torques if c.said.side is None and c.said.axis in (None, "x", "y", "z")]
+    wheels = [
+        c
+        for c in torques
+        if c.name_meaning.side is None and c.name_meaning.axis in (None, "x", "y", "z")
+    ]
     if len(wheels) != 2 or len(torques) != 2:
         return False
     names = " or ".join(f"'{column.field}'" for column in wheels)
@@ -75,23 +79,23 @@ def propose_force_of_motor(columns: Sequence[LogColumn], recognition: Recognitio
             c
             for c in columns
             if c.quantity == quantity
-            and c.said.side is None
+            and c.name_meaning.side is None
             # what flows into a drive is power over voltage, not torque
-            and not (quantity == "current" and c.said.is_of_supply)
+            and not (quantity == "current" and c.name_meaning.is_of_supply)
             # a current is in amperes where nothing is stated, as motor controllers write it
             and (c.has_dimension_of_unit(unit) or (unit, c.unit) == ("A", None))
         ]
-        fitting.sort(key=lambda c: c.said.part != "motor")
+        fitting.sort(key=lambda c: c.name_meaning.part != "motor")
         if not fitting:
             continue
         column = fitting[0]
-        if quantity == "torque" and column.said.part == "wheel":
+        if quantity == "torque" and column.name_meaning.part == "wheel":
             reason = f"{column.field}: at the wheels of both sides; needs their radius"
             recognition.sketch_source(column, "wheel_torque_N_m", column.unit, reason)
             recognition.propose_as_comment("force_x_N", "wheel_torque_N_m / wheel_radius_m", reason)
             recognition.ask_question("radius", _RADIUS)
             return True
-        motors = [c for c in fitting if c.said.part == column.said.part]
+        motors = [c for c in fitting if c.name_meaning.part == column.name_meaning.part]
         if len(motors) > 1:
             names = ", ".join(f"'{each.field}'" for each in motors)
             recognition.ask_question(
@@ -115,7 +119,9 @@ def propose_force_of_motor(columns: Sequence[LogColumn], recognition: Recognitio
 
 def _propose_force_of_pressures(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose a force from a hydrostatic drive's pressures, not boom's or bucket's, if any."""
-    drive = [c for c in columns if c.quantity == "pressure" and c.unit and not c.said.is_linkage]
+    drive = [
+        c for c in columns if c.quantity == "pressure" and c.unit and not c.name_meaning.is_linkage
+    ]
     if not drive or len(drive) > 2:
         return False
     names = ["pressure_high_bar", "pressure_low_bar"][: len(drive)]
@@ -143,7 +149,7 @@ def _propose_force_of_pressures(columns: Sequence[LogColumn], recognition: Recog
 def _propose_force_of_power(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose a force from power, or current and voltage, over the speed, if any."""
     current = next(
-        (c for c in columns if c.said.is_of_supply and c.has_dimension_of_unit("A")), None
+        (c for c in columns if c.name_meaning.is_of_supply and c.has_dimension_of_unit("A")), None
     )
     voltage = next((c for c in columns if c.has_dimension_of_unit("V")), None)
     powers = [
@@ -184,10 +190,10 @@ def propose_speed_of_wheels(columns: Sequence[LogColumn], recognition: Recogniti
         for c in columns
         if c.quantity == "speed"
         and c.unit in _TURNS
-        and c.said.part != "motor"
-        and (c.said.side or c.said.part == "wheel")
+        and c.name_meaning.part != "motor"
+        and (c.name_meaning.side or c.name_meaning.part == "wheel")
     ]
-    by_side = {c.said.side: c for c in reversed(wheels)}
+    by_side = {c.name_meaning.side: c for c in reversed(wheels)}
     if set(_SIDES) <= set(by_side):
         wheels = [by_side[side] for side in _SIDES]
         channels = [f"speed_{side}_m_s" for side in _SIDES]

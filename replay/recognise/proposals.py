@@ -23,7 +23,7 @@ class LogColumn:
     topic: str | None
     field: str
     unit: str | None
-    said: ColumnMeaning
+    name_meaning: ColumnMeaning
     quantity: str | None
 
     def has_dimension_of_channel(self, channel: str) -> bool:
@@ -74,12 +74,12 @@ class Recognition:
     """Proposed channels, and questions by kind."""
 
     channels: list[ChannelProposal] = field(default_factory=list)
-    asked: list[tuple[str, str]] = field(default_factory=list)
+    kinds_and_questions: list[tuple[str, str]] = field(default_factory=list)
 
     @property
     def questions(self) -> list[str]:
         """Questions without repetition, in order of importance."""
-        ranked = sorted(self.asked, key=lambda each: ORDER.index(each[0]))
+        ranked = sorted(self.kinds_and_questions, key=lambda each: ORDER.index(each[0]))
         return list(dict.fromkeys(text for _, text in ranked))
 
     @property
@@ -94,7 +94,7 @@ class Recognition:
 
     def ask_question(self, kind: str, question: str) -> None:
         """Add a question of a kind in `ORDER`."""
-        self.asked.append((kind, question))
+        self.kinds_and_questions.append((kind, question))
 
     def fill_channel(
         self, column: LogColumn, channel: str, reason: str, unit: str | None = None

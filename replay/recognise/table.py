@@ -65,7 +65,7 @@ def recognise_channels_of_table(log: Log) -> Recognition:
             if channel is None:
                 continue
             if column.field in kinematic or (
-                column.said.is_without_gravity and channel.startswith("specific")
+                column.name_meaning.is_without_gravity and channel.startswith("specific")
             ):
                 if channel != "specific_force_x_m_s2":
                     continue
@@ -115,7 +115,9 @@ def _ask_more_torques(columns: Sequence[LogColumn], recognition: Recognition) ->
         f"'{each.field}'"
         for each in columns
         if each.quantity == "torque" and each.has_dimension_of_unit("N*m")
-        if each.said.side is None and each.said.part != "motor" and each.said.axis is None
+        if each.name_meaning.side is None
+        and each.name_meaning.part != "motor"
+        and each.name_meaning.axis is None
     ]
     if more:
         names = ", ".join(more)
@@ -176,23 +178,27 @@ def _find_quantity_of_unit(unit: str) -> str | None:
 
 def _speed_channel_or_none(column: LogColumn) -> str | None:
     # what is in m/s is no turning of a motor
-    if column.said.axis in ("y", "z"):
+    if column.name_meaning.axis in ("y", "z"):
         return None
-    name = f"speed_{column.said.side}_m_s" if column.said.side else "speed_x_m_s"
+    name = f"speed_{column.name_meaning.side}_m_s" if column.name_meaning.side else "speed_x_m_s"
     return name if column.has_dimension_of_channel(name) else None
 
 
 def _force_channel_or_none(column: LogColumn) -> str | None:
-    off_axis = column.said.axis in ("y", "z") or column.said.side or column.said.is_linkage
+    off_axis = (
+        column.name_meaning.axis in ("y", "z")
+        or column.name_meaning.side
+        or column.name_meaning.is_linkage
+    )
     return "force_x_N" if not off_axis and column.has_dimension_of_channel("force_x_N") else None
 
 
 def _torque_channel_or_none(column: LogColumn) -> str | None:
-    side = column.said.side
+    side = column.name_meaning.side
     name = f"torque_{side}_N_m"
     return (
         name
-        if side and column.said.part != "motor" and column.has_dimension_of_channel(name)
+        if side and column.name_meaning.part != "motor" and column.has_dimension_of_channel(name)
         else None
     )
 
@@ -206,11 +212,11 @@ def _acceleration_channel_or_none(column: LogColumn) -> str | None:
 
 
 def _specific_force_channel_or_none(column: LogColumn) -> str | None:
-    return f"specific_force_{column.said.axis}_m_s2" if column.said.axis else None
+    return f"specific_force_{column.name_meaning.axis}_m_s2" if column.name_meaning.axis else None
 
 
 def _position_channel_or_none(column: LogColumn) -> str | None:
-    along = column.said.axis in (None, "x")
+    along = column.name_meaning.axis in (None, "x")
     return "position_x_m" if along and column.has_dimension_of_channel("position_x_m") else None
 
 
@@ -242,10 +248,10 @@ _CHANNEL_OF: Final[dict[str, Callable[[LogColumn], str | None]]] = {
 
 def propose_columns_by_unit(columns: Sequence[LogColumn], recognition: Recognition) -> None:
     """Propose columns with meaningless names that alone have a unit of force or speed."""
-    own = [each for each in columns if each.unit and not each.said.is_elsewhere]
+    own = [each for each in columns if each.unit and not each.name_meaning.is_elsewhere]
     units = Counter(find_quantity_of_name("", column.unit) for column in own)
     for column in own:
-        said = column.said
+        said = column.name_meaning
         if said.quantity is not None or column.unit in _TURNS or said.is_no_reading:
             continue
         quantity = find_quantity_of_name("", column.unit)
@@ -270,7 +276,7 @@ def propose_columns_without_unit(columns: Sequence[LogColumn], recognition: Reco
         if channel in given or (quantity == "speed" and "speed_left_m_s" in given):
             continue
         for column in columns:
-            said = column.said
+            said = column.name_meaning
             part = said.part if quantity != "speed" or said.part == "motor" else None
             whole = said.side is None and part is None and said.axis in (None, "x")
             if column.quantity == quantity and column.unit is None and whole:

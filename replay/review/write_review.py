@@ -126,7 +126,7 @@ class ShiftCount:
         verdicts = parse_verdicts(text, folder)
         by_row = verdicts_by_row(verdicts, make_cycle_ids(cycles, t0_unix_ns), folder)
         rejected = [int(cycles["cycle"][row]) for row, each in by_row.items() if each.reject]
-        rows = make_ledger(cycles, t0_unix_ns, by_row, verdicts.labels_of_dump_at)
+        rows = make_ledger(cycles, t0_unix_ns, by_row, verdicts.labels_at_dump_time)
         totals = {name: sum_by_label(cycles, rows[name].to_list(), rejected) for name in LABELS}
         return cls(
             rows,

@@ -1,17 +1,24 @@
-"""The command `run`: logs and a machine file in, the answer and a recording out."""
+"""The command `run`: replay logs with a machine file, once or after each change of it."""
 
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import recordings  # its names are imported when first used
+from analysis.compare.run_comparison import ValueChange, changed_settings
 from analysis.model.answer import Answer, answer
-from estimators.errors import DataError, LogError
+from analysis.model.machine import Machine
+from estimators.errors import DataError, LogError, PayscopeError
 from recordings.report.atomic_output import refuse_input_as_output
 from replay.logs import open_log
-from replay.machines.machine_file import load_machine, time_axis_of_machine
+from replay.machines.machine_file import (
+    load_machine,
+    machine_file_or_shipped,
+    time_axis_of_machine,
+)
 from replay.pipeline import STAGES, run
 
 if TYPE_CHECKING:
@@ -36,11 +43,20 @@ class RecordTo:
     viewer: "LiveView | None" = None
 
 
-#: What `on_stage` is told, in order, of a replay that is recorded.
+#: Stages of a recorded replay, in the order in which `on_stage` is called.
 STEPS: Final = ("open", *STAGES, "record")
 
 
 _NOWHERE: Final = RecordTo()
+
+#: Interval in s between checks of the file, within which an editor writes it.
+_CHECK_INTERVAL_S: Final = 0.2
+
+#: Checks after which a missing file counts as removed; an editor replaces a file faster.
+_CHECKS_UNTIL_REMOVED: Final = 10
+
+#: Time, size and inode, by which a changed or replaced file is recognised; None if absent.
+_Signature = tuple[int, int, int] | None
 
 
 def replay_logs(
@@ -105,10 +121,97 @@ def replay_logs(
 
 
 def open_live_view(output: RecordTo) -> "LiveView | None":
-    """The viewer that shows the recording: the open one, or a new one where it is asked for."""
+    """The open viewer, or a new one if it is requested; None without one."""
     if output.viewer is not None or not output.live:
         return output.viewer
     from recordings.rrd.viewer import start_viewer
     from recordings.rrd.writer import LiveView
 
     return LiveView(start_viewer())
+
+
+def watch_machine_file(
+    machine_file: Path,
+    output: RecordTo,
+    overrides: list[str],
+    replay: Callable[[RecordTo], Answer],
+    on_answer: Callable[[Answer, list[ValueChange]], None],
+    on_error: Callable[[PayscopeError], None],
+) -> None:
+    """Replay now and after each change of the machine file, until interrupted.
+
+    A viewer stays open in between: it keeps its tabs and the place of its time cursor, and holds
+    the replay before the last one as well.
+
+    Args:
+        machine_file: file to watch.
+        output: recording, replaced by each replay.
+        overrides: `key=value`, with precedence over the file.
+        replay: function that replays once and records as requested.
+        on_answer: called with each answer and the keys changed since the previous replay.
+        on_error: called with the error in a changed file; watching continues.
+
+    Raises:
+        PayscopeError: the first replay failed.
+    """
+    from recordings.rrd.viewer import list_shown_recordings, replace_recording
+
+    # a file that is gone is not the shipped one of its name
+    path = machine_file_or_shipped(machine_file).absolute()
+    view = open_live_view(output)
+    last: Machine | None = None
+    failed = False
+    for _ in machine_file_changes(path):
+        try:
+            machine = load_machine(path, overrides)
+            changed = [] if last is None else changed_settings(last, machine)
+            if last is not None and not changed and not failed:
+                continue  # a comment, or the file was touched
+            before = list_shown_recordings(view.address) if view else ()
+            answer = replay(replace(output, viewer=view))
+            if view:
+                replace_recording(view.address, before)
+        except PayscopeError as error:
+            if last is None:
+                raise
+            failed = True
+            on_error(error)
+            continue
+        last, failed = machine, False
+        # what we have written ourselves may be replaced, and the viewer knows the layout
+        output = replace(output, force=True)
+        view = view and replace(view, laid_out=True)
+        on_answer(answer, changed)
+
+
+def machine_file_changes(path: Path) -> Iterator[None]:
+    """Yield once at the start, after each change that has settled, and when the file vanishes."""
+    seen, missed = _file_signature(path), 0
+    yield
+    while True:
+        time.sleep(_CHECK_INTERVAL_S)
+        now = _file_signature(path)
+        missed = missed + 1 if now is None else 0
+        if missed == _CHECKS_UNTIL_REMOVED:
+            seen = None  # the same file again is a change
+            yield
+        if now in (None, seen):
+            continue
+        while True:
+            time.sleep(_CHECK_INTERVAL_S)
+            settled = _file_signature(path)
+            if settled == now:
+                break
+            now = settled
+        if now is not None:
+            seen = now
+            yield
+
+
+def _file_signature(path: Path) -> _Signature:
+    """Time, size and inode by which a change shows; None if absent."""
+    try:
+        about = path.stat()
+    except OSError:
+        return None
+    return about.st_mtime_ns, about.st_size, about.st_ino

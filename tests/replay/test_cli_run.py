@@ -204,7 +204,7 @@ class TestRun:
             "verdict",
         ):
             assert stage in said.err
-        multiple = r"^total +([0-9.]+) s, but for opening ([0-9.]+) times the reading$"
+        multiple = r"^total +([0-9.]+) s, without opening ([0-9.]+) times the reading time$"
         total = re.search(multiple, said.err, re.M)
         assert total is not None
         assert float(total[1]) >= 0.0

@@ -159,7 +159,7 @@ def test_evidence_that_is_not_of_this_shift_is_refused_in_a_line(
         assert not (tmp_path / "r/review.html").exists()
 
     refused("--require-signed", says="unsigned")
-    refused("--key", key_files(tmp_path)[1], says="calibrates nothing")
+    refused("--key", key_files(tmp_path)[1], says="cannot be used to calibrate")
     refused("--set", "machine.name=other", says="not to 'other'")
     later = tmp_path / "later.csv"
     sledge_shift(SHORT[:1], begin_s=2_000_000_000.0).write_csv(later)

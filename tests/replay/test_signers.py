@@ -208,7 +208,7 @@ def test_a_key_out_of_its_validity_or_revoked_signs_nothing(
     assert found.outcome is outcome
     assert words in items(found)
     assert not found.signed_by.is_trusted
-    with pytest.raises(EvidenceError, match="calibrates nothing"):
+    with pytest.raises(EvidenceError, match="cannot be used to calibrate"):
         load_calibration(CalibrationRequest(made.bundle, signed=True))
 
 

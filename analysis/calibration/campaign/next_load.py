@@ -123,7 +123,7 @@ def inversion_with_points(calibration: Calibration, points: list[Point]) -> Inve
     information = expected_information(
         design,
         scatter.mean_square_covariances,
-        scatter.known + slope**2 * x_cov,
+        scatter.known_covariance + slope**2 * x_cov,
         as_points.within,
         mean_squares,
     )
@@ -135,6 +135,6 @@ def inversion_with_points(calibration: Calibration, points: list[Point]) -> Inve
         calibration.inversion,
         on_line=np.array([effect.on_line for effect in effects]),
         covariance=variances.covariance,
-        apart={DAY: len(days) - 1} if several_days else {},
+        few_dof={DAY: len(days) - 1} if several_days else {},
         most_readings=int(readings.max()),
     )

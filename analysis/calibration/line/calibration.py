@@ -268,7 +268,7 @@ class Calibration:
             extra_kg2=extra_variance_kg2(
                 self.stated, self.common_kg if self.common_counts else 0.0
             ),
-            apart={} if self.few_days is None else {DAY: self.few_days},
+            few_dof={} if self.few_days is None else {DAY: self.few_days},
             most_readings=self.most_readings,
         )
 

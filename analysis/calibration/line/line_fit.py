@@ -76,7 +76,11 @@ def test_lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
         )
     scatter = make_scatter(points, names, day_known_kg)
     found = estimate_variances_by_reml(
-        points.y_kg, design, scatter.mean_square_covariances, scatter.known, points.within
+        points.y_kg,
+        design,
+        scatter.mean_square_covariances,
+        scatter.known_covariance,
+        points.within,
     )
     y_cov = scatter.covariance_for_variances(found.combine_linearly(scatter.squares).value)
     x_cov = points.x_cov_kg2

@@ -43,7 +43,7 @@ class Inversion:
         estimated: (estimated,) effects whose variances are estimated.
         covariance: (estimated, estimated) covariance of these variances.
         extra_kg2: variance of every later value that the points do not show.
-        apart: effects with few degrees of freedom, by name, with these: each has its own Student
+        few_dof: effects with few degrees of freedom, by name, with these: each has its own Student
             factor. Welch and Satterthwaite's single one trusts an estimate of one or two degrees of
             freedom when it happens to be small.
         most_readings: largest number of readings of a run of the campaign.
@@ -59,7 +59,7 @@ class Inversion:
     estimated: Ints
     covariance: Floats
     extra_kg2: float
-    apart: Mapping[str, int]
+    few_dof: Mapping[str, int]
     most_readings: int
 
     @classmethod
@@ -77,7 +77,7 @@ class Inversion:
             estimated=np.flatnonzero([effect.estimated for effect in effects]).astype(np.int64),
             covariance=line.variances.covariance,
             extra_kg2=extra_kg2,
-            apart={} if line.few_days is None else {DAY: line.few_days},
+            few_dof={} if line.few_days is None else {DAY: line.few_days},
             most_readings=line.most_readings,
         )
 
@@ -239,7 +239,7 @@ class Inversion:
         """
         rest = gradient.copy()
         squared = np.zeros_like(gradient)
-        for name, freedom in self.apart.items():
+        for name, freedom in self.few_dof.items():
             k = self.effects[name]
             if self.variance_kg2[k] > 0.0:
                 rest[:, k] = 0.0

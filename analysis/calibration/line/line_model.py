@@ -161,7 +161,7 @@ class Scatter:
         squares: (effects, effects) matrix of `mean_squares_to_variances`.
         day: (points, points) covariance for a unit variance of the day.
         day_known_kg: known deviation between days; None if unknown.
-        known: (points, points) known covariance.
+        known_covariance: (points, points) known covariance.
     """
 
     names: tuple[str, ...]
@@ -169,7 +169,7 @@ class Scatter:
     squares: Floats
     day: Floats
     day_known_kg: float | None
-    known: Floats
+    known_covariance: Floats
 
     @property
     def mean_square_covariances(self) -> Floats:
@@ -178,7 +178,7 @@ class Scatter:
 
     def covariance_for_variances(self, value: Floats) -> Floats:
         """(points, points) covariance for the given variances."""
-        return np.asarray(np.tensordot(value, self.each, 1) + self.known, np.float64)
+        return np.asarray(np.tensordot(value, self.each, 1) + self.known_covariance, np.float64)
 
     def effects_on_line(
         self, variances: Variances, design: Floats, slope: float, x_cov: Floats
@@ -230,7 +230,12 @@ def fit_line(
     rounds, start = 0, None
     while True:
         found = estimate_variances_by_reml(
-            residual, design, by_squares, scatter.known + slope**2 * x_cov, points.within, start
+            residual,
+            design,
+            by_squares,
+            scatter.known_covariance + slope**2 * x_cov,
+            points.within,
+            start,
         )
         start, variances = found.value, found.combine_linearly(scatter.squares)
         line = distance_regression(

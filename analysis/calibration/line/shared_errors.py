@@ -1,9 +1,9 @@
 """Errors that a log shares with its calibration through learnt priors.
 
-Means of learnt priors are wrong by ε, in their standard uncertainties. That moved the campaign's
-points by R(m) ε, and the line has taken it with it; it moves a later mass by r ε. What is left is
-(r - R(m)) ε: nothing where the log is driven as its campaign was. What ε is, the later log says
-together with the calibration.
+Means of learnt priors are wrong by ε, in units of their standard uncertainties. That moved the
+campaign's points by R(m) ε, which the line contains; it moves a later mass by r ε. The remaining
+error is (r - R(m)) ε, which vanishes if the log is driven as its campaign was. The later log and
+the calibration together estimate ε.
 """
 
 from collections.abc import Mapping, Sequence
@@ -65,7 +65,7 @@ class SharedErrors:
         terms: terms with learnt means.
         error_1: (terms,) errors of the means, in their standard uncertainties.
         covariance_1: (terms, terms) covariance of the errors.
-        told: (terms,) whether the log's masses are already corrected for the error.
+        is_corrected: (terms,) whether the log's masses are already corrected for the error.
         moved_kg: (terms,) responses of each load, payload or manoeuvre, by its kind (`MOVED`) and
             number.
         scale_kg: uncertainty due to the scale, by the same keys.
@@ -74,7 +74,7 @@ class SharedErrors:
     terms: tuple[LearnableTerm, ...]
     error_1: Floats
     covariance_1: Floats
-    told: NDArray[np.bool_]
+    is_corrected: NDArray[np.bool_]
     moved_kg: Mapping[tuple[str, int], Floats]
     scale_kg: Mapping[tuple[str, int], float]
 
@@ -128,7 +128,7 @@ class SharedErrors:
             moved_kg: (terms,) responses of the estimate.
             line_kg: (terms,) shifts of the line.
         """
-        left = np.where(self.told, 0.0, moved_kg) - line_kg
+        left = np.where(self.is_corrected, 0.0, moved_kg) - line_kg
         return float(left @ self.error_1), self.u_kg(moved_kg - line_kg)
 
     def u_kg(self, moved_kg: Floats) -> float:
@@ -137,5 +137,5 @@ class SharedErrors:
 
     def learnt_part_kg(self, moved_kg: Floats) -> float:
         """Part of the log's own standard uncertainty due to these errors."""
-        told = np.where(self.told, moved_kg, 0.0)
+        told = np.where(self.is_corrected, moved_kg, 0.0)
         return float(np.hypot(self.u_kg(told), np.linalg.norm(moved_kg - told)))

@@ -1,9 +1,8 @@
 """Learnt priors: narrower priors of nuisances, from the logs of a campaign.
 
-Each log finds its own nuisances under wide priors, and its mass with them, so that masses of
-separate logs scatter by what the log's noise does to those. What lasts as long as the machine does
-is the same in every log: with one prior for all, its error is one error, which the line takes with
-it.
+With wide priors each log estimates its own nuisances, and masses of separate logs scatter by the
+errors of these. Properties that are constant for the machine are the same in every log: with one
+prior for all logs their error is a common one, which the line absorbs.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,13 +1,14 @@
 """Differences of two masses of one log on a calibration's line: its level cancels.
 
-Of what a log has in common, the line has taken with it the scale and what the means of learnt
-priors have wrong; left of these is what they do to this log otherwise than to the campaign's.
+Of the errors that are common to a log, the line absorbs the scale and those of the means of learnt
+priors; what remains is the difference between their effects on this log and on the campaign.
 
-The slope of a line of masses is the gain and what grows with the load (rolling resistance, a body
-that sags): a campaign's logs have one load each, and cannot tell such a force from load. A log of
-several loads does tell them apart, so that a difference of its masses wants the gain alone. That is
-also what the line has at its centre over the mass there, as far as forces in newtons are off, whose
-errors are those of the learnt means. Both are combined by their uncertainties.
+The slope of a line of masses contains the gain and the forces that grow with the load (rolling
+resistance, a sagging body): a campaign's logs have one load each, and cannot distinguish such a
+force from load. A log of several loads can, so that a difference of its masses needs the gain
+alone. A second estimate of the gain is the value of the line at its centre divided by the mass
+there, apart from errors of forces in newtons, which are those of the learnt means. Both are
+combined by their uncertainties.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""The page that checks a bundle in a browser: one file, of its parts in this folder.
+"""The page that checks a bundle in a browser: one file, built from the parts in this folder.
 
 It computes digests, signature, line and uncertainty by itself, in JavaScript, without a network.
 The same bytes come out for every bundle, so that its digest can be published.

@@ -128,7 +128,7 @@ class BagFile(BlockFile):
         position = b"" if header is None else header.fields.get(b"index_pos", b"")
         unfinished = position == bytes(8)
         why = "the recorder did not finish it" if unfinished else "the index is damaged"
-        torn = torn_end_text(self._file.size - walk.whole, self._store.torn_messages)
+        torn = torn_end_text(self._file.size - walk.end, self._store.torn_messages)
         damage.note(
             f"{why}: scanned from start to end, all whole messages are read"
             f"{describe_end_of_reading(self._store.last_ns)}{torn}"
@@ -172,15 +172,15 @@ class BagWalk:
     """Reports connections outside chunks, and yields the chunks."""
 
     store: BlockStore
-    #: where the last whole record ends
-    whole: int
+    #: offset at which the last whole record ends
+    end: int
     describe: Describe
 
     def chunks(self) -> Iterator[Block]:
         """Every chunk, including one cut off by the end of the file."""
         file = self.store.file
         stretches = LooseRecords(self.store)
-        at = self.whole
+        at = self.end
         while at < file.size:
             record = read_record(file, at)
             block = chunk_at_offset_or_none(file, at, record)
@@ -202,4 +202,4 @@ class BagWalk:
                     return
                 self.store.damage.note_unreadable_bytes(at, found)
                 end = found
-            self.whole = at = end
+            self.end = at = end

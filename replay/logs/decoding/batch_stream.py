@@ -1,7 +1,7 @@
 """Streams of batches through decoders: small batches are joined, large ones split.
 
-Recorders write messages a little out of order. Sorting a whole log for that would copy every
-column; here only the rows that meet others are moved, and all else stays where it was decoded.
+Recorders write messages slightly out of order. Sorting a whole log for that would copy every
+column; here only overlapping rows are moved, and all others stay where they were decoded.
 """
 
 import os

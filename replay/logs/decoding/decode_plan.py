@@ -47,7 +47,7 @@ class WalkedBatch:
 
     columns: Columns
     #: (n,)
-    whole: NDArray[np.bool_]
+    is_complete: NDArray[np.bool_]
     first_fault: str
 
 
@@ -140,7 +140,7 @@ class _DecodedPart:
     """Decoded messages of one encapsulation, with their indices in the batch."""
 
     frame: pl.DataFrame
-    whole: NDArray[np.int64]
+    complete: NDArray[np.int64]
     faulty: NDArray[np.int64]
     first_fault: str
 
@@ -213,7 +213,7 @@ class DecodePlan:
             *(part.frame for _, part in parts),
         ]
         # back into the order of the batch
-        rows = [at[part.whole] for at, part in parts]
+        rows = [at[part.complete] for at, part in parts]
         order = np.argsort(np.concatenate([np.empty(0, np.int64), *rows]))
         faults = [(at[part.faulty], part.first_fault) for at, part in parts if part.faulty.size]
         unknown = np.flatnonzero(~np.isin(kinds, list(self._wires)))
@@ -254,9 +254,9 @@ class DecodePlan:
     def _make_decoded_part(
         self, walked: WalkedBatch, places: tuple[int | None, ...], log_times: NDArray[np.int64]
     ) -> _DecodedPart:
-        columns, whole = walked.columns, walked.whole
-        faulty = np.flatnonzero(~whole)
-        log_times = log_times[whole] if faulty.size else log_times
+        columns, is_complete = walked.columns, walked.is_complete
+        faulty = np.flatnonzero(~is_complete)
+        log_times = log_times[is_complete] if faulty.size else log_times
         gathered = list(columns.fields_gathered_in_pass())
         arrays: list[Any] = [
             columns.make_column(field) if place is None else gathered[place]
@@ -265,7 +265,9 @@ class DecodePlan:
         if self._stamp is None:
             arrays.insert(0, pa.nulls(log_times.size, pa.int64()))
         table: Any = pa.RecordBatch.from_arrays([array_of_times(log_times), *arrays], self._names)
-        return _DecodedPart(pl.DataFrame(table), np.flatnonzero(whole), faulty, walked.first_fault)
+        return _DecodedPart(
+            pl.DataFrame(table), np.flatnonzero(is_complete), faulty, walked.first_fault
+        )
 
 
 #: A program, what it gathers on the way, and where each of the fields is among that.

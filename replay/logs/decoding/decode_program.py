@@ -1,7 +1,7 @@
 """A message definition as a program for `walk_messages`: order of fields, and what to note.
 
-Only what is asked for is noted. Everything is walked, since whether a message is whole must not
-depend on the fields that somebody wants from it; numbers that follow one another are one step.
+Only requested fields are noted. The whole message is walked, since whether it is complete must not
+depend on the requested fields; consecutive numbers are one step.
 """
 
 from dataclasses import dataclass, field

@@ -1,7 +1,7 @@
 """Columns from marks: follow a field's steps to where its values lie, then gather them.
 
-On the way a field is at elements of a node or, inside something of a fixed size, at positions in
-the data. -1 stands for one that a message does not have, whose value is null.
+While its steps are followed, a field is located by elements of a node or, inside a part of fixed
+size, by positions in the data. -1 marks an element that a message lacks; its value is null.
 """
 
 from collections.abc import Iterator

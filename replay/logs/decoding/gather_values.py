@@ -1,7 +1,7 @@
 """Gather values from positions found by the walk, one pass per column.
 
-The loops are compiled by numba and cached on disk. A position of -1 is a value that is not there;
-it gives 0.
+The loops are compiled by numba and cached on disk. A position of -1 marks a missing value; it gives
+0.
 """
 
 from typing import Any, Final

@@ -1,7 +1,7 @@
 """One pass over a batch: walk some messages, then gather their values at fixed places.
 
-About a thousand messages fit into the processor's near caches, and are still there when their
-columns are gathered; a batch does not.
+About a thousand messages fit into the processor's fast caches, and are still cached when their
+columns are gathered; a whole batch does not fit.
 """
 
 from typing import Final, NamedTuple

@@ -1,10 +1,9 @@
 """Numbers at any byte of an array, for compiled code.
 
-Indexing knows aligned numbers alone, looks for negative indices, and counts the references to what
-a slice shares: over a million messages that costs more than the numbers. As with indexing in
-compiled code, nobody looks whether a byte is inside the array: that is for who calls, and
-`tests/replay/test_edges.py` puts damaged bytes at the edge of memory to see whether he does. An
-array whose bytes do not follow one another is refused when the caller is compiled.
+Indexing supports aligned numbers only, checks for negative indices, and counts references to shared
+slices: over a million messages that costs more than the numbers. As with indexing in compiled code,
+bounds are not checked: the caller must do that, and `tests/replay/test_edges.py` puts damaged bytes
+at the edge of memory to test it. A non-contiguous array is rejected when the caller is compiled.
 """
 
 from collections.abc import Callable

@@ -1,16 +1,16 @@
 """The walk: a program over messages, noting where things lie.
 
-Compiled by numba and cached on disk. It reads nothing outside a message: every length is held
-against what is left of the message before anything moves, and every element of a list takes at
-least a byte, so that a message of n bytes costs at most a multiple of n steps.
+Compiled by numba and cached on disk. It reads nothing outside a message: every length is compared
+with the rest of the message before advancing, and every element of a list takes at least a byte, so
+that a message of n bytes costs at most a multiple of n steps.
 
-Most messages repeat the one before: where things lie depends on the size of a message and on the
-lengths of its strings and lists, and on nothing else. Strings mostly are names of frames and
-joints, so that they are compared as well, and what is the same is UTF-8 again. A message that
-repeats all of these has the marks of the one before, moved.
+Most messages repeat the layout of the previous one, which depends only on the size of a message and
+on the lengths of its strings and lists. Strings are mostly names of frames and joints, so they are
+compared as well, and an equal string needs no second UTF-8 check. A message that repeats all of
+these has the marks of the previous one, shifted.
 
-An array that one compiled function hands to another costs as much as a step where references to it
-are counted; here none are (`estimators.compiled.compiled_without_refcounts`).
+Passing an array from one compiled function to another costs as much as a step if references are
+counted; here they are not (`estimators.compiled.compiled_without_refcounts`).
 """
 
 from typing import Final, NamedTuple

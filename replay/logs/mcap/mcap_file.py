@@ -61,8 +61,8 @@ class McapWalk:
 
     store: BlockStore
     describe: Describe
-    #: where the last whole record ends
-    whole: int = len(MAGIC)
+    #: offset at which the last whole record ends
+    end: int = len(MAGIC)
     data_ended: bool = False
     has_footer: bool = False
     #: where the record begins that ends the data; 0 where there is none
@@ -101,7 +101,7 @@ class McapWalk:
                 self.describe(opcode, file.read(at + _HEAD, length), at)
             elif opcode == STATISTICS:
                 self.message_count = int.from_bytes(file.read(at + _HEAD, 8), "little")
-            self.whole = at = end
+            self.end = at = end
 
 
 class McapFile(BlockFile):
@@ -156,7 +156,7 @@ class McapFile(BlockFile):
         walk = McapWalk(self._make_second_pass_store(), self._process_record)
         self._compare_with_first_pass(walk.chunks(), walk.store)
         if not (walk.data_end and walk.has_footer) and not self._store.damage:
-            self._store.damage.note("its records do not connect its data with its footer")
+            self._store.damage.note("its records do not lead from its data to its footer")
         return self._store.crcs + self._is_sealed + self._does_data_crc_agree(walk.data_end)
 
     def _does_data_crc_agree(self, end: int) -> bool:
@@ -167,7 +167,7 @@ class McapFile(BlockFile):
         agrees = self._file.crc32_before(end) == said
         if not agrees:
             self._store.damage.note(
-                f"the CRC of its data is wrong: some of their {end:,} bytes are not as they were "
+                f"the CRC of its data is wrong: some of the {end:,} bytes differ from those "
                 "recorded, and it is not known which"
             )
         return agrees
@@ -214,9 +214,9 @@ class McapFile(BlockFile):
                 )
             return
         size = self._file.size
-        torn = torn_end_text(size - walk.whole, self._store.torn_messages)
+        torn = torn_end_text(size - walk.end, self._store.torn_messages)
         self._store.damage.note(
-            f"breaks off after byte {walk.whole} of {size}, without a footer: all whole messages "
+            f"breaks off after byte {walk.end} of {size}, without a footer: all whole messages "
             f"are read{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 

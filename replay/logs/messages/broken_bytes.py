@@ -1,8 +1,8 @@
 """Damaged data: the content of a log violates its format.
 
-Only the call of a library is guarded with `BROKEN_BYTES`, and the value that it returns is checked;
-either raises `BrokenBytesError`, which alone is caught further up and reported as damage. An error
-of our own code, whichever it is, reaches the user as what it is.
+Only calls of a library are guarded with `BROKEN_BYTES`, and the returned values are checked; both
+raise `BrokenBytesError`, the only error that callers catch and report as damage. All errors of our
+own code are passed on unchanged.
 """
 
 import struct

@@ -1,6 +1,6 @@
 """Libraries that decode single messages, and access to the fields of their messages.
 
-All that is here raises `BrokenBytesError` for a value that is not what the definition says.
+All functions raise `BrokenBytesError` for a value that does not match the definition.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,6 +1,6 @@
 """The container of a rosbag2 directory: its storage files in the order of metadata.yaml.
 
-They, or each message by itself, may be compressed by zstd. No size is believed.
+The files, or single messages, may be compressed by zstd. Declared sizes are not trusted.
 """
 
 import re

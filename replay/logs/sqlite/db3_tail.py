@@ -30,8 +30,8 @@ class Db3Tail:
         self._journal = path.with_name(f"{path.name}-wal")
         self._losses = LossList()
         self._last_id = LEAST_ID
-        #: size and time of the files when nothing new was in them
-        self._seen: tuple[tuple[int, int], ...] = ()
+        #: size and time of the files when they last had no new rows
+        self._idle_states: tuple[tuple[int, int], ...] = ()
 
     @property
     def losses(self) -> Sequence[Loss]:
@@ -41,7 +41,7 @@ class Db3Tail:
     def poll(self) -> list[RawBatch]:
         """See `Tail.poll`; a locked or half-written database is left for a later call."""
         looks = self._file_states()
-        if looks == self._seen:
+        if looks == self._idle_states:
             return []
         try:
             with closing(connect_for_reading(self._path, unfinished=True)) as database:
@@ -49,7 +49,7 @@ class Db3Tail:
         except (BrokenBytesError, sqlite3.Error):
             return []
         if len(rows) < _POLL_ROWS:
-            self._seen = looks
+            self._idle_states = looks
         messages: dict[int, tuple[list[int], list[bytes]]] = {}
         for number, topic, time, message in rows:
             self._last_id = number

@@ -1,6 +1,6 @@
 """Leaf pages of a SQLite table in row order, and a compiled scan for their messages.
 
-The pages above a leaf name it. Its messages are found compiled, in some tens of nanoseconds each.
+Interior pages name the leaves. Compiled code finds each message in some tens of nanoseconds.
 """
 
 from typing import Final, NamedTuple

@@ -91,14 +91,14 @@ def read_rows(
                     yield whole
                     after = whole[-1][0]
                 if len(whole) < len(rows):
-                    note(f"the database is damaged behind row {after}: its rows form a loop")
+                    note(f"the database is damaged after row {after}: its rows form a loop")
                     return
         except BrokenBytesError as error:
             fault = error
         if fault is None:
             return
         # the rows before the fault that were on their way are lost with it: take them singly
-        rows = list(_read_one_by_one(database, query, after))
+        rows = list(_read_rows_until_error(database, query, after))
         if rows:
             yield rows
             after = rows[-1][0]
@@ -151,7 +151,7 @@ def find_first_row_after(database: sqlite3.Connection, query: str, row_id: int) 
     return row
 
 
-def _read_one_by_one(database: sqlite3.Connection, query: str, after: int) -> Iterator[Row]:
+def _read_rows_until_error(database: sqlite3.Connection, query: str, after: int) -> Iterator[Row]:
     """Rows up to an error, at most one batch."""
     for _ in range(_MOST_ROWS):
         try:

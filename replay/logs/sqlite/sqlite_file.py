@@ -293,6 +293,6 @@ def torn_end_text_or_none(head: bytes, size: int) -> str | None:
     if not page or not (size % page or pages * page > size):
         return None
     if pages and size > pages * page:
-        return f"has {size - pages * page:,} bytes behind its last page, which were not read"
+        return f"has {size - pages * page:,} bytes after its last page, which were not read"
     unsure = ", and its last page is incomplete: its content may be altered" if size % page else ""
     return f"breaks off after byte {size:,} of {max(pages * page, size):,}{unsure}"

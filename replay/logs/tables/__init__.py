@@ -1,7 +1,8 @@
 """Tables as people have them: encoding → preamble → separator and decimal → names → time → frame.
 
-A reading of a text is taken only where every other one is impossible; what was recognised is a note
-of the log, and what is ambiguous is an error that names the key of `[log]` that answers it.
+An interpretation of a text is used only if every other one is impossible; what was recognised
+becomes a note of the log, and an ambiguity is an error that names the key of `[log]` that resolves
+it.
 """
 
 from typing import TYPE_CHECKING

@@ -141,7 +141,7 @@ class TableTimes:
             every_ns = 10**9 / self.rate_hz
             counted = pl.int_range(rows, eager=True)
             stamps = (counted.cast(pl.Float64) * every_ns).round().cast(pl.Int64)
-            note = f"the rows have no time: they are taken as {self.rate_hz:g} a second"
+            note = f"the rows have no time: they are read at {self.rate_hz:g} rows per second"
             return RowTimes(stamps.alias("log_time_ns"), (note,))
         return self._add_fractions(self._read_one_column(cells), cells)
 

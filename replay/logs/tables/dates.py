@@ -79,10 +79,10 @@ def is_time_of_day(cell: str) -> bool:
     text = cell.strip()
     if any(re.fullmatch(pattern, text) for pattern in (_MINUTES, _CLOCK, _SINCE)):
         return True
-    return date_pattern_or_none(text) is not None
+    return datetime_pattern_or_none(text) is not None
 
 
-def date_pattern_or_none(text: str) -> str | None:
+def datetime_pattern_or_none(text: str) -> str | None:
     """Pattern of a date that is followed by a time of day; None without one."""
     days = [pattern for pattern in _DATES if pattern != _COMPACT]
     moments = [rf"{day}(?:[T, ]|\s+@)\s*{_CLOCK}" for day in days]
@@ -120,7 +120,7 @@ def stamps_of_clock_times(
     if present.is_empty():
         return pl.Series("log_time_ns", [None] * text.len(), dtype=pl.Int64), ()
     first = str(present[0])
-    pattern = date_pattern_or_none(first)
+    pattern = datetime_pattern_or_none(first)
     if pattern is None:
         return _parse_times_of_day(text, first)
     part = _match_groups(text, pattern)

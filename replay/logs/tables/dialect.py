@@ -1,7 +1,7 @@
 """Dialect of a text table: separator, decimal sign, and rows of names, units and data.
 
-Every combination of separator and decimal sign is tried. One is impossible where its rows do not
-have the same number of cells, or where cells are made of digits and signs and are yet no number.
+Every combination of separator and decimal sign is tried. A combination is impossible if its rows
+differ in their number of cells, or if cells of digits and signs are not numbers.
 """
 
 import csv
@@ -160,7 +160,7 @@ def _decide_decimal(best: list[_DialectTrial], hints: TableHints) -> _DialectTri
         sign = reading.decimal
         raise DialectError(
             f"'{sign}' may be its decimal sign or separate thousands: all its numbers have three "
-            f'digits behind it; if it is the decimal sign, set [log] decimal = "{sign}"'
+            f'digits after it; if it is the decimal sign, set [log] decimal = "{sign}"'
         )
     return reading
 

@@ -1,6 +1,6 @@
 """Values of a time column as integer nanoseconds, by unit or by epoch.
 
-A clock that counts from another day than 1970 is told by how large its numbers are.
+The size of the numbers identifies a clock that counts from another day than 1970.
 """
 
 from collections.abc import Iterable

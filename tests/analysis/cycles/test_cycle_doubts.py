@@ -33,7 +33,7 @@ def test_a_plain_load_is_not_doubted() -> None:
         ({"carry_back_kg": -147.0}, "147 kg less than empty"),
         ({"carry_back_kg": 211.0}, "211 kg still in the bucket"),
         ({"payload_kg": 1500.0}, "unlike the other payloads"),
-        ({"payload_kg": 30.0, "payload_u_kg": 20.0}, "may be nothing"),
+        ({"payload_kg": 30.0, "payload_u_kg": 20.0}, "may be zero"),
     ],
 )
 def test_what_cannot_be_right_is_said(values: dict[str, float], part: str) -> None:

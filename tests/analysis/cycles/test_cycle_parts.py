@@ -62,9 +62,9 @@ def test_without_a_boom_it_is_the_middle_of_the_stand() -> None:
     ("boom", "cycles"),
     [
         # the boom dumps behind what looks like digging: the bucket was still full
-        (BoomDumps(tells=True, dumps=(BoomDump(50 * NS, 52 * NS, 51 * NS),)), 1),
+        (BoomDumps(shows_dumps=True, dumps=(BoomDump(50 * NS, 52 * NS, 51 * NS),)), 1),
         # it dumped before: the bucket is filled once more
-        (BoomDumps(tells=True, dumps=(BoomDump(40 * NS, 41 * NS, 40 * NS),)), 2),
+        (BoomDumps(shows_dumps=True, dumps=(BoomDump(40 * NS, 41 * NS, 40 * NS),)), 2),
         # it tells nothing: digging is a cycle
         (NO_DUMPS, 2),
     ],

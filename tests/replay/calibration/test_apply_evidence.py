@@ -140,7 +140,7 @@ def test_evidence_that_is_not_of_this_log_is_refused_in_a_line(
         one_line(payscope("run", folder / "load-2.csv", *ask, *more), says)
 
     refused("--require-signed", says="unsigned")
-    refused("--key", keys[1], says="calibrates nothing")
+    refused("--key", keys[1], says="cannot be used to calibrate")
     refused("--set", "machine.name=other", says="not to 'other'")
     refused("--set", "settings.priors.lag_s=0.03", says="settings.priors.lag_s = 0.02 there")
     refused(evidence=tmp_path / "nowhere", says="nowhere")

@@ -140,7 +140,7 @@ def test_a_sisters_log_is_refused_in_a_fleet_and_the_others_are_not(
     )
     fleet = load_fleet(tmp_path / "fleet.toml", ())
     did = replay_fleet(list_fleet_logs([str(logs)]), fleet, str(tmp_path / "results"), SerialEngine)
-    assert did.made == 1
+    assert did.replayed == 1
     refused = str(did)
     assert "other.parquet" in refused
     assert f"machine '{SISTER}', but machine.id is '{OWN}'" in refused

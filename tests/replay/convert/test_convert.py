@@ -166,7 +166,7 @@ def slowly(self, rows):
 unfinished_folder.PartWriter.write = slowly
 with open_log(Path(sys.argv[1])) as log:
     made = convert_log(log, Path(sys.argv[2]), span_messages=40)
-print("taken up", made.taken_up, "of", made.spans)
+print("taken up", made.resumed_spans, "of", made.spans)
 """
 
 
@@ -210,7 +210,7 @@ def test_another_log_does_not_take_up_what_is_of_this_one(bag: Path, tmp_path: P
     write_mcap(other, joints(90))
     with open_log(other) as log:
         made = convert_log(log, tmp_path / "shift", span_messages=40)
-    assert (made.taken_up, made.rows) == (0, 90)
+    assert (made.resumed_spans, made.rows) == (0, 90)
     assert {each.name for each in (tmp_path / "shift").iterdir()} == {"joints", DESCRIPTION}
 
 
@@ -227,7 +227,7 @@ def test_a_damaged_log_is_converted_in_one_go_with_its_losses(bag: Path, tmp_pat
         made = convert_log(log, tmp_path / "torn", span_messages=40)
     log = open_log(torn)
     read = log.read("/joints", ["effort[]"])
-    assert (made.spans, made.taken_up) == (1, 0)
+    assert (made.spans, made.resumed_spans) == (1, 0)
     assert 300 < read.height < 400
     back = open_log(tmp_path / "torn")
     assert back.read("/joints", ["effort[]"]).equals(read)

@@ -11,7 +11,7 @@ from analysis import Run
 from analysis.model.schema import conform_to_schema
 from recordings import read_recording, write_recording
 from recordings.rrd.viewer import viewer_executable
-from replay.explain.mended_file import Proposal, insert_proposals
+from replay.explain.proposal_edits import Proposal, insert_proposals
 from tests.replay.sledge import MACHINE, Payscope, one_line
 
 LATE = MACHINE.replace('field = "force_N"', 'field = "force_N"  # of the motor\ndelay_s = 0.05')

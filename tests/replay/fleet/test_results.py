@@ -49,7 +49,7 @@ def test_every_table_lies_by_machine_and_day(kept: Path) -> None:
 def test_a_second_run_replays_nothing_and_changes_no_file(results: Path, run_in: Run) -> None:
     before = tree(results)
     did = run_in(results, engine=Refusing)
-    assert (did.made, did.there) == (0, 6)
+    assert (did.replayed, did.up_to_date) == (0, 6)
     assert tree(results) == before
 
 
@@ -59,7 +59,7 @@ def test_a_log_that_was_moved_or_touched_is_hashed_and_not_replayed_again(
     moved = shutil.copytree(fleet_folder / "logs", tmp_path / "elsewhere")
     before = {n: each for n, each in tree(results).items() if n.startswith("results/")}
     did = run_in(results, moved)
-    assert (did.made, did.there) == (0, 6)
+    assert (did.replayed, did.up_to_date) == (0, 6)
     assert {n: each for n, each in tree(results).items() if n.startswith("results/")} == before
 
 
@@ -99,7 +99,7 @@ def test_a_result_whose_writing_breaks_off_was_never_there(
         assert next(iter(did.failed.values())).endswith("no space left")
         assert not (destination / "results").exists()
     did = run_in(destination, log)
-    assert did.made == 1
+    assert did.replayed == 1
     differ = same_results(kept, destination)[1]
     assert all(each.startswith("only in one") for each in differ)
 
@@ -114,7 +114,7 @@ def test_a_log_that_is_none_is_refused_and_costs_nobody_else(
     rules = (tmp_path / "fleet.toml").read_text()
     (tmp_path / "fleet.toml").write_text(rules.replace("{machine}/", "logs/{machine}/"))
     did = run_in(tmp_path / "results", tmp_path / "logs", tmp_path / "fleet.toml")
-    assert did.made == 2
+    assert did.replayed == 2
     assert [Path(source).name for source in did.refused] == ["broken.mcap"]
     assert [Path(source).name for source in did.failed] == ["stray.mcap"]
     assert "no rule in" in str(did.failed)
@@ -137,7 +137,7 @@ def test_a_task_that_the_engine_gives_up_is_listed_and_made_by_the_next_run(
 
     did = run_in(tmp_path / "results", engine=Losing)
     assert list(did.failed.values()) == ["its node caught fire"]
-    assert run_in(tmp_path / "results").made == 1
+    assert run_in(tmp_path / "results").replayed == 1
     assert json.loads((tmp_path / "results/failed.json").read_text()) == {}
 
 
@@ -150,7 +150,7 @@ def test_an_interrupted_run_leaves_done_what_is_done(run_in: Run, tmp_path: Path
     with pytest.raises(KeyboardInterrupt):
         run_in(tmp_path / "results", engine=Interrupted)
     did = run_in(tmp_path / "results")
-    assert (did.made, did.there) == (4, 2)
+    assert (did.replayed, did.up_to_date) == (4, 2)
 
 
 def test_other_settings_are_other_results_and_those_of_the_last_run_count(
@@ -159,13 +159,13 @@ def test_other_settings_are_other_results_and_those_of_the_last_run_count(
     fleet = fleet_folder / "fleet.toml"
     logs = fleet_folder / "logs/unit-01"
     did = run_in(results, logs, fleet, "settings.gate.threshold_nat=0.9")
-    assert did.made == 2
+    assert did.replayed == 2
     found = open_fleet_results(str(results))
     assert found.results.height == 6
     assert found.scan("loads").select(pl.col("key").n_unique()).collect().item() == 6
     assert found.scan_all_rows("results").collect().height == 8
     # back again: nothing to make, and the first ones count
-    assert run_in(results).there == 6
+    assert run_in(results).up_to_date == 6
     assert set(open_fleet_results(str(results)).results["basis"]) != set(found.results["basis"])
 
 
@@ -181,7 +181,7 @@ def test_a_node_with_other_software_replays_nothing(
                 yield each.task, function(replace(each.task, versions=there))
 
     did = run_in(tmp_path / "results", fleet_folder / "logs/unit-01", engine=Other)
-    assert did.made == 0
+    assert did.replayed == 0
     assert all("its node has polars" in why for why in did.failed.values())
 
 
@@ -198,7 +198,7 @@ def test_recordings_are_kept_on_request_also_of_results_that_are_there(
     made = read_recording(recording)
     assert made.provenance.fingerprint is not None
     assert made.provenance.fingerprint.results == row["results_fingerprint"]
-    assert run_in(results, log, engine=Refusing, recordings=True).there == 1
+    assert run_in(results, log, engine=Refusing, recordings=True).up_to_date == 1
 
 
 def test_what_is_gathered_is_made_anew_where_it_is_missing_or_old(results: Path) -> None:

@@ -85,5 +85,5 @@ def test_a_log_that_hangs_is_listed_with_its_limit_and_costs_nobody_else(
     did: FleetRun = run_in(
         tmp_path / "results", tmp_path / "logs", tmp_path / "fleet.toml", engine=Piped
     )
-    assert did.made == 2
+    assert did.replayed == 2
     assert list(did.failed.values()) == ["took longer than 3 s, its limit"]

@@ -100,7 +100,7 @@ def test_bytes_behind_the_last_page_are_told_as_what_they_are(tmp_path: Path) ->
     with open_log(path) as log:
         assert log.topics()["messages"].to_list() == [3]
         assert [loss.what for loss in log.losses()] == [
-            "has 4 bytes behind its last page, which were not read"
+            "has 4 bytes after its last page, which were not read"
         ]
 
 

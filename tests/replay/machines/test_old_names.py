@@ -10,7 +10,7 @@ import pytest
 
 from analysis.model.settings import Settings
 from estimators.errors import MachineError
-from replay.explain.mended_file import Proposal, insert_proposals
+from replay.explain.proposal_edits import Proposal, insert_proposals
 from replay.machines.machine_file import load_machine
 from replay.machines.old_names import OLD_NAMES, OldNameWarning, migrate_file, migrate_text
 from tests.replay.sledge import MACHINE, Payscope, one_line

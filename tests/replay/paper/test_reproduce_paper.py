@@ -43,9 +43,9 @@ def test_every_table_figure_and_claim_is_found_in_the_papers_order(
     ]
     for each in found.values():
         assert each.frame.height > 0
-        assert each.said.choices
-        assert each.said.findings
-        for sentence in (*each.said.choices, *each.said.findings):
+        assert each.sentences.choices
+        assert each.sentences.findings
+        for sentence in (*each.sentences.choices, *each.sentences.findings):
             assert "nan" not in sentence.lower().split(), sentence
             assert "None" not in sentence, sentence
 
@@ -188,7 +188,9 @@ def test_files_are_written_all_or_none(
     page = (tmp_path / "reproduction.md").read_text(encoding="utf-8")
     for each in found.values():
         assert f"## {each.item.title}" in page
-        assert all(f"- {line}" in page for line in (*each.said.findings, *each.said.choices))
+        assert all(
+            f"- {line}" in page for line in (*each.sentences.findings, *each.sentences.choices)
+        )
     tables = [line.count("|") for line in page.splitlines() if line.startswith("|")]
     assert min(tables) > 3
     assert "None" not in page

@@ -15,8 +15,7 @@ from estimators.errors import PayscopeError
 from recordings import read_provenance
 from recordings.rrd.viewer import run_headless_viewer
 from recordings.rrd.writer import LiveView
-from replay.runs.run_logs import RecordTo, replay_logs
-from replay.runs.watch_machine_file import watch_machine_file
+from replay.runs.run_logs import RecordTo, replay_logs, watch_machine_file
 from tests.replay.sledge import MACHINE, Payscope, one_line
 from tests.viewer_needed import VIEWER
 

@@ -31,12 +31,12 @@ def calibration(level_kg=-48.0, slope_1=0.0, line=(0.0, 1.0), random_kg=5.0, **m
     )
 
 
-def log(moved_kg, error_1=0.0, std_1=1.0, of=("mass", 0), scale_kg=0.0, told=False):
+def log(moved_kg, error_1=0.0, std_1=1.0, of=("mass", 0), scale_kg=0.0, is_corrected=False):
     return SharedErrors(
         (TERM,),
         np.array([error_1]),
         np.array([[std_1**2]]),
-        np.array([told]),
+        np.array([is_corrected]),
         {of: np.array([moved_kg])},
         {of: scale_kg},
     )
@@ -88,7 +88,7 @@ def test_masses_that_have_an_error_off_already_lack_what_the_line_has_of_it():
     line = calibration()
     # as what the log says is taken off masses that have it: 3739 - 0.4 (2 - -48), both ways
     fixed = log(2.0, error_1=0.4, std_1=0.1)
-    told = log(2.0, error_1=0.4, std_1=0.1, told=True)
+    told = log(2.0, error_1=0.4, std_1=0.1, is_corrected=True)
     one = calibrate_loads(loads(), line, LaterLog(shared_errors=fixed)).row(0, named=True)
     off = loads(mass_kg=3739.0 - 0.4 * 2.0)
     other = calibrate_loads(off, line, LaterLog(shared_errors=told)).row(0, named=True)
