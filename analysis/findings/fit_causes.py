@@ -362,10 +362,8 @@ def find_braking_inside(inputs: FindingInputs) -> list[Symptom]:
             float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
             pick.value / LIMITS.seen_braking_fraction,
         )
-        share, others = (
-            f" ({pick.value:.2%} ± {pick.std:.2%} is not measured)",
-            indistinguishable_cause_keys(pick),
-        )
+        share = f" ({pick.value:.2%} ± {pick.std:.2%} is not measured)"
+        others = indistinguishable_cause_keys(pick)
     return [
         Symptom(
             strength,

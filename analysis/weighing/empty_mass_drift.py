@@ -25,7 +25,8 @@ class EmptyMassDrift:
     @property
     def is_significant(self) -> bool:
         """Whether neither fuel nor the scatter of the masses explains the change."""
-        return abs(self.change_1) > self.fuel_1 + LIMITS.empty_drift_min_std * self.u_1
+        beyond_fuel_1 = abs(self.change_1) - self.fuel_1
+        return beyond_fuel_1 > max(LIMITS.empty_drift_min_std * self.u_1, LIMITS.empty_drift_min_1)
 
     @property
     def gain_u_1(self) -> float:

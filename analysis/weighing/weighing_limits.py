@@ -193,8 +193,10 @@ class WeighingLimits:
     # empty_mass_drift
     #: Loads of the empty machine that tell its drift: three at either end,
     empty_drift_min_states: int = 6
-    #: and standard deviations beyond which it is one.
+    #: standard deviations beyond which it is one,
     empty_drift_min_std: float = 3.0
+    #: and the least that matters, over the mass: half of what scales are stated to.
+    empty_drift_min_1: float = 0.005
     #: Largest loss of mass by fuel an hour, over the mass: twice what loaders burn.
     fuel_loss_1_h: float = 0.002
     #: Standard uncertainty of the gain over its drift: its stated value may be that of either end,

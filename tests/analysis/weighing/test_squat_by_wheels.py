@@ -1,8 +1,10 @@
 """A squat without a pitch channel: wheels of a known radius show it, others leave it in the ±."""
 
+from collections.abc import Callable, Mapping
 from functools import cache
 
 import numpy as np
+import polars as pl
 import pytest
 
 from tests.analysis.weighing.weighed import RICH, Weighed, merged, weighed
@@ -57,3 +59,38 @@ def test_wheels_that_are_wrong_by_less_than_their_uncertainty_are_no_squat() -> 
 def test_a_stiff_body_has_no_squat() -> None:
     log = squatting(radius_known=True, deg_s2_m=0.0)
     assert squat_of(log) == (0.0, 0.0)
+
+
+def hide_squat(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+    """Topics whose pitch is that of a map: the ground's, which is level."""
+    noise = np.random.default_rng(5).normal(0.0, 0.0005, topics["imu"].height)
+    return {**topics, "imu": topics["imu"].with_columns(pitch_rad=noise)}
+
+
+def show_squat(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+    """Topics as they are."""
+    return dict(topics)
+
+
+@cache
+def with_pitch(changed: Callable[..., dict[str, pl.DataFrame]]) -> Weighed:
+    scenario = merged(RICH, {"chassis": {"squat_deg_s2_m": SQUAT_DEG_S2_M}})
+    channel = 'channels.pitch_rad={topic="imu", field="pitch_rad"}'
+    return weighed(scenario, channel, body=KNOWN_RADIUS, changed=changed)
+
+
+def test_a_pitch_that_shows_the_squat_is_believed() -> None:
+    kinematics = with_pitch(show_squat).weighing.fit.kinematics
+    assert kinematics is not None
+    assert kinematics.pitch_shows_squat
+    assert kinematics.squat[0] == pytest.approx(SQUAT_1, abs=0.006)
+
+
+def test_a_pitch_that_hides_the_squat_is_outvoted_by_wheels_of_a_known_radius() -> None:
+    log = with_pitch(hide_squat)
+    kinematics = log.weighing.fit.kinematics
+    assert kinematics is not None
+    assert not kinematics.pitch_shows_squat
+    assert kinematics.squat[0] == pytest.approx(SQUAT_1, abs=0.006)
+    assert abs(log.error_u) < 2.0
+    assert abs(log.load["mass_kg"] / log.true_kg - 1.0) < SQUAT_1 / 3.0
