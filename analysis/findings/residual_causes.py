@@ -170,7 +170,8 @@ def find_hysteresis(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.fit
     if fit is None or fit.hysteresis_kg is None:
         return []
-    half_N, std_N = fit.term_value(HYSTERESIS.name), fit.term_std(HYSTERESIS.name)
+    half_N = fit.term_value(HYSTERESIS.name)
+    std_N = abs(half_N) / fit.term_t_values[HYSTERESIS.name]
     u_kg = fit.u_parts_kg(fit.weights_of_state(fit.main_state))[HYSTERESIS.name]
     return [
         Symptom(

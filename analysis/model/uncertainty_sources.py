@@ -42,6 +42,11 @@ def names_of_unknown_scale_sources(sources: Iterable[UncertaintySource]) -> list
     return [source.name for source in sources if source.u is None]
 
 
+def root_sum_of_squares(parts: Iterable[float]) -> float:
+    """Combined standard uncertainty of independent parts, in their unit."""
+    return float(np.sqrt(sum(part**2 for part in parts)))
+
+
 def combined_u(sources: Iterable[UncertaintySource], *kinds: str) -> float:
     """Root sum of squares of the sources of some kinds, or of all."""
     return float(np.sqrt(sum(s.u**2 for s in sources if s.u and (not kinds or s.kind in kinds))))

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from analysis.model.uncertainty_sources import root_sum_of_squares
 from analysis.weighing.body_squat import LoadSquat
 from analysis.weighing.fit_columns import PreviousEstimates
 from analysis.weighing.force_by_place import BY_PLACE, make_place_force_columns
@@ -190,11 +191,6 @@ class JointFit:
         """Estimate of a nuisance term, in its unit; 0 if the fit lacks the term."""
         names = [term.name for term in self.terms]
         return float(self._term_values[names.index(name)]) if name in names else 0.0
-
-    def term_std(self, name: str) -> float:
-        """Posterior standard deviation of a nuisance term, in its unit; 0 if the fit lacks it."""
-        names = [term.name for term in self.terms]
-        return float(self.posterior[1][names.index(name)]) if name in names else 0.0
 
     @property
     def _term_values(self) -> Floats:
@@ -381,12 +377,7 @@ class JointFit:
 
     def sum_u_kg(self, weights: Floats) -> float:
         """Standard uncertainty of a sum of masses, in kg."""
-        return root_sum_of_squares(self.u_parts_kg(weights))
-
-
-def root_sum_of_squares(parts_kg: dict[str, float]) -> float:
-    """Combined standard uncertainty of independent parts, in kg."""
-    return float(np.sqrt(sum(part**2 for part in parts_kg.values())))
+        return root_sum_of_squares(self.u_parts_kg(weights).values())
 
 
 def resistance_slope(theta: Floats, terms: tuple[Nuisance, ...], motion: MotionSamples) -> float:

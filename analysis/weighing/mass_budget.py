@@ -10,11 +10,12 @@ from analysis.model.uncertainty_sources import (
     SCALES,
     UncertaintySource,
     combined_u,
+    root_sum_of_squares,
     sort_largest_first,
 )
 from analysis.weighing.empty_mass_drift import estimate_empty_mass_drift
 from analysis.weighing.force_by_place import BY_PLACE
-from analysis.weighing.joint_result import JointFit, root_sum_of_squares
+from analysis.weighing.joint_result import JointFit
 from analysis.weighing.low_gears import BY_GEAR
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.uneven_ground import BY_GROUND
@@ -238,6 +239,6 @@ def _widening_by_checks(
     if weighing.braking_doubted:
         found["braking"] = abs(weighing.braking_kg) / 2.0 * share
     leans_kg = abs(float(weights @ (weighing.doubled_kg - fit.masses_kg)))
-    if leans_kg > LIMITS.prior_dependence_std * root_sum_of_squares(parts_kg):
+    if leans_kg > LIMITS.prior_dependence_std * root_sum_of_squares(parts_kg.values()):
         found["priors"] = leans_kg
     return found

@@ -191,32 +191,26 @@ class WeighingLimits:
     excess_scatter_std: float = 5.0
 
     # empty_mass_drift
-    #: Loads of the empty machine that tell its drift: three at either end,
+    #: Empty loads that tell a drift: three at either end; its least standard deviations and share.
     empty_drift_min_states: int = 6
-    #: standard deviations beyond which it is one,
     empty_drift_min_std: float = 3.0
-    #: and the least that matters, over the mass: half of what scales are stated to.
     empty_drift_min_1: float = 0.005
     #: Largest loss of mass by fuel an hour, over the mass: twice what loaders burn.
     fuel_loss_1_h: float = 0.002
-    #: Standard uncertainty of the gain over its drift: its stated value may be that of either end,
-    #: near which a gain that warms up is for most of the log.
+    #: Standard uncertainty of the gain over its drift: it may be as stated at either end.
     empty_drift_u_1: float = 0.75
 
     # force_hysteresis
-    #: Prior standard deviation of half the loop, as a share of the largest force: sensors and
-    #: drivelines have 1 to 5 %.
+    #: Prior standard deviation of half the loop over the largest force: sensors have 1 to 5 %.
     hysteresis_prior_share: float = 0.03
-    #: The force has turned when it went back by so much of the largest force: half of a loop that
-    #: matters,
+    #: The force has turned when it went back by so much of the largest force, half of a loop,
     hysteresis_turn_share: float = 0.01
     #: and by so many standard deviations of the noise of a mean,
     hysteresis_turn_std: float = 8.0
     #: which takes so many seconds at most: a force is held for longer.
     hysteresis_mean_s: float = 1.0
-    #: A log shows hysteresis from so many standard deviations on,
+    #: A log shows hysteresis from so many standard deviations and this share of the force on.
     hysteresis_min_std: float = 8.0
-    #: and from this share of the largest force: less moves no mass.
     hysteresis_min_share: float = 0.002
     #: Standard uncertainty of what it moves, over itself: loops are no parallelograms.
     hysteresis_shape_u_1: float = 0.2

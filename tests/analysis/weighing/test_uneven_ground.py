@@ -18,7 +18,7 @@ def moments(direction: float = 1.0, contrast: float = 1.0) -> ColumnInputs:
     """A stretch of 80 m, one way, of a machine with a load or without."""
     zeros = np.zeros(SAMPLES)
     return ColumnInputs(
-        *(zeros,) * 6,
+        *(zeros,) * 7,
         np.full(SAMPLES, direction),
         zeros,
         zeros,
@@ -28,8 +28,7 @@ def moments(direction: float = 1.0, contrast: float = 1.0) -> ColumnInputs:
         PLACES_M,
         np.linspace(1.0, 0.0, SAMPLES),
         40.0,
-        0.0,
-        0.0,
+        *(0.0,) * 3,
         (0.0, 0.0),
     )
 
