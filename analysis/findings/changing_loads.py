@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from analysis.findings.cause import Symptom
+from analysis.findings.cause import MassChange, Symptom
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
@@ -25,6 +25,7 @@ from analysis.findings.whitened_rows import (
     samples_in_whole_blocks,
     whitened_force_rows,
 )
+from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from estimators.errors import counted
 from estimators.numerics.fit_loss import group_rows
 
@@ -86,6 +87,37 @@ def compare_force_share_with_loads(inputs: FindingInputs) -> ForceShareChange | 
     gain = value**2 * square * before.variance / variance
     std = (variance / (square * before.variance)) ** 0.5
     return ForceShareChange(value, std, gain, worse / variance, fit.count)
+
+
+def find_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
+    """Find a force that is read with another gain in reverse, or loads that may be one."""
+    weighing = inputs.check_inputs.weighing
+    found = None if weighing is None else weighing.by_direction
+    if weighing is None or found is None:
+        return []
+    apart = found.gain_1 - 1.0
+    says = f"the force reads {apart:+.1%} ± {found.std_1:.1%} in reverse"
+    if found.is_rival:
+        says += (
+            f", and there is one load, or there are {found.loads} that depend on the direction: "
+            "this log cannot distinguish the two; a boom or bucket channel, settings.loads.empty_* "
+            "or machine.force_gain_in_reverse can"
+        )
+    of_mass_kg = found.u_1 * abs(weighing.fit.mass_kg)
+    return [
+        Symptom(
+            abs(apart)
+            / max(
+                WEIGHING_LIMITS.direction_gain_min_std * found.std_1,
+                WEIGHING_LIMITS.direction_gain_min_1,
+            ),
+            says,
+            channel=inputs.force_channel,
+            # which of the two directions is right is not known
+            change=None if found.is_rival else lambda: MassChange(0.0, of_mass_kg),
+            invalidates=found.is_rival,
+        )
+    ]
 
 
 class LoadGrowthRate(NamedTuple):

@@ -105,7 +105,7 @@ def _judge_severity(
     """Consequence of a finding: withhold, widen or tell."""
     if sign.harmless:
         return "tell"
-    if cause.withholds and not (cause.as_judged and inputs.can_weigh):
+    if cause.withholds and sign.invalidates and not (cause.as_judged and inputs.can_weigh):
         return "withhold"
     if change is None or inputs.fit is None:
         return "tell"

@@ -77,6 +77,22 @@ class WeighingLimits:
     #: Fewest drives between stands or holes: fewer do not separate a drift from a change of load.
     drift_min_drives: int = 6
 
+    # gain_by_direction
+    #: Turns from which loads may be a gain by direction: one turn may well be where it was loaded.
+    direction_gain_min_turns: int = 3
+    #: Share of the manoeuvres whose loads go by the direction, from which all of them may,
+    loads_by_direction_fraction: float = 0.8
+    #: unless boom or bucket tell of so many changes: nearly one of two.
+    hinted_loads_fraction: float = 0.4
+    #: Standard deviations from which a gain by direction shows,
+    direction_gain_min_std: float = 6.0
+    #: its least size: a load's uncertainty covers what is smaller,
+    direction_gain_min_1: float = 0.005
+    #: and its largest: a force that reads a quarter less in reverse is not one that weighs.
+    direction_gain_max_1: float = 0.25
+    #: Probability by which a constant load scatters in one direction as payloads do.
+    payload_scatter_probability: float = 0.01
+
     # growing_load
     #: Top speed of a manoeuvre that creeps, over the median of all manoeuvres: who shunts over a
     #: truck's side drives at a walk, who hauls does not.
