@@ -22,7 +22,6 @@ from analysis.weighing.joint_fit import (
     JointFitInputs,
     applicable_terms,
     joint_fit,
-    refit_with_changes,
 )
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_search import search_and_fit_load_states
@@ -91,35 +90,53 @@ def find_direction_gain(
     motion = fit.motion
     if body.force_gain_in_reverse is not None or not motion.drives_both_ways:
         return None
-    if fit.count == 1:
-        found = _gain_of_one_load(refit_with_changes(fit, noise, priors, (GAIN_BY_DIRECTION,)), 1)
-        return found if _is_significant(found) else None
-    if not do_loads_follow_direction(fit) or _does_ticket_tell_loads(fit, body):
+    several = fit.count > 1
+    if several and (not do_loads_follow_direction(fit) or _does_ticket_tell_loads(fit, body)):
         return None
     one = FitTask(
         motion,
         noise,
-        priors,
+        priors if fit.effects is None else fit.effects.narrow_left_out(priors),
         (*applicable_terms(motion, several=False), GAIN_BY_DIRECTION),
         fit.kinematics,
         None,
         fit.found.uneven_1_s,
     ).fit_means(fit.mean_samples, 2, shift=fit.shifted)
-    found = _gain_of_one_load(one, fit.count)
-    if not _is_significant(found):
-        return None
+    found = _gain_of_one_load(one, fit)
+    if not several or not _is_significant(found):
+        return found if _is_significant(found) else None
     corrected = replace(motion, force=motion.force * (1.0 - one.theta[-1] * motion.direction))
     inputs = JointFitInputs.prepare(corrected, noise, priors, fit)
     left = search_and_fit_load_states(joint_fit(inputs), inputs, body.repeatability_kg)
-    if left.count > 1 or left.states is None:
+    if left.count > 1 or left.states is None or fit.states is None:
         return None
-    return None if do_payloads_scatter(left.states, _is_heavy(fit)) else found
+    heavy = _is_heavy(fit.states, _drives_forwards(motion))
+    return None if do_payloads_scatter(left.states, heavy) else found
 
 
-def _gain_of_one_load(fit: JointFit, loads: int) -> DirectionGain:
-    """Gain in reverse over that forwards, from the last term of a fit with one load."""
-    share, std = float(fit.theta[-1]), float(fit.fit.std[-1])
-    return DirectionGain((1.0 - share) / (1.0 + share), 2.0 * std, loads)
+def _gain_of_one_load(one: JointFit, answer: JointFit) -> DirectionGain:
+    """Gain in reverse over that forwards, from the last term of a fit with one load.
+
+    Its standard deviation is at least that by which the manoeuvres of each direction scatter.
+    """
+    share, std = float(one.theta[-1]), float(one.fit.std[-1])
+    if answer.count == 1:
+        std = max(std, _std_of_difference_kg(answer) / 2.0 / abs(answer.mass_kg))
+    return DirectionGain((1.0 - share) / (1.0 + share), 2.0 * std, answer.count)
+
+
+def _std_of_difference_kg(fit: JointFit) -> float:
+    """Standard deviation of the difference between the directions' mean masses, in kg."""
+    states = fit.states
+    if states is None:
+        return np.inf
+    forwards = _drives_forwards(fit.motion)
+    variances = [
+        max(_variance_over_noise(states.level_kg[each], states.std_kg[each]), 1.0)
+        / float((states.std_kg[each] ** -2.0).sum())
+        for each in (forwards, ~forwards)
+    ]
+    return float(np.sqrt(sum(variances)))
 
 
 def _is_significant(found: DirectionGain) -> bool:
@@ -138,7 +155,7 @@ def do_loads_follow_direction(fit: JointFit) -> bool:
     forwards = _drives_forwards(motion)
     if np.count_nonzero(np.diff(forwards)) < LIMITS.direction_gain_min_turns:
         return False
-    agree = float(np.mean(_is_heavy(fit) == forwards))
+    agree = float(np.mean(_is_heavy(states, forwards) == forwards))
     if max(agree, 1.0 - agree) < LIMITS.loads_by_direction_fraction:
         return False
     changes = np.diff(states.membership) != 0
@@ -152,27 +169,24 @@ def _drives_forwards(motion: MotionSamples) -> Bools:
     return motion.direction[first] > 0.0
 
 
-def _masses_by_direction_kg(fit: JointFit) -> tuple[float, float]:
+def _masses_by_direction_kg(states: LoadStates, forwards: Bools) -> tuple[float, float]:
     """Mean mass of the manoeuvres in reverse and forwards, in kg."""
-    assert fit.states is not None
-    forwards = _drives_forwards(fit.motion).astype(np.int64)
-    masses_kg = fit.masses_kg[fit.states.membership]
-    reverse_kg, forwards_kg = means_by_state(masses_kg, np.ones(masses_kg.size), forwards)
+    each = forwards.astype(np.int64)
+    reverse_kg, forwards_kg = means_by_state(states.level_kg, states.std_kg**-2.0, each)
     return float(reverse_kg), float(forwards_kg)
 
 
-def _is_heavy(fit: JointFit) -> Bools:
+def _is_heavy(states: LoadStates, forwards: Bools) -> Bools:
     """Whether each manoeuvre is nearer to the heavier direction's mass, (units,)."""
-    assert fit.states is not None
-    middle_kg = float(np.mean(_masses_by_direction_kg(fit)))
-    return fit.masses_kg[fit.states.membership] > middle_kg
+    return states.level_kg > float(np.mean(_masses_by_direction_kg(states, forwards)))
 
 
 def _does_ticket_tell_loads(fit: JointFit, body: Body) -> bool:
     """Whether the lighter direction has the stated empty mass, and the heavier one has not."""
-    if body.empty_mass_kg is None:
+    if body.empty_mass_kg is None or fit.states is None:
         return False
-    light_kg, heavy_kg = sorted(_masses_by_direction_kg(fit))
+    forwards = _drives_forwards(fit.motion)
+    light_kg, heavy_kg = sorted(_masses_by_direction_kg(fit.states, forwards))
     empty_kg = body.empty_mass_kg + body.rotating_mass_kg
     gain_u_kg = (body.force_gain_u or 0.0) * empty_kg
     u_kg = float(np.linalg.norm([fit.u_kg, body.empty_mass_u_kg or 0.0, gain_u_kg]))
