@@ -90,6 +90,9 @@ def find_direction_gain(
     motion = fit.motion
     if body.force_gain_in_reverse is not None or not motion.drives_both_ways:
         return None
+    turns = int(np.count_nonzero(np.diff(_drives_forwards(motion))))
+    if fit.states is None or turns < LIMITS.direction_gain_min_turns:
+        return None
     several = fit.count > 1
     if several and (not do_loads_follow_direction(fit) or _does_ticket_tell_loads(fit, body)):
         return None
@@ -108,7 +111,7 @@ def find_direction_gain(
     corrected = replace(motion, force=motion.force * (1.0 - one.theta[-1] * motion.direction))
     inputs = JointFitInputs.prepare(corrected, noise, priors, fit)
     left = search_and_fit_load_states(joint_fit(inputs), inputs, body.repeatability_kg)
-    if left.count > 1 or left.states is None or fit.states is None:
+    if left.count > 1 or left.states is None:
         return None
     heavy = _is_heavy(fit.states, _drives_forwards(motion))
     return None if do_payloads_scatter(left.states, heavy) else found
@@ -128,8 +131,7 @@ def _gain_of_one_load(one: JointFit, answer: JointFit) -> DirectionGain:
 def _std_of_difference_kg(fit: JointFit) -> float:
     """Standard deviation of the difference between the directions' mean masses, in kg."""
     states = fit.states
-    if states is None:
-        return np.inf
+    assert states is not None
     forwards = _drives_forwards(fit.motion)
     variances = [
         max(_variance_over_noise(states.level_kg[each], states.std_kg[each]), 1.0)
@@ -150,11 +152,10 @@ def _is_significant(found: DirectionGain) -> bool:
 def do_loads_follow_direction(fit: JointFit) -> bool:
     """Whether loads alternate with the direction, and nothing besides the masses tells of them."""
     states, motion = fit.states, fit.motion
-    if states is None or motion.empty is not None:
+    assert states is not None
+    if motion.empty is not None:
         return False
     forwards = _drives_forwards(motion)
-    if np.count_nonzero(np.diff(forwards)) < LIMITS.direction_gain_min_turns:
-        return False
     agree = float(np.mean(_is_heavy(states, forwards) == forwards))
     if max(agree, 1.0 - agree) < LIMITS.loads_by_direction_fraction:
         return False
@@ -183,8 +184,9 @@ def _is_heavy(states: LoadStates, forwards: Bools) -> Bools:
 
 def _does_ticket_tell_loads(fit: JointFit, body: Body) -> bool:
     """Whether the lighter direction has the stated empty mass, and the heavier one has not."""
-    if body.empty_mass_kg is None or fit.states is None:
+    if body.empty_mass_kg is None:
         return False
+    assert fit.states is not None
     forwards = _drives_forwards(fit.motion)
     light_kg, heavy_kg = sorted(_masses_by_direction_kg(fit.states, forwards))
     empty_kg = body.empty_mass_kg + body.rotating_mass_kg
