@@ -113,9 +113,6 @@ class WeighingLimits:
     #: Largest change of a load, as a share of the machine's mass: a bucket that goes on filling
     #: holds more than the rated third of it, and no loader carries its own mass.
     max_growth_fraction: float = 1.0
-    #: Most that a load loses, over the range of the log's loads: five starts of an empty machine
-    #: "lost" 4 to 5 t beside loads of 0.8 t, where the ground's edge was misplaced.
-    max_loss_load_ratio: float = 2.0
     #: Standard deviation of a start's own friction, as a share of it.
     own_friction_fraction: float = 0.1
     #: Standard deviation of a start's own constant, as a share of the largest force.
