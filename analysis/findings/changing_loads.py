@@ -96,12 +96,13 @@ def find_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
     if weighing is None or found is None:
         return []
     apart = found.gain_1 - 1.0
-    says = f"the force reads {apart:+.1%} ± {found.std_1:.1%} in reverse"
+    says = f"the force reads {apart:+.1%} ± {found.std_1:.1%} in reverse, or the load depends on it"
     if found.is_rival:
-        says += (
-            f", and there is one load, or there are {found.loads} that depend on the direction: "
-            "this log cannot distinguish the two; a boom or bucket channel, settings.loads.empty_* "
-            "or machine.force_gain_in_reverse can"
+        says = (
+            f"the force reads {apart:+.1%} ± {found.std_1:.1%} in reverse and there is one load, "
+            f"or there are {found.loads} that depend on the direction: this log cannot distinguish "
+            "the two. A boom or bucket channel, settings.loads.empty_from_s and empty_to_s, "
+            "machine.digs or machine.force_gain_in_reverse (1: both directions alike) can"
         )
     of_mass_kg = found.u_1 * abs(weighing.fit.mass_kg)
     return [
