@@ -31,7 +31,7 @@ from analysis.weighing.load_states import (
     means_by_state,
     unit_of_each_sample,
 )
-from analysis.weighing.motion_samples import Bools, ColumnNoiseModel, MotionSamples
+from analysis.weighing.motion_samples import Bools, ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.group_effects import HINTED
@@ -211,11 +211,11 @@ def do_payloads_scatter(states: LoadStates, heavy: Bools) -> bool:
     freedom = [int(each.sum()) - 1 for each in (heavy, ~heavy)]
     if min(freedom) < 1 or not spread[1] > 0.0:
         return False
-    chance = float(fdtrc(*freedom, spread[0] / spread[1]))
+    chance = float(fdtrc(freedom[0], freedom[1], spread[0] / spread[1]))
     return chance < LIMITS.payload_scatter_probability
 
 
-def _variance_over_noise(level_kg: np.ndarray, std_kg: np.ndarray) -> float:
+def _variance_over_noise(level_kg: Floats, std_kg: Floats) -> float:
     """Variance about the weighted mean over that of the noise."""
     if level_kg.size < 2:
         return 0.0

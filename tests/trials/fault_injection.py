@@ -207,8 +207,8 @@ def _lower_in_reverse(frames: Frames, size: float, _: np.random.Generator) -> Fr
     """Torques that read 3 % less where the machine drives in reverse."""
     torque, speed = frames["torque"], frames["speed"]
     mean = speed.select(pl.mean_horizontal(_SPEEDS)).to_series().to_numpy()
-    stamps = (frame["header_stamp_ns"].to_numpy() for frame in (torque, speed))
-    gain = np.where(np.interp(*stamps, mean) < 0.0, 1.0 - 0.03 * size, 1.0)
+    at, known = (frame["header_stamp_ns"].to_numpy() for frame in (torque, speed))
+    gain = np.where(np.interp(at, known, mean) < 0.0, 1.0 - 0.03 * size, 1.0)
     changed = [pl.col(name) * pl.Series(gain) for name in _TORQUES]
     return {**frames, "torque": torque.with_columns(changed)}
 

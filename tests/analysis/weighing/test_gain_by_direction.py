@@ -1,7 +1,7 @@
 """Loads that go by the direction may be a force with another gain in reverse: which tells them."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from types import SimpleNamespace
 
@@ -12,6 +12,7 @@ import pytest
 from analysis.weighing.gain_by_direction import do_loads_follow_direction, do_payloads_scatter
 from analysis.weighing.growing_load import max_loss_kg
 from analysis.weighing.load_states import LoadStates
+from estimators.arrays import Bools, Floats
 from tests.analysis.weighing.test_haul_patterns import drives
 from tests.analysis.weighing.weighed import RICH, Weighed, merged, weighed
 from tests.twins import mark_slow_after
@@ -27,8 +28,8 @@ def heavier_forwards(by_1: Sequence[float]) -> Callable[[Topics], dict[str, pl.D
     def change(topics: Topics) -> dict[str, pl.DataFrame]:
         torque, speed = topics["torque"], topics["speed"]
         mean = speed.select(pl.mean_horizontal("^speed_.*$")).to_series().to_numpy()
-        stamps = (frame["header_stamp_ns"].to_numpy() for frame in (torque, speed))
-        speed_m_s = np.interp(*stamps, mean)
+        at, known = (frame["header_stamp_ns"].to_numpy() for frame in (torque, speed))
+        speed_m_s = np.interp(at, known, mean)
         reversed_before = np.cumsum(np.diff(speed_m_s < -0.3, prepend=False)) // 2
         share = np.resize(by_1, reversed_before[-1] + 1)[reversed_before]
         gain = pl.Series(1.0 + np.where(speed_m_s > 0.0, share, 0.0))
@@ -108,7 +109,7 @@ def test_one_turn_is_too_few_to_tell() -> None:
     assert weighed(merged(RICH, few)).weighing.by_direction is None
 
 
-def levels(light_kg: Sequence[float], heavy_kg: Sequence[float]) -> tuple[LoadStates, np.ndarray]:
+def levels(light_kg: Sequence[float], heavy_kg: Sequence[float]) -> tuple[LoadStates, Bools]:
     """Manoeuvres of an empty and of a loaded direction, each weighed to ± 10 kg."""
     level = np.array([*light_kg, *heavy_kg])
     of, std = np.zeros(level.size, np.int64), np.full(level.size, 10.0)
@@ -136,7 +137,7 @@ def test_a_boom_that_moves_or_times_named_empty_tell_loads() -> None:
 
 
 def test_loads_that_are_hauled_both_ways_are_no_gain() -> None:
-    """In reverse out of the pile with the load, forwards with it, in reverse and forwards without."""
+    """In reverse and forwards with the load, then in reverse and forwards without it."""
     both = hauls([-1.0, 1.0, -1.0, 1.0] * 4)
     level = np.resize([300.0, 300.0, 0.0, 0.0], 16)
     states = replace(both.states, level_kg=level, membership=np.arange(16) // 2)
@@ -155,11 +156,24 @@ def test_payloads_scatter_where_the_empty_machine_does_not() -> None:
 
 def test_a_machine_loses_no_more_than_it_carries() -> None:
     """Of loads of 0 and 3 t an empty start loses nothing, and a loaded one 3 t at most."""
-    fit = SimpleNamespace(
-        count=2,
-        masses_kg=np.array([12_000.0, 15_000.0]),
-        states=replace(levels([0.0, 0.0], [0.0])[0], membership=np.array([0, 1, 0])),
-        weights_of_state=lambda state: np.eye(2)[state],
-        sum_u_kg=lambda weights: 50.0 * float(np.abs(weights).any()),
-    )
+    states = replace(levels([0.0, 0.0], [0.0])[0], membership=np.array([0, 1, 0]))
+    fit = _TwoLoads(states)
     assert [max_loss_kg(fit, unit) for unit in (0, 1, 2)] == [0.0, 3050.0, 0.0]  # pyright: ignore
+
+
+@dataclass(frozen=True)
+class _TwoLoads:
+    """A fit with an empty state and one of 3 t, whose difference is known to ± 50 kg."""
+
+    states: LoadStates
+    count: int = 2
+
+    @property
+    def masses_kg(self) -> Floats:
+        return np.array([12_000.0, 15_000.0])
+
+    def weights_of_state(self, state: int) -> Floats:
+        return np.eye(2)[state]
+
+    def sum_u_kg(self, weights: Floats) -> float:
+        return 50.0 * float(np.abs(weights).any())
