@@ -32,6 +32,7 @@ class Symptom:
         value: proposed value of that key, as TOML.
         change: computes the change of the mass; None if it is not known.
         alternatives: causes that this log cannot distinguish from this one.
+        invalidates: whether this symptom invalidates the mass, where its cause does.
         explains: causes that are only consequences of a symptom this strong, besides
             `Cause.explains`.
         harmless: whether the answer stays the same without the affected samples, which were left
@@ -48,6 +49,7 @@ class Symptom:
     alternatives: tuple[str, ...] = ()
     harmless: bool | None = None
     explains: tuple[str, ...] = ()
+    invalidates: bool = True
 
 
 @dataclass(frozen=True, slots=True)

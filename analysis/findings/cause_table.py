@@ -242,6 +242,14 @@ CAUSES: Final = (
         fit_causes.find_gain_drift,
     ),
     Cause(
+        "gain_by_direction",
+        "the force is read with another gain in reverse, or the loads depend on the direction",
+        "drives in both directions",
+        changing_loads.find_gain_by_direction,
+        withholds=True,
+        explains=("driveline", "gain_drift"),
+    ),
+    Cause(
         "braking_inside",
         "braking that the force sensor does not measure is fitted as driving",
         "settings.gate.exclude_braking = false",

@@ -90,6 +90,38 @@ def compare_force_share_with_loads(inputs: FindingInputs) -> ForceShareChange | 
     return ForceShareChange(value, std, gain, worse / variance, fit.count)
 
 
+def find_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
+    """Find a force that is read with another gain in reverse, or loads that may be one."""
+    weighing = inputs.check_inputs.weighing
+    found = None if weighing is None else weighing.by_direction
+    if weighing is None or found is None:
+        return []
+    apart = found.gain_1 - 1.0
+    says = f"the force reads {apart:+.1%} ± {found.std_1:.1%} in reverse, or the load depends on it"
+    if found.is_rival:
+        says = (
+            f"the force reads {apart:+.1%} ± {found.std_1:.1%} in reverse and there is one load, "
+            f"or there are {found.loads} that depend on the direction: this log cannot distinguish "
+            "the two. A boom or bucket channel, settings.loads.empty_from_s and empty_to_s, "
+            "machine.digs or machine.force_gain_in_reverse (1: both directions alike) can"
+        )
+    of_mass_kg = found.u_1 * abs(weighing.fit.mass_kg)
+    return [
+        Symptom(
+            abs(apart)
+            / max(
+                WEIGHING_LIMITS.direction_gain_min_std * found.std_1,
+                WEIGHING_LIMITS.direction_gain_min_1,
+            ),
+            says,
+            channel=inputs.force_channel,
+            # which of the two directions is right is not known
+            change=None if found.is_rival else lambda: MassChange(0.0, of_mass_kg),
+            invalidates=found.is_rival,
+        )
+    ]
+
+
 class LoadGrowthRate(NamedTuple):
     """Growth of the load during one manoeuvre.
 

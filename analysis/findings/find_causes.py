@@ -19,7 +19,7 @@ from analysis.findings.cause_table import CAUSES, UNKNOWN
 from analysis.findings.delay_causes import masks_other_causes
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.unexplained import SHOWN
+from analysis.findings.unexplained import MATTERING, SHOWN
 from analysis.model.machine import Machine
 from analysis.model.schema import build_frame, frame_schema
 
@@ -50,11 +50,17 @@ def find_causes(inputs: FindingInputs) -> pl.DataFrame:
         and (cause[1].strength >= other[1].strength or not _explains_other(other, cause))
     )
     shown.sort(key=lambda each: (explained[each[0].key], -each[1].strength))
-    inputs.cache[SHOWN] = tuple(cause.key for cause, _ in shown)
-    shown += [(UNKNOWN, sign) for sign in UNKNOWN.find(inputs)]
     rows = [
         _make_finding_row(rank, cause, sign, inputs) for rank, (cause, sign) in enumerate(shown, 1)
     ]
+    inputs.cache[SHOWN] = tuple(cause.key for cause, _ in shown)
+    inputs.cache[MATTERING] = tuple(
+        cause.key
+        for (cause, _), row in zip(shown, rows, strict=True)
+        if _matters_to_mass(row, inputs)
+    )
+    for rank, sign in enumerate(UNKNOWN.find(inputs), len(rows) + 1):
+        rows.append(_make_finding_row(rank, UNKNOWN, sign, inputs))
     columns = frame_schema("findings").columns
     return build_frame(
         "findings",
@@ -99,13 +105,23 @@ def _make_finding_row(
     }
 
 
+def _matters_to_mass(row: Mapping[str, object], inputs: FindingInputs) -> bool:
+    """Whether a finding invalidates the mass or may move it by about its uncertainty."""
+    change_kg = row["mass_change_kg"]
+    if row["severity"] != "tell" or not isinstance(change_kg, float) or inputs.fit is None:
+        return True
+    u_kg = row["mass_change_u_kg"]
+    may_kg = abs(change_kg) + (u_kg if isinstance(u_kg, float) else 0.0)
+    return may_kg > LIMITS.accounting_change_u * inputs.fit.u_kg
+
+
 def _judge_severity(
     cause: Cause, sign: Symptom, change: MassChange | None, inputs: FindingInputs
 ) -> str:
     """Consequence of a finding: withhold, widen or tell."""
     if sign.harmless:
         return "tell"
-    if cause.withholds and not (cause.as_judged and inputs.can_weigh):
+    if cause.withholds and sign.invalidates and not (cause.as_judged and inputs.can_weigh):
         return "withhold"
     if change is None or inputs.fit is None:
         return "tell"

@@ -38,6 +38,8 @@ class FindingLimits:
     # find_causes
     #: Change of the mass, in its standard uncertainties, from which a cause widens the answer.
     widening_change_u: float = 1.0
+    #: Least that it may move it, likewise, to account for failed checks: about its uncertainty.
+    accounting_change_u: float = 0.5
 
     # finding_inputs
     #: Time in s after motion from which a stand is judged: a machine swings after it has stopped,

@@ -9,13 +9,27 @@ from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 
-#: Kept of the case: keys of the causes that it shows.
+#: Kept of the case: keys of the causes that it shows, and of those that matter to the mass.
 SHOWN: Final = "shown causes"
+MATTERING: Final = "mattering causes"
 #: What failing a check costs; those that tell alone, or leave out a method, name their own reason.
 _COSTS: Final = ("withhold", "widen")
 #: Causes that bend nothing, and so account for no check.
 _BEND_NOTHING: Final = ("quantised", "gaps", "wind_up", "braking_left_out")
-#: Checks of one thing, and the causes that account for them; others any cause may fail.
+#: Causes of the very quantity of a check: they account for it whatever they do to the mass.
+_OF_ITS_QUANTITY: Final[Mapping[str, tuple[str, ...]]] = {
+    "force_delay_s": ("delay",),
+    "speed_delay_s": ("delay", "imu_low_passed"),
+    "wheel_imu_gain_error": ("wheel_radius", "imu_loose", "imu_low_passed"),
+    "wheel_imu_residual": ("slip", "slope", "delay", "imu_low_passed", "imu_loose"),
+    "force_nonlinearity": ("driveline", "braking_inside", "saturated"),
+    "braking_bias": ("braking_inside",),
+    "manoeuvre_scatter": ("load_changed_inside", "gain_by_direction", "gain_drift"),
+    "relative_u": ("too_little_excitation", "collinear"),
+    "channel_noise": ("too_little_excitation", "resonance", "quantised"),
+}
+#: Checks of one thing, and the causes that account for them; others any cause that matters to the
+#: mass may fail.
 _OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
     "frozen_s": ("frozen",),
     "clipped_share": ("saturated",),
@@ -28,19 +42,26 @@ _OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
 
 def find_unexplained_checks(inputs: FindingInputs) -> list[Symptom]:
     """Report failed checks of the mass that no cause accounts for."""
-    kept = inputs.cache.get(SHOWN, ())
-    found = make_unexplained_symptom(inputs.judged, kept if isinstance(kept, tuple) else ())
+    shown, mattering = (inputs.cache.get(name, ()) for name in (SHOWN, MATTERING))
+    assert isinstance(shown, tuple)
+    assert isinstance(mattering, tuple)
+    found = make_unexplained_symptom(inputs.judged, shown, mattering)
     return [] if found is None else [found]
 
 
-def make_unexplained_symptom(judged: pl.DataFrame, causes: Collection[str]) -> Symptom | None:
+def make_unexplained_symptom(
+    judged: pl.DataFrame, causes: Collection[str], mattering: Collection[str] | None = None
+) -> Symptom | None:
     """Symptom of failed checks that no cause explains; None if each is explained.
 
     Args:
         judged: the frame `verdict`.
         causes: keys of the causes that the log shows.
+        mattering: keys of those that invalidate the mass, move it by about its uncertainty, or
+            have an effect on it that is not known; None: all.
     """
-    failed = [row for row in judged.iter_rows(named=True) if _is_unexplained(row, set(causes))]
+    told, matter = set(causes), set(causes if mattering is None else mattering)
+    failed = [row for row in judged.iter_rows(named=True) if _is_unexplained(row, told, matter)]
     if not failed:
         return None
     said = "; ".join(
@@ -51,11 +72,15 @@ def make_unexplained_symptom(judged: pl.DataFrame, causes: Collection[str]) -> S
     )
 
 
-def _is_unexplained(row: Mapping[str, Any], causes: set[str]) -> bool:
+def _is_unexplained(row: Mapping[str, Any], causes: set[str], mattering: set[str]) -> bool:
     """Whether a failed check of the mass has no cause among those found."""
     if row["about"] != "mass" or row["passed"] is not False or row["consequence"] not in _COSTS:
         return False
-    accounts = causes & set(_OF_ONE_THING.get(row["check"], causes))
+    check = row["check"]
+    if check in _OF_ONE_THING:
+        accounts = causes & set(_OF_ONE_THING[check])
+    else:
+        accounts = mattering | causes & set(_OF_ITS_QUANTITY.get(check, ()))
     return not accounts - set(_BEND_NOTHING)
 
 

@@ -93,6 +93,9 @@ class Body(BaseModel):
     #: Of the share's relative change under a load as heavy as the machine.
     force_share_by_load_u: float | None = Field(None, ge=0)
     force_gain_u: float | None = Field(None, ge=0)
+    #: Force read in reverse over that read forwards, of the same force.
+    #: Left out where it is not given, as the serial number.
+    force_gain_in_reverse: float | None = Field(None, gt=0, exclude_if=lambda value: value is None)
     rotating_mass_kg: float = Field(0.0, ge=0)
     rotating_mass_u_kg: float = Field(0.0, ge=0)
     repeatability_kg: float | None = Field(None, ge=0)

@@ -188,7 +188,9 @@ def find_growing_loads(
     )
     # what no machine carries is no load, however surely the manoeuvre misses the model
     carried = np.abs(kg) < LIMITS.max_growth_fraction * abs(fit.mass_kg)
-    carried &= kg > -_max_plausible_loss_kg(fit)
+    shown = np.abs(kg) > limit * std_kg
+    for k in np.flatnonzero(shown & carried & (kg < 0.0)):
+        carried[k] = kg[k] > -max_loss_kg(fit, int(number[k]))
     used, of_sample = np.flatnonzero(motion.used), unit_of_each_sample(motion)
     return tuple(
         LoadGrowth(
@@ -197,15 +199,28 @@ def find_growing_loads(
             float(kg[k]),
             float(std_kg[k]),
         )
-        for k in np.flatnonzero((np.abs(kg) > limit * std_kg) & carried)
+        for k in np.flatnonzero(shown & carried)
     )
 
 
-def _max_plausible_loss_kg(fit: JointFit) -> float:
-    """Largest plausible loss of a load in kg, by the carried mass if other loads give it."""
-    if fit.count == 1:
+def max_loss_kg(fit: JointFit, unit: int) -> float:
+    """Most that a manoeuvre can lose in kg: its load above the lightest, and the load's u.
+
+    An excluded manoeuvre has the heavier load of those beside it. Infinite with one load, of which
+    the log does not tell how much is the machine.
+
+    Args:
+        fit: the joint fit, with its load states.
+        unit: number of the manoeuvre in the samples.
+    """
+    states = fit.states
+    if states is None or fit.count == 1:
         return float("inf")
-    return LIMITS.max_loss_load_ratio * float(np.ptp(fit.masses_kg))
+    first, end = (int(np.searchsorted(states.unit, unit, side)) for side in ("left", "right"))
+    places = np.array([first] if end > first else [first - 1, first]).clip(0, states.unit.size - 1)
+    lightest = fit.weights_of_state(int(np.argmin(fit.masses_kg)))
+    loads = [fit.weights_of_state(int(k)) - lightest for k in states.membership[places]]
+    return max(float(each @ fit.masses_kg) + fit.sum_u_kg(each) for each in loads)
 
 
 def find_creeping_manoeuvres(fit: JointFit) -> Ints:

@@ -128,6 +128,11 @@ _PARTS: Final = {
         "priors twice as wide move the mass by more than its uncertainty",
         "starts at different throttles and both ways, or priors that are known",
     ),
+    "gain_by_direction": _FitPart(
+        "common",
+        "a force that is read with another gain in reverse: which direction is right is not known",
+        "the gain of each direction: machine.force_gain_in_reverse",
+    ),
     "curvature": _FitPart(
         "common",
         "a force that is not linear in the acceleration",
@@ -233,6 +238,8 @@ def _widening_by_checks(
         found["drifted_gain"] = max(found.get("drifted_gain", 0.0), drift_kg)
     if weighing.curvature.is_significant:
         found["curvature"] = abs(weighing.curvature.kg) * share
+    if weighing.by_direction is not None:
+        found["gain_by_direction"] = weighing.by_direction.u_1 * abs(float(weights @ fit.masses_kg))
     viscous, std = fit.friction
     if viscous < -LIMITS.falling_friction_std * std:
         found["falling_friction"] = abs(_change_without_friction_kg(fit, weights))

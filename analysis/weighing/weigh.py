@@ -13,6 +13,10 @@ from analysis.model.prior_settings import LearntTerm, PriorSettings
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in_duration
 from analysis.weighing.fit_columns import FitRows
+from analysis.weighing.gain_by_direction import (
+    DirectionGain,
+    find_direction_gain,
+)
 from analysis.weighing.growing_load import (
     LoadFilling,
     LoadGrowth,
@@ -88,6 +92,8 @@ class Weighing:
         curvature: test of a term in a·|a|.
         filling: test of a load that grows equally at every start, from this log alone.
         growing: manoeuvres whose load changes in motion; they are not fitted.
+        by_direction: gain of the force by direction with which one load explains the log, if there
+            is one and the log does not tell its loads from it.
         other_motion: change of the mass with the other acceleration, if wheels and accelerometer
             disagree by more than the settings allow.
         alone: the fit without learnt priors; None if that is the answer.
@@ -104,6 +110,7 @@ class Weighing:
     curvature: ForceCurvature
     filling: LoadFilling
     growing: tuple[LoadGrowth, ...]
+    by_direction: DirectionGain | None = None
     other_motion: AlternativeMotion | None = None
     alone: JointFit | None = None
     informed: JointFit | None = None
@@ -257,6 +264,7 @@ def _weigh_with_priors(
         fit_force_curvature(fit, columns, priors, rows),
         fit_filling(own, columns, own_priors, rows if own is fit else None),
         grown,
+        find_direction_gain(fit, columns, priors, machine.machine),
         refit_with_wheel_or_imu_motion(fit, columns, priors)
         if wheel_imu_disagreement(fit) > settings.verdict.wheels_max
         else None,

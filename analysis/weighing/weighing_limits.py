@@ -77,6 +77,22 @@ class WeighingLimits:
     #: Fewest drives between stands or holes: fewer do not separate a drift from a change of load.
     drift_min_drives: int = 6
 
+    # gain_by_direction
+    #: Turns from which loads may be a gain by direction: one turn may well be where it was loaded.
+    direction_gain_min_turns: int = 3
+    #: Share of the manoeuvres whose loads go by the direction, from which all of them may,
+    loads_by_direction_fraction: float = 0.8
+    #: unless boom or bucket tell of so many changes: nearly one of two.
+    hinted_loads_fraction: float = 0.4
+    #: Standard deviations from which a gain by direction shows,
+    direction_gain_min_std: float = 6.0
+    #: its least size: a load's uncertainty covers what is smaller,
+    direction_gain_min_1: float = 0.005
+    #: and its largest: a force that reads a quarter less in reverse is not one that weighs.
+    direction_gain_max_1: float = 0.25
+    #: Probability by which a constant load scatters in one direction as payloads do.
+    payload_scatter_probability: float = 0.01
+
     # growing_load
     #: Top speed of a manoeuvre that creeps, over the median of all manoeuvres: who shunts over a
     #: truck's side drives at a walk, who hauls does not.
@@ -97,9 +113,6 @@ class WeighingLimits:
     #: Largest change of a load, as a share of the machine's mass: a bucket that goes on filling
     #: holds more than the rated third of it, and no loader carries its own mass.
     max_growth_fraction: float = 1.0
-    #: Most that a load loses, over the range of the log's loads: five starts of an empty machine
-    #: "lost" 4 to 5 t beside loads of 0.8 t, where the ground's edge was misplaced.
-    max_loss_load_ratio: float = 2.0
     #: Standard deviation of a start's own friction, as a share of it.
     own_friction_fraction: float = 0.1
     #: Standard deviation of a start's own constant, as a share of the largest force.

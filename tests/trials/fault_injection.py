@@ -203,6 +203,16 @@ def _rectify_force(frames: Frames, _: float, __: np.random.Generator) -> Frames:
     }
 
 
+def _lower_in_reverse(frames: Frames, size: float, _: np.random.Generator) -> Frames:
+    """Torques that read 3 % less where the machine drives in reverse."""
+    torque, speed = frames["torque"], frames["speed"]
+    mean = speed.select(pl.mean_horizontal(_SPEEDS)).to_series().to_numpy()
+    at, known = (frame["header_stamp_ns"].to_numpy() for frame in (torque, speed))
+    gain = np.where(np.interp(at, known, mean) < 0.0, 1.0 - 0.03 * size, 1.0)
+    changed = [pl.col(name) * pl.Series(gain) for name in _TORQUES]
+    return {**frames, "torque": torque.with_columns(changed)}
+
+
 _BOTH_WAYS: Final = {"starts": {"directions": "alternating"}}
 _THROTTLES: Final = {"starts": {"throttle_least": 0.4}}
 _TURNS: Final = {"starts": {"turn_rad_s": 0.04, "scrub_N_s_rad": 0.0}}
@@ -352,6 +362,14 @@ FAULTS: Final = (
         "60 N of 6 kN",
         _of_force("sensors", force_bias_N=60.0),
         largest=25.0,
+    ),
+    Fault(
+        "force low in reverse",
+        ("gain_by_direction",),
+        "3 %",
+        topics=_lower_in_reverse,
+        needs=_BOTH_WAYS,
+        largest=7.0,
     ),
     Fault(
         "braking included",

@@ -47,10 +47,16 @@ def compute_excitation(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame
 def longitudinal_force(smoothed: pl.DataFrame, body: Body) -> Floats:
     """Equation (17), (rows,) in N: (τ_r + τ_l) / r over the share of the measured wheels."""
     if "force_x_N" in smoothed.columns:
-        return column_values(smoothed, "force_x_N") / body.force_share
-    radius = float(body.wheel_radius_m or np.nan)
-    total = column_values(smoothed, "torque_right_N_m") + column_values(smoothed, "torque_left_N_m")
-    return total / radius / body.force_share
+        force = column_values(smoothed, "force_x_N") / body.force_share
+    else:
+        radius = float(body.wheel_radius_m or np.nan)
+        sides = ("torque_right_N_m", "torque_left_N_m")
+        right, left = (column_values(smoothed, side) for side in sides)
+        force = (right + left) / radius / body.force_share
+    if body.force_gain_in_reverse is None:
+        return force
+    reverses = column_values(smoothed, "speed_x_m_s") < 0.0
+    return np.where(reverses, force / body.force_gain_in_reverse, force)
 
 
 def yaw_torque(smoothed: pl.DataFrame, body: Body) -> Floats | None:

@@ -59,6 +59,15 @@ def test_a_cause_of_something_else_accounts_for_nothing() -> None:
         assert check in found.evidence
 
 
+def test_a_cause_that_hardly_moves_the_mass_accounts_only_for_what_it_names() -> None:
+    shown, mattering = ("delay", "coulomb"), ("coulomb",)
+    assert make_unexplained_symptom(failing("force_delay_s"), shown, mattering) is None
+    assert make_unexplained_symptom(failing("common_misfit"), shown, mattering) is None
+    found = make_unexplained_symptom(failing("common_misfit"), shown, ())
+    assert found is not None
+    assert "common_misfit" in found.evidence
+
+
 def test_a_log_that_passes_has_no_unknown_cause() -> None:
     assert make_unexplained_symptom(failing(), ()) is None
     passing = failing("disagreeing_methods", "gating_bias", "constant_force")

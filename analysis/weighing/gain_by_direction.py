@@ -1,0 +1,224 @@
+"""A gain of the force by direction: in reverse, one load weighs as another.
+
+Gears, motor controllers and bridges of strain gauges may read the same force otherwise in reverse:
+f (1 - κ s) = m a + b v, where s is 1 forwards and -1 in reverse. Every drive in reverse then has
+another mass, as of a machine that is loaded there. Loads tell themselves apart from it by what
+happens at their changes (a boom, a bucket that was filled), by an empty machine of a known mass, by
+drives of one direction with different loads, and by payloads that scatter while an empty machine
+does not. A log that shows none of these cannot distinguish the two.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.special import fdtrc
+
+from analysis.model.machine_body import Body
+from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.fit_task import FitTask
+from analysis.weighing.fitted_stretches import is_first_of_stretch
+from analysis.weighing.joint_fit import (
+    JointFitInputs,
+    applicable_terms,
+    joint_fit,
+)
+from analysis.weighing.joint_result import JointFit
+from analysis.weighing.load_search import search_and_fit_load_states
+from analysis.weighing.load_states import (
+    LoadStates,
+    load_change_kinds,
+    means_by_state,
+    unit_of_each_sample,
+)
+from analysis.weighing.motion_samples import Bools, ColumnNoiseModel, Floats, MotionSamples
+from analysis.weighing.nuisances import Nuisance
+from analysis.weighing.weighing_limits import LIMITS
+from estimators.joint.group_effects import HINTED
+
+#: All but free.
+GAIN_BY_DIRECTION: Final = Nuisance(
+    "gain_by_direction",
+    "1",
+    lambda m: m.force * m.direction,
+    lambda _, __: 1e9,
+    "a force that is read with another gain in reverse",
+    "the gain of each direction, by a known load or a known pull",
+    by_force=lambda m: m.direction,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class DirectionGain:
+    """Gain of the force in reverse with which one load explains a log.
+
+    Attributes:
+        gain_1: force read in reverse over that read forwards, of the same force.
+        std_1: its standard deviation.
+        loads: number of loads of the answer.
+    """
+
+    gain_1: float
+    std_1: float
+    loads: int
+
+    @property
+    def is_rival(self) -> bool:
+        """Whether the answer has several loads, which may be this gain instead."""
+        return self.loads > 1
+
+    @property
+    def u_1(self) -> float:
+        """Relative standard uncertainty of one load's mass: either direction may be right."""
+        return abs(self.gain_1 - 1.0) / float(np.sqrt(3.0))
+
+
+def find_direction_gain(
+    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, body: Body
+) -> DirectionGain | None:
+    """Find a gain by direction that explains the log with one load.
+
+    Args:
+        fit: joint fit of the answer.
+        noise: noise of acceleration, speed and force.
+        priors: of the nuisances.
+        body: the machine, with what is known of its empty mass and of that gain.
+
+    Returns:
+        None if the log has no such gain, or if it tells its loads from one.
+    """
+    motion = fit.motion
+    if body.force_gain_in_reverse is not None or not motion.drives_both_ways:
+        return None
+    turns = int(np.count_nonzero(np.diff(_drives_forwards(motion))))
+    if fit.states is None or turns < LIMITS.direction_gain_min_turns:
+        return None
+    several = fit.count > 1
+    if several and (not do_loads_follow_direction(fit) or _does_ticket_tell_loads(fit, body)):
+        return None
+    one = FitTask(
+        motion,
+        noise,
+        priors if fit.effects is None else fit.effects.narrow_left_out(priors),
+        (*applicable_terms(motion, several=False), GAIN_BY_DIRECTION),
+        fit.kinematics,
+        None,
+        fit.found.uneven_1_s,
+    ).fit_means(fit.mean_samples, 2, shift=fit.shifted)
+    found = _gain_of_one_load(one, fit)
+    if not several or not _is_significant(found):
+        return found if _is_significant(found) else None
+    corrected = replace(motion, force=motion.force * (1.0 - one.theta[-1] * motion.direction))
+    inputs = JointFitInputs.prepare(corrected, noise, priors, fit)
+    left = search_and_fit_load_states(joint_fit(inputs), inputs, body.repeatability_kg)
+    if left.count > 1 or left.states is None:
+        return None
+    heavy = _is_heavy(fit.states, _drives_forwards(motion))
+    return None if do_payloads_scatter(left.states, heavy) else found
+
+
+def _gain_of_one_load(one: JointFit, answer: JointFit) -> DirectionGain:
+    """Gain in reverse over that forwards, from the last term of a fit with one load.
+
+    Its standard deviation is at least that by which the manoeuvres of each direction scatter.
+    """
+    share, std = float(one.theta[-1]), float(one.fit.std[-1])
+    if answer.count == 1:
+        std = max(std, _std_of_difference_kg(answer) / 2.0 / abs(answer.mass_kg))
+    return DirectionGain((1.0 - share) / (1.0 + share), 2.0 * std, answer.count)
+
+
+def _std_of_difference_kg(fit: JointFit) -> float:
+    """Standard deviation of the difference between the directions' mean masses, in kg."""
+    states = fit.states
+    assert states is not None
+    forwards = _drives_forwards(fit.motion)
+    variances = [
+        max(_variance_over_noise(states.level_kg[each], states.std_kg[each]), 1.0)
+        / float((states.std_kg[each] ** -2.0).sum())
+        for each in (forwards, ~forwards)
+    ]
+    return float(np.sqrt(sum(variances)))
+
+
+def _is_significant(found: DirectionGain) -> bool:
+    apart = abs(found.gain_1 - 1.0)
+    return (
+        apart > LIMITS.direction_gain_min_std * found.std_1
+        and LIMITS.direction_gain_min_1 < apart < LIMITS.direction_gain_max_1
+    )
+
+
+def do_loads_follow_direction(fit: JointFit) -> bool:
+    """Whether loads alternate with the direction, and nothing besides the masses tells of them."""
+    states, motion = fit.states, fit.motion
+    assert states is not None
+    if motion.empty is not None:
+        return False
+    forwards = _drives_forwards(motion)
+    agree = float(np.mean(_is_heavy(states, forwards) == forwards))
+    if max(agree, 1.0 - agree) < LIMITS.loads_by_direction_fraction:
+        return False
+    changes = np.diff(states.membership) != 0
+    hinted = load_change_kinds(motion)[changes] >= HINTED
+    return float(np.mean(hinted)) < LIMITS.hinted_loads_fraction
+
+
+def _drives_forwards(motion: MotionSamples) -> Bools:
+    """Whether each manoeuvre goes forwards, (units,)."""
+    first = np.flatnonzero(motion.used)[is_first_of_stretch(unit_of_each_sample(motion))]
+    return motion.direction[first] > 0.0
+
+
+def _masses_by_direction_kg(states: LoadStates, forwards: Bools) -> tuple[float, float]:
+    """Mean mass of the manoeuvres in reverse and forwards, in kg."""
+    each = forwards.astype(np.int64)
+    reverse_kg, forwards_kg = means_by_state(states.level_kg, states.std_kg**-2.0, each)
+    return float(reverse_kg), float(forwards_kg)
+
+
+def _is_heavy(states: LoadStates, forwards: Bools) -> Bools:
+    """Whether each manoeuvre is nearer to the heavier direction's mass, (units,)."""
+    return states.level_kg > float(np.mean(_masses_by_direction_kg(states, forwards)))
+
+
+def _does_ticket_tell_loads(fit: JointFit, body: Body) -> bool:
+    """Whether the lighter direction has the stated empty mass, and the heavier one has not."""
+    if body.empty_mass_kg is None:
+        return False
+    assert fit.states is not None
+    forwards = _drives_forwards(fit.motion)
+    light_kg, heavy_kg = sorted(_masses_by_direction_kg(fit.states, forwards))
+    empty_kg = body.empty_mass_kg + body.rotating_mass_kg
+    gain_u_kg = (body.force_gain_u or 0.0) * empty_kg
+    u_kg = float(np.linalg.norm([fit.u_kg, body.empty_mass_u_kg or 0.0, gain_u_kg]))
+    return (
+        abs(light_kg - empty_kg) < LIMITS.empty_state_u * u_kg
+        and heavy_kg - empty_kg > LIMITS.heaviest_state_u * u_kg
+    )
+
+
+def do_payloads_scatter(states: LoadStates, heavy: Bools) -> bool:
+    """Whether the heavier manoeuvres scatter more than the lighter ones, as payloads do.
+
+    Args:
+        states: manoeuvres of one load, weighed with the gain of each direction.
+        heavy: (units,) whether each manoeuvre was heavy before.
+    """
+    spread = [
+        _variance_over_noise(states.level_kg[each], states.std_kg[each]) for each in (heavy, ~heavy)
+    ]
+    freedom = [int(each.sum()) - 1 for each in (heavy, ~heavy)]
+    if min(freedom) < 1 or not spread[1] > 0.0:
+        return False
+    chance = float(fdtrc(freedom[0], freedom[1], spread[0] / spread[1]))
+    return chance < LIMITS.payload_scatter_probability
+
+
+def _variance_over_noise(level_kg: Floats, std_kg: Floats) -> float:
+    """Variance about the weighted mean over that of the noise."""
+    if level_kg.size < 2:
+        return 0.0
+    weight = std_kg**-2.0
+    mean_kg = float(weight @ level_kg / weight.sum())
+    return float(weight @ (level_kg - mean_kg) ** 2) / (level_kg.size - 1)
