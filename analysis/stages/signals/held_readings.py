@@ -26,9 +26,11 @@ _FEWEST_RUNS: Final = 12
 #: itself.
 _MOST_SINGLE: Final = 0.4
 #: Whatever jitters, readings are held for at least half as long as the median one and for less than
-#: twice as long, but for this share at either end: what reads pulses is held for any time, and a
-#: longer run has repeats that were read.
-_OUTSIDE: Final = 0.05
+#: twice as long, but for this share of them; what reads pulses is held for any time.
+_SHORTER: Final = 0.05
+#: A run so many readings long repeats a reading, as at a stand; in shorter ones one was late, or
+#: lost.
+_REPEATED: Final = 2
 #: A sensor slower than this weighs nothing, and a force that a program sets stays as long.
 _LONGEST_S: Final = 1.25
 
@@ -39,11 +41,9 @@ class HeldReadings:
 
     Attributes:
         rows: mean number of rows of a reading.
-        longest: most rows of one reading.
     """
 
     rows: float
-    longest: int
 
     @classmethod
     def from_readings(cls, x: Floats, rate_hz: float) -> Self | None:
@@ -56,23 +56,22 @@ class HeldReadings:
         length = np.diff(first)[1:][fast[:-1] & fast[1:]]
         if length.size < _FEWEST_RUNS or float((length == 1).mean()) > _MOST_SINGLE:
             return None
-        shortest, median = np.quantile(length, (_OUTSIDE, 0.5), method="nearest").tolist()
-        single = length[length < 2 * median]
-        rows = float(single.mean())
-        is_regular = 2 * shortest >= median - 1 and filters.OTHER_RATE < rows < _LONGEST_S * rate_hz
-        longest = int(np.quantile(single, 1.0 - _OUTSIDE, method="nearest"))
-        return cls(rows, longest) if is_regular else None
+        shortest, median = np.quantile(length, (_SHORTER, 0.5), method="nearest").tolist()
+        rows = float(length[length < 2 * median].mean())
+        is_even = 2 * shortest >= median - 1
+        is_slow = filters.OTHER_RATE < rows < _LONGEST_S * rate_hz
+        return cls(rows) if is_even and is_slow else None
 
     def select_readings(self, x: Floats) -> Ints:
         """Rows (readings,) at which a reading was taken, of held readings (n,).
 
-        The first row of each run, and where one lasts longer, as at a stand, rows at the mean
-        distance. None depends on what comes later.
+        The first row of each run, and of a long one those at multiples of the mean distance, or a
+        stand would be a gap. None depends on what comes later.
         """
         first = _first_rows(x)
         since = np.arange(x.size) - np.repeat(first, np.diff(np.append(first, x.size)))
-        after = since - self.longest
-        repeats = (after >= 0) & (after // self.rows > (after - 1) // self.rows)
+        number = since // self.rows
+        repeats = (number >= _REPEATED) & (number > (since - 1) // self.rows)
         return np.flatnonzero((since == 0) | repeats)
 
 
