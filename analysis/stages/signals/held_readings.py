@@ -93,11 +93,12 @@ def drop_repeated_rows(
     read: Mapping[str, mounting.Series], held: Mapping[str, HeldReadings]
 ) -> dict[str, mounting.Series]:
     """Drop the rows that repeat a held reading, so that a channel comes at its sensor's rate."""
-    rows = {name: each.select_readings(read[name][1]) for name, each in held.items()}
-    return {
-        name: (t[rows[name]], x[rows[name]]) if name in rows else (t, x)
-        for name, (t, x) in read.items()
-    }
+    out = dict(read)
+    for name, each in held.items():
+        t, x = read[name]
+        rows = each.select_readings(x)
+        out[name] = t[rows], x[rows]
+    return out
 
 
 def held_reading_notes(
