@@ -49,6 +49,11 @@ from analysis.stages.signals.align import align
 from analysis.stages.signals.align import alignment_notes as grid_notes
 from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.grid_rate import machine_at_rate_of_log
+from analysis.stages.signals.held_readings import (
+    drop_repeated_rows,
+    find_held_channels,
+    held_reading_notes,
+)
 from analysis.stages.signals.mounting import Series
 from analysis.stages.signals.timestamps import assign_timestamps
 from analysis.weighing.empty_mass_datum import weighbridge_ticket_notes
@@ -90,18 +95,22 @@ class _TopicChannels:
         read: channel readings at their own rates, by channel.
         stamps: kind of stamp that times each topic.
         doubts: data whose loss cannot be proven.
+        notes: notes on readings that a logger held.
     """
 
     read: dict[str, Series]
     stamps: dict[str, str]
     doubts: list[Loss]
+    notes: list[str]
 
     @classmethod
     def from_topics(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_TopicChannels":
         """Assign a time to every sample, and read the channels that the machine file names."""
         placed, stamps, doubts = assign_timestamps(raw)
         read, missing = read_measured_channels(placed, machine)
-        return cls(read, stamps, [*doubts, *missing])
+        held = find_held_channels(read)  # rows between a slow sensor's readings say nothing new
+        notes = held_reading_notes(read, held)
+        return cls(drop_repeated_rows(read, held), stamps, [*doubts, *missing], notes)
 
 
 @dataclass(frozen=True)
@@ -150,6 +159,7 @@ def run(
     raw, losses = read_channels(logs, machine)
     placed = _TopicChannels.from_topics(raw, machine)
     machine, chosen = machine_at_rate_of_log(placed.read, machine)  # what no setting gives
+    chosen = [*placed.notes, *chosen]
     seen = _run_stages(raw, placed, machine, on_stage)
     del placed  # of a shift it is half a gigabyte
     weighing, excitation = seen.weighing, seen.frames["excitation"]

@@ -230,9 +230,10 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     late_s, std_s = pick.value, pick.std
     names = _delayed_channels(inputs, channel)
     setting, value = inputs.propose_delays(names, late_s)
-    rivals = [each.partition(":")[2] for each in pick.rivals if each.startswith("delay")]
+    beside = _measured_beside(inputs, channel)
+    rivals = [each for each in beside if f"delay:{each}" in pick.rivals]
     words = "late" if late_s > 0 else "early"
-    against = " and ".join(_SHOWN[each] for each in _SHOWN if each != channel)
+    against = " and ".join(_SHOWN[each] for each in beside)
     said = f"{abs(1e3 * late_s):.1f} ± {1e3 * std_s:.1f} ms {words} against {against}"
     if rivals:
         said += f"; equally likely, the {' or '.join(_SHOWN[each] for each in rivals)} is wrong"
@@ -265,7 +266,7 @@ def _make_long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
     names = _delayed_channels(inputs, late.channel)
     setting, value = inputs.propose_delays(names, late.late_s)
     words = "late" if late.late_s > 0.0 else "early"
-    rest = [late.rival] if late.rival else [each for each in _SHOWN if each != late.channel]
+    rest = [late.rival] if late.rival else _measured_beside(inputs, late.channel)
     against = " and ".join(_SHOWN[each] for each in rest)
     others = f"; equally likely, the {_SHOWN[late.rival]} is wrong" if late.rival else ""
     return Symptom(
@@ -279,6 +280,12 @@ def _make_long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
         alternatives=("imu_low_passed",) if late.channel == "imu" and late.late_s > 0.0 else (),
         explains=EXPLAINED_BY_LONG,
     )
+
+
+def _measured_beside(inputs: FindingInputs, channel: str) -> list[str]:
+    """The other measured ones of force, speed and accelerometer."""
+    accelerometer = inputs.measured_channels(ACC, "acc_x_m_s2")
+    return [each for each in _SHOWN if each != channel and (each != "imu" or accelerometer)]
 
 
 def _delayed_channels(inputs: FindingInputs, name: str) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.stages.signals.filters import period_ns
 from analysis.stages.signals.timestamps import FIRST_DATE_NS, relative_step_scatter
 from estimators.arrays import Bools, Floats, Ints
+from estimators.errors import counted
 
 
 def find_gaps(inputs: FindingInputs) -> list[Symptom]:
@@ -29,7 +30,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
         found.append(
             Symptom(
                 1.0 + missing / LIMITS.missing_step_fraction,
-                f"{holes.size} gaps, the longest {steps[longest] / 1e9:.2f} s, together "
+                f"{counted(holes.size, 'gap')}, the longest {steps[longest] / 1e9:.2f} s, together "
                 f"{missing:.1%} of the log",
                 channel=name,
                 span_ns=inputs.since_first_sample_ns(t[longest], t[longest + 1]),

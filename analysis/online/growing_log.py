@@ -21,6 +21,12 @@ from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import Origin, align_on_grid, find_grid_origin
 from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.grid_rate import machine_at_rate_of_log
+from analysis.stages.signals.held_readings import (
+    HeldReadings,
+    drop_repeated_rows,
+    find_held_channels,
+    held_reading_notes,
+)
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
 
@@ -46,6 +52,7 @@ class LogBasis:
             used.
         labels: kind of stamp of each topic, for readers.
         origin: origin of the grid.
+        held: channels whose readings are held, as far as the first seconds show it.
         notes: notes on chosen settings.
     """
 
@@ -53,6 +60,7 @@ class LogBasis:
     stamps: Mapping[str, int | None]
     labels: Mapping[str, str]
     origin: Origin
+    held: Mapping[str, HeldReadings]
     notes: tuple[str, ...] = ()
 
     @property
@@ -175,14 +183,18 @@ class GrowingLog:
             head = self._raw
         placed, labels, _ = assign_timestamps(head)
         read, _ = read_measured_channels(placed, self.machine)
-        machine, notes = machine_at_rate_of_log(read, self.machine)
+        held = find_held_channels(read)
+        notes = held_reading_notes(read, held)
+        read = drop_repeated_rows(read, held)
+        machine, chosen = machine_at_rate_of_log(read, self.machine)
         channels, _ = derive(read, machine)
         self.basis = LogBasis(
             machine,
             {topic: log_time_offset_ns(frame, labels[topic]) for topic, frame in head.items()},
             labels,
             find_grid_origin(channels, machine),
-            tuple(notes),
+            held,
+            (*notes, *chosen),
         )
         self._raw = {
             t: sort_by_time(self._add_unix_stamps(t, f), "unix_ns") for t, f in self._raw.items()
@@ -194,7 +206,7 @@ class GrowingLog:
         machine = self.basis.machine
         settings = machine.settings
         read, _ = read_measured_channels(self._raw, machine)
-        channels, _ = derive(read, machine)
+        channels, _ = derive(drop_repeated_rows(read, self.basis.held), machine)
         # the mean, the speed rate over it, and an acceleration averaged over the span of that
         looks_back = settings.smooth.samples + 2 * speed_rate_span_rows(settings) + 2
         step_ns = 1e9 / settings.align.rate_hz

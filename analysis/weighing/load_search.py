@@ -53,7 +53,7 @@ def search_and_fit_load_states(
     misfits = settled.fit.misfit_ratio > LIMITS.max_misfit_ratio
     if not misfits or found.motion.manoeuvre_count < FEWEST:
         return settled
-    inputs = _add_uneven_ground(found, inputs, make_refit_rows(found, inputs.noise).group)
+    inputs = _add_uneven_ground(found, inputs)
     # over short means the residual is noise and transients, which no loads explain
     transient = rows_in_duration(LIMITS.transient_mean_s, found.motion.rate_hz)
     samples = max(found.mean_samples, settled.mean_samples, transient)
@@ -220,7 +220,7 @@ def _settle_states(
             # the same loads, whose scatter is known better now
             found = replace(found, states=states)
             return refit_with_changes(found, inputs.noise, inputs.priors, rounds=2, rows=rows)
-        inputs = _add_uneven_ground(found, inputs, rows.group)
+        inputs = _add_uneven_ground(found, inputs)
         del rows  # of a shift they are hundreds of megabytes
         found = joint_fit(inputs, states)
         if not np.isfinite(found.theta).all():
@@ -253,13 +253,16 @@ def _load_states_of_fit(found: JointFit) -> LoadStates:
     return found.states
 
 
-def _add_uneven_ground(found: JointFit, inputs: JointFitInputs, group: Ints) -> JointFitInputs:
+def _add_uneven_ground(found: JointFit, inputs: JointFitInputs) -> JointFitInputs:
     """Fit inputs with the variance of ground forces between stretches, from a fit's residual."""
     if inputs.uneven_1_s or found.motion.manoeuvre_count < FEWEST:
         return inputs
-    residual = found.solution.residual
-    correlation, white = pooled_autocorrelation(residual, group, None)
+    # by the fit's own groups: rows of a refit are as many as the lag that the fit ended with allows
+    fitted = found.solution
+    correlation, white = pooled_autocorrelation(fitted.residual, fitted.group, None)
     a_second = found.motion.rate_hz / stride_between_means(found.mean_samples)
     noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
+    if not noise > 0.0:  # a fit that leaves nothing has no unevenness to tell
+        return inputs
     std_N = inputs.priors.ground_uneven_share * found.motion.weight
     return replace(inputs, uneven_1_s=std_N**2 * a_second / noise)

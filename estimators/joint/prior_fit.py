@@ -160,12 +160,13 @@ class PriorSolution:
     Attributes:
         theta: (p,) estimates.
         residual: (n,) f - A θ; 0 for samples without a group.
+        group: (n,) group of each sample, negative for none.
         residual_rms: r.m.s. of the residuals.
     """
 
     def __init__(self, samples: _SolvedSamples) -> None:
         self.theta = samples.theta
-        self.residual = samples.solved.residual
+        self.residual, self.group = samples.solved.residual, samples.group
         self.residual_rms = samples.residual_rms()
         self._samples: _SolvedSamples | None = samples
         self._fit: MapFit | None = None
@@ -186,15 +187,16 @@ class UndeterminedFit:
 
     Attributes:
         theta: (p,) NaN.
+        group: (n,) group of each sample, negative for none.
     """
 
     theta: Floats
-    _samples: int
+    group: Ints
 
     @property
     def residual(self) -> Floats:
         """(n,) zeros."""
-        return np.zeros(self._samples)
+        return np.zeros(self.group.size)
 
     @property
     def residual_rms(self) -> float:
@@ -230,7 +232,7 @@ def solve(
     levels = grouping.levels
     n, p = int((group >= 0).sum()), A.shape[1]
     count = 1 if levels is None else levels.count
-    nothing = UndeterminedFit(np.full(p + count - 1, np.nan), f.size)
+    nothing = UndeterminedFit(np.full(p + count - 1, np.nan), group)
     if n <= p + count:
         return nothing
     A, f, scale = np.ascontiguousarray(A), np.where(group >= 0, f, 0.0), column_scales(A, group)

@@ -146,7 +146,12 @@ def pooled_autocorrelation(
 
     Returns:
         (lags,) tapered autocorrelation, 1 first; and the variance at lag 0.
+
+    Raises:
+        ValueError: not every residual has a group, which compiled loops would read from elsewhere.
     """
+    if residual.size != group.size:
+        raise ValueError(f"{residual.size} residuals, but groups of {group.size}")
     loss = autocovariance_loss(group, A) if loss is None else loss
     limit, n = len(loss), int((group >= 0).sum())
     if not limit:
