@@ -162,15 +162,16 @@ def _find_fitted_growths(inputs: FindingInputs) -> list[Symptom]:
 def _report_excluded_growths(inputs: FindingInputs) -> list[Symptom]:
     """Report the changing loads that the answer excludes."""
     weighing = inputs.check_inputs.weighing
-    if weighing is None or not weighing.growing:
+    growing = [] if weighing is None else [each for each in weighing.growing if each.is_possible]
+    if not growing:
         return []
-    worst = max(weighing.growing, key=lambda each: abs(each.kg) / each.std_kg)
+    worst = max(growing, key=lambda each: abs(each.kg) / each.std_kg)
     t = inputs.aligned["t_ns"].to_numpy()
     begin = int(t[min(worst.first, t.size - 1)])
     return [
         Symptom(
-            abs(worst.kg) / worst.std_kg / 4.0 * float(np.sqrt(len(weighing.growing))),
-            f"in {counted(len(weighing.growing), 'manoeuvre')} the load changes, by up to "
+            abs(worst.kg) / worst.std_kg / 4.0 * float(np.sqrt(len(growing))),
+            f"in {counted(len(growing), 'manoeuvre')} the load changes, by up to "
             f"{worst.kg:+.0f} ± {worst.std_kg:.0f} kg; these manoeuvres are excluded",
             span_ns=(begin, begin),
         )

@@ -46,12 +46,14 @@ class LoadGrowth:
         first: its first fitted sample.
         kg: change of the load beyond the usual, from the first to the last fitted sample.
         std_kg: standard deviation of the change.
+        is_possible: whether the machine carried so much: else the manoeuvre misses the model.
     """
 
     unit: int
     first: int
     kg: float
     std_kg: float
+    is_possible: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,9 +190,7 @@ def find_growing_loads(
     )
     # what no machine carries is no load, however surely the manoeuvre misses the model
     carried = np.abs(kg) < LIMITS.max_growth_fraction * abs(fit.mass_kg)
-    shown = np.abs(kg) > limit * std_kg
-    for k in np.flatnonzero(shown & carried & (kg < 0.0)):
-        carried[k] = kg[k] > -max_loss_kg(fit, int(number[k]))
+    carried &= kg > -_max_plausible_loss_kg(fit)
     used, of_sample = np.flatnonzero(motion.used), unit_of_each_sample(motion)
     return tuple(
         LoadGrowth(
@@ -198,9 +198,17 @@ def find_growing_loads(
             int(used[np.argmax(of_sample == number[k])]),
             float(kg[k]),
             float(std_kg[k]),
+            bool(kg[k] > 0.0 or kg[k] > -max_loss_kg(fit, int(number[k]))),
         )
-        for k in np.flatnonzero(shown & carried)
+        for k in np.flatnonzero((np.abs(kg) > limit * std_kg) & carried)
     )
+
+
+def _max_plausible_loss_kg(fit: JointFit) -> float:
+    """Largest plausible loss of a load in kg, by the carried mass if other loads give it."""
+    if fit.count == 1:
+        return float("inf")
+    return LIMITS.max_loss_load_ratio * float(np.ptp(fit.masses_kg))
 
 
 def max_loss_kg(fit: JointFit, unit: int) -> float:

@@ -296,8 +296,13 @@ def _growing_loads_note(weighing: Weighing, excitation: pl.DataFrame) -> str:
     """Note that names the manoeuvres whose load changes; "" if none does."""
     t_ns = excitation["t_ns"].to_numpy()
     told = [
-        f"the load changes within the manoeuvre at {t_ns[each.first] / 1e9:,.1f} s, by about "
-        f"{each.kg:+,.0f} ± {each.std_kg:,.0f} kg: this manoeuvre is excluded"
+        (
+            f"the load changes within the manoeuvre at {t_ns[each.first] / 1e9:,.1f} s, by about "
+            f"{each.kg:+,.0f} ± {each.std_kg:,.0f} kg: this manoeuvre is excluded"
+            if each.is_possible
+            else f"no load explains the manoeuvre at {t_ns[each.first] / 1e9:,.1f} s: this "
+            "manoeuvre is excluded"
+        )
         for each in weighing.growing
     ]
     more = (

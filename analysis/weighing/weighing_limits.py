@@ -22,13 +22,11 @@ class WeighingLimits:
     squat_prior_probability: float = 0.1
     #: The same where the wheels show that it squats at all.
     squat_by_load_prior_probability: float = 0.5
-    #: Standard deviation of a squat's growth with the mass, over proportional growth: springs
-    #: stiffen, and the load raises or lowers the centre of mass.
+    #: Standard deviation of a squat's growth with the mass, over proportional: springs stiffen.
     squat_growth_std: float = 0.5
     #: Standard deviations from which a change of gain by load shows something, a squat or grades.
     squat_by_load_min_std: float = 2.0
-    #: What a squat leaves of the disagreement of wheels and accelerometer that it explains, r.m.s.:
-    #: squats left 0.3 in logs where grades that were taken for one left 0.93 and more.
+    #: What a squat leaves of the disagreement it explains, r.m.s.: squats left 0.3, grades 0.93.
     squat_residual_ratio: float = 0.7
     #: Log odds above which the choice is certain.
     squat_certain_log_odds: float = 50.0
@@ -54,9 +52,8 @@ class WeighingLimits:
     largest_relative_load: float = 0.9
     #: Quantiles of the manoeuvres' masses between which the middle of empty and loaded lies.
     load_contrast_quantiles: tuple[float, float] = (0.1, 0.9)
-    #: R.m.s. of the derivative, in standard deviations, from which it is clear on a grid that has
-    #: it of more than two rows: of jerks that are stick-slip or noise slip comes out too small
-    #: (loaders have 4 to 10, cars 10 to 13).
+    #: R.m.s. of a derivative of more than two rows, in standard deviations, from which it is clear:
+    #: noise and stick-slip make slip too small (loaders have 4 to 10, cars 10 to 13).
     clear_force_rate_std: float = 10.0
     #: Half width of the parabola that gives the derivative, in s.
     force_rate_half_width_s: float = 0.04
@@ -68,34 +65,28 @@ class WeighingLimits:
     max_offset_prior_std: float = 3.0
     #: Longest lag that is searched, in s.
     longest_lag_s: float = 0.3
-    #: Smallest width of the prior of slip by the wheels, as a share of its prior: they are not
-    #: trusted further.
+    #: Smallest width of the prior of slip by the wheels, over its prior: no further trusted.
     min_slip_std_fraction: float = 0.05
-    #: Share of its prior below which the wheels' own acceleration determines slip: where a third
-    #: was left, slip was up to two standard deviations off.
+    #: Share of its prior below which the wheels determine slip: of a third it was 2 σ off.
     slip_posterior_fraction: float = 0.1
     #: Fewest drives between stands or holes: fewer do not separate a drift from a change of load.
     drift_min_drives: int = 6
 
     # gain_by_direction
-    #: Turns from which loads may be a gain by direction: one turn may well be where it was loaded.
+    #: Fewest turns from which loads may be a gain by direction,
     direction_gain_min_turns: int = 3
-    #: Share of the manoeuvres whose loads go by the direction, from which all of them may,
+    #: and share of the manoeuvres whose loads go by it, unless boom or bucket tell of so many.
     loads_by_direction_fraction: float = 0.8
-    #: unless boom or bucket tell of so many changes: nearly one of two.
     hinted_loads_fraction: float = 0.4
-    #: Standard deviations from which a gain by direction shows,
+    #: Standard deviations from which such a gain shows, its least size and the largest of a sensor.
     direction_gain_min_std: float = 6.0
-    #: its least size: a load's uncertainty covers what is smaller,
     direction_gain_min_1: float = 0.005
-    #: and its largest: a force that reads a quarter less in reverse is not one that weighs.
     direction_gain_max_1: float = 0.25
     #: Probability by which a constant load scatters in one direction as payloads do.
     payload_scatter_probability: float = 0.01
 
     # growing_load
-    #: Top speed of a manoeuvre that creeps, over the median of all manoeuvres: who shunts over a
-    #: truck's side drives at a walk, who hauls does not.
+    #: Top speed of a manoeuvre that creeps, over the median: shunting is at a walk, hauling not.
     creep_speed_ratio: float = 0.35
     #: Fewest rows of a manoeuvre that shows a growing load.
     growth_min_rows: int = 20
@@ -107,12 +98,12 @@ class WeighingLimits:
     row_clip_std: float = 4.0
     #: Probability that any manoeuvre of a log is reported by chance.
     growth_false_alarm_probability: float = 0.01
-    #: A mass of so many times the median of all is none: beside one of 76 t, 2.2 and 2.7 t had no
-    #: border, and their difference was a fifth too small.
+    #: A mass of so many times the median is none: 76 t hid the border between 2.2 and 2.7 t.
     max_mass_over_median: float = 2.0
-    #: Largest change of a load, as a share of the machine's mass: a bucket that goes on filling
-    #: holds more than the rated third of it, and no loader carries its own mass.
+    #: Largest change of a load over the machine's mass: no loader carries its own mass.
     max_growth_fraction: float = 1.0
+    #: Most that a load loses over the range of the loads: empty starts "lost" 4 t beside 0.8 t.
+    max_loss_load_ratio: float = 2.0
     #: Standard deviation of a start's own friction, as a share of it.
     own_friction_fraction: float = 0.1
     #: Standard deviation of a start's own constant, as a share of the largest force.
@@ -245,9 +236,8 @@ class WeighingLimits:
     falling_friction_std: float = 3.0
     #: Shift by doubled priors, in standard deviations, from which the answer depends on them.
     prior_dependence_std: float = 1.5
-    #: Relative standard uncertainty of what the ground along the way does to a difference of loads:
-    #: the model is a line between a few places, and real ground is not. Set on 60 shifts of the
-    #: independent bench (seeds 70000 to 70059), where small loads move by half of them.
+    #: Relative standard uncertainty of what the ground along the way does to a difference of loads,
+    #: set on 60 independent shifts (seeds 70000 to 70059), where small loads move by half of them.
     ground_shape_u_1: float = 0.15
     #: Share of a gain's drift by which either end of the log differs from its mean.
     half_gain_drift: float = 0.5
@@ -259,18 +249,15 @@ class WeighingLimits:
     moving_speed_std: float = 4.0
     #: and at least, in m/s.
     moving_speed_m_s: float = 0.01
-    #: Time in s after a break-away in which friction is not surely that of motion: noise shows the
-    #: break-away to a few samples, and resampling mixes them with the standstill.
+    #: Time in s after a break-away, known to a few samples, in which friction may be of the stand.
     mixed_friction_s: float = 0.05
     #: The same at least, in samples, where a zero-phase low-pass reached across it,
     mixed_friction_filtered_samples: int = 3
     #: and elsewhere.
     mixed_friction_samples: int = 1
-    #: Driving without a stand is cut into manoeuvres of this length, in s: far longer than a loader
-    #: drives between two stands, and some dozen readings at 1 Hz.
+    #: Driving without a stand is cut into this, in s: longer than loaders drive between stands.
     longest_manoeuvre_s: float = 60.0
-    #: Silence in s that separates two records: files that count from 0 follow after 10 s, a network
-    #: that drops messages is back sooner.
+    #: Silence in s that separates two records: files from 0 follow after 10 s, networks sooner.
     record_break_s: float = 8.0
     #: Margin beside a gap in which nothing is fitted, in s.
     gap_margin_s: float = 0.1
