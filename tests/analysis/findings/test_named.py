@@ -26,6 +26,7 @@ SIZES = {
     "load transfer": 4.0,
     "Coulomb friction": 4.0,
     "force offset": 4.0,
+    "force low in reverse": 5.0,
     "braking included": 5.0,
     "a bucket that fills": 10.0,
     "a frame that swings": 1.0,
