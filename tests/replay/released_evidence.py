@@ -18,5 +18,7 @@ FORMAT_3_BEGIN_S = 1777622400.0
 def unpacked(archive: Path, folder: Path) -> Path:
     """The folder with what the archive holds."""
     with tarfile.open(archive) as packed:
-        packed.extractall(folder, filter="data")
+        if hasattr(tarfile, "data_filter"):  # from Python 3.11.4 on
+            packed.extraction_filter = tarfile.data_filter
+        packed.extractall(folder)
     return folder
