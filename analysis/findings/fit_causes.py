@@ -20,6 +20,7 @@ from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.gating.digging import SURELY
 from analysis.weighing.friction_warming import WARMING
+from analysis.weighing.joint_result import term_index
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.errors import counted
 
@@ -128,14 +129,14 @@ def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.fit
     if fit is None:
         return []
-    place = [term.name for term in fit.terms].index("const")
-    const, std = (float(each[place]) for each in fit.posterior)
+    const, std = (float(each[term_index("const", fit.terms)]) for each in fit.posterior)
+    imu = ("imu_misaligned", "imu_bias") if fit.motion.by_accelerometer else ()
     return [
         Symptom(
             abs(const) / (LIMITS.term_min_std * std),
             f"driving shows a constant force of {_format_newtons(const, std, sign='+')}",
             channel=inputs.force_channel,
-            alternatives=("imu_misaligned", "imu_bias", "slope", "coulomb"),
+            alternatives=(*imu, "slope", "coulomb"),
         )
     ]
 
