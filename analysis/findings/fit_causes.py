@@ -91,7 +91,6 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
     names = inputs.measured_channels("force_x_N") or inputs.measured_channels(
         "torque_left_N_m", "torque_right_N_m"
     )
-    at_rest = [inputs.standstill_mean_and_std(name)[0] for name in names]
     return [
         Symptom(
             float(strength),
@@ -100,8 +99,8 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
             channel=inputs.force_channel,
             setting=", ".join(f"channels.{name}.offset" for name in names) or None,
             value=", ".join(
-                _zeroing_offset_toml(inputs, name, x)
-                for name, x in zip(names, at_rest, strict=True)
+                _zeroing_offset_toml(inputs, name, inputs.standstill_mean_and_std(name)[0])
+                for name in names
             )
             or None,
             change=lambda: refit_corrected(
