@@ -25,8 +25,6 @@ from analysis.findings.whitened_rows import (
     samples_in_whole_blocks,
     whitened_force_rows,
 )
-from analysis.weighing.empty_mass_drift import estimate_empty_mass_drift
-from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from estimators.errors import counted
 from estimators.numerics.fit_loss import group_rows
 
@@ -108,11 +106,7 @@ def find_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
     of_mass_kg = found.u_1 * abs(weighing.fit.mass_kg)
     return [
         Symptom(
-            abs(apart)
-            / max(
-                WEIGHING_LIMITS.direction_gain_min_std * found.std_1,
-                WEIGHING_LIMITS.direction_gain_min_1,
-            ),
+            abs(apart) / found.threshold_1,
             says,
             channel=inputs.force_channel,
             # which of the two directions is right is not known
@@ -235,14 +229,14 @@ def _select_significant_growths(inputs: FindingInputs) -> list[LoadGrowthRate]:
 
 def find_drift_of_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     """Find an empty machine whose mass changes over the log by more than fuel."""
-    drift = None if inputs.fit is None else estimate_empty_mass_drift(inputs.fit)
-    if inputs.fit is None or drift is None or not drift.is_significant:
+    weighing = inputs.check_inputs.weighing
+    drift = None if weighing is None else weighing.empty_mass_drift
+    if weighing is None or drift is None or not drift.is_significant:
         return []
-    u_kg = drift.gain_u_1 * abs(inputs.fit.mass_kg)
+    u_kg = drift.gain_u_1 * abs(weighing.fit.mass_kg)
     return [
         Symptom(
-            abs(drift.change_1)
-            / (drift.fuel_1 + WEIGHING_LIMITS.empty_drift_min_std * max(drift.u_1, 1e-6)),
+            abs(drift.change_1) / drift.threshold_1,
             f"the empty machine weighs {abs(drift.change_1):.1%} ± {drift.u_1:.1%} "
             f"{'more' if drift.change_1 > 0.0 else 'less'} at the end of the log than at its "
             "beginning: the force's gain drifts, or the machine loses mass",

@@ -104,9 +104,9 @@ def estimate_load_squat(
         before = LIMITS.squat_by_load_prior_probability
     # a squat that the pitch hides grows with the load by anything up to itself
     hidden_1 = 0.0 if motion.without_gravity is None else max(-wheels.gain[0], 0.0)
+    least_std = hidden_1 / np.sqrt(3.0)
     if is_explained_by_grades(found, wheels):
-        std = max(float(np.sqrt(before)) * prior_std, hidden_1 / np.sqrt(3.0))
-        return LoadSquat(0.0, std, relative_load)
+        return LoadSquat(0.0, max(float(np.sqrt(before)) * prior_std, least_std), relative_load)
     # normal densities of what was measured, with a change and without
     wide = variance + prior_std**2
     log_odds = 0.5 * (np.log(variance / wide) + value**2 * (1.0 / variance - 1.0 / wide))
@@ -117,7 +117,7 @@ def estimate_load_squat(
     squats = probability > 0.5
     other = 1.0 - probability if squats else probability
     own = variance if squats else probability * variance
-    std = max(float(np.sqrt(own + other * value**2)), hidden_1 / np.sqrt(3.0))
+    std = max(float(np.sqrt(own + other * value**2)), least_std)
     return LoadSquat(value if squats else 0.0, std, relative_load)
 
 

@@ -23,10 +23,17 @@ class EmptyMassDrift:
     fuel_1: float
 
     @property
+    def threshold_1(self) -> float:
+        """Largest change that fuel and the scatter of the masses explain, or that does not matter.
+
+        A fraction of the mean mass.
+        """
+        return self.fuel_1 + max(LIMITS.empty_drift_min_std * self.u_1, LIMITS.empty_drift_min_1)
+
+    @property
     def is_significant(self) -> bool:
-        """Whether neither fuel nor the scatter of the masses explains the change."""
-        beyond_fuel_1 = abs(self.change_1) - self.fuel_1
-        return beyond_fuel_1 > max(LIMITS.empty_drift_min_std * self.u_1, LIMITS.empty_drift_min_1)
+        """Whether the change exceeds its threshold."""
+        return abs(self.change_1) > self.threshold_1
 
     @property
     def gain_u_1(self) -> float:

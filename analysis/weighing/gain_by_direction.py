@@ -18,11 +18,7 @@ from analysis.model.machine_body import Body
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.fitted_stretches import is_first_of_stretch
-from analysis.weighing.joint_fit import (
-    JointFitInputs,
-    applicable_terms,
-    joint_fit,
-)
+from analysis.weighing.joint_fit import JointFitInputs, applicable_terms, joint_fit
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_search import search_and_fit_load_states
 from analysis.weighing.load_states import (
@@ -61,6 +57,16 @@ class DirectionGain:
     gain_1: float
     std_1: float
     loads: int
+
+    @property
+    def threshold_1(self) -> float:
+        """Smallest difference of the gain from 1 that shows and matters."""
+        return max(LIMITS.direction_gain_min_std * self.std_1, LIMITS.direction_gain_min_1)
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether the gain differs from 1, and by no more than a sensor's may."""
+        return self.threshold_1 < abs(self.gain_1 - 1.0) < LIMITS.direction_gain_max_1
 
     @property
     def is_rival(self) -> bool:
@@ -106,8 +112,10 @@ def find_direction_gain(
         fit.found.uneven_1_s,
     ).fit_means(fit.mean_samples, 2, shift=fit.shifted)
     found = _gain_of_one_load(one, fit)
-    if not several or not _is_significant(found):
-        return found if _is_significant(found) else None
+    if not found.is_significant:
+        return None
+    if not several:
+        return found
     corrected = replace(motion, force=motion.force * (1.0 - one.theta[-1] * motion.direction))
     inputs = JointFitInputs.prepare(corrected, noise, priors, fit)
     left = search_and_fit_load_states(joint_fit(inputs), inputs, body.repeatability_kg)
@@ -139,14 +147,6 @@ def _std_of_difference_kg(fit: JointFit) -> float:
         for each in (forwards, ~forwards)
     ]
     return float(np.sqrt(sum(variances)))
-
-
-def _is_significant(found: DirectionGain) -> bool:
-    apart = abs(found.gain_1 - 1.0)
-    return (
-        apart > LIMITS.direction_gain_min_std * found.std_1
-        and LIMITS.direction_gain_min_1 < apart < LIMITS.direction_gain_max_1
-    )
 
 
 def do_loads_follow_direction(fit: JointFit) -> bool:

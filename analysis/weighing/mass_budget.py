@@ -13,7 +13,6 @@ from analysis.model.uncertainty_sources import (
     root_sum_of_squares,
     sort_largest_first,
 )
-from analysis.weighing.empty_mass_drift import estimate_empty_mass_drift
 from analysis.weighing.force_by_place import BY_PLACE
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.low_gears import BY_GEAR
@@ -232,7 +231,7 @@ def _widening_by_checks(
     if fit.effects is not None and "gain" not in fit.effects.left_out:
         drift_kg = fit.term_value("gain_drift") * float(weights @ fit.masses_kg)
         found["drifted_gain"] = LIMITS.half_gain_drift * abs(drift_kg)
-    drift = estimate_empty_mass_drift(fit)
+    drift = weighing.empty_mass_drift
     if drift is not None and drift.is_significant:
         drift_kg = drift.gain_u_1 * abs(float(weights @ fit.masses_kg))
         found["drifted_gain"] = max(found.get("drifted_gain", 0.0), drift_kg)

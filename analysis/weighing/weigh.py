@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -12,11 +13,9 @@ from analysis.model.machine import Machine
 from analysis.model.prior_settings import LearntTerm, PriorSettings
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in_duration
+from analysis.weighing.empty_mass_drift import EmptyMassDrift, estimate_empty_mass_drift
 from analysis.weighing.fit_columns import FitRows
-from analysis.weighing.gain_by_direction import (
-    DirectionGain,
-    find_direction_gain,
-)
+from analysis.weighing.gain_by_direction import DirectionGain, find_direction_gain
 from analysis.weighing.growing_load import (
     LoadFilling,
     LoadGrowth,
@@ -120,6 +119,11 @@ class Weighing:
     def corrects_learnt_means(self) -> bool:
         """Whether the answer's fit already corrects the errors of learnt means."""
         return self.informed is self.fit
+
+    @cached_property
+    def empty_mass_drift(self) -> EmptyMassDrift | None:
+        """Drift of the empty machine's mass, of which the budget of each load is told."""
+        return estimate_empty_mass_drift(self.fit)
 
     @property
     def own_fit(self) -> JointFit:
