@@ -256,7 +256,7 @@ CAUSES: Final = (
         residual_causes.find_gain_by_speed,
         explains=("coulomb", "load_changed_inside", "coloured_residuals", "heteroscedastic"),
         # a gain that steps looks like a load that changes there, and is the plainer of the two
-        explains_up_to=4.0,
+        explains_up_to=3.0,
     ),
     Cause(
         "braking_inside",

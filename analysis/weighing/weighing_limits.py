@@ -158,9 +158,9 @@ class WeighingLimits:
     missing_term_prior_std: float = 0.1
     #: Standard deviations from which a term is significant: 99 % of sound logs have at most 3,
     missing_term_min_std: float = 3.0
-    #: if it moves a mass by so many of its standard uncertainties, and the log determines that
-    #: change: larger standard deviations of it, as a share of the mass, are of collinear terms.
+    #: if the log determines what it moves a mass to this share, or it is collinear with others,
     missing_term_max_effect_std: float = 0.02
+    #: and it moves a mass by so many of its standard uncertainties.
     missing_term_min_relative_effect: float = 0.5
     #: Widths of a gain at low speed, and steps of a gain, as fractions of the largest speed.
     low_speed_fractions: tuple[float, ...] = (0.2, 0.35, 0.7)
@@ -242,8 +242,7 @@ class WeighingLimits:
     falling_friction_std: float = 3.0
     #: Shift by doubled priors, in standard deviations, from which the answer depends on them.
     prior_dependence_std: float = 1.5
-    #: Relative standard uncertainty of what the ground along the way does to a difference of loads,
-    #: set on 60 independent shifts (seeds 70000 to 70059), where small loads move by half of them.
+    #: Relative standard uncertainty of what the ground along the way does to a difference of loads.
     ground_shape_u_1: float = 0.15
     #: Share of a gain's drift by which either end of the log differs from its mean.
     half_gain_drift: float = 0.5

@@ -387,7 +387,7 @@ FAULTS: Final = (
         ("gain_by_speed",),
         "4 %",
         topics=_lost_at_low_speed,
-        needs=_THROTTLES,
+        needs={"starts": {"throttle_least": 0.4, "directions": "alternating"}},
     ),
     Fault(
         "braking included",
