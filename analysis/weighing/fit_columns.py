@@ -427,19 +427,28 @@ def derive_force_rate(force: Floats, rate_hz: float, noise_N: float, *, keep_sma
         force: (n,) in N.
         rate_hz: rate of the grid.
         noise_N: standard deviation of a sample.
-        keep_small: keep small values as well if hardly any of the derivative is noise. Slip needs
-            them: without them masses were 0.3 % off where wheels slip by 2 %.
+        keep_small: keep small values as well, over as many samples as make them clear of noise.
+            Slip needs them: without them masses were 0.3 % off where wheels slip by 2 %, and slip
+            of 4 to 10 % looked like a load that grows at every start.
     """
-    half = rows_in_duration(LIMITS.force_rate_half_width_s, rate_hz)
+    halves = sorted({rows_in_duration(s, rate_hz) for s in LIMITS.force_rate_half_widths_s})
+    for half in halves if keep_small else ():
+        rate, std = _derive_by_parabola(force, half, rate_hz, noise_N)
+        clear = LIMITS.force_rate_min_std if half == 1 else LIMITS.clear_force_rate_std
+        if float(np.sqrt(np.mean(rate**2))) > clear * std:
+            return rate
+    rate, std = _derive_by_parabola(force, halves[0], rate_hz, noise_N)
+    return np.where(np.abs(rate) > LIMITS.force_rate_min_std * std, rate, 0.0)
+
+
+def _derive_by_parabola(
+    force: Floats, half: int, rate_hz: float, noise_N: float
+) -> tuple[Floats, float]:
+    """Slope of a parabola through `half` rows to either side, (n,) in N/s, and its noise."""
     steps = (
         np.arange(half, -half - 1, -1) * rate_hz / float(2 * (np.arange(1, half + 1) ** 2).sum())
     )
-    rate = np.convolve(force, steps, "same")
-    std = noise_N * float(np.sqrt(steps @ steps))
-    clear = LIMITS.force_rate_min_std if half == 1 else LIMITS.clear_force_rate_std
-    if keep_small and float(np.sqrt(np.mean(rate**2))) > clear * std:
-        return rate
-    return np.where(np.abs(rate) > LIMITS.force_rate_min_std * std, rate, 0.0)
+    return np.convolve(force, steps, "same"), noise_N * float(np.sqrt(steps @ steps))
 
 
 def _noise_moments(

@@ -10,7 +10,7 @@ from analysis.model.schema import column_values
 from analysis.model.windows import flag_windows
 from analysis.stages.gating.gate import mark_possible_braking, mark_samples_to_pool
 from analysis.stages.gating.segments import number_manoeuvres
-from analysis.stages.motion.phases import mark_stopping_samples
+from analysis.stages.motion.phases import mark_falls_beyond_noise, mark_stopping_samples
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
@@ -61,6 +61,7 @@ def fitted_manoeuvre_of_samples(
     gated: pl.DataFrame,
     machine: Machine,
     moves_m_s: float,
+    noise_m_s: float,
     *,
     braking: bool,
 ) -> Ints:
@@ -74,14 +75,13 @@ def fitted_manoeuvre_of_samples(
     segment_id = number_manoeuvres(excitation, settings)
     informative = np.unique(segment_id[accepted & (segment_id >= 0)])
     phase = excitation["phase"]
-    welcome = [] if without else ["braking"]
-    driving = phase.is_in(["accelerating", "cruising", *welcome]).fill_null(False).to_numpy()
+    driving = phase.is_in(["accelerating", "cruising", "braking"]).fill_null(False).to_numpy()
     if without:
         brakes = (phase == "braking").fill_null(False).to_numpy()
         stands = (phase == "standstill").fill_null(False).to_numpy()
-        brakes |= mark_stopping_samples(
-            column_values(excitation, "speed_x_m_s"), stands, moves_m_s, settings
-        )
+        speed = column_values(excitation, "speed_x_m_s")
+        brakes &= mark_falls_beyond_noise(speed, noise_m_s, settings)
+        brakes |= mark_stopping_samples(speed, stands, moves_m_s, settings)
         driving &= ~mark_possible_braking(brakes, settings)
     return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
 

@@ -300,7 +300,10 @@ def collect_motion_samples(
     known &= ~aligned["gap"].to_numpy()
     noise_m_s = LIMITS.moving_speed_std * float(np.sqrt(noise.covariance(3)[1, 1]))
     moves_m_s = max(noise_m_s, LIMITS.moving_speed_m_s)
-    group = fitted_manoeuvre_of_samples(excitation, gated, machine, moves_m_s, braking=braking)
+    smoothed_m_s = float(np.sqrt(noise.covariance(settings.smooth.samples)[1, 1]))
+    group = fitted_manoeuvre_of_samples(
+        excitation, gated, machine, moves_m_s, smoothed_m_s, braking=braking
+    )
     filtered = any(channel.is_derivative for channel in machine.channels.values())
     mixed = LIMITS.mixed_friction_filtered_samples if filtered else LIMITS.mixed_friction_samples
     settled = max(mixed, round(LIMITS.mixed_friction_s * settings.align.rate_hz))

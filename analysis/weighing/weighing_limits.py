@@ -55,8 +55,8 @@ class WeighingLimits:
     #: R.m.s. of a derivative of more than two rows, in standard deviations, from which it is clear:
     #: noise and stick-slip make slip too small (loaders have 4 to 10, cars 10 to 13).
     clear_force_rate_std: float = 10.0
-    #: Half width of the parabola that gives the derivative, in s.
-    force_rate_half_width_s: float = 0.04
+    #: Half widths, in s, of the parabola that gives it: each has half of the noise of that before.
+    force_rate_half_widths_s: tuple[float, ...] = (0.04, 0.06, 0.1, 0.16)
 
     # fit_task
     #: A lag that changes by less, in s, has converged.

@@ -51,6 +51,19 @@ def test_it_weighs_as_the_speed_of_its_sensor_does(table: pl.DataFrame, tmp_path
     assert any("the grid is at 10 Hz" in note for note in found.provenance.notes)
 
 
+@pytest.mark.parametrize("held_rows", [1, 2, 5])
+def test_noise_that_falls_as_fast_as_braking_takes_no_driving_apart(
+    held_rows: int, tmp_path: Path
+) -> None:
+    """A lorry at 25 Hz had 313 pieces of 0.4 s, whose mass was 2 % off and threw out braking."""
+    table = truck.starts(seen_1=1.0)
+    noise = np.random.default_rng(3).normal(0.0, 0.012, table.height)
+    noisy = table.with_columns(pl.col("speed_m_s") + noise)
+    (load,) = weighed(tmp_path, hold(noisy, held_rows)).frames["loads"].to_dicts()
+    assert not load["braking_left_out"]
+    assert abs(load["mass_kg"] - truck.MASS_KG) <= 2.0 * load["u_kg"]
+
+
 def test_empty_cells_between_its_readings_say_the_same(table: pl.DataFrame, tmp_path: Path) -> None:
     held = hold(table, 5)
     own = pl.int_range(pl.len()) % 5 == 0

@@ -3,6 +3,7 @@
 A slope of 5° alone puts 0.85 m/s² on the accelerometer, so it cannot tell braking from standing.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Final
@@ -13,11 +14,15 @@ from numpy.typing import NDArray
 
 from analysis.model.schema import PHASE, column_values
 from analysis.model.settings import Settings
+from analysis.model.windows import flag_windows
 from analysis.stages.motion.smooth import trailing_mean
 from estimators.arrays import Bools, Floats
 
 #: Over so long, in s, a stop takes off more speed than its noise; a cruise before it does not.
 _STOP_SPAN_S: Final = 1.0
+#: A fall of the speed is told from noise by so many standard deviations: of 10 000 rows of a cruise
+#: a few fall so by chance.
+_FALL_STD: Final = 3.0
 #: The phases in which the machine turns: straight motion has none of them.
 TURNS: Final = ("spinning", "arc", "turning")
 
@@ -87,6 +92,29 @@ def mark_stopping_samples(
         steady[: np.argmax(size[begin:end]) + 1] = True
         found[begin + np.flatnonzero(steady)[-1] + 1 : end] = True
     return found
+
+
+def mark_falls_beyond_noise(speed: Floats, noise_m_s: float, settings: Settings) -> Bools:
+    """Samples within a fall of the speed that its noise does not explain, (n,).
+
+    Over a short span noise alone makes a cruise fall as fast as braking. Leaving out such rows cuts
+    driving into pieces, and chooses among them by the noise of what is fitted.
+
+    Args:
+        speed: (n,) in m/s, after the moving mean.
+        noise_m_s: standard deviation of such a sample.
+        settings: settings with grid rate and braking threshold.
+    """
+    steady_m_s2, rate_hz = settings.phases.steady_acc_m_s2, settings.align.rate_hz
+    span_s = min(_FALL_STD * np.sqrt(2.0) * noise_m_s / steady_m_s2, _STOP_SPAN_S)
+    span = math.ceil(span_s * rate_hz)
+    if span <= speed_rate_span_rows(settings) or span >= speed.size:
+        return np.ones(speed.size, np.bool_)
+    size = np.abs(speed)
+    falls = np.ones(speed.size, np.bool_)
+    # beside a hole nothing is known against braking
+    falls[span:] = ~((size[span:] - size[:-span]) * rate_hz / span >= -steady_m_s2)
+    return flag_windows(falls[::-1], span + 1)[::-1]
 
 
 def _mean_speed_over_span(speed: Floats, rate: Floats, settings: Settings) -> Floats:

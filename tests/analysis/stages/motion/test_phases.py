@@ -10,6 +10,7 @@ from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
 from analysis.stages.motion.phases import (
     classify_motion_phases,
+    mark_falls_beyond_noise,
     mark_stopping_samples,
     trailing_speed_rate,
     yaw_speeding_sign,
@@ -188,3 +189,35 @@ class TestStopping:
     def test_acceleration_is_no_stop_however_slow(self):
         found = self.found(self.STANDS, np.linspace(0.02, 0.03, 200), self.STANDS)
         assert not found[: self.STANDS.size + 190].any()
+
+
+class TestFallsBeyondNoise:
+    """Speeds at 25 Hz, of which noise makes one in six rows of a cruise fall like braking."""
+
+    SETTINGS = Settings.model_validate({"align": {"rate_hz": 25.0}, "smooth": {"samples": 2}})
+    NOISE_M_S = 0.0085
+    CRUISE = np.full(3000, 5.0)
+
+    def found(self, *parts, noise_m_s=NOISE_M_S):
+        speed = np.concatenate(parts)
+        noisy = speed + np.random.default_rng(5).normal(0.0, noise_m_s, speed.size)
+        return mark_falls_beyond_noise(noisy, noise_m_s, self.SETTINGS)
+
+    def test_a_cruise_hardly_ever_falls(self):
+        assert self.found(self.CRUISE).mean() < 0.05
+
+    @pytest.mark.parametrize("direction", [1.0, -1.0], ids=["forward", "reverse"])
+    @pytest.mark.parametrize("brakes_m_s2", [0.25, 1.0])
+    def test_braking_is_a_fall_from_its_first_row_to_its_last(self, direction, brakes_m_s2):
+        fall = np.arange(5.0, 2.0, -brakes_m_s2 / 25.0)
+        slower = np.full(300, 2.0)
+        found = self.found(*(direction * part for part in (self.CRUISE, fall, slower)))
+        assert found[3000 : 3000 + fall.size].all()
+        assert not found[3020 + fall.size :].any()
+
+    def test_without_noise_the_phase_has_the_last_word(self):
+        assert self.found(self.CRUISE, noise_m_s=1e-4).all()
+
+    def test_beside_a_hole_every_fall_may_be_braking(self):
+        found = self.found(self.CRUISE, np.full(1, np.nan), self.CRUISE)
+        assert found[3000:3006].all()
