@@ -2,6 +2,7 @@
 
 import sys
 from collections import deque
+from dataclasses import replace
 from types import TracebackType
 from typing import Final, Self
 
@@ -12,8 +13,16 @@ from rich.text import Text
 
 from analysis.model.methods import METHODS
 from analysis.online.online_report import OnlineReport
+from analysis.online.replay_report import ReplayReport
 from replay.follow.follow_logs import Following
-from replay.follow.report_file import mass_text, progress_text, spin_text, utc_time_text
+from replay.follow.report_file import (
+    load_text,
+    mass_text,
+    progress_text,
+    replay_text,
+    spin_text,
+    utc_time_text,
+)
 
 #: Manoeuvres that are shown.
 _SHOWN: Final = 5
@@ -36,6 +45,7 @@ class FollowPanel:
             )
         self._masses: deque[OnlineReport] = deque(maxlen=_SHOWN)
         self._last: OnlineReport | None = None
+        self._replay: ReplayReport | None = None
 
     def __enter__(self) -> Self:
         if self._live is not None:
@@ -50,6 +60,11 @@ class FollowPanel:
     ) -> None:
         if self._live is not None:
             self._live.stop()
+
+    def note_replay(self, report: ReplayReport) -> None:
+        """Show the result of a replay from now on; one without a result only before the first."""
+        if not report.fault or self._replay is None or self._replay.fault:
+            self._replay = report
 
     def show_followed_log(self, following: Following, reports: list[OnlineReport]) -> None:
         """Show the state of a followed log."""
@@ -76,6 +91,8 @@ class FollowPanel:
         parts.append(_make_method_table(following))
         if self._masses:
             parts.append(_make_manoeuvre_table(list(self._masses)))
+        if self._replay is not None:
+            parts += _format_replay(self._replay, self._last)
         if following.losses:
             parts.append(Text(f"{len(following.losses)} losses: {following.losses[-1]}"))
         if late := following.follower.log.late_samples:
@@ -124,3 +141,10 @@ def _make_manoeuvre_table(reports: list[OnlineReport]) -> Table:
     for report in reports:
         table.add_row(str(report.manoeuvres), utc_time_text(report.unix_ns), mass_text(report))
     return table
+
+
+def _format_replay(report: ReplayReport, last: OnlineReport) -> list[Text]:
+    """The last load states of a replay, with its age by now."""
+    aged = replace(report, age_s=max(0.0, (last.unix_ns - report.unix_ns) / 1e9))
+    style = "bold green" if report.validity == "valid" else "yellow"
+    return [Text(replay_text(aged), style=style), *map(Text, map(load_text, report.loads[-_SHOWN:]))]
