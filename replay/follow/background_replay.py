@@ -119,7 +119,9 @@ class BackgroundReplays:
         report = self._take_result() if self._is_underway else None
         is_due = self._is_wanted and self._share > 0.0 and time.monotonic() >= self._next_s
         if is_due and not self._is_underway and self._ended < _MOST_ENDED:
-            self._begin_replay(is_last=False)
+            self._is_wanted = False
+            if self._signature != find_signature(self._logs) or not self._signature:
+                self._begin_replay(is_last=False)
         return report
 
     def replay_whole_log(self) -> ReplayReport | None:
