@@ -27,8 +27,11 @@ VALID_S: Final = 120.0
 
 
 _JSON_TYPES: Final = {
-    **{float: "number", int: "integer", str: "string"},
-    **{bool: "boolean", NoneType: "null"},
+    float: "number",
+    int: "integer",
+    str: "string",
+    bool: "boolean",
+    NoneType: "null",
 }
 
 

@@ -177,7 +177,9 @@ def iter_load_reports(found: Answer, t0_unix_ns: int) -> Iterator[LoadReport]:
             validity="valid" if is_valid else "withheld",
             withheld_by=row["withheld_for"],
             empty=row["empty"],
-            **{name: finite_or_none(value) if is_valid else None for name, value in numbers.items()},
+            **{
+                name: finite_or_none(value) if is_valid else None for name, value in numbers.items()
+            },
         )
 
 

@@ -79,22 +79,17 @@ def command(
     A process of low priority replays what is recorded so far after manoeuvres, as `run` does with
     this machine file, and once more at the end: load states, payloads, and what withholds them.
     """
-    import json
     from contextlib import ExitStack, suppress
-    from dataclasses import replace
 
     from analysis.online.follower import FollowedRow
-    from analysis.online.online_report import OnlineReport
-    from analysis.online.replay_report import ReplayReport
     from recordings import read_recording
     from recordings.rrd.viewer_server import viewer_server
-    from replay.commands.follow_panel import FollowPanel
+    from replay.commands.follow_panel import FollowPanel, ReportPrinter
     from replay.commands.progress_bar import COMPILING, warn_on_slow_compile
     from replay.follow.agreement import FollowedDigests, record_followed_log
     from replay.follow.background_replay import BackgroundReplays
     from replay.follow.follow_logs import Following, follow_logs
     from replay.follow.followed_outputs import FollowedOutputs
-    from replay.follow.report_file import event_text, iter_closed_load_lines, utc_time_text
     from replay.machines.machine_file import load_machine
     from replay.runs.run_logs import RecordTo
 
@@ -126,43 +121,11 @@ def command(
         replays = opened.enter_context(
             BackgroundReplays(logs, machine, settings, print_message, share=replay_share)
         )
-        newest: OnlineReport | None = None
-        shown: ReplayReport | None = None
-
-        def show_replay(found: ReplayReport) -> None:
-            nonlocal shown
-            if newest is None:
-                return
-            if found.fault:
-                found = replace(found, unix_ns=newest.unix_ns, t_s=newest.t_s)
-            found = replace(found, age_s=max(0.0, (newest.unix_ns - found.unix_ns) / 1e9))
-            panel.note_replay(found)
-            if not outputs.write_new_replay(found, newest.unix_ns):
-                return
-            if as_json:
-                typer.echo(json.dumps(found.to_dict(), allow_nan=False))
-            else:
-                for line in iter_closed_load_lines(found, shown):
-                    typer.echo(line)
-            shown = found if not found.fault else shown
+        printer = ReportPrinter(outputs, panel, replays, as_json=as_json)
 
         def show_new_rows(following: Following, rows: list[FollowedRow]) -> None:
-            nonlocal newest
             digests.add(rows)
-            made = outputs.write_rows_and_new_reports(following, rows)
-            for row in rows:
-                for report in row.reports:
-                    newest = report
-                    if report.event in ("manoeuvre", "spin"):
-                        replays.request()
-            for report in made:
-                if as_json:
-                    typer.echo(json.dumps(report.to_dict(), allow_nan=False))
-                elif text := event_text(report):
-                    typer.echo(f"{utc_time_text(report.unix_ns)}  {text}")
-            if found := replays.poll():
-                show_replay(found)
-            panel.show_followed_log(following, made)
+            printer.show_rows(following, rows)
 
         following = follow_logs(
             logs,
@@ -174,8 +137,7 @@ def command(
             until_u_kg=until_u,
         )
         with suppress(KeyboardInterrupt):  # whoever waits no longer has what was said before
-            if found := replays.replay_whole_log():
-                show_replay(found)
+            printer.show_last_replay()
     for loss in following.losses:
         print_message(str(loss))
     follower = following.follower

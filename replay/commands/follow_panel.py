@@ -1,21 +1,28 @@
-"""Panel of `follow`: state of the machine, gate and estimates."""
+"""Output of `follow`: lines of reports, and a panel with state, gate, estimates and loads."""
 
+import json
 import sys
 from collections import deque
 from dataclasses import replace
 from types import TracebackType
 from typing import Final, Self
 
+import typer
 from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
 from analysis.model.methods import METHODS
+from analysis.online.follower import FollowedRow
 from analysis.online.online_report import OnlineReport
 from analysis.online.replay_report import ReplayReport
+from replay.follow.background_replay import BackgroundReplays
 from replay.follow.follow_logs import Following
+from replay.follow.followed_outputs import FollowedOutputs
 from replay.follow.report_file import (
+    event_text,
+    iter_closed_load_lines,
     load_text,
     mass_text,
     progress_text,
@@ -60,6 +67,11 @@ class FollowPanel:
     ) -> None:
         if self._live is not None:
             self._live.stop()
+
+    def note_wait(self) -> None:
+        """Show that the replay of the whole log is awaited, if there is a panel."""
+        if self._live is not None:
+            self._live.console.print("replays the whole log; ctrl-C leaves that out")
 
     def note_replay(self, report: ReplayReport) -> None:
         """Show the result of a replay from now on; one without a result only before the first."""
@@ -109,6 +121,69 @@ class FollowPanel:
         )
 
 
+class ReportPrinter:
+    """Prints the reports of rows and replays as they come, each once it is on disk."""
+
+    def __init__(
+        self,
+        outputs: FollowedOutputs,
+        panel: FollowPanel,
+        replays: BackgroundReplays,
+        *,
+        as_json: bool,
+    ) -> None:
+        """Print nothing yet.
+
+        Args:
+            outputs: files that have a report before it is printed.
+            panel: the panel.
+            replays: replays in the background, asked for at the end of each manoeuvre and spin.
+            as_json: whether to print lines of JSON.
+        """
+        self._outputs, self._panel, self._replays = outputs, panel, replays
+        self._as_json = as_json
+        self._newest: OnlineReport | None = None
+        self._replay: ReplayReport | None = None
+
+    def show_rows(self, following: Following, rows: list[FollowedRow]) -> None:
+        """Write and print the reports of new rows, and of a replay that is done."""
+        made = self._outputs.write_rows_and_new_reports(following, rows)
+        for report in (report for row in rows for report in row.reports):
+            self._newest = report
+            if report.event in ("manoeuvre", "spin"):
+                self._replays.request()
+        for report in made:
+            if self._as_json:
+                typer.echo(json.dumps(report.to_dict(), allow_nan=False))
+            elif text := event_text(report):
+                typer.echo(f"{utc_time_text(report.unix_ns)}  {text}")
+        self.show_replay(self._replays.poll())
+        self._panel.show_followed_log(following, made)
+
+    def show_last_replay(self) -> None:
+        """Wait for the replay of the whole log and print it."""
+        self.show_replay(self._replays.replay_whole_log(self._panel.note_wait))
+
+    def show_replay(self, found: ReplayReport | None) -> None:
+        """Write and print the result of a replay."""
+        newest = self._newest
+        if found is None or newest is None:
+            return
+        if found.fault:
+            found = replace(found, unix_ns=newest.unix_ns, t_s=newest.t_s)
+        found = replace(found, age_s=max(0.0, (newest.unix_ns - found.unix_ns) / 1e9))
+        self._panel.note_replay(found)
+        if not self._outputs.write_new_replay(found, newest.unix_ns):
+            return
+        if self._as_json:
+            typer.echo(json.dumps(found.to_dict(), allow_nan=False))
+        else:
+            for line in iter_closed_load_lines(found, self._replay):
+                typer.echo(line)
+        if not found.fault:
+            self._replay = found
+
+
 def _format_motion(report: OnlineReport) -> Text:
     text = Text(
         f"{utc_time_text(report.unix_ns)} UTC, {report.t_s:,.1f} s  "
@@ -147,4 +222,7 @@ def _format_replay(report: ReplayReport, last: OnlineReport) -> list[Text]:
     """The last load states of a replay, with its age by now."""
     aged = replace(report, age_s=max(0.0, (last.unix_ns - report.unix_ns) / 1e9))
     style = "bold green" if report.validity == "valid" else "yellow"
-    return [Text(replay_text(aged), style=style), *map(Text, map(load_text, report.loads[-_SHOWN:]))]
+    return [
+        Text(replay_text(aged), style=style),
+        *map(Text, map(load_text, report.loads[-_SHOWN:])),
+    ]

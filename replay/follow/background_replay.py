@@ -38,7 +38,7 @@ _NICE: Final = 19
 _MOST_ENDED: Final = 3
 #: Replays of the whole log that are begun, less one: a process may end once more.
 _MOST_LAST: Final = 3
-#: Seconds between two looks for the last replay, and until a line says that it is awaited.
+#: Seconds between two looks for the last replay, and until somebody is told that it is awaited.
 _LOOK_S, _PATIENCE_S = 0.02, 2.0
 _READ_BYTES: Final = 1 << 20
 #: Bytes of a log that are more than its first seconds.
@@ -124,8 +124,11 @@ class BackgroundReplays:
                 self._begin_replay(is_last=False)
         return report
 
-    def replay_whole_log(self) -> ReplayReport | None:
+    def replay_whole_log(self, on_wait: Callable[[], None]) -> ReplayReport | None:
         """Result of the log that has ended, which may be there already; None without replays.
+
+        Args:
+            on_wait: called once if the result takes a while.
 
         Raises:
             KeyboardInterrupt: it was not awaited.
@@ -148,7 +151,7 @@ class BackgroundReplays:
                 time.sleep(_LOOK_S)
                 if not is_told and time.monotonic() - began > _PATIENCE_S:
                     is_told = True
-                    self._tell("replays the whole log; ctrl-C leaves that out")
+                    on_wait()
         return None
 
     def end_process(self) -> None:

@@ -1,4 +1,4 @@
-"""While a log is followed, replays in the background give the answer of `run`, at a bounded cost."""
+"""Replays in the background of a followed log give the answer of `run`, at a bounded cost."""
 
 import json
 import os
@@ -78,7 +78,9 @@ def replays_of(out: str) -> list[dict[str, Any]]:
 
 
 def children_of(process: int) -> list[int]:
-    return [int(word) for word in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+    return [
+        int(word) for word in Path(f"/proc/{process}/task/{process}/children").read_text().split()
+    ]
 
 
 def is_running(process: int) -> bool:
@@ -184,7 +186,7 @@ def test_without_a_share_there_is_no_replay(logs: dict[str, Path]) -> None:
         replays.request()
         assert replays.poll() is None
         assert replays.process_id is None
-        assert replays.replay_whole_log() is None
+        assert replays.replay_whole_log(lambda: None) is None
     assert not told
 
 
@@ -221,7 +223,7 @@ def test_a_killed_process_is_said_in_a_line_and_the_last_replay_is_the_same(
         assert len(told) == 1
         assert "signal 9" in told[0]
         assert "following goes on" in told[0]
-        report = replays.replay_whole_log()
+        report = replays.replay_whole_log(lambda: None)
     assert report is not None
     assert report.is_whole
     said = json.loads(payscope("run", logs[".bag"], "-m", "cat262c.toml", "--json").out)
