@@ -4,7 +4,7 @@ A number is given only with its validity: null is whatever is not valid.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import isfinite
 from typing import Any, Final, Literal, Self, TypeAlias
 
@@ -100,6 +100,10 @@ class ReplayReport:
         given = dict(values)
         loads = tuple(LoadReport(**load) for load in given.pop("loads"))
         return cls(loads=loads, withheld_by=tuple(given.pop("withheld_by")), **given)
+
+    def at_time(self, unix_ns: int) -> Self:
+        """The same with its age at a later time of the log."""
+        return replace(self, age_s=max(0.0, (unix_ns - self.unix_ns) / 1e9))
 
     @property
     def closed_loads(self) -> tuple[LoadReport, ...]:

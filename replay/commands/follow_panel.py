@@ -104,7 +104,7 @@ class FollowPanel:
         if self._masses:
             parts.append(_make_manoeuvre_table(list(self._masses)))
         if self._replay is not None:
-            parts += _format_replay(self._replay, self._last)
+            parts += _format_replay(self._replay.at_time(self._last.unix_ns))
         if following.losses:
             parts.append(Text(f"{len(following.losses)} losses: {following.losses[-1]}"))
         if late := following.follower.log.late_samples:
@@ -171,7 +171,7 @@ class ReportPrinter:
             return
         if found.fault:
             found = replace(found, unix_ns=newest.unix_ns, t_s=newest.t_s)
-        found = replace(found, age_s=max(0.0, (newest.unix_ns - found.unix_ns) / 1e9))
+        found = found.at_time(newest.unix_ns)
         self._panel.note_replay(found)
         if not self._outputs.write_new_replay(found, newest.unix_ns):
             return
@@ -218,11 +218,10 @@ def _make_manoeuvre_table(reports: list[OnlineReport]) -> Table:
     return table
 
 
-def _format_replay(report: ReplayReport, last: OnlineReport) -> list[Text]:
-    """The last load states of a replay, with its age by now."""
-    aged = replace(report, age_s=max(0.0, (last.unix_ns - report.unix_ns) / 1e9))
+def _format_replay(report: ReplayReport) -> list[Text]:
+    """The last load states of a replay."""
     style = "bold green" if report.validity == "valid" else "yellow"
     return [
-        Text(replay_text(aged), style=style),
+        Text(replay_text(report), style=style),
         *map(Text, map(load_text, report.loads[-_SHOWN:])),
     ]

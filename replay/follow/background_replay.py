@@ -298,7 +298,7 @@ def copy_complete_lines(path: Path, folder: Path) -> Path:
 
 def answer_requests() -> None:
     """Replay as asked by lines of JSON on stdin, until its end, and print each report as a line."""
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(AttributeError, OSError):  # not every system has it
         os.nice(_NICE)
     requests: queue.Queue[Mapping[str, Any]] = queue.Queue()
 

@@ -117,7 +117,8 @@ class FollowedOutputs:
             waiting.append(row)
             if row.reports:
                 text = reports_markdown(row.reports[-1])
-                text += f"\n{replay_markdown(self._replay)}\n" if self._replay else ""
+                if self._replay is not None:
+                    text += f"\n{replay_markdown(self._replay.at_time(row.reports[-1].unix_ns))}\n"
                 self._record_rows(following, waiting, text)
                 self._write_to_topic(partial(ReportFile.write, reports=row.reports))
                 told += [each for each in row.reports if each.unix_ns > self._until_ns]

@@ -302,6 +302,6 @@ def reports_markdown(report: OnlineReport) -> str:
         f"far.\n\n{progress_text(report)}\n\n{spin_text(report)}\n\n"
         f"{utc_time_text(report.unix_ns)} UTC: {report.phase or 'unknown'}, "
         f"gate {report.gate.replace('_', ' ')}.\n\nRecorded while following: random "
-        "uncertainties, no load states. When the log ends, its causal replay replaces this "
+        "uncertainties, but for load states. When the log ends, its causal replay replaces this "
         "recording.\n"
     )

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,15 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 
-from analysis.online.replay_report import ReplayReport
+from analysis.online.replay_report import LoadReport, ReplayReport
 from analysis.simulation import Scenario
 from replay.follow.background_replay import BackgroundReplays
-from replay.follow.report_file import REPLAY_TOPIC
+from replay.follow.report_file import (
+    REPLAY_TOPIC,
+    iter_closed_load_lines,
+    load_text,
+    replay_markdown,
+)
 from replay.simulation.simulate_logs import simulate_scenario
 from tests.replay.follow.recorders import Recording, bag_recorder, csv_recorder, mcap_recorder
 from tests.replay.sledge import MACHINE, Payscope, sledge
@@ -167,6 +173,31 @@ def test_a_log_that_cannot_weigh_names_the_check_that_withholds(payscope: Paysco
     assert "force_sign" in last["withheld_by"]
     assert_no_number_without_validity(last)
     assert "no mass, withheld by force_sign" in payscope(*words).out
+
+
+def test_a_replay_is_told_with_its_age_and_loads_with_their_validity() -> None:
+    numbers = {"mass_kg": 3763.0, "mass_u_kg": 21.0, "payload_kg": 156.2, "payload_u_kg": 4.7}
+    friction = {"friction_x_N_s_m": 2890.0, "friction_u_N_s_m": 28.0}
+    known = LoadReport(1, 2 * 10**9, 9 * 10**9, 4, "valid", "", False, **numbers, **friction)
+    unknown = replace(
+        known,
+        load_id=2,
+        validity="withheld",
+        withheld_by="relative_u",
+        **dict.fromkeys((*numbers, *friction)),
+    )
+    report = ReplayReport("replay", 10 * 10**9, 10.0, 0.0, False, "valid", (), (known, unknown))
+    assert ReplayReport.from_dict(json.loads(json.dumps(report.to_dict()))) == report
+    assert replay_markdown(report.at_time(25 * 10**9)).splitlines() == [
+        "## replayed up to 00:00:10.0, 15 s ago: 2 loads",
+        "",
+        "- load 1, 00:00:02.0 to 00:00:09.0, 4 manoeuvres: 3763 ± 21 kg, payload 156.2 ± 4.7 kg",
+        "- load 2, 00:00:02.0 to 00:00:09.0, 4 manoeuvres: no mass, withheld by relative_u",
+    ]
+    assert [*iter_closed_load_lines(report, None)] == [load_text(known)], "load 2 may go on"
+    assert [*iter_closed_load_lines(report, report)] == []
+    whole = replace(report, is_whole=True)
+    assert [*iter_closed_load_lines(whole, report)][1:] == [load_text(known), load_text(unknown)]
 
 
 def test_a_log_that_is_too_short_has_no_load(payscope: Payscope) -> None:
