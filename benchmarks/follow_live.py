@@ -1,10 +1,11 @@
 """What following costs: the share of a processor at 100 Hz, and the latency from disk to estimate.
 
-    python -P benchmarks/follow_live.py [--seconds 40] [--speed 1]
+    python -P benchmarks/follow_live.py [--seconds 40] [--speed 1] [--replay-share 0.1]
 
 A recorder in a process of its own writes simulated starts in real time (or `--speed` times as
 fast), a tick of 10 ms at a time, each on disk at once. A row could be estimated when the sample
-that completes it was written; the latency is from then to the return of its step.
+that completes it was written; the latency is from then to the return of its step. With a share, the
+log so far is replayed in the background as `payscope follow` does it.
 """
 
 import json
@@ -29,6 +30,7 @@ from analysis.simulation import Scenario
 from analysis.stages.noise.column_noise import collect_axis_noise
 from benchmarks.page import markdown
 from replay import load_machine
+from replay.follow.background_replay import BackgroundReplays
 from replay.follow.follow_logs import Following, follow_logs
 from replay.simulation.simulate_logs import simulate_scenario
 
@@ -81,7 +83,7 @@ def record(source: Path, target: Path, times: Path, seconds: float, speed: float
     times.write_text(json.dumps(written_at))
 
 
-def followed(folder: Path, seconds: float, speed: float) -> list[str]:
+def followed(folder: Path, seconds: float, speed: float, replay_share: float) -> list[str]:
     """A row of the table."""
     runs = int(seconds // 10) + 1
     plan = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": runs}})
@@ -90,8 +92,15 @@ def followed(folder: Path, seconds: float, speed: float) -> list[str]:
     machine = load_machine("cat262c.toml", NOISE)
     _warm(source, machine)
     seen: list[tuple[int, float]] = []
+    replays = BackgroundReplays([target], Path("cat262c.toml"), NOISE, print, share=replay_share)
+    replay_mb: list[float] = [0.0]
 
     def on_rows(following: Following, rows: list[FollowedRow]) -> None:
+        if any(report.event == "manoeuvre" for row in rows for report in row.reports):
+            replays.request()
+        if (report := replays.poll()) and replays.process_id:
+            replay_mb.append(resident_mb(replays.process_id))
+            print(f"replayed up to {report.t_s:.0f} s, {report.processor_s:.1f} s of a processor")
         if rows:
             basis = following.follower.log.basis
             assert basis is not None
@@ -103,8 +112,10 @@ def followed(folder: Path, seconds: float, speed: float) -> list[str]:
     while not target.exists():
         time.sleep(0.01)
     began, spent = time.monotonic(), time.process_time()
-    follow_logs([target], machine, on_rows, idle_s=5.0)
-    share = (time.process_time() - spent) / (time.monotonic() - began)
+    with replays:
+        follow_logs([target], machine, on_rows, idle_s=5.0)
+    took_s = time.monotonic() - began
+    share = (time.process_time() - spent) / took_s
     recorder.join()
     stamps, walls = np.array(json.loads(times.read_text())).T
     rows, when = np.array(seen).T
@@ -121,7 +132,15 @@ def followed(folder: Path, seconds: float, speed: float) -> list[str]:
         f"{np.quantile(steady, 0.99):.0f}",
         f"{steady.max():.0f}",
         f"{most_mb:.0f}",
+        f"{100 * replays.processor_s / took_s:.1f} %",
+        f"{max(replay_mb):.0f}",
     ]
+
+
+def resident_mb(process: int) -> float:
+    """Resident memory of a process."""
+    pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
+    return pages * resource.getpagesize() / 2**20
 
 
 def _warm(source: Path, machine: Any) -> None:
@@ -156,11 +175,11 @@ def steps(machine: Any) -> str:
     return markdown(["part of a step", "µs"], rows)
 
 
-def main(seconds: float = 40.0, speed: float = 1.0) -> None:
+def main(seconds: float = 40.0, speed: float = 1.0, replay_share: float = 0.0) -> None:
     machine = load_machine("cat262c.toml", NOISE)
     print(steps(machine))
     with TemporaryDirectory() as name:
-        row = followed(Path(name), seconds, speed)
+        row = followed(Path(name), seconds, speed, replay_share)
     head = [
         "speed",
         "of a processor",
@@ -169,6 +188,8 @@ def main(seconds: float = 40.0, speed: float = 1.0) -> None:
         "99 %",
         "worst",
         "memory, MB",
+        "replays, of a processor",
+        "their memory, MB",
     ]
     print(markdown(head, [row]))
 

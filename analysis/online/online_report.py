@@ -26,7 +26,13 @@ MOST_OF_EMPTY_1: Final = 4.0
 VALID_S: Final = 120.0
 
 
-_JSON_TYPES: Final = {float: "number", int: "integer", str: "string", NoneType: "null"}
+_JSON_TYPES: Final = {
+    float: "number",
+    int: "integer",
+    str: "string",
+    bool: "boolean",
+    NoneType: "null",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,17 +121,21 @@ def report_schema() -> dict[str, Any]:
     return {
         "title": "payscope.OnlineReport",
         "type": "object",
-        "properties": {each.name: _describe_json_type(each.type) for each in fields(OnlineReport)},
+        "properties": describe_fields(OnlineReport),
         "required": [each.name for each in fields(OnlineReport)],
     }
 
 
+def describe_fields(report: type[Any]) -> dict[str, dict[str, Any]]:
+    """JSON type of each field: one of some words, or a number or text that may be null."""
+    return {each.name: _describe_json_type(each.type) for each in fields(report)}
+
+
 def _describe_json_type(annotation: Any) -> dict[str, Any]:
-    """JSON type of a field: one of some words, or a number or text that may be null."""
     choices = get_args(annotation)
     if get_origin(annotation) is Literal:
         return {"type": "string", "enum": list(choices)}
-    kinds = [_JSON_TYPES[each] for each in choices or (annotation,)]
+    kinds = [_JSON_TYPES.get(each, "array") for each in choices or (annotation,)]
     return {"type": kinds if len(kinds) > 1 else kinds[0]}
 
 

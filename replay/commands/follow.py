@@ -51,6 +51,16 @@ def command(
         Path | None,
         typer.Option("--reports", metavar="MCAP", help="Write each report to a topic of this log."),
     ] = None,
+    replay_share: Annotated[
+        float,
+        typer.Option(
+            "--replay-share",
+            metavar="SHARE",
+            min=0.0,
+            max=1.0,
+            help="Replay the log so far in the background, in so much of one core; 0: do not.",
+        ),
+    ] = 0.1,
     live: Annotated[
         bool, typer.Option("--live", help="Show it in a browser on this machine as it grows.")
     ] = False,
@@ -65,19 +75,21 @@ def command(
     has not grown for --idle-s, or on ctrl-C. With -o it is recorded as it goes. The replay of the
     log with settings.filter.causal=true then replaces that recording, and the followed results are
     compared with it bit for bit. Started again, it continues where it stopped.
+
+    A process of low priority replays what is recorded so far after manoeuvres, as `run` does with
+    this machine file, and once more at the end: load states, payloads, and what withholds them.
     """
-    import json
-    from contextlib import ExitStack
+    from contextlib import ExitStack, suppress
 
     from analysis.online.follower import FollowedRow
     from recordings import read_recording
     from recordings.rrd.viewer_server import viewer_server
-    from replay.commands.follow_panel import FollowPanel
+    from replay.commands.follow_panel import FollowPanel, ReportPrinter
     from replay.commands.progress_bar import COMPILING, warn_on_slow_compile
     from replay.follow.agreement import FollowedDigests, record_followed_log
+    from replay.follow.background_replay import BackgroundReplays
     from replay.follow.follow_logs import Following, follow_logs
     from replay.follow.followed_outputs import FollowedOutputs
-    from replay.follow.report_file import event_text, utc_time_text
     from replay.machines.machine_file import load_machine
     from replay.runs.run_logs import RecordTo
 
@@ -106,16 +118,14 @@ def command(
         opened.callback(outputs.close)
         opened.enter_context(warn_on_slow_compile(lambda: typer.echo(COMPILING, err=True)))
         panel = opened.enter_context(FollowPanel())
+        replays = opened.enter_context(
+            BackgroundReplays(logs, machine, settings, print_message, share=replay_share)
+        )
+        printer = ReportPrinter(outputs, panel, replays, as_json=as_json)
 
         def show_new_rows(following: Following, rows: list[FollowedRow]) -> None:
             digests.add(rows)
-            made = outputs.write_rows_and_new_reports(following, rows)
-            for report in made:
-                if as_json:
-                    typer.echo(json.dumps(report.to_dict(), allow_nan=False))
-                elif text := event_text(report):
-                    typer.echo(f"{utc_time_text(report.unix_ns)}  {text}")
-            panel.show_followed_log(following, made)
+            printer.show_rows(following, rows)
 
         following = follow_logs(
             logs,
@@ -126,6 +136,8 @@ def command(
             valid_s=valid_s,
             until_u_kg=until_u,
         )
+        with suppress(KeyboardInterrupt):  # whoever waits no longer has what was said before
+            printer.show_last_replay()
     for loss in following.losses:
         print_message(str(loss))
     follower = following.follower

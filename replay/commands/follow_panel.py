@@ -1,19 +1,35 @@
-"""Panel of `follow`: state of the machine, gate and estimates."""
+"""Output of `follow`: lines of reports, and a panel with state, gate, estimates and loads."""
 
+import json
 import sys
 from collections import deque
+from dataclasses import replace
 from types import TracebackType
 from typing import Final, Self
 
+import typer
 from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
 from analysis.model.methods import METHODS
+from analysis.online.follower import FollowedRow
 from analysis.online.online_report import OnlineReport
+from analysis.online.replay_report import ReplayReport
+from replay.follow.background_replay import BackgroundReplays
 from replay.follow.follow_logs import Following
-from replay.follow.report_file import mass_text, progress_text, spin_text, utc_time_text
+from replay.follow.followed_outputs import FollowedOutputs
+from replay.follow.report_file import (
+    event_text,
+    iter_closed_load_lines,
+    load_text,
+    mass_text,
+    progress_text,
+    replay_text,
+    spin_text,
+    utc_time_text,
+)
 
 #: Manoeuvres that are shown.
 _SHOWN: Final = 5
@@ -36,6 +52,7 @@ class FollowPanel:
             )
         self._masses: deque[OnlineReport] = deque(maxlen=_SHOWN)
         self._last: OnlineReport | None = None
+        self._replay: ReplayReport | None = None
 
     def __enter__(self) -> Self:
         if self._live is not None:
@@ -50,6 +67,16 @@ class FollowPanel:
     ) -> None:
         if self._live is not None:
             self._live.stop()
+
+    def note_wait(self) -> None:
+        """Show that the replay of the whole log is awaited, if there is a panel."""
+        if self._live is not None:
+            self._live.console.print("replays the whole log; ctrl-C leaves that out")
+
+    def note_replay(self, report: ReplayReport) -> None:
+        """Show the result of a replay from now on; one without a result only before the first."""
+        if not report.fault or self._replay is None or self._replay.fault:
+            self._replay = report
 
     def show_followed_log(self, following: Following, reports: list[OnlineReport]) -> None:
         """Show the state of a followed log."""
@@ -76,6 +103,8 @@ class FollowPanel:
         parts.append(_make_method_table(following))
         if self._masses:
             parts.append(_make_manoeuvre_table(list(self._masses)))
+        if self._replay is not None:
+            parts += _format_replay(self._replay.at_time(self._last.unix_ns))
         if following.losses:
             parts.append(Text(f"{len(following.losses)} losses: {following.losses[-1]}"))
         if late := following.follower.log.late_samples:
@@ -90,6 +119,69 @@ class FollowPanel:
             f"{names}  {rows:,} rows, last poll {1e3 * following.look_s:.0f} ms  ({state})",
             style="bold",
         )
+
+
+class ReportPrinter:
+    """Prints the reports of rows and replays as they come, each once it is on disk."""
+
+    def __init__(
+        self,
+        outputs: FollowedOutputs,
+        panel: FollowPanel,
+        replays: BackgroundReplays,
+        *,
+        as_json: bool,
+    ) -> None:
+        """Print nothing yet.
+
+        Args:
+            outputs: files that have a report before it is printed.
+            panel: the panel.
+            replays: replays in the background, asked for at the end of each manoeuvre and spin.
+            as_json: whether to print lines of JSON.
+        """
+        self._outputs, self._panel, self._replays = outputs, panel, replays
+        self._as_json = as_json
+        self._newest: OnlineReport | None = None
+        self._replay: ReplayReport | None = None
+
+    def show_rows(self, following: Following, rows: list[FollowedRow]) -> None:
+        """Write and print the reports of new rows, and of a replay that is done."""
+        made = self._outputs.write_rows_and_new_reports(following, rows)
+        for report in (report for row in rows for report in row.reports):
+            self._newest = report
+            if report.event in ("manoeuvre", "spin"):
+                self._replays.request()
+        for report in made:
+            if self._as_json:
+                typer.echo(json.dumps(report.to_dict(), allow_nan=False))
+            elif text := event_text(report):
+                typer.echo(f"{utc_time_text(report.unix_ns)}  {text}")
+        self.show_replay(self._replays.poll())
+        self._panel.show_followed_log(following, made)
+
+    def show_last_replay(self) -> None:
+        """Wait for the replay of the whole log and print it."""
+        self.show_replay(self._replays.replay_whole_log(self._panel.note_wait))
+
+    def show_replay(self, found: ReplayReport | None) -> None:
+        """Write and print the result of a replay."""
+        newest = self._newest
+        if found is None or newest is None:
+            return
+        if found.fault:
+            found = replace(found, unix_ns=newest.unix_ns, t_s=newest.t_s)
+        found = found.at_time(newest.unix_ns)
+        self._panel.note_replay(found)
+        if not self._outputs.write_new_replay(found, newest.unix_ns):
+            return
+        if self._as_json:
+            typer.echo(json.dumps(found.to_dict(), allow_nan=False))
+        else:
+            for line in iter_closed_load_lines(found, self._replay):
+                typer.echo(line)
+        if not found.fault:
+            self._replay = found
 
 
 def _format_motion(report: OnlineReport) -> Text:
@@ -124,3 +216,12 @@ def _make_manoeuvre_table(reports: list[OnlineReport]) -> Table:
     for report in reports:
         table.add_row(str(report.manoeuvres), utc_time_text(report.unix_ns), mass_text(report))
     return table
+
+
+def _format_replay(report: ReplayReport) -> list[Text]:
+    """The last load states of a replay."""
+    style = "bold green" if report.validity == "valid" else "yellow"
+    return [
+        Text(replay_text(report), style=style),
+        *map(Text, map(load_text, report.loads[-_SHOWN:])),
+    ]

@@ -26,7 +26,7 @@ from analysis.model.axes import (
 from analysis.model.schema import REASON
 from analysis.online.follower import FollowedRow
 from recordings import read_recording
-from replay.logs import ACTIVE
+from replay.follow.background_replay import find_log_name
 from replay.runs.run_logs import RecordTo, replay_logs
 
 GATE: Final = "gate"
@@ -186,12 +186,6 @@ def record_followed_log(
         PayscopeError: as `replay_logs`.
     """
     assert output.path is not None
-    closed = [_bag_name_when_closed(path) for path in paths]
+    closed = [find_log_name(path) for path in paths]
     found = replay_logs(closed, machine_file, output, [*overrides, CAUSAL])
     return found, followed.compare(read_recording(output.path).frames)
-
-
-def _bag_name_when_closed(path: Path) -> Path:
-    """Name of a bag after its recorder has closed it."""
-    inner = path.with_suffix("")
-    return inner if path.suffix == ACTIVE and not path.exists() and inner.exists() else path

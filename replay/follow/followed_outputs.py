@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from uuid import uuid4
 
@@ -12,6 +13,7 @@ from analysis.model.machine import Machine
 from analysis.online.follower import FollowedRow
 from analysis.online.growing_log import causal_machine
 from analysis.online.online_report import OnlineReport
+from analysis.online.replay_report import ReplayReport
 from estimators.errors import OutputError
 from recordings import read_frame, read_provenance, require_writable_recording
 from recordings.follow.growing_file import is_unfinished_recording
@@ -23,7 +25,12 @@ from recordings.follow.growing_recording import (
 )
 from recordings.report.atomic_output import AppendedFile, refuse_input_as_output
 from replay.follow.follow_logs import Following
-from replay.follow.report_file import ReportFile, reports_markdown, utc_time_text
+from replay.follow.report_file import (
+    ReportFile,
+    replay_markdown,
+    reports_markdown,
+    utc_time_text,
+)
 from replay.inputs.channel_inputs import machine_without_settings_as_dict
 from replay.logs import ACTIVE
 
@@ -87,9 +94,11 @@ class FollowedOutputs:
             self._from = find_resume_point_or_none(
                 output, paths, self._identity, machine, force=force
             )
+        self._replay: ReplayReport | None = None
         self._topic: ReportFile | None = None
         if reports is not None:
             self._topic = ReportFile(reports, paths, self._identity, force=force)
+        self._replayed = self._topic.replayed if self._topic else (0, False)
         self._recorded_ns = self._from.until_unix_ns if self._from else 0
         self._until_ns = max(self._recorded_ns, self._topic.until_unix_ns if self._topic else 0)
         if self._until_ns:
@@ -107,12 +116,24 @@ class FollowedOutputs:
         for row in rows:
             waiting.append(row)
             if row.reports:
-                self._record_rows(following, waiting, reports_markdown(row.reports[-1]))
-                self._write_reports(row.reports)
+                text = reports_markdown(row.reports[-1])
+                if self._replay is not None:
+                    text += f"\n{replay_markdown(self._replay.at_time(row.reports[-1].unix_ns))}\n"
+                self._record_rows(following, waiting, text)
+                self._write_to_topic(partial(ReportFile.write, reports=row.reports))
                 told += [each for each in row.reports if each.unix_ns > self._until_ns]
                 waiting = []
         self._record_rows(following, waiting, None)
         return told
+
+    def write_new_replay(self, report: ReplayReport, unix_ns: int) -> bool:
+        """Write the report of a replay, made at `unix_ns` of the log; whether it is a new one."""
+        self._replay = report
+        if (report.unix_ns, report.is_whole) <= self._replayed:
+            return False
+        if self._topic is not None:
+            self._write_to_topic(lambda topic: topic.write_replay(report, unix_ns))
+        return True
 
     def close(self) -> None:
         """Finish the files."""
@@ -124,11 +145,11 @@ class FollowedOutputs:
             except OSError as error:
                 self._tell(f"{self._topic.path}: {_give_up_text(error)}")
 
-    def _write_reports(self, reports: Sequence[OnlineReport]) -> None:
+    def _write_to_topic(self, write: Callable[[ReportFile], None]) -> None:
         if self._topic is None:
             return
         try:
-            self._topic.write(reports)
+            write(self._topic)
         except OSError as error:
             self._tell(f"{self._topic.path}: {_give_up_text(error)}")
             self._topic.give_up()

@@ -2,26 +2,31 @@
 
 import json
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from mcap.exceptions import McapError
-from mcap.records import Message, Metadata
+from mcap.records import Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
 from analysis.online.answer_progress import missing_manoeuvres_text
 from analysis.online.online_report import OnlineReport, report_schema
+from analysis.online.replay_report import LoadReport, ReplayReport, replay_report_schema
+from estimators.errors import counted
 from recordings.report.atomic_output import (
     AppendedFile,
     refuse_input_as_output,
     require_writable_output,
 )
+from recordings.report.number_text import format_plus_minus
 
 TOPIC: Final = "/payscope/mass"
+#: The topic of replays in the background.
+REPLAY_TOPIC: Final = "/payscope/replay"
 #: The record that says what is followed.
 _FOLLOWED: Final = "payscope.followed"
 #: What an MCAP file begins with, in bytes, and what stands before each record: kind and length.
@@ -41,6 +46,7 @@ class ReportFile:
     Attributes:
         path: path of the file.
         until_unix_ns: time of the last existing report; 0 without one.
+        replayed: up to when the last existing replay was, and whether of the whole log.
     """
 
     def __init__(self, path: Path, logs: Sequence[Path], identity: str, *, force: bool) -> None:
@@ -50,26 +56,29 @@ class ReportFile:
             OutputError: it exists and reports something else, or cannot be written to.
         """
         refuse_input_as_output(path, (log for log in logs if log.exists()))
-        reported: list[Message] = []
+        reported: list[tuple[str, Message]] = []
         size = 0
         is_empty = path.is_file() and path.stat().st_size == 0
         if path.is_file() and not force:
             reported, size = _read_reports(path, identity)
         require_writable_output(path, force=force or is_empty or size > 0)
         self.path = path
-        self.until_unix_ns = max((each.log_time for each in reported), default=0)
+        self.until_unix_ns, self.replayed = 0, (0, False)
         self._stream = _Stream(AppendedFile(path, size))
-        # a message by itself: a chunk would be as late as it is long
+        # a chunk would be as late as it is long
         self._writer = Writer(self._stream, compression=CompressionType.NONE, use_chunking=False)
         self._writer.start("", "payscope")
-        schema = report_schema()
-        number = self._writer.register_schema(
-            str(schema["title"]), "jsonschema", json.dumps(schema).encode()
-        )
-        self._channel = self._writer.register_channel(TOPIC, "json", number)
+        #: numbers by topic; that of replays is there from the first one on
+        self._channels: dict[str, int] = {}
+        self._add_channel(TOPIC, report_schema())
         self._writer.add_metadata(_FOLLOWED, {"identity": identity})
-        for each in reported:
-            self._add_report(each.log_time, each.data)
+        for topic, each in reported:
+            self._add_message(topic, each.log_time, each.publish_time, each.data)
+            if topic == TOPIC:
+                self.until_unix_ns = max(self.until_unix_ns, each.log_time)
+            else:
+                found = json.loads(each.data)
+                self.replayed = max(self.replayed, (found["unix_ns"], found["is_whole"]))
         self._stream.flush()
 
     def write(self, reports: Iterable[OnlineReport]) -> None:
@@ -80,9 +89,18 @@ class ReportFile:
         """
         for report in reports:
             if report.unix_ns > self.until_unix_ns:
-                data = json.dumps(report.to_dict(), allow_nan=False).encode()
-                self._add_report(report.unix_ns, data)
+                self._add_report(TOPIC, report.unix_ns, report)
         self._stream.flush()
+
+    def write_replay(self, report: ReplayReport, unix_ns: int) -> None:
+        """Append the report of a replay, made at `unix_ns` of the log, unless it is there.
+
+        Raises:
+            OSError: it does not fit on the disk.
+        """
+        if (report.unix_ns, report.is_whole) > self.replayed:
+            self._add_report(REPLAY_TOPIC, unix_ns, report)
+            self._stream.flush()
 
     def close(self) -> None:
         """Write the index.
@@ -100,8 +118,23 @@ class ReportFile:
         """Close the file without an index."""
         self._stream.close()
 
-    def _add_report(self, unix_ns: int, data: bytes) -> None:
-        self._writer.add_message(self._channel, unix_ns, data, unix_ns)
+    def _add_report(
+        self, topic: str, log_time_ns: int, report: OnlineReport | ReplayReport
+    ) -> None:
+        data = json.dumps(report.to_dict(), allow_nan=False).encode()
+        self._add_message(topic, log_time_ns, report.unix_ns, data)
+
+    def _add_message(self, topic: str, log_time_ns: int, time_ns: int, data: bytes) -> None:
+        # registered where the first one stands: the bytes of a file that is continued are the same
+        if topic not in self._channels:
+            self._add_channel(topic, replay_report_schema())
+        self._writer.add_message(self._channels[topic], log_time_ns, data, time_ns)
+
+    def _add_channel(self, topic: str, schema: dict[str, Any]) -> None:
+        number = self._writer.register_schema(
+            str(schema["title"]), "jsonschema", json.dumps(schema).encode()
+        )
+        self._channels[topic] = self._writer.register_channel(topic, "json", number)
 
 
 class _Stream(BytesIO):
@@ -130,18 +163,21 @@ class _Stream(BytesIO):
         super().close()
 
 
-def _read_reports(path: Path, identity: str) -> tuple[list[Message], int]:
-    """Complete reports of a file of the same log, and their length in bytes; else none, 0."""
+def _read_reports(path: Path, identity: str) -> tuple[list[tuple[str, Message]], int]:
+    """Complete reports of a file of the same log by topic, and their length; else none, 0."""
     data = path.read_bytes()
     size = _count_complete_bytes(data)
-    found: list[Message] = []
+    found: list[tuple[str, Message]] = []
+    topics: dict[int, str] = {}
     is_of_same = False
     try:
         for record in StreamReader(BytesIO(data[:size])).records:
             if isinstance(record, Metadata) and record.name == _FOLLOWED:
                 is_of_same = record.metadata.get("identity") == identity
+            elif isinstance(record, Channel):
+                topics[record.id] = record.topic
             elif isinstance(record, Message):
-                found.append(record)
+                found.append((topics[record.channel_id], record))
     except (McapError, struct.error):
         pass  # it ends without an end, or is no MCAP file
     return (found, size) if is_of_same else ([], 0)
@@ -213,6 +249,51 @@ def progress_text(report: OnlineReport) -> str:
     )
 
 
+def load_text(load: LoadReport) -> str:
+    """A load state in a line: when, mass and payload with uncertainties, or why there is none."""
+    head = f"load {load.load_id}, {utc_time_text(load.start_unix_ns)} to "
+    head += f"{utc_time_text(load.end_unix_ns)}, {counted(load.manoeuvres, 'manoeuvre')}: "
+    if load.mass_kg is None:
+        return f"{head}no mass, withheld by {load.withheld_by}"
+    mass = f"{format_plus_minus(load.mass_kg, load.mass_u_kg)} kg"
+    if load.empty:
+        return f"{head}{mass}, empty"
+    if load.payload_kg is None:
+        return f"{head}{mass}"
+    return f"{head}{mass}, payload {format_plus_minus(load.payload_kg, load.payload_u_kg)} kg"
+
+
+def replay_text(report: ReplayReport) -> str:
+    """Result of a replay in a line: how many loads it has, up to when, or why there is none."""
+    if report.fault:
+        return f"not replayed: {report.fault}"
+    until = f"replayed up to {utc_time_text(report.unix_ns)}"
+    when = "the whole log replayed" if report.is_whole else f"{until}, {report.age_s:,.0f} s ago"
+    loads = counted(len(report.loads), "load")
+    if report.inertia_z_kg_m2 is not None:
+        turning = format_plus_minus(report.inertia_z_kg_m2, report.inertia_u_kg_m2)
+        loads += f", yaw inertia {turning} kg·m²"
+    if report.withheld_by:
+        return f"{when}: no mass, withheld by {', '.join(report.withheld_by)}"
+    return f"{when}: {loads}"
+
+
+def iter_closed_load_lines(report: ReplayReport, before: ReplayReport | None) -> Iterator[str]:
+    """Yield a line per load that has closed since an earlier replay; of the whole log, per load."""
+    if report.is_whole:
+        yield replay_text(report)
+    known = [] if report.is_whole or before is None else before.closed_loads
+    spans = {(load.start_unix_ns, load.end_unix_ns) for load in known}
+    for load in report.closed_loads:
+        if (load.start_unix_ns, load.end_unix_ns) not in spans:
+            yield load_text(load)
+
+
+def replay_markdown(report: ReplayReport) -> str:
+    """The newest replay in Markdown, for the page next to the plots."""
+    return "\n".join([f"## {replay_text(report)}\n", *(f"- {load_text(e)}" for e in report.loads)])
+
+
 def reports_markdown(report: OnlineReport) -> str:
     """Reports in Markdown, for the page next to the plots."""
     age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
@@ -221,6 +302,6 @@ def reports_markdown(report: OnlineReport) -> str:
         f"far.\n\n{progress_text(report)}\n\n{spin_text(report)}\n\n"
         f"{utc_time_text(report.unix_ns)} UTC: {report.phase or 'unknown'}, "
         f"gate {report.gate.replace('_', ' ')}.\n\nRecorded while following: random "
-        "uncertainties, no load states. When the log ends, its causal replay replaces this "
+        "uncertainties, but for load states. When the log ends, its causal replay replaces this "
         "recording.\n"
     )

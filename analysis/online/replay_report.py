@@ -1,0 +1,192 @@
+"""Reports of a replay in the background: load states so far, or the checks that withhold them.
+
+A number is given only with its validity: null is whatever is not valid.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from math import isfinite
+from typing import Any, Final, Literal, Self, TypeAlias
+
+from analysis.model.answer import Answer, answer
+from analysis.model.run_record import Run
+from analysis.online.online_report import describe_fields
+
+#: valid: the checks let it pass; withheld: a check withholds it; none_yet: the log so far is too
+#: short for any; failed: the log could not be replayed.
+ReplayValidity: TypeAlias = Literal["valid", "withheld", "none_yet", "failed"]
+#: The fits of turning in `planar`, the one with less uncertainty first.
+_FITS_OF_TURNING: Final = ("joint", "arcs")
+
+
+@dataclass(frozen=True, slots=True)
+class LoadReport:
+    """A load state.
+
+    Attributes:
+        load_id: its number.
+        start_unix_ns: begin of its first manoeuvre.
+        end_unix_ns: end of its last manoeuvre.
+        manoeuvres: how many the joint fit has of it.
+        validity: of its numbers.
+        withheld_by: checks that withhold them; empty if valid.
+        empty: whether it is taken as the empty machine.
+        mass_kg: mass of machine and load; None unless valid.
+        mass_u_kg: its standard uncertainty, with what all manoeuvres share.
+        payload_kg: difference to the empty machine; None if unknown.
+        payload_u_kg: its standard uncertainty.
+        friction_x_N_s_m: viscous friction, which all loads share.
+        friction_u_N_s_m: its standard uncertainty.
+    """
+
+    load_id: int
+    start_unix_ns: int
+    end_unix_ns: int
+    manoeuvres: int
+    validity: ReplayValidity
+    withheld_by: str
+    empty: bool
+    mass_kg: float | None
+    mass_u_kg: float | None
+    payload_kg: float | None
+    payload_u_kg: float | None
+    friction_x_N_s_m: float | None
+    friction_u_N_s_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayReport:
+    """Result of a replay of the log up to some time.
+
+    Attributes:
+        event: `replay`.
+        unix_ns: time of the last row that was replayed.
+        t_s: the same from the first row.
+        age_s: how much further the log was when the result came.
+        is_whole: whether it is the result of the whole log, which changes no more.
+        validity: `valid` if any load is.
+        withheld_by: checks that withhold the mass of every load.
+        loads: load states in the order of their numbers.
+        turning_validity: of the inertia; `none_yet` without arcs or joint motion.
+        inertia_z_kg_m2: by the fit of all motion, else of arcs; None unless valid.
+        inertia_u_kg_m2: its standard uncertainty.
+        processor_s: processor time that the replay took, in s.
+        fingerprint: digest of the frames, as `payscope run` states it; empty without a result.
+        fault: why there is no result; empty if there is one.
+    """
+
+    event: Literal["replay"]
+    unix_ns: int
+    t_s: float
+    age_s: float
+    is_whole: bool
+    validity: ReplayValidity
+    withheld_by: tuple[str, ...] = ()
+    loads: tuple[LoadReport, ...] = ()
+    turning_validity: ReplayValidity = "none_yet"
+    inertia_z_kg_m2: float | None = None
+    inertia_u_kg_m2: float | None = None
+    processor_s: float = 0.0
+    fingerprint: str = ""
+    fault: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fields by name, as JSON has them."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Self:
+        """Build the report from its fields by name."""
+        given = dict(values)
+        loads = tuple(LoadReport(**load) for load in given.pop("loads"))
+        return cls(loads=loads, withheld_by=tuple(given.pop("withheld_by")), **given)
+
+    def at_time(self, unix_ns: int) -> Self:
+        """The same with its age at a later time of the log."""
+        return replace(self, age_s=max(0.0, (unix_ns - self.unix_ns) / 1e9))
+
+    @property
+    def closed_loads(self) -> tuple[LoadReport, ...]:
+        """Loads that no later manoeuvre joins, as far as this replay knows."""
+        return self.loads if self.is_whole else self.loads[:-1]
+
+
+def replay_report_schema() -> dict[str, Any]:
+    """JSON schema of a report."""
+    properties = describe_fields(ReplayReport)
+    load = {"type": "object", "properties": describe_fields(LoadReport)}
+    properties["loads"] = {"type": "array", "items": load}
+    properties["withheld_by"] = {"type": "array", "items": {"type": "string"}}
+    return {
+        "title": "payscope.ReplayReport",
+        "type": "object",
+        "properties": properties,
+        "required": list(properties),
+    }
+
+
+def report_replay(run: Run, processor_s: float) -> ReplayReport:
+    """Report the result of a replay.
+
+    Args:
+        run: the replay of the log so far.
+        processor_s: processor time that it took, in s.
+    """
+    found, t_ns = answer(run), run.frames["excitation"]["t_ns"]
+    t0_unix_ns, last_ns = run.provenance.t0_unix_ns, int(t_ns[-1]) if t_ns.len() else 0
+    loads = tuple(iter_load_reports(found, t0_unix_ns))
+    turning = next(
+        (row for kind in _FITS_OF_TURNING for row in found.planar if row["kind"] == kind), None
+    )
+    inertia = finite_or_none(turning["inertia_z_kg_m2"]) if turning else None
+    return ReplayReport(
+        event="replay",
+        unix_ns=t0_unix_ns + last_ns,
+        t_s=last_ns / 1e9,
+        age_s=0.0,
+        is_whole=False,
+        validity="valid" if any(load.validity == "valid" for load in loads) else "withheld",
+        withheld_by=tuple(check.check for check in found.verdict.withholding_checks("mass")),
+        loads=loads,
+        turning_validity=(
+            "none_yet" if turning is None else "withheld" if inertia is None else "valid"
+        ),
+        inertia_z_kg_m2=inertia,
+        inertia_u_kg_m2=finite_or_none(turning["inertia_z_std_kg_m2"]) if turning else None,
+        processor_s=processor_s,
+        fingerprint=found.fingerprint.results if found.fingerprint else "",
+    )
+
+
+def iter_load_reports(found: Answer, t0_unix_ns: int) -> Iterator[LoadReport]:
+    """Yield the load states of an answer that have a time."""
+    for row in found.loads:
+        if row["start_t_ns"] is None:
+            continue  # nothing was fitted
+        mass_kg, u_kg = row["mass_kg"], row["u_kg"]
+        is_valid = not row["withheld"] and None not in (mass_kg, u_kg) and isfinite(mass_kg + u_kg)
+        numbers = {
+            "mass_kg": mass_kg,
+            "mass_u_kg": u_kg,
+            "payload_kg": row["payload_kg"],
+            "payload_u_kg": row["payload_u_kg"],
+            "friction_x_N_s_m": row["friction_x_N_s_m"],
+            "friction_u_N_s_m": row["friction_x_std_N_s_m"],
+        }
+        yield LoadReport(
+            load_id=row["load_id"],
+            start_unix_ns=t0_unix_ns + row["start_t_ns"],
+            end_unix_ns=t0_unix_ns + row["end_t_ns"],
+            manoeuvres=row["manoeuvres"],
+            validity="valid" if is_valid else "withheld",
+            withheld_by=row["withheld_for"],
+            empty=row["empty"],
+            **{
+                name: finite_or_none(value) if is_valid else None for name, value in numbers.items()
+            },
+        )
+
+
+def finite_or_none(value: float | None) -> float | None:
+    """The number, or None where JSON has none for it."""
+    return value if value is not None and isfinite(value) else None

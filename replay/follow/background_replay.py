@@ -1,0 +1,338 @@
+"""Replays of a log that is followed, one at a time, in a process of low priority.
+
+The process opens the log as it is on disk by the readers of `run`, which take unfinished logs. It
+is started once and asked by lines of JSON; it ends when its input does, so also when the follower
+is killed.
+"""
+
+import contextlib
+import json
+import os
+import queue
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+from typing import Any, Final, Self
+
+from analysis.online.replay_report import ReplayReport, ReplayValidity, report_replay
+from estimators.errors import DataError, PayscopeError, one_line
+from replay.logs import ACTIVE, open_log
+from replay.machines.machine_file import load_machine, time_axis_of_machine
+
+#: Share of one core that replays may take unless the caller says otherwise.
+REPLAY_SHARE: Final = 0.1
+#: Threads of libraries: the share is one of one core.
+_ONE_THREAD: Final = dict.fromkeys(
+    ("POLARS_MAX_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"
+)
+#: Lowest priority: whatever else the machine computes goes first.
+_NICE: Final = 19
+#: Processes that may end without a result before no more are started while the log grows.
+_MOST_ENDED: Final = 3
+#: Replays of the whole log that are begun, less one: a process may end once more.
+_MOST_LAST: Final = 3
+#: Seconds between two looks for the last replay, and until somebody is told that it is awaited.
+_LOOK_S, _PATIENCE_S = 0.02, 2.0
+_READ_BYTES: Final = 1 << 20
+#: Bytes of a log that are more than its first seconds.
+_WORTH_BYTES: Final = 1 << 20
+#: Files that SQLite keeps beside a database while it is open.
+_BESIDE: Final = ("-shm", "-journal")
+
+_Signature = dict[str, tuple[int, int]]
+
+
+class BackgroundReplays:
+    """Replays of the log so far: one whenever a manoeuvre has ended and the share allows it.
+
+    A replay begins when the processor time of the last one is at most the share of the time since
+    that began. The last replay, of the whole log, waits for no share. A process that ends without
+    a result is said in one line, and the next replay starts another.
+
+    Attributes:
+        processor_s: processor time of all replays so far.
+    """
+
+    def __init__(
+        self,
+        logs: Sequence[Path],
+        machine_file: Path,
+        overrides: Sequence[str],
+        tell: Callable[[str], None],
+        *,
+        share: float = REPLAY_SHARE,
+    ) -> None:
+        """Initialise: the first replay starts the process.
+
+        Args:
+            logs: paths of the log; a `.bag.active` is found under its final name as well.
+            machine_file: the machine file, with the settings that `run` would use.
+            overrides: `key=value`, of the machine file.
+            tell: called with a line when a process has ended.
+            share: largest share of one core; 0 for no replays.
+        """
+        self.processor_s = 0.0
+        self._logs, self._machine_file, self._overrides = logs, machine_file, overrides
+        self._tell, self._share = tell, share
+        self._process: subprocess.Popen[bytes] | None = None
+        self._output = bytearray()
+        self._is_wanted = self._is_underway = False
+        self._began_s, self._next_s = 0.0, 0.0
+        self._ended = 0
+        #: the files when the replay underway, or the last, began
+        self._signature: _Signature = {}
+        self._newest: ReplayReport | None = None
+
+    def __enter__(self) -> Self:
+        """Begin with what is recorded already, which is sooner replayed than followed."""
+        if sum(size for size, _ in find_signature(self._logs).values()) >= _WORTH_BYTES:
+            self.request()
+            self.poll()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.end_process()
+
+    @property
+    def process_id(self) -> int | None:
+        """Number of the process; None before the first replay."""
+        return self._process.pid if self._process else None
+
+    def request(self) -> None:
+        """Ask for a replay of what is recorded by now, as soon as the share allows it."""
+        self._is_wanted = True
+
+    def poll(self) -> ReplayReport | None:
+        """Take the result of a replay, or None; start the next if it is due. Never waits."""
+        report = self._take_result() if self._is_underway else None
+        is_due = self._is_wanted and self._share > 0.0 and time.monotonic() >= self._next_s
+        if is_due and not self._is_underway and self._ended < _MOST_ENDED:
+            self._is_wanted = False
+            if self._signature != find_signature(self._logs) or not self._signature:
+                self._begin_replay(is_last=False)
+        return report
+
+    def replay_whole_log(self, on_wait: Callable[[], None]) -> ReplayReport | None:
+        """Result of the log that has ended, which may be there already; None without replays.
+
+        Args:
+            on_wait: called once if the result takes a while.
+
+        Raises:
+            KeyboardInterrupt: it was not awaited.
+        """
+        if self._share <= 0.0:
+            return None
+        now = find_signature(self._logs)
+        if self._is_underway and self._signature != now:
+            self.end_process()  # half of it would have to be done again
+        began, is_told = time.monotonic(), False
+        for _ in range(_MOST_LAST):
+            if not self._is_underway and self._signature == now and self._newest is not None:
+                if self._newest.validity == "failed":
+                    self._tell(f"the log could not be replayed: {self._newest.fault}")
+                return replace(self._newest, is_whole=True)
+            if not self._is_underway:
+                self._begin_replay(is_last=True)
+            while self._is_underway:
+                self._take_result()
+                time.sleep(_LOOK_S)
+                if not is_told and time.monotonic() - began > _PATIENCE_S:
+                    is_told = True
+                    on_wait()
+        return None
+
+    def end_process(self) -> None:
+        """End the process, whatever it does."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.communicate()
+            self._process = None
+        self._is_underway = False
+
+    def _begin_replay(self, *, is_last: bool) -> None:
+        process = self._process or start_process()
+        self._process, self._output = process, bytearray()
+        # a table that grows is copied up to its last line, so that no number of it is torn
+        names = [find_log_name(path) for path in self._logs]
+        is_copied = not is_last and any(is_text_table(path) for path in names)
+        asked = {
+            "logs": [str(path) for path in names],
+            "machine": str(self._machine_file),
+            "overrides": list(self._overrides),
+            "is_copied": is_copied,
+        }
+        self._signature = {} if is_copied else find_signature(self._logs)
+        self._is_wanted, self._is_underway = False, True
+        self._newest = None
+        self._began_s = time.monotonic()
+        assert process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):  # that it has ended is seen where it is read
+            process.stdin.write(json.dumps(asked).encode() + b"\n")
+            process.stdin.flush()
+
+    def _take_result(self) -> ReplayReport | None:
+        process = self._process
+        assert process is not None
+        assert process.stdout is not None
+        with contextlib.suppress(BlockingIOError):
+            while part := os.read(process.stdout.fileno(), _READ_BYTES):
+                self._output += part
+                if part.endswith(b"\n"):
+                    return self._finish_replay(ReplayReport.from_dict(json.loads(self._output)))
+            self._note_end(process)
+        return None
+
+    def _finish_replay(self, report: ReplayReport) -> ReplayReport:
+        self._ended = 0
+        self._close_account(report.processor_s)
+        self._newest = report
+        return report
+
+    def _note_end(self, process: "subprocess.Popen[bytes]") -> None:
+        """Note a process that has ended without a result."""
+        status = process.wait()
+        self.end_process()
+        self._ended += 1
+        self._is_wanted, self._signature = True, {}
+        self._close_account(time.monotonic() - self._began_s)
+        how = f"by signal {-status}" if status < 0 else f"with status {status}"
+        more = "the next replay starts another" if self._ended < _MOST_ENDED else "no more start"
+        self._tell(f"the process of the replay has ended {how}; following goes on, {more}")
+
+    def _close_account(self, processor_s: float) -> None:
+        self.processor_s += processor_s
+        self._is_underway = False
+        if self._share > 0.0:
+            self._next_s = self._began_s + processor_s / self._share
+
+
+def start_process() -> "subprocess.Popen[bytes]":
+    """Start the process that replays; its output is read without waiting."""
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-m", "replay.follow.background_replay"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=os.environ | _ONE_THREAD,
+        start_new_session=True,  # ctrl-C is for the follower, which ends the process last
+    )
+    assert process.stdout is not None
+    os.set_blocking(process.stdout.fileno(), False)
+    return process
+
+
+def find_log_name(path: Path) -> Path:
+    """Name of a log by now: a bag loses its suffix `.active` when its recorder closes it."""
+    inner = path.with_suffix("")
+    return inner if path.suffix == ACTIVE and not path.exists() and inner.exists() else path
+
+
+def is_text_table(path: Path) -> bool:
+    """Whether a file that can be followed is a text table."""
+    return path.is_file() and path.suffix not in (ACTIVE, ".bag", ".mcap", ".db3")
+
+
+def find_signature(logs: Sequence[Path]) -> _Signature:
+    """Size and time of change of each file of a log, by its final name."""
+    found: _Signature = {}
+    for log in map(find_log_name, logs):
+        files = sorted(log.iterdir()) if log.is_dir() else [log]
+        for path in files:
+            with contextlib.suppress(FileNotFoundError):  # removed or renamed just now
+                about = path.stat()
+                if not path.name.endswith(_BESIDE):
+                    found[str(path).removesuffix(ACTIVE)] = about.st_size, about.st_mtime_ns
+    return found
+
+
+def replay_log_so_far(
+    logs: Sequence[Path], machine_file: Path, overrides: Sequence[str], *, is_copied: bool
+) -> ReplayReport:
+    """Replay a log as it is on disk, as `run` does.
+
+    Args:
+        logs: paths of the log.
+        machine_file: as in `load_machine`.
+        overrides: as in `load_machine`.
+        is_copied: whether tables are copied up to their last complete line.
+
+    Raises:
+        PayscopeError: the log or the machine file is invalid, or there is too little data.
+    """
+    from replay.pipeline import run
+
+    began = time.process_time()
+    machine = load_machine(machine_file, overrides)
+    with ExitStack() as opened:
+        if is_copied:
+            folder = Path(opened.enter_context(TemporaryDirectory(prefix="payscope-")))
+            logs = [copy_complete_lines(path, folder) for path in logs]
+        run_logs = [
+            opened.enter_context(open_log(path, time=time_axis_of_machine(machine)))
+            for path in logs
+        ]
+        result = run(run_logs, machine)
+    return report_replay(result, time.process_time() - began)
+
+
+def copy_complete_lines(path: Path, folder: Path) -> Path:
+    """Copy a text table up to its last complete line."""
+    data = path.read_bytes()
+    copy = folder / path.name
+    copy.write_bytes(data[: data.rfind(b"\n") + 1])
+    return copy
+
+
+def answer_requests() -> None:
+    """Replay as asked by lines of JSON on stdin, until its end, and print each report as a line."""
+    with contextlib.suppress(AttributeError, OSError):  # not every system has it
+        os.nice(_NICE)
+    requests: queue.Queue[Mapping[str, Any]] = queue.Queue()
+
+    def read_requests() -> None:
+        for line in sys.stdin:
+            requests.put(json.loads(line))
+        os._exit(0)  # the follower has ended, whatever is underway
+
+    threading.Thread(target=read_requests, daemon=True).start()
+    used_s = 0.0
+    while True:
+        asked = requests.get()
+        try:
+            report = replay_log_so_far(
+                [Path(path) for path in asked["logs"]],
+                Path(asked["machine"]),
+                asked["overrides"],
+                is_copied=asked["is_copied"],
+            )
+        except DataError as error:
+            report = report_fault(error, "none_yet")
+        except (PayscopeError, OSError, ValueError, ArithmeticError, LookupError) as error:
+            report = report_fault(error, "failed")
+        # with the start of the process, and what was read before a fault
+        now_s = time.process_time()
+        report, used_s = replace(report, processor_s=now_s - used_s), now_s
+        sys.stdout.write(json.dumps(report.to_dict()) + "\n")
+        sys.stdout.flush()
+
+
+def report_fault(error: Exception, validity: ReplayValidity) -> ReplayReport:
+    """Report of a replay without a result."""
+    return ReplayReport("replay", 0, 0.0, 0.0, False, validity, fault=one_line(str(error)))
+
+
+if __name__ == "__main__":
+    answer_requests()
