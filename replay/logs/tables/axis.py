@@ -9,7 +9,16 @@ import numpy as np
 import polars as pl
 
 from estimators.arrays import Floats
-from replay.logs.tables.dates import is_date, is_time_of_day, stamps_of_clock_times
+from replay.logs.tables.dates import (
+    find_calendar_columns,
+    fraction_column_or_none,
+    fractions_ns_and_unit,
+    is_date,
+    is_time_of_day,
+    lower_case_letters,
+    stamps_of_clock_times,
+    times_of_calendar,
+)
 from replay.logs.tables.header import (
     ColumnName,
     column_named_before_dash,
@@ -20,13 +29,6 @@ from replay.logs.tables.header import (
 )
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 from replay.logs.tables.only_time import only_time_column_or_empty
-from replay.logs.tables.time_parts import (
-    find_calendar_columns,
-    fraction_column_or_none,
-    fractions_ns_and_unit,
-    lower_case_letters,
-    times_of_calendar,
-)
 from replay.logs.tables.times import (
     NS_PER_UNIT,
     TimeError,
@@ -157,11 +159,9 @@ class TableTimes:
         assert self.time is not None
         text = cells[self.time]
         if self.date is not None:
-            zone = (
-                zone_offset_s(self.date)
-                if zone_offset_s(self.time) is None
-                else zone_offset_s(self.time)
-            )
+            zone = zone_offset_s(self.time)
+            if zone is None:
+                zone = zone_offset_s(self.date)
             return RowTimes(*stamps_of_clock_times(cells[self.date], text, self.day_first, zone))
         if text.dtype == pl.String:
             sample = text.head(1000).drop_nulls().str.strip_chars()
