@@ -31,7 +31,7 @@ from analysis.calibration.use.learnt_priors import (
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from replay.inputs.memory_log import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 

@@ -17,7 +17,7 @@ from analysis.model.answer import Answer, answer
 from analysis.model.machine import LogSection, Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
-from replay.inputs.cached_log import CachedLog
+from replay.inputs.derived_logs import CachedLog
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, time_axis_of_machine
 from replay.pipeline import run
