@@ -45,10 +45,10 @@ from analysis.simulation.scenario.drivetrain import (
 from analysis.simulation.scenario.instruments import (
     SimulatedDefects,
     SimulatedRecorder,
+    SimulatedSampling,
     SimulatedSensors,
 )
 from analysis.simulation.scenario.manoeuvres import Arc, Excite, Rest, Spin, Start, Travel
-from analysis.simulation.scenario.sampling import SimulatedSampling
 from analysis.simulation.scenario.scenario import (
     SimulatedCampaign,
     SimulatedLoading,

@@ -14,9 +14,9 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.cycles.boom_cycles import add_boom_cycles, does_digging_contradict_boom
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import CycleParts, add_dump_times, split_cycles_into_parts
+from analysis.cycles.cycles_without_mass import add_boom_cycles, does_digging_contradict_boom
 from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
     BY_MACHINE_FILE,

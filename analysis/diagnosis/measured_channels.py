@@ -10,12 +10,12 @@ import numpy as np
 import polars as pl
 
 from analysis.model.windows import runs_of_flagged_samples
-from analysis.stages.signals.clocks import (
+from analysis.stages.signals.filters import period_ns
+from analysis.stages.signals.timestamps import (
     RelativeDrift,
     find_largest_relative_drift,
     measure_clock_drifts,
 )
-from analysis.stages.signals.filters import period_ns
 from estimators.arrays import Floats, Ints
 
 Series = tuple[Ints, Floats]

@@ -266,7 +266,7 @@ def open_command(
 
     from recordings.report.atomic_output import atomic_file
     from replay.fleet.gathered_tables import open_fleet_results
-    from replay.fleet.open_recording import recording_of_result
+    from replay.fleet.recording_task import recording_of_result
     from replay.recording.view_recording import view_recording
 
     with recording_of_result(open_fleet_results(destination), key) as recording:

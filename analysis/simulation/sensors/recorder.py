@@ -8,7 +8,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.simulation.motion.timeline import Timeline
-from analysis.simulation.scenario.sampling import TopicName
+from analysis.simulation.scenario.instruments import TopicName
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.sensors.random_streams import Streams, make_generator
 from estimators.arrays import Floats

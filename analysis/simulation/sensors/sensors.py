@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.simulation.motion.solved_motion import Channels
 from analysis.simulation.motion.timeline import Hints, Timeline
-from analysis.simulation.scenario.sampling import TopicName
+from analysis.simulation.scenario.instruments import TopicName
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.sensors.random_streams import Streams
 from analysis.simulation.sensors.recorder import (

@@ -26,7 +26,7 @@ from analysis.stages.gating.gate import mark_samples_to_pool
 from analysis.stages.motion.phases import TURNS
 from analysis.stages.noise.column_noise import attenuation_errors, collect_axis_noise
 from estimators.arrays import Floats
-from estimators.methods.window_mean import mean_estimate
+from estimators.methods.ls import mean_estimate
 
 
 def summarise_masses(

@@ -5,12 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 
-from analysis.expressions.dimensions import convert_to_si, format_dimension
 from analysis.expressions.parse import (
     SLOPE,
     Expression,
     ExpressionError,
     Name,
+    convert_to_si,
+    format_dimension,
     iter_channel_names,
     iter_differentiated_channels,
 )
