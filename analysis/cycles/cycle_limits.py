@@ -49,7 +49,7 @@ class CycleLimits:
     #: which is this quantile of its speed.
     reached_speed_quantile: float = 0.95
 
-    # cycle_doubts
+    # doubts about cycles in the ledger
     #: Coverage factor of a 95 % interval.
     coverage_factor: float = 2.0
     #: Largest fraction of its load that a bucket brings back: with more it was not emptied, or the

@@ -87,8 +87,8 @@ def run_command(
     """
     from replay.commands.fleet_progress import FleetProgress
     from replay.commands.print_tables import print_json
-    from replay.fleet.fleet_file import load_fleet
     from replay.fleet.log_sources import list_fleet_logs
+    from replay.fleet.machine_setups import load_fleet
     from replay.fleet.run_fleet import replay_fleet
 
     fleet = load_fleet(machines, tuple(overrides or ()))
