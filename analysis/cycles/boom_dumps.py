@@ -105,7 +105,7 @@ def find_boom_dumps(
     stands = out & is_standing(excitation)
     inside_ns = t_ns[whole & ~out]
     spans = [
-        _trim_to_standstills(span, t_ns[stands], reach[stands])
+        trim_to_standstills(span, t_ns[stands], reach[stands])
         for span in join_dumps(t_ns[out & slow], inside_ns)
     ]
     spans = _drop_truncated_dump(spans, inside_ns, int(t_ns[-1]))
@@ -156,7 +156,7 @@ def _farthest_reach(deflection_rad: Floats, slow: Bools, t_ns: Ints, span: Span)
     return float(inside[np.argmax(np.abs(inside))]) if inside.size else 0.0
 
 
-def _times_with_boom_up(times_ns: Ints, reach: Floats, span: Span) -> Ints:
+def times_with_boom_up(times_ns: Ints, reach: Floats, span: Span) -> Ints:
     """Times in a span at which the boom is about as far out as it gets there."""
     first, end = np.searchsorted(times_ns, span[0]), np.searchsorted(times_ns, span[1], "right")
     inside = reach[first:end]
@@ -165,7 +165,7 @@ def _times_with_boom_up(times_ns: Ints, reach: Floats, span: Span) -> Ints:
 
 def _emptying_time_ns(reach: Floats, t_ns: Ints, span: Span) -> int:
     """Time when the bucket is emptied: soon after the boom's farthest reach in a span."""
-    up_ns = _times_with_boom_up(t_ns, reach, span)
+    up_ns = times_with_boom_up(t_ns, reach, span)
     return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, LIMITS.emptying_ns)
 
 
@@ -196,7 +196,7 @@ def _drop_truncated_dump(spans: list[Span], inside_ns: Ints, ends_ns: int) -> li
     return spans if half_empty else spans[:-1]
 
 
-def _trim_to_standstills(span: Span, stands_ns: Ints, reach: Floats) -> Span:
+def trim_to_standstills(span: Span, stands_ns: Ints, reach: Floats) -> Span:
     """First to last standstill with the boom up within a span; the whole span if there is none.
 
     The boom may be out long before, on the way to the dump; a machine that stands then dumps while
@@ -207,5 +207,5 @@ def _trim_to_standstills(span: Span, stands_ns: Ints, reach: Floats) -> Span:
         stands_ns: (n,) times with the boom out at a stand.
         reach: (n,) how far it is out.
     """
-    up_ns = _times_with_boom_up(stands_ns, reach, span)
+    up_ns = times_with_boom_up(stands_ns, reach, span)
     return (int(up_ns[0]), int(up_ns[-1])) if up_ns.size else span

@@ -211,7 +211,7 @@ def add_dump_times(
         if not dumped and cycle.loaded is None and over and not passes.dumps.shows_dumps:
             # by no witness: where a machine that has dug stands or creeps longest it dumps
             inside = (t_ns > ready) & (t_ns < empty)
-            cycle.dump_ns = _find_longest_stop(stops[inside], t_ns[inside])
+            cycle.dump_ns = find_longest_stop(stops[inside], t_ns[inside])
             cycle.dumped_ns = cycle.dump_ns and sum(cycle.dump_ns) // 2
         if not dumped and (cycle.loaded is None or not over):
             continue
@@ -259,7 +259,7 @@ def _find_longest_hole(t_ns: Ints) -> tuple[int, int] | None:
     return int(t_ns[widest]), int(t_ns[widest + 1])
 
 
-def _find_longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
+def find_longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
     """Longest standstill or creep, without idling; None if there is none."""
     begins, ends = runs_of_flagged_samples(stops)
     length = t_ns[ends] - t_ns[begins]

@@ -105,7 +105,7 @@ def _boom_cycle_parts(boom_dumps: BoomDumps, digs: pl.DataFrame) -> list[CyclePa
     before = [0, *(each.end_ns for each in boom_dumps.dumps)]
     return [
         CycleParts(
-            _digging_span(dug, since_ns, each.start_ns),
+            digging_span(dug, since_ns, each.start_ns),
             dump_ns=(each.start_ns, each.end_ns),
             dumped_ns=each.dumped_ns,
         )
@@ -113,7 +113,7 @@ def _boom_cycle_parts(boom_dumps: BoomDumps, digs: pl.DataFrame) -> list[CyclePa
     ]
 
 
-def _digging_span(dug: list[Span], since_ns: int, until_ns: int) -> Span | None:
+def digging_span(dug: list[Span], since_ns: int, until_ns: int) -> Span | None:
     """First to last digging within a time span; None without digging."""
     inside = [span for span in dug if since_ns <= span[0] < until_ns]
     return (inside[0][0], inside[-1][1]) if inside else None

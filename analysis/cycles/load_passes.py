@@ -93,8 +93,8 @@ def find_load_passes(
         # one who creeps to the dump may have emptied the bucket before the start ends
         known = [(int(begin[k]), int(begin[k + 1])) for k in emptied]
         dumps = find_boom_dumps(aligned, excitation, known)
-        of_state = _reclassify_at_dumps(of_state, begin, end, digs, dumps)
-    one_filling_ns = _longest_filling_step_ns(of_state, begin, end, digs)
+        of_state = reclassify_at_dumps(of_state, begin, end, digs, dumps)
+    one_filling_ns = longest_filling_step_ns(of_state, begin, end, digs)
     parts = np.diff(of_state) != 0
     parts[_find_refill_borders(of_state, begin, end, digs, dumps, one_filling_ns)] = True
     if digs.height < LIMITS.digging_min_fraction * np.count_nonzero(parts & of_state[:-1]):
@@ -159,9 +159,7 @@ def find_short_hauls(
     return found
 
 
-def _longest_filling_step_ns(
-    loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
-) -> int:
+def longest_filling_step_ns(loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame) -> int:
     """Largest time in ns between starts that fill the same bucket, shorter than a cycle."""
     starts = np.sort(digs["start_t_ns"].to_numpy())
     stops = np.sort(digs["end_t_ns"].to_numpy())
@@ -205,7 +203,7 @@ def _find_refill_borders(
     return found
 
 
-def _reclassify_at_dumps(
+def reclassify_at_dumps(
     loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame, dumps: BoomDumps
 ) -> Bools:
     """Whether each manoeuvre is loaded, (manoeuvres,), with dumps where the boom shows them.
@@ -328,9 +326,9 @@ def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | N
     )
     if not parted:
         # a load that changes without digging is dumped
-        label = label if told else _alternating_labels(mass_kg)
+        label = label if told else alternating_labels(mass_kg)
         light, heavy = label == 0, label == 1
-        if not _class_means_differ(mass_kg[light], mass_kg[heavy], least_kg):
+        if not class_means_differ(mass_kg[light], mass_kg[heavy], least_kg):
             return None
         # a load between others that is not seen to be dug is told by its mass
         undug = (label < 0) & (mass_kg > (a + b) / 2.0)
@@ -342,7 +340,7 @@ def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | N
     return mass_kg > (_border_nearest_to_labels(mass_kg, label, border) if told else border)
 
 
-def _alternating_labels(mass_kg: Floats) -> Ints:
+def alternating_labels(mass_kg: Floats) -> Ints:
     """1 if heavier than the state before, 0 if lighter, (states,); -1 if they do not alternate."""
     rises = np.diff(mass_kg) > 0.0
     turns = rises[1:] != rises[:-1]
@@ -356,7 +354,7 @@ def _alternating_labels(mass_kg: Floats) -> Ints:
     return np.append(not rises[0], rises).astype(np.int64)
 
 
-def _class_means_differ(light: Floats, heavy: Floats, least_kg: float) -> bool:
+def class_means_differ(light: Floats, heavy: Floats, least_kg: float) -> bool:
     """Whether the means of two classes differ, with enough states in each."""
     if min(light.size, heavy.size) < LIMITS.own_spread_min_states:
         return False

@@ -124,9 +124,7 @@ class RawSignals:
     def standstill_spans(self) -> Spans:
         """Spans in ns in which every speed reads exactly 0, so that no channel has to change."""
         by_speed = [
-            _find_zero_speed_spans(*self.channels[name])
-            for name in _SPEEDS
-            if name in self.channels
+            find_zero_speed_spans(*self.channels[name]) for name in _SPEEDS if name in self.channels
         ]
         common = by_speed[0] if by_speed else []
         for spans in by_speed[1:]:
@@ -152,7 +150,7 @@ class RawSignals:
     def clipped_spans(self) -> dict[str, Spans]:
         """Spans in ns in which a force channel stays at a limit, by channel."""
         return {
-            name: _find_spans_at_limits(list(found), *self.channels[name])
+            name: find_spans_at_limits(list(found), *self.channels[name])
             for name, found in self.force_limits.items()
             if found
         }
@@ -212,7 +210,7 @@ def find_long_runs_of_one_reading(t: Ints, x: Floats) -> tuple[list[RepeatedRead
     ], never
 
 
-def _find_zero_speed_spans(t: Ints, x: Floats) -> Spans:
+def find_zero_speed_spans(t: Ints, x: Floats) -> Spans:
     """Spans in ns in which a speed reads 0 for long, with gradual entry and exit."""
     first, last = find_equal_runs(x)
     before, after = np.abs(x[np.maximum(first - 1, 0)]), np.abs(x[np.minimum(last + 1, x.size - 1)])
@@ -293,7 +291,7 @@ def _find_clipping_levels(runs: list[RepeatedReading], x: Floats) -> dict[float,
     }
 
 
-def _find_spans_at_limits(limits: list[float], t: Ints, x: Floats) -> Spans:
+def find_spans_at_limits(limits: list[float], t: Ints, x: Floats) -> Spans:
     """Spans in ns in which most readings are at a limit."""
     from scipy.ndimage import uniform_filter1d  # slow to import
 

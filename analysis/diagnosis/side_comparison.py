@@ -122,7 +122,7 @@ def compare_sides(
     if torques[0] is not None and torques[1] is not None:
         turning = [] if turns is None else [turns, np.clip(turns / _SCRUBS_RAD_S, -1.0, 1.0)]
         stands = blocks_in_phase("standstill")
-        ahead = _driving_direction(speeds, torques)
+        ahead = driving_direction(speeds, torques)
         found["torque"] = _torque_difference(
             torques[0], torques[1], turning, ahead, driving, stands
         )
@@ -137,7 +137,7 @@ def compare_sides(
     return {kind: each for kind, each in found.items() if each is not None}
 
 
-def _driving_direction(speeds: Sequence[Floats | None], torques: Sequence[Floats | None]) -> Floats:
+def driving_direction(speeds: Sequence[Floats | None], torques: Sequence[Floats | None]) -> Floats:
     """Driving direction (n,) by the wheel speeds, or else by the torques."""
     known = next(each for each in (*speeds, *torques) if each is not None)
     return np.sign(known)

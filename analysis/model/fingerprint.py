@@ -92,7 +92,7 @@ def _column_digest(series: pl.Series) -> str:
     for part in (series[begin : begin + _ROWS] for begin in range(0, series.len(), _ROWS)):
         if series.null_count():
             nulls.update(np.packbits(part.is_null().to_numpy()).data)
-        for array in _iter_value_arrays(part):
+        for array in iter_value_arrays(part):
             values.update(_to_little_endian(array).data)
     about = [series.name, *_describe_dtype(series.dtype)]
     return _json_digest([about, values.hexdigest(), nulls.hexdigest()])
@@ -104,7 +104,7 @@ def _describe_dtype(dtype: pl.DataType) -> list[Any]:
     return [str(dtype)]
 
 
-def _iter_value_arrays(part: pl.Series) -> Iterator[NDArray[Any]]:
+def iter_value_arrays(part: pl.Series) -> Iterator[NDArray[Any]]:
     """Yield the values of a column as arrays, zero or empty for nulls."""
     dtype = part.dtype
     if isinstance(dtype, pl.Enum):
@@ -115,7 +115,7 @@ def _iter_value_arrays(part: pl.Series) -> Iterator[NDArray[Any]]:
     elif dtype == pl.Boolean:
         yield np.packbits(_fill_null(part, value=False).to_numpy())
     elif dtype.is_temporal():
-        yield from _iter_value_arrays(part.to_physical())
+        yield from iter_value_arrays(part.to_physical())
     else:
         texts = part if dtype == pl.String else _write_values_as_text(part)
         encoded = "".join(_fill_null(texts, "").to_list()).encode()

@@ -131,7 +131,7 @@ def least_squares(
     p = len(theta)
     poor = np.flatnonzero(condition_numbers(products, p + 1, p) > _POORLY_CONDITIONED)
     if poor.size:
-        correction = _normal_equation_residual(A, f, window, index[poor], theta[:, poor])
+        correction = normal_equation_residual(A, f, window, index[poor], theta[:, poor])
         L, inverse = np.take(solved.L, poor, axis=2), np.take(solved.inverse, poor, axis=1)
         substitute(L, inverse, correction)
         theta[:, poor] += correction
@@ -139,7 +139,7 @@ def least_squares(
 
 
 @compiled_ahead
-def _normal_equation_residual(
+def normal_equation_residual(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats
 ) -> Floats:
     """Aᵀ(f - A θ) of each window, (p, rows): zero except for rounding of θ (p, rows)."""

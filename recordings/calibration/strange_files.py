@@ -100,19 +100,19 @@ def read_untrusted_files_in_process(
                 found[name] = "is not the file whose digest the bundle has"
             else:
                 copies[name] = copy
-        said = _run_reader_process(kind, list(copies.values()))
+        said = run_reader_process(kind, list(copies.values()))
         for number, (name, copy) in enumerate(copies.items()):
             # one of them ended the process: which?
             each = (
                 said[number]
                 if said is not None
-                else (_run_reader_process(kind, [copy]) or [None])[0]
+                else (run_reader_process(kind, [copy]) or [None])[0]
             )
             found[name] = _DAMAGED if each is None else each.get("fault", each)
     return found
 
 
-def _run_reader_process(kind: str, copies: Sequence[Path]) -> list[dict[str, Any]] | None:
+def run_reader_process(kind: str, copies: Sequence[Path]) -> list[dict[str, Any]] | None:
     """Results of the process for each copy; None if it crashed."""
     if not copies:
         return []

@@ -240,13 +240,13 @@ def _cut_run_around(run: Run, at_s: float) -> Run:
     """Samples around a moment; frames without samples are kept whole."""
     begin, end = (round((at_s + way * _AROUND_S) * NS_PER_S) for way in (-1, 1))
     frames = {
-        name: _rows_between(frame, begin, end) if "t_ns" in frame.columns else frame
+        name: rows_between(frame, begin, end) if "t_ns" in frame.columns else frame
         for name, frame in run.frames.items()
     }
     return Run(frames, run.provenance)
 
 
-def _rows_between(frame: pl.DataFrame, begin: int, end: int) -> pl.DataFrame:
+def rows_between(frame: pl.DataFrame, begin: int, end: int) -> pl.DataFrame:
     """Samples of a stretch of a sorted frame, found by binary search."""
     t = frame["t_ns"].to_numpy()
     first, last = np.searchsorted(t, begin, "left"), np.searchsorted(t, end, "right")
@@ -269,5 +269,5 @@ def _restrict_run_to_load_at(run: Run, at_s: float | None) -> Run:
         frames["manoeuvres"] = frames["manoeuvres"].filter(pl.col("load_id") == load_id)
     for name, frame in run.frames.items():
         if name.startswith("estimates/"):
-            frames[name] = _rows_between(frame, begin, end)
+            frames[name] = rows_between(frame, begin, end)
     return Run(frames, run.provenance)

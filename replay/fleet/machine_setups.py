@@ -106,7 +106,7 @@ def make_machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple
     machine = load_machine(files.file, files.overrides)
     calibrations: list[tuple[MachineCalibration, Machine]] = []
     for folder in map(Path, files.calibrations):
-        if _is_evidence_of_mass_check(folder):
+        if is_mass_check_evidence(folder):
             continue
         by = load_calibration(CalibrationRequest(folder))
         if by.signed_by.how == "unknown":
@@ -154,7 +154,7 @@ def last_day_of_campaign(calibration: MachineCalibration) -> dt.date:
     return max(run.day for run in calibration.document.campaign.runs)
 
 
-def _is_evidence_of_mass_check(folder: Path) -> bool:
+def is_mass_check_evidence(folder: Path) -> bool:
     """Whether a folder contains the check of a single mass."""
     try:
         content = json.loads((folder / "evidence.json").read_bytes())

@@ -178,7 +178,7 @@ def rank_next_loads(calibration: Calibration, *, same_day: bool = False) -> tupl
     used = [point for point in calibration.points if point.mean_kg is not None]
     ends = [reference.reference_kg for reference in calibration.references]
     now = inversion_with_points(calibration, used)
-    now_kg = _widest_half_interval_kg(calibration, now, ends)
+    now_kg = widest_half_interval_kg(calibration, now, ends)
     found: list[NextLoad] = []
     for reference in calibration.references:
         more = replace(
@@ -194,10 +194,8 @@ def rank_next_loads(calibration: Calibration, *, same_day: bool = False) -> tupl
                 load_id=reference.load_id,
                 reference_kg=reference.reference_kg,
                 # equal ones stay equal: by rounding alone one would be better
-                determinant_1=round(
-                    _covariance_determinant(then) / _covariance_determinant(now), 9
-                ),
-                half_width_kg=_widest_half_interval_kg(calibration, then, ends),
+                determinant_1=round(covariance_determinant(then) / covariance_determinant(now), 9),
+                half_width_kg=widest_half_interval_kg(calibration, then, ends),
                 half_width_now_kg=now_kg,
             )
         )
@@ -209,13 +207,13 @@ def unused_day(used: list[Point]) -> str:
     return max((point.day for point in used), key=len) + "+"
 
 
-def _covariance_determinant(inversion: Inversion) -> float:
+def covariance_determinant(inversion: Inversion) -> float:
     """Determinant of the covariance of level and slope of the line."""
     covariance = np.tensordot(inversion.variance_kg2, inversion.on_line, 1)
     return float(np.linalg.det(covariance))
 
 
-def _widest_half_interval_kg(
+def widest_half_interval_kg(
     calibration: Calibration, inversion: Inversion, at_kg: list[float]
 ) -> float:
     """Largest half interval of a later mass at these masses."""

@@ -216,7 +216,7 @@ def _rate_of_interpolated_quantity(row: Floats, which: int) -> float:
 
 
 @compiled_inline
-def _rate_at_row(rows: Floats, at: int, which: int) -> float:
+def rate_at_row(rows: Floats, at: int, which: int) -> float:
     """Rate of a value at a row from both sides, without discontinuities."""
     total, known = 0.0, 0.0
     for first in (at - 1, at):
@@ -257,5 +257,5 @@ def interpolate_rows_into(
             low = rows[known, column]
             now[column, number] = low + (rows[known + 1, column] - low) * part
         for which in range(SLOPES):
-            low = _rate_at_row(rows, known, which)
-            slopes[which, number] = low + (_rate_at_row(rows, known + 1, which) - low) * part
+            low = rate_at_row(rows, known, which)
+            slopes[which, number] = low + (rate_at_row(rows, known + 1, which) - low) * part

@@ -74,7 +74,7 @@ def _make_gate_columns(
     slips = find_slipping_samples(
         column_values(excitation, "speed_rate_x_m_s2"), _forward_acceleration(excitation), settings
     )
-    brakes = _decelerates_on_axis(axis, excitation, settings)
+    brakes = mark_deceleration(axis, excitation, settings)
     flags = {"gap": missing, **flag_rows_by_reason(axis, phase, f, brakes, slips, settings.gate)}
 
     def window_information(left: Ints) -> Floats:
@@ -176,10 +176,10 @@ def mark_excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settin
     """Braking samples if braking is excluded, (rows,)."""
     if not settings.gate.exclude_braking:
         return np.zeros(excitation.height, np.bool_)
-    return _decelerates_on_axis(axis, excitation, settings)
+    return mark_deceleration(axis, excitation, settings)
 
 
-def _decelerates_on_axis(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
+def mark_deceleration(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
     """Whether speed, or yaw rate, decreases at each sample, (rows,), with or without brakes."""
     if axis is X:
         return is_braking(phase_codes(excitation))

@@ -122,7 +122,7 @@ def estimate_channel_noise(
     """
     rate_hz = machine.settings.align.rate_hz
     gap = aligned["gap"].to_numpy()
-    columns = _force_and_yaw_columns(aligned, machine)
+    columns = force_and_yaw_columns(aligned, machine)
     phase = excitation["phase"]
     stands = (phase == "standstill").fill_null(False).to_numpy()
     moves = phase.is_not_null().to_numpy() & ~stands
@@ -182,7 +182,7 @@ def replace_noise_hidden_by_grid(
         return
 
     def grid_columns(aligned: pl.DataFrame) -> Floats:
-        columns = _force_and_yaw_columns(aligned, machine)
+        columns = force_and_yaw_columns(aligned, machine)
         x = np.column_stack([columns[name] for name in names])
         return np.where(aligned["gap"].to_numpy()[:, None], np.nan, x)
 
@@ -205,7 +205,7 @@ def channels_of_column(name: str, machine: Machine) -> tuple[str, ...]:
     return ("torque_left_N_m", "torque_right_N_m")
 
 
-def _force_and_yaw_columns(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
+def force_and_yaw_columns(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
     """Columns of the force and yaw equations, (rows,) each, by name."""
     body = machine.machine
     columns = {

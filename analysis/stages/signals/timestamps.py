@@ -221,7 +221,7 @@ def measure_clock_drifts(raw: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
         time_s = (log - log.min()) / 1e9
         latency = log - stamped["header_stamp_ns"].to_numpy()
         latency_s = (latency - latency.min()) / 1e9
-        line = _fit_line_below(time_s, latency_s)
+        line = fit_line_below_latencies(time_s, latency_s)
         if line is not None:
             slope, std = line
             rows.append((topic, -slope * 1e6, std * 1e6, float(time_s.max())))
@@ -251,7 +251,7 @@ def find_largest_relative_drift(drifts: pl.DataFrame) -> RelativeDrift | None:
     return max(pairs, key=lambda pair: pair.drift_ppm / pair.drift_std_ppm, default=None)
 
 
-def _fit_line_below(time_s: Floats, latency_s: Floats) -> tuple[float, float] | None:
+def fit_line_below_latencies(time_s: Floats, latency_s: Floats) -> tuple[float, float] | None:
     """Slope of a line along the lowest latencies, and its standard deviation; None if too few."""
     span_s = float(time_s.max())
     if not span_s > 0:

@@ -211,10 +211,10 @@ def find_time_columns(
     if calendar := find_calendar_columns(columns):
         fraction = fraction_column_or_none(columns, cells, names.index(calendar[-1]))
         return [(TableTimes(None, fraction=fraction, calendar=calendar), names)]
-    found = _rank_time_columns(columns, cells) or only_time_column_or_empty(columns, cells)
+    found = rank_time_columns(columns, cells) or only_time_column_or_empty(columns, cells)
     for part in (column_named_by_last_part, column_named_before_dash) if not found else ():
         columns = [part(column) for column in columns]
-        if found := _rank_time_columns(columns, cells):
+        if found := rank_time_columns(columns, cells):
             break
     if not found:
         return None
@@ -259,7 +259,7 @@ def _make_table_times(
     )
 
 
-def _rank_time_columns(
+def rank_time_columns(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
 ) -> list[int]:
     """Indices of time columns, the best name first, preferably with a unit of time.
@@ -354,7 +354,7 @@ def recognise_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
         integers = stripped.cast(pl.Int64, strict=False)
         exact = not stripped.dtype.is_float() and integers.count() == numbers.count()
         return epoch.to_unix_ns(integers if exact else numbers), (f"its times are {epoch.name}",)
-    if _is_hhmmss_number(finite, step):
+    if is_hhmmss_number(finite, step):
         hours, rest = numbers // 10_000, numbers % 10_000
         seconds = hours * 3600 + (rest // 100) * 60 + rest % 100
         return times_in_ns(seconds, "s"), ("its times are read as hhmmss.s",)
@@ -389,7 +389,7 @@ def _guess_unit(x: Floats, step: float, span: float) -> str:
     )
 
 
-def _is_hhmmss_number(x: Floats, step: float) -> bool:
+def is_hhmmss_number(x: Floats, step: float) -> bool:
     """Whether numbers are hhmmss.s: at most 59 s and min, with a jump of 40 at each minute."""
     if x.min() < 0 or x.max() >= 240_000 or step > _STEPS_S[1]:
         return False

@@ -142,10 +142,10 @@ def stamps_of_clock_times(
     pattern = datetime_pattern_or_none(first)
     if pattern is None:
         return _parse_times_of_day(text, first)
-    part = _match_groups(text, pattern)
+    part = match_named_groups(text, pattern)
     notes: list[str] = []
     day = _count_days_since_1970(part, day_first, notes)
-    stamps = day * DAY_NS + _time_of_day_ns(part)
+    stamps = day * DAY_NS + time_of_day_ns(part)
     if part.get_column("zone").drop_nulls().is_empty() and zone_offset_s is not None:
         stamps = stamps - zone_offset_s * 10**9
     elif part.get_column("zone").drop_nulls().is_empty():
@@ -158,7 +158,7 @@ def _join_dates(dates: pl.Series, times: pl.Series) -> pl.Series:
     return frame.select(pl.concat_str("date", "time", separator=" ")).to_series()
 
 
-def _match_groups(text: pl.Series, pattern: str) -> pl.DataFrame:
+def match_named_groups(text: pl.Series, pattern: str) -> pl.DataFrame:
     """Named groups of a pattern for each cell; null if it does not match."""
     names = tuple(re.compile(pattern).groupindex)
     found = text.str.extract_groups(pattern).struct.unnest()
@@ -171,7 +171,7 @@ def _parse_whole_numbers(column: pl.Expr) -> pl.Expr:
     return column.cast(pl.Int64, strict=False)
 
 
-def _time_of_day_ns(part: pl.DataFrame) -> pl.Series:
+def time_of_day_ns(part: pl.DataFrame) -> pl.Series:
     """Time of day in ns, from hour, minute, second, fraction and zone."""
     hour, half = _parse_whole_numbers(pl.col("h")), pl.col("half").str.to_lowercase()
     hour = (
@@ -276,18 +276,18 @@ def _decide_day_and_month(
 def _parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[str, ...]]:
     """Times of day, which continue over midnight."""
     if re.fullmatch(_SINCE, first):
-        part = _match_groups(text, f"^{_SINCE}$")
+        part = match_named_groups(text, f"^{_SINCE}$")
         day = part.select(_parse_whole_numbers(pl.col("days"))).to_series()
-        return (_time_of_day_ns(part) + day * DAY_NS).alias("log_time_ns"), ()
+        return (time_of_day_ns(part) + day * DAY_NS).alias("log_time_ns"), ()
     pattern = f"^{_CLOCK}$"
     if re.fullmatch(_MINUTES, first):
         pattern = f"^{_MINUTES}$"
     elif first.count(":") < 2:
         raise TimeError(f"'{first}' may be hours and minutes or minutes and seconds")
-    part = _match_groups(text, pattern)
+    part = match_named_groups(text, pattern)
     if pattern != f"^{_CLOCK}$":
         part = part.with_columns(h=pl.lit("0"))
-    stamps = _time_of_day_ns(part)
+    stamps = time_of_day_ns(part)
     frame = pl.DataFrame({"t": stamps})
     step = pl.col("t").forward_fill().diff()
     has_halves = part.get_column("half").drop_nulls().len() > 0
