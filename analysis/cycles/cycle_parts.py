@@ -221,7 +221,7 @@ def add_dump_times(
             cycle.dump_ns = _extend_to_standstills(dumped[0][:2], stands[part], t_ns[part])
             cycle.dumped_ns = dumped[0].dumped_ns
             continue
-        stand = _find_boom_standstill(stands[part], boom[part], t_ns[part])
+        stand = choose_standstill_by_boom(stands[part], boom[part], t_ns[part])
         by_boom = stand is not None and stand[2]
         hole = None if by_boom else _find_longest_hole(t_ns[part])
         cycle.unseen = hole is not None
@@ -270,10 +270,19 @@ def find_longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
     return int(t_ns[begins[best]]), int(t_ns[ends[best]])
 
 
-def _find_boom_standstill(
+def choose_standstill_by_boom(
     stands: Bools, boom: NDArray[np.float64], t_ns: Ints
 ) -> tuple[int, int, bool] | None:
-    """A standstill, and whether the boom moves during it."""
+    """Choose the standstill of a dump: that in which the boom moves most, or else the longest.
+
+    Args:
+        stands: (n,) samples that stand.
+        boom: (n,) boom angle in rad.
+        t_ns: (n,) time.
+
+    Returns:
+        Begin and end in ns, and whether the boom moves during it; None without a standstill.
+    """
     begins, ends = runs_of_flagged_samples(stands)
     if not begins.size:
         return None

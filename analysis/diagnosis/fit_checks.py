@@ -103,7 +103,7 @@ def _has_wheel_kinematics(inputs: CheckInputs, _: AxisMotion) -> bool:
     return inputs.weighing is not None and inputs.weighing.fit.kinematics is not None
 
 
-def _relative_u(inputs: CheckInputs, _: AxisMotion) -> float:
+def main_load_relative_u(inputs: CheckInputs, _: AxisMotion) -> float:
     """Relative standard uncertainty of the load with the most manoeuvres."""
     weighing = inputs.weighing
     if weighing is None:
@@ -203,7 +203,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "relative_u",
         "mass",
-        _relative_u,
+        main_load_relative_u,
         "standard uncertainty of the mass over the mass",
         maximum="relative_std_max",
         applies=is_answer_expected,

@@ -179,7 +179,7 @@ TERMS: Final = (
         "direction_spinning",
         lambda m: (m.direction_x_spinning, None),
         _coulomb_prior_std,
-        "Coulomb friction along a machine that spins, whose sides roll against each other",
+        "longitudinal Coulomb friction in a spin, where left and right wheels turn opposite ways",
         "spins about the origin",
         "x",
     ),

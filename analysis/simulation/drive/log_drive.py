@@ -110,7 +110,7 @@ class TrialDriver(MachineDriver):
                     load_kg,
                     loading.spill_1_s,
                 )
-                times, filled_kg, spilled_kg = self.drive_start(order, body)
+                times, filled_kg, spilled_kg = self.drive_one_start(order, body)
                 load_end_kg += filled_kg - spilled_kg
                 self._lost_kg += spilled_kg
                 if self._stands_loaded:

@@ -127,7 +127,7 @@ class MachineDriver:
         self.facing = -self.facing
         return ManoeuvreTimes("spin", begin_s, begin_s, None, None, self.time_s)
 
-    def drive_start(
+    def drive_one_start(
         self, order: StartOrder, body: RigidBody
     ) -> tuple[ManoeuvreTimes, float, float]:
         """Drive one start: throttle, cruise, coast if so ordered, brake.

@@ -77,9 +77,9 @@ def _make_gate_columns(
     brakes = mark_deceleration(axis, excitation, settings)
     flags = {"gap": missing, **flag_rows_by_reason(axis, phase, f, brakes, slips, settings.gate)}
 
-    def window_information(left: Ints) -> Floats:
+    def estimate_window_information(window_ends: Ints) -> Floats:
         return nearest_neighbours.window_mutual_information(
-            A[:, 0].copy(), f, window, left, settings.gate.ksg_neighbours
+            A[:, 0].copy(), f, window, window_ends, settings.gate.ksg_neighbours
         )
 
     decided = decide_windows(
@@ -87,7 +87,7 @@ def _make_gate_columns(
         seen,
         np.arange(n) < first + window - 1,
         {why: flag_windows(flag, window) for why, flag in flags.items()},
-        window_information,
+        estimate_window_information,
         settings.gate,
     )
     columns: dict[str, Floats | pl.Series] = {
