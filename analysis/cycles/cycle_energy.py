@@ -115,7 +115,7 @@ def compute_shift_energy(
         The energies; without rows if there is no mass or no cycle.
     """
     manoeuvres = frames["manoeuvres"]
-    spans = _phase_spans_without_holes(frames["cycles"], holes_ns)
+    spans = phase_spans_without_holes(frames["cycles"], holes_ns)
     no_mass = frames["loads"]["mass_kg"].is_null().all()
     if not spans or no_mass or manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
         return NO_ENERGY
@@ -141,7 +141,7 @@ def energy_changes_by_term(
     model = drive.model
     forces = [
         *perturb_each_term(model, drive.model_u),
-        _shift_friction_to_coulomb(integrals, model, drive.coulomb_N),
+        shift_friction_to_coulomb(integrals, model, drive.coulomb_N),
     ]
     moved = [
         replace(drive, errors=each) for each in perturb_each_term(drive.errors, drive.errors_u)
@@ -161,7 +161,7 @@ def energy_changes_by_term(
     ]
 
 
-def _phase_spans_without_holes(
+def phase_spans_without_holes(
     cycles: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]
 ) -> list[PhaseSpan]:
     """Phase spans of the cycles without holes; an incomplete cycle is one span."""
@@ -171,7 +171,7 @@ def _phase_spans_without_holes(
         hidden_ns = sum(max(min(e, end) - max(s, start), 0) for s, e in holes_ns)
         if hidden_ns > LIMITS.energy_hole_s * NS_PER_S:
             continue
-        edges = _phase_edges(row)
+        edges = phase_edges_ns(row)
         if edges is None:
             spans.append(PhaseSpan(row["cycle"], WHOLE, start, end))
             continue
@@ -182,8 +182,8 @@ def _phase_spans_without_holes(
     return spans
 
 
-def _phase_edges(row: Mapping[str, Any]) -> list[int] | None:
-    """Begins of a cycle's phases and end of the last; None if some were not seen."""
+def phase_edges_ns(row: Mapping[str, Any]) -> list[int] | None:
+    """Begins of a cycle's phases and end of the last, in ns; None if some were not seen."""
     if row["dig_t_ns"] is None or row["load_s"] is None or row["haul_s"] is None:
         return None
     loaded = row["dig_t_ns"] + int(row["load_s"] * NS_PER_S)
@@ -254,7 +254,7 @@ def work_change_by_speed(value: Floats) -> Floats:
     return changed
 
 
-def _shift_friction_to_coulomb(
+def shift_friction_to_coulomb(
     integrals: PhaseIntegrals, model: ForceModel, coulomb_N: float
 ) -> ForceModel:
     """Force model with more Coulomb and less viscous friction, equal at the drive's mean."""

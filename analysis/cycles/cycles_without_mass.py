@@ -151,7 +151,7 @@ def estimate_uncounted_cycles(
     end_ns = int(t_ns[-1]) if t_ns.size else 0
     times = cycles["dump_t_ns"].drop_nulls().to_list()
     boom = find_boom_dumps(aligned, excitation, [(t - ONE_DUMP_NS, t + ONE_DUMP_NS) for t in times])
-    likely, common_u = _cycle_probabilities_and_common_u(cycles, boom)
+    likely, common_u = cycle_probabilities_and_common_u(cycles, boom)
     if not boom.shows_dumps and not is_digging_reliable(cycles):
         likely += rhythm_gap_probabilities(np.array(sorted(times), np.int64), excitation)
     on_board = cycles.tail(1).filter(pl.col("quality") == "not dumped")
@@ -223,7 +223,7 @@ class _Reliability(NamedTuple):
 _CERTAIN: Final = _Reliability(1.0, 0.0)
 
 
-def _cycle_probabilities_and_common_u(
+def cycle_probabilities_and_common_u(
     cycles: pl.DataFrame, boom: BoomDumps
 ) -> tuple[list[float], float]:
     """Probability that each row without a mass was a cycle, and the common u of their number."""

@@ -96,16 +96,16 @@ def find_load_passes(
         of_state = reclassify_at_dumps(of_state, begin, end, digs, dumps)
     one_filling_ns = longest_filling_step_ns(of_state, begin, end, digs)
     parts = np.diff(of_state) != 0
-    parts[_find_refill_borders(of_state, begin, end, digs, dumps, one_filling_ns)] = True
+    parts[find_refill_borders(of_state, begin, end, digs, dumps, one_filling_ns)] = True
     if digs.height < LIMITS.digging_min_fraction * np.count_nonzero(parts & of_state[:-1]):
-        parts[_find_dump_borders(of_state, begin, end, dumps)] = True
+        parts[find_dump_borders(of_state, begin, end, dumps)] = True
     hauls_nothing = find_short_hauls(of_state, parts, begin, end, digs)
     of_state = of_state & ~hauls_nothing
     parts = (np.diff(of_state) != 0) | (parts & of_state[1:])
     of = np.cumsum(np.append(0, parts)).astype(np.int64)
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
     last = np.append(first[1:] - 1, of.size - 1)
-    dumping = _mark_creeping_dumps(begin, end, dumps)
+    dumping = mark_creeping_dumps(begin, end, dumps)
     spilled = find_spilled_loads(of_state & ~dumping, of, state, mass_kg, u_kg)
     no_mass = dumping | spilled | hauls_nothing | ~are_masses_possible(mass_kg)[state]
     left = np.where(no_mass, 0.0, weight)
@@ -174,7 +174,7 @@ def longest_filling_step_ns(loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: p
     return min(LIMITS.one_filling_ns, int(LIMITS.one_filling_cycles * float(np.median(apart))))
 
 
-def _find_refill_borders(
+def find_refill_borders(
     loaded: Bools,
     begin_ns: Ints,
     end_ns: Ints,
@@ -227,7 +227,7 @@ def reclassify_at_dumps(
     return moved
 
 
-def _find_dump_borders(loaded: Bools, begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> list[int]:
+def find_dump_borders(loaded: Bools, begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> list[int]:
     """Borders between loaded manoeuvres at which the boom dumps, so that the load changes."""
     return [
         k
@@ -236,7 +236,7 @@ def _find_dump_borders(loaded: Bools, begin_ns: Ints, end_ns: Ints, dumps: BoomD
     ]
 
 
-def _mark_creeping_dumps(begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> Bools:
+def mark_creeping_dumps(begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> Bools:
     """Mark manoeuvres that creep while dumping, (manoeuvres,); a changing load has no mass."""
     dumped = np.array([each.dumped_ns for each in dumps.dumps], np.int64)
     return np.searchsorted(dumped, begin_ns) < np.searchsorted(dumped, end_ns, "right")
@@ -280,14 +280,14 @@ def classify_loaded_states(
         times_ns: (manoeuvres,) begins, and ends.
         digs: the frame `digging`: a digging start separates empty before from loaded after.
     """
-    label = _digging_labels(mass_kg, u_kg, state, *times_ns, digs)
+    label = digging_labels(mass_kg, u_kg, state, *times_ns, digs)
     possible = are_masses_possible(mass_kg)
-    found = _classify_by_border(mass_kg[possible], u_kg[possible], label[possible])
+    found = classify_by_border(mass_kg[possible], u_kg[possible], label[possible])
     # a mass that no machine has tells of no change of the load
     return None if found is None else found[(np.cumsum(possible) - 1).clip(0)]
 
 
-def _digging_labels(
+def digging_labels(
     mass_kg: Floats, u_kg: Floats, state: Ints, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
 ) -> Ints:
     """Labels by digging starts, (states,): 0 if one follows, 1 if one precedes, else -1."""
@@ -305,7 +305,7 @@ def _digging_labels(
     return label
 
 
-def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
+def classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
     """Classify each state as loaded or not, (states,), by a mass border between two classes.
 
     If loads are smaller than the states' standard deviations, digging decides, or whether nearly
@@ -337,7 +337,7 @@ def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | N
     low = max(spread_kg, LIMITS.min_empty_spread * (b - a))
     high = max(robust_std(mass_kg[heavy], least_kg), LIMITS.min_loaded_spread * (b - a))
     border = (a * high + b * low) / (low + high)
-    return mass_kg > (_border_nearest_to_labels(mass_kg, label, border) if told else border)
+    return mass_kg > (border_nearest_to_labels(mass_kg, label, border) if told else border)
 
 
 def alternating_labels(mass_kg: Floats) -> Ints:
@@ -364,8 +364,8 @@ def class_means_differ(light: Floats, heavy: Floats, least_kg: float) -> bool:
     )
 
 
-def _border_nearest_to_labels(mass_kg: Floats, label: Ints, border: float) -> float:
-    """Border that contradicts the fewest labels, among several the nearest to `border`."""
+def border_nearest_to_labels(mass_kg: Floats, label: Ints, border: float) -> float:
+    """Border in kg that contradicts the fewest labels (states,), among several the nearest."""
     order = np.sort(mass_kg)
     choices = np.append((order[1:] + order[:-1]) / 2.0, border)
     wrong = [

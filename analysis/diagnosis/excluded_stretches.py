@@ -101,7 +101,7 @@ def refit_without_stretches(
         found = ExcludedStretches(fitted / machine.settings.align.rate_hz, 0.0)
         if fitted:
             without = weighed(aligned.with_columns(left_out=pl.Series(rows | held)))
-            found = ExcludedStretches(found.fitted_s, _mass_shift_in_u(weighing, without))
+            found = ExcludedStretches(found.fitted_s, mass_shift_in_u(weighing, without))
             weighing = without if found.is_harmless else weighing
         named[check] = found
         if found.is_harmless:
@@ -130,8 +130,8 @@ def mark_weighed_samples(weighing: Weighing) -> Bools:
     return motion.used | np.isin(motion.unit, [each.unit for each in weighing.growing])
 
 
-def _mass_shift_in_u(all_samples: Weighing, without: Weighing | None) -> float:
-    """Change of the mass without the stretches, in its uncertainty."""
+def mass_shift_in_u(all_samples: Weighing, without: Weighing | None) -> float:
+    """Change of the mass without the stretches, in its standard uncertainty."""
     if without is None:
         return np.inf
     moved_u = abs(mean_mass_difference_kg(without.fit, all_samples.fit)) / without.fit.u_kg

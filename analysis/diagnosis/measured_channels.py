@@ -89,7 +89,7 @@ class RawSignals:
         told = (*_FORCES, *_MOTION, *_BESIDE)
         looked = {name: series for name, series in self.channels.items() if name in told}
         return {
-            name: _find_repeated_readings(name, looked) for name in looked if name not in _BESIDE
+            name: find_repeated_readings(name, looked) for name in looked if name not in _BESIDE
         }
 
     @cached_property
@@ -102,7 +102,7 @@ class RawSignals:
         return {
             name: {
                 **find_repeated_extremes(x),
-                **_find_clipping_levels(self._repeated_readings[name], x),
+                **find_clipping_levels(self._repeated_readings[name], x),
             }
             for name, (_, x) in self.channels.items()
             if name in _FORCES
@@ -128,7 +128,7 @@ class RawSignals:
         ]
         common = by_speed[0] if by_speed else []
         for spans in by_speed[1:]:
-            common = _intersect_spans(common, spans)
+            common = intersect_spans(common, spans)
         return common
 
     @property
@@ -220,13 +220,13 @@ def find_zero_speed_spans(t: Ints, x: Floats) -> Spans:
     return [(int(b), int(e)) for b, e in zip(t[first[stands]], t[last[stands]], strict=True)]
 
 
-def _intersect_spans(some: Spans, others: Spans) -> Spans:
-    """Intersection of two lists of spans."""
+def intersect_spans(some: Spans, others: Spans) -> Spans:
+    """Intersection of two lists of spans in ns."""
     pairs = ((max(b, c), min(e, d)) for b, e in some for c, d in others)
     return [(begin, end) for begin, end in pairs if begin < end]
 
 
-def _find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
+def find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
     """Stretches in which a channel repeats itself while others change."""
     t, x = channels[name]
     runs, never = find_long_runs_of_one_reading(t, x)
@@ -281,7 +281,7 @@ def find_repeated_extremes(x: Floats) -> dict[float, float]:
     }
 
 
-def _find_clipping_levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
+def find_clipping_levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
     """Find levels at which readings are clipped: long runs return to them, few exceed them."""
     often = Counter(run.value for run in runs)
     return {

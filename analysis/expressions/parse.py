@@ -229,10 +229,10 @@ def convert_to_si(
         return Number(tree.value * gain), dimension
     parts = [convert_to_si(argument, units, registry) for argument in tree.arguments]
     found = Call(tree.function, tuple(part for part, _ in parts))
-    return found, _derive_dimension(tree, [dimension for _, dimension in parts], registry)
+    return found, derive_dimension(tree, [dimension for _, dimension in parts], registry)
 
 
-def _derive_dimension(tree: Call, argument_dimensions: list[Any], registry: Any) -> Any:
+def derive_dimension(tree: Call, argument_dimensions: list[Any], registry: Any) -> Any:
     """Dimension of a call's result; an error if its arguments differ."""
     none = registry.dimensionless.dimensionality
     if tree.function == "*":

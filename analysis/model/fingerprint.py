@@ -93,7 +93,7 @@ def _column_digest(series: pl.Series) -> str:
         if series.null_count():
             nulls.update(np.packbits(part.is_null().to_numpy()).data)
         for array in iter_value_arrays(part):
-            values.update(_to_little_endian(array).data)
+            values.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).data)
     about = [series.name, *_describe_dtype(series.dtype)]
     return _json_digest([about, values.hexdigest(), nulls.hexdigest()])
 
@@ -132,7 +132,3 @@ def _write_values_as_text(part: pl.Series) -> pl.Series:
     """Convert a dtype that recordings do not hold (nested, binary, decimal) to text."""
     written = [None if value is None else repr(value) for value in part.to_list()]
     return pl.Series(part.name, written, dtype=pl.String)
-
-
-def _to_little_endian(array: NDArray[Any]) -> NDArray[Any]:
-    return np.ascontiguousarray(array, array.dtype.newbyteorder("<"))

@@ -86,7 +86,7 @@ def make_table_1(extracts: Extracts) -> Table1:
     }
     long = table.filter((pl.col("window_s") >= LONG_S) & pl.col("method").is_in(["ls", "tls"]))
     over_bound = long["over_bound_1"].to_list()
-    long_rms = _worst_rms_over_bound_with_interval(long)
+    long_rms = worst_rms_over_bound_with_interval(long)
     forgetting = RlsOptions().forgetting
     noisier = {
         row["method"]: row for row in extracts.single_result(RAW_UNITS).iter_rows(named=True)
@@ -114,7 +114,7 @@ def make_table_1(extracts: Extracts) -> Table1:
     )
 
 
-def _worst_rms_over_bound_with_interval(long: pl.DataFrame) -> tuple[float, float, float]:
+def worst_rms_over_bound_with_interval(long: pl.DataFrame) -> tuple[float, float, float]:
     """R.m.s. of the errors over their bounds, of the worse method, with its χ² interval."""
     from scipy.stats import chi2
 

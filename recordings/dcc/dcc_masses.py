@@ -191,7 +191,7 @@ def match_weights_to_list_values(
     ]
     by_name: list[_Element] | None = None
     for texts in _iter_weight_name_lists(quantity, what):
-        found = find_named_items(texts, scope, count, what)
+        found = _find_named_items(texts, scope, count, what)
         if found is not None and by_name is not None and found != by_name:
             raise EvidenceError(f"{what}: a list of masses has two lists of names that disagree")
         by_name = found or by_name
@@ -228,7 +228,7 @@ def _iter_weight_name_lists(quantity: "_Element", what: str) -> Iterator[list[st
             yield (leaf_text_or_none(content) or "").split()
 
 
-def find_named_items(
+def _find_named_items(
     texts: Sequence[str], scope: Sequence[NamedItem], count: int, what: str
 ) -> list["_Element"] | None:
     """Items named by a list of texts; None if it names none, such as a list of classes."""

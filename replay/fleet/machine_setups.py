@@ -193,7 +193,7 @@ class MachineRule(BaseModel):
 
     def machine_of_log_or_none(self, log: str) -> str | None:
         """Machine of a log; None if the rule does not match."""
-        found = _compile_path_pattern(self.logs).search(log)
+        found = compile_path_pattern(self.logs).search(log)
         if found is None:
             return None
         return found.groupdict().get("machine") or self.name
@@ -269,7 +269,7 @@ def _read_setups_of_rule(name: str, files: NamedFiles) -> tuple[MachineSetup, ..
 
 
 @cache
-def _compile_path_pattern(text: str) -> re.Pattern[str]:
+def compile_path_pattern(text: str) -> re.Pattern[str]:
     """Compile a pattern for the end of a path, anchored at a slash or at its begin."""
     end = 0
     found: list[str] = []

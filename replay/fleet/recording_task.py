@@ -186,7 +186,7 @@ def _make_outcome(task: ReplayTask, path: Path) -> TaskOutcome:
     except (LogError, DataError) as error:
         # of this log alone: made anew, it would be refused again
         said = str(error).replace(str(path), task.log.source)
-        result = _ResultInTransit(task, setup, _digest_log_files(path), day)
+        result = _ResultInTransit(task, setup, digest_log_files(path), day)
         if not result.is_complete_in_store(store):
             result.write(store, None, {"status": "refused", "reason": said})
         return TaskOutcome("refused", said)
@@ -295,7 +295,7 @@ def fetch_log(log: FleetLog) -> Generator[Path]:
         yield Path(folder, root.name)
 
 
-def _digest_log_files(path: Path) -> tuple[str, ...]:
+def digest_log_files(path: Path) -> tuple[str, ...]:
     """Digests of the files of a log; empty if the path is not a log."""
     files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
     return tuple(file_sha256(each) for each in files)

@@ -71,7 +71,7 @@ class MessageLog(Log):
         by_name: dict[str, list[Connection]] = {}
         for connection in self._container.connections:
             by_name.setdefault(connection.topic, []).append(connection)
-        return {name: merge_connections(tuple(by_name[name])) for name in sorted(by_name)}
+        return {name: _merge_connections(tuple(by_name[name])) for name in sorted(by_name)}
 
     @cached_property
     def _topic_table(self) -> pl.DataFrame:
@@ -289,7 +289,7 @@ class MessageLog(Log):
         return (*self._container.losses, *undecodable, *self._read_losses)
 
 
-def merge_connections(connections: tuple[Connection, ...]) -> _Topic:
+def _merge_connections(connections: tuple[Connection, ...]) -> _Topic:
     """Merge the connections of a topic, provided that their types are equal."""
     try:
         distinct = dict.fromkeys(replace(connection, id=0) for connection in connections)

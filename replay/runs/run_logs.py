@@ -186,11 +186,11 @@ def watch_machine_file(
 
 def machine_file_changes(path: Path) -> Iterator[None]:
     """Yield once at the start, after each change that has settled, and when the file vanishes."""
-    seen, missed = file_signature(path), 0
+    seen, missed = _file_signature(path), 0
     yield
     while True:
         time.sleep(_CHECK_INTERVAL_S)
-        now = file_signature(path)
+        now = _file_signature(path)
         missed = missed + 1 if now is None else 0
         if missed == _CHECKS_UNTIL_REMOVED:
             seen = None  # the same file again is a change
@@ -199,7 +199,7 @@ def machine_file_changes(path: Path) -> Iterator[None]:
             continue
         while True:
             time.sleep(_CHECK_INTERVAL_S)
-            settled = file_signature(path)
+            settled = _file_signature(path)
             if settled == now:
                 break
             now = settled
@@ -208,7 +208,7 @@ def machine_file_changes(path: Path) -> Iterator[None]:
             yield
 
 
-def file_signature(path: Path) -> _Signature:
+def _file_signature(path: Path) -> _Signature:
     """Time, size and inode by which a change shows; None if absent."""
     try:
         about = path.stat()

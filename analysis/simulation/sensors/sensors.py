@@ -179,7 +179,7 @@ def _measure_torque(
     lever_m = machine.force_share * machine.wheel_radius_m
     times_s = (sensors.force_delay_s, defects.force_lag_s)
     signals = delay_and_filter_signals(
-        timeline, at_ns, times_s, lambda motion, part: _true_torque_signals(scenario, motion, part)
+        timeline, at_ns, times_s, lambda motion, part: true_torque_signals(scenario, motion, part)
     )
     noise = sensors.force_noise_N * lever_m / math.sqrt(2)
     most_N_m, play_N_m = (
@@ -202,8 +202,8 @@ def _measure_torque(
     return _swap_sides_if_defective(scenario, "torque_{}_N_m", readings)
 
 
-def _true_torque_signals(scenario: Scenario, motion: Channels, part: Floats) -> dict[str, Floats]:
-    """Torques by (17) and (18) inverted, from the wheels' force fraction and true radius."""
+def true_torque_signals(scenario: Scenario, motion: Channels, part: Floats) -> dict[str, Floats]:
+    """Torques (n,) in N·m by (17) and (18) inverted, from force fraction and true radius."""
     sensors, machine, defects = scenario.sensors, scenario.machine, scenario.defects
     lever_m = machine.force_share * machine.wheel_radius_m
     force = motion.measured_force_x_N * lever_m / 2
@@ -224,7 +224,7 @@ def _measure_speed(
     sensors = scenario.sensors
     times_s = (sensors.speed_delay_s, scenario.defects.speed_lag_s)
     signals = delay_and_filter_signals(
-        timeline, at_ns, times_s, lambda motion, _: _true_speed_signals(scenario, motion)
+        timeline, at_ns, times_s, lambda motion, _: true_speed_signals(scenario, motion)
     )
     # the mean of both sides has the scenario's noise
     white = WhiteNoise(sensors.speed_noise_m_s * math.sqrt(2), sensors.speed_lsb_m_s)
@@ -234,7 +234,7 @@ def _measure_speed(
     return _swap_sides_if_defective(scenario, "speed_{}_m_s", readings)
 
 
-def _true_speed_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
+def true_speed_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
     """Wheel speed of each side: ground speed plus the slip of its force.
 
     Slip κ = (v_wheel - v) / |v| = F / C with the longitudinal slip stiffness C: the linear range of

@@ -32,7 +32,7 @@ def read_big_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
 
 
 @compiled_without_refcounts
-def _read_signed(data: NDArray[np.uint8], at: int, size: int) -> int:
+def read_signed(data: NDArray[np.uint8], at: int, size: int) -> int:
     """Two's complement integer of 1 to 8 bytes."""
     value = np.int64(data[at])
     if value > 127:
@@ -62,7 +62,7 @@ def read_varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
 
 
 @compiled_without_refcounts
-def _count_value_bytes(kind: int) -> int:
+def count_value_bytes(kind: int) -> int:
     """Bytes of a value of this record type; -1 for an invalid type."""
     if kind >= _BLOB:
         return (kind - _BLOB) // 2
@@ -107,7 +107,7 @@ def parse_cell(
     column, topic, time, message, length = 0, 0, 0, 0, 0
     while field < head_end:
         kind, field = read_varint(data, field, head_end)
-        size = _count_value_bytes(kind)
+        size = count_value_bytes(kind)
         if field < 0 or size < 0 or size > at + payload - body:
             return damaged
         if column == layout.data:
@@ -164,4 +164,4 @@ def read_integer(
         return 0, NO_MESSAGE
     if at + size > stop:
         return 0, UNUSUAL
-    return (kind - _ZERO if size == 0 else _read_signed(data, at, size)), MESSAGE
+    return (kind - _ZERO if size == 0 else read_signed(data, at, size)), MESSAGE

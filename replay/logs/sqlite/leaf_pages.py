@@ -223,7 +223,7 @@ def scan_leaves(
             if (
                 what == MESSAGE
                 and in_time
-                and (row_filter.every_topic or _contains_key(keys, topic))
+                and (row_filter.every_topic or contains_key(keys, topic))
             ):
                 if found == rows.shape[1]:
                     return found, spilled, used, True
@@ -260,7 +260,7 @@ def scan_leaves(
 
 
 @compiled_without_refcounts
-def _contains_key(keys: NDArray[np.int64], key: int) -> bool:
+def contains_key(keys: NDArray[np.int64], key: int) -> bool:
     """Whether a key is in a sorted array."""
     first, last = 0, keys.size
     while first < last:

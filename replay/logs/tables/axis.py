@@ -252,7 +252,7 @@ def _make_table_times(
         raise DialectError(f"no column '{fraction}'; set [log] time_fraction")
     return TableTimes(
         columns[place].name,
-        _find_date_column(columns, cells, place),
+        find_date_column(columns, cells, place),
         fraction or fraction_column_or_none(columns, cells, place),
         unit=unit,
         day_first=table.day_first if table else None,
@@ -305,7 +305,7 @@ def time_unit_in_name(column: ColumnName) -> str | None:
     )
 
 
-def _find_date_column(
+def find_date_column(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]], place: int
 ) -> str | None:
     """Column of the dates, if the time is a time of day."""
@@ -358,13 +358,13 @@ def recognise_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
         hours, rest = numbers // 10_000, numbers % 10_000
         seconds = hours * 3600 + (rest // 100) * 60 + rest % 100
         return times_in_ns(seconds, "s"), ("its times are read as hhmmss.s",)
-    unit = _guess_unit(x, step, span)
+    unit = guess_time_unit(x, step, span)
     stamps, note = correct_epoch_of_1904(times_in_ns(cells, unit))
     taken = f"its times are taken in {unit}, by their spacing"
     return stamps, (taken, note) if note else (taken,)
 
 
-def _guess_unit(x: Floats, step: float, span: float) -> str:
+def guess_time_unit(x: Floats, step: float, span: float) -> str:
     """The only unit of time that is possible."""
     possible = [
         unit

@@ -141,10 +141,10 @@ def stamps_of_clock_times(
     first = str(present[0])
     pattern = datetime_pattern_or_none(first)
     if pattern is None:
-        return _parse_times_of_day(text, first)
+        return parse_times_of_day(text, first)
     part = match_named_groups(text, pattern)
     notes: list[str] = []
-    day = _count_days_since_1970(part, day_first, notes)
+    day = count_days_since_1970(part, day_first, notes)
     stamps = day * DAY_NS + time_of_day_ns(part)
     if part.get_column("zone").drop_nulls().is_empty() and zone_offset_s is not None:
         stamps = stamps - zone_offset_s * 10**9
@@ -196,12 +196,12 @@ def time_of_day_ns(part: pl.DataFrame) -> pl.Series:
     return part.select(seconds * 10**9 + fraction).to_series()
 
 
-def _count_days_since_1970(
+def count_days_since_1970(
     part: pl.DataFrame, day_first: bool | None, notes: list[str]
 ) -> pl.Series:
     """Days since 1970."""
     if "one" in part.columns:
-        part = _decide_day_and_month(part, day_first, notes)
+        part = decide_day_and_month(part, day_first, notes)
     if "name" in part.columns:
         part = split_dates_with_short_years(part, day_first)
         begins = [pl.col("name").str.to_lowercase().str.starts_with(each) for each in _MONTH_OF]
@@ -239,7 +239,7 @@ def split_dates_with_short_years(part: pl.DataFrame, day_first: bool | None) -> 
     return part.with_columns(pl.col(day).alias("d"), ("20" + pl.col(year)).alias("y"))
 
 
-def _decide_day_and_month(
+def decide_day_and_month(
     part: pl.DataFrame, day_first: bool | None, notes: list[str]
 ) -> pl.DataFrame:
     """Decide which of two numbers is the day: the one above 12."""
@@ -273,7 +273,7 @@ def _decide_day_and_month(
     )
 
 
-def _parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[str, ...]]:
+def parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[str, ...]]:
     """Times of day, which continue over midnight."""
     if re.fullmatch(_SINCE, first):
         part = match_named_groups(text, f"^{_SINCE}$")

@@ -294,7 +294,7 @@ def _find_wide_rows(
     above: list[TextRow], width: int, stated: TextRow | None, hints: TableHints
 ) -> tuple[TextRow | None, list[TextRow]]:
     """Row of units if labelled as such, and candidate rows for names or units."""
-    attributes = {row.line: found for row in above if (found := _parse_attribute_row(row))}
+    attributes = {row.line: found for row in above if (found := parse_attribute_row(row))}
     if not any(
         _has_cell_for_each_column(row, width) and row.line not in attributes for row in above
     ):
@@ -310,7 +310,7 @@ def _find_wide_rows(
     return stated, wide
 
 
-def _parse_attribute_row(row: TextRow) -> tuple[str, TextRow] | None:
+def parse_attribute_row(row: TextRow) -> tuple[str, TextRow] | None:
     """Attribute that a row states for each column, and its cells; None for other rows."""
     said = [_ATTRIBUTE.fullmatch(cell) for cell in row.cells if cell]
     keys = {match["key"].lower() if match else None for match in said}

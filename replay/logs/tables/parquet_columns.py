@@ -167,10 +167,10 @@ def _iter_stated_units(
     for key in _MAPS:
         yield from _iter_units_of_map(parse_json_or_none(metadata.get(key)), known)
     for key in _ATTRIBUTES:
-        yield from _iter_units_of_attributes(parse_json_or_none(metadata.get(key)), known)
+        yield from iter_units_of_attributes(parse_json_or_none(metadata.get(key)), known)
 
 
-def _iter_units_of_attributes(attributes: Any, known: frozenset[str]) -> Iterator[tuple[str, str]]:
+def iter_units_of_attributes(attributes: Any, known: frozenset[str]) -> Iterator[tuple[str, str]]:
     """Units in attributes: a map of units, a map per column, or columns with `metadata`."""
     if not isinstance(attributes, dict):
         return

@@ -35,7 +35,7 @@ def times_in_ns(values: pl.Series, unit: str) -> pl.Series:
         TimeError: the column contains no times, or they do not fit into 64 bits.
     """
     if values.dtype == pl.String:
-        values = _parse_times_from_text(values)
+        values = parse_times_from_text(values)
     dtype = values.dtype
     if dtype.is_temporal():
         return _datetimes_to_ns(values)
@@ -66,7 +66,7 @@ def _round_to_integers(values: pl.Expr) -> pl.Expr:
     return values.round(mode="half_to_even").cast(pl.Int64, strict=False)
 
 
-def _parse_times_from_text(values: pl.Series) -> pl.Series:
+def parse_times_from_text(values: pl.Series) -> pl.Series:
     """Numbers or ISO 8601 times from text, whichever prevails."""
     text = values.str.strip_chars()
     present = text.filter(text.is_not_null() & (text != ""))
