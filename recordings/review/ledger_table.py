@@ -74,6 +74,14 @@ def _utc_offset_h(row: Row, clock: ShiftClock) -> Cell:
     return None if offset is None else offset / dt.timedelta(hours=1)
 
 
+def _describe_why_counted(row: Row, _: ShiftClock) -> Cell:
+    return "yes" if row["counted"] else "no"
+
+
+def _remark_cell(row: Row, _: ShiftClock) -> Cell:
+    return cycle_remark_text(row)
+
+
 def _make_energy_columns(name: str) -> tuple[TableColumn, TableColumn]:
     """Columns of an energy, and of its interval."""
     own = {"energy": "energy", "energy_per_t": "energy per tonne"}
@@ -93,9 +101,9 @@ COLUMNS: Final = (
     TableColumn("UTC", "date", _utc_cell),
     TableColumn("payload", "kg", _make_scaled_getter("payload_kg"), 0),
     TableColumn("± (95 %, k = 2)", "kg", _make_scaled_getter("payload_u_kg", K), 0),
-    TableColumn("counted", "yes or no", lambda row, _: "yes" if row["counted"] else "no"),
+    TableColumn("counted", "yes or no", _describe_why_counted),
     TableColumn("quality", "", _make_plain_getter("quality")),
-    TableColumn("remark", "", lambda row, _: cycle_remark_text(row)),
+    TableColumn("remark", "", _remark_cell),
     *(TableColumn(name, "", _make_plain_getter(name)) for name in LABELS),
     TableColumn("note", "", _make_plain_getter("note")),
     TableColumn("author", "", _make_plain_getter("author")),

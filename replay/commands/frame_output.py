@@ -71,11 +71,7 @@ def print_or_write_frame(
             case "json":
                 return (
                     json_text(
-                        frame.with_columns(
-                            pl.col(pl.Datetime).dt.to_string("iso:strict")
-                        ).to_dicts()
-                        if records is None
-                        else records
+                        _format_times_as_text(frame).to_dicts() if records is None else records
                     )
                     + "\n"
                 )
@@ -102,6 +98,11 @@ def print_or_write_frame(
             partial.write_bytes(written.getvalue())
         else:
             partial.write_text(frame_as_text(), encoding="utf-8")
+
+
+def _format_times_as_text(frame: pl.DataFrame) -> pl.DataFrame:
+    """Times as ISO 8601 text to the nanosecond; Python's own formatting stops at microseconds."""
+    return frame.with_columns(pl.col(pl.Datetime).dt.to_string("iso:strict"))
 
 
 def print_frame(frame: pl.DataFrame, choice: str = "") -> None:

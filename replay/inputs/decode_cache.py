@@ -140,10 +140,7 @@ def decode_logs(
     remove_unused_entries(folder, {place.name for place in places.values()})
     missing = [log for log in logs if not places[log].is_dir()]
     on_log(len(logs) - len(missing))
-    large = (
-        len(missing) > 1
-        and sum(path.stat().st_size for log in missing for path in log.files) > _WORTH_A_PROCESS
-    )
+    large = len(missing) > 1 and sum(map(_count_log_bytes, missing)) > _WORTH_A_PROCESS
 
     def decode_missing(log: Log) -> None:
         if large:
@@ -243,6 +240,10 @@ def _cache_key(log: Log, fields: Mapping[str, Sequence[str]], time: TimeAxis | N
 def _time_axis_values(time: TimeAxis | None) -> list[Any] | None:
     """Time column and format of a table, for JSON."""
     return None if time is None else [time.column, time.unit, asdict(time.table)]
+
+
+def _count_log_bytes(log: Log) -> int:
+    return sum(path.stat().st_size for path in log.files)
 
 
 def remove_unused_entries(folder: Path, used: set[str]) -> None:

@@ -130,9 +130,7 @@ def notarise_folder(
         waiting: list[str] = []
         for log in sorted(find_logs(folder, path), key=lambda log: (log.written_s, log.name)):
             before = known.get(log.name)
-            if before is not None and {
-                f.name: (f.size_bytes, f.modified_us) for f in before.files
-            } == dict(log.files):
+            if before is not None and _is_unchanged(before, log):
                 continue
             age_s = time.time() - log.written_s  # a log of the future has a wrong clock
             is_quiet = age_s >= quiet_s or age_s < -CLOCK_S
@@ -213,6 +211,10 @@ def size_and_time(path: Path) -> tuple[int, int] | None:
     except OSError:
         return None
     return (held.st_size, held.st_mtime_ns // _US) if stat.S_ISREG(held.st_mode) else None
+
+
+def _is_unchanged(entry: NotaryEntry, log: FoundLog) -> bool:
+    return {f.name: (f.size_bytes, f.modified_us) for f in entry.files} == dict(log.files)
 
 
 def make_entry_of_unchanging_log(

@@ -340,13 +340,7 @@ def _find_head_rows(reading: _DialectTrial, lines: Sequence[str], hints: TableHi
     cells = cells[:width] if has_tail else cells
     while len(cells) > width and not cells[-1]:
         cells.pop()
-    if (
-        separator == BLANKS
-        and len(cells) == width - 1
-        and data
-        and is_date(data[0][0])
-        and is_time_of_day(data[0][1])
-    ):
+    if separator == BLANKS and len(cells) == width - 1 and _begins_with_a_date(data):
         # one name stands over the day and the time
         cells = ["Date", "Time", *cells[1:]]
     if names is not None and len(cells) < width:
@@ -376,6 +370,10 @@ def _find_head_rows(reading: _DialectTrial, lines: Sequence[str], hints: TableHi
         preamble=tuple(lines[: names.line if names else rows[0].line][:50]),
     )
     return replace(dialect, notes=tuple(_describe_dialect(dialect, names, units)))
+
+
+def _begins_with_a_date(data: Sequence[Sequence[str]]) -> bool:
+    return bool(data) and is_date(data[0][0]) and is_time_of_day(data[0][1])
 
 
 def _describe_dialect(
