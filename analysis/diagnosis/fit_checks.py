@@ -8,7 +8,7 @@ import numpy as np
 from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
 from analysis.diagnosis.check_row import CheckRow
 from analysis.model.schema import column_values
-from analysis.weighing.mass_budget import relative_u
+from analysis.weighing.mass_budget import relative_mass_uncertainty
 from analysis.weighing.other_motion import wheel_imu_disagreement
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 from analysis.weighing.weighing_limits import LIMITS
@@ -108,7 +108,7 @@ def main_load_relative_u(inputs: CheckInputs, _: AxisMotion) -> float:
     weighing = inputs.weighing
     if weighing is None:
         return np.nan
-    return relative_u(weighing, inputs.machine, weighing.fit.main_state)
+    return relative_mass_uncertainty(weighing, inputs.machine, weighing.fit.main_state)
 
 
 def is_answer_expected(inputs: CheckInputs, _: AxisMotion) -> bool:
