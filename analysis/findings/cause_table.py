@@ -22,7 +22,7 @@ _OF_EQUATION: Final = (
     *("load_changed_inside", "external_force", "braking_inside", "imu_low_passed"),
 )
 #: what it leaves, whatever bends it, and both. A swing has a frequency, as few causes have.
-_OF_RESIDUALS: Final = ("coloured_residuals", "heteroscedastic", "driveline")
+_OF_RESIDUALS: Final = ("coloured_residuals", "heteroscedastic", "driveline", "gain_by_speed")
 _OF_FIT: Final = (*_OF_EQUATION, *_OF_RESIDUALS, "resonance")
 _STILL: Final = "a standstill of three seconds"
 _START: Final = "an informative manoeuvre"
@@ -200,7 +200,7 @@ CAUSES: Final = (
         as_judged=True,
         explains=(
             *("wheel_radius", "slip", "delay", "too_little_excitation", "load_changed_inside"),
-            "wrong_scale",
+            *("wrong_scale", "gain_by_speed"),
         ),
     ),
     Cause(
@@ -226,7 +226,7 @@ CAUSES: Final = (
         "the measured force is not proportional to the force that accelerates the machine",
         "starts at different throttles",
         fit_causes.find_driveline_nonlinearity,
-        explains=("heteroscedastic",),
+        explains=("heteroscedastic", "gain_by_speed"),
     ),
     Cause(
         "hysteresis",
@@ -250,11 +250,20 @@ CAUSES: Final = (
         explains=("driveline", "gain_drift"),
     ),
     Cause(
+        "gain_by_speed",
+        "the gain of the force, or the scale of the speed, changes with the speed or the force",
+        "starts at different throttles",
+        residual_causes.find_gain_by_speed,
+        explains=("coulomb", "load_changed_inside", "coloured_residuals", "heteroscedastic"),
+        # a gain that steps looks like a load that changes there, and is the plainer of the two
+        explains_up_to=4.0,
+    ),
+    Cause(
         "braking_inside",
         "braking that the force sensor does not measure is fitted as driving",
         "settings.gate.exclude_braking = false",
         fit_causes.find_braking_inside,
-        explains=("driveline", "coulomb", "load_changed_inside"),
+        explains=("driveline", "coulomb", "load_changed_inside", "gain_by_speed"),
     ),
     Cause(
         "braking_left_out",

@@ -30,7 +30,7 @@ EXPLAINED_BY_LONG: Final = (
     *("imu_misaligned", "imu_bias", "slope", "offset", "imu_low_passed", "wheel_radius", "slip"),
     *("coulomb", "driveline", "gain_drift", "braking_inside", "braking_left_out", "resonance"),
     *("external_force", "load_changed_inside", "heteroscedastic", "coloured_residuals"),
-    *("too_little_excitation", "collinear", "imu_loose", "spikes"),
+    *("too_little_excitation", "collinear", "imu_loose", "spikes", "gain_by_speed"),
 )
 _SHOWN: Final = {"force": "force", "speed": "speed", "imu": "accelerometer"}
 

@@ -183,3 +183,22 @@ def find_hysteresis(inputs: FindingInputs) -> list[Symptom]:
             change=lambda: MassChange(0.0, u_kg),
         )
     ]
+
+
+def find_gain_by_speed(inputs: FindingInputs) -> list[Symptom]:
+    """Report the term that the model lacks with the largest effect on the mass."""
+    weighing, fit = inputs.check_inputs.weighing, inputs.fit
+    if weighing is None or fit is None or not weighing.missing_terms:
+        return []
+    found = weighing.missing_terms[0]
+    effect_kg = float(found.effect_kg[fit.main_state])
+    return [
+        Symptom(
+            abs(found.t) / LIMITS.missing_term_min_std,
+            f"{found.term.meaning}: with it the residuals are smaller by {abs(found.t):.1f} "
+            f"standard deviations, and the mass {effect_kg:+.0f} kg; which term is the true one "
+            "is not known, so the mass is not corrected",
+            channel=inputs.force_channel,
+            change=lambda: MassChange(0.0, abs(effect_kg)),
+        )
+    ]

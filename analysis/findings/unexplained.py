@@ -22,7 +22,7 @@ _OF_ITS_QUANTITY: Final[Mapping[str, tuple[str, ...]]] = {
     "speed_delay_s": ("delay", "imu_low_passed"),
     "wheel_imu_gain_error": ("wheel_radius", "imu_loose", "imu_low_passed"),
     "wheel_imu_residual": ("slip", "slope", "delay", "imu_low_passed", "imu_loose"),
-    "force_nonlinearity": ("driveline", "braking_inside", "saturated"),
+    "force_nonlinearity": ("driveline", "gain_by_speed", "braking_inside", "saturated"),
     "braking_bias": ("braking_inside",),
     "manoeuvre_scatter": ("load_changed_inside", "gain_by_direction", "gain_drift"),
     "relative_u": ("too_little_excitation", "collinear"),
@@ -36,7 +36,10 @@ _OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
     "clock_drift_s": ("clock_drift", "clock_jump", "irregular_sampling"),
     "imu_tilt_deg": ("imu_misaligned", "imu_bias", "slope", "wrong_unit", "sign_flipped"),
     "one_sided_torque": ("unlike_sides", "sign_flipped", "unsigned", "frozen", "saturated"),
-    "filling": ("load_changed_inside", "external_force", "delay", "gain_drift", "driveline"),
+    "filling": (
+        *("load_changed_inside", "external_force", "delay", "gain_drift", "driveline"),
+        "gain_by_speed",
+    ),
 }
 
 

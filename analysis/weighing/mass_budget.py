@@ -132,6 +132,12 @@ _PARTS: Final = {
         "a force that is read with another gain in reverse: which direction is right is not known",
         "the gain of each direction: machine.force_gain_in_reverse",
     ),
+    "missing_term": _FitPart(
+        "common",
+        "a gain of the force that changes with the speed, the force or its direction of change, "
+        "or a speed that is not linear: this log shows one",
+        "a force at the wheels from a sensor that is linear; starts at different throttles",
+    ),
     "curvature": _FitPart(
         "common",
         "a force that is not linear in the acceleration",
@@ -235,6 +241,11 @@ def _widening_by_checks(
     if drift is not None and drift.is_significant:
         drift_kg = drift.gain_u_1 * abs(float(weights @ fit.masses_kg))
         found["drifted_gain"] = max(found.get("drifted_gain", 0.0), drift_kg)
+    if weighing.missing_terms:
+        # which of them is the true one is not known
+        found["missing_term"] = max(
+            abs(float(weights @ each.effect_kg)) for each in weighing.missing_terms
+        )
     if weighing.curvature.is_significant:
         found["curvature"] = abs(weighing.curvature.kg) * share
     if weighing.by_direction is not None:

@@ -14,7 +14,6 @@ from analysis.model.prior_settings import LearntTerm, PriorSettings
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in_duration
 from analysis.weighing.empty_mass_drift import EmptyMassDrift, estimate_empty_mass_drift
-from analysis.weighing.fit_columns import FitRows
 from analysis.weighing.gain_by_direction import DirectionGain, find_direction_gain
 from analysis.weighing.growing_load import (
     LoadFilling,
@@ -34,6 +33,12 @@ from analysis.weighing.joint_fit import (
 )
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_search import search_and_fit_load_states
+from analysis.weighing.missing_terms import (
+    ForceCurvature,
+    MissingTerm,
+    find_missing_terms,
+    fit_force_curvature,
+)
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
     Floats,
@@ -54,28 +59,6 @@ from analysis.weighing.wheel_kinematics import TERMS
 NOTHING_FITTED: Final = "no manoeuvre of this log was informative enough"
 
 
-@dataclass(frozen=True, slots=True)
-class ForceCurvature:
-    """Estimate of an additional term in a·|a|.
-
-    Attributes:
-        t: estimate over its standard deviation.
-        kg: change of the mass with the term.
-        mass_kg: mass without the term.
-    """
-
-    t: float
-    kg: float
-    mass_kg: float
-
-    @property
-    def is_significant(self) -> bool:
-        """Whether the force is significantly nonlinear in the acceleration and the mass changes."""
-        return abs(self.t) > LIMITS.curvature_min_std and abs(
-            self.kg
-        ) > LIMITS.curvature_min_fraction * abs(self.mass_kg)
-
-
 @dataclass(frozen=True)
 class Weighing:
     """The weighing of a log by its joint fit.
@@ -91,6 +74,7 @@ class Weighing:
         curvature: test of a term in a·|a|.
         filling: test of a load that grows equally at every start, from this log alone.
         growing: manoeuvres whose load changes in motion; they are not fitted.
+        missing_terms: significant terms that the model does not have, the largest effect first.
         by_direction: gain of the force by direction with which one load explains the log, if there
             is one and the log does not tell its loads from it.
         other_motion: change of the mass with the other acceleration, if wheels and accelerometer
@@ -109,6 +93,7 @@ class Weighing:
     curvature: ForceCurvature
     filling: LoadFilling
     growing: tuple[LoadGrowth, ...]
+    missing_terms: tuple[MissingTerm, ...] = ()
     by_direction: DirectionGain | None = None
     other_motion: AlternativeMotion | None = None
     alone: JointFit | None = None
@@ -268,6 +253,7 @@ def _weigh_with_priors(
         fit_force_curvature(fit, columns, priors, rows),
         fit_filling(own, columns, own_priors, rows if own is fit else None),
         grown,
+        find_missing_terms(fit, columns, priors),
         find_direction_gain(fit, columns, priors, machine.machine),
         refit_with_wheel_or_imu_motion(fit, columns, priors)
         if wheel_imu_disagreement(fit) > settings.verdict.wheels_max
@@ -328,25 +314,6 @@ def mean_mass_difference_kg(one: JointFit, other: JointFit) -> float:
     if not a.size:
         return one.mass_kg - other.mass_kg
     return float(np.mean(one.masses_kg[mine.membership[a]] - other.masses_kg[theirs.membership[b]]))
-
-
-def fit_force_curvature(
-    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
-) -> ForceCurvature:
-    """Refit with a term in a·|a|; 0 where the log does not determine it.
-
-    Args:
-        fit: the fit without the term.
-        noise: noise of acceleration, speed and force.
-        priors: of the nuisances.
-        rows: rows of the fit and of `CURVATURE`, if already computed.
-    """
-    curved = refit_with_changes(fit, noise, priors, (CURVATURE,), rows=rows).fit
-    moved = float(curved.theta[fit.main_state] - fit.theta[fit.main_state])
-    if abs(moved) > LIMITS.curvature_max_fraction * abs(fit.mass_kg):
-        # with accelerations of one size the term is collinear with the mass
-        return ForceCurvature(0.0, 0.0, fit.mass_kg)
-    return ForceCurvature(float(curved.theta[-1] / curved.std[-1]), moved, fit.mass_kg)
 
 
 def _scale_prior_stds(priors: PriorSettings, factor: float) -> PriorSettings:

@@ -132,18 +132,15 @@ class WeighingLimits:
     mean_length_std: float = 2.5
     #: The same as a share of the mass.
     mean_length_fraction: float = 0.005
-    #: Means, in rows, on a slow grid of which the shortest mean is a row: motion changes within its
-    #: step, and a product (slip) is not that of means. Cars at 1 Hz with slip were 1 to 3 % off.
+    #: Means, in rows, on a slow grid whose shortest is a row: cars at 1 Hz were 1 to 3 % off.
     slow_grid_mean_rows: tuple[int, int, int] = (1, 2, 4)
     #: As `mean_length_fraction`, on such a grid.
     slow_grid_mean_length_fraction: float = 0.002
-    #: Error that no mean shows there, as a share of the mass per second of step: a bus at 1 Hz was
-    #: 0.3 % off.
+    #: Error that no mean shows there, as a share of the mass per second of step: 0.3 % of a bus.
     slow_grid_hidden_1_s: float = 0.003
-    #: Misfit ratio of a fit of several loads above which its mean is too short: a body swings on
-    #: its springs for half a second after each change of the force, and an accelerometer above its
-    #: axis sees that. By means of 0.02 to 0.1 s payloads of five starts were 10 to 15 % low, at a
-    #: ratio of 2.1 to 4; without a swing it is 0.4 to 1.5.
+    #: Misfit ratio of a fit of several loads above which its mean is too short: a body that swings
+    #: for half a second after a change of the force had 2.1 to 4, and by means of 0.02 to 0.1 s
+    #: payloads 10 to 15 % low; without a swing it is 0.4 to 1.5.
     max_misfit_ratio: float = 2.0
     #: Mean, in s, that is tried then, however short the starts.
     transient_mean_s: float = 0.8
@@ -155,6 +152,19 @@ class WeighingLimits:
     probe_delay_s: float = 0.005
     #: Gain of the motion with which its effect on the masses is measured.
     probe_gain_1: float = 0.01
+
+    # missing_terms
+    #: Prior standard deviation of a gain that depends on speed or force: 7 to 12 % were tried.
+    missing_term_prior_std: float = 0.1
+    #: Standard deviations from which a term is significant: 99 % of sound logs have at most 3,
+    missing_term_min_std: float = 3.0
+    #: if it moves a mass by so many of its standard uncertainties, and the log determines that
+    #: change: larger standard deviations of it, as a share of the mass, are of collinear terms.
+    missing_term_max_effect_std: float = 0.02
+    missing_term_min_relative_effect: float = 0.5
+    #: Widths of a gain at low speed, and steps of a gain, as fractions of the largest speed.
+    low_speed_fractions: tuple[float, ...] = (0.2, 0.35, 0.7)
+    gain_step_fractions: tuple[float, ...] = (0.3, 0.5, 0.7)
 
     # load_frames
     #: The lightest state is empty if its mass is the machine's within so many uncertainties,
@@ -169,18 +179,15 @@ class WeighingLimits:
     # load_states
     #: Largest load, as a share of the machine's mass (rated loads of loaders).
     largest_load_fraction: float = 1.0 / 3.0
-    #: Repeatability of manoeuvres with one load, as a share of the machine's mass: manufacturers of
-    #: loader scales state one or two percent.
+    #: Repeatability of one load, as a share of the machine's mass: loader scales state 1 or 2 %.
     repeatability_fraction: float = 0.02
     #: One load is not ruled out above this probability.
     single_load_min_probability: float = 0.05
-    #: Several loads are not while all their partitions together exceed this: some of many always
-    #: fit chance.
+    #: Several loads are not while all their partitions together exceed this: some fit chance.
     several_loads_min_probability: float = 0.2
     #: Loads that a fit of one load hides are taken below this probability of one.
     hidden_loads_max_single_probability: float = 1e-6
-    #: Reversals from heavier to lighter or back from which a load returns, if not to the kilogram:
-    #: a bucket is never quite empty.
+    #: Reversals from heavier to lighter or back from which a load returns, about to the kilogram.
     load_return_reversals: int = 2
     #: Movement of a boom or bucket between manoeuvres that may load or dump, in rad.
     arm_movement_rad: float = 0.15
@@ -190,8 +197,7 @@ class WeighingLimits:
     informative_manoeuvre_samples: int = 10
     #: Change of speed of a manoeuvre that determines a mass, as a share of the usual one's.
     informative_speed_share: float = 0.1
-    #: Manoeuvres disagree if the ratio of variances exceeds 1 by so many standard deviations: more
-    #: than of a fit's groups, whose own deviations are of more samples.
+    #: Manoeuvres disagree if the ratio of variances exceeds 1 by so many standard deviations.
     excess_scatter_std: float = 5.0
 
     # empty_mass_drift
@@ -283,15 +289,13 @@ class WeighingLimits:
     mean_difference_variance: float = 2.0
 
     # lever_arm
-    #: Differences over so much time tell the swing of a body from its grade: a cycle of springs of
-    #: 2 Hz is twice as long.
+    #: Differences over so much time tell the swing of a body from its grade: half a cycle at 2 Hz.
     lever_lag_s: float = 0.25
     #: Fewest means of a stretch.
     lever_min_rows: int = 30
     #: Slowest grid, in Hz, on which such springs are seen: ten samples a cycle.
     lever_min_rate_hz: float = 20.0
-    #: Largest share of a quick start that an accelerometer below the axis does not read: one that
-    #: reads next to nothing tells no acceleration.
+    #: Largest share of a quick start that an accelerometer below the axis does not read.
     lever_max_below_1: float = 0.8
     #: Smallest swing that matters: a hundredth of a start's acceleration that comes in 0.2 s.
     lever_min_s2: float = 0.0002
@@ -303,8 +307,7 @@ class WeighingLimits:
     grade_reach_m: float = 8.0
     #: Degree of that polynomial.
     grade_degree: int = 3
-    #: Half width of a rate of change, in means: 0.1 s at 100 Hz; springs swing faster than a longer
-    #: one sees.
+    #: Half width of a rate of change, in means: 0.1 s at 100 Hz; springs swing faster than longer.
     pitch_rate_means: int = 3
     #: Fewest rows of a stretch beside four coefficients of the grade.
     pitch_min_rows: int = 20
@@ -314,8 +317,7 @@ class WeighingLimits:
     pitch_min_stretches: int = 6
     #: Standard deviations from which a squat by the pitch counts.
     pitch_squat_min_std: float = 3.5
-    #: Standard uncertainty of what a squat does to the accelerometer, over the squat: while the
-    #: springs swing, an accelerometer 0.5 to 1 m above their axis moves by half as much more.
+    #: Standard uncertainty of what a squat does to the accelerometer, over it: springs swing.
     spring_swing_u: float = 0.5
 
     # record_places
@@ -332,9 +334,8 @@ class WeighingLimits:
 
     # fit_checks
     #: Viscous friction that is negative by at most this share of the largest force, at top speed,
-    #: is friction that falls with the speed (mixed lubrication, gears that shift up): the prior of
-    #: a friction that is not in proportion to the speed is 0.07. Machines with grease that breaks
-    #: away or four gears had up to 0.11, and masses that are right; a speed of the wrong sign 0.9.
+    #: falls with the speed (mixed lubrication, gears): machines with grease that breaks away or
+    #: four gears had up to 0.11, and masses that are right; a speed of the wrong sign 0.9.
     falling_friction_1: float = 0.15
 
     # uneven_ground
@@ -379,8 +380,7 @@ class WeighingLimits:
     max_squat_1: float = 0.08
     #: Relative standard uncertainty of the share of a squat that the speed's own scale makes.
     speed_scale_squat_u: float = 0.25
-    #: Driven wheels turn farther than they roll: slip below 0 by so many standard deviations is a
-    #: gain, and is fitted again
+    #: Slip below 0 by so many standard deviations is a gain, and is fitted again
     negative_slip_std: float = 2.0
     #: with a prior of slip that is narrower by this factor.
     negative_slip_prior_ratio: float = 0.02

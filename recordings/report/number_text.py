@@ -48,8 +48,14 @@ def format_plus_minus(value: float | None, std: float | None) -> str:
     """Value ± standard deviation, the latter with two digits and both to the same place."""
     if value is None or std is None or not (std > 0 and isfinite(std)):
         return format_number(value)
-    places = max(0, 1 - floor(log10(std)))
-    return f"{value:.{places}f} ± {std:.{places}f}"
+    return f"{format_to_place(value, std)} ± {format_to_place(std, std)}"
+
+
+def format_to_place(value: float | None, std: float) -> str:
+    """Value to the place of the second digit of its standard deviation."""
+    if value is None or not (std > 0 and isfinite(std)):
+        return format_number(value)
+    return f"{value:.{max(0, 1 - floor(log10(std)))}f}"
 
 
 #: Stands beside a number whose ± lacks the scale error.

@@ -9,8 +9,8 @@ from analysis.model.physical_units import NS_PER_S
 from estimators.errors import counted
 from recordings.report.number_text import (
     SCALE_NOT_KNOWN,
-    format_number,
     format_plus_minus,
+    format_to_place,
     scale_unknown_line,
 )
 
@@ -99,7 +99,7 @@ def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
     low, high = mass - COVERAGE * u, mass + COVERAGE * u
     lines = [
         f"mass {format_plus_minus(mass, u)} kg (standard uncertainty), 95 %: "
-        f"{format_number(low)} to {format_number(high)} kg, from {load['manoeuvres']} "
+        f"{format_to_place(low, u)} to {format_to_place(high, u)} kg, from {load['manoeuvres']} "
         f"{'manoeuvre' if load['manoeuvres'] == 1 else 'manoeuvres'}"
     ]
     lines += filter(None, [calibrated_mass_line(load)])
@@ -112,10 +112,11 @@ def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
 
 def prior_sensitivity_line(load: Mapping[str, Any]) -> str:
     """Line with the masses for priors half and twice as wide."""
-    return (
-        f"prior sensitivity: {format_number(load['mass_halved_priors_kg'])} kg (×½) … "
-        f"{format_number(load['mass_doubled_priors_kg'])} kg (×2)"
+    halved, doubled = (
+        format_to_place(load[name], load["u_kg"])
+        for name in ("mass_halved_priors_kg", "mass_doubled_priors_kg")
     )
+    return f"prior sensitivity: {halved} kg (×½) … {doubled} kg (×2)"
 
 
 def _notes_common_to_loads(load: Mapping[str, Any]) -> list[str]:

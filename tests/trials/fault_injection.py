@@ -213,6 +213,17 @@ def _lower_in_reverse(frames: Frames, size: float, _: np.random.Generator) -> Fr
     return {**frames, "torque": torque.with_columns(changed)}
 
 
+def _lost_at_low_speed(frames: Frames, size: float, _: np.random.Generator) -> Frames:
+    """Torques before a low gear that loses 4 % below 40 % of the largest speed."""
+    torque, speed = frames["torque"], frames["speed"]
+    mean = speed.select(pl.mean_horizontal(_SPEEDS).abs()).to_series().to_numpy()
+    at, known = (frame["header_stamp_ns"].to_numpy() for frame in (torque, speed))
+    low = np.interp(at, known, mean) < 0.4 * np.quantile(mean, 0.995)
+    gain = np.where(low, 1.0 + 0.04 * size, 1.0)
+    changed = [pl.col(name) * pl.Series(gain) for name in _TORQUES]
+    return {**frames, "torque": torque.with_columns(changed)}
+
+
 _BOTH_WAYS: Final = {"starts": {"directions": "alternating"}}
 _THROTTLES: Final = {"starts": {"throttle_least": 0.4}}
 _TURNS: Final = {"starts": {"turn_rad_s": 0.04, "scrub_N_s_rad": 0.0}}
@@ -370,6 +381,13 @@ FAULTS: Final = (
         topics=_lower_in_reverse,
         needs=_BOTH_WAYS,
         largest=7.0,
+    ),
+    Fault(
+        "a low gear that loses force",
+        ("gain_by_speed",),
+        "4 %",
+        topics=_lost_at_low_speed,
+        needs=_THROTTLES,
     ),
     Fault(
         "braking included",

@@ -1,0 +1,209 @@
+"""Terms that the model of the force does not have, each added to the fit by itself.
+
+A sensor may saturate softly, a gear or a converter may lose another share of its force at low
+speed, a wheel's radius may grow with the speed, a filter may follow a rising force faster than a
+falling one. The fit takes such a force for mass, friction and drag, which are then wrong by more
+than their uncertainty, with residuals that look like noise. A term that is significant and would
+move the mass widens it by as much: which of the terms is the true one, the log does not tell.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.fit_columns import FitRows
+from analysis.weighing.joint_fit import make_refit_rows, refit_with_changes
+from analysis.weighing.joint_result import JointFit
+from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
+from analysis.weighing.nuisances import CURVATURE, ColumnInputs, Nuisance
+from analysis.weighing.weighing_limits import LIMITS
+
+_LINEAR: Final = "a force sensor that is linear over its range; its calibration curve"
+_AT_ALL_SPEEDS: Final = (
+    "a force at the wheels, behind gears and converters; starts that end at other speeds"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ForceCurvature:
+    """Estimate of an additional term in a·|a|.
+
+    Attributes:
+        t: estimate over its standard deviation.
+        kg: change of the mass with the term.
+        mass_kg: mass without the term.
+    """
+
+    t: float
+    kg: float
+    mass_kg: float
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether the force is significantly nonlinear in the acceleration and the mass changes."""
+        return abs(self.t) > LIMITS.curvature_min_std and abs(
+            self.kg
+        ) > LIMITS.curvature_min_fraction * abs(self.mass_kg)
+
+
+@dataclass(frozen=True)
+class MissingTerm:
+    """A significant term that the model does not have.
+
+    Attributes:
+        term: the term.
+        t: estimate over its standard deviation.
+        effect_kg: (masses,) change of each mass with the term.
+    """
+
+    term: Nuisance
+    t: float
+    effect_kg: Floats
+
+    def relative_effect(self, fit: JointFit) -> float:
+        """Largest change of a mass over its uncertainty."""
+        return _largest_relative_effect(self.effect_kg, fit)
+
+    def is_significant(self, fit: JointFit) -> bool:
+        """Whether the term is significant, and the log determines its effect on the mass."""
+        effect_std_kg = np.abs(self.effect_kg / self.t)
+        largest_kg = LIMITS.missing_term_max_effect_std * np.abs(fit.masses_kg)
+        determined = bool((effect_std_kg <= largest_kg).all())
+        return determined and abs(self.t) > LIMITS.missing_term_min_std
+
+
+def make_candidate_terms(motion: MotionSamples) -> tuple[Nuisance, ...]:
+    """Terms that the model does not have, scaled by the log's largest force and speed."""
+    force_N, speed_m_s = motion.largest_force, motion.largest_speed
+    return (
+        Nuisance(
+            "force_saturation",
+            "1",
+            lambda m: m.force * np.abs(m.force) / force_N,
+            lambda _, __: LIMITS.missing_term_prior_std,
+            "a force sensor that saturates or is not linear",
+            _LINEAR,
+            by_force=lambda m: 2.0 * np.abs(m.force) / force_N,
+        ),
+        _make_gain_term(
+            "gain_at_high_speed",
+            lambda speed: (speed / speed_m_s) ** 2,
+            lambda speed: 2.0 * speed / speed_m_s**2,
+            "a gain of the force, or a scale of the speed, that changes at high speed",
+        ),
+        *(
+            _make_gain_term(
+                f"gain_below_{share:.0%}",
+                _bell(share * speed_m_s),
+                _bell_slope(share * speed_m_s),
+                "a gain of the force, or a scale of the speed, that changes at low speed",
+            )
+            for share in LIMITS.low_speed_fractions
+        ),
+        *(
+            _make_gain_term(
+                f"gain_step_at_{share:.0%}",
+                _below(share * speed_m_s),
+                np.zeros_like,
+                "a gain of the force, or a scale of the speed, that steps where a gear is changed",
+            )
+            for share in LIMITS.gain_step_fractions
+        ),
+        Nuisance(
+            "unlike_filter",
+            "s",
+            lambda m: -np.abs(m.force_rate) * np.sign(m.force),
+            lambda _, priors: priors.lag_s,
+            "a filter that follows a rising force otherwise than a falling one",
+            "the force without its filter",
+        ),
+    )
+
+
+def _make_gain_term(
+    name: str,
+    gain: Callable[[Floats], Floats],
+    slope: Callable[[Floats], Floats],
+    meaning: str,
+) -> Nuisance:
+    """Make a term of a gain of the force that depends on the speed, with its derivative."""
+
+    def by_speed(m: ColumnInputs) -> Floats:
+        return m.force * slope(m.speed)
+
+    return Nuisance(
+        name,
+        "1",
+        lambda m: m.force * gain(m.speed),
+        lambda _, __: LIMITS.missing_term_prior_std,
+        meaning,
+        _AT_ALL_SPEEDS,
+        by_speed=by_speed,
+        by_force=lambda m: gain(m.speed),
+    )
+
+
+def _bell(width_m_s: float) -> Callable[[Floats], Floats]:
+    return lambda speed: np.exp(-((speed / width_m_s) ** 2))
+
+
+def _bell_slope(width_m_s: float) -> Callable[[Floats], Floats]:
+    return lambda speed: -2.0 * speed / width_m_s**2 * np.exp(-((speed / width_m_s) ** 2))
+
+
+def _below(limit_m_s: float) -> Callable[[Floats], Floats]:
+    return lambda speed: (np.abs(speed) < limit_m_s).astype(float)
+
+
+def fit_force_curvature(
+    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
+) -> ForceCurvature:
+    """Refit with a term in a·|a|; 0 where the log does not determine it.
+
+    Args:
+        fit: the fit without the term.
+        noise: noise of acceleration, speed and force.
+        priors: of the nuisances.
+        rows: rows of the fit and of `CURVATURE`, if already computed.
+    """
+    curved = refit_with_changes(fit, noise, priors, (CURVATURE,), rows=rows).fit
+    moved = float(curved.theta[fit.main_state] - fit.theta[fit.main_state])
+    if abs(moved) > LIMITS.curvature_max_fraction * abs(fit.mass_kg):
+        # with accelerations of one size the term is collinear with the mass
+        return ForceCurvature(0.0, 0.0, fit.mass_kg)
+    return ForceCurvature(float(curved.theta[-1] / curved.std[-1]), moved, fit.mass_kg)
+
+
+def find_missing_terms(
+    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
+) -> tuple[MissingTerm, ...]:
+    """Find significant terms that the model does not have, the one with the largest effect first.
+
+    Args:
+        fit: the fit without them.
+        noise: noise of acceleration, speed and force.
+        priors: of the nuisances.
+    """
+    terms = make_candidate_terms(fit.motion)
+    rows = make_refit_rows(fit, noise, terms)
+    found: list[MissingTerm] = []
+    for term in terms:
+        other = refit_with_changes(fit, noise, priors, (term,), rows=rows)
+        effect_kg = other.theta[: fit.count] - fit.theta[: fit.count]
+        # the standard deviation takes longer than the estimate
+        if not _largest_relative_effect(effect_kg, fit) > LIMITS.missing_term_min_relative_effect:
+            continue
+        # a term that is mostly noise is collinear with the others once its noise is taken off
+        if other.fit.noise_share > LIMITS.max_noise_fraction:
+            continue
+        lacking = MissingTerm(term, float(other.theta[-1] / other.fit.std[-1]), effect_kg)
+        if lacking.is_significant(fit):
+            found.append(lacking)
+    return tuple(sorted(found, key=lambda each: -each.relative_effect(fit)))
+
+
+def _largest_relative_effect(effect_kg: Floats, fit: JointFit) -> float:
+    return float(np.max(np.abs(effect_kg) / fit.fit.std[: fit.count]))

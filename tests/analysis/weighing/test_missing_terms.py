@@ -1,0 +1,85 @@
+"""Terms that the model does not have widen the mass by what they would move it."""
+
+import numpy as np
+import polars as pl
+import pytest
+
+from analysis.model.run_record import Run
+from benchmarks.own_rate import LARGE_N, MASS_KG, Cell, logged, machine_of
+from replay import open_log, run
+from replay.logs import TimeAxis
+from tests.twins import mark_slow_after
+
+MEASURED = Cell(100.0, 20.0, derived=False)
+DERIVED = Cell(50.0, 5.0, derived=True)
+LOW_GEAR_M_S = 12.0
+
+
+def saturate(log: pl.DataFrame) -> pl.DataFrame:
+    """Read the force with a sensor that saturates softly, by ten per cent at the largest force."""
+    return log.with_columns(force=pl.col("force") / (1.0 + 0.1 * pl.col("force").abs() / LARGE_N))
+
+
+def lose_in_low_gear(log: pl.DataFrame) -> pl.DataFrame:
+    """Read the force before a low gear that loses six per cent of it."""
+    lost = pl.when(pl.col("speed").abs() < LOW_GEAR_M_S).then(1.0 / 0.94).otherwise(1.0)
+    return log.with_columns(force=pl.col("force") * lost)
+
+
+def read_speed_low_at_the_top(log: pl.DataFrame) -> pl.DataFrame:
+    """Read the speed with wheels that grow by one per cent at the largest speed."""
+    top = np.abs(log["speed"].to_numpy()).max()
+    return log.with_columns(speed=pl.col("speed") / (1.0 + 0.01 * (pl.col("speed") / top) ** 2))
+
+
+@pytest.fixture
+def replayed(tmp_path):
+    """Replay a car whose log is changed."""
+
+    def of(cell: Cell, seed: int, change=lambda log: log) -> Run:
+        path = tmp_path / "car.csv"
+        change(logged(cell, seed)).write_csv(path)
+        return run(open_log(path, time=TimeAxis("t", "s")), machine_of(cell, stated=False))
+
+    return of
+
+
+def deviations(found: Run) -> float:
+    """Error of the mass in its standard uncertainties."""
+    mass_kg, u_kg = found.frames["loads"].select("mass_kg", "u_kg").row(0)
+    return (mass_kg - MASS_KG) / u_kg
+
+
+def missing_term_kg(found: Run) -> float:
+    """Uncertainty by terms that the model lacks; 0 if none is significant."""
+    part = found.frames["budget"].filter(pl.col("cause") == "missing_term", pl.col("load_id") == 0)
+    return 0.0 if part.is_empty() else part["u_kg"][0]
+
+
+@pytest.mark.parametrize("seed", mark_slow_after(1, range(3300, 3304)))
+@pytest.mark.parametrize(
+    ("cell", "change"),
+    [
+        (MEASURED, saturate),
+        (MEASURED, lose_in_low_gear),
+        (DERIVED, read_speed_low_at_the_top),
+    ],
+)
+def test_a_force_or_speed_that_is_not_linear_widens_and_is_named(
+    replayed, cell: Cell, change, seed: int
+) -> None:
+    found = replayed(cell, seed, change)
+
+    assert missing_term_kg(found) > 0.0
+    assert abs(deviations(found)) < 3.0
+    assert "gain_by_speed" in found.frames["findings"]["cause"]
+
+
+@pytest.mark.parametrize("cell", [MEASURED, DERIVED], ids=str)
+@pytest.mark.parametrize("seed", mark_slow_after(1, range(3310, 3313)))
+def test_a_sound_log_is_not_widened(replayed, cell: Cell, seed: int) -> None:
+    found = replayed(cell, seed)
+
+    assert missing_term_kg(found) == 0.0
+    assert abs(deviations(found)) < 3.0
+    assert "gain_by_speed" not in found.frames["findings"]["cause"]
