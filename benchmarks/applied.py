@@ -28,8 +28,7 @@ from benchmarks.page import markdown
 from benchmarks.unlisted_rows import UNLISTED, Unlisted, drawn_log, memory_log
 from estimators.errors import PayscopeError
 from replay.explain.try_proposals import ProposalReplays, try_all_proposals
-from replay.inputs.cached_log import CachedLog
-from replay.inputs.memory_log import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import CachedLog, MemoryLog, machine_with_memory_channels
 from replay.logs import Log
 from replay.pipeline import run
 from tests.trials.drawn_designs import join_designs

@@ -23,8 +23,8 @@ os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 os.environ["RAY_DEDUP_LOGS"] = "0"
 
 from benchmarks.fleet_logs import SerialEngine, recordings, same_results, told
-from replay.fleet.fleet_file import load_fleet
 from replay.fleet.log_sources import FleetLog, list_fleet_logs
+from replay.fleet.machine_setups import load_fleet
 from replay.fleet.ray_engine import ray_engine
 from replay.fleet.recording_task import TaskOutcome
 from replay.fleet.run_fleet import FleetRun, replay_fleet

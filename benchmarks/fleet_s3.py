@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.fleet_logs import SerialEngine, recordings, same_results, told
-from replay.fleet.fleet_file import load_fleet
 from replay.fleet.gathered_tables import open_fleet_results, query_fleet_tables
 from replay.fleet.log_sources import FleetLog, list_fleet_logs
+from replay.fleet.machine_setups import load_fleet
 from replay.fleet.ray_engine import ray_engine
 from replay.fleet.recording_task import TaskOutcome
 from replay.fleet.run_fleet import replay_fleet

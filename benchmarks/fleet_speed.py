@@ -21,9 +21,9 @@ from typing import Final
 
 from benchmarks.fleet_logs import recordings, told
 from benchmarks.page import markdown, put
-from replay.fleet.fleet_file import load_fleet
 from replay.fleet.last_run import TaskLimits
 from replay.fleet.log_sources import FleetLog, list_fleet_logs
+from replay.fleet.machine_setups import load_fleet
 from replay.fleet.ray_engine import ray_engine
 from replay.fleet.recording_task import TaskOutcome
 from replay.fleet.run_fleet import replay_fleet

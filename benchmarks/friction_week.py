@@ -12,7 +12,7 @@ from typing import Final
 
 import typer
 
-from recordings.review.week_shifts import (
+from recordings.review.week_page import (
     day_text,
     friction_trend_by_machine,
     read_shifts_of_reviews,

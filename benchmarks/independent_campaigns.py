@@ -25,8 +25,7 @@ from analysis.calibration.campaign.campaign_readings import (
 )
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration
-from analysis.calibration.use.apply_calibration import calibrate_loads
-from analysis.calibration.use.later_log import describe_later_log
+from analysis.calibration.use.apply_calibration import calibrate_loads, describe_later_log
 from analysis.calibration.use.learnt_priors import (
     learnable_terms,
     machine_for_later_log,

@@ -23,7 +23,7 @@ from benchmarks.page import markdown, put
 from benchmarks.weighed import machine
 from estimators.joint.group_effects import GroupEffects
 from estimators.numerics.autocorrelation import student_factor
-from replay.inputs.memory_log import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
 from replay.pipeline import run
 from tests.trials.drawn_designs import join_designs
 

@@ -24,7 +24,7 @@ from analysis.stages.noise.column_noise import collect_axis_noise
 from benchmarks.page import markdown
 from benchmarks.simulated import scenario
 from replay import load_machine, run
-from replay.inputs.memory_log import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
 
 LOADED: Final = 150.0
 METHODS: Final = ("rls", "rtls", "pooled")

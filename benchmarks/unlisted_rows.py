@@ -17,7 +17,7 @@ from benchmarks.independent.payload_plans import PayloadLog, Situation, payload_
 from benchmarks.independent.sensors import Readings
 from benchmarks.weighed import machine as loader
 from estimators.arrays import Floats
-from replay.inputs.memory_log import MemoryLog
+from replay.inputs.derived_logs import MemoryLog
 from tests.trials.drawn_designs import join_designs
 
 Frames = dict[str, pl.DataFrame]

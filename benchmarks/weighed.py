@@ -13,7 +13,7 @@ from analysis.model.run_record import Run
 from analysis.model.schema import column_values
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from replay import load_machine
-from replay.inputs.memory_log import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
 from replay.pipeline import run
 from tests.trials.drawn_designs import Sections
 

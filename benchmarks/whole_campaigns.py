@@ -21,8 +21,7 @@ from analysis.calibration.campaign.campaign_readings import (
 )
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration
-from analysis.calibration.use.apply_calibration import calibrate_loads
-from analysis.calibration.use.later_log import describe_later_log
+from analysis.calibration.use.apply_calibration import calibrate_loads, describe_later_log
 from analysis.calibration.use.learnt_priors import (
     learnable_terms,
     machine_with_learnt_priors,
@@ -31,7 +30,7 @@ from analysis.calibration.use.learnt_priors import (
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from replay.inputs.memory_log import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 

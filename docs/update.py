@@ -45,10 +45,10 @@ from analysis.simulation.scenario.drivetrain import (
 from analysis.simulation.scenario.instruments import (
     SimulatedDefects,
     SimulatedRecorder,
+    SimulatedSampling,
     SimulatedSensors,
 )
 from analysis.simulation.scenario.manoeuvres import Arc, Excite, Rest, Spin, Start, Travel
-from analysis.simulation.scenario.sampling import SimulatedSampling
 from analysis.simulation.scenario.scenario import (
     SimulatedCampaign,
     SimulatedLoading,
@@ -58,8 +58,8 @@ from analysis.simulation.scenario.scenario import (
 )
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
-from replay.fleet.fleet_file import AboutFleet, MachineRule
 from replay.fleet.last_run import TaskLimits
+from replay.fleet.machine_setups import AboutFleet, MachineRule
 
 REPO = Path(__file__).resolve().parent.parent
 PAGES = (

@@ -74,8 +74,8 @@ from replay.inputs.channel_inputs import (
     make_provenance,
     read_channels,
 )
+from replay.inputs.derived_logs import join_parallel_tables
 from replay.inputs.machine_identity import machine_with_id_and_logged_id
-from replay.inputs.parallel_tables import join_parallel_tables
 from replay.inputs.time_line import note_on_order_of_logs as order_note
 from replay.inputs.time_line import time_line_offsets_ns
 from replay.logs import Log

@@ -121,8 +121,8 @@ def test_every_key_of_a_campaign_file_is_documented_with_its_meaning() -> None:
 
 
 def test_every_key_of_a_fleet_file_is_documented_with_its_meaning() -> None:
-    from replay.fleet.fleet_file import AboutFleet, MachineRule
     from replay.fleet.last_run import TaskLimits
+    from replay.fleet.machine_setups import AboutFleet, MachineRule
 
     page = "docs/fleet.md"
     for model in (AboutFleet, TaskLimits, MachineRule):
@@ -216,7 +216,7 @@ def test_every_example_machine_file_is_valid() -> None:
     from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
     from estimators.errors import CampaignError
     from replay import load_machine
-    from replay.fleet.fleet_file import load_fleet
+    from replay.fleet.machine_setups import load_fleet
     from replay.machines.toml_file import read_toml, validate_toml_content
     from replay.simulation.scenario_file import load_scenario
 

@@ -35,7 +35,7 @@ def pair_manoeuvres(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     cost = np.full((a.height + 1, b.height + 1), np.inf)
     steps = _LEFT_OUT * np.arange(b.height + 1)
     cost[0] = steps
-    pair = _matching_costs(a, b)
+    pair = manoeuvre_matching_costs(a, b)
     for row in range(a.height):
         best = cost[row] + _LEFT_OUT
         best[1:] = np.minimum(best[1:], cost[row, :-1] + pair[row])
@@ -54,7 +54,7 @@ def pair_manoeuvres(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     return found[::-1]
 
 
-def _matching_costs(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
+def manoeuvre_matching_costs(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
     """Cost (a, b) of matching two manoeuvres; infinite for different phases."""
     lengths = [
         np.log(np.maximum((each["end_t_ns"] - each["start_t_ns"]).to_numpy(), 1)) for each in (a, b)
@@ -80,7 +80,7 @@ def align_times(a: Run, b: Run, *, one_log: bool) -> Run:
     zones = None if one_log else shift_spans_to_time_of_a(a, b)
     offset_ns = b.provenance.t0_unix_ns - a.provenance.t0_unix_ns if one_log else 0
     return Run(
-        {name: _shift_frame_times(each, zones, offset_ns) for name, each in b.frames.items()}, about
+        {name: shift_frame_times(each, zones, offset_ns) for name, each in b.frames.items()}, about
     )
 
 
@@ -108,7 +108,7 @@ def manoeuvre_spans_with_half_gaps(table: pl.DataFrame) -> list[tuple[int, int]]
     return list(zip([starts[0] - minute, *halves], [*halves, ends[-1] + minute], strict=True))
 
 
-def _shift_frame_times(
+def shift_frame_times(
     frame: pl.DataFrame, zones: pl.DataFrame | None, offset_ns: int
 ) -> pl.DataFrame:
     """Shift the times of a frame, by zone or by one offset."""
@@ -142,14 +142,14 @@ def subtract_run(a: Run, b: Run) -> Run:
     """
     period_ns = min(round(1e9 / run.provenance.settings.align.rate_hz) for run in (a, b))
     frames = {
-        name: _subtract_frame(mine, b.frames[name], period_ns // 2)
+        name: subtract_frame(mine, b.frames[name], period_ns // 2)
         for name, mine in a.frames.items()
         if name in b.frames
     }
     return Run({name: frame for name, frame in frames.items() if frame.height}, a.provenance)
 
 
-def _subtract_frame(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.DataFrame:
+def subtract_frame(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.DataFrame:
     """B minus A in the rows that both frames share."""
     shared = [name for name in a.columns if name in b.columns]
     numbers = [name for name in shared if a.schema[name].is_float() and b.schema[name].is_float()]

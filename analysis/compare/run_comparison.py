@@ -244,7 +244,7 @@ def differing_estimates(
         EstimateChange(about, name, a.get(name), a.get(std), b.get(name), b.get(std))
         for about, a, b in pairs
         for name, std in _ESTIMATES.items()
-        if not _is_equal(a.get(name), b.get(name), rtol)
+        if not is_equal_within_tolerance(a.get(name), b.get(name), rtol)
     ]
 
     def size_of_change(each: EstimateChange) -> float:
@@ -255,7 +255,7 @@ def differing_estimates(
     return tuple(sorted(changes, key=size_of_change, reverse=True))
 
 
-def _is_equal(a: float | None, b: float | None, rtol: float) -> bool:
+def is_equal_within_tolerance(a: float | None, b: float | None, rtol: float) -> bool:
     """Whether two values agree within a relative tolerance, or are both missing."""
     if a is None or b is None:
         return a is b

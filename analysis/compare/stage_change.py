@@ -120,7 +120,7 @@ def compare_stage(
         for column in has[which]
         if column not in has[1 - which]
     ]
-    seconds = _row_times_s(ids[0], pairs)
+    seconds = row_times_s(ids[0], pairs)
     changes: list[ColumnChange] = []
     for part in column_batches([column for column in has[0] if column in has[1]], height):
         mine, theirs = a.read(name, part), b.read(name, part)
@@ -161,7 +161,7 @@ def corresponding_rows(a: pl.DataFrame, b: pl.DataFrame, key: Sequence[str]) -> 
     return found.select("row_a", "row_b").sort("row_a")
 
 
-def _row_times_s(ids: pl.DataFrame, pairs: pl.DataFrame | None) -> pl.Series | None:
+def row_times_s(ids: pl.DataFrame, pairs: pl.DataFrame | None) -> pl.Series | None:
     """Time in s of each common row; None without times."""
     column = next((name for name in _TIMES if name in ids.columns), None)
     if column is None:

@@ -93,7 +93,7 @@ def find_boom_dumps(
         reached = np.array([dumping_reach(away[slow & whole])])
     else:
         reached = np.array(
-            [_farthest_reach(away, slow & whole, t_ns, span) for span in unloading_spans]
+            [farthest_reach_rad(away, slow & whole, t_ns, span) for span in unloading_spans]
         )
     typical_rad = float(np.median(reached)) if reached.size else 0.0
     if abs(typical_rad) < BOOM_MOVES_RAD or (
@@ -105,16 +105,16 @@ def find_boom_dumps(
     stands = out & is_standing(excitation)
     inside_ns = t_ns[whole & ~out]
     spans = [
-        _trim_to_standstills(span, t_ns[stands], reach[stands])
+        trim_to_standstills(span, t_ns[stands], reach[stands])
         for span in join_dumps(t_ns[out & slow], inside_ns)
     ]
-    spans = _drop_truncated_dump(spans, inside_ns, int(t_ns[-1]))
+    spans = drop_truncated_dump(spans, inside_ns, int(t_ns[-1]))
     if (
         np.mean(reached / typical_rad > LIMITS.boom_out_fraction) < LIMITS.boom_change_fraction
         or len(spans) < LIMITS.boom_min_changes
     ):
         return NO_DUMPS
-    dumps = [BoomDump(*span, _emptying_time_ns(reach, t_ns, span)) for span in spans]
+    dumps = [BoomDump(*span, emptying_time_ns(reach, t_ns, span)) for span in spans]
     return BoomDumps(shows_dumps=True, dumps=tuple(dumps))
 
 
@@ -149,23 +149,23 @@ def dumping_reach(deflection_rad: Floats) -> float:
     return float(high if high > LIMITS.boom_upward_fraction * abs(low) else low)
 
 
-def _farthest_reach(deflection_rad: Floats, slow: Bools, t_ns: Ints, span: Span) -> float:
-    """Largest deflection of the boom in a span, with its sign; 0 if unknown."""
+def farthest_reach_rad(deflection_rad: Floats, slow: Bools, t_ns: Ints, span: Span) -> float:
+    """Largest deflection of the boom (n,) in a span while slow, with its sign; 0 if unknown."""
     first, last = np.searchsorted(t_ns, span)
     inside = deflection_rad[first : last + 1][slow[first : last + 1]]
     return float(inside[np.argmax(np.abs(inside))]) if inside.size else 0.0
 
 
-def _times_with_boom_up(times_ns: Ints, reach: Floats, span: Span) -> Ints:
+def times_with_boom_up(times_ns: Ints, reach: Floats, span: Span) -> Ints:
     """Times in a span at which the boom is about as far out as it gets there."""
     first, end = np.searchsorted(times_ns, span[0]), np.searchsorted(times_ns, span[1], "right")
     inside = reach[first:end]
     return times_ns[first:end][inside > LIMITS.boom_up_fraction * np.nanmax(inside, initial=0.0)]
 
 
-def _emptying_time_ns(reach: Floats, t_ns: Ints, span: Span) -> int:
-    """Time when the bucket is emptied: soon after the boom's farthest reach in a span."""
-    up_ns = _times_with_boom_up(t_ns, reach, span)
+def emptying_time_ns(reach: Floats, t_ns: Ints, span: Span) -> int:
+    """Time in ns when the bucket is emptied: soon after the boom's farthest reach in a span."""
+    up_ns = times_with_boom_up(t_ns, reach, span)
     return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, LIMITS.emptying_ns)
 
 
@@ -187,7 +187,7 @@ def join_dumps(outside_ns: Ints, inside_ns: Ints) -> list[Span]:
     return [(int(part[0]), int(part[-1])) for part in parts]
 
 
-def _drop_truncated_dump(spans: list[Span], inside_ns: Ints, ends_ns: int) -> list[Span]:
+def drop_truncated_dump(spans: list[Span], inside_ns: Ints, ends_ns: int) -> list[Span]:
     """Drop the last dump where the recording ends before its bucket is half empty."""
     if not spans or (inside_ns.size and inside_ns[-1] > spans[-1][1]):
         return spans
@@ -196,7 +196,7 @@ def _drop_truncated_dump(spans: list[Span], inside_ns: Ints, ends_ns: int) -> li
     return spans if half_empty else spans[:-1]
 
 
-def _trim_to_standstills(span: Span, stands_ns: Ints, reach: Floats) -> Span:
+def trim_to_standstills(span: Span, stands_ns: Ints, reach: Floats) -> Span:
     """First to last standstill with the boom up within a span; the whole span if there is none.
 
     The boom may be out long before, on the way to the dump; a machine that stands then dumps while
@@ -207,5 +207,5 @@ def _trim_to_standstills(span: Span, stands_ns: Ints, reach: Floats) -> Span:
         stands_ns: (n,) times with the boom out at a stand.
         reach: (n,) how far it is out.
     """
-    up_ns = _times_with_boom_up(stands_ns, reach, span)
+    up_ns = times_with_boom_up(stands_ns, reach, span)
     return (int(up_ns[0]), int(up_ns[-1])) if up_ns.size else span

@@ -68,7 +68,7 @@ def calibrate_cycles(
     )
     if is_empty_mass_scale_better(cycles, on_scale, tuple(found)):
         return cycles
-    off_kg, u_kg = _mean_offset_from_line_and_u_kg(calibration, shared_errors)
+    off_kg, u_kg = mean_offset_from_line_and_u_kg(calibration, shared_errors)
     reasons = pl.Series(
         "reason", [_exclusion_reason(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()]
     )
@@ -110,7 +110,7 @@ def is_empty_mass_scale_better(
     return relative_u_of_sum(cycles) < relative_u_of_sum(on_line)
 
 
-def _mean_offset_from_line_and_u_kg(
+def mean_offset_from_line_and_u_kg(
     calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
     """Mean offset of the log's masses from their line in kg, with its standard uncertainty."""

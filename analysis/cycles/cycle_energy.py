@@ -115,53 +115,53 @@ def compute_shift_energy(
         The energies; without rows if there is no mass or no cycle.
     """
     manoeuvres = frames["manoeuvres"]
-    spans = _phase_spans_without_holes(frames["cycles"], holes_ns)
+    spans = phase_spans_without_holes(frames["cycles"], holes_ns)
     no_mass = frames["loads"]["mass_kg"].is_null().all()
     if not spans or no_mass or manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
         return NO_ENERGY
     drive = fit_drive(frames, machine)
     found = drive.integrate(spans)
-    value = _split_energy_by_phase(found, drive.model)
+    value = split_energy_by_phase(found, drive.model)
     if value[:, PARTS.index("work")].sum() <= 0.0:
         return NO_ENERGY
     gain_u_1, unknown = force_gain_u_and_missing_settings(machine)
     common_1, random_1 = common_and_own_relative_mass_u(frames)
-    common = [*_energy_changes_by_term(drive, spans, found, value), gain_u_1 * value]
-    common.append(common_1 * _work_change_by_mass(found))
-    random = _random_work_uncertainty(found, value, drive.model, random_1, spans)
+    common = [*energy_changes_by_term(drive, spans, found, value), gain_u_1 * value]
+    common.append(common_1 * work_change_by_mass(found))
+    random = random_work_uncertainty(found, value, drive.model, random_1, spans)
     fuel_L = sum_fuel_litres(drive.samples, spans)
     rows = _make_energy_rows(spans, value, np.array(common), random, fuel_L)
     return ShiftEnergy(rows, unknown, machine.machine.fuel_gain_u)
 
 
-def _energy_changes_by_term(
+def energy_changes_by_term(
     drive: FittedDrive, spans: list[PhaseSpan], integrals: PhaseIntegrals, value: Floats
 ) -> list[Floats]:
     """Changes of the energy by one standard uncertainty of each term, (phases, parts) in J each."""
     model = drive.model
     forces = [
         *perturb_each_term(model, drive.model_u),
-        _shift_friction_to_coulomb(integrals, model, drive.coulomb_N),
+        shift_friction_to_coulomb(integrals, model, drive.coulomb_N),
     ]
     moved = [
         replace(drive, errors=each) for each in perturb_each_term(drive.errors, drive.errors_u)
     ]
     earlier, later = (
-        _split_energy_by_phase(replace(drive, samples=each).integrate(spans), model) - value
+        split_energy_by_phase(replace(drive, samples=each).integrate(spans), model) - value
         for each in (delay_driving_samples(drive.samples, way * drive.move_rows) for way in (-1, 1))
     )
     return [
-        *(_split_energy_by_phase(integrals, each) - value for each in forces),
-        *(_split_energy_by_phase(each.integrate(spans), model) - value for each in moved),
+        *(split_energy_by_phase(integrals, each) - value for each in forces),
+        *(split_energy_by_phase(each.integrate(spans), model) - value for each in moved),
         # where the machine stands behind one end, only the other one changes anything
         np.where(abs(later) >= abs(earlier), later, -earlier),
-        _work_change_by_slope(integrals, model),
-        _mean_residual_work(integrals, value, model),
-        drive.speed_u_1 * _work_change_by_speed(value),
+        work_change_by_slope(integrals, model),
+        mean_residual_work(integrals, value, model),
+        drive.speed_u_1 * work_change_by_speed(value),
     ]
 
 
-def _phase_spans_without_holes(
+def phase_spans_without_holes(
     cycles: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]
 ) -> list[PhaseSpan]:
     """Phase spans of the cycles without holes; an incomplete cycle is one span."""
@@ -171,7 +171,7 @@ def _phase_spans_without_holes(
         hidden_ns = sum(max(min(e, end) - max(s, start), 0) for s, e in holes_ns)
         if hidden_ns > LIMITS.energy_hole_s * NS_PER_S:
             continue
-        edges = _phase_edges(row)
+        edges = phase_edges_ns(row)
         if edges is None:
             spans.append(PhaseSpan(row["cycle"], WHOLE, start, end))
             continue
@@ -182,8 +182,8 @@ def _phase_spans_without_holes(
     return spans
 
 
-def _phase_edges(row: Mapping[str, Any]) -> list[int] | None:
-    """Begins of a cycle's phases and end of the last; None if some were not seen."""
+def phase_edges_ns(row: Mapping[str, Any]) -> list[int] | None:
+    """Begins of a cycle's phases and end of the last, in ns; None if some were not seen."""
     if row["dig_t_ns"] is None or row["load_s"] is None or row["haul_s"] is None:
         return None
     loaded = row["dig_t_ns"] + int(row["load_s"] * NS_PER_S)
@@ -192,19 +192,19 @@ def _phase_edges(row: Mapping[str, Any]) -> list[int] | None:
     return edges if sorted(edges) == edges else None
 
 
-def _split_energy_by_phase(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
+def split_energy_by_phase(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
     """Energy by phase and part, (phases, parts) in J."""
     drive, dig, slow = integrals.drive, integrals.dig, integrals.slow
-    straight = _corrected_drive_work(drive, model)
+    straight = corrected_drive_work(drive, model)
     work = straight + integrals.turning_J
     slope = drive["mass"] - integrals.kinetic_J + model.acting_constant_force * drive["offset"]
-    digging = _corrected_drive_work(dig, model) - _work_against_friction(dig, model)
+    digging = corrected_drive_work(dig, model) - work_against_friction(dig, model)
     friction = work - integrals.kinetic_J - slope - digging
-    braking = -_mass_and_friction_work(slow, model)
+    braking = -mass_and_friction_work(slow, model)
     return np.stack([work, integrals.kinetic_J, slope, friction, digging, braking], axis=1)
 
 
-def _corrected_drive_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
+def corrected_drive_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work of the drive: measured work less the work of force errors, (phases,) in J."""
     return (
         integrals["force"]
@@ -214,7 +214,7 @@ def _corrected_drive_work(integrals: EnergyIntegrals, model: ForceModel) -> Floa
     )
 
 
-def _mass_and_friction_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
+def mass_and_friction_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work done on masses and fitted friction, (phases,) in J."""
     return (
         integrals["mass"]
@@ -226,12 +226,12 @@ def _mass_and_friction_work(integrals: EnergyIntegrals, model: ForceModel) -> Fl
     )
 
 
-def _work_against_friction(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
+def work_against_friction(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work of the drive against friction and slip without a pile, (phases,) in J."""
-    return _mass_and_friction_work(integrals, model) + integrals["slip"]
+    return mass_and_friction_work(integrals, model) + integrals["slip"]
 
 
-def _work_change_by_slope(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
+def work_change_by_slope(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
     """Change of the energy if a slope shifts weight like an acceleration, (phases, parts) in J.
 
     The full effect is assumed, with half its width over √3 as uncertainty, since it may be partial.
@@ -242,7 +242,7 @@ def _work_change_by_slope(integrals: PhaseIntegrals, model: ForceModel) -> Float
     return np.stack([work, nothing, nothing, work - dig, dig, nothing], axis=1)
 
 
-def _work_change_by_speed(value: Floats) -> Floats:
+def work_change_by_speed(value: Floats) -> Floats:
     """Change of the energy by a relative speed error of 1, (phases, parts) in J.
 
     Torque times wheel speed stays, and so does the work of lifting, since the masses are lighter as
@@ -254,7 +254,7 @@ def _work_change_by_speed(value: Floats) -> Floats:
     return changed
 
 
-def _shift_friction_to_coulomb(
+def shift_friction_to_coulomb(
     integrals: PhaseIntegrals, model: ForceModel, coulomb_N: float
 ) -> ForceModel:
     """Force model with more Coulomb and less viscous friction, equal at the drive's mean."""
@@ -263,9 +263,9 @@ def _shift_friction_to_coulomb(
     return replace(model, direction=model.direction + coulomb_N, viscous=model.viscous - less_N_s_m)
 
 
-def _mean_residual_work(integrals: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
+def mean_residual_work(integrals: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
     """Mean residual work of the fit without digging, (phases, parts) in J."""
-    left_N = _unexplained_work(integrals, value, model).sum() / max(
+    left_N = unexplained_work(integrals, value, model).sum() / max(
         integrals.drive["direction"].sum(), 1.0
     )
     dig, slow = left_N * integrals.dig["direction"], left_N * integrals.slow["direction"]
@@ -273,13 +273,13 @@ def _mean_residual_work(integrals: PhaseIntegrals, value: Floats, model: ForceMo
     return np.stack([nothing, nothing, slope, -dig - slope, dig, slow], axis=1)
 
 
-def _unexplained_work(integrals: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
+def unexplained_work(integrals: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
     """Work not explained by masses, fitted friction or digging, (phases,) in J."""
-    explained = _work_against_friction(integrals.drive, model) + value[:, PARTS.index("digging")]
-    return _corrected_drive_work(integrals.drive, model) - explained
+    explained = work_against_friction(integrals.drive, model) + value[:, PARTS.index("digging")]
+    return corrected_drive_work(integrals.drive, model) - explained
 
 
-def _work_change_by_mass(integrals: PhaseIntegrals) -> Floats:
+def work_change_by_mass(integrals: PhaseIntegrals) -> Floats:
     """Change of the energy by a relative error of 1 of all masses, (phases, parts) in J."""
     lifted = integrals.drive["mass"] - integrals.kinetic_J
     dug = -integrals.dig["mass"]
@@ -290,7 +290,7 @@ def _work_change_by_mass(integrals: PhaseIntegrals) -> Floats:
     )
 
 
-def _random_work_uncertainty(
+def random_work_uncertainty(
     integrals: PhaseIntegrals,
     value: Floats,
     model: ForceModel,
@@ -299,12 +299,12 @@ def _random_work_uncertainty(
 ) -> Floats:
     """Random uncertainty from cycle to cycle, of masses and fit residual, (phases, parts) in J."""
     drive, dig = integrals.drive, integrals.dig
-    left = _unexplained_work(integrals, value, model)
+    left = unexplained_work(integrals, value, model)
     way_m = drive["direction"]
     number = np.unique([span.cycle for span in spans], return_inverse=True)[1]
     left_N = np.bincount(number, left) / np.maximum(np.bincount(number, way_m), 1.0)
     scatter_N = float(left_N.std(ddof=1)) if left_N.size >= LIMITS.energy_min_cycles else 0.0
-    mass = abs(mass_u_1 * _work_change_by_mass(integrals))
+    mass = abs(mass_u_1 * work_change_by_mass(integrals))
     ways = np.zeros_like(value)
     ways[:, PARTS.index("work")] = ways[:, PARTS.index("friction")] = way_m
     ways[:, PARTS.index("digging")] = dig["direction"]

@@ -11,7 +11,7 @@ class CycleLimits:
     One section per file; a comment says what a value limits, in which unit, and how it was chosen.
     """
 
-    # boom_cycles
+    # cycles_without_mass: cycles that the boom alone shows
     #: Masses and boom agree if the boom dumps within so many ns of where the mass changes,
     dump_match_ns: int = 3 * 10**9
     #: for this fraction of the boom's dumps.
@@ -49,7 +49,7 @@ class CycleLimits:
     #: which is this quantile of its speed.
     reached_speed_quantile: float = 0.95
 
-    # cycle_doubts
+    # doubts about cycles in the ledger
     #: Coverage factor of a 95 % interval.
     coverage_factor: float = 2.0
     #: Largest fraction of its load that a bucket brings back: with more it was not emptied, or the

@@ -202,7 +202,7 @@ def add_dump_times(
     stands, stops = is_standing(excitation), is_standing_or_creeping(excitation)
     boom = column_values(aligned, "boom_rad")
     for cycle, later in zip(cycles, [*cycles, None][1:], strict=True):
-        ready = _last_loaded_time_ns(cycle, passes)
+        ready = last_loaded_time_ns(cycle, passes)
         over = [int(ns) for ns in passes.start_ns[np.searchsorted(passes.start_ns, ready) :][:1]]
         if later is not None and later.dig_ns is not None and later.dig_ns[0] > ready:
             over.append(later.dig_ns[0])
@@ -211,35 +211,35 @@ def add_dump_times(
         if not dumped and cycle.loaded is None and over and not passes.dumps.shows_dumps:
             # by no witness: where a machine that has dug stands or creeps longest it dumps
             inside = (t_ns > ready) & (t_ns < empty)
-            cycle.dump_ns = _find_longest_stop(stops[inside], t_ns[inside])
+            cycle.dump_ns = find_longest_stop(stops[inside], t_ns[inside])
             cycle.dumped_ns = cycle.dump_ns and sum(cycle.dump_ns) // 2
         if not dumped and (cycle.loaded is None or not over):
             continue
         first, last = np.searchsorted(t_ns, [ready, empty])
         part = slice(first, last + 1)
         if dumped:
-            cycle.dump_ns = _extend_to_standstills(dumped[0][:2], stands[part], t_ns[part])
+            cycle.dump_ns = extend_to_standstills(dumped[0][:2], stands[part], t_ns[part])
             cycle.dumped_ns = dumped[0].dumped_ns
             continue
-        stand = _find_boom_standstill(stands[part], boom[part], t_ns[part])
+        stand = choose_standstill_by_boom(stands[part], boom[part], t_ns[part])
         by_boom = stand is not None and stand[2]
-        hole = None if by_boom else _find_longest_hole(t_ns[part])
+        hole = None if by_boom else find_longest_hole(t_ns[part])
         cycle.unseen = hole is not None
         found_ns = hole or (stand and stand[:2]) or (int(t_ns[first]), int(t_ns[last]))
         cycle.dump_ns, cycle.dumped_ns = found_ns, sum(found_ns) // 2
         if stand is not None and by_boom:
-            cycle.dumped_ns = _middle_of_boom_out_ns(boom[part], t_ns[part], *stand[:2])
+            cycle.dumped_ns = middle_of_boom_out_ns(boom[part], t_ns[part], *stand[:2])
 
 
-def _last_loaded_time_ns(cycle: CycleParts, passes: Passes) -> int:
-    """Last time with the load: end of its pass, or of its digging."""
+def last_loaded_time_ns(cycle: CycleParts, passes: Passes) -> int:
+    """Last time with the load, in ns: end of its pass, or of its digging."""
     if cycle.loaded is not None:
         return int(passes.end_ns[cycle.loaded])
     assert cycle.dig_ns is not None
     return cycle.dig_ns[1]
 
 
-def _extend_to_standstills(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple[int, int]:
+def extend_to_standstills(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple[int, int]:
     """Extend a span to include the standstills at its ends."""
     first, last = (int(k) for k in np.searchsorted(t_ns, span))
     last = min(last, t_ns.size - 1)
@@ -250,8 +250,8 @@ def _extend_to_standstills(span: tuple[int, int], stands: Bools, t_ns: Ints) -> 
     return int(t_ns[first]), int(t_ns[last])
 
 
-def _find_longest_hole(t_ns: Ints) -> tuple[int, int] | None:
-    """Longest time without samples, if it is long; else None."""
+def find_longest_hole(t_ns: Ints) -> tuple[int, int] | None:
+    """Begin and end in ns of the longest time without samples; None if it is short."""
     steps = np.diff(t_ns)
     if not steps.size or steps.max() < LIMITS.dump_hole_s * NS_PER_S:
         return None
@@ -259,7 +259,7 @@ def _find_longest_hole(t_ns: Ints) -> tuple[int, int] | None:
     return int(t_ns[widest]), int(t_ns[widest + 1])
 
 
-def _find_longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
+def find_longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
     """Longest standstill or creep, without idling; None if there is none."""
     begins, ends = runs_of_flagged_samples(stops)
     length = t_ns[ends] - t_ns[begins]
@@ -270,10 +270,19 @@ def _find_longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
     return int(t_ns[begins[best]]), int(t_ns[ends[best]])
 
 
-def _find_boom_standstill(
+def choose_standstill_by_boom(
     stands: Bools, boom: NDArray[np.float64], t_ns: Ints
 ) -> tuple[int, int, bool] | None:
-    """A standstill, and whether the boom moves during it."""
+    """Choose the standstill of a dump: that in which the boom moves most, or else the longest.
+
+    Args:
+        stands: (n,) samples that stand.
+        boom: (n,) boom angle in rad.
+        t_ns: (n,) time.
+
+    Returns:
+        Begin and end in ns, and whether the boom moves during it; None without a standstill.
+    """
     begins, ends = runs_of_flagged_samples(stands)
     if not begins.size:
         return None
@@ -284,9 +293,7 @@ def _find_boom_standstill(
     return int(t_ns[begins[best]]), int(t_ns[ends[best]]), by_boom
 
 
-def _middle_of_boom_out_ns(
-    boom: NDArray[np.float64], t_ns: Ints, start_ns: int, end_ns: int
-) -> int:
+def middle_of_boom_out_ns(boom: NDArray[np.float64], t_ns: Ints, start_ns: int, end_ns: int) -> int:
     """Middle of the time in which the boom is more than half out.
 
     The stand may last longer, since idling begins after a dump; a boom that moves again later does

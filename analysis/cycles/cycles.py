@@ -14,9 +14,9 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.cycles.boom_cycles import add_boom_cycles, does_digging_contradict_boom
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import CycleParts, add_dump_times, split_cycles_into_parts
+from analysis.cycles.cycles_without_mass import add_boom_cycles, does_digging_contradict_boom
 from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
     BY_MACHINE_FILE,
@@ -137,7 +137,7 @@ def weigh_cycles(
     counts = np.bincount(found.membership)
     for number, part in enumerate(parts, start=1):
         row: dict[str, object] = {"cycle": number, **_list_cycle_times(part, ready_ns)}
-        reason = withheld or _reason_for_no_mass(part)
+        reason = withheld or reason_for_no_mass(part)
         if not reason:
             weights = pass_weights(part, share, found.mass_kg.size)
             row |= _make_payload_row(part, found, share, clean)
@@ -148,7 +148,7 @@ def weigh_cycles(
         row["quality"], row["counted"] = _payload_quality_and_counted(row, part)
         row["withheld_for"] = reason or _remark_on_cycle(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
-        ready_ns = _cycle_completion_ns(part)
+        ready_ns = cycle_completion_ns(part)
     table = subtract_spillage(_cycle_frame(rows), parts, found, frames, machine.machine)
     return LogCycles(table, sums, worth.scale)
 
@@ -177,13 +177,13 @@ def _list_cycle_times(cycle: CycleParts, ready_ns: int) -> dict[str, object]:
     }
 
 
-def _cycle_completion_ns(cycle: CycleParts) -> int:
-    """Time at which a cycle is complete."""
+def cycle_completion_ns(cycle: CycleParts) -> int:
+    """Time in ns at which a cycle is complete: the end of its last part that was seen."""
     seen = [span for span in (cycle.dig_ns, cycle.haul_ns, cycle.dump_ns) if span]
     return seen[-1][1]
 
 
-def _reason_for_no_mass(cycle: CycleParts) -> str:
+def reason_for_no_mass(cycle: CycleParts) -> str:
     """Why a cycle has no mass; empty if it has one."""
     if cycle.loaded is None:
         return "no usable start with this load"

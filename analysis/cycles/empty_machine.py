@@ -154,7 +154,7 @@ def find_empty_mass_jump(
     found: list[tuple[float, MixedMachines]] = []
     for number, border_ns in enumerate(begins_ns[1:], 1):
         later = start_ns >= border_ns
-        sides = [_lightest_mass_and_std(mass_kg[side], std_kg[side]) for side in (~later, later)]
+        sides = [lightest_mass_and_std(mass_kg[side], std_kg[side]) for side in (~later, later)]
         if sides[0] is None or sides[1] is None:
             continue
         (before_kg, u_kg), (after_kg, other_u_kg) = sides[0], sides[1]
@@ -167,7 +167,7 @@ def find_empty_mass_jump(
     return max(found, key=lambda each: each[0])[1] if found else None
 
 
-def _lightest_mass_and_std(mass_kg: Floats, std_kg: Floats) -> tuple[float, float] | None:
+def lightest_mass_and_std(mass_kg: Floats, std_kg: Floats) -> tuple[float, float] | None:
     """Mass of the lightest starts, and its standard deviation; None if none is known empty."""
     if mass_kg.size < LIMITS.side_min_starts:
         return None

@@ -104,9 +104,9 @@ def collect_energy_samples(
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
     smooth_N, smooth_m_s = (
-        _centred_mean(excitation, name, machine) for name in ("force_x_N", "speed_x_m_s")
+        centred_column(excitation, name, machine) for name in ("force_x_N", "speed_x_m_s")
     )
-    turning = np.where(known, _turning_power(aligned, machine.machine), 0.0)
+    turning = np.where(known, turning_power(aligned, machine.machine), 0.0)
     stands, turns = (
         _mark_phase(excitation, name, machine, unknown=unknown)
         for name, unknown in (("standstill", True), ("spinning", False))
@@ -206,11 +206,11 @@ def centred_speed_and_acceleration(
 ) -> tuple[Floats, Floats]:
     """Speed, and acceleration that multiplies the mass, by the centred moving mean, (n,) each."""
     names = ("speed_x_m_s", "regressor_acc_x_m_s2")
-    speed, acceleration = (_centred_mean(excitation, name, machine) for name in names)
+    speed, acceleration = (centred_column(excitation, name, machine) for name in names)
     return speed, acceleration
 
 
-def _centred_mean(excitation: pl.DataFrame, name: str, machine: Machine) -> Floats:
+def centred_column(excitation: pl.DataFrame, name: str, machine: Machine) -> Floats:
     """Column after the trailing mean, advanced by half its length, (n,); 0 where unknown."""
     return np.roll(np.nan_to_num(column_values(excitation, name)), -excitation_delay_rows(machine))
 
@@ -226,7 +226,7 @@ def excitation_delay_rows(machine: Machine) -> int:
     return (machine.settings.smooth.samples - 1) // 2
 
 
-def _turning_power(aligned: pl.DataFrame, body: Body) -> Floats:
+def turning_power(aligned: pl.DataFrame, body: Body) -> Floats:
     """Power of the yaw torque, (n,) in W, if both sides are measured."""
     torque = yaw_torque(aligned, body)
     if torque is None or "yaw_rate_rad_s" not in aligned.columns:
@@ -298,8 +298,8 @@ def integrate_phases(
         errors: errors of force and speed.
         ground_N: (n,) force between tyres and ground without digging.
     """
-    force = _advance_column(samples, "force_N", errors.force_late_s)
-    wheels = _advance_column(samples, "speed_m_s", errors.speed_late_s)
+    force = advance_column(samples, "force_N", errors.force_late_s)
+    wheels = advance_column(samples, "speed_m_s", errors.speed_late_s)
     # brakes slip as well, and leave no measured force
     slipping_N = np.where(samples.digs, force, ground_N)
     speed = wheels * ground_speed_ratio(wheels, slipping_N, errors.slip_1_N)
@@ -346,7 +346,7 @@ def integrate_phases(
     )
 
 
-def _advance_column(samples: EnergySamples, name: str, late_s: float) -> Floats:
+def advance_column(samples: EnergySamples, name: str, late_s: float) -> Floats:
     """A column advanced by its delay, (n,)."""
     x: Floats = getattr(samples, name)
     if not late_s:

@@ -75,7 +75,7 @@ def fitted_force_model_and_u(
     offset, offset_u = term_value_and_std("offset")
     both = term["const"][2] if "const" in term else 0.0
     excitation = frames["excitation"]
-    wrong_N = priors.const_share * _high_quantile_force(excitation)
+    wrong_N = priors.const_share * high_quantile_force(excitation)
     wrong_1 = min((wrong_N / both) ** 2, 1.0) if both else 0.0
     friction = ("friction_x_N_s_m", "friction_x_std_N_s_m")
     viscous: tuple[float, float] = frames["loads"].select(friction).drop_nulls().row(0)
@@ -93,7 +93,7 @@ def fitted_force_model_and_u(
         "transfer": term_value_and_std("load_transfer"),
         "gain_drift": term_value_and_std("gain_drift"),
         "const": (const, const_u),
-        "offset": _combine_offsets((wrong_1 * const + offset, offset_u), excitation, mass_kg),
+        "offset": combine_force_offsets((wrong_1 * const + offset, offset_u), excitation, mass_kg),
         "viscous": (viscous[0], viscous_u),
         **{name: term_value_and_std(name) for name in WARMING},
         "direction": (term_value_and_std("direction")[0], direction_u),
@@ -117,17 +117,17 @@ def coulomb_std_if_not_fitted(
         return 0.0
     weight_N = float(np.quantile(mass_kg, 0.1)) * machine.machine.gravity_m_s2
     priors = machine.settings.priors
-    return coulomb_std(_high_quantile_force(frames["excitation"]), weight_N, priors)
+    return coulomb_std(high_quantile_force(frames["excitation"]), weight_N, priors)
 
 
-def _high_quantile_force(excitation: pl.DataFrame) -> float:
+def high_quantile_force(excitation: pl.DataFrame) -> float:
     """Large quantile of the log's force, in N."""
     driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
     pushed_N = np.abs(column_values(driving, "force_x_N"))
     return float(np.nanquantile(pushed_N, 0.95)) if pushed_N.size else 0.0
 
 
-def _combine_offsets(
+def combine_force_offsets(
     by_fit: tuple[float, float], excitation: pl.DataFrame, mass_kg: Floats
 ) -> tuple[float, float]:
     """Combine the force offsets of the fit and of the standstills, in N, with the uncertainty.

@@ -66,7 +66,7 @@ class FittedDrive:
         )
 
 
-def _ground_force(
+def ground_force(
     excitation: pl.DataFrame, machine: Machine, mass_kg: Floats, model: ForceModel
 ) -> Floats:
     """Force that accelerates the masses against friction, including brakes, (n,) in N.
@@ -83,11 +83,11 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
     """Collect samples, masses and force of a log from the joint fit."""
     grids = frames["aligned"], frames["excitation"], frames["digging"]
     cycles, manoeuvres = frames["cycles"], frames["manoeuvres"]
-    mass_kg = _machine_and_load_mass_kg(collect_energy_samples(*grids, machine), cycles, manoeuvres)
+    mass_kg = machine_and_load_mass_kg(collect_energy_samples(*grids, machine), cycles, manoeuvres)
     model, model_u = fitted_force_model_and_u(frames, mass_kg, machine.settings.priors)
     errors, errors_u = fitted_motion_errors_and_u(frames["nuisances"], model, machine)
     samples = collect_energy_samples(*grids, machine, model.offset)
-    mass_kg = _machine_and_load_mass_kg(samples, cycles, manoeuvres)
+    mass_kg = machine_and_load_mass_kg(samples, cycles, manoeuvres)
     samples = advance_driving_samples(samples, errors.force_late_s)
     friction = model.viscous, model.direction
     by_accelerometer = machine.settings.forces.acceleration == "specific_force"
@@ -96,7 +96,7 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
         max(excitation_delay_rows(machine), 1),
         mass_kg,
         machine.machine.rotating_mass_kg,
-        _ground_force(frames["excitation"], machine, mass_kg, model),
+        ground_force(frames["excitation"], machine, mass_kg, model),
         model,
         model_u,
         errors,
@@ -107,7 +107,7 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
     )
 
 
-def _machine_and_load_mass_kg(
+def machine_and_load_mass_kg(
     samples: EnergySamples, cycles: pl.DataFrame, manoeuvres: pl.DataFrame
 ) -> Floats:
     """Mass of machine and load, (n,), by the nearest start with the load; grows in digging."""

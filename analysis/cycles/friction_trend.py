@@ -96,7 +96,7 @@ def fit_friction_of_parts(
     """
     if manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count() or nuisances.is_empty():
         return ()
-    crossed, squared = _sum_manoeuvre_friction(excitation, manoeuvres, nuisances, settings)
+    crossed, squared = sum_manoeuvre_friction(excitation, manoeuvres, nuisances, settings)
     t_ns = excitation["t_ns"].to_numpy()
     middle = (manoeuvres["start_t_ns"] + manoeuvres["end_t_ns"]).to_numpy() / 2.0
     since_s = (middle - t_ns[0]) / NS_PER_S
@@ -123,7 +123,7 @@ def fit_friction_of_parts(
     return tuple(found)
 
 
-def _sum_manoeuvre_friction(
+def sum_manoeuvre_friction(
     excitation: pl.DataFrame, manoeuvres: pl.DataFrame, nuisances: pl.DataFrame, settings: Settings
 ) -> tuple[Floats, Floats]:
     """Sums of speed times remaining force, and of squared speed, (manoeuvres,) each."""

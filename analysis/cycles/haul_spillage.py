@@ -43,9 +43,7 @@ def subtract_spillage(
     """
     if body.haul_spillage_share is None or cycles.is_empty():
         return cycles
-    progress = _haul_fraction_when_weighed(
-        parts, passes, frames["manoeuvres"], frames["excitation"]
-    )
+    progress = haul_fraction_when_weighed(parts, passes, frames["manoeuvres"], frames["excitation"])
     arriving, u = arriving_share_and_u(progress, body)
     known = cycles["payload_kg"].is_not_null().to_numpy()
     return subtract_spillage_from_payloads(
@@ -89,7 +87,7 @@ def subtract_spillage_from_payloads(cycles: pl.DataFrame) -> pl.DataFrame:
     return conform_to_schema("cycles", widened.with_columns(payload_u_kg=u_kg))
 
 
-def _haul_fraction_when_weighed(
+def haul_fraction_when_weighed(
     parts: Sequence[CycleParts], passes: Passes, manoeuvres: pl.DataFrame, excitation: pl.DataFrame
 ) -> Floats:
     """Fraction of the haul at which each load is weighed, (cycles,).

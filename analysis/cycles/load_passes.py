@@ -93,19 +93,19 @@ def find_load_passes(
         # one who creeps to the dump may have emptied the bucket before the start ends
         known = [(int(begin[k]), int(begin[k + 1])) for k in emptied]
         dumps = find_boom_dumps(aligned, excitation, known)
-        of_state = _reclassify_at_dumps(of_state, begin, end, digs, dumps)
-    one_filling_ns = _longest_filling_step_ns(of_state, begin, end, digs)
+        of_state = reclassify_at_dumps(of_state, begin, end, digs, dumps)
+    one_filling_ns = longest_filling_step_ns(of_state, begin, end, digs)
     parts = np.diff(of_state) != 0
-    parts[_find_refill_borders(of_state, begin, end, digs, dumps, one_filling_ns)] = True
+    parts[find_refill_borders(of_state, begin, end, digs, dumps, one_filling_ns)] = True
     if digs.height < LIMITS.digging_min_fraction * np.count_nonzero(parts & of_state[:-1]):
-        parts[_find_dump_borders(of_state, begin, end, dumps)] = True
+        parts[find_dump_borders(of_state, begin, end, dumps)] = True
     hauls_nothing = find_short_hauls(of_state, parts, begin, end, digs)
     of_state = of_state & ~hauls_nothing
     parts = (np.diff(of_state) != 0) | (parts & of_state[1:])
     of = np.cumsum(np.append(0, parts)).astype(np.int64)
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
     last = np.append(first[1:] - 1, of.size - 1)
-    dumping = _mark_creeping_dumps(begin, end, dumps)
+    dumping = mark_creeping_dumps(begin, end, dumps)
     spilled = find_spilled_loads(of_state & ~dumping, of, state, mass_kg, u_kg)
     no_mass = dumping | spilled | hauls_nothing | ~are_masses_possible(mass_kg)[state]
     left = np.where(no_mass, 0.0, weight)
@@ -159,9 +159,7 @@ def find_short_hauls(
     return found
 
 
-def _longest_filling_step_ns(
-    loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
-) -> int:
+def longest_filling_step_ns(loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame) -> int:
     """Largest time in ns between starts that fill the same bucket, shorter than a cycle."""
     starts = np.sort(digs["start_t_ns"].to_numpy())
     stops = np.sort(digs["end_t_ns"].to_numpy())
@@ -176,7 +174,7 @@ def _longest_filling_step_ns(
     return min(LIMITS.one_filling_ns, int(LIMITS.one_filling_cycles * float(np.median(apart))))
 
 
-def _find_refill_borders(
+def find_refill_borders(
     loaded: Bools,
     begin_ns: Ints,
     end_ns: Ints,
@@ -205,7 +203,7 @@ def _find_refill_borders(
     return found
 
 
-def _reclassify_at_dumps(
+def reclassify_at_dumps(
     loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame, dumps: BoomDumps
 ) -> Bools:
     """Whether each manoeuvre is loaded, (manoeuvres,), with dumps where the boom shows them.
@@ -229,7 +227,7 @@ def _reclassify_at_dumps(
     return moved
 
 
-def _find_dump_borders(loaded: Bools, begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> list[int]:
+def find_dump_borders(loaded: Bools, begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> list[int]:
     """Borders between loaded manoeuvres at which the boom dumps, so that the load changes."""
     return [
         k
@@ -238,7 +236,7 @@ def _find_dump_borders(loaded: Bools, begin_ns: Ints, end_ns: Ints, dumps: BoomD
     ]
 
 
-def _mark_creeping_dumps(begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> Bools:
+def mark_creeping_dumps(begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> Bools:
     """Mark manoeuvres that creep while dumping, (manoeuvres,); a changing load has no mass."""
     dumped = np.array([each.dumped_ns for each in dumps.dumps], np.int64)
     return np.searchsorted(dumped, begin_ns) < np.searchsorted(dumped, end_ns, "right")
@@ -282,14 +280,14 @@ def classify_loaded_states(
         times_ns: (manoeuvres,) begins, and ends.
         digs: the frame `digging`: a digging start separates empty before from loaded after.
     """
-    label = _digging_labels(mass_kg, u_kg, state, *times_ns, digs)
+    label = digging_labels(mass_kg, u_kg, state, *times_ns, digs)
     possible = are_masses_possible(mass_kg)
-    found = _classify_by_border(mass_kg[possible], u_kg[possible], label[possible])
+    found = classify_by_border(mass_kg[possible], u_kg[possible], label[possible])
     # a mass that no machine has tells of no change of the load
     return None if found is None else found[(np.cumsum(possible) - 1).clip(0)]
 
 
-def _digging_labels(
+def digging_labels(
     mass_kg: Floats, u_kg: Floats, state: Ints, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
 ) -> Ints:
     """Labels by digging starts, (states,): 0 if one follows, 1 if one precedes, else -1."""
@@ -307,7 +305,7 @@ def _digging_labels(
     return label
 
 
-def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
+def classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
     """Classify each state as loaded or not, (states,), by a mass border between two classes.
 
     If loads are smaller than the states' standard deviations, digging decides, or whether nearly
@@ -328,9 +326,9 @@ def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | N
     )
     if not parted:
         # a load that changes without digging is dumped
-        label = label if told else _alternating_labels(mass_kg)
+        label = label if told else alternating_labels(mass_kg)
         light, heavy = label == 0, label == 1
-        if not _class_means_differ(mass_kg[light], mass_kg[heavy], least_kg):
+        if not class_means_differ(mass_kg[light], mass_kg[heavy], least_kg):
             return None
         # a load between others that is not seen to be dug is told by its mass
         undug = (label < 0) & (mass_kg > (a + b) / 2.0)
@@ -339,10 +337,10 @@ def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | N
     low = max(spread_kg, LIMITS.min_empty_spread * (b - a))
     high = max(robust_std(mass_kg[heavy], least_kg), LIMITS.min_loaded_spread * (b - a))
     border = (a * high + b * low) / (low + high)
-    return mass_kg > (_border_nearest_to_labels(mass_kg, label, border) if told else border)
+    return mass_kg > (border_nearest_to_labels(mass_kg, label, border) if told else border)
 
 
-def _alternating_labels(mass_kg: Floats) -> Ints:
+def alternating_labels(mass_kg: Floats) -> Ints:
     """1 if heavier than the state before, 0 if lighter, (states,); -1 if they do not alternate."""
     rises = np.diff(mass_kg) > 0.0
     turns = rises[1:] != rises[:-1]
@@ -356,7 +354,7 @@ def _alternating_labels(mass_kg: Floats) -> Ints:
     return np.append(not rises[0], rises).astype(np.int64)
 
 
-def _class_means_differ(light: Floats, heavy: Floats, least_kg: float) -> bool:
+def class_means_differ(light: Floats, heavy: Floats, least_kg: float) -> bool:
     """Whether the means of two classes differ, with enough states in each."""
     if min(light.size, heavy.size) < LIMITS.own_spread_min_states:
         return False
@@ -366,8 +364,8 @@ def _class_means_differ(light: Floats, heavy: Floats, least_kg: float) -> bool:
     )
 
 
-def _border_nearest_to_labels(mass_kg: Floats, label: Ints, border: float) -> float:
-    """Border that contradicts the fewest labels, among several the nearest to `border`."""
+def border_nearest_to_labels(mass_kg: Floats, label: Ints, border: float) -> float:
+    """Border in kg that contradicts the fewest labels (states,), among several the nearest."""
     order = np.sort(mass_kg)
     choices = np.append((order[1:] + order[:-1]) / 2.0, border)
     wrong = [

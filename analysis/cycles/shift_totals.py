@@ -64,7 +64,7 @@ def sum_shift(
     t_ns = excitation["t_ns"].to_numpy()
     duration_s = float(t_ns[-1] - t_ns[0]) / NS_PER_S if t_ns.size else 0.0
     gap_s = sum(end - start for start, end in gaps) / NS_PER_S
-    idle_s = _idle_time_s(excitation)
+    idle_s = idle_time_s(excitation)
     row: dict[str, Any] = {
         "start_t_ns": int(t_ns[0]) if t_ns.size else 0,
         "end_t_ns": int(t_ns[-1]) if t_ns.size else 0,
@@ -151,7 +151,7 @@ def sum_cycles(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, Any
     out = pl.col("cycle").is_in(list(rejected))
     counted = cycles.filter(pl.col("counted") & ~out)
     payload, back = counted["payload_kg"], counted["carry_back_kg"]
-    random_kg = _random_payload_u_kg(counted)
+    random_kg = random_payload_u_kg(counted)
     common_kg = float(counted["payload_u_shared_kg"].sum())
     return {
         "cycles": cycles.height,
@@ -176,8 +176,8 @@ def _finite_or_none(value: object) -> float | None:
     return value if isinstance(value, float) else None
 
 
-def _random_payload_u_kg(counted: pl.DataFrame) -> float:
-    """Random uncertainty of the sum of payloads."""
+def random_payload_u_kg(counted: pl.DataFrame) -> float:
+    """Random standard uncertainty of the sum of payloads, in kg."""
     weight: dict[int, float] = {}
     u_kg: dict[int, float] = {}
     carried = 0.0
@@ -200,8 +200,8 @@ def _random_payload_u_kg(counted: pl.DataFrame) -> float:
     return float(np.sqrt(sum((weight[n] * u_kg[n]) ** 2 for n in weight) + carried))
 
 
-def _idle_time_s(excitation: pl.DataFrame) -> float:
-    """Total time in long standstills."""
+def idle_time_s(excitation: pl.DataFrame) -> float:
+    """Total time in s of standstills that are long enough to be idling."""
     if excitation.is_empty():
         return 0.0
     stands = is_standing(excitation)

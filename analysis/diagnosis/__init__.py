@@ -3,8 +3,8 @@
 from analysis.diagnosis.check_inputs import CheckInputs
 from analysis.diagnosis.checks import CHECKS, judge_checks, withhold_by_findings
 from analysis.diagnosis.excluded_stretches import refit_without_stretches
+from analysis.diagnosis.fit_checks import compare_methods_with_joint_fit
 from analysis.diagnosis.measured_channels import collect_raw_signals
-from analysis.diagnosis.method_disagreement import compare_methods_with_joint_fit
 
 __all__ = [
     "CHECKS",

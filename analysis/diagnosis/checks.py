@@ -82,7 +82,7 @@ def _partial_correlation(_: CheckInputs, motion: AxisMotion) -> float:
     return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
 
 
-def _correlation_while_driving(inputs: CheckInputs, motion: AxisMotion) -> float:
+def correlation_while_driving(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Partial correlation; NaN if the machine moves too briefly."""
     rate_hz = inputs.machine.settings.align.rate_hz
     fewest = rows_in_duration(_SHORTEST_MOVING_S, rate_hz, FEWEST_READINGS)
@@ -234,7 +234,7 @@ CHECKS: Final = (
     CheckRow(
         "force_sign",
         "mass",
-        _correlation_while_driving,
+        correlation_while_driving,
         "correlation of acceleration and force; strongly negative: inverted sign",
         minimum="force_sign_min",
         optional=True,

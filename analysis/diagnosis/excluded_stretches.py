@@ -94,14 +94,14 @@ def refit_without_stretches(
     rows = np.zeros(aligned.height, np.bool_)
     named: dict[str, ExcludedStretches] = {}
     for check, spans, why in _stretches_of_failing_checks(signals, machine.settings.verdict):
-        held = _rows_reached_by_spans(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
+        held = mark_rows_in_spans(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
         if not held.any() or weighing is None:
             continue
-        fitted = int(np.count_nonzero(held & _mark_weighed_samples(weighing)))
+        fitted = int(np.count_nonzero(held & mark_weighed_samples(weighing)))
         found = ExcludedStretches(fitted / machine.settings.align.rate_hz, 0.0)
         if fitted:
             without = weighed(aligned.with_columns(left_out=pl.Series(rows | held)))
-            found = ExcludedStretches(found.fitted_s, _mass_shift_in_u(weighing, without))
+            found = ExcludedStretches(found.fitted_s, mass_shift_in_u(weighing, without))
             weighing = without if found.is_harmless else weighing
         named[check] = found
         if found.is_harmless:
@@ -124,23 +124,21 @@ def _stretches_of_failing_checks(
         yield "clipped_share", signals.clipped_spans, "saturated"
 
 
-def _mark_weighed_samples(weighing: Weighing) -> Bools:
+def mark_weighed_samples(weighing: Weighing) -> Bools:
     """Samples of the fit and of manoeuvres whose load appears to change, (n,)."""
     motion = weighing.fit.motion
     return motion.used | np.isin(motion.unit, [each.unit for each in weighing.growing])
 
 
-def _mass_shift_in_u(all_samples: Weighing, without: Weighing | None) -> float:
-    """Change of the mass without the stretches, in its uncertainty."""
+def mass_shift_in_u(all_samples: Weighing, without: Weighing | None) -> float:
+    """Change of the mass without the stretches, in its standard uncertainty."""
     if without is None:
         return np.inf
     moved_u = abs(mean_mass_difference_kg(without.fit, all_samples.fit)) / without.fit.u_kg
     return moved_u if np.isfinite(moved_u) else np.inf
 
 
-def _rows_reached_by_spans(
-    spans: Mapping[str, Spans], unix_ns: np.ndarray, machine: Machine
-) -> Bools:
+def mark_rows_in_spans(spans: Mapping[str, Spans], unix_ns: np.ndarray, machine: Machine) -> Bools:
     """Grid rows that a stretch of any channel overlaps, (n,)."""
     reach_ns = int(_SMEARS / machine.settings.filter.cutoff_hz * 1e9)
     held = np.zeros(unix_ns.size, np.bool_)

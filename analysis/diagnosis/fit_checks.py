@@ -1,19 +1,75 @@
 """Checks of the joint fit: the size of its terms, and disagreements between estimates."""
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
 from analysis.diagnosis.check_row import CheckRow
-from analysis.diagnosis.method_disagreement import compare_methods_with_joint_fit
 from analysis.model.schema import column_values
-from analysis.weighing.mass_budget import relative_u
+from analysis.weighing.mass_budget import relative_mass_uncertainty
 from analysis.weighing.other_motion import wheel_imu_disagreement
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
+
+#: So many deviations of both together contradict a method, if it matters by this share.
+_CONTRADICTS: Final = 3.0
+_MATTERS: Final = 0.01
+#: A term this many deviations from 0 is there.
+_TERM_IS_THERE: Final = 3.0
+
+
+class Disagreement(NamedTuple):
+    """Distance of a method from the answer in standard deviations, and whether it disagrees."""
+
+    method: str
+    deviations: float
+    contradicted: bool
+
+
+def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
+    """Compare every method that has a mass with the joint fit.
+
+    A method without nuisance terms assumes that they are 0, except for a configured Coulomb term.
+    If the log shows a term that is not 0, or if its starts disagree, the method's own deviation is
+    too small, and its interval must at least contain that of the answer. With several loads no
+    method agrees, since each estimates one mass.
+    """
+    weighing, totals = inputs.weighing, inputs.totals
+    if weighing is None or totals is None:
+        return []
+    fit = weighing.fit
+    modelled = _nuisances_shared_with_methods(inputs)
+    shows = any(t > _TERM_IS_THERE for term, t in fit.term_t_values.items() if term not in modelled)
+    shows = shows or bool(fit.fit.misfit.any())
+    shows = shows or (fit.states is not None and fit.states.has_excess_scatter)
+    out: list[Disagreement] = []
+    columns = (
+        totals["method"].to_list(),
+        column_values(totals, "mass_kg"),
+        column_values(totals, "mass_std_kg"),
+    )
+    for method, mass_kg, std_kg in zip(*columns, strict=True):
+        if not np.isfinite(mass_kg):
+            continue
+        difference_kg = mass_kg - fit.mass_kg
+        if fit.count > 1 or not np.isfinite(std_kg):
+            out.append(Disagreement(method, np.inf, contradicted=True))
+            continue
+        deviations = difference_kg / float(np.hypot(std_kg, fit.u_kg))
+        far = abs(deviations) > _CONTRADICTS and abs(difference_kg) > _MATTERS * abs(fit.mass_kg)
+        misses = shows and abs(difference_kg) + fit.u_kg > 1.96 * std_kg
+        out.append(Disagreement(method, float(deviations), contradicted=far or misses))
+    return out
+
+
+def _nuisances_shared_with_methods(inputs: CheckInputs) -> set[str]:
+    """Nuisances that the methods also model: the Coulomb term, or a constant for one direction."""
+    if inputs.weighing is None or not inputs.machine.settings.forces.coulomb:
+        return set()
+    return {"direction" if inputs.weighing.fit.motion.drives_both_ways else "const"}
 
 
 def _make_weighing_value(
@@ -47,12 +103,12 @@ def _has_wheel_kinematics(inputs: CheckInputs, _: AxisMotion) -> bool:
     return inputs.weighing is not None and inputs.weighing.fit.kinematics is not None
 
 
-def _relative_u(inputs: CheckInputs, _: AxisMotion) -> float:
+def main_load_relative_u(inputs: CheckInputs, _: AxisMotion) -> float:
     """Relative standard uncertainty of the load with the most manoeuvres."""
     weighing = inputs.weighing
     if weighing is None:
         return np.nan
-    return relative_u(weighing, inputs.machine, weighing.fit.main_state)
+    return relative_mass_uncertainty(weighing, inputs.machine, weighing.fit.main_state)
 
 
 def is_answer_expected(inputs: CheckInputs, _: AxisMotion) -> bool:
@@ -147,7 +203,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "relative_u",
         "mass",
-        _relative_u,
+        main_load_relative_u,
         "standard uncertainty of the mass over the mass",
         maximum="relative_std_max",
         applies=is_answer_expected,

@@ -10,12 +10,12 @@ import numpy as np
 import polars as pl
 
 from analysis.model.windows import runs_of_flagged_samples
-from analysis.stages.signals.clocks import (
+from analysis.stages.signals.filters import period_ns
+from analysis.stages.signals.timestamps import (
     RelativeDrift,
     find_largest_relative_drift,
     measure_clock_drifts,
 )
-from analysis.stages.signals.filters import period_ns
 from estimators.arrays import Floats, Ints
 
 Series = tuple[Ints, Floats]
@@ -89,7 +89,7 @@ class RawSignals:
         told = (*_FORCES, *_MOTION, *_BESIDE)
         looked = {name: series for name, series in self.channels.items() if name in told}
         return {
-            name: _find_repeated_readings(name, looked) for name in looked if name not in _BESIDE
+            name: find_repeated_readings(name, looked) for name in looked if name not in _BESIDE
         }
 
     @cached_property
@@ -102,7 +102,7 @@ class RawSignals:
         return {
             name: {
                 **find_repeated_extremes(x),
-                **_find_clipping_levels(self._repeated_readings[name], x),
+                **find_clipping_levels(self._repeated_readings[name], x),
             }
             for name, (_, x) in self.channels.items()
             if name in _FORCES
@@ -124,13 +124,11 @@ class RawSignals:
     def standstill_spans(self) -> Spans:
         """Spans in ns in which every speed reads exactly 0, so that no channel has to change."""
         by_speed = [
-            _find_zero_speed_spans(*self.channels[name])
-            for name in _SPEEDS
-            if name in self.channels
+            find_zero_speed_spans(*self.channels[name]) for name in _SPEEDS if name in self.channels
         ]
         common = by_speed[0] if by_speed else []
         for spans in by_speed[1:]:
-            common = _intersect_spans(common, spans)
+            common = intersect_spans(common, spans)
         return common
 
     @property
@@ -152,7 +150,7 @@ class RawSignals:
     def clipped_spans(self) -> dict[str, Spans]:
         """Spans in ns in which a force channel stays at a limit, by channel."""
         return {
-            name: _find_spans_at_limits(list(found), *self.channels[name])
+            name: find_spans_at_limits(list(found), *self.channels[name])
             for name, found in self.force_limits.items()
             if found
         }
@@ -212,7 +210,7 @@ def find_long_runs_of_one_reading(t: Ints, x: Floats) -> tuple[list[RepeatedRead
     ], never
 
 
-def _find_zero_speed_spans(t: Ints, x: Floats) -> Spans:
+def find_zero_speed_spans(t: Ints, x: Floats) -> Spans:
     """Spans in ns in which a speed reads 0 for long, with gradual entry and exit."""
     first, last = find_equal_runs(x)
     before, after = np.abs(x[np.maximum(first - 1, 0)]), np.abs(x[np.minimum(last + 1, x.size - 1)])
@@ -222,13 +220,13 @@ def _find_zero_speed_spans(t: Ints, x: Floats) -> Spans:
     return [(int(b), int(e)) for b, e in zip(t[first[stands]], t[last[stands]], strict=True)]
 
 
-def _intersect_spans(some: Spans, others: Spans) -> Spans:
-    """Intersection of two lists of spans."""
+def intersect_spans(some: Spans, others: Spans) -> Spans:
+    """Intersection of two lists of spans in ns."""
     pairs = ((max(b, c), min(e, d)) for b, e in some for c, d in others)
     return [(begin, end) for begin, end in pairs if begin < end]
 
 
-def _find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
+def find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
     """Stretches in which a channel repeats itself while others change."""
     t, x = channels[name]
     runs, never = find_long_runs_of_one_reading(t, x)
@@ -283,7 +281,7 @@ def find_repeated_extremes(x: Floats) -> dict[float, float]:
     }
 
 
-def _find_clipping_levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
+def find_clipping_levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
     """Find levels at which readings are clipped: long runs return to them, few exceed them."""
     often = Counter(run.value for run in runs)
     return {
@@ -293,7 +291,7 @@ def _find_clipping_levels(runs: list[RepeatedReading], x: Floats) -> dict[float,
     }
 
 
-def _find_spans_at_limits(limits: list[float], t: Ints, x: Floats) -> Spans:
+def find_spans_at_limits(limits: list[float], t: Ints, x: Floats) -> Spans:
     """Spans in ns in which most readings are at a limit."""
     from scipy.ndimage import uniform_filter1d  # slow to import
 

@@ -122,10 +122,8 @@ def compare_sides(
     if torques[0] is not None and torques[1] is not None:
         turning = [] if turns is None else [turns, np.clip(turns / _SCRUBS_RAD_S, -1.0, 1.0)]
         stands = blocks_in_phase("standstill")
-        ahead = _driving_direction(speeds, torques)
-        found["torque"] = _torque_difference(
-            torques[0], torques[1], turning, ahead, driving, stands
-        )
+        ahead = driving_direction(speeds, torques)
+        found["torque"] = compare_torques(torques[0], torques[1], turning, ahead, driving, stands)
     width_m = machine.machine.track_width_m
     if speeds[0] is not None and speeds[1] is not None and turns is not None and width_m:
         apart = speeds[1] - speeds[0] - width_m * turns
@@ -133,17 +131,17 @@ def compare_sides(
         push = None
         if torques[0] is not None and torques[1] is not None:
             push = np.maximum(np.abs(torques[0]), np.abs(torques[1]))
-        found |= _speed_difference(apart, mean, push, driving)
+        found |= compare_wheel_speeds(apart, mean, push, driving)
     return {kind: each for kind, each in found.items() if each is not None}
 
 
-def _driving_direction(speeds: Sequence[Floats | None], torques: Sequence[Floats | None]) -> Floats:
+def driving_direction(speeds: Sequence[Floats | None], torques: Sequence[Floats | None]) -> Floats:
     """Driving direction (n,) by the wheel speeds, or else by the torques."""
     known = next(each for each in (*speeds, *torques) if each is not None)
     return np.sign(known)
 
 
-def _torque_difference(
+def compare_torques(
     left: Floats, right: Floats, turning: list[Floats], ahead: Floats, driving: Bools, stands: Bools
 ) -> SideDifference | None:
     """Slope of the torque difference on the mean torque.
@@ -163,7 +161,7 @@ def _torque_difference(
     return found
 
 
-def _speed_difference(
+def compare_wheel_speeds(
     difference: Floats, mean: Floats, push: Floats | None, driving: Bools
 ) -> dict[str, SideDifference | None]:
     """Relative difference of the wheel speeds, and its increase in hard starts."""

@@ -14,7 +14,7 @@ from estimators.arrays import Floats
 
 def _raw_opposing_share(inputs: CheckInputs, motion: AxisMotion) -> float:
     """`opposing_share` of the unfiltered force, since a low-pass undershoots zero."""
-    force = _raw_force(inputs)
+    force = unfiltered_force(inputs)
     if force is None:
         return np.nan
     return fit_quality.share_against_motion(
@@ -22,7 +22,7 @@ def _raw_opposing_share(inputs: CheckInputs, motion: AxisMotion) -> float:
     )
 
 
-def _raw_force(inputs: CheckInputs) -> Floats | None:
+def unfiltered_force(inputs: CheckInputs) -> Floats | None:
     """Unfiltered force on the grid, (n,) in N; None if the force is derived."""
     if inputs.signals is None:
         return None

@@ -103,13 +103,13 @@ class Filters:
             (n, 2, 6) regressor and (n, 2) force and torque.
         """
         force, torque, s_x, s_y, speed, yaw_rate = (
-            _apply_filter_without_ends(each, self.mean) for each in raw
+            apply_filter_without_ends(each, self.mean) for each in raw
         )
-        turn = _apply_filter_without_ends(raw.yaw_rate_rad_s, self.difference)
+        turn = apply_filter_without_ends(raw.yaw_rate_rad_s, self.difference)
         return planar_rows.regressor(s_x, s_y, speed, yaw_rate, turn), np.stack([force, torque], -1)
 
 
-def _apply_filter_without_ends(channel: Floats, weights: Floats) -> Floats:
+def apply_filter_without_ends(channel: Floats, weights: Floats) -> Floats:
     """Apply filter weights to a raw channel; returns (n - weights + 1,), without its ends."""
     return np.convolve(channel, weights[::-1], "valid")
 
@@ -190,7 +190,7 @@ def predict_errors(
     columns, rows = COLUMNS[drive], _ROWS[drive]
     A, y = make_window_system(drive, filters, truth, noise)
     # noise in the regressor adds E[NᵀN] to AᵀA
-    gram = A.T @ A + np.diag(_regressor_noise_squares(drive, filters, truth, noise))
+    gram = A.T @ A + np.diag(regressor_noise_squares(drive, filters, truth, noise))
     inverse = np.linalg.solve(gram, A.T)
     theta = true_parameters(body)[columns]
     bias = inverse @ y - theta
@@ -205,7 +205,7 @@ def predict_errors(
             )
             both = np.zeros((weight.shape[0], 2))
             both[:, rows] = weight
-            shares = _predict_variance_by_source(filters, both, phi, full, noise)
+            shares = predict_variance_by_source(filters, both, phi, full, noise)
             predictions[name] = Prediction(
                 value=value,
                 variance_per_force=shares[0] / float(noise.force_x_N) ** 2,
@@ -228,7 +228,7 @@ def predicted_quantities(body: RigidBody) -> dict[str, tuple[float, Floats]]:
     }
 
 
-def _predict_variance_by_source(
+def predict_variance_by_source(
     filters: Filters, weight: Floats, phi: Floats, full: Floats, noise: MeasuredSignals
 ) -> tuple[float, float]:
     """Variance of an error Σ weight (n, 2) · rows due to force and torque, and due to the rest."""
@@ -251,7 +251,7 @@ def _predict_variance_by_source(
     return sum(variances[:2]), sum(variances[2:])
 
 
-def _regressor_noise_squares(
+def regressor_noise_squares(
     drive: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
 ) -> Floats:
     """Diagonal (p,) of E[NᵀN] over a window; mean and central difference are uncorrelated."""
@@ -273,7 +273,7 @@ def scaled_condition_from_gram(
 ) -> float:
     """Condition number of AᵀA after each column is divided by its noise."""
     A, _ = make_window_system(drive, filters, truth, noise)
-    inside = np.sqrt(_regressor_noise_squares(drive, filters, truth, noise))
+    inside = np.sqrt(regressor_noise_squares(drive, filters, truth, noise))
     if not (inside > 0.0).all():
         inside = np.linalg.norm(A, axis=0)
     return float(np.linalg.cond(A / inside)) ** 2

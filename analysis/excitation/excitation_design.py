@@ -179,13 +179,13 @@ def driveline_response_time_s(scenario: Scenario, load_kg: float, axis: Axis) ->
         inertia, friction, key = body.mass_kg, body.friction_x_N_s_m, "friction_N_s_m"
         step = Excite(
             force=ForceWave(lowest_N=full[0] / 2, highest_N=full[0] / 2),
-            duration_s=_settling_time_s(inertia, friction, key, scenario),
+            duration_s=settling_time_s(inertia, friction, key, scenario),
         )
     else:
         inertia, friction, key = body.inertia_z_kg_m2, body.friction_z_N_m_s, "friction_z_N_m_s"
         step = Excite(
             torque=TorqueWave(lowest_N_m=full[1] / 2, highest_N_m=full[1] / 2),
-            duration_s=_settling_time_s(inertia, friction, key, scenario),
+            duration_s=settling_time_s(inertia, friction, key, scenario),
         )
     motion = solve_motion(scenario_with_manoeuvres(scenario, step), load_kg)
     time_s = np.linspace(0.0, step.duration_s, 20_001)[:-1]
@@ -196,7 +196,7 @@ def driveline_response_time_s(scenario: Scenario, load_kg: float, axis: Axis) ->
     return float(time_s[np.abs(speed / speed[-1] - 1.0) > _SETTLED][-1])
 
 
-def _settling_time_s(inertia: float, friction: float, key: str, scenario: Scenario) -> float:
+def settling_time_s(inertia: float, friction: float, key: str, scenario: Scenario) -> float:
     """Time in which a step certainly settles, at most an hour."""
     if friction <= 0.0:
         raise DataError(f"machine.{key}: is 0, so that a step never settles; give a value above 0")
@@ -238,7 +238,7 @@ def design_excitation(
             f"T = {slowest_s:.2f} s and the period 3 T = {_PERIOD_OVER_RESPONSE * slowest_s:.2f} s"
         )
     scores = [
-        _score_shape(scenario, drive, shape, ways, response_s, window_s, accuracy)
+        score_waveform(scenario, drive, shape, ways, response_s, window_s, accuracy)
         for shape in get_args(Shape)
         for ways in get_args(Ways)
     ]
@@ -284,7 +284,7 @@ def _make_excite_manoeuvre(
     return Excite(force=force, torque=torque, duration_s=2.0 * max(periods.values()))
 
 
-def _score_shape(
+def score_waveform(
     scenario: Scenario,
     drive: Drive,
     shape: Shape,

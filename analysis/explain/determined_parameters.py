@@ -82,7 +82,7 @@ def find_determined_parameters(
         alone=tuple(named),
         combinations=tuple(found.combination_texts()),
         lost=tuple(name for name in _NAMES if name not in (*named, *joined)),
-        trade_offs=_find_trade_offs(A),
+        trade_offs=find_trade_offs(A),
     )
 
 
@@ -99,7 +99,7 @@ def column_noise_stds(noise: pl.DataFrame | None, settings: Settings) -> Floats 
     return np.array([*measured, _NEARLY_EXACT, _NEARLY_EXACT])
 
 
-def _find_trade_offs(A: Floats) -> tuple[tuple[str, str, float], ...]:
+def find_trade_offs(A: Floats) -> tuple[tuple[str, str, float], ...]:
     """Correlations of least-squares estimates beyond `TRADE_OFF`, strongest first."""
     length = np.linalg.norm(A, axis=0)
     kept = [i for i in range(A.shape[1]) if length[i] > 0.0]

@@ -56,7 +56,7 @@ def evaluate_and_count_near_zero(
             return scale * values[f"{SLOPE} {name}"]
         parts = [evaluate_node(argument) for argument in node.arguments]
         if node.function == "/":
-            quotient, bad = _divide(parts[0], parts[1])
+            quotient, bad = divide_and_count_near_zero(parts[0], parts[1])
             near_zero += bad
             return quotient
         return _apply_function(node, parts)
@@ -86,7 +86,7 @@ def _apply_function(node: Call, parts: list[Floats]) -> Floats:
     return np.where(parts[0].astype(np.bool_), parts[1], otherwise)
 
 
-def _divide(dividend: Floats, divisor: Floats) -> tuple[Floats, int]:
+def divide_and_count_near_zero(dividend: Floats, divisor: Floats) -> tuple[Floats, int]:
     """Quotient, NaN if the divisor is near zero, and the number of such divisions."""
     known = np.abs(divisor[np.isfinite(divisor)])
     limit = NEAR_ZERO * float(np.percentile(known, _HIGH)) if known.size else 0.0

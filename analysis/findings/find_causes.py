@@ -207,16 +207,22 @@ def _has_cause(found: pl.DataFrame, cause: str) -> bool:
 
 
 def drop_repeated_findings(
-    found: pl.DataFrame, hiding: list[pl.DataFrame], seen: pl.DataFrame
+    found: pl.DataFrame, masking: list[pl.DataFrame], unmasked: pl.DataFrame
 ) -> pl.DataFrame:
-    """Keep the findings of the whole log that the second search neither repeats nor explains."""
+    """Keep the findings of the whole log that the second search neither repeats nor explains.
+
+    Args:
+        found: findings of the whole log.
+        masking: the masking causes that were corrected, a row each.
+        unmasked: findings of the second search, once they are corrected.
+    """
     explained = [
         key
         for each in CAUSES
         for key in each.explains
-        if any(_has_cause(first, each.key) for first in hiding)
+        if any(_has_cause(first, each.key) for first in masking)
     ]
-    known = [*explained, *seen["cause"], *(each["cause"][0] for each in hiding)]
+    known = [*explained, *unmasked["cause"], *(each["cause"][0] for each in masking)]
     return found.filter(~pl.col("cause").is_in(known))
 
 

@@ -98,11 +98,11 @@ def find_line_changes(calibrations: Sequence[FleetCalibration]) -> list[LineChan
         before = last.get((each.machine, each.method))
         last[each.machine, each.method] = each
         if before is not None:
-            found.append(_change_of_line(before, each))
+            found.append(calibration_line_change(before, each))
     return found
 
 
-def _change_of_line(before: FleetCalibration, after: FleetCalibration) -> LineChange:
+def calibration_line_change(before: FleetCalibration, after: FleetCalibration) -> LineChange:
     """Change of offset and slope between two calibrations."""
     middle = (before.centre_kg + after.centre_kg) / 2.0
     (old, old_kg2), (new, new_kg2) = (

@@ -138,14 +138,14 @@ def make_machine_charts(days: pl.DataFrame) -> list[MachineChart]:
         parts = rows.with_columns(part=pl.col("calibration").rle_id())
         for _, part in parts.group_by("part", maintain_order=True):
             found += [
-                _chart_quantity(part.drop_nulls(signal.column), signal, limit)
+                chart_quantity(part.drop_nulls(signal.column), signal, limit)
                 for signal in SIGNALS
                 if part[signal.column].count() > 0
             ]
     return found
 
 
-def _chart_quantity(part: pl.DataFrame, signal: ChartedQuantity, limit: float) -> MachineChart:
+def chart_quantity(part: pl.DataFrame, signal: ChartedQuantity, limit: float) -> MachineChart:
     """Chart of one quantity of a machine between two calibrations."""
     values = part[signal.column].to_numpy()
     if signal.logarithm:
@@ -182,7 +182,7 @@ def make_control_chart(values: Floats, limit: float) -> ControlChart:
         up[n], down[n] = high, low
         if flagged is None and max(high, low) > limit:
             flagged, since = n, begins[0 if high > low else 1]
-    change, std = _change_and_std_since(values, since)
+    change, std = change_and_std_since(values, since)
     return ControlChart(innovation, up, down, limit, flagged, since, change, std)
 
 
@@ -222,8 +222,8 @@ def standardise_innovations(values: Floats) -> Floats:
     return found
 
 
-def _change_and_std_since(values: Floats, since_row: int | None) -> tuple[float, float]:
-    """Change of the mean at a row, and its standard deviation."""
+def change_and_std_since(values: Floats, since_row: int | None) -> tuple[float, float]:
+    """Change of the mean of the values (n,) at a row, and its standard deviation."""
     if since_row is None or since_row < 2 or values.size - since_row < 2:
         return float("nan"), float("nan")
     before, after = values[:since_row], values[since_row:]

@@ -92,8 +92,8 @@ def _column_digest(series: pl.Series) -> str:
     for part in (series[begin : begin + _ROWS] for begin in range(0, series.len(), _ROWS)):
         if series.null_count():
             nulls.update(np.packbits(part.is_null().to_numpy()).data)
-        for array in _iter_value_arrays(part):
-            values.update(_to_little_endian(array).data)
+        for array in iter_value_arrays(part):
+            values.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).data)
     about = [series.name, *_describe_dtype(series.dtype)]
     return _json_digest([about, values.hexdigest(), nulls.hexdigest()])
 
@@ -104,7 +104,7 @@ def _describe_dtype(dtype: pl.DataType) -> list[Any]:
     return [str(dtype)]
 
 
-def _iter_value_arrays(part: pl.Series) -> Iterator[NDArray[Any]]:
+def iter_value_arrays(part: pl.Series) -> Iterator[NDArray[Any]]:
     """Yield the values of a column as arrays, zero or empty for nulls."""
     dtype = part.dtype
     if isinstance(dtype, pl.Enum):
@@ -115,7 +115,7 @@ def _iter_value_arrays(part: pl.Series) -> Iterator[NDArray[Any]]:
     elif dtype == pl.Boolean:
         yield np.packbits(_fill_null(part, value=False).to_numpy())
     elif dtype.is_temporal():
-        yield from _iter_value_arrays(part.to_physical())
+        yield from iter_value_arrays(part.to_physical())
     else:
         texts = part if dtype == pl.String else _write_values_as_text(part)
         encoded = "".join(_fill_null(texts, "").to_list()).encode()
@@ -132,7 +132,3 @@ def _write_values_as_text(part: pl.Series) -> pl.Series:
     """Convert a dtype that recordings do not hold (nested, binary, decimal) to text."""
     written = [None if value is None else repr(value) for value in part.to_list()]
     return pl.Series(part.name, written, dtype=pl.String)
-
-
-def _to_little_endian(array: NDArray[Any]) -> NDArray[Any]:
-    return np.ascontiguousarray(array, array.dtype.newbyteorder("<"))

@@ -91,7 +91,8 @@ def has_torque_of_sides(machine: Machine) -> bool:
     return "torque_z_N_m" not in machine.channels
 
 
-def _relative_u(u: float | None, value: float | None) -> float | None:
+def relative_uncertainty_or_none(u: float | None, value: float | None) -> float | None:
+    """A standard uncertainty over its value; None if one of them is not stated."""
     return None if u is None or value is None else u / value
 
 
@@ -114,7 +115,9 @@ SCALES: Final = (
     Scale(
         "force_share",
         lambda machine: machine.machine.force_share < 1.0,
-        lambda machine: _relative_u(machine.machine.force_share_u, machine.machine.force_share),
+        lambda machine: relative_uncertainty_or_none(
+            machine.machine.force_share_u, machine.machine.force_share
+        ),
         "machine.force_share_u",
         "share of the force on the measured wheels",
     ),
@@ -129,7 +132,7 @@ SCALES: Final = (
     Scale(
         "wheel_radius",
         _derives_force_from_torque,
-        lambda machine: _relative_u(
+        lambda machine: relative_uncertainty_or_none(
             machine.machine.wheel_radius_u_m, machine.machine.wheel_radius_m
         ),
         "machine.wheel_radius_u_m",
@@ -148,7 +151,9 @@ SCALES: Final = (
 TRACK_WIDTH: Final = Scale(
     "track_width",
     has_torque_of_sides,
-    lambda machine: _relative_u(machine.machine.track_width_u_m, machine.machine.track_width_m),
+    lambda machine: relative_uncertainty_or_none(
+        machine.machine.track_width_u_m, machine.machine.track_width_m
+    ),
     "machine.track_width_u_m",
     "track width, which makes a yaw torque of the torques of both sides",
     remedy="measuring it",

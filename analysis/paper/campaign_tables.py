@@ -189,7 +189,7 @@ def _make_swept_table(
             for i, method in enumerate(printed_numbers.METHODS)
         },
         extremes=tuple(
-            _find_best_and_worst_setting(str(method), setting, part)
+            find_best_and_worst_setting(str(method), setting, part)
             for (method,), part in table.group_by("method", maintain_order=True)
             if method in _COMPARED
         ),
@@ -224,7 +224,7 @@ def _mean_errors_by_setting(
     )
 
 
-def _find_best_and_worst_setting(method: str, setting: str, part: pl.DataFrame) -> ErrorExtremes:
+def find_best_and_worst_setting(method: str, setting: str, part: pl.DataFrame) -> ErrorExtremes:
     """The values of a setting with the least and the largest error of a method."""
     known = dict(part.select(setting, "run_left_out_kg").drop_nulls().iter_rows())
     (best, *_), worst = keys_of_lowest_error(known), max(known, key=lambda at: known[at])

@@ -63,10 +63,10 @@ def replay_with_accepted_windows(
 
 def cruise_errors_kg(campaign: ReplayedCampaign) -> tuple[float, ...]:
     """Errors of RLS at the end of the cruise of a single trial, for each of `CRUISE_FED`."""
-    return tuple(_cruise_error_kg(campaign, how, directional) for how, directional in CRUISE_FED)
+    return tuple(cruise_error_kg(campaign, how, directional) for how, directional in CRUISE_FED)
 
 
-def _cruise_error_kg(campaign: ReplayedCampaign, window_rule: Fed, directional: bool) -> float:
+def cruise_error_kg(campaign: ReplayedCampaign, window_rule: Fed, directional: bool) -> float:
     """Error of RLS at the end of the cruise; NaN without an estimate."""
     methods = {"trace.methods": ("rls",), "trace.directional_forgetting": directional}
     again = replay_with_accepted_windows(

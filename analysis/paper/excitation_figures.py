@@ -106,7 +106,7 @@ def make_figure_3_data(campaign: ReplayedCampaign) -> Figure3:
     return Figure3(
         frame=series,
         true_mass_kg=truth["mass_kg"],
-        rms_kg=_rms_error_by_method(series, "mass_kg", "true_mass_kg"),
+        rms_kg=rms_error_by_method(series, "mass_kg", "true_mass_kg"),
         converging=early_and_late_rms_errors(series),
         memory_samples=(1.0 + settings.trace.forgetting) / (1.0 - settings.trace.forgetting),
         window_samples=settings.gate.window_samples,
@@ -135,7 +135,7 @@ class Figure4:
 def make_figure_4_data(campaign: ReplayedCampaign) -> Figure4:
     """Yaw inertia and friction over time under a triangular torque, by the yaw row of (8)."""
     excitation = campaign.replayed.frames["excitation"]
-    A = planar_rows.spin(
+    A = planar_rows.spin_regressor(
         column_values(excitation, "yaw_acc_rad_s2"), column_values(excitation, "yaw_rate_rad_s")
     )
     A, f = np.ascontiguousarray(A), column_values(excitation, "torque_z_N_m")
@@ -162,7 +162,7 @@ def make_figure_4_data(campaign: ReplayedCampaign) -> Figure4:
         frame=series,
         true_inertia_z_kg_m2=truth["inertia_z_kg_m2"],
         true_friction_z_N_m_s=truth["friction_z_N_m_s"],
-        rms_kg_m2=_rms_error_by_method(series, "inertia_z_kg_m2", "true_inertia_z_kg_m2"),
+        rms_kg_m2=rms_error_by_method(series, "inertia_z_kg_m2", "true_inertia_z_kg_m2"),
         bias_kg_m2=dict(biases.iter_rows()),
     )
 
@@ -211,7 +211,7 @@ def _select_plotted_rows(frame: pl.DataFrame) -> pl.DataFrame:
     return seconds.filter(pl.col("t_s") <= _SHOWN_S)
 
 
-def _rms_error_by_method(series: pl.DataFrame, value: str, true: str) -> dict[str, float]:
+def rms_error_by_method(series: pl.DataFrame, value: str, true: str) -> dict[str, float]:
     """R.m.s. error of each method over the whole figure."""
     errors = series.group_by("method", maintain_order=True).agg(
         ((pl.col(value) - pl.col(true)) ** 2).mean().sqrt()

@@ -86,7 +86,7 @@ def make_table_1(extracts: Extracts) -> Table1:
     }
     long = table.filter((pl.col("window_s") >= LONG_S) & pl.col("method").is_in(["ls", "tls"]))
     over_bound = long["over_bound_1"].to_list()
-    long_rms = _worst_rms_over_bound_with_interval(long)
+    long_rms = worst_rms_over_bound_with_interval(long)
     forgetting = RlsOptions().forgetting
     noisier = {
         row["method"]: row for row in extracts.single_result(RAW_UNITS).iter_rows(named=True)
@@ -105,7 +105,7 @@ def make_table_1(extracts: Extracts) -> Table1:
         best_s=ours,
         long_over_bound_1=(min(over_bound), max(over_bound)),
         long_rms_1=long_rms,
-        long_reached=_has_reached_bound(max(over_bound), long_rms),
+        long_reached=has_reached_bound(max(over_bound), long_rms),
         forgetting_1=forgetting,
         half_s=log(0.5) / log(forgetting) / SimulatedSensors().rate_hz,
         longest=table.filter(pl.col("method") == "rls").sort("window_s").row(-1, named=True),
@@ -114,7 +114,7 @@ def make_table_1(extracts: Extracts) -> Table1:
     )
 
 
-def _worst_rms_over_bound_with_interval(long: pl.DataFrame) -> tuple[float, float, float]:
+def worst_rms_over_bound_with_interval(long: pl.DataFrame) -> tuple[float, float, float]:
     """R.m.s. of the errors over their bounds, of the worse method, with its χ² interval."""
     from scipy.stats import chi2
 
@@ -127,7 +127,7 @@ def _worst_rms_over_bound_with_interval(long: pl.DataFrame) -> tuple[float, floa
     return square**0.5, float(low) ** 0.5, float(high) ** 0.5
 
 
-def _has_reached_bound(largest: float, rms: tuple[float, float, float]) -> bool | None:
+def has_reached_bound(largest: float, rms: tuple[float, float, float]) -> bool | None:
     """Whether the bound is reached; None if the interval leaves it open."""
     _, low, high = rms
     if low > _NEAR:
@@ -165,7 +165,7 @@ def errors_by_window_length(
     for window_s in windows_s:
         # a length's windows are the same whichever other lengths are asked for
         rng = np.random.default_rng([sensors.seed, round(window_s * 1e3)])
-        bound_kg, strict_kg, errors = _bounds_and_errors_kg(
+        bound_kg, strict_kg, errors = bounds_and_errors_kg(
             drive, sensors, window_s, smooth_samples, windows, methods, rng
         )
         printed = printed_numbers.values_by_method(printed_numbers.TABLE_1_KG.get(window_s))
@@ -201,7 +201,7 @@ def errors_in_raw_units(
     )
 
 
-def _bounds_and_errors_kg(
+def bounds_and_errors_kg(
     drive: SteadyDrive,
     sensors: SimulatedSensors,
     window_s: float,
@@ -220,12 +220,12 @@ def _bounds_and_errors_kg(
         seen = drive.measure_windows(sensors, samples, smooth_samples, count, rng)
         bounds.append(np.stack([seen.bound_kg, seen.strict_bound_kg]))
         for method in methods:
-            errors[method].append(_masses_kg(method, seen, sensors) - drive.mass_kg)
+            errors[method].append(window_masses_kg(method, seen, sensors) - drive.mass_kg)
     bound_kg, strict_kg = np.sqrt((np.concatenate(bounds, axis=1) ** 2).mean(axis=1))
     return float(bound_kg), float(strict_kg), {m: np.concatenate(e) for m, e in errors.items()}
 
 
-def _masses_kg(method: str, windows: MeasuredWindows, sensors: SimulatedSensors) -> Floats:
+def window_masses_kg(method: str, windows: MeasuredWindows, sensors: SimulatedSensors) -> Floats:
     """Mass (windows,) of every window, NaN if it has none."""
     _, samples, parameters = windows.A.shape
     if method == "rls":

@@ -75,7 +75,7 @@ def measures_lateral_specific_force(machine: Machine) -> bool:
     return measures_specific_force(machine) and "specific_force_y_m_s2" in machine.channels
 
 
-def _has_unseen_slope_along(machine: Machine) -> bool:
+def has_unseen_slope(machine: Machine) -> bool:
     """Whether no channel shows the slope along the machine."""
     return not measures_specific_force(machine) and "pitch_rad" not in machine.channels
 
@@ -85,12 +85,12 @@ def _has_unseen_slope_sideways(machine: Machine) -> bool:
 
 
 def _has_unknown_slope(machine: Machine) -> bool:
-    return _has_unseen_slope_along(machine) or _has_unseen_slope_sideways(machine)
+    return has_unseen_slope(machine) or _has_unseen_slope_sideways(machine)
 
 
 def unmeasured_gravity_columns(m: TurningSamples, along: Floats, across: Floats) -> Columns:
     """Force of an unmeasured gravity component (along, across) the machine."""
-    x = along if _has_unseen_slope_along(m.drive.machine) else 0.0 * along
+    x = along if has_unseen_slope(m.drive.machine) else 0.0 * along
     y = across if _has_unseen_slope_sideways(m.drive.machine) else 0.0 * across
     return m.drive.mass_kg * x, m.drive.moment_x_kg_m * y - m.drive.moment_y_kg_m * x
 
@@ -179,7 +179,7 @@ TERMS: Final = (
         "direction_spinning",
         lambda m: (m.direction_x_spinning, None),
         _coulomb_prior_std,
-        "Coulomb friction along a machine that spins, whose sides roll against each other",
+        "longitudinal Coulomb friction in a spin, where left and right wheels turn opposite ways",
         "spins about the origin",
         "x",
     ),

@@ -125,10 +125,10 @@ def cut_stretches(group: Ints, unit: Ints) -> Ints:
     return np.where(used, np.cumsum(cut) - 1, -1).astype(np.int64)
 
 
-def trim_to_break_away(
+def extend_to_break_away(
     group: Ints, speed: Floats, moves_m_s: float, look_back: int, settled: int
 ) -> Ints:
-    """Begin each manoeuvre, (n,), where its speed leaves the noise, not where the phase begins."""
+    """Extend manoeuvres, (n,), back to where their speed leaves the noise, before their phase."""
     smooth = np.abs(_three_sample_mean(speed)) > moves_m_s
     grown = group.copy()
     for begin in np.flatnonzero(is_first_of_stretch(group)):

@@ -6,7 +6,7 @@ gives it a term of its own. Beside that term, friction that drives or a resistan
 the square of the speed is what a growing load leaves in the others.
 
 A load that changes while a manoeuvre creeps for a second or two shows in no residual:
-`find_creeping_manoeuvres` finds such manoeuvres by their speed and by the different loads that are
+`find_creeps_between_loads` finds such manoeuvres by their speed and by the different loads that are
 moved before and after.
 """
 
@@ -236,7 +236,7 @@ def max_loss_kg(fit: JointFit, unit: int) -> float:
     return max(float(each @ fit.masses_kg) + fit.sum_u_kg(each) for each in loads)
 
 
-def find_creeping_manoeuvres(fit: JointFit) -> Ints:
+def find_creeps_between_loads(fit: JointFit) -> Ints:
     """Find slow manoeuvres between two different loads, in a log whose loads return.
 
     Args:

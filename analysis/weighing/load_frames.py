@@ -13,7 +13,7 @@ from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_states import LoadStates, unit_of_each_sample
-from analysis.weighing.mass_budget import budget_of_mass, relative_u
+from analysis.weighing.mass_budget import budget_of_mass, relative_mass_uncertainty
 from analysis.weighing.motion_samples import Floats, Ints
 from analysis.weighing.nuisance_frames import make_empty_frame
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
@@ -201,7 +201,10 @@ def _make_load_row(
     u_kg = combined_u(sources)
     withheld = [check.check for check in verdict.withholding_checks("mass")]
     # as the check of that name judges the load that most manoeuvres are of
-    known = relative_u(weighing, machine, state) <= machine.settings.verdict.relative_std_max
+    known = (
+        relative_mass_uncertainty(weighing, machine, state)
+        <= machine.settings.verdict.relative_std_max
+    )
     if not known and "relative_u" not in withheld:
         withheld.append("relative_u")
     payload, unknown = _payload_with_uncertainty(weighing, state, empty, machine, datum)

@@ -192,7 +192,7 @@ def budget_of_mass(
     return sort_largest_first(sources)
 
 
-def relative_u(weighing: Weighing, machine: Machine, state: int) -> float:
+def relative_mass_uncertainty(weighing: Weighing, machine: Machine, state: int) -> float:
     """Relative standard uncertainty of a load's mass, without the scale.
 
     It decides whether the load has a mass: NaN if the fit has no number, infinite if the mass is

@@ -25,6 +25,7 @@ from analysis.weighing.fitted_stretches import (
     cut_stretches,
     driving_directions,
     drop_standing_runs,
+    extend_to_break_away,
     fitted_manoeuvre_of_samples,
     make_centred_progress,
     mark_missing_rows,
@@ -33,7 +34,6 @@ from analysis.weighing.fitted_stretches import (
     running_gap_count,
     running_standstill_count,
     stretch_spans,
-    trim_to_break_away,
 )
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
@@ -307,7 +307,7 @@ def collect_motion_samples(
     filtered = any(channel.is_derivative for channel in machine.channels.values())
     mixed = LIMITS.mixed_friction_filtered_samples if filtered else LIMITS.mixed_friction_samples
     settled = max(mixed, round(LIMITS.mixed_friction_s * settings.align.rate_hz))
-    group = trim_to_break_away(
+    group = extend_to_break_away(
         group,
         np.where(known, speed, 0.0),
         moves_m_s,

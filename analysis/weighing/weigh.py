@@ -18,7 +18,7 @@ from analysis.weighing.gain_by_direction import DirectionGain, find_direction_ga
 from analysis.weighing.growing_load import (
     LoadFilling,
     LoadGrowth,
-    find_creeping_manoeuvres,
+    find_creeps_between_loads,
     find_growing_loads,
     fit_filling,
 )
@@ -199,7 +199,7 @@ def _weigh_with_priors(
     if not _has_enough_samples(whole):
         return None
     fit = fit_load_states(whole)
-    excluded = find_creeping_manoeuvres(fit).tolist()
+    excluded = find_creeps_between_loads(fit).tolist()
     if excluded:
         whole = _exclude_manoeuvres(whole, excluded)
         fit = fit_load_states(whole, fit)

@@ -130,7 +130,7 @@ class PartitionPosterior:
             state: (n,) stretch numbers, ascending.
         """
         whole, right, _ = self._normal_equations(self._sums_by_state(state))
-        return _solve_with_log_determinant(whole, right)[0]
+        return solve_with_log_determinant(whole, right)[0]
 
     def evaluate(self, stretches: Stretches) -> Partition:
         """Levels, effects and log posterior of a partition."""
@@ -163,7 +163,7 @@ class PartitionPosterior:
     def _integrate_levels(self, sums: Floats) -> tuple[float, Floats, Floats]:
         """Log likelihood with levels and β integrated out, the levels, and β."""
         whole, right, squares = self._normal_equations(sums)
-        effects, log_determinant = _solve_with_log_determinant(whole, right)
+        effects, log_determinant = solve_with_log_determinant(whole, right)
         own = 1.0 / sums[:, 0]
         levels = self._middle + own * (sums[:, -1] - sums[:, 1:-1] @ effects)
         # β's own misfit is that of its normal equations, up to a constant
@@ -182,7 +182,7 @@ def _sum_by_level(values: Floats, level: Ints) -> Floats:
     return sums
 
 
-def _solve_with_log_determinant(normal_matrix: Floats, right: Floats) -> tuple[Floats, float]:
+def solve_with_log_determinant(normal_matrix: Floats, right: Floats) -> tuple[Floats, float]:
     """Solution of normal equations, and log determinant.
 
     If rounding makes them singular, both are of the determined subspace.

@@ -124,7 +124,7 @@ class _SolvedSamples:
             scatter *= student_factor(levels.freedom) ** 2
         # what a unit's scatter does not explain: stretches within it disagree as well
         count = shape.levels.count
-        grown, ratio = _between_group_covariance(gain, spread, covariance + scatter, count)
+        grown, ratio = between_group_covariance(gain, spread, covariance + scatter, count)
         scatter = scatter + grown
         signs = np.ones(residual.size) if grouping.direction is None else grouping.direction
         misfit, common = _common_misfit(
@@ -312,7 +312,7 @@ class _InformativeGroups:
         return total
 
 
-def _between_group_covariance(
+def between_group_covariance(
     gain: Gain, scores: Floats, covariance: Floats, levels: int
 ) -> tuple[Floats, float]:
     """Covariance due to disagreeing groups, (p, p), and Birge ratio of the first parameter."""

@@ -61,7 +61,7 @@ class InterceptShape:
     def expand_square(self, values: Floats) -> BorderedMatrix:
         """Sum of (groups, p, p) expanded to (wide, wide)."""
         return BorderedMatrix(
-            *_sum_matrices_by_level(values, self.levels.membership, self.levels.count)
+            *sum_matrices_by_level(values, self.levels.membership, self.levels.count)
         )
 
     @property
@@ -73,7 +73,7 @@ class InterceptShape:
 
 
 @compiled_ahead
-def _sum_matrices_by_level(
+def sum_matrices_by_level(
     values: Floats, membership: Ints, count: int
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Parts of the sum of (groups, p, p), with first row and column at the group's level."""

@@ -103,7 +103,7 @@ def reweight(
     within five steps; other windows are iteratively reweighted.
     """
     theta = solve(products).theta
-    limit = options.bend * _median_absolute_residuals(A, f, window, index, theta) / 0.6745
+    limit = options.bend * median_absolute_residuals(A, f, window, index, theta) / 0.6745
     left = np.flatnonzero(limit > 0.0)
     for step in range(_NEWTON_STEPS + _MOST_STEPS):
         if left.size == 0:
@@ -122,7 +122,7 @@ def reweight(
 
 
 @compiled_ahead
-def _median_absolute_residuals(
+def median_absolute_residuals(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats
 ) -> Floats:
     """Median absolute residual of each window, (rows,)."""

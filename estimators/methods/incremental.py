@@ -28,7 +28,7 @@ from estimators.methods.rtls import RtlsOptions
 from estimators.methods.tls import TlsOptions, solve_scaled
 from estimators.numerics import directional_forgetting
 from estimators.numerics.mutual_information import correlation
-from estimators.numerics.normal_equations import columns_of, gram, residual_squares, solve
+from estimators.numerics.normal_equations import count_columns, gram, residual_squares, solve
 from estimators.numerics.recursive import discounted_counts, feed_products, pad_entries_to_lanes
 from estimators.numerics.rolling import (
     add_centre,
@@ -334,7 +334,10 @@ class Pool:
         """Least squares over all samples of the pool."""
         products = self.products.reshape(-1, 1)
         counts = np.array([float(self.samples)])
-        theta, p = solve(subtract_noise(products, counts, options)).theta, columns_of(products) - 1
+        theta, p = (
+            solve(subtract_noise(products, counts, options)).theta,
+            count_columns(products) - 1,
+        )
         rss = residual_squares(products, theta)
         return Estimate(
             theta[:, 0],

@@ -13,7 +13,7 @@ from estimators.interpreted import compiled_ahead
 from estimators.methods.attenuation import DOUBT
 from estimators.numerics.autocorrelation import pooled_autocorrelation, scale_widening
 from estimators.numerics.fit_loss import group_ids
-from estimators.numerics.normal_equations import columns_of, solve
+from estimators.numerics.normal_equations import count_columns, solve
 from estimators.numerics.sandwich import meat, standard_deviations
 from estimators.numerics.small_systems import condition_numbers, packed_index, unpack
 
@@ -55,7 +55,7 @@ def subtract_noise(products: Floats, counts: Floats, options: PooledOptions) -> 
     """Packed sums (entries, ids) of counts (ids,) samples, less the expected noise products."""
     if options.noise is None:
         return products
-    clean, q = products.copy(), columns_of(products)
+    clean, q = products.copy(), count_columns(products)
     for i in range(q - 1):
         for j in range(i, q):
             clean[packed_index(i, j, q)] -= counts * options.noise[i, j]

@@ -127,7 +127,7 @@ def trace(
         sums = feed_products(A, f, fed[of_chunk], decay, past)
         weight = discounted_counts(sums.shape[1], decay, float(weight[-1]))
         store_rows(of_rows, sums[:entries, at_rows], weight[at_rows])
-    residual, owner = _residuals_of_fed_samples(A, f, theta, index, window)
+    residual, owner = fed_sample_residuals(A, f, theta, index, window)
     # the recursion's memory is long: its residuals carry no window's fit to correct for
     correlation, variance = pooled_autocorrelation(residual, owner, None)
     one = np.zeros(window, np.int64)
@@ -143,7 +143,7 @@ def trace(
 
 
 @compiled_ahead
-def _residuals_of_fed_samples(
+def fed_sample_residuals(
     A: Floats, f: Floats, theta: Floats, index: Ints, window: int
 ) -> tuple[Floats, Ints]:
     """Residual of each fed sample by the state after it, (n,), with group 0, or -1 if not fed."""

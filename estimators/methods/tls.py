@@ -14,7 +14,7 @@ from estimators.arrays import Bools, Floats, Ints
 from estimators.estimate import Estimate, Trace
 from estimators.interpreted import compiled_ahead
 from estimators.methods import ls
-from estimators.numerics.normal_equations import columns_of, gram, residual_squares
+from estimators.numerics.normal_equations import count_columns, gram, residual_squares
 from estimators.numerics.rolling import sum_windows, window_ends
 from estimators.numerics.sandwich import window_std
 from estimators.numerics.small_systems import (
@@ -89,7 +89,7 @@ def solve_scaled(products: Floats, options: TlsOptions) -> tuple[Floats, Floats]
         (p, m) θ, NaN if A without its noise is singular, and packed AᵀA without that noise,
         (p(p+1)/2, m).
     """
-    q = columns_of(products)
+    q = count_columns(products)
     p, m = q - 1, products.shape[1]
     scale = np.append(options.scales(p), 1.0)
     units = pack(np.outer(scale, scale))[:, None]
@@ -109,7 +109,7 @@ def solve_scaled(products: Floats, options: TlsOptions) -> tuple[Floats, Floats]
 
 def _solve_shifted(C: Floats, shifted: Floats, lam: Floats) -> Floats:
     """Solve (G - λI) x = h for x (p, m) at the current λ (m,); `shifted` receives G - λI."""
-    q = columns_of(C)
+    q = count_columns(C)
     rows = packed_index_table(q)
     for i in range(q - 1):
         shifted[rows[i][i]] = C[rows[i][i]] - lam

@@ -30,7 +30,7 @@ def _sum_products_by_arrays(Q: Floats, distances: int) -> Floats:
 
 
 @compiled_with_array_form(_sum_products_by_arrays)
-def _products_at_distances(Q: Floats, distances: int) -> Floats:
+def products_at_distances(Q: Floats, distances: int) -> Floats:
     """Σ_k Q_ki Q_(k+d)c of Q (n, p) for d < distances, as (p, p, distances)."""
     n, p = Q.shape
     # zeros behind the end, so that all distances have as many terms
@@ -92,7 +92,7 @@ def _add_autocovariance_loss(Q: Floats, loss: Floats) -> None:
     """
     n, p = Q.shape
     lags = loss.shape[0]
-    cross = _products_at_distances(Q, 2 * lags - 1)
+    cross = products_at_distances(Q, 2 * lags - 1)
     both = cross[:, :, :lags] + cross[:, :, :lags].transpose(1, 0, 2)
     columns = np.ascontiguousarray(Q.T)
     reversed_columns = np.ascontiguousarray(Q.T[:, ::-1])
@@ -176,7 +176,7 @@ def _sum_loss_by_arrays(A: Floats, group: Ints, spans: Ints, lags: int) -> Float
 
 
 @compiled_with_array_form(_sum_loss_by_arrays)
-def _sum_autocovariance_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
+def sum_autocovariance_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
     """Loss (lags, lags) summed over the fits in `spans`, per pair of samples at each lag."""
     p = A.shape[1]
     loss = np.zeros((lags, lags))
@@ -243,4 +243,4 @@ def fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
     if A.shape[1] * lags * ids.size < 0.005 * np.count_nonzero(group >= 0):
         return np.zeros((lags, lags))
     some = ids[np.linspace(0, ids.size - 1, min(ids.size, _MOST_FITS)).astype(np.int64)]
-    return _sum_autocovariance_loss(A, group, group_spans(group, some), lags)
+    return sum_autocovariance_loss(A, group, group_spans(group, some), lags)

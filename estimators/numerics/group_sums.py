@@ -184,15 +184,15 @@ class GroupSums:
         units = int(unit.max()) + 1
         return type(self)(
             self.rows,
-            _sum_matrices_by_unit(self.grams, unit, units),
-            _sum_matrices_by_unit(self.crosses[:, None], unit, units)[:, 0],
-            _sum_matrices_by_unit(self.noise_gram, unit, units),
-            _sum_matrices_by_unit(self.noise_cross[:, None], unit, units)[:, 0],
+            sum_matrices_by_unit(self.grams, unit, units),
+            sum_matrices_by_unit(self.crosses[:, None], unit, units)[:, 0],
+            sum_matrices_by_unit(self.noise_gram, unit, units),
+            sum_matrices_by_unit(self.noise_cross[:, None], unit, units)[:, 0],
         )
 
 
 @compiled_ahead
-def _sum_matrices_by_unit(values: Floats, unit: Ints, units: int) -> Floats:
+def sum_matrices_by_unit(values: Floats, unit: Ints, units: int) -> Floats:
     """Sum (groups, q, p) over the groups of each unit, in their order: (units, q, p)."""
     groups, q, p = values.shape
     out = np.zeros((units, q, p))

@@ -17,14 +17,14 @@ class Solution(NamedTuple):
     rss: Floats
 
 
-def columns_of(products: Floats) -> int:
+def count_columns(products: Floats) -> int:
     """Number of columns of [A f], from the number of its packed products."""
     return (int(np.sqrt(8 * len(products) + 1)) - 1) // 2
 
 
 def solve(products: Floats) -> Solution:
     """Solve AᵀA θ = Aᵀf of m windows, from packed products (entries, m)."""
-    q = columns_of(products)
+    q = count_columns(products)
     p = q - 1
     L, inverse = factor(products, q, p)
     *sides, square = packed_index_table(q)[p]
@@ -50,7 +50,7 @@ def residual_squares(products: Floats, theta: Floats) -> Floats:
 
 def gram(products: Floats) -> Floats:
     """Packed AᵀA (p(p+1)/2, m) from the products of [A f]."""
-    p = columns_of(products) - 1
+    p = count_columns(products) - 1
     return products[
         [entry for i, row in enumerate(packed_index_table(p + 1)[:p]) for entry in row[i:p]]
     ]

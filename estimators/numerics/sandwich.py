@@ -11,7 +11,7 @@ from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_with_array_form
 from estimators.numerics.autocorrelation import pooled_autocorrelation, scale_widening
 from estimators.numerics.in_order import sum_axis_in_order
-from estimators.numerics.normal_equations import columns_of
+from estimators.numerics.normal_equations import count_columns
 from estimators.numerics.rolling import (
     add_prefix_sums,
     count_lanes,
@@ -160,7 +160,7 @@ def window_stds(
 
 def invert_packed(grams: Floats) -> Floats:
     """Inverses (p, p, m) of packed matrices (m, entries)."""
-    p = columns_of(grams.T)
+    p = count_columns(grams.T)
     return invert(*factor(np.ascontiguousarray(grams.T), p, p))
 
 

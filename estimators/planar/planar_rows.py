@@ -48,7 +48,9 @@ SPIN_PARAMETERS = ("inertia_z_kg_m2", "friction_z_N_m_s")
 ARC_PARAMETERS = ("first_moment_x_kg_m", "friction_x_N_s_m", "friction_z_N_m_s")
 
 
-def straight(specific_force_x: Floats, speed: Floats, direction: Floats | None = None) -> Floats:
+def straight_regressor(
+    specific_force_x: Floats, speed: Floats, direction: Floats | None = None
+) -> Floats:
     """Stage 1, the x row of (7) alone: s_x m + v b_x [+ sign(v) c] = f_x.
 
     The y and z rows as printed set m·a_y and m·a_z to zero, which ruins the mass with the
@@ -68,7 +70,7 @@ def straight(specific_force_x: Floats, speed: Floats, direction: Floats | None =
     return np.stack(columns, -1)
 
 
-def spin(yaw_acceleration: Floats, yaw_rate: Floats) -> Floats:
+def spin_regressor(yaw_acceleration: Floats, yaw_rate: Floats) -> Floats:
     """Stage 2, the yaw row of (8) alone: ω̇ Izz + ω b_ψ = τ_z, for a spin about the origin.
 
     Rows 1 and 2 as printed require ω̇ I13 - ω² I23 = 0 and ω̇ I23 + ω² I13 = 0, which holds for I13
@@ -84,7 +86,7 @@ def spin(yaw_acceleration: Floats, yaw_rate: Floats) -> Floats:
     return np.stack([yaw_acceleration, yaw_rate], -1)
 
 
-def arc(speed: Floats, yaw_rate: Floats) -> Floats:
+def arc_regressor(speed: Floats, yaw_rate: Floats) -> Floats:
     """Stage 3, an arc at constant v and ω: f_x = -ω² mc_x + v b_x, τ_z = ω v mc_x + ω b_ψ.
 
     (9) as printed equates a vector to a scalar and drops d̈ = ω × v, which is not zero on an arc.

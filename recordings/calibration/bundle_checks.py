@@ -174,7 +174,7 @@ def read_and_check_bundle_files(folder: Path, bundle: CheckedBundle) -> dict[str
     if SUMS in held:
         bundle.sums = content_in_memory(held, SUMS)
         try:
-            _compare_files_with_sums(bundle, names, held, parse_sha256sums(bundle.sums))
+            compare_files_with_sums(bundle, names, held, parse_sha256sums(bundle.sums))
         except EvidenceError as fault:
             bundle.add_finding(
                 BundleOutcome.TAMPERED, SUMS, remove_file_name_from_fault(SUMS, fault)
@@ -182,7 +182,7 @@ def read_and_check_bundle_files(folder: Path, bundle: CheckedBundle) -> dict[str
     return held
 
 
-def _compare_files_with_sums(
+def compare_files_with_sums(
     bundle: CheckedBundle,
     names: list[str],
     files: Mapping[str, BundleFile],

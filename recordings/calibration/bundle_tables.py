@@ -76,7 +76,7 @@ def read_untrusted_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame
         The frame of each, or its fault: other columns, compressed or coded, too many rows, a number
         that is not finite, or damaged.
     """
-    said = _read_tables_in_process(tables)
+    said = read_tables_in_process(tables)
     if said is None and len(tables) > 1:  # one of them ended the reader: which?
         return [each for table in tables for each in read_untrusted_tables([table])]
     if said is None:
@@ -84,7 +84,7 @@ def read_untrusted_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame
     return [_make_frame(each, table.schema) for each, table in zip(said, tables, strict=True)]
 
 
-def _read_tables_in_process(tables: Sequence[UntrustedTable]) -> list[dict[str, Any]] | None:
+def read_tables_in_process(tables: Sequence[UntrustedTable]) -> list[dict[str, Any]] | None:
     """Results of the reader process for each table; None if it crashed."""
     asked = json.dumps(
         [

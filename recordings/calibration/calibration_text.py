@@ -6,8 +6,8 @@ from typing import Final
 
 import polars as pl
 
-from analysis.calibration.campaign.next_load import rank_next_loads
 from analysis.calibration.line.calibration import Calibration
+from analysis.calibration.line.calibration_budget import rank_next_loads
 from estimators.errors import counted, list_some
 from recordings.calibration.campaign_faults import logs_without_machine, runs_without_date
 from recordings.calibration.evidence_document import EvidenceDocument

@@ -104,23 +104,23 @@ def find_absent_settings(evidence_part: BaseModel, prefix: str = "") -> dict[str
         prefix: prefix of the names.
     """
     there = evidence_part.model_dump(mode="json", exclude_unset=True)
-    return dict(_find_absent_values(evidence_part.model_dump(mode="json"), there, prefix))
+    return dict(find_absent_values(evidence_part.model_dump(mode="json"), there, prefix))
 
 
-def _find_absent_values(
+def find_absent_values(
     all_values: Any, evidence_values: Any, prefix: str
 ) -> Iterator[tuple[str, Any]]:
     """Yield dotted names that the evidence lacks, with their values."""
     if isinstance(all_values, list) and isinstance(evidence_values, list):
         for number, (value, own) in enumerate(zip(all_values, evidence_values, strict=True)):
-            yield from _find_absent_values(value, own, f"{prefix}{number}.")
+            yield from find_absent_values(value, own, f"{prefix}{number}.")
     if not isinstance(all_values, dict) or not isinstance(evidence_values, dict):
         return
     for name, value in all_values.items():
         if name not in evidence_values:
             yield f"{prefix}{name}", value
         else:
-            yield from _find_absent_values(value, evidence_values[name], f"{prefix}{name}.")
+            yield from find_absent_values(value, evidence_values[name], f"{prefix}{name}.")
 
 
 def changed_defaults_of_absent_settings(

@@ -110,17 +110,17 @@ class NotaryLine:
 
     def is_signed_by(self, key: PublicKey) -> bool:
         """Whether this key signed the line."""
-        return key.has_signed(self.signature, _bytes_to_sign(self.content))
+        return key.has_signed(self.signature, bytes_to_sign(self.content))
 
 
-def _bytes_to_sign(content: NotaryHead | NotaryEntry) -> bytes:
+def bytes_to_sign(content: NotaryHead | NotaryEntry) -> bytes:
     """Canonical bytes of a line, with a prefix that separates uses of the key."""
     return _DOMAIN + canonical_json_bytes(content.model_dump(mode="json"))
 
 
 def sign_line(content: NotaryHead | NotaryEntry, key: SigningKey) -> NotaryLine:
     """Line with its signature."""
-    signature = key.sign(_bytes_to_sign(content))
+    signature = key.sign(bytes_to_sign(content))
     text = base64.b64encode(signature).decode()
     data = canonical_json_bytes({**content.model_dump(mode="json"), "signature": text})
     return NotaryLine(data, content, signature)

@@ -72,7 +72,7 @@ def select_force_acceleration(run: Run, at_s: float | None = None) -> ForceAccel
         return None
     loads = _loads_drawn_as_lines(run, at_s)
     friction = next((row["friction_x_N_s_m"] for row in loads), None)
-    coulomb = _coulomb_friction_newtons(run) if friction is not None else 0.0
+    coulomb = coulomb_friction_newtons(run) if friction is not None else 0.0
     force = pl.col("force_x_N") - (friction or 0.0) * pl.col("speed_x_m_s")
     # a shift has millions of rows: no more columns than are drawn
     points = points.select(
@@ -155,7 +155,7 @@ def _loads_drawn_as_lines(run: Run, at_s: float | None) -> list[dict[str, Any]]:
     return known.to_dicts()
 
 
-def _coulomb_friction_newtons(run: Run) -> float:
+def coulomb_friction_newtons(run: Run) -> float:
     """Coulomb friction of the answer in N."""
     terms = run.frames.get("nuisances")
     if terms is None:

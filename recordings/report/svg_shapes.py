@@ -123,7 +123,7 @@ class Axes:
         pad: float = 0.06,
     ) -> "Axes":
         """Axes with ranges that contain all values, plus a margin."""
-        return cls(_padded_range(x, pad), _padded_range(y, pad), box)
+        return cls(padded_range(x, pad), padded_range(y, pad), box)
 
     def place_in_drawing(self, x: float, y: float) -> tuple[float, float]:
         """Position of a point (x, y) in the drawing."""
@@ -172,7 +172,7 @@ def shorten_text(text: str, width: float) -> str:
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
-def _padded_range(values: Sequence[float], pad: float) -> tuple[float, float]:
+def padded_range(values: Sequence[float], pad: float) -> tuple[float, float]:
     """Range of the values with a margin on both sides."""
     low, high = min(values), max(values)
     room = (high - low) * pad or max(abs(high) * 0.01, 1.0)

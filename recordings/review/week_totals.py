@@ -210,11 +210,11 @@ def _sum_parts(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
     loads, rejected, noted = (
         sum(getattr(part, count) for part in parts) for count in ("loads", "rejected", "noted")
     )
-    per_t, per_t_u = _week_energy_per_tonne(parts, mass_kg, u_kg)
+    per_t, per_t_u = week_energy_per_tonne(parts, mass_kg, u_kg)
     return WeekTotal(name, loads, mass_kg, u_kg, rejected, noted, per_t, per_t_u)
 
 
-def _week_energy_per_tonne(
+def week_energy_per_tonne(
     parts: Sequence[WeekPart], mass_kg: float, u_kg: float
 ) -> tuple[float | None, float | None]:
     """Energy per tonne and its standard uncertainty; None if no load has both."""

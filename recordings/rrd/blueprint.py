@@ -254,12 +254,12 @@ def _make_tab(
     ]
     column = [*plots, *pictures]
     if column and documents:
-        beside = rrb.Vertical(*column, row_shares=_relative_panel_heights(page))
+        beside = rrb.Vertical(*column, row_shares=relative_panel_heights(page))
         # tables beside pictures are wide
         shares = [1, 1] if pictures else [2, 3]
         return rrb.Horizontal(*documents, beside, column_shares=shares, name=page.name)
     if column:
-        return rrb.Vertical(*column, row_shares=_relative_panel_heights(page), name=page.name)
+        return rrb.Vertical(*column, row_shares=relative_panel_heights(page), name=page.name)
     return rrb.Horizontal(*documents, name=page.name) if documents else None
 
 
@@ -269,7 +269,7 @@ def _place_side_by_side(views: "list[rrb.View]") -> "rrb.View | rrb.Container":
     return views[0] if len(views) == 1 else rrb.Horizontal(*views)
 
 
-def _relative_panel_heights(page: Page) -> list[float]:
+def relative_panel_heights(page: Page) -> list[float]:
     """Relative heights of a page's panels, events and pictures.
 
     Lanes get the height they need; the other panels are equal, except for tall legends.

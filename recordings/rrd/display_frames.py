@@ -139,7 +139,7 @@ def make_display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.Data
                 frame = shortest_findings_first(frame, grid_span_ns(run))
             if view.kind is ViewKind.STATES:
                 frames[_lane_entity_path(series)] = rows_of_state_changes(
-                    series, frame, _grid_period_ns(run)
+                    series, frame, grid_period_ns(run)
                 )
             elif series.frame in _HELD:
                 frames[_display_column_name(name)] = _hold_rows_to_their_end(
@@ -159,7 +159,7 @@ def make_display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.Data
             numbers = numbers_to_draw(name, run.frames[name])
             sparse = entity_parts(name)[0] == "estimates"
             frames[_display_column_name(name)] = (
-                break_at_gaps(numbers, _grid_period_ns(run)) if sparse else numbers
+                break_at_gaps(numbers, grid_period_ns(run)) if sparse else numbers
             )
     return frames
 
@@ -224,7 +224,7 @@ def is_drawn_as_points(numbers: pl.Series) -> bool:
     return 2 * alone > count or short
 
 
-def _grid_period_ns(run: Run) -> int:
+def grid_period_ns(run: Run) -> int:
     """Period of the grid."""
     return round(NS / run.provenance.settings.align.rate_hz)
 
@@ -315,7 +315,7 @@ def _decimate_frame(run: Run, name: str, expressions: list[pl.Expr]) -> pl.DataF
     assert span is not None
     width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * NS)), 1), 10) * NS
     # narrower than the grid's step most bins were empty, and no line would be drawn
-    width_ns = max(width_ns, _grid_period_ns(run))
+    width_ns = max(width_ns, grid_period_ns(run))
     return bin_frame_rows(run.frames[name], expressions, span, width_ns)
 
 

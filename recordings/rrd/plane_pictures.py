@@ -82,8 +82,8 @@ def make_plane_pictures(run: Run) -> dict[str, PlanePicture]:
     """Pictures for which this run has data, by name."""
     drawn = {
         "scatter": _make_force_acceleration_picture(run),
-        "line": _make_calibration_line_picture(run),
-        "errors": _make_load_errors_picture(run),
+        "line": make_calibration_line_picture(run),
+        "errors": make_load_errors_picture(run),
     }
     return {name: picture for name, picture in drawn.items() if picture is not None}
 
@@ -171,10 +171,10 @@ def _make_force_acceleration_picture(run: Run) -> PlanePicture | None:
     )
 
 
-def _make_calibration_line_picture(run: Run) -> PlanePicture | None:
+def make_calibration_line_picture(run: Run) -> PlanePicture | None:
     """Picture of a calibration's points and line, by method; None without data."""
     series: list[PlaneSeries] = []
-    for name, colour, points in _iter_calibrated_methods(run):
+    for name, colour, points in iter_calibrated_methods(run):
         estimate, reference = points["estimate_kg"].to_numpy(), points["reference_kg"].to_numpy()
         series.append(PlaneSeries(name, colour, estimate, reference - estimate))
         alpha, beta = points["alpha_1"][0], points["beta_kg"][0]
@@ -188,10 +188,10 @@ def _make_calibration_line_picture(run: Run) -> PlanePicture | None:
     )
 
 
-def _make_load_errors_picture(run: Run) -> PlanePicture | None:
+def make_load_errors_picture(run: Run) -> PlanePicture | None:
     """Picture of each load's residual and leave-one-out error; None without data."""
     series: list[PlaneSeries] = []
-    methods = list(_iter_calibrated_methods(run))
+    methods = list(iter_calibrated_methods(run))
     for number, (name, colour, points) in enumerate(methods):
         # methods of one load beside each other
         aside_1 = (number - (len(methods) - 1) / 2.0) * _ASIDE
@@ -229,7 +229,7 @@ def error_limit_lines(run: Run) -> list[tuple[str, float]]:
     return [("", 0.0), (later, interval_kg), ("", -interval_kg)]
 
 
-def _iter_calibrated_methods(run: Run) -> Iterator[tuple[str, str, pl.DataFrame]]:
+def iter_calibrated_methods(run: Run) -> Iterator[tuple[str, str, pl.DataFrame]]:
     """Name, colour and points of each calibrated method; evidence has one."""
     evidence, line = (run.frames.get(name, pl.DataFrame()) for name in ("points", "line"))
     if evidence.height and line.height:

@@ -9,8 +9,11 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
-from analysis.calibration.use.apply_calibration import ESTIMATORS, calibrate_loads
-from analysis.calibration.use.later_log import describe_later_log
+from analysis.calibration.use.apply_calibration import (
+    ESTIMATORS,
+    calibrate_loads,
+    describe_later_log,
+)
 from analysis.calibration.use.learnt_priors import machine_for_later_log, machine_with_learnt_priors
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run

@@ -52,7 +52,7 @@ def replay_and_compare_logs(
     paths: dict[str, Path] = {}
     found = _files_by_name(folder, {file.name for log in document.logs for file in log.files})
     for log in document.logs:
-        path = _find_log_path(bundle, log, found)
+        path = find_log_path(bundle, log, found)
         if path is not None:
             paths[log.log] = path
     if len(paths) < len(document.logs):
@@ -204,7 +204,7 @@ def _is_near_enough(stored: float | None, replayed: float | None, tolerance: flo
     return abs(stored - replayed) <= tolerance
 
 
-def _find_log_path(
+def find_log_path(
     bundle: CheckedBundle, log: EvidenceLog, paths_by_name: dict[str, list[Path]]
 ) -> Path | None:
     """Path of a log whose files match by name and digest, all in one folder; None if absent."""

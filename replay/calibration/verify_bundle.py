@@ -28,8 +28,11 @@ from recordings.calibration.check_outcomes import (
 )
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
-from recordings.calibration.pdf_check import compare_pdf_with_page
-from recordings.calibration.strange_files import RecordingDigests, digest_bundle_recordings
+from recordings.calibration.strange_files import (
+    RecordingDigests,
+    compare_pdf_with_page,
+    digest_bundle_recordings,
+)
 from recordings.calibration.timestamp import read_authority_certificates
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy

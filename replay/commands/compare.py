@@ -212,7 +212,11 @@ def _column_table(comparison: "Comparison") -> "Table":
         if stage.order:
             table.add_row(escape(about), "the order of the columns")
             about = ""
-        by_change = sorted(stage.columns, key=_change_sort_key, reverse=True)
+        by_change = sorted(
+            stage.columns,
+            key=lambda column: (column.largest_relative or 0.0, column.rows),
+            reverse=True,
+        )
         for column in by_change[:_COLUMNS_SHOWN]:
             table.add_row(
                 escape(about), escape(column.name), *_column_change_cells(column, stage.common)
@@ -221,10 +225,6 @@ def _column_table(comparison: "Comparison") -> "Table":
         if len(by_change) > _COLUMNS_SHOWN:
             table.add_row("", f"… and {len(by_change) - _COLUMNS_SHOWN} more")
     return table
-
-
-def _change_sort_key(column: "ColumnChange") -> tuple[float, int]:
-    return column.largest_relative or 0.0, column.rows
 
 
 def _column_change_cells(column: "ColumnChange", common: int) -> tuple[str, ...]:

@@ -116,7 +116,7 @@ def _corrected_machine_as_dict(corrected: "CorrectedMachine") -> dict[str, Any]:
 def _print_explanation(
     explanation: "Explanation", corrected: "CorrectedMachine | None", picture: Path | None
 ) -> None:
-    from recordings.explain.explanation_text import (
+    from recordings.explain.explanation_view import (
         answer_and_cause_sentence,
         determined_parameter_lines,
         iter_finding_lines,

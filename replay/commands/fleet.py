@@ -87,8 +87,8 @@ def run_command(
     """
     from replay.commands.fleet_progress import FleetProgress
     from replay.commands.print_tables import print_json
-    from replay.fleet.fleet_file import load_fleet
     from replay.fleet.log_sources import list_fleet_logs
+    from replay.fleet.machine_setups import load_fleet
     from replay.fleet.run_fleet import replay_fleet
 
     fleet = load_fleet(machines, tuple(overrides or ()))
@@ -266,7 +266,7 @@ def open_command(
 
     from recordings.report.atomic_output import atomic_file
     from replay.fleet.gathered_tables import open_fleet_results
-    from replay.fleet.open_recording import recording_of_result
+    from replay.fleet.recording_task import recording_of_result
     from replay.recording.view_recording import view_recording
 
     with recording_of_result(open_fleet_results(destination), key) as recording:

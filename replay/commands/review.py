@@ -221,11 +221,12 @@ def print_week(
         as_json: whether to print JSON.
     """
     from recordings.report.shift_text import K
-    from recordings.review.week_page import week_tonnes_sentence, write_week_page
-    from recordings.review.week_shifts import (
+    from recordings.review.week_page import (
         friction_trend_by_machine,
         read_shifts_of_reviews,
         trend_sentences,
+        week_tonnes_sentence,
+        write_week_page,
     )
     from recordings.review.week_totals import GROUPS, read_week, total_of_week, totals_by_group
     from replay.commands.print_tables import print_json, print_line, stdout_console

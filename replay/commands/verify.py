@@ -132,7 +132,7 @@ def _write_verifier_page(folders: list[Path], output: Path | None, *, force: boo
 def _verify_notary_list(path: Path, key: Path | None, *, signed: bool, as_json: bool) -> None:
     """Verify a notary list and print the result."""
     from replay.commands.print_tables import print_json, print_line, stdout_console
-    from replay.notary.verify_list import UNSEEN, verify_notary_list
+    from replay.notary.list_file import UNSEEN, verify_notary_list
 
     found = verify_notary_list(path, key_file=key, signed=signed)
     if as_json:

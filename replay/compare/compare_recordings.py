@@ -41,10 +41,12 @@ class RecordedRun:
         self.stages: Mapping[str, Sequence[str]] = recording.stages
         self._loads: pl.DataFrame | None = None
         if request is not None and "loads" in self.stages:
-            from analysis.calibration.use.later_log import FRAMES
+            from analysis.calibration.use.apply_calibration import LATER_LOG_FRAMES
             from replay.calibration.apply_evidence import calibrate_recorded_loads
 
-            raw = {stage: recording.read(stage) for stage in FRAMES if stage in self.stages}
+            raw = {
+                stage: recording.read(stage) for stage in LATER_LOG_FRAMES if stage in self.stages
+            }
             self._loads = calibrate_recorded_loads(raw, self.provenance, request, recording.path)
             self.stages = {**self.stages, "loads": self._loads.columns}
 

@@ -72,7 +72,7 @@ def explain_run(
     _check_moment(request, whole)
     explained = explain(whole, request.at_s)
     if request.picture is not None:
-        from recordings.explain.explanation_picture import plot_explanation
+        from recordings.explain.explanation_view import plot_explanation
 
         plot_explanation(whole, explained, request.picture, force=request.force)
     if request.corrected_file is None or request.machine_file is None:

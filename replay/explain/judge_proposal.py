@@ -111,7 +111,7 @@ def held_out_objection_text(
     Returns:
         Empty where it holds.
     """
-    middle_ns = _find_middle_ns(run_without_proposal, *span_ns)
+    middle_ns = find_middle_between_starts_ns(run_without_proposal, *span_ns)
     if middle_ns is None:
         return "the log is too short to test the correction on stretches that it was not fitted to"
     first, second = (None, middle_ns), (middle_ns + 1, None)
@@ -143,7 +143,7 @@ def find_same_finding_or_none(finding: Finding, run: Run) -> Finding | None:
     return next((each for each in shown if each.setting == keys), None)
 
 
-def _find_middle_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
+def find_middle_between_starts_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
     """Log time between two starts near the middle; None if there are too few starts."""
     t_ns, starts = run.frames["excitation"]["t_ns"], run.frames["manoeuvres"]
     if t_ns.is_empty() or 0 < starts.height < _FEWEST_STARTS:

@@ -38,7 +38,7 @@ def split_into_proposals(finding: Finding) -> tuple[Proposal, ...]:
     if not finding.has_proposal:
         return ()
     keys = [key.strip() for key in str(finding.setting).split(",")]
-    values = _parse_toml_values(str(finding.value))
+    values = parse_toml_values(str(finding.value))
     if len(keys) != len(values):
         return ()
     said = "; ".join(
@@ -59,7 +59,7 @@ def split_into_proposals(finding: Finding) -> tuple[Proposal, ...]:
     )
 
 
-def _parse_toml_values(text: str) -> list[Any]:
+def parse_toml_values(text: str) -> list[Any]:
     """Parse comma-separated TOML values; empty if they are invalid."""
     try:
         return tomllib.loads(f"values = [{text}]")["values"]

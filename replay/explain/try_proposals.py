@@ -26,8 +26,8 @@ from recordings.report.atomic_output import atomic_file
 from recordings.report.finding_text import cause_name, findings_of_run
 from replay.explain.judge_proposal import ProposalTrial, Stretch, held_out_objection_text
 from replay.explain.proposal_edits import Proposal, insert_proposals, split_into_proposals
-from replay.inputs.cached_log import CachedLog, LogPart
 from replay.inputs.channel_inputs import channel_fields
+from replay.inputs.derived_logs import CachedLog, LogPart
 from replay.logs import Log, open_log
 from replay.machines.machine_file import load_machine, machine_file_or_shipped, time_axis_of_machine
 from replay.pipeline import run

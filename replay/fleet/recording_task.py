@@ -1,4 +1,4 @@
-"""Task of one recording: replay it on a node and store its result.
+"""Task of one recording: replay it on a node and store its result, or replay a result again to see.
 
 The task enforces its own limits of time and memory. A task that exceeds them is interrupted, with
 the reason; if it cannot be interrupted, since it hangs in a library, its process is ended, and the
@@ -29,12 +29,13 @@ from analysis.cycles.shift_totals import recount_shift
 from analysis.fleet.daily_figures import UNDATED
 from analysis.fleet.fleet_tables import GATE_SHARES, QUALITY, result_row, tables_of_run
 from analysis.model.run_record import Run
-from estimators.errors import DataError, LogError, PayscopeError
+from estimators.errors import DataError, FleetError, LogError, PayscopeError
 from estimators.file_digest import file_sha256
 from recordings import write_recording
 from recordings.review.review_state import collect_review_state
-from replay.fleet.log_sources import FleetLog
-from replay.fleet.machine_setups import MachineSetup, setup_of_day
+from replay.fleet.gathered_tables import FleetResults
+from replay.fleet.log_sources import FleetLog, list_fleet_logs
+from replay.fleet.machine_setups import MachineSetup, make_machine_setups, setup_of_day
 from replay.fleet.object_store import ObjectStore, open_store_once
 from replay.fleet.results_layout import MARK, ResultName, digest_result_key, write_result
 from replay.inputs.channel_inputs import package_versions
@@ -185,7 +186,7 @@ def _make_outcome(task: ReplayTask, path: Path) -> TaskOutcome:
     except (LogError, DataError) as error:
         # of this log alone: made anew, it would be refused again
         said = str(error).replace(str(path), task.log.source)
-        result = _ResultInTransit(task, setup, _digest_log_files(path), day)
+        result = _ResultInTransit(task, setup, digest_log_files(path), day)
         if not result.is_complete_in_store(store):
             result.write(store, None, {"status": "refused", "reason": said})
         return TaskOutcome("refused", said)
@@ -294,7 +295,7 @@ def fetch_log(log: FleetLog) -> Generator[Path]:
         yield Path(folder, root.name)
 
 
-def _digest_log_files(path: Path) -> tuple[str, ...]:
+def digest_log_files(path: Path) -> tuple[str, ...]:
     """Digests of the files of a log; empty if the path is not a log."""
     files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
     return tuple(file_sha256(each) for each in files)
@@ -340,3 +341,46 @@ def _has_file_descriptor(stream: object) -> bool:
         return stream.fileno() >= 0  # pyright: ignore[reportAttributeAccessIssue] asked for right here
     except (AttributeError, OSError, ValueError):
         return False
+
+
+@contextmanager
+def recording_of_result(results: FleetResults, key: str) -> Generator[Path]:
+    """Context with the recording of a result, replayed from its log if it was not kept.
+
+    Args:
+        results: results of a fleet.
+        key: key of the result, or its first characters.
+
+    Raises:
+        FleetError: no result or several match the key, or the log no longer exists.
+        PayscopeError: the log cannot be replayed.
+    """
+    found = results.results.filter(pl.col("key").str.starts_with(key))
+    if found.height != 1:
+        said = "several results begin" if found.height else "no result begins"
+        raise FleetError(f"{results.store.place}: {said} with '{key}'; keys are in table results")
+    row = found.row(0, named=True)
+    name = ResultName(row["machine"], row["day"], row["key"])
+    store = results.store
+    with tempfile.TemporaryDirectory(prefix="payscope-") as folder:
+        recording = Path(folder) / f"{name.key}.rrd"
+        if store.has_object(name.recording):
+            store.fetch(name.recording, recording)
+        else:
+            _find_recording(results, row["source"], name.machine, recording)
+        yield recording
+
+
+def _find_recording(results: FleetResults, source: str, machine: str, recording: Path) -> None:
+    known = results.last_run.machines.get(machine)
+    if known is None:
+        raise FleetError(f"{source}: the last run has no machine '{machine}'; run the fleet again")
+    (log,) = list_fleet_logs([source])
+    setups = make_machine_setups(machine, known.files, lenient=True)
+    with (
+        fetch_log(log) as path,
+        open_log(path, time=time_axis_of_machine(setups[-1].machine)) as opened,
+    ):
+        first = opened.topics()["start_ns"].min()
+        day = setups[-1].local_day_or_none(first if isinstance(first, int) else None)
+        write_recording(replay_log_with_setup(opened, setup_of_day(setups, day), source), recording)

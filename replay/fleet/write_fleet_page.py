@@ -22,7 +22,7 @@ from analysis.fleet.daily_figures import (
 from analysis.fleet.machine_drifts import MachineChart, make_machine_charts
 from recordings.fleet.fleet_page import FleetPage, render_fleet_html
 from recordings.report.atomic_output import atomic_file
-from recordings.review.week_shifts import trend_sentences
+from recordings.review.week_page import trend_sentences
 from replay.fleet.gathered_tables import FleetResults
 
 #: Hexadecimal digits of a key that the page shows, enough to name a recording.

@@ -99,10 +99,10 @@ def bound_times_by_constant(
     values: pl.Expr, compare: Callable[..., pl.Expr], limit: pl.Expr, column: str
 ) -> TimeRange:
     """Bound times by a comparison with a constant; unbounded for other expressions."""
-    slack = _rounding_ns(values, column)
+    slack = rounding_ns(values, column)
     if slack is None or limit.meta.root_names():
         return TimeRange()
-    limit_ns = _bracket_constant_ns(limit)
+    limit_ns = bracket_constant_ns(limit)
     if limit_ns is None:
         return TimeRange()
     low, high = limit_ns
@@ -114,7 +114,7 @@ def bound_times_by_constant(
     return TimeRange(max(first, FIRST_NS), min(last, LAST_NS))
 
 
-def _rounding_ns(values: pl.Expr, column: str) -> int | None:
+def rounding_ns(values: pl.Expr, column: str) -> int | None:
     """Largest rounding of an expression's times in ns; None if it is not the column."""
     times = pl.col(column)
     if values.meta.eq(times):
@@ -126,7 +126,7 @@ def _rounding_ns(values: pl.Expr, column: str) -> int | None:
     return None
 
 
-def _bracket_constant_ns(limit: pl.Expr) -> tuple[int, int] | None:
+def bracket_constant_ns(limit: pl.Expr) -> tuple[int, int] | None:
     """Integers just below and above a constant in ns; None if it is not a number."""
     try:
         value = pl.select(limit).to_series()

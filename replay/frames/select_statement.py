@@ -63,7 +63,7 @@ def explain_query_error(error: pl.exceptions.PolarsError, tables: Tables) -> Que
     said = str(error).strip().partition("\n")[0]
     unknown = re.search(r"relation '(.*)' was not found", said)
     if unknown:
-        return QueryError(f"query: no table '{unknown[1]}'; {_suggest_tables(unknown[1], tables)}")
+        return QueryError(f"query: no table '{unknown[1]}'; {suggest_tables(unknown[1], tables)}")
     return QueryError(f"query: {said}")
 
 
@@ -107,11 +107,11 @@ def _names_of_used_tables(query: str, tables: Tables) -> list[str]:
         if "FROM" not in upper[:-1]:
             raise QueryError(f"query: names no table; tables: {_list_tables(tables)}")
         unknown = tokens[upper.index("FROM") + 1].strip('"`')
-        raise QueryError(f"query: no table '{unknown}'; {_suggest_tables(unknown, tables)}")
+        raise QueryError(f"query: no table '{unknown}'; {suggest_tables(unknown, tables)}")
     return named
 
 
-def _suggest_tables(name: str, tables: Tables) -> str:
+def suggest_tables(name: str, tables: Tables) -> str:
     """Text with the nearest table name, if any, and the list of tables."""
     meant = nearest(name, tables)
     listed = f"tables: {_list_tables(tables)}"

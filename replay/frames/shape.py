@@ -122,7 +122,7 @@ class TopicShape:
         if isinstance(node, LeafField):
             found = values[node.name]
             if self._is_named(node):
-                found = _name_enumerated_values(found, node.value_names)
+                found = name_enumerated_values(found, node.value_names)
             dtype = self._leaf_dtype(node, depth)
             return found if found.dtype == dtype else found.cast(dtype)
         if not node.is_list:
@@ -133,9 +133,9 @@ class TopicShape:
             return pl.DataFrame(columns).to_struct()
         leaves = [leaf.name for leaf in _leaves_below(node)]
         counts = values[leaves[0]].list.len()
-        flat = {name: _flatten_lists(values[name]) for name in leaves}
+        flat = {name: flatten_lists(values[name]) for name in leaves}
         record = self._make_column(FieldBranch(False, None, node.below), flat, depth + 1)
-        return _rebuild_lists(record, counts).cast(self._dtype_of_node(node, depth))
+        return rebuild_lists(record, counts).cast(self._dtype_of_node(node, depth))
 
 
 def _make_field_tree(leaves: Sequence[LeafField]) -> dict[str, FieldBranch | LeafField]:
@@ -165,12 +165,12 @@ def _leaves_below(node: FieldBranch | LeafField) -> Iterator[LeafField]:
             yield from _leaves_below(below)
 
 
-def _flatten_lists(lists: pl.Series) -> pl.Series:
+def flatten_lists(lists: pl.Series) -> pl.Series:
     """Concatenate the elements of all lists."""
     return pl.Series(lists.name, lists.to_arrow().flatten(), dtype=lists.dtype.inner)  # type: ignore[attr-defined]
 
 
-def _rebuild_lists(elements: pl.Series, counts: pl.Series) -> pl.Series:
+def rebuild_lists(elements: pl.Series, counts: pl.Series) -> pl.Series:
     """Split elements into lists of the given lengths; null where the length is null."""
     import pyarrow as pa  # slow to import, and needed where messages hold lists of messages
 
@@ -181,7 +181,7 @@ def _rebuild_lists(elements: pl.Series, counts: pl.Series) -> pl.Series:
     return pl.Series(elements.name, lists)
 
 
-def _name_enumerated_values(values: pl.Series, names: ValueNames) -> pl.Series:
+def name_enumerated_values(values: pl.Series, names: ValueNames) -> pl.Series:
     """Names of enumerated values; the digits of values without a name."""
     number: pl.Expr = pl.element() if isinstance(values.dtype, pl.List) else pl.col(values.name)
     numbers, texts = zip(*names, strict=True)

@@ -133,7 +133,7 @@ class TopicSource:
         if predicate is None or self._source is None:
             return True
         known = pl.DataFrame({self._source: [str(path)]})
-        for part in _split_conjunction(predicate):
+        for part in split_conjunction(predicate):
             if part.meta.root_names() == [self._source]:
                 with suppress(pl.exceptions.PolarsError):
                     if not known.select(part.any()).item():
@@ -221,12 +221,12 @@ def _select_columns(frame: pl.DataFrame, columns: list[str]) -> pl.DataFrame:
     return frame if frame.columns == columns else frame.select(columns)
 
 
-def _split_conjunction(predicate: pl.Expr) -> Iterator[pl.Expr]:
+def split_conjunction(predicate: pl.Expr) -> Iterator[pl.Expr]:
     """Split a predicate into the parts joined by AND."""
     parts = list(reversed(predicate.meta.pop()))
     if len(parts) == 2 and (parts[0] & parts[1]).meta.eq(predicate):
         for part in parts:
-            yield from _split_conjunction(part)
+            yield from split_conjunction(part)
     else:
         yield predicate
 

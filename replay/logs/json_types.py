@@ -64,7 +64,7 @@ class _Schema:
         self._left -= 1
         if self._left < 0 or depth > _DEEPEST:
             raise BrokenBytesError(f"it has more than {_MOST_FIELDS} fields, or {_DEEPEST} levels")
-        kind = _sole_type_or_none(schema)
+        kind = sole_type_or_none(schema)
         if kind == "array":
             element = self.type_of_value(schema.get("items", {}), depth + 1)
             if element is None or isinstance(element, ListOf):
@@ -101,7 +101,7 @@ class _Schema:
         raise BrokenBytesError("its references form a loop")
 
 
-def _sole_type_or_none(schema: dict[str, Any]) -> str | None:
+def sole_type_or_none(schema: dict[str, Any]) -> str | None:
     """The single type that a schema allows besides null; None if there are several."""
     named = schema.get("type", "object" if "properties" in schema else [])
     allowed = named if isinstance(named, list) else [named]

@@ -56,7 +56,7 @@ def _open_directory(path: Path) -> Log:
     from replay.logs.rosbag2 import METADATA, Rosbag2Directory, list_storage_files
 
     if not (path / METADATA).exists() and not list_storage_files(path):
-        logs = sorted(each.name for each in path.iterdir() if _may_be_log(each))
+        logs = sorted(each.name for each in path.iterdir() if may_be_log(each))
         if logs:
             named = list_some(logs, _MOST_NAMED)
             raise LogError(f"{path}: is a folder of logs; name one of them: {named}")
@@ -67,7 +67,7 @@ def _open_directory(path: Path) -> Log:
     return MessageLog(path, "rosbag2 directory", Rosbag2Directory)
 
 
-def _may_be_log(path: Path) -> bool:
+def may_be_log(path: Path) -> bool:
     """Whether a path has the name of a log, or is a directory that is one."""
     from replay.logs.rosbag2 import METADATA
 
@@ -186,20 +186,20 @@ def _is_folder(path: Path) -> bool:
 def bags_or_tables_of_folder(folder: Path) -> list[Path]:
     """Bags of a folder and its subfolders; if there are none, its tables."""
     inside = _list_logs_of_format_folder(folder)
-    bags = [log for each in inside for log in _bags_at_path(each)]
+    bags = [log for each in inside for log in bags_at_path(each)]
     tables = [each for each in inside if each.suffix.lower() in _TABLES and each.is_file()]
     # a folder without a log is for its reader to say
     return bags or tables or [folder]
 
 
-def _bags_at_path(path: Path) -> list[Path]:
+def bags_at_path(path: Path) -> list[Path]:
     """A bag, or the bags of a folder without metadata, as after a power loss."""
     if _is_folder(path):
         return [
             log
             for each in _list_logs_of_format_folder(path)
             if not _is_folder(each)
-            for log in _bags_at_path(each)
+            for log in bags_at_path(each)
         ]
     return [path] if path.is_dir() or path.suffix.lower() in _BAGS else []
 

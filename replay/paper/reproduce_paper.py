@@ -16,7 +16,7 @@ from analysis.paper.simulated_sources import (
 )
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from recordings.paper.paper_items import Item, ItemResult, compute_item
-from replay.inputs.memory_log import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 

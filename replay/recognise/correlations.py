@@ -197,9 +197,7 @@ def ask_about_mirrored_side(
             continue
         (t, x), (at, y) = read_series_of_proposal(log, left), read_series_of_proposal(log, right)
         goes = (
-            _correlation_or_none(x, np.interp(t, at, y))
-            if min(t.size, at.size) >= _FEWEST
-            else None
+            correlation_or_none(x, np.interp(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
         )
         if goes is not None and goes < -_CLEAR:
             recognition.ask_question("sign", _MIRRORED.format(left.field, right.field, goes))
@@ -218,8 +216,8 @@ def ask_about_units(
         gain_and_offset_to_si(each.unit, _SI[each.column])[0] if each.unit else 1.0
         for each in (rate, other)
     ]
-    x, change = x * gains[0], _slope_at_times(t, at, y * gains[1]) / _SPAN_S
-    goes = _correlation_or_none(x, change)
+    x, change = x * gains[0], slope_at_times(t, at, y * gains[1]) / _SPAN_S
+    goes = correlation_or_none(x, change)
     if goes is None or goes < _ALIKE:
         return
     times = float(change.std() / x.std())
@@ -257,7 +255,7 @@ def _ask_about_unsigned_force(
     (t, x), (at, y) = read_series_of_proposal(log, proposal), read_series_of_proposal(log, speed)
     if min(t.size, at.size) < _FEWEST or x.min() < -_NOISE * x.max():
         return
-    slope = _slope_at_times(t, at, y)
+    slope = slope_at_times(t, at, y)
     starts, stops = x[slope > slope.max() / 2], x[slope < slope.min() / 2]
     if slope.min() < 0 < slope.max() and stops.mean() > _BRAKING * starts.mean() > 0:
         recognition.ask_question("sign", _WITHOUT_SIGN.format(proposal.field))
@@ -273,7 +271,7 @@ def read_series_of_proposal(log: Log, proposal: ChannelProposal) -> tuple[Floats
         return np.empty(0), np.empty(0)
 
 
-def _slope_at_times(t: Floats, at: Floats, y: Floats) -> Floats:
+def slope_at_times(t: Floats, at: Floats, y: Floats) -> Floats:
     """Slope of `y`, sampled at `at`, about each of the times `t`."""
     half = _SPAN_S / 2
     return np.interp(t + half, at, y) - np.interp(t - half, at, y)
@@ -283,13 +281,13 @@ def slope_correlation(log: Log, proposal: ChannelProposal, sloped: ChannelPropos
     """Correlation of a column with the slope of another; None if undefined."""
     (t, x), (at, y) = read_series_of_proposal(log, proposal), read_series_of_proposal(log, sloped)
     return (
-        _correlation_or_none(x, _slope_at_times(t, at, y))
+        correlation_or_none(x, slope_at_times(t, at, y))
         if min(t.size, at.size) >= _FEWEST
         else None
     )
 
 
-def _correlation_or_none(x: Floats, y: Floats) -> float | None:
+def correlation_or_none(x: Floats, y: Floats) -> float | None:
     """Correlation of two series; None if one is constant or not finite."""
     # what has a square beyond a float64 is scaled to 1 first
     x, y = (each / (float(np.abs(each).max()) or 1.0) for each in (x, y))

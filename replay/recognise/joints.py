@@ -32,7 +32,7 @@ def recognise_joints(log: Log, topic: str, start_ns: int, recognition: Recogniti
     names = list(
         dict.fromkeys(str(n) for n in read_first_message(log, topic, places, start_ns) if n)
     )
-    wheels, turns = _find_wheels(names)
+    wheels, turns = find_wheels(names)
     if wheels:
         for side, joints in wheels.items():
             _fill_side_channels(log, topic, start_ns, side, joints, recognition, turns=turns)
@@ -54,7 +54,7 @@ def fields_of_joints_with_values(log: Log, topic: str, start_ns: int) -> list[st
     ]
 
 
-def _find_wheels(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
+def find_wheels(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
     """Joints of each side, if both have equally many, and whether their names imply rotation."""
     said: dict[str, ColumnMeaning] = {name: read_column_name(name) for name in names}
     drives = {name: each for name, each in said.items() if each.side and not each.is_linkage}

@@ -134,7 +134,7 @@ def _list_columns(log: Log) -> list[LogColumn]:
         names = frozenset(row["fields"])
         for name in row["fields"]:
             said, unit = (
-                read_column_name(_name_without_unit(name)),
+                read_column_name(name_without_unit(name)),
                 units.get(name) or _CALLED_BY_UNIT.get(name.lower()),
             )
             if said.side and not has_real_side_prefix(name, names):
@@ -151,7 +151,7 @@ def _list_columns(log: Log) -> list[LogColumn]:
     return found
 
 
-def _name_without_unit(name: str) -> str:
+def name_without_unit(name: str) -> str:
     """Words of a name without its unit."""
     cut = name
     for opening in "[(":
@@ -163,11 +163,11 @@ def find_quantity_of_name(quantity_of_name: str | None, unit: str | None) -> str
     """Quantity that a name states, if its unit permits it."""
     if unit is None or unit in _TURNS or quantity_of_name is None:
         return quantity_of_name
-    return _find_quantity_of_unit(unit) or quantity_of_name
+    return find_quantity_of_unit(unit) or quantity_of_name
 
 
 @cache
-def _find_quantity_of_unit(unit: str) -> str | None:
+def find_quantity_of_unit(unit: str) -> str | None:
     """Quantity that a unit alone determines."""
     dimension = unit_registry().parse_units(unit).dimensionality
     for each, quantity in _QUANTITY_OF.items():

@@ -68,11 +68,13 @@ class RecordedStage:
             raise RecordingError(
                 f"{self.recording}: a calibration applies to frame 'loads', not to '{self.name}'"
             )
-        from analysis.calibration.use.later_log import FRAMES as NEEDED
+        from analysis.calibration.use.apply_calibration import LATER_LOG_FRAMES
         from replay.calibration.apply_evidence import calibrate_recorded_loads
 
         about, there = read_provenance(self.recording), columns_by_frame(self.recording)
-        frames = {name: read_frame(self.recording, name) for name in NEEDED if name in there}
+        frames = {
+            name: read_frame(self.recording, name) for name in LATER_LOG_FRAMES if name in there
+        }
         return replace(self, rows=calibrate_recorded_loads(frames, about, request, self.recording))
 
     def select_rows_between(self, start_s: float | None, end_s: float | None) -> Self:

@@ -14,7 +14,6 @@ from estimators.errors import RecordingError, ReviewError
 from estimators.file_digest import file_sha256
 from recordings import read_frame
 from recordings.report.atomic_output import atomic_files
-from recordings.review.find_cycle import find_cycle_row, find_instant
 from recordings.review.review_state import RECORDING, ReviewState, read_review_state
 from recordings.review.reviewer_verdicts import (
     VERDICTS,
@@ -26,7 +25,12 @@ from recordings.review.reviewer_verdicts import (
     read_verdict_text,
     verdicts_by_row,
 )
-from recordings.review.shift_ledger import PARQUET, cycles_frame_from_ledger
+from recordings.review.shift_ledger import (
+    PARQUET,
+    cycles_frame_from_ledger,
+    find_cycle_row,
+    find_instant,
+)
 from replay.review.review_folder import lock_folder
 from replay.review.write_review import (
     OUTPUTS,

@@ -11,7 +11,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.calibration.line.shared_errors import SharedErrors
-from analysis.calibration.use.later_log import FRAMES as NEEDED
+from analysis.calibration.use.apply_calibration import LATER_LOG_FRAMES
 from analysis.calibration.use.learnt_priors import describe_contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.cycle_energy import ShiftEnergy, compute_shift_energy
@@ -271,7 +271,9 @@ def frames_for_calibration(shift: ReplayedShift, folder: Path) -> Mapping[str, p
     if shift.run is not None:
         return shift.run.frames
     there = columns_by_frame(folder / RECORDING)
-    return {name: read_frame(folder / RECORDING, name) for name in NEEDED if name in there}
+    return {
+        name: read_frame(folder / RECORDING, name) for name in LATER_LOG_FRAMES if name in there
+    }
 
 
 def digest_replay_inputs(logs: list[Log], machine: Machine, *, full: bool) -> str:

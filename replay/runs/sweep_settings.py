@@ -17,7 +17,7 @@ from analysis.model.answer import Answer, answer
 from analysis.model.machine import LogSection, Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
-from replay.inputs.cached_log import CachedLog
+from replay.inputs.derived_logs import CachedLog
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, time_axis_of_machine
 from replay.pipeline import run
@@ -114,7 +114,7 @@ def sweep_settings(
                     for method, mass in row.quantities["mass_kg"].items()
                 }
             if truth is not None:
-                errors |= _rms_errors_by_truth(replayed, truth, weighs=told.verdict.can_weigh)
+                errors |= rms_errors_by_truth(replayed, truth, weighs=told.verdict.can_weigh)
             values = dict(part.split("=", 1) for part in each)
             rows.append(SweepRow(values, told, errors))
     return rows
@@ -134,7 +134,7 @@ def _replay_combination(
         raise DataError(f"{names} with {machine_file}, {', '.join(overrides)}: {error}") from None
 
 
-def _rms_errors_by_truth(
+def rms_errors_by_truth(
     replayed: Run, truth: pl.DataFrame, *, weighs: bool
 ) -> dict[str, dict[str, float | None]]:
     """Root mean square errors of the runs' masses, by name and method."""
@@ -175,7 +175,7 @@ def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
     Raises:
         MachineError: --over is not a range or list, or gives a key twice; one line.
     """
-    axes = [_parse_swept_key(each) for each in over]
+    axes = [parse_swept_key(each) for each in over]
     keys = [axis[0].partition("=")[0] for axis in axes]
     for key in keys:
         if keys.count(key) > 1:
@@ -191,18 +191,18 @@ def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
     return list(product(*axes))
 
 
-def _parse_swept_key(option: str) -> list[str]:
+def parse_swept_key(option: str) -> list[str]:
     """Overrides of one --over option."""
     key, equals, text = (part.strip() for part in option.partition("="))
     if not (key and equals and text):
         raise MachineError(f"--over {option}: {_HOW}")
-    values = _parse_range(option, text) if ":" in text else _split_values(text)
+    values = parse_range(option, text) if ":" in text else split_values_outside_brackets(text)
     if not all(values):
         raise MachineError(f"--over {option}: a value is missing; {_HOW}")
     return [f"{key}={value}" for value in values]
 
 
-def _parse_range(option: str, text: str) -> list[str]:
+def parse_range(option: str, text: str) -> list[str]:
     """Decimal numbers of the range `from:to:step`, as text."""
     try:
         first, last, step = (Decimal(part.strip()) for part in text.split(":"))
@@ -220,7 +220,7 @@ def _parse_range(option: str, text: str) -> list[str]:
     return [f"{first + k * step:f}" for k in range(int(steps) + 1)]
 
 
-def _split_values(text: str) -> list[str]:
+def split_values_outside_brackets(text: str) -> list[str]:
     """Split values at commas, but not inside brackets."""
     values, depth = [""], 0
     for letter in text:

@@ -149,7 +149,7 @@ def test_an_index_that_two_processes_write_at_once_never_names_the_code_of_anoth
 
 def test_every_compiled_function_is_kept_under_such_names() -> None:
     assert (
-        type(fit_loss._sum_autocovariance_loss.compiled._cache._cache_file)
+        type(fit_loss.sum_autocovariance_loss.compiled._cache._cache_file)
         is compiled._ContentNamedIndex
     )
 

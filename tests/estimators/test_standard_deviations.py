@@ -8,8 +8,8 @@ import pytest
 from scipy.stats import norm, t
 
 from estimators.methods import ls, pooled, rls, rtls
+from estimators.methods.ls import mean_estimate
 from estimators.methods.tls import TlsOptions
-from estimators.methods.window_mean import mean_estimate
 from estimators.numerics.autocorrelation import (
     pooled_autocorrelation,
     residuals_of_disjoint_windows,

@@ -7,11 +7,12 @@ import polars as pl
 from analysis import Run
 from analysis.explain import explain
 from recordings import write_recording
-from recordings.explain.explanation_picture import draw_explanation, plot_explanation
-from recordings.explain.explanation_text import (
+from recordings.explain.explanation_view import (
     answer_and_cause_sentence,
+    draw_explanation,
     iter_finding_lines,
     iter_gate_lines,
+    plot_explanation,
 )
 from recordings.report.finding_text import findings_markdown
 from recordings.rrd.display_frames import make_display_frames

@@ -14,7 +14,7 @@ ONE_LOOP = """
 from replay.commands.cli import discard_unreadable_cache
 import numpy as np
 from estimators.interpreted import compile_at_once
-from estimators.methods.window_mean import mean_weights
+from estimators.methods.ls import mean_weights
 try:
     with compile_at_once():
         mean_weights(np.ones((4, 2)), np.ones((2, 2, 1)), np.array([3]), 2)

@@ -148,9 +148,9 @@ def fit_calibration(
         method=options.method,
         confidence_1=options.confidence_1,
         alpha_1=1.0 / line.slope_1,
-        alpha_interval_1=_alpha_interval(inversion, options.confidence_1),
+        alpha_interval_1=estimate_alpha_interval(inversion, options.confidence_1),
         beta_kg=-c0 / line.slope_1,
-        beta_interval_kg=_beta_interval(inversion, options.confidence_1),
+        beta_interval_kg=estimate_beta_interval(inversion, options.confidence_1),
         c0_kg=c0,
         c1_1=line.slope_1,
         covariance=_upper_covariance_entries(covariance),
@@ -260,14 +260,18 @@ def largest_common_kg(used: pl.DataFrame) -> float:
     return float(largest) if isinstance(largest, float) and np.isfinite(largest) else 0.0
 
 
-def _alpha_interval(inversion: Inversion, confidence_1: float) -> tuple[float | None, float | None]:
-    """Interval of 1/c1; (None, None) if that of c1 contains 0."""
+def estimate_alpha_interval(
+    inversion: Inversion, confidence_1: float
+) -> tuple[float | None, float | None]:
+    """Interval of α = 1/c1, without unit; (None, None) if that of c1 contains 0."""
     low, high = inversion.slope_interval(confidence_1)
     return (1.0 / high, 1.0 / low) if low * high > 0.0 else (None, None)
 
 
-def _beta_interval(inversion: Inversion, confidence_1: float) -> tuple[float | None, float | None]:
-    """Interval of the mass at which the line is 0."""
+def estimate_beta_interval(
+    inversion: Inversion, confidence_1: float
+) -> tuple[float | None, float | None]:
+    """Interval in kg of β, the mass at which the line is 0; (None, None) if it is unbounded."""
     found = inversion.invert_without_scatter(0.0, confidence_1)
     low, high = float(found.low_kg[0]), float(found.high_kg[0])
     return (low, high) if np.isfinite(low) and np.isfinite(high) else (None, None)

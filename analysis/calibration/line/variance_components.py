@@ -82,7 +82,7 @@ def estimate_variances_by_reml(
         Patterson and Thompson (1971); expected information as in Searle, Casella and McCulloch,
         Variance Components, 6.6.
     """
-    value = _starting_variances(residual, design, effects, within_run) if start is None else start
+    value = starting_variances(residual, design, effects, within_run) if start is None else start
     floor = _FLOOR * max(float(value.max()), float(known.diagonal().min()))
     value = np.maximum(value, floor)
     information = np.eye(value.size)
@@ -98,7 +98,7 @@ def estimate_variances_by_reml(
     return Variances(value, np.asarray(np.linalg.pinv(information, hermitian=True), np.float64))
 
 
-def _starting_variances(
+def starting_variances(
     residual: Floats, design: Floats, effects: Floats, within_run: WithinRunVariance
 ) -> Floats:
     """Initial variances (effects,): equal shares of the residual, and the readings' own."""
@@ -123,19 +123,19 @@ def expected_information(
         within_run: as in `estimate_variances_by_reml`; its sum of squares is not used.
         value: (effects,) the variances.
     """
-    return _fisher_information(
-        _reml_projection(design, effects, known, value) @ effects, within_run, value
+    return fisher_information(
+        reml_projection(design, effects, known, value) @ effects, within_run, value
     )
 
 
-def _reml_projection(design: Floats, effects: Floats, known: Floats, value: Floats) -> Floats:
+def reml_projection(design: Floats, effects: Floats, known: Floats, value: Floats) -> Floats:
     """Projection matrix P (points, points) of restricted maximum likelihood."""
     weight = np.linalg.inv(np.tensordot(value, effects, 1) + known)
     weighted = weight @ design
     return weight - weighted @ np.linalg.solve(design.T @ weighted, weighted.T)
 
 
-def _fisher_information(through: Floats, within_run: WithinRunVariance, value: Floats) -> Floats:
+def fisher_information(through: Floats, within_run: WithinRunVariance, value: Floats) -> Floats:
     """Expected information (effects, effects) on the variances; readings add to the first."""
     information = 0.5 * np.einsum("kij,lji->kl", through, through)
     if within_run.freedom:
@@ -152,7 +152,7 @@ def reml_score_and_information(
     value: Floats,
 ) -> tuple[Floats, Floats]:
     """Derivative (effects,) of the restricted log likelihood, and expected information."""
-    projection = _reml_projection(design, effects, known, value)
+    projection = reml_projection(design, effects, known, value)
     projected = projection @ residual
     through = projection @ effects
     score = 0.5 * (
@@ -160,7 +160,7 @@ def reml_score_and_information(
     )
     if within_run.freedom:
         score[0] += 0.5 * (within_run.squares / value[0] - within_run.freedom) / value[0]
-    return score, _fisher_information(through, within_run, value)
+    return score, fisher_information(through, within_run, value)
 
 
 def scoring_step(value: Floats, score: Floats, information: Floats, floor: float) -> Floats:

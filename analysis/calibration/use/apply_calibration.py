@@ -1,4 +1,4 @@
-"""Add calibrated masses to the loads of a log."""
+"""Add calibrated masses to the loads of a later log, unless its facts refuse them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,7 +14,12 @@ from analysis.calibration.use.calibration_drift import (
     DriftCheck,
     check_drift_by_known_mass,
 )
+from analysis.calibration.use.learnt_priors import (
+    describe_contradicted_priors,
+    describe_undetectable_changes,
+)
 from analysis.calibration.use.mass_differences import NORMAL, calibrate_payloads_by_line
+from analysis.model.machine_body import Body
 from analysis.model.schema import CALIBRATED, conform_to_schema
 from estimators.errors import DataError, nearest
 
@@ -26,6 +31,8 @@ ESTIMATORS: Final[Mapping[str, tuple[str, str]]] = {
 #: An empty machine that is as far off by chance with less than this probability (three deviations)
 #: is no longer the one that was calibrated: 0.3 % of good logs are refused.
 _RARE: Final = 0.0027
+#: Frames of a replay for `describe_later_log`; the last two a replay under learnt priors has.
+LATER_LOG_FRAMES: Final = ("loads", "nuisances", "responses", "learnt_errors")
 
 
 @dataclass(frozen=True)
@@ -231,4 +238,24 @@ def machine_change_text(check: DriftCheck | None, log: LaterLog) -> str:
         f"its empty part weighs {check.mass_kg:,.0f} kg by the calibration, and the empty machine "
         f"{log.empty_kg:,.0f} kg; up to {check.limit_kg:,.0f} kg apart can be chance: the "
         "machine, the ground or the empty mass has changed"
+    )
+
+
+def describe_later_log(
+    frames: Mapping[str, pl.DataFrame], body: Body, refused: str = ""
+) -> LaterLog:
+    """Collect the facts about a later log.
+
+    Args:
+        frames: `LATER_LOG_FRAMES` of a replay with the calibration's learnt priors.
+        body: machine body with the calibration's empty mass.
+        refused: known reason why the log must not be calibrated, if any.
+    """
+    nuisances, shared_errors = frames["nuisances"], SharedErrors.from_frames(frames)
+    return LaterLog(
+        refused or describe_contradicted_priors(nuisances),
+        shared_errors,
+        body.empty_mass_kg,
+        body.empty_mass_u_kg or 0.0,
+        describe_undetectable_changes(nuisances, shared_errors),
     )

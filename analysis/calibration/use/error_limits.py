@@ -155,11 +155,11 @@ def judge_error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLim
                 error_kg=error_kg,
                 u_kg=inversion.u_kg(reference_kg, readings),
                 guard_kg=inversion.half_interval_kg(reference_kg, one_sided, readings),
-                verdict=_verdict_on_load(outside, rule.risk_1),
+                verdict=verdict_on_load(outside, rule.risk_1),
                 outside_1=outside,
             )
         )
-    return _overall_verdict(rule, tuple(rows))
+    return overall_verdict(rule, tuple(rows))
 
 
 def mean_errors_of_loads(calibration: Calibration) -> list[tuple[str, float, float]]:
@@ -177,14 +177,14 @@ def mean_errors_of_loads(calibration: Calibration) -> list[tuple[str, float, flo
     return found
 
 
-def _verdict_on_load(outside_1: float, risk_1: float) -> str:
+def verdict_on_load(outside_1: float, risk_1: float) -> str:
     """Verdict on one load by the probability that a mass is beyond the limits."""
     if outside_1 <= risk_1:
         return WITHIN
     return OUTSIDE if outside_1 >= 1.0 - risk_1 else UNDECIDED
 
 
-def _overall_verdict(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> ErrorLimits:
+def overall_verdict(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> ErrorLimits:
     """The worst verdict of all loads, its risk and its sentence."""
     verdicts = {row.verdict for row in rows}
     verdict = next(v for v in (OUTSIDE, UNDECIDED, WITHIN) if v in verdicts)

@@ -107,10 +107,10 @@ def pool_terms_of_logs(
         term for term in sorted(by_term) if len(by_term[term]) >= LOGS_MIN
     ]
     level = _LEVEL if procedure.terms_tested_singly else _LEVEL / max(len(pooled), 1)
-    return {term: _pool_term(by_term[term], level) for term in pooled}
+    return {term: pool_term(by_term[term], level) for term in pooled}
 
 
-def _pool_term(log_terms: Sequence[TermOfLog], level: float) -> LearntTerm:
+def pool_term(log_terms: Sequence[TermOfLog], level: float) -> LearntTerm:
     """Prior of a term from the logs' estimates, which count once with the old prior."""
     # all floats are Python's own: evidence is written and read back to the last bit
     prior = float(max(each.prior_std for each in log_terms))

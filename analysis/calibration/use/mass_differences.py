@@ -71,7 +71,7 @@ def calibrate_payloads_by_line(
         payload_kg: (n,) uncalibrated payloads; NaN if missing.
     """
     absolute = calibration.method == "joint_payload"
-    gain = slope_gain(calibration) if absolute else _combine_gains(calibration, shared_errors)
+    gain = slope_gain(calibration) if absolute else combine_gains(calibration, shared_errors)
     slope, size = gain.slope_1, abs(gain.slope_1)
     level_kg = calibration.c0_kg if absolute else 0.0
     mass_kg = (payload_kg - level_kg) / slope
@@ -133,7 +133,7 @@ def slope_gain(calibration: Calibration) -> DifferenceGain:
     return DifferenceGain(calibration.c1_1, calibration.covariance[2], 0.0)
 
 
-def _combine_gains(calibration: Calibration, shared_errors: SharedErrors | None) -> DifferenceGain:
+def combine_gains(calibration: Calibration, shared_errors: SharedErrors | None) -> DifferenceGain:
     """Gain of mass differences: slope and level of the line, weighted by uncertainty."""
     if shared_errors is None or not calibration.responses:
         return slope_gain(calibration)

@@ -110,7 +110,7 @@ class TrialDriver(MachineDriver):
                     load_kg,
                     loading.spill_1_s,
                 )
-                times, filled_kg, spilled_kg = self.drive_start(order, body)
+                times, filled_kg, spilled_kg = self.drive_one_start(order, body)
                 load_end_kg += filled_kg - spilled_kg
                 self._lost_kg += spilled_kg
                 if self._stands_loaded:
@@ -246,14 +246,14 @@ def draw_travel_legs(
         if first:
             speed, first = target, False
         parts += [
-            _ramp_pedal_speed(speed, target, travel, step_s),
+            ramp_speeds_m_s(speed, target, travel, step_s),
             np.full(round(hold_s / step_s), target),
         ]
         left_s -= (parts[-2].size + parts[-1].size) * step_s
         speed = target
         ends = left_s <= 0.0
         if stands or (ends and not travel.in_motion):
-            parts.append(_ramp_pedal_speed(speed, 0.0, travel, step_s))
+            parts.append(ramp_speeds_m_s(speed, 0.0, travel, step_s))
             yield TravelLeg(np.concatenate(parts), 0.0 if ends else stand_s)
             left_s -= parts[-1].size * step_s + stand_s
             parts, speed = [], 0.0
@@ -261,7 +261,7 @@ def draw_travel_legs(
         yield TravelLeg(np.concatenate(parts), None)
 
 
-def _ramp_pedal_speed(begin_m_s: float, end_m_s: float, travel: Travel, step_s: float) -> Floats:
+def ramp_speeds_m_s(begin_m_s: float, end_m_s: float, travel: Travel, step_s: float) -> Floats:
     """Target speeds of a ramp in m/s, one per integration step."""
     steps = round(abs(end_m_s - begin_m_s) / travel.acceleration_m_s2 / step_s)
     return np.linspace(begin_m_s, end_m_s, steps, endpoint=False)

@@ -9,10 +9,17 @@ import numpy as np
 from analysis.simulation.motion.body import RigidBody
 from analysis.simulation.motion.solved_motion import ManoeuvreTimes
 from analysis.simulation.plant import plant
-from analysis.simulation.plant.integrated_motion import BRAKING, FREE, OPEN, REST, STEADY, TURNING
+from analysis.simulation.plant.integrated_motion import (
+    BRAKING,
+    FREE,
+    OPEN,
+    REST,
+    STEADY,
+    TURNING,
+    RowBuffer,
+)
 from analysis.simulation.plant.plant_inputs import DriveStage, make_plant
 from analysis.simulation.plant.resistance import cold_friction_share, rolling_resistance
-from analysis.simulation.plant.row_buffer import RowBuffer
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.sensors.random_streams import make_generator
 from estimators.arrays import Floats
@@ -120,7 +127,7 @@ class MachineDriver:
         self.facing = -self.facing
         return ManoeuvreTimes("spin", begin_s, begin_s, None, None, self.time_s)
 
-    def drive_start(
+    def drive_one_start(
         self, order: StartOrder, body: RigidBody
     ) -> tuple[ManoeuvreTimes, float, float]:
         """Drive one start: throttle, cruise, coast if so ordered, brake.

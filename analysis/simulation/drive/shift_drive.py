@@ -131,13 +131,13 @@ class ShiftDriver(MachineDriver):
         load_kg, machine_kg = self._load_kg, self.scenario.machine.mass_kg - self._burnt_kg
         haul_s = self.time_s
         reverse = bool(operator.random() < shift.reverse_share)
-        self._drive_start(-1.0, shift.back_m, operator)
+        self._drive_start_and_stand(-1.0, shift.back_m, operator)
         if not reverse:
             self._turn_machine(operator)
         self._drive_legs(-1.0, _REACH_M, shift.haul_starts_most, operator, pours=pours)
         dump_s = self._dump_load()
         if not reverse:
-            self._drive_start(1.0, shift.back_m, operator)
+            self._drive_start_and_stand(1.0, shift.back_m, operator)
             self._turn_machine(operator)
         lost = [each for each in self.dumps if each.cycle == number and each.kind != "dump"]
         spilled_kg = sum((each.mass_kg for each in lost if each.kind == "spill"), 0.0)
@@ -192,11 +192,11 @@ class ShiftDriver(MachineDriver):
             left_m = direction * (until_m - self.position_m)
             share = parts[number] / parts[number:].sum()
             if left_m > 2.0:
-                self._drive_start(direction, float(left_m * share), operator)
+                self._drive_start_and_stand(direction, float(left_m * share), operator)
                 if pours and number == 0:
                     self._pour_part_of_load()
 
-    def _drive_start(
+    def _drive_start_and_stand(
         self, direction: float, distance_m: float, operator: np.random.Generator
     ) -> None:
         """Drive one start along the way (1) or against it (-1), and stand afterwards."""
@@ -215,7 +215,7 @@ class ShiftDriver(MachineDriver):
             distance_m=distance_m,
         )
         from_m, begin_kg = self.position_m, self._load_kg
-        times, _, spilled_kg = self.drive_start(order, body)
+        times, _, spilled_kg = self.drive_one_start(order, body)
         if spilled_kg:
             self._load_kg -= spilled_kg
             self._record_spill("spill", spilled_kg, times.start_s, from_m)
@@ -260,7 +260,7 @@ class ShiftDriver(MachineDriver):
             digging_s=digging_s,
             fill_kg_s=(wanted_kg - self._carried_kg) / digging_s,
         )
-        times, filled_kg, _ = self.drive_start(order, body)
+        times, filled_kg, _ = self.drive_one_start(order, body)
         begin_kg, self._load_kg = self._load_kg, self._load_kg + filled_kg
         self._record_manoeuvre(times, body, 1.0, 1.0, begin_kg)
         self._record_boom_angles(_CARRY, at_s=self.time_s + _LIFT_S)

@@ -45,8 +45,8 @@ _HALVINGS: Final = 60
 
 
 @compiled_inline
-def _limited_motor_force(asked_N: float, speed_m_s: float, plant: Plant) -> float:
-    """Force of the motor: the commanded one, within its limits while it drives."""
+def limited_motor_force(asked_N: float, speed_m_s: float, plant: Plant) -> float:
+    """Force of the motor in N: the commanded one, within its limits while it drives."""
     force_N = asked_N
     if force_N * speed_m_s > 0.0:
         fast = abs(speed_m_s)
@@ -74,8 +74,8 @@ def commanded_force_or_speed(
 
 
 @compiled_inline
-def _pedal_force(wanted_m_s: float, speed_m_s: float, stage: DriveStage) -> tuple[float, float]:
-    """Drive force and brake force that a pedal commands."""
+def pedal_force(wanted_m_s: float, speed_m_s: float, stage: DriveStage) -> tuple[float, float]:
+    """Drive force and brake force in N that a pedal commands."""
     ahead_N = stage.way * stage.pedal_N_s_m * (wanted_m_s - speed_m_s)
     if ahead_N >= 0.0:
         return stage.way * min(ahead_N, stage.most_drive_N), 0.0
@@ -93,8 +93,8 @@ def _rotating_mass_kg(speed_m_s: float, plant: Plant) -> float:
 
 
 @compiled_inline
-def _total_mass_at_kg(t: float, stage: DriveStage) -> float:
-    """Mass of machine and load, some of which may fall in or off."""
+def total_mass_at_kg(t: float, stage: DriveStage) -> float:
+    """Mass of machine and load in kg at a time in s; some of it may fall in or off."""
     mass = stage.mass_kg + stage.fill_kg_s * (t - stage.begin_s)
     if stage.spill_1_s > 0.0:
         mass += stage.load_kg * math.expm1(-stage.spill_1_s * (t - stage.begin_s))
@@ -102,7 +102,7 @@ def _total_mass_at_kg(t: float, stage: DriveStage) -> float:
 
 
 @compiled_inline
-def _pitch_acceleration_rad_s2(y: Floats, acc_m_s2: float, load_kg: float, plant: Plant) -> float:
+def pitch_acceleration_rad_s2(y: Floats, acc_m_s2: float, load_kg: float, plant: Plant) -> float:
     """Pitch acceleration on springs under load and acceleration."""
     squat = (plant.squat_s2_m + plant.squat_s2_m_kg * load_kg) * acc_m_s2
     squat += plant.pitch_1_kg * load_kg
@@ -125,13 +125,13 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
 ) -> None:
     """Compute the derivatives of the state, and the forces, into `out`."""
     wheel, body = y[WHEEL], y[BODY]
-    mass = _total_mass_at_kg(t, stage)
+    mass = total_mass_at_kg(t, stage)
     slope = plant.slope_rad + plant.hills_rad * math.sin(
         plant.hills_rad_m * y[POSITION] + plant.hills_phase_rad
     )
     gravity = stage.facing * plant.gravity_m_s2 * math.sin(slope)
     boom = plant.boom_N * math.sin(plant.boom_rad_s * t)
-    force = _limited_motor_force(y[DRIVE], wheel, plant)
+    force = limited_motor_force(y[DRIVE], wheel, plant)
     ground = force / plant.efficiency if force * wheel < 0.0 else force * plant.efficiency
     turn = stage.turn_rad_s * -math.expm1(-abs(wheel) / _TURNS_AT)
     capacity = friction_capacity(t, turn, plant, stage)
@@ -177,11 +177,11 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     out[STRETCH] = wheel - body if soft else 0.0
     asked, braking = commanded_force_or_speed(t, stage, wave, wave_step_s), stage.brake_N
     if stage.pedal_N_s_m > 0.0:
-        asked, braking = _pedal_force(asked, wheel, stage)
+        asked, braking = pedal_force(asked, wheel, stage)
     out[DRIVE] = (asked - y[DRIVE]) / plant.lag_s
     out[BRAKE] = (braking - y[BRAKE]) / plant.lag_s
     out[PITCH] = y[PITCH_RATE]
-    out[PITCH_RATE] = _pitch_acceleration_rad_s2(y, body_acc, mass - plant.empty_kg, plant)
+    out[PITCH_RATE] = pitch_acceleration_rad_s2(y, body_acc, mass - plant.empty_kg, plant)
     out[_PULL] = pull
     out[_CAPACITY] = capacity
     out[_FORCE] = force

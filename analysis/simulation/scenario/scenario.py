@@ -19,10 +19,10 @@ from analysis.simulation.scenario.drivetrain import (
 from analysis.simulation.scenario.instruments import (
     SimulatedDefects,
     SimulatedRecorder,
+    SimulatedSampling,
     SimulatedSensors,
 )
 from analysis.simulation.scenario.manoeuvres import Manoeuvre, Rest, Start
-from analysis.simulation.scenario.sampling import SimulatedSampling
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.arrays import Floats
 

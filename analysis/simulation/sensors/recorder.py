@@ -8,7 +8,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.simulation.motion.timeline import Timeline
-from analysis.simulation.scenario.sampling import TopicName
+from analysis.simulation.scenario.instruments import TopicName
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.sensors.random_streams import Streams, make_generator
 from estimators.arrays import Floats
@@ -71,20 +71,18 @@ def record_topic(
         keeps &= streams.draw_uniform(f"{topic}_dropout") >= log.dropout_share
     frame = pl.DataFrame(
         {
-            "header_stamp_ns": _stamp_samples_ns(
-                scenario, topic, at_ns, streams, timeline.start_ns
-            ),
+            "header_stamp_ns": stamp_samples_ns(scenario, topic, at_ns, streams, timeline.start_ns),
             "log_time_ns": log_time_ns,
             **readings,
         }
     ).filter(keeps)
     if not log.swapped_share:
         return frame
-    late = _swap_with_next(log_time_ns, streams.draw_uniform(f"{topic}_swap") < log.swapped_share)
+    late = swap_with_next(log_time_ns, streams.draw_uniform(f"{topic}_swap") < log.swapped_share)
     return frame.with_columns(log_time_ns=late[keeps]).sort("log_time_ns")
 
 
-def _stamp_samples_ns(
+def stamp_samples_ns(
     scenario: Scenario,
     topic: TopicName,
     at_ns: NDArray[np.int64],
@@ -100,7 +98,7 @@ def _stamp_samples_ns(
     return at_ns + np.rint(ahead_ns).astype(np.int64)
 
 
-def _swap_with_next(time_ns: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+def swap_with_next(time_ns: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Times (n,) with the selected messages swapped with their successors."""
     swapped = time_ns.copy()
     for index in np.flatnonzero(chosen[:-1]):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.simulation.motion.solved_motion import Channels
 from analysis.simulation.motion.timeline import Hints, Timeline
-from analysis.simulation.scenario.sampling import TopicName
+from analysis.simulation.scenario.instruments import TopicName
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.sensors.random_streams import Streams
 from analysis.simulation.sensors.recorder import (
@@ -75,7 +75,7 @@ def _add_sensor_errors(value: Floats, streams: Streams, name: str, white: WhiteN
     return np.rint(reading / white.lsb) * white.lsb if white.lsb else reading
 
 
-def _delay_and_filter_signals(
+def delay_and_filter_signals(
     timeline: Timeline,
     at_ns: NDArray[np.int64],
     times_s: tuple[float, float],
@@ -100,7 +100,7 @@ def _measure_imu(
     sensors, defects = scenario.sensors, scenario.defects
     times_s = (sensors.imu_delay_s, defects.imu_lag_s)
     made = dict(
-        _delay_and_filter_signals(
+        delay_and_filter_signals(
             timeline, at_ns, times_s, lambda motion, _: _true_imu_signals(scenario, motion)
         )
     )
@@ -108,7 +108,7 @@ def _measure_imu(
         moving = timeline.sample(at_ns).wheel_speed_x_m_s != 0.0
         seconds = (at_ns - timeline.start_ns) * np.float64(1e-9)
         made["specific_force_x_m_s2"] = made["specific_force_x_m_s2"] + np.where(
-            moving, _generate_vibration(scenario, seconds, streams), 0.0
+            moving, generate_vibration(scenario, seconds, streams), 0.0
         )
     acc = WhiteNoise(sensors.acc_noise_m_s2, sensors.acc_lsb_m_s2)
     gyro = WhiteNoise(sensors.gyro_noise_rad_s, sensors.gyro_lsb_rad_s)
@@ -159,7 +159,7 @@ def _true_imu_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]
     }
 
 
-def _generate_vibration(scenario: Scenario, seconds: Floats, streams: Streams) -> Floats:
+def generate_vibration(scenario: Scenario, seconds: Floats, streams: Streams) -> Floats:
     """Narrow-band noise (n,): a carrier with two Gauss-Markov amplitudes."""
     defects = scenario.defects
     samples = rate_hz(scenario, "imu") / (math.pi * defects.vibration_bandwidth_hz)
@@ -178,8 +178,8 @@ def _measure_torque(
     sensors, machine, defects = scenario.sensors, scenario.machine, scenario.defects
     lever_m = machine.force_share * machine.wheel_radius_m
     times_s = (sensors.force_delay_s, defects.force_lag_s)
-    signals = _delay_and_filter_signals(
-        timeline, at_ns, times_s, lambda motion, part: _true_torque_signals(scenario, motion, part)
+    signals = delay_and_filter_signals(
+        timeline, at_ns, times_s, lambda motion, part: true_torque_signals(scenario, motion, part)
     )
     noise = sensors.force_noise_N * lever_m / math.sqrt(2)
     most_N_m, play_N_m = (
@@ -202,8 +202,8 @@ def _measure_torque(
     return _swap_sides_if_defective(scenario, "torque_{}_N_m", readings)
 
 
-def _true_torque_signals(scenario: Scenario, motion: Channels, part: Floats) -> dict[str, Floats]:
-    """Torques by (17) and (18) inverted, from the wheels' force fraction and true radius."""
+def true_torque_signals(scenario: Scenario, motion: Channels, part: Floats) -> dict[str, Floats]:
+    """Torques (n,) in N·m by (17) and (18) inverted, from force fraction and true radius."""
     sensors, machine, defects = scenario.sensors, scenario.machine, scenario.defects
     lever_m = machine.force_share * machine.wheel_radius_m
     force = motion.measured_force_x_N * lever_m / 2
@@ -223,8 +223,8 @@ def _measure_speed(
 ) -> dict[str, Floats]:
     sensors = scenario.sensors
     times_s = (sensors.speed_delay_s, scenario.defects.speed_lag_s)
-    signals = _delay_and_filter_signals(
-        timeline, at_ns, times_s, lambda motion, _: _true_speed_signals(scenario, motion)
+    signals = delay_and_filter_signals(
+        timeline, at_ns, times_s, lambda motion, _: true_speed_signals(scenario, motion)
     )
     # the mean of both sides has the scenario's noise
     white = WhiteNoise(sensors.speed_noise_m_s * math.sqrt(2), sensors.speed_lsb_m_s)
@@ -234,7 +234,7 @@ def _measure_speed(
     return _swap_sides_if_defective(scenario, "speed_{}_m_s", readings)
 
 
-def _true_speed_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
+def true_speed_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
     """Wheel speed of each side: ground speed plus the slip of its force.
 
     Slip κ = (v_wheel - v) / |v| = F / C with the longitudinal slip stiffness C: the linear range of

@@ -26,7 +26,7 @@ from analysis.stages.gating.gate import mark_samples_to_pool
 from analysis.stages.motion.phases import TURNS
 from analysis.stages.noise.column_noise import attenuation_errors, collect_axis_noise
 from estimators.arrays import Floats
-from estimators.methods.window_mean import mean_estimate
+from estimators.methods.ls import mean_estimate
 
 
 def summarise_masses(
@@ -196,7 +196,7 @@ def why_nothing_was_accepted(
     if settings.gate.exclude_braking:
         stretches.append(("braking", whole & (phase != "braking")))
     for what, good in stretches:
-        longest_s = _count_longest_run(good.fill_null(False)) / settings.align.rate_hz
+        longest_s = count_longest_run(good.fill_null(False)) / settings.align.rate_hz
         if longest_s < window_s:
             return (
                 f"the longest stretch without {what} is {longest_s:.2f} s, "
@@ -214,7 +214,7 @@ def _braking_remedy_text(reason: str) -> str:
     return "; if the force sensor measures the brakes, set settings.gate.exclude_braking = false"
 
 
-def _count_longest_run(flags: pl.Series) -> int:
+def count_longest_run(flags: pl.Series) -> int:
     """Longest run of true values, in rows."""
     first, last = runs_of_flagged_samples(flags.to_numpy())
     lengths = last + 1 - first

@@ -187,7 +187,7 @@ def refuse_windows_that_dig(
     if digs.is_empty():
         return gated
     # the phase sees a start late, and its end
-    dug = _mark_digging_samples(
+    dug = mark_digging_samples(
         excitation["t_ns"].to_numpy(), digs, speed_rate_span_rows(machine.settings)
     )
     return refuse_windows(gated, dug, "digging", machine.settings)
@@ -196,11 +196,11 @@ def refuse_windows_that_dig(
 def add_digs_column(aligned: pl.DataFrame, digs: pl.DataFrame) -> pl.DataFrame:
     """The grid with a column `digs`: whether each sample is of a digging start."""
     return aligned.with_columns(
-        digs=pl.Series(_mark_digging_samples(aligned["t_ns"].to_numpy(), digs))
+        digs=pl.Series(mark_digging_samples(aligned["t_ns"].to_numpy(), digs))
     )
 
 
-def _mark_digging_samples(t_ns: Ints, digs: pl.DataFrame, margin: int = 0) -> Bools:
+def mark_digging_samples(t_ns: Ints, digs: pl.DataFrame, margin: int = 0) -> Bools:
     """Samples within a digging start or `margin` samples of one, (n,)."""
     dug = np.zeros(t_ns.size, np.bool_)
     for start, end in digs.select("start_t_ns", "end_t_ns").iter_rows():

@@ -74,12 +74,12 @@ def _make_gate_columns(
     slips = find_slipping_samples(
         column_values(excitation, "speed_rate_x_m_s2"), _forward_acceleration(excitation), settings
     )
-    brakes = _decelerates_on_axis(axis, excitation, settings)
+    brakes = mark_deceleration(axis, excitation, settings)
     flags = {"gap": missing, **flag_rows_by_reason(axis, phase, f, brakes, slips, settings.gate)}
 
-    def window_information(left: Ints) -> Floats:
+    def estimate_window_information(window_ends: Ints) -> Floats:
         return nearest_neighbours.window_mutual_information(
-            A[:, 0].copy(), f, window, left, settings.gate.ksg_neighbours
+            A[:, 0].copy(), f, window, window_ends, settings.gate.ksg_neighbours
         )
 
     decided = decide_windows(
@@ -87,7 +87,7 @@ def _make_gate_columns(
         seen,
         np.arange(n) < first + window - 1,
         {why: flag_windows(flag, window) for why, flag in flags.items()},
-        window_information,
+        estimate_window_information,
         settings.gate,
     )
     columns: dict[str, Floats | pl.Series] = {
@@ -176,10 +176,10 @@ def mark_excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settin
     """Braking samples if braking is excluded, (rows,)."""
     if not settings.gate.exclude_braking:
         return np.zeros(excitation.height, np.bool_)
-    return _decelerates_on_axis(axis, excitation, settings)
+    return mark_deceleration(axis, excitation, settings)
 
 
-def _decelerates_on_axis(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
+def mark_deceleration(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
     """Whether speed, or yaw rate, decreases at each sample, (rows,), with or without brakes."""
     if axis is X:
         return is_braking(phase_codes(excitation))

@@ -122,7 +122,7 @@ def estimate_channel_noise(
     """
     rate_hz = machine.settings.align.rate_hz
     gap = aligned["gap"].to_numpy()
-    columns = _force_and_yaw_columns(aligned, machine)
+    columns = force_and_yaw_columns(aligned, machine)
     phase = excitation["phase"]
     stands = (phase == "standstill").fill_null(False).to_numpy()
     moves = phase.is_not_null().to_numpy() & ~stands
@@ -182,7 +182,7 @@ def replace_noise_hidden_by_grid(
         return
 
     def grid_columns(aligned: pl.DataFrame) -> Floats:
-        columns = _force_and_yaw_columns(aligned, machine)
+        columns = force_and_yaw_columns(aligned, machine)
         x = np.column_stack([columns[name] for name in names])
         return np.where(aligned["gap"].to_numpy()[:, None], np.nan, x)
 
@@ -205,7 +205,7 @@ def channels_of_column(name: str, machine: Machine) -> tuple[str, ...]:
     return ("torque_left_N_m", "torque_right_N_m")
 
 
-def _force_and_yaw_columns(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
+def force_and_yaw_columns(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
     """Columns of the force and yaw equations, (rows,) each, by name."""
     body = machine.machine
     columns = {
@@ -270,7 +270,9 @@ def covariances_and_noise_sources(
             if power is not None:
                 # one that mostly keeps its reading has the noise of rounding at least
                 level = spectrum_of_fast_changes(power[0], column_responses[column], samples)
-                spectra[column, column] = np.maximum(level, rounding_variance(samples, column))
+                spectra[column, column] = np.maximum(
+                    level, estimate_rounding_variance(samples, column)
+                )
     # what is differentiated, and its derivative, have one noise
     at = spectrum_frequencies()
     for column, how in enumerate(column_responses):
@@ -305,14 +307,14 @@ def covariances_and_noise_sources(
     ]
 
 
-def rounding_variance(samples: NoiseSamples, column: int) -> float:
+def estimate_rounding_variance(samples: NoiseSamples, column: int) -> float:
     """Variance below which a column's changes are rounding."""
     return (_ROUNDING * float(np.nanmax(np.abs(samples.x[:, column]), initial=0.0))) ** 2
 
 
 def shows_noise_at_standstill(samples: NoiseSamples, cut: list[Floats], column: int) -> bool:
     """Whether a column shows its noise at standstill, where most pieces have several values."""
-    least = rounding_variance(samples, column)
+    least = estimate_rounding_variance(samples, column)
     noisy = [float((part[:, column] ** 2).mean()) > least for part in cut]
     many = [
         np.unique(samples.x[begin : min(end, begin + LAGS), column]).size > _FEW_VALUES

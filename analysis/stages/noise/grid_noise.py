@@ -147,7 +147,7 @@ def simulate_grid_noise_covariances(
         if name not in UNFILTERED
     }
     longest_ns = max(filters.longest_step_ns(t, settings) for t, _ in read.values())
-    part = _repeat_stamps(
+    part = repeat_stamps(
         row_stamps_to_analyse(read, settings.rate_hz), settings.rate_hz, longest_ns
     )
     rng = np.random.default_rng(_SEED)
@@ -169,9 +169,7 @@ def row_stamps_to_analyse(read: Mapping[str, mounting.Series], rate_hz: float) -
     return {name: t[: max(int(np.searchsorted(t, end)), 2)] for name, (t, _) in read.items()}
 
 
-def _repeat_stamps(
-    stamps: Mapping[str, Ints], rate_hz: float, longest_ns: float
-) -> dict[str, Ints]:
+def repeat_stamps(stamps: Mapping[str, Ints], rate_hz: float, longest_ns: float) -> dict[str, Ints]:
     """Repeat the stamps of a short log, separated by gaps, to the full number of rows."""
     last = max(int(t[-1]) for t in stamps.values())
     lasts_ns = last - min(int(t[0]) for t in stamps.values())

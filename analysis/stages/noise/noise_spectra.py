@@ -107,11 +107,11 @@ def cut_pieces(x: Floats, quiet: list[tuple[int, int]]) -> list[Floats]:
     pieces_in_all = sum(-(-(end - begin) // _PIECE) for begin, end in long)
     for begin, end in long[:: max(pieces_in_all // _MOST_PIECES, 1)]:
         parts = np.array_split(x[begin:end], -(-(end - begin) // _PIECE))
-        cut.extend(_subtract_piece_line(part) for part in parts)
+        cut.extend(detrend_piece(part) for part in parts)
     return cut[:: max(len(cut) // _MOST_PIECES, 1)]
 
 
-def _subtract_piece_line(part: Floats) -> Floats:
+def detrend_piece(part: Floats) -> Floats:
     """The piece (n, columns) without mean and linear trend of each column."""
     ramp = np.linspace(-1.0, 1.0, len(part))[:, None]
     level = part - part.mean(axis=0)
@@ -138,11 +138,11 @@ def lag_covariances(cut: list[Floats]) -> Floats:
     sums = np.fft.irfft(cross, _PIECE + LAGS)[:, :, :LAGS]
     pairs = np.maximum(lengths[:, None] - np.arange(LAGS), 0).sum(axis=0)
     found = sums / np.maximum(pairs, 1)
-    lost = _spectral_density_at_zero(found) * (2.0 * len(cut) / lengths.sum())
+    lost = spectral_density_at_zero(found) * (2.0 * len(cut) / lengths.sum())
     return np.where(pairs > 0, found + lost[:, :, None], 0.0)
 
 
-def _spectral_density_at_zero(found: Floats) -> Floats:
+def spectral_density_at_zero(found: Floats) -> Floats:
     """Sum of the covariances over all lags, tapered, (columns, columns), no variance negative."""
     taper = 1.0 - np.arange(1, _CORRELATED) / _CORRELATED
     later = found[:, :, 1:_CORRELATED] @ taper

@@ -51,7 +51,7 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
     origin = Origin(
         start, grid_latency_ns(series, machine) if machine.settings.filter.causal else 0
     )
-    grid = _make_grid_without_holes(
+    grid = make_grid_without_holes(
         required_series(series), start, end, 1e9 / machine.settings.align.rate_hz
     )
     return align_at_instants(raw, series, grid, origin, machine), start + origin.late_ns
@@ -111,7 +111,7 @@ def align_on_grid(
     if end < origin.start_ns + round(first * step_ns):
         grid = np.empty(0, np.int64)
     else:
-        grid = _make_grid_without_holes(needed, origin.start_ns, end, step_ns, first)
+        grid = make_grid_without_holes(needed, origin.start_ns, end, step_ns, first)
     return align_at_instants(raw, series, grid, origin, machine)
 
 
@@ -227,7 +227,7 @@ class KnownInstants:
         return instants, usual - newest > each.longest_ns
 
 
-def _make_grid_without_holes(
+def make_grid_without_holes(
     needed: Mapping[str, ChannelSeries], start: int, end: int, step_ns: float, first: int = 0
 ) -> Ints:
     """Grid points (rows,) in ns from start to end, without the inside of long holes.

@@ -5,12 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 
-from analysis.expressions.dimensions import convert_to_si, format_dimension
 from analysis.expressions.parse import (
     SLOPE,
     Expression,
     ExpressionError,
     Name,
+    convert_to_si,
+    format_dimension,
     iter_channel_names,
     iter_differentiated_channels,
 )
@@ -184,7 +185,7 @@ def read_measured_channels(
         if channel.direct_source_channels or (name in HINTS and topic not in placed):
             continue
         if channel.angle_of:
-            read[name] = _angle_from_orientation(name, channel, placed[topic], machine, losses)
+            read[name] = angle_from_orientation(name, channel, placed[topic], machine, losses)
         else:
             read[name] = pick_field_of_channel(name, channel, placed[topic], losses)
     return read, losses
@@ -215,7 +216,7 @@ def _low_pass_channel(
     return out
 
 
-def _angle_from_orientation(
+def angle_from_orientation(
     name: str,
     channel: Channel,
     frame: pl.DataFrame,

@@ -48,7 +48,7 @@ class HeldReadings:
     @classmethod
     def from_readings(cls, x: Floats, rate_hz: float) -> Self | None:
         """Find how long readings (n,) in rows at a rate are held; None if they are not."""
-        first = _first_rows(x)
+        first = first_rows_of_runs(x)
         changes = np.abs(np.diff(x[first]))
         if changes.size <= _FEWEST_RUNS or x.size < filters.OTHER_RATE * first.size:
             return None
@@ -68,7 +68,7 @@ class HeldReadings:
         The first row of each run, and of a long one those at multiples of the mean distance, or a
         stand would be a gap. None depends on what comes later.
         """
-        first = _first_rows(x)
+        first = first_rows_of_runs(x)
         since = np.arange(x.size) - np.repeat(first, np.diff(np.append(first, x.size)))
         number = since // self.rows
         repeats = (number >= _REPEATED) & (number > (since - 1) // self.rows)
@@ -113,6 +113,6 @@ def held_reading_notes(
     ]
 
 
-def _first_rows(x: Floats) -> Ints:
+def first_rows_of_runs(x: Floats) -> Ints:
     """First row of each run of equal readings, (runs,)."""
     return np.flatnonzero(np.append(True, np.diff(x) != 0.0))

@@ -99,7 +99,7 @@ def guess_mounting(
         @ rotation_to_machine_axes(ImuMounting(roll_deg=roll_deg, pitch_deg=pitch_deg)).T
     )
     yaw_deg, std_deg = (
-        _guess_yaw_and_std_deg(t_ns, levelled, speed) if speed is not None else (np.nan, np.nan)
+        guess_yaw_and_std_deg(t_ns, levelled, speed) if speed is not None else (np.nan, np.nan)
     )
     step_deg = next((step for step in _YAW_STEPS_DEG if 2 * std_deg <= step), None)
     return MountingGuess(
@@ -181,7 +181,7 @@ def long_standstills(t_ns: Ints, still: Bools) -> Bools:
     return kept
 
 
-def _guess_yaw_and_std_deg(
+def guess_yaw_and_std_deg(
     t_ns: Ints, levelled: Floats, speed: tuple[Ints, Floats]
 ) -> tuple[float, float]:
     """Yaw and its standard deviation in degrees; NaN if driving does not determine it.

@@ -204,7 +204,7 @@ def reduce_to_slowest_channel(
     for name in regressor.names:
         wait_ns = 0 if name in regressor.derived else regressor.span_ns // 2
         values[name] = (
-            _average_curved_signal(series[name], at_ns, 2 * wait_ns)
+            average_curved_signal(series[name], at_ns, 2 * wait_ns)
             if wait_ns
             else series[name].values_at(at_ns)
         )
@@ -220,7 +220,7 @@ def reduce_to_slowest_channel(
     }
 
 
-def _average_curved_signal(series: ChannelSeries, at_ns: Ints, span_ns: int) -> Floats:
+def average_curved_signal(series: ChannelSeries, at_ns: Ints, span_ns: int) -> Floats:
     """Mean (rows,) over a span about each instant of a signal that curves between samples.
 
     With the curvature x'', the line through samples lies T²/12 x'' too high on average, and the

@@ -21,7 +21,7 @@ _3_BYTES, _5_BYTES = 2**24 - 1, 2**40 - 1
 
 
 @compiled
-def _parse_record(
+def parse_record(
     data: NDArray[np.uint8], at: int, end: int, longest: int
 ) -> tuple[int, int, int, int, int]:
     """Parse the record at `at`: op, connection, time, begin of the data, and end of the record.
@@ -65,7 +65,7 @@ def _scan_records(
     at = begin
     room = rows.shape[1]
     while at + 8 <= end:
-        op, connection, time, body, stop = _parse_record(data, at, end, LONGEST_HEADER)
+        op, connection, time, body, stop = parse_record(data, at, end, LONGEST_HEADER)
         if (op not in (MESSAGE, CONNECTION)) or stop > end:
             break
         if row < room:
@@ -86,7 +86,7 @@ def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> i
         at = first
         links = 0
         while links < _PROVEN and at + 8 <= end:
-            op, _, _, _, stop = _parse_record(data, at, end, _USUAL_HEADER)
+            op, _, _, _, stop = parse_record(data, at, end, _USUAL_HEADER)
             if op < MESSAGE or op > CONNECTION or stop > limit:
                 links = 0
                 break

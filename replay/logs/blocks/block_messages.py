@@ -5,14 +5,21 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 from threading import Lock
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.lost_blocks import BlockDamage
-from replay.logs.blocks.slabs import RecordGrammar, Slab, read_slabs
+from replay.logs.blocks.slabs import (
+    ChunkStats,
+    RecordGrammar,
+    Slab,
+    chunk_stats,
+    read_slabs,
+    select_messages_of_connections,
+)
 from replay.logs.storage import (
     END_NS,
     KEY,
@@ -22,9 +29,6 @@ from replay.logs.storage import (
     group_by_key,
     make_empty_times,
 )
-
-if TYPE_CHECKING:
-    from replay.logs.blocks.select_messages import ChunkStats
 
 #: The last log time, ns.
 _INT64_MAX: Final = 2**63 - 1
@@ -202,9 +206,6 @@ class BlockStore:
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[BatchGroup]:
         """See `Container.read_message_groups`."""
-        # compiled code, which describing a log does not wait for
-        from replay.logs.blocks.select_messages import select_messages_of_connections
-
         wanted = frozenset(connection_ids)
         first = 0 if start_ns is None else max(start_ns, 0)
         last = _INT64_MAX if end_ns is None else end_ns
@@ -229,9 +230,6 @@ class BlockStore:
         """Compare the blocks of a slab with what their index promises."""
         for block, why in slab.damaged:
             self.damage.note_lost_block(block, why)
-        # compiled code, which describing a log does not wait for
-        from replay.logs.blocks.select_messages import chunk_stats
-
         blocks = [block for block, *_ in slab.parts]
         keys = sorted({*self._topics, *(key for block in blocks for key in block.counts)})
         topics = [*(self._topics.get(key, "") for key in keys), ""]
@@ -255,14 +253,14 @@ class BlockStore:
                     topic,
                 )
 
-    def _note_times_outside_index(self, block: Block, chunk_stats: "ChunkStats") -> None:
+    def _note_times_outside_index(self, block: Block, stats: ChunkStats) -> None:
         """Note a block with messages outside its indexed times, which time ranges would miss."""
         # some may be known to be beyond the year 2262
-        unknown = chunk_stats.late > 0 and not any(self._late.values())
-        in_time = chunk_stats.first_ns <= chunk_stats.last_ns
+        unknown = stats.late > 0 and not any(self._late.values())
+        in_time = stats.first_ns <= stats.last_ns
         if unknown or (
             in_time
-            and (chunk_stats.first_ns < block.first_ns or chunk_stats.last_ns > block.last_ns)
+            and (stats.first_ns < block.first_ns or stats.last_ns > block.last_ns)
         ):
             self.damage.note(
                 f"the chunk at byte {block.record_offset} holds messages outside the times "

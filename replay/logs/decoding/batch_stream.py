@@ -75,7 +75,7 @@ class TopicStream:
         frame = merge_frames(self._frames)
         if not frame.height:
             return frame
-        ready = _count_rows_until(frame, min([floor_ns, *waiting]))
+        ready = count_rows_until(frame, min([floor_ns, *waiting]))
         if ready == frame.height:
             self._frames = [self._empty]
             return frame
@@ -195,20 +195,20 @@ def merge_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:
     found = list(frames)
     placed: list[pl.DataFrame] = []
     for frame in filter(len, found):
-        placed += _merge_overlap(placed.pop(), frame) if placed else [frame]
+        placed += merge_overlap(placed.pop(), frame) if placed else [frame]
     placed = placed or found[:1]
     whole = pl.concat(placed, rechunk=False) if len(placed) > 1 else placed[0]
     # a frame that begins before those in front of the last
     return whole if whole[TIME].is_sorted() else whole.sort(TIME, maintain_order=True)
 
 
-def _count_rows_until(frame: pl.DataFrame, last_ns: int) -> int:
+def count_rows_until(frame: pl.DataFrame, last_ns: int) -> int:
     """Number of rows of a sorted frame up to `last_ns`."""
     # the same method of a series goes through polars' engine, which takes longer than all the rest
     return int(np.searchsorted(frame[TIME].to_numpy(), last_ns, side="right"))
 
 
-def _merge_overlap(first: pl.DataFrame, second: pl.DataFrame) -> list[pl.DataFrame]:
+def merge_overlap(first: pl.DataFrame, second: pl.DataFrame) -> list[pl.DataFrame]:
     """Two frames as consecutive parts, with rows merged where their times overlap."""
     begin, end = second[TIME][0], first[TIME][-1]
     if begin >= end:

@@ -156,7 +156,7 @@ def walk_messages(
         begin, size = begins[message], sizes[message]
         _prefetch_message(data, begins, sizes, message)
         is_known = check_count >= 0 and size == other_size
-        if is_known and _has_same_layout(data, begin, other, checks, check_count):
+        if is_known and has_same_layout(data, begin, other, checks, check_count):
             _repeat_marks(table, marks, filled, notes, note_count, begin)
             _add_elements(filled, elements)
             faults[message] = 0
@@ -207,7 +207,7 @@ def _prefetch_message(data: Bytes, begins: Ints, sizes: Ints, message: int) -> N
 
 
 @compiled_inline
-def _has_same_layout(data: Bytes, begin: int, other: int, checks: Ints, count: int) -> bool:
+def has_same_layout(data: Bytes, begin: int, other: int, checks: Ints, count: int) -> bool:
     """Whether a message equals another of its size in all bytes that determine the layout."""
     gap = other - begin
     same = True
@@ -377,7 +377,7 @@ def _walk_text(
         byte += 8
     while byte < last and data[byte] < 0x80:
         byte += 1
-    is_text = byte == last or _is_utf8(data, byte, last)
+    is_text = byte == last or is_utf8(data, byte, last)
     return at, count, stop, 0 if is_text else _NO_UTF8
 
 
@@ -428,7 +428,7 @@ def _fill_encapsulations(
 
 
 @compiled_without_refcounts
-def _is_utf8(data: NDArray[np.uint8], start: int, end: int) -> bool:
+def is_utf8(data: NDArray[np.uint8], start: int, end: int) -> bool:
     """Whether bytes are valid UTF-8 (Unicode table 3-7), as Python decodes it."""
     at = start
     while at < end:

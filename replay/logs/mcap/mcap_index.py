@@ -63,7 +63,7 @@ class Summary:
         except SummaryError as fault:
             self.fault = str(fault)
             return
-        self.chunks, rest = _parse_chunk_indexes(section)
+        self.chunks, rest = parse_chunk_indexes(section)
         stream = BytesIO(rest + MAGIC)
         reader = StreamReader(stream, skip_magic=True, record_size_limit=len(section))
         try:
@@ -101,7 +101,7 @@ class Summary:
         return section
 
 
-def _parse_chunk_indexes(section: bytes) -> tuple[list[ChunkIndex], bytes]:
+def parse_chunk_indexes(section: bytes) -> tuple[list[ChunkIndex], bytes]:
     """Chunk indexes of a summary, and the bytes of all other records.
 
     A shift has thousands of them, and the library takes 60 µs for each. If one is malformed, all

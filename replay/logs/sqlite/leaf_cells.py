@@ -32,7 +32,7 @@ def read_big_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
 
 
 @compiled_without_refcounts
-def _read_signed(data: NDArray[np.uint8], at: int, size: int) -> int:
+def read_signed(data: NDArray[np.uint8], at: int, size: int) -> int:
     """Two's complement integer of 1 to 8 bytes."""
     value = np.int64(data[at])
     if value > 127:
@@ -43,7 +43,7 @@ def _read_signed(data: NDArray[np.uint8], at: int, size: int) -> int:
 
 
 @compiled_without_refcounts
-def _read_varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
+def read_varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
     """Variable-length integer of 1 to 9 bytes, and its end; -1 if beyond `end`."""
     value, bits, stop = np.int64(0), 0, -1
     # with several ways out numba would count references to the data, which takes longer than this
@@ -62,7 +62,7 @@ def _read_varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
 
 
 @compiled_without_refcounts
-def _count_value_bytes(kind: int) -> int:
+def count_value_bytes(kind: int) -> int:
     """Bytes of a value of this record type; -1 for an invalid type."""
     if kind >= _BLOB:
         return (kind - _BLOB) // 2
@@ -99,15 +99,15 @@ def parse_cell(
     payload, row_id, at, stop = _open_cell(data, at, begin, end, layout)
     if stop < 0:
         return damaged
-    head, field = _read_varint(data, at, stop)
+    head, field = read_varint(data, at, stop)
     if field < 0 or head < 0 or head > stop - at:
         return damaged
     what = MESSAGE if payload <= LARGEST_BYTES else UNUSUAL
     head_end = body = at + head
     column, topic, time, message, length = 0, 0, 0, 0, 0
     while field < head_end:
-        kind, field = _read_varint(data, field, head_end)
-        size = _count_value_bytes(kind)
+        kind, field = read_varint(data, field, head_end)
+        size = count_value_bytes(kind)
         if field < 0 or size < 0 or size > at + payload - body:
             return damaged
         if column == layout.data:
@@ -115,10 +115,10 @@ def parse_cell(
             if with_data and (kind < _BLOB or kind % 2 == 1):
                 what = max(what, NO_MESSAGE)
         elif column == layout.topic:
-            topic, found = _read_integer(data, body, kind, size, stop)
+            topic, found = read_integer(data, body, kind, size, stop)
             what = max(what, found)
         elif column == layout.time:
-            time, found = _read_integer(data, body, kind, size, stop)
+            time, found = read_integer(data, body, kind, size, stop)
             what = max(what, found)
         body += size
         column += 1
@@ -142,10 +142,10 @@ def _open_cell(
     damaged = (0, 0, 0, -1)
     if at < begin or at >= end:
         return damaged
-    payload, at = _read_varint(data, at, end)
+    payload, at = read_varint(data, at, end)
     if at < 0 or payload < 0 or payload > layout.pages * layout.page_bytes:
         return damaged
-    row_id, at = _read_varint(data, at, end)
+    row_id, at = read_varint(data, at, end)
     if at < 0:
         return damaged
     here = _count_local_bytes(payload, layout.usable_bytes)
@@ -156,7 +156,7 @@ def _open_cell(
 
 
 @compiled_without_refcounts
-def _read_integer(
+def read_integer(
     data: NDArray[np.uint8], at: int, kind: int, size: int, stop: int
 ) -> tuple[int, int]:
     """Integer column, and whether a message may have it."""
@@ -164,4 +164,4 @@ def _read_integer(
         return 0, NO_MESSAGE
     if at + size > stop:
         return 0, UNUSUAL
-    return (kind - _ZERO if size == 0 else _read_signed(data, at, size)), MESSAGE
+    return (kind - _ZERO if size == 0 else read_signed(data, at, size)), MESSAGE

@@ -70,7 +70,7 @@ def leaf_page_numbers_or_none(file: FileBytes, layout: PageLayout) -> NDArray[np
             return level[:0] if is_empty else level
         if len(kinds) > 1:
             return None
-        below = _child_pages(file, layout, level)
+        below = child_pages(file, layout, level)
         if below is None or below.max() > layout.pages or seen[below].any():
             return None
         met = int(np.count_nonzero(seen))
@@ -80,7 +80,7 @@ def leaf_page_numbers_or_none(file: FileBytes, layout: PageLayout) -> NDArray[np
         level = below
 
 
-def _child_pages(
+def child_pages(
     file: FileBytes, layout: PageLayout, level: NDArray[np.uint32]
 ) -> NDArray[np.uint32] | None:
     """Pages below a level of the tree; None if one is damaged."""
@@ -223,7 +223,7 @@ def scan_leaves(
             if (
                 what == MESSAGE
                 and in_time
-                and (row_filter.every_topic or _contains_key(keys, topic))
+                and (row_filter.every_topic or contains_key(keys, topic))
             ):
                 if found == rows.shape[1]:
                     return found, spilled, used, True
@@ -260,7 +260,7 @@ def scan_leaves(
 
 
 @compiled_without_refcounts
-def _contains_key(keys: NDArray[np.int64], key: int) -> bool:
+def contains_key(keys: NDArray[np.int64], key: int) -> bool:
     """Whether a key is in a sorted array."""
     first, last = 0, keys.size
     while first < last:

@@ -253,7 +253,7 @@ class OverflowPageReader:
 
 
 @compiled
-def _find_page(at_hand: NDArray[np.int64], page: int, page_bytes: int) -> int:
+def find_page(at_hand: NDArray[np.int64], page: int, page_bytes: int) -> int:
     """Position of a page in the data; -1 if absent."""
     found = np.searchsorted(at_hand[0], page, side="right") - 1
     if found < 0 or page >= at_hand[0, found] + at_hand[1, found]:
@@ -296,7 +296,7 @@ def _continue_chains(
                 following = read_big_endian(near_bytes, at, 4)
                 data[to : to + size] = near_bytes[at + 4 : at + 4 + size]
             else:
-                at = _find_page(at_hand, page, layout.page_bytes)
+                at = find_page(at_hand, page, layout.page_bytes)
                 if at < 0:
                     return True
                 following = read_big_endian(data, at, 4)

@@ -102,7 +102,7 @@ def read_rows(
         if rows:
             yield rows
             after = rows[-1][0]
-        following = _find_id_behind_damage(database, query, after)
+        following = find_id_behind_damage(database, query, after)
         until = "on" if following is None else f"to {following}"
         note(f"the database is damaged ({fault}): rows from {after + 1} {until} are lost")
         if following is None:
@@ -181,7 +181,7 @@ def _iter_while_ids_increase(after: int, rows: list[Row]) -> Iterator[Row]:
         yield row
 
 
-def _find_id_behind_damage(database: sqlite3.Connection, query: str, after: int) -> int | None:
+def find_id_behind_damage(database: sqlite3.Connection, query: str, after: int) -> int | None:
     """Id after which a row can be read again; None if there is none."""
 
     def first_id_after_gap(gap: int) -> int | None:

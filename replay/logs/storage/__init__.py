@@ -7,12 +7,12 @@ from replay.logs.storage.container import (
     BatchGroup,
     Connection,
     Container,
+    Tail,
     make_empty_times,
 )
 from replay.logs.storage.file_bytes import FileBytes, ReadBuffer
 from replay.logs.storage.loss_text import Damage, LossList
 from replay.logs.storage.message_rows import KEY, LENGTH, OFFSET, TIME, group_by_key, prefetch
-from replay.logs.storage.tail import Tail
 
 __all__ = [
     "END_NS",

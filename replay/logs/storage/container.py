@@ -1,4 +1,7 @@
-"""A container: the part of a log that holds raw messages, independent of their types."""
+"""A container: the part of a log that holds raw messages, independent of their types.
+
+A tail is the container of a log that is still being recorded.
+"""
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -94,3 +97,35 @@ END_NS: Final = 2**63 - 1
 def make_empty_times() -> NDArray[np.int64]:
     """Log times of a connection without messages."""
     return np.empty(0, np.int64)
+
+
+class Tail(Protocol):
+    """Source of the messages of a growing log, each once.
+
+    Attributes:
+        connections: connections by number; more may appear.
+        is_finished: whether the recorder has closed the log and all messages were returned.
+    """
+
+    connections: dict[int, Connection]
+    is_finished: bool
+
+    @property
+    def losses(self) -> Sequence[Loss]:
+        """Damage found so far."""
+        ...
+
+    def poll(self) -> list[RawBatch]:
+        """New complete messages in file order; empty if the log has not grown.
+
+        A record, chunk or transaction with missing bytes is left for a later call.
+        """
+        ...
+
+    def end(self) -> None:
+        """Finish the log: incomplete data become losses."""
+        ...
+
+    def close(self) -> None:
+        """Release the file."""
+        ...

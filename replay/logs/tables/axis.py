@@ -9,7 +9,16 @@ import numpy as np
 import polars as pl
 
 from estimators.arrays import Floats
-from replay.logs.tables.dates import is_date, is_time_of_day, stamps_of_clock_times
+from replay.logs.tables.dates import (
+    find_calendar_columns,
+    fraction_column_or_none,
+    fractions_ns_and_unit,
+    is_date,
+    is_time_of_day,
+    lower_case_letters,
+    stamps_of_clock_times,
+    times_of_calendar,
+)
 from replay.logs.tables.header import (
     ColumnName,
     column_named_before_dash,
@@ -20,13 +29,6 @@ from replay.logs.tables.header import (
 )
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 from replay.logs.tables.only_time import only_time_column_or_empty
-from replay.logs.tables.time_parts import (
-    find_calendar_columns,
-    fraction_column_or_none,
-    fractions_ns_and_unit,
-    lower_case_letters,
-    times_of_calendar,
-)
 from replay.logs.tables.times import (
     NS_PER_UNIT,
     TimeError,
@@ -157,11 +159,9 @@ class TableTimes:
         assert self.time is not None
         text = cells[self.time]
         if self.date is not None:
-            zone = (
-                zone_offset_s(self.date)
-                if zone_offset_s(self.time) is None
-                else zone_offset_s(self.time)
-            )
+            zone = zone_offset_s(self.time)
+            if zone is None:
+                zone = zone_offset_s(self.date)
             return RowTimes(*stamps_of_clock_times(cells[self.date], text, self.day_first, zone))
         if text.dtype == pl.String:
             sample = text.head(1000).drop_nulls().str.strip_chars()
@@ -211,10 +211,10 @@ def find_time_columns(
     if calendar := find_calendar_columns(columns):
         fraction = fraction_column_or_none(columns, cells, names.index(calendar[-1]))
         return [(TableTimes(None, fraction=fraction, calendar=calendar), names)]
-    found = _rank_time_columns(columns, cells) or only_time_column_or_empty(columns, cells)
+    found = rank_time_columns(columns, cells) or only_time_column_or_empty(columns, cells)
     for part in (column_named_by_last_part, column_named_before_dash) if not found else ():
         columns = [part(column) for column in columns]
-        if found := _rank_time_columns(columns, cells):
+        if found := rank_time_columns(columns, cells):
             break
     if not found:
         return None
@@ -252,14 +252,14 @@ def _make_table_times(
         raise DialectError(f"no column '{fraction}'; set [log] time_fraction")
     return TableTimes(
         columns[place].name,
-        _find_date_column(columns, cells, place),
+        find_date_column(columns, cells, place),
         fraction or fraction_column_or_none(columns, cells, place),
         unit=unit,
         day_first=table.day_first if table else None,
     )
 
 
-def _rank_time_columns(
+def rank_time_columns(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
 ) -> list[int]:
     """Indices of time columns, the best name first, preferably with a unit of time.
@@ -305,7 +305,7 @@ def time_unit_in_name(column: ColumnName) -> str | None:
     )
 
 
-def _find_date_column(
+def find_date_column(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]], place: int
 ) -> str | None:
     """Column of the dates, if the time is a time of day."""
@@ -354,17 +354,17 @@ def recognise_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
         integers = stripped.cast(pl.Int64, strict=False)
         exact = not stripped.dtype.is_float() and integers.count() == numbers.count()
         return epoch.to_unix_ns(integers if exact else numbers), (f"its times are {epoch.name}",)
-    if _is_hhmmss_number(finite, step):
+    if is_hhmmss_number(finite, step):
         hours, rest = numbers // 10_000, numbers % 10_000
         seconds = hours * 3600 + (rest // 100) * 60 + rest % 100
         return times_in_ns(seconds, "s"), ("its times are read as hhmmss.s",)
-    unit = _guess_unit(x, step, span)
+    unit = guess_time_unit(x, step, span)
     stamps, note = correct_epoch_of_1904(times_in_ns(cells, unit))
     taken = f"its times are taken in {unit}, by their spacing"
     return stamps, (taken, note) if note else (taken,)
 
 
-def _guess_unit(x: Floats, step: float, span: float) -> str:
+def guess_time_unit(x: Floats, step: float, span: float) -> str:
     """The only unit of time that is possible."""
     possible = [
         unit
@@ -389,7 +389,7 @@ def _guess_unit(x: Floats, step: float, span: float) -> str:
     )
 
 
-def _is_hhmmss_number(x: Floats, step: float) -> bool:
+def is_hhmmss_number(x: Floats, step: float) -> bool:
     """Whether numbers are hhmmss.s: at most 59 s and min, with a jump of 40 at each minute."""
     if x.min() < 0 or x.max() >= 240_000 or step > _STEPS_S[1]:
         return False

@@ -73,7 +73,7 @@ class CsvColumns:
         self._kept: dict[str, pl.Series] = {}
         self._once: dict[str, pl.Series] = {}
         heads = {name: first_cells_of_column(self._dialect, k) for k, name in enumerate(self.names)}
-        self._types = {name: _guess_type_of_cells(cells) for name, cells in heads.items()}
+        self._types = {name: guess_type_of_cells(cells) for name, cells in heads.items()}
         decimal, is_grouped = self._dialect.decimal, self._dialect.is_grouped
         #: Columns of numbers, or of which the beginning tells nothing.
         self._numeric = {
@@ -273,7 +273,7 @@ class CsvColumns:
         return self._collect_frame(short).to_series().to_list()
 
 
-def _guess_type_of_cells(cells: Sequence[str]) -> pl.DataType:
+def guess_type_of_cells(cells: Sequence[str]) -> pl.DataType:
     """Type of a column, guessed from its first cells."""
     if not cells:
         return pl.String()

@@ -1,11 +1,14 @@
-"""Dates and times of day in text, converted to integer nanoseconds."""
+"""Dates and times of day, in text or in several columns, converted to integer nanoseconds."""
 
 import re
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import polars as pl
 
-from replay.logs.tables.times import TimeError
+from analysis.model.physical_units import NS
+from replay.logs.tables.header import ColumnName
+from replay.logs.tables.times import NS_PER_UNIT, TimeError
 
 #: Beginnings of the names of the months, in the languages of Western Europe.
 _MONTHS: Final = (
@@ -54,12 +57,28 @@ _HALF_DAY_NS: Final = DAY_NS // 2
 _TWELVE_NS: Final = (10 * 3600 * 10**9, 12 * 3600 * 10**9)
 #: Times of day that run over the hour: minutes and seconds.
 _MINUTES: Final = r"(?P<min>\d{1,3}):(?P<s>\d{2})[.,](?P<frac>\d{1,9})"
-
-
 #: Time since the beginning, as pandas and Python write it: 0 days 00:00:12.5.
 _SINCE: Final = rf"(?P<days>\d+) days?,? {_CLOCK}"
 #: A day and a time of day in digits alone, which no clock that counts shows before 2033.
 _DIGITS: Final = rf"{_COMPACT}(?:[T, ]\s*)?{_COMPACT_CLOCK}"
+#: Names of the columns of a day and a time of day, from the largest to the smallest.
+_CALENDAR: Final = (
+    ("year", "yyyy", "yr", "jahr"),
+    ("month", "mon", "monat"),
+    ("day", "dd", "tag"),
+    ("hour", "hours", "hh", "hr", "stunde"),
+    ("minute", "minutes", "min", "minuten"),
+    ("second", "seconds", "sec", "ss", "sekunde", "sekunden"),
+)
+#: Parts of a date: year, month, day.
+_DAY_PARTS: Final = 3
+#: Names of a column of the fraction of a second.
+_FRACTIONS: Final = {
+    **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"), "ms"),
+    **dict.fromkeys(("us", "usec", "usecs", "micros", "microsecond", "microseconds"), "us"),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosec", "nanosecs", "nanoseconds"), "ns"),
+}
+_BEGINNINGS: Final = {"milli": "ms", "micro": "us", "nano": "ns"}
 
 
 def is_date_and_time_in_digits(cell: str) -> bool:
@@ -122,11 +141,11 @@ def stamps_of_clock_times(
     first = str(present[0])
     pattern = datetime_pattern_or_none(first)
     if pattern is None:
-        return _parse_times_of_day(text, first)
-    part = _match_groups(text, pattern)
+        return parse_times_of_day(text, first)
+    part = match_named_groups(text, pattern)
     notes: list[str] = []
-    day = _count_days_since_1970(part, day_first, notes)
-    stamps = day * DAY_NS + _time_of_day_ns(part)
+    day = count_days_since_1970(part, day_first, notes)
+    stamps = day * DAY_NS + time_of_day_ns(part)
     if part.get_column("zone").drop_nulls().is_empty() and zone_offset_s is not None:
         stamps = stamps - zone_offset_s * 10**9
     elif part.get_column("zone").drop_nulls().is_empty():
@@ -139,7 +158,7 @@ def _join_dates(dates: pl.Series, times: pl.Series) -> pl.Series:
     return frame.select(pl.concat_str("date", "time", separator=" ")).to_series()
 
 
-def _match_groups(text: pl.Series, pattern: str) -> pl.DataFrame:
+def match_named_groups(text: pl.Series, pattern: str) -> pl.DataFrame:
     """Named groups of a pattern for each cell; null if it does not match."""
     names = tuple(re.compile(pattern).groupindex)
     found = text.str.extract_groups(pattern).struct.unnest()
@@ -152,7 +171,7 @@ def _parse_whole_numbers(column: pl.Expr) -> pl.Expr:
     return column.cast(pl.Int64, strict=False)
 
 
-def _time_of_day_ns(part: pl.DataFrame) -> pl.Series:
+def time_of_day_ns(part: pl.DataFrame) -> pl.Series:
     """Time of day in ns, from hour, minute, second, fraction and zone."""
     hour, half = _parse_whole_numbers(pl.col("h")), pl.col("half").str.to_lowercase()
     hour = (
@@ -177,12 +196,12 @@ def _time_of_day_ns(part: pl.DataFrame) -> pl.Series:
     return part.select(seconds * 10**9 + fraction).to_series()
 
 
-def _count_days_since_1970(
+def count_days_since_1970(
     part: pl.DataFrame, day_first: bool | None, notes: list[str]
 ) -> pl.Series:
     """Days since 1970."""
     if "one" in part.columns:
-        part = _decide_day_and_month(part, day_first, notes)
+        part = decide_day_and_month(part, day_first, notes)
     if "name" in part.columns:
         part = split_dates_with_short_years(part, day_first)
         begins = [pl.col("name").str.to_lowercase().str.starts_with(each) for each in _MONTH_OF]
@@ -220,7 +239,7 @@ def split_dates_with_short_years(part: pl.DataFrame, day_first: bool | None) -> 
     return part.with_columns(pl.col(day).alias("d"), ("20" + pl.col(year)).alias("y"))
 
 
-def _decide_day_and_month(
+def decide_day_and_month(
     part: pl.DataFrame, day_first: bool | None, notes: list[str]
 ) -> pl.DataFrame:
     """Decide which of two numbers is the day: the one above 12."""
@@ -254,21 +273,21 @@ def _decide_day_and_month(
     )
 
 
-def _parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[str, ...]]:
+def parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[str, ...]]:
     """Times of day, which continue over midnight."""
     if re.fullmatch(_SINCE, first):
-        part = _match_groups(text, f"^{_SINCE}$")
+        part = match_named_groups(text, f"^{_SINCE}$")
         day = part.select(_parse_whole_numbers(pl.col("days"))).to_series()
-        return (_time_of_day_ns(part) + day * DAY_NS).alias("log_time_ns"), ()
+        return (time_of_day_ns(part) + day * DAY_NS).alias("log_time_ns"), ()
     pattern = f"^{_CLOCK}$"
     if re.fullmatch(_MINUTES, first):
         pattern = f"^{_MINUTES}$"
     elif first.count(":") < 2:
         raise TimeError(f"'{first}' may be hours and minutes or minutes and seconds")
-    part = _match_groups(text, pattern)
+    part = match_named_groups(text, pattern)
     if pattern != f"^{_CLOCK}$":
         part = part.with_columns(h=pl.lit("0"))
-    stamps = _time_of_day_ns(part)
+    stamps = time_of_day_ns(part)
     frame = pl.DataFrame({"t": stamps})
     step = pl.col("t").forward_fill().diff()
     has_halves = part.get_column("half").drop_nulls().len() > 0
@@ -279,3 +298,86 @@ def _parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[s
     days = frame.select((step < -_HALF_DAY_NS).fill_null(value=False).cum_sum()).to_series()
     note = "its times have no date: they are counted from midnight"
     return (stamps + days.cast(pl.Int64) * DAY_NS).alias("log_time_ns"), (note,)
+
+
+def lower_case_letters(text: str) -> str:
+    """Name in lower case, letters only."""
+    return "".join(each for each in text.lower() if each.isalpha())
+
+
+def find_calendar_columns(columns: Sequence[ColumnName]) -> tuple[str, ...]:
+    """Columns of year, month, day, hour, minute and second, or of the last three.
+
+    Empty if one of them is missing.
+    """
+    by_word = {lower_case_letters(column.name): column.name for column in reversed(columns)}
+    found = [next((by_word[w] for w in words if w in by_word), None) for words in _CALENDAR]
+    clock = found[_DAY_PARTS:]
+    if None in clock:
+        return ()
+    parts = clock if None in found else found
+    return tuple(each for each in parts if each is not None)
+
+
+def times_of_calendar(parts: Sequence[pl.Series]) -> pl.Series:
+    """Log times from columns of year to second, or hour to second; null if one is missing."""
+    numbers = [part.cast(pl.Float64, strict=False).alias(str(k)) for k, part in enumerate(parts)]
+    frame = pl.DataFrame(numbers)
+    hour, minute, second = (pl.col(str(len(parts) - k)) for k in (3, 2, 1))
+    clock = (hour * 3600 + minute * 60) * NS + (second * NS).round()
+    stamps = frame.select(clock.cast(pl.Int64, strict=False)).to_series()
+    if len(parts) > _DAY_PARTS:
+        whole = (pl.col(str(k)).cast(pl.Int32, strict=False) for k in range(_DAY_PARTS))
+        day = frame.select(pl.date(*whole).cast(pl.Int32, strict=False).cast(pl.Int64)).to_series()
+        stamps = stamps + day * DAY_NS
+    return stamps.alias("log_time_ns")
+
+
+def fraction_column_or_none(
+    columns: Sequence[ColumnName], cells: Callable[[int], list[str]], place: int
+) -> str | None:
+    """Column of the fractions of a second, if the times have none; else None."""
+    own = cells(place)
+    if not own or any(re.search(r"[.,]\d|:\d+:\d+:", cell) for cell in own):
+        return None
+    is_clock = any(":" in cell for cell in own)
+    names = [lower_case_letters(columns[place].name)]
+    if not is_clock and not any(
+        name in ("sec", "secs", "second", "seconds", "s", "ss") for name in names
+    ):
+        return None
+    return next(
+        (
+            column.name
+            for k, column in enumerate(columns)
+            if k != place
+            and fraction_unit_or_none(column.name) is not None
+            and all(cell.isdigit() for cell in cells(k))
+        ),
+        None,
+    )
+
+
+def fraction_unit_or_none(name: str) -> str | None:
+    """Unit of fractions of a second in a name: `nanosec`, `Millitm`."""
+    word = lower_case_letters(name)
+    by_beginning = (unit for start, unit in _BEGINNINGS.items() if word.startswith(start))
+    return _FRACTIONS.get(word) or next(by_beginning, None)
+
+
+def fractions_ns_and_unit(cells: pl.Series) -> tuple[pl.Series, str]:
+    """Fractions of a second in ns, and their unit, from the name or from their size.
+
+    Raises:
+        TimeError: they are not fractions of a second.
+    """
+    numbers = cells.cast(pl.Float64, strict=False)
+    largest, least = numbers.max(), numbers.min()
+    if not isinstance(largest, float) or not isinstance(least, float) or least < 0:
+        raise TimeError(f"column '{cells.name}' holds no fractions of a second")
+    stated = fraction_unit_or_none(cells.name)
+    possible = [unit for unit in ("ms", "us", "ns") if largest < NS / NS_PER_UNIT[unit]]
+    unit = stated or (possible[0] if possible else "")
+    if unit not in possible:
+        raise TimeError(f"column '{cells.name}' holds no fractions of a second, but {largest:g}")
+    return (numbers * NS_PER_UNIT[unit]).round().cast(pl.Int64, strict=False), unit

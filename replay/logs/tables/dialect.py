@@ -19,11 +19,13 @@ from replay.logs.tables.cells import (
     matches_decimal_sign_and_may_group,
 )
 from replay.logs.tables.dates import is_date, is_time_of_day
-from replay.logs.tables.header import ColumnName, column_names, refuse_two_units
-from replay.logs.tables.header_rows import (
+from replay.logs.tables.header import (
+    ColumnName,
     TextRow,
+    column_names,
     find_labelled_header_rows,
     find_name_and_unit_rows,
+    refuse_two_units,
     strip_comment_and_join_brackets,
 )
 from replay.logs.tables.hints import DialectError, TableHints

@@ -24,16 +24,16 @@ def only_time_column_or_empty(
 
     It contains times of day to the second, or has a unit of time and increases with each row.
     """
-    clocks = [k for k in range(len(columns)) if _is_clock_column(cells(k))]
+    clocks = [k for k in range(len(columns)) if is_clock_column(cells(k))]
     if clocks:
         return clocks if len(clocks) == 1 else []
     rising = [
-        k for k, column in enumerate(columns) if column.unit in NS_PER_UNIT and _is_rising(cells(k))
+        k for k, column in enumerate(columns) if column.unit in NS_PER_UNIT and is_rising(cells(k))
     ]
     return rising if len(rising) == 1 else []
 
 
-def _is_clock_column(cells: list[str]) -> bool:
+def is_clock_column(cells: list[str]) -> bool:
     """Whether cells are times of day to the second that advance."""
     return (
         len(set(cells)) > 1
@@ -42,7 +42,7 @@ def _is_clock_column(cells: list[str]) -> bool:
     )
 
 
-def _is_rising(cells: list[str]) -> bool:
+def is_rising(cells: list[str]) -> bool:
     """Whether the cells are strictly increasing numbers."""
     numbers = pl.Series(cells, dtype=pl.String).str.replace(",", ".").cast(pl.Float64, strict=False)
     steps = numbers.diff().drop_nulls()
@@ -66,7 +66,7 @@ def describe_disagreement(
     Returns:
         The sentence; None if the times agree.
     """
-    taken_s = _rising_span_s(stamps)
+    taken_s = rising_span_s(stamps)
     if taken_s is None:
         return None
     for place, column in enumerate(columns):
@@ -86,20 +86,20 @@ def describe_disagreement(
 
 def _may_column_be_time(column: ColumnName, cells: list[str]) -> bool:
     named = column.unit in NS_PER_UNIT and "time" in column.bare.lower()
-    return named or _is_clock_column(cells)
+    return named or is_clock_column(cells)
 
 
 def _rising_span_of_column_s(column: ColumnName, cells: list[str]) -> float | None:
     text = pl.Series(column.name, cells, dtype=pl.String)
     try:
-        if _is_clock_column(cells):
-            return _rising_span_s(stamps_of_clock_times(None, text, None)[0])
-        return _rising_span_s(times_in_ns(text, column.unit or "s")) if _is_rising(cells) else None
+        if is_clock_column(cells):
+            return rising_span_s(stamps_of_clock_times(None, text, None)[0])
+        return rising_span_s(times_in_ns(text, column.unit or "s")) if is_rising(cells) else None
     except TimeError:
         return None
 
 
-def _rising_span_s(stamps: pl.Series) -> float | None:
+def rising_span_s(stamps: pl.Series) -> float | None:
     """Seconds from first to last stamp; None if they do not increase."""
     there = stamps.drop_nulls()
     if there.len() < _FEWEST or (there.diff() < 0).any():

@@ -165,12 +165,12 @@ def _iter_stated_units(
         yield from ((name, metadata[key]) for key in keys if key in metadata)
     known = frozenset(names)
     for key in _MAPS:
-        yield from _iter_units_of_map(_parse_json(metadata.get(key)), known)
+        yield from _iter_units_of_map(parse_json_or_none(metadata.get(key)), known)
     for key in _ATTRIBUTES:
-        yield from _iter_units_of_attributes(_parse_json(metadata.get(key)), known)
+        yield from iter_units_of_attributes(parse_json_or_none(metadata.get(key)), known)
 
 
-def _iter_units_of_attributes(attributes: Any, known: frozenset[str]) -> Iterator[tuple[str, str]]:
+def iter_units_of_attributes(attributes: Any, known: frozenset[str]) -> Iterator[tuple[str, str]]:
     """Units in attributes: a map of units, a map per column, or columns with `metadata`."""
     if not isinstance(attributes, dict):
         return
@@ -194,7 +194,7 @@ def _iter_units_of_map(units: Any, known: frozenset[str]) -> Iterator[tuple[str,
             yield name, stated
 
 
-def _parse_json(text: str | None) -> Any:
+def parse_json_or_none(text: str | None) -> Any:
     """Parsed JSON; None if invalid or nested too deeply."""
     try:
         return json.loads(text) if text else None

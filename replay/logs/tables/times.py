@@ -35,13 +35,13 @@ def times_in_ns(values: pl.Series, unit: str) -> pl.Series:
         TimeError: the column contains no times, or they do not fit into 64 bits.
     """
     if values.dtype == pl.String:
-        values = _parse_times_from_text(values)
+        values = parse_times_from_text(values)
     dtype = values.dtype
     if dtype.is_temporal():
         return _datetimes_to_ns(values)
     if dtype.is_integer():
         largest = (2**63 - 1) // NS_PER_UNIT[unit]
-        _refuse_times_beyond_64_bits((values.min(), values.max()), largest, unit)
+        refuse_times_beyond_64_bits((values.min(), values.max()), largest, unit)
         return values.cast(pl.Int64) * NS_PER_UNIT[unit]
     if not dtype.is_numeric():
         raise TimeError(f"it holds {dtype}, not times")
@@ -54,7 +54,7 @@ def _convert_floats_to_ns(values: pl.Series, unit: str) -> pl.Series:
     if not all(isinstance(each, float) and isfinite(each) for each in extremes):
         finite = values.filter(values.is_finite())
         extremes = finite.min(), finite.max()
-    _refuse_times_beyond_64_bits(extremes, (2**63 - 1) // ns - 1, unit)
+    refuse_times_beyond_64_bits(extremes, (2**63 - 1) // ns - 1, unit)
     if all(isinstance(each, float) and abs(each) * ns < _EXACT_NS for each in extremes):
         return values.to_frame().select(_round_to_integers(number * ns)).to_series()
     whole = number.floor()
@@ -66,7 +66,7 @@ def _round_to_integers(values: pl.Expr) -> pl.Expr:
     return values.round(mode="half_to_even").cast(pl.Int64, strict=False)
 
 
-def _parse_times_from_text(values: pl.Series) -> pl.Series:
+def parse_times_from_text(values: pl.Series) -> pl.Series:
     """Numbers or ISO 8601 times from text, whichever prevails."""
     text = values.str.strip_chars()
     present = text.filter(text.is_not_null() & (text != ""))
@@ -89,7 +89,7 @@ def _datetimes_to_ns(values: pl.Series) -> pl.Series:
     raise TimeError(f"it holds {values.dtype}, not times")
 
 
-def _refuse_times_beyond_64_bits(extremes: Iterable[object], largest: int, unit: str) -> None:
+def refuse_times_beyond_64_bits(extremes: Iterable[object], largest: int, unit: str) -> None:
     """Raise an error if a time does not fit into 64-bit ns."""
     # as Python numbers: polars compares integers only with what fits into their own dtype
     for extreme in extremes:

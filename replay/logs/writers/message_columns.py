@@ -49,13 +49,13 @@ def number_message_shapes(column: Column) -> Ints | None:
     if isinstance(column, RaggedColumn):
         return _list_shape_ids(column)
     if isinstance(column, Mapping):
-        return _number_joint_shapes([number_message_shapes(each) for each in column.values()])
+        return number_joint_shapes([number_message_shapes(each) for each in column.values()])
     if isinstance(column, list | tuple):
-        return _number_joint_shapes([number_message_shapes(each) for each in column])
+        return number_joint_shapes([number_message_shapes(each) for each in column])
     return None
 
 
-def _number_joint_shapes(found: Sequence[Ints | None]) -> Ints | None:
+def number_joint_shapes(found: Sequence[Ints | None]) -> Ints | None:
     """Number the combinations of shapes of several columns."""
     known = [each for each in found if each is not None]
     if len(known) < 2:

@@ -91,7 +91,7 @@ def make_message_columns(
     return {"header": header, **topic.fields(frame, scenario)}
 
 
-def _stack_columns(frame: pl.DataFrame, *names: str) -> NDArray[np.float64]:
+def stack_columns(frame: pl.DataFrame, *names: str) -> NDArray[np.float64]:
     """Stack columns of a frame into an array (n, names)."""
     return np.column_stack([frame[name].to_numpy() for name in names])
 
@@ -121,17 +121,17 @@ def _make_imu_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Col
 
 
 def _make_torque_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
-    wheels = _stack_columns(frame, "torque_left_N_m", "torque_right_N_m")
+    wheels = stack_columns(frame, "torque_left_N_m", "torque_right_N_m")
     return {"name": _WHEELS, "effort": wheels}
 
 
 def _make_speed_columns(frame: pl.DataFrame, scenario: Scenario) -> dict[str, Column]:
-    wheels = _stack_columns(frame, "speed_left_m_s", "speed_right_m_s")
+    wheels = stack_columns(frame, "speed_left_m_s", "speed_right_m_s")
     return {"name": _WHEELS, "velocity": wheels / scenario.machine.wheel_radius_m}
 
 
 def _make_boom_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
-    return {"name": _JOINTS, "position": _stack_columns(frame, "boom_rad", "bucket_rad")}
+    return {"name": _JOINTS, "position": stack_columns(frame, "boom_rad", "bucket_rad")}
 
 
 def _make_odometry_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:

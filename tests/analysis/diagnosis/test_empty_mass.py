@@ -9,7 +9,7 @@ from analysis.diagnosis import withhold_by_findings
 from analysis.model.machine import Machine
 from analysis.simulation import Scenario, simulate_campaign
 from replay import load_machine
-from replay.inputs.memory_log import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
 from replay.pipeline import run
 from tests.analysis.weighing.weighed import Weighed
 

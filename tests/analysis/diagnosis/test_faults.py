@@ -8,8 +8,8 @@ import polars as pl
 import pytest
 
 from analysis.diagnosis import CHECKS, CheckInputs, judge_checks
+from analysis.diagnosis.fit_checks import compare_methods_with_joint_fit
 from analysis.diagnosis.measured_channels import RawSignals
-from analysis.diagnosis.method_disagreement import compare_methods_with_joint_fit
 from analysis.stages.estimation.masses import summarise_masses
 from tests.analysis.weighing.weighed import RICH, Weighed, merged, weighed
 from tests.trials.situations import SITUATIONS

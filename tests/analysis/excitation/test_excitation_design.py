@@ -13,12 +13,12 @@ from analysis.excitation.error_prediction import (
     true_parameters,
 )
 from analysis.excitation.excitation_design import (
-    _score_shape,
     design_excitation,
     determined_parameter_count,
     driveline_response_time_s,
     find_best_score,
     scenario_with_manoeuvres,
+    score_waveform,
 )
 from analysis.simulation import Scenario, solve_motion
 from analysis.simulation.scenario.manoeuvres import Excite
@@ -184,7 +184,7 @@ def test_coulomb_friction_that_the_model_leaves_out_is_part_of_the_predicted_err
     made = scenario(machine={"coulomb_N": 300.0})
     response_s = {"force": driveline_response_time_s(made, 0.0, "force")}
     window_s = 2 * response_s["force"]
-    score = _score_shape(made, "straight", "triangular", "both ways", response_s, window_s, 0.01)
+    score = score_waveform(made, "straight", "triangular", "both ways", response_s, window_s, 0.01)
     found, body = errors(made, "straight", score, window_s)
     prediction = score.predictions["mass_kg"]
     assert abs(prediction.bias) > 5 * prediction.std

@@ -6,13 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.expressions.dimensions import convert_to_si, expression_text
 from analysis.expressions.parse import (
     Call,
     Expression,
     ExpressionError,
     Name,
     Number,
+    convert_to_si,
+    expression_text,
     parse_expression,
 )
 from analysis.expressions.values import evaluate_and_count_near_zero

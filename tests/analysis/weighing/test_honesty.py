@@ -5,7 +5,7 @@ import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
 from replay import load_machine
-from replay.inputs.memory_log import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
 from replay.pipeline import run
 from tests.trials.drawn_designs import brought_to_size, draw_design, join_designs
 from tests.trials.situations import SITUATIONS, sections

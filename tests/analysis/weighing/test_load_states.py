@@ -16,7 +16,7 @@ from benchmarks.load_states import ONE_LOAD, whole_states
 from benchmarks.weighed import machine
 from estimators.errors import MachineError
 from estimators.joint.group_effects import HINTED, NAMED
-from replay.inputs.memory_log import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
 from replay.pipeline import run
 from tests.analysis.diagnosis.test_faults import situation
 from tests.twins import mark_slow_after

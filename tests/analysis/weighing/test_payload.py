@@ -10,7 +10,7 @@ from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.nuisances import WeightShare
 from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.weighed import DERIVED, machine
-from replay.inputs.memory_log import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
 from replay.pipeline import run
 from tests.trials.drawn_designs import join_designs
 

@@ -13,7 +13,7 @@ from analysis.model.verdict import Check, Verdict
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.weighing.weigh import Weighing, weigh
 from replay import load_machine
-from replay.inputs.memory_log import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
 from replay.pipeline import run
 
 TRUE_KG = 3614.0

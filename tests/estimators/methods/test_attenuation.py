@@ -5,7 +5,7 @@ import pytest
 
 from estimators.methods import ls
 from estimators.methods.attenuation import attenuation, window_attenuations
-from estimators.methods.window_mean import mean_estimate
+from estimators.methods.ls import mean_estimate
 
 TRUTH, NOISE = np.array([100.0, 20.0]), np.array([0.3, 0.1])
 COVARIANCE = np.diag([*NOISE**2, 0.0])

@@ -280,7 +280,9 @@ def test_the_axes_are_weighted_by_their_noise():
 
 
 def test_one_axis_in_one_stretch_is_ordinary_least_squares():
-    A = planar_rows.straight(MOTIONS["straight"]["specific_force_x"], MOTIONS["straight"]["speed"])
+    A = planar_rows.straight_regressor(
+        MOTIONS["straight"]["specific_force_x"], MOTIONS["straight"]["speed"]
+    )
     f = A @ [3614.0, 2891.0] + np.random.default_rng(4).normal(scale=60.0, size=2000)
     found = fit(A[:, None], f[:, None], planar_rows.STRAIGHT_PARAMETERS)
     expected = ls.fit(A, f)

@@ -47,9 +47,9 @@ def test_stage_1_is_the_x_row_without_yaw():
     motion = MOTIONS["straight"]
     A = planar_rows.regressor(**motion)[:, 0]
     expected = columns_of(A, planar_rows.STRAIGHT_PARAMETERS)
-    found = planar_rows.straight(motion["specific_force_x"], motion["speed"])
+    found = planar_rows.straight_regressor(motion["specific_force_x"], motion["speed"])
     np.testing.assert_array_equal(found, expected)
-    with_coulomb = planar_rows.straight(
+    with_coulomb = planar_rows.straight_regressor(
         motion["specific_force_x"], motion["speed"], np.sign(motion["speed"])
     )
     np.testing.assert_array_equal(with_coulomb[:, :2], expected)
@@ -59,7 +59,7 @@ def test_stage_1_is_the_x_row_without_yaw():
 def test_stage_2_is_the_yaw_row_of_a_spin_about_the_origin():
     motion = MOTIONS["spin about the origin"]
     A = planar_rows.regressor(**motion)[:, 1]
-    found = planar_rows.spin(motion["yaw_acceleration"], motion["yaw_rate"])
+    found = planar_rows.spin_regressor(motion["yaw_acceleration"], motion["yaw_rate"])
     np.testing.assert_array_equal(found, columns_of(A, planar_rows.SPIN_PARAMETERS))
     others = [name for name in planar_rows.PARAMETERS if name not in planar_rows.SPIN_PARAMETERS]
     assert not columns_of(A, others).any()
@@ -68,7 +68,7 @@ def test_stage_2_is_the_yaw_row_of_a_spin_about_the_origin():
 def test_stage_3_is_both_rows_of_a_constant_arc():
     motion = constant_arc()
     A = planar_rows.regressor(**motion)
-    found = planar_rows.arc(motion["speed"], motion["yaw_rate"])
+    found = planar_rows.arc_regressor(motion["speed"], motion["yaw_rate"])
     np.testing.assert_allclose(found, columns_of(A, planar_rows.ARC_PARAMETERS))
     others = [name for name in planar_rows.PARAMETERS if name not in planar_rows.ARC_PARAMETERS]
     assert not columns_of(A, others).any()
@@ -77,7 +77,7 @@ def test_stage_3_is_both_rows_of_a_constant_arc():
 def test_the_z_row_of_7_as_printed_weighs_a_loader_as_next_to_nothing():
     """(7) sets m·a_z to zero, and an accelerometer reads 9.81 m/s² there."""
     motion = MOTIONS["straight"]
-    A = planar_rows.straight(motion["specific_force_x"], motion["speed"])
+    A = planar_rows.straight_regressor(motion["specific_force_x"], motion["speed"])
     f = A @ [3614.0, 2891.0]
     upright = np.column_stack([np.full(T_S.size, 9.81), np.zeros(T_S.size)])
     printed = np.linalg.lstsq(np.concatenate([A, upright]), np.concatenate([f, 0 * f]), rcond=None)[

@@ -7,7 +7,7 @@ import pytest
 
 from estimators.errors import ReviewError
 from recordings.report.clock_text import ShiftClock
-from recordings.review.find_cycle import find_cycle_row, find_instant
+from recordings.review.shift_ledger import find_cycle_row, find_instant
 
 NS = 10**9
 

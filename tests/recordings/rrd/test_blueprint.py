@@ -9,7 +9,7 @@ import pytest
 
 from analysis import Run
 from recordings import write_recording
-from recordings.rrd.blueprint import Page, Panel, _relative_panel_heights, tab_panels
+from recordings.rrd.blueprint import Page, Panel, relative_panel_heights, tab_panels
 from recordings.rrd.display_frames import DisplayColumn, make_display_frames
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.recording_views import MethodLayout, Tab, ViewKind
@@ -90,7 +90,7 @@ def test_lanes_have_the_height_that_they_need_and_leave_some_to_plots(
         return Panel("any", kind, (DisplayColumn("frame", "column", "label", "#000000"),) * count)
 
     states = tuple(panel(ViewKind.STATES, count) for count in lanes)
-    shares = _relative_panel_heights(
+    shares = relative_panel_heights(
         Page("page", (*states, *(panel(ViewKind.LINES, 1) for _ in range(plots))))
     )
     assert len(shares) == len(lanes) + plots
@@ -110,7 +110,7 @@ def test_a_panel_is_as_high_as_its_legend_needs() -> None:
     five = panel("a", "b", "c", "d", "e")
     above = panel("a", "b", "c", "d", "e", named_above=True)
     twice = panel("a", "a", "b", "b")
-    shares = _relative_panel_heights(
+    shares = relative_panel_heights(
         Page("page", (panel("x"), panel("x"), five, above, twice, panel("x")))
     )
     assert sum(shares) == pytest.approx(1.0)
@@ -120,7 +120,7 @@ def test_a_panel_is_as_high_as_its_legend_needs() -> None:
     assert 900.0 * low >= 50.0 + 2 * 23.0 / 0.8
     assert unnamed == lone == low
     # too many to fit: none vanishes
-    assert min(_relative_panel_heights(Page("page", (five,) * 12))) == pytest.approx(1 / 12)
+    assert min(relative_panel_heights(Page("page", (five,) * 12))) == pytest.approx(1 / 12)
 
 
 def test_the_overview_comes_first_with_the_answer_beside_the_plots(drives):

@@ -23,7 +23,7 @@ from recordings.calibration.bundle_folder import (
 from recordings.calibration.calibration_recording import make_calibration_run, write_calibration
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.evidence_document import parse_evidence
-from recordings.calibration.pdf_check import (
+from recordings.calibration.strange_files import (
     compare_pdf_with_page,
     describe_first_difference,
     join_words_without_repeated_heads,

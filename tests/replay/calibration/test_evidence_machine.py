@@ -19,9 +19,8 @@ from replay.calibration.apply_evidence import CalibrationRequest, load_calibrati
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.check_mass import KnownMassOnBoard, check_mass
 from replay.calibration.verify_bundle import verify_bundle
-from replay.fleet.fleet_file import load_fleet
 from replay.fleet.log_sources import list_fleet_logs
-from replay.fleet.machine_setups import NamedFiles, make_machine_setups
+from replay.fleet.machine_setups import NamedFiles, load_fleet, make_machine_setups
 from replay.fleet.run_fleet import replay_fleet
 from replay.inputs.machine_identity import common_machine_id
 from replay.logs import open_log

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks.fleet_logs import SerialEngine, recordings
-from replay.fleet.fleet_file import load_fleet
 from replay.fleet.log_sources import list_fleet_logs
+from replay.fleet.machine_setups import load_fleet
 from replay.fleet.run_fleet import FleetRun, replay_fleet
 from replay.fleet.task_engine import TaskEngine
 

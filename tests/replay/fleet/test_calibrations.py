@@ -10,10 +10,9 @@ import pytest
 from analysis.fleet.calibration_steps import FleetCalibration
 from benchmarks.fleet_logs import SerialEngine
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
-from replay.fleet.fleet_file import load_fleet
 from replay.fleet.gathered_tables import open_fleet_results
 from replay.fleet.log_sources import list_fleet_logs
-from replay.fleet.machine_setups import setup_of_day
+from replay.fleet.machine_setups import load_fleet, setup_of_day
 from replay.fleet.run_fleet import FleetRun, replay_fleet
 from replay.fleet.write_fleet_page import make_fleet_page
 from tests.replay.sledge_campaign import campaign_folder

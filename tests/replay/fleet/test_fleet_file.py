@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from estimators.errors import FleetError, PayscopeError
-from replay.fleet.fleet_file import MachineRule, load_fleet
+from replay.fleet.machine_setups import MachineRule, load_fleet
 from tests.one_line import assert_one_line
 
 RULE = '[[machines]]\nlogs = "{machine}/*.mcap"\nfile = "cat262c.toml"\n'

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from replay.logs.blocks.select_messages import indices_of_keys
-from replay.logs.blocks.slabs import SlabIndex
+from replay.logs.blocks.slabs import SlabIndex, indices_of_keys
 from replay.logs.mcap.mcap_grammar import GRAMMAR
 from replay.logs.storage.message_rows import KEY, TIME
 

@@ -22,7 +22,7 @@ TWO_LOOPS = """
 import numpy as np
 from estimators.interpreted import compile_at_once
 from estimators.numerics.small_systems import condition_numbers
-from replay.logs.blocks.select_messages import indices_of_keys
+from replay.logs.blocks.slabs import indices_of_keys
 with compile_at_once():
     keys = indices_of_keys(np.arange(3), np.arange(2))
     print(condition_numbers(np.ones((1, 2)), 1, 1).tolist(), keys)

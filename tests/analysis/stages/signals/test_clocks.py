@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.stages.signals.clocks import find_largest_relative_drift, measure_clock_drifts
+from analysis.stages.signals.timestamps import find_largest_relative_drift, measure_clock_drifts
 
 T0 = 1_700_000_000_000_000_000
 SPAN_S = 150.0

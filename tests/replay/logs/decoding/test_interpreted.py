@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from estimators import interpreted
 from replay.logs.bag.bag_grammar import GRAMMAR as BAG
 from replay.logs.blocks import Block, RecordGrammar
-from replay.logs.blocks.select_messages import chunk_stats, select_messages_of_connections
-from replay.logs.blocks.slabs import Slab, SlabIndex
+from replay.logs.blocks.slabs import Slab, SlabIndex, chunk_stats, select_messages_of_connections
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.decoder import DecodedBatch
 from replay.logs.mcap.mcap_grammar import GRAMMAR as MCAP

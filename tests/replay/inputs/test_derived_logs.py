@@ -8,8 +8,7 @@ import pytest
 from analysis.simulation import Scenario, simulate_campaign
 from estimators.errors import LogError
 from replay import Log, TimeAxis, open_log
-from replay.inputs.cached_log import CachedLog
-from replay.inputs.memory_log import MemoryLog
+from replay.inputs.derived_logs import CachedLog, MemoryLog
 from tests.replay.sledge import sledge
 
 

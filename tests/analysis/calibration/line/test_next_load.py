@@ -4,8 +4,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.calibration.campaign.next_load import rank_next_loads
 from analysis.calibration.line.calibration import CalibrationOptions
+from analysis.calibration.line.calibration_budget import rank_next_loads
 from analysis.calibration.line.line_fit import fit_calibration
 from tests.analysis.calibration.campaigns import readings, references
 

@@ -3,7 +3,7 @@
 import polars as pl
 import pytest
 
-from analysis.cycles.cycle_doubts import list_cycle_doubts
+from recordings.review.shift_ledger import list_cycle_doubts
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found
 

@@ -1,0 +1,285 @@
+"""Logs that are no files of their own: cached or part of another, side by side, or simulated."""
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import polars as pl
+
+from analysis.model.loss import Loss
+from analysis.model.machine import Channel, Machine
+from estimators.errors import LogError, nearest
+from replay.logs import TABLE, Log, LogCheck
+
+if TYPE_CHECKING:
+    # not loaded with the pipeline
+    from analysis.simulation import SimulatedLog
+
+#: Begins the topic of a table that is one of several side by side.
+_NAMED: Final = f"{TABLE}/"
+_STAMPS = ("log_time_ns", "header_stamp_ns")
+_FORMAT = "simulation in memory"
+
+
+class DerivedLog(Log):
+    """A log that reads from another one, which stays open when this one is closed."""
+
+    def __init__(self, log: Log) -> None:
+        """Wrap an open log."""
+        super().__init__(log.path, log.format)
+        self._log = log
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """No files, since a derived log is not evidence and is not hashed."""
+        return ()
+
+    def topics(self) -> pl.DataFrame:
+        """Topics of the log."""
+        return self._log.topics()
+
+    def check(self) -> LogCheck:
+        """Check the log."""
+        return self._log.check()
+
+    def notes(self) -> tuple[str, ...]:
+        """Notes on what was recognised in the log."""
+        return self._log.notes()
+
+    def units(self, topic: str) -> Mapping[str, str]:
+        """Units that the log states."""
+        return self._log.units(topic)
+
+    def losses(self) -> tuple[Loss, ...]:
+        """Losses of the log."""
+        return self._log.losses()
+
+
+class CachedLog(DerivedLog):
+    """Another log whose decoded topics are cached."""
+
+    def __init__(self, log: Log) -> None:
+        super().__init__(log)
+        self._topics: pl.DataFrame | None = None
+        self._kept: dict[tuple[str, tuple[str, ...], int | None, int | None], pl.DataFrame] = {}
+
+    def topics(self) -> pl.DataFrame:
+        """Topics of the log, listed once."""
+        if self._topics is None:
+            self._topics = super().topics()
+        return self._topics
+
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
+    ) -> dict[str, pl.DataFrame]:
+        """Read topics in one pass, except those in the cache."""
+        wanted = {topic: (topic, tuple(names), start_ns, end_ns) for topic, names in fields.items()}
+        new = {topic: fields[topic] for topic, key in wanted.items() if key not in self._kept}
+        for topic, frame in self._log.read_many(new, start_ns, end_ns).items() if new else ():
+            self._kept[wanted[topic]] = frame
+        return {topic: self._kept[key] for topic, key in wanted.items()}
+
+    def machine_ids(self) -> tuple[str, ...]:
+        """Serial numbers of machines in the log."""
+        return self._log.machine_ids()
+
+    def expect(self, fields: Mapping[str, Sequence[str]]) -> None:
+        """Announce the fields that will be read, unless they are cached."""
+        if not self._kept:
+            self._log.expect(fields)
+
+
+class LogPart(DerivedLog):
+    """Part of another log between two log times."""
+
+    def __init__(self, log: Log, start_ns: int | None, end_ns: int | None) -> None:
+        """Select a part of a log.
+
+        Args:
+            log: the open log.
+            start_ns: first log time, inclusive; None for the begin.
+            end_ns: last log time, inclusive; None for the end.
+        """
+        super().__init__(log)
+        self._span = start_ns, end_ns
+
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
+    ) -> dict[str, pl.DataFrame]:
+        """Read the log, which may be cached, and keep the part."""
+        first, last = self._span
+        bounds = [
+            *(pl.col("log_time_ns") >= each for each in (first, start_ns) if each is not None),
+            *(pl.col("log_time_ns") <= each for each in (last, end_ns) if each is not None),
+        ]
+        whole = self._log.read_many(fields)
+        return {topic: frame.filter(*bounds) for topic, frame in whole.items()}
+
+
+class _NamedTable(DerivedLog):
+    """A table whose topic has its own name."""
+
+    def __init__(self, log: Log, topic: str) -> None:
+        """Rename the topic of an opened table."""
+        super().__init__(log)
+        self._topic = topic
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """File of the table."""
+        return self._log.files
+
+    @property
+    def digests(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride] the table's
+        """SHA-256 of every file, in hexadecimal."""
+        return self._log.digests
+
+    def topics(self) -> pl.DataFrame:
+        """The single topic; see `Log.topics`."""
+        return self._log.topics().with_columns(topic=pl.lit(self._topic))
+
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
+    ) -> dict[str, pl.DataFrame]:
+        return {t: self._log.read(TABLE, names, start_ns, end_ns) for t, names in fields.items()}
+
+    def units(self, topic: str) -> Mapping[str, str]:  # noqa: ARG002 it has one
+        """Units that the table states."""
+        return self._log.units(TABLE)
+
+    def machine_ids(self) -> tuple[str, ...]:
+        """Serial numbers of machines in the table."""
+        return self._log.machine_ids()
+
+
+def join_parallel_tables(logs: Sequence[Log], machine: Machine) -> tuple[Sequence[Log], Machine]:
+    """Give tables that share no column of the channels topics of their own.
+
+    Args:
+        logs: logs of one time line.
+        machine: machine with its channels.
+
+    Returns:
+        The logs, and the machine with the topic of each channel; unchanged if a log is not a table,
+        or if two tables share a column of the channels.
+
+    Raises:
+        LogError: no table has a column.
+    """
+    wanted = {field for channel in machine.channels.values() for field in channel.fields}
+    for log in logs:
+        log.expect({TABLE: sorted(wanted)})
+    logs = _tables_with_own_topics(logs, wanted)
+    columns = {
+        topic: set[str](fields or [])
+        for log in logs
+        for topic, fields in log.topics().select("topic", "fields").iter_rows()
+        if topic.startswith(_NAMED) or topic == TABLE
+    }
+    # one table alone needs no name
+    if not any(topic.startswith(_NAMED) for topic in columns):
+        return logs, machine
+    by_field = {field: topic for topic, fields in columns.items() for field in fields & wanted}
+    channels = dict(machine.channels)
+    for name, channel in machine.channels.items():
+        if channel.topic is not None or not channel.fields:
+            continue
+        (field, *_) = channel.fields
+        if field not in by_field:
+            paths = ", ".join(str(log.path) for log in logs)
+            choices = nearest(field, set().union(*columns.values()))
+            raise LogError(f"{paths}: no column '{field}'; {choices}")
+        channels[name] = channel.model_copy(update={"topic": by_field[field]})
+    return logs, machine.model_copy(update={"channels": channels})
+
+
+def _tables_with_own_topics(logs: Sequence[Log], wanted_columns: set[str]) -> Sequence[Log]:
+    """Tables with topics of their own, unless two share wanted columns."""
+    if len(logs) < 2 or len({log.digests for log in logs}) < len(logs):
+        return logs
+    topics = [log.topics() for log in logs]
+    if any(table["topic"].to_list() != [TABLE] for table in topics):
+        return logs
+    held = [wanted_columns & set(table["fields"][0]) for table in topics]
+    if not all(held) or any(one & other for one, other in combinations(held, 2)):
+        return logs
+    stems = [log.path.stem for log in logs]
+    return [
+        _NamedTable(log, _NAMED + (stem if stems.count(stem) == 1 else f"{stem} {number}"))
+        for number, (log, stem) in enumerate(zip(logs, stems, strict=True), start=1)
+    ]
+
+
+class MemoryLog(Log):
+    """Topics of a simulation as a log, with fields named like channels."""
+
+    def __init__(self, simulated: "SimulatedLog") -> None:
+        # a name for messages; there is no file
+        super().__init__(Path(f"simulated_{simulated.load_kg:g}kg"), _FORMAT)
+        self._frames = simulated.topics
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """No files: the log exists in memory only."""
+        return ()
+
+    def topics(self) -> pl.DataFrame:
+        """Simulated topics; see `Log.topics`. Nothing is decoded."""
+        rows = [
+            {
+                "topic": topic,
+                "type": _FORMAT,
+                "encoding": "columns",
+                **self._summarise_log_times(frame["log_time_ns"].to_numpy()),
+                "fields": [name for name in frame.columns if name not in _STAMPS],
+                "problem": None,
+                "decoder": "columnar",
+            }
+            for topic, frame in self._frames.items()
+        ]
+        return pl.DataFrame(rows, schema=self.TOPICS_SCHEMA)
+
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
+    ) -> dict[str, pl.DataFrame]:
+        return {t: self._read(t, names, start_ns, end_ns) for t, names in fields.items()}
+
+    def _read(
+        self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
+    ) -> pl.DataFrame:
+        if topic not in self._frames:
+            raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._frames)}")
+        frame = self._frames[topic]
+        for field in fields:
+            if field not in frame.columns:
+                raise LogError(f"{self.path}: no field '{field}'; {nearest(field, frame.columns)}")
+        time = pl.col("log_time_ns")
+        if start_ns is not None:
+            frame = frame.filter(time >= start_ns)
+        if end_ns is not None:
+            frame = frame.filter(time <= end_ns)
+        return frame.select(*_STAMPS, *fields).sort("log_time_ns", maintain_order=True)
+
+    def check(self) -> LogCheck:
+        """Report a clean check: data in memory needs none."""
+        return LogCheck(sum(frame.height for frame in self._frames.values()), 0, 0)
+
+    def losses(self) -> tuple[Loss, ...]:
+        """No losses: nothing was read from a file."""
+        return ()
+
+
+def machine_with_memory_channels(machine: Machine, simulated: "SimulatedLog") -> Machine:
+    """The machine with its channels read from the topics of a simulation."""
+    topic_of = {
+        name: topic
+        for topic, frame in simulated.topics.items()
+        for name in frame.columns
+        if name not in _STAMPS
+    }
+    channels = {
+        name: channel if channel.derive else Channel(topic=topic_of[name], field=name)
+        for name, channel in machine.channels.items()
+    }
+    return machine.model_copy(update={"channels": channels})
