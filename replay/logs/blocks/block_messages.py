@@ -259,8 +259,7 @@ class BlockStore:
         unknown = stats.late > 0 and not any(self._late.values())
         in_time = stats.first_ns <= stats.last_ns
         if unknown or (
-            in_time
-            and (stats.first_ns < block.first_ns or stats.last_ns > block.last_ns)
+            in_time and (stats.first_ns < block.first_ns or stats.last_ns > block.last_ns)
         ):
             self.damage.note(
                 f"the chunk at byte {block.record_offset} holds messages outside the times "
