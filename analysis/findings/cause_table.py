@@ -13,6 +13,7 @@ from analysis.findings import (
     setting_causes,
     sign_causes,
     unexplained,
+    unsigned_channels,
 )
 from analysis.findings.cause import Cause
 
@@ -43,13 +44,13 @@ CAUSES: Final = (
     ),
     Cause(
         "unsigned",
-        "the force has lost its sign, as motor currents do",
+        "the force has lost its sign, as motor currents do, or the speed, as pulses do",
         "braking that the force sensor measures, or driving in reverse",
-        sign_causes.find_unsigned_force,
+        unsigned_channels.find_unsigned_channel,
         withholds=True,
         explains=(
-            *("delay", "coulomb", "driveline", "external_force", "offset", "wrong_unit"),
-            *("wrong_scale", "unlike_sides"),
+            *(*_OF_FIT, "offset", "wrong_unit", "wrong_scale", "unlike_sides"),
+            *("imu_misaligned", "imu_bias", "imu_loose", "swapped_sides"),
         ),
     ),
     Cause(

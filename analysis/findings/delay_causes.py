@@ -17,6 +17,7 @@ from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import PickedCause, search_likelihood
 from analysis.findings.refit import refit_corrected
+from analysis.findings.unsigned_channels import find_unsigned_speed
 from analysis.model.schema import column_values
 from analysis.model.windows import flag_windows
 from analysis.stages.motion.forces import longitudinal_force
@@ -196,7 +197,8 @@ def find_delays(inputs: FindingInputs) -> list[Symptom]:
     """Find late channels by the likelihood of f(t - d) = m a + b v, with m and b refitted."""
     late = find_long_delay(inputs)
     if late is not None:
-        return [_make_long_delay_symptom(inputs, late)]
+        # of a speed without its sign, half of the log is late by half of a start
+        return [] if find_unsigned_speed(inputs) else [_make_long_delay_symptom(inputs, late)]
     found = [pick for name, pick in search_likelihood(inputs).items() if name.startswith("delay")]
     return [
         _make_delay_symptom(inputs, pick) for pick in found if not is_filter_delay_likelier(pick)

@@ -282,6 +282,12 @@ class FindingLimits:
     signed_gain_std: float = 8.0
     #: A force is unsigned if at most this fraction of decelerating samples opposes the motion,
     unsigned_opposing_fraction: float = 0.1
+    #: A force drives above this share of the largest that makes the speed rise,
+    unsigned_force_fraction: float = 0.3
+    #: and the speed has lost its sign where so much of that driving is of the other sign,
+    unsigned_reverse_fraction: float = 0.1
+    #: with forces over accelerations that are alike to this factor.
+    unsigned_mass_ratio: float = 2.0
     #: which last so long in all, in s,
     unsigned_braking_s: float = 0.3
     #: and are at least so many,

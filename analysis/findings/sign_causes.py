@@ -10,6 +10,7 @@ from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_corrected, refit_with_answer_u
+from analysis.findings.unsigned_channels import find_unsigned_speed, is_never_negative
 from analysis.model.schema import column_values
 from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
@@ -52,7 +53,8 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
     of_force = inputs.checks.get("force_sign", np.nan)
     gain, std = fit_accelerometer_gain(inputs) or (np.nan, np.nan)
     by_imu = abs(gain) > LIMITS.signed_gain_std * std
-    if not np.isfinite(of_force):
+    # a speed without its sign makes every drive in reverse look like one of the wrong sign
+    if not np.isfinite(of_force) or find_unsigned_speed(inputs):
         return []
     names: tuple[str, ...] = ()
     if of_force < -LIMITS.signed_correlation and not (by_imu and gain < 0.0):
@@ -118,49 +120,6 @@ def _find_flipped_side(inputs: FindingInputs) -> list[Symptom]:
             value=value,
         )
     ]
-
-
-def find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
-    """Find a force that is never negative although the machine reverses or brakes."""
-    name = inputs.force_channel
-    if name is None:
-        return []
-    opposing = inputs.checks.get("raw_opposing_share", np.nan)
-    if not np.isfinite(opposing):
-        opposing = inputs.checks.get("opposing_share", np.nan)
-    straight = inputs.check_inputs.straight_motion
-    if not straight.complete.any():
-        return []
-    fewest = rows_in_duration(
-        LIMITS.unsigned_braking_s,
-        inputs.machine.settings.align.rate_hz,
-        LIMITS.unsigned_min_samples,
-    )
-    backwards = float((straight.speed[straight.complete] < -LIMITS.reverse_speed_m_s).mean()) > 0.05
-    brakes = (
-        np.count_nonzero(straight.braking) >= fewest
-        and opposing <= LIMITS.unsigned_opposing_fraction
-    )
-    if not is_never_negative(inputs, name) or not (backwards or brakes):
-        return []
-    high = float(np.quantile(inputs.series[name][1], 0.99))
-    return [
-        Symptom(
-            LIMITS.sign_rank,
-            f"its readings reach {high:.3g} and are never below zero, although the machine "
-            + (
-                "drives back"
-                if backwards
-                else f"slows down in {np.count_nonzero(straight.braking)} samples"
-            ),
-            channel=name,
-        )
-    ]
-
-
-def is_never_negative(inputs: FindingInputs, name: str) -> bool:
-    """Whether a channel has lost its sign; noise about zero would be negative at times."""
-    return float((inputs.series[name][1] < 0.0).mean()) < LIMITS.unsigned_negative_fraction
 
 
 def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:

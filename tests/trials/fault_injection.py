@@ -196,6 +196,11 @@ def _noisier(frames: Frames, size: float, dice: np.random.Generator) -> Frames:
     return {**frames, "torque": torque.with_columns(changed)}
 
 
+def _rectify_speed(frames: Frames, _: float, __: np.random.Generator) -> Frames:
+    """Wheel speeds of pulses that are counted whichever way the wheel turns."""
+    return {**frames, "speed": frames["speed"].with_columns(pl.col(_SPEEDS).abs())}
+
+
 def _rectify_force(frames: Frames, _: float, __: np.random.Generator) -> Frames:
     return {
         **frames,
@@ -265,6 +270,14 @@ FAULTS: Final = (
         ("unsigned",),
         "its size alone",
         topics=_rectify_force,
+        needs=_BOTH_WAYS,
+        has_size=False,
+    ),
+    Fault(
+        "speed without its sign",
+        ("unsigned",),
+        "its size alone",
+        topics=_rectify_speed,
         needs=_BOTH_WAYS,
         has_size=False,
     ),

@@ -1,0 +1,84 @@
+"""Channels that have lost their sign: a motor current as a force, pulses as a speed."""
+
+import numpy as np
+
+from analysis.findings.cause import Symptom
+from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.finding_limits import LIMITS
+from analysis.stages.signals.grid_rate import rows_in_duration
+
+
+def find_unsigned_channel(inputs: FindingInputs) -> list[Symptom]:
+    """Find a force or a speed that is never negative although the machine drives both ways."""
+    return _find_unsigned_force(inputs) or find_unsigned_speed(inputs)
+
+
+def find_unsigned_speed(inputs: FindingInputs) -> list[Symptom]:
+    """Find a speed that is never negative although forces of both signs make it rise."""
+    names, straight = inputs.speed_channels, inputs.check_inputs.straight_motion
+    speeding = straight.speeding
+    if not names or not speeding.any() or not all(is_never_negative(inputs, n) for n in names):
+        return []
+    size = np.abs(straight.f)
+    drives = speeding & (size > LIMITS.unsigned_force_fraction * np.quantile(size[speeding], 0.99))
+    directions = [drives & (straight.f < 0.0), drives & (straight.f > 0.0)]
+    fewer = float(min(each.sum() for each in directions) / max(drives.sum(), 1))
+    if fewer < LIMITS.unsigned_reverse_fraction:
+        return []
+    # a retarder on a descent lets the speed rise as well, but not as the motor does
+    rate = np.gradient(straight.speed)
+    rates, forces = ([float(np.median(x[each])) for each in directions] for x in (rate, size))
+    masses = forces[0] * rates[1], forces[1] * rates[0]
+    if min(rates) <= 0.0 or max(masses) > LIMITS.unsigned_mass_ratio * min(masses):
+        return []
+    return [
+        Symptom(
+            LIMITS.sign_rank * fewer / LIMITS.unsigned_reverse_fraction,
+            f"its readings are never below zero, although forces of both signs make it rise alike "
+            f"({fewer:.0%} of the driving is in the other direction)",
+            channel=names[0],
+        )
+    ]
+
+
+def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
+    """Find a force that is never negative although the machine reverses or brakes."""
+    name = inputs.force_channel
+    if name is None:
+        return []
+    opposing = inputs.checks.get("raw_opposing_share", np.nan)
+    if not np.isfinite(opposing):
+        opposing = inputs.checks.get("opposing_share", np.nan)
+    straight = inputs.check_inputs.straight_motion
+    if not straight.complete.any():
+        return []
+    fewest = rows_in_duration(
+        LIMITS.unsigned_braking_s,
+        inputs.machine.settings.align.rate_hz,
+        LIMITS.unsigned_min_samples,
+    )
+    backwards = float((straight.speed[straight.complete] < -LIMITS.reverse_speed_m_s).mean()) > 0.05
+    brakes = (
+        np.count_nonzero(straight.braking) >= fewest
+        and opposing <= LIMITS.unsigned_opposing_fraction
+    )
+    if not is_never_negative(inputs, name) or not (backwards or brakes):
+        return []
+    high = float(np.quantile(inputs.series[name][1], 0.99))
+    return [
+        Symptom(
+            LIMITS.sign_rank,
+            f"its readings reach {high:.3g} and are never below zero, although the machine "
+            + (
+                "drives back"
+                if backwards
+                else f"slows down in {np.count_nonzero(straight.braking)} samples"
+            ),
+            channel=name,
+        )
+    ]
+
+
+def is_never_negative(inputs: FindingInputs, name: str) -> bool:
+    """Whether a channel has lost its sign; noise about zero would be negative at times."""
+    return float((inputs.series[name][1] < 0.0).mean()) < LIMITS.unsigned_negative_fraction
