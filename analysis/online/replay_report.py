@@ -63,7 +63,7 @@ class ReplayReport:
         unix_ns: time of the last row that was replayed.
         t_s: the same from the first row.
         age_s: how much further the log was when the result came.
-        is_whole: whether it is the result of the whole log, which changes no more.
+        is_whole: whether it is the last, of all that was recorded when following ended.
         validity: `valid` if any load is.
         withheld_by: checks that withhold the mass of every load.
         loads: load states in the order of their numbers.
