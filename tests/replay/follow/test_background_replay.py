@@ -18,7 +18,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 
-from analysis.online.replay_report import LoadReport, ReplayReport
+from analysis.online.replay_report import LoadReport, ReplayReport, find_fit_of_turning
 from analysis.simulation import Scenario
 from replay.follow.background_replay import (
     BackgroundReplays,
@@ -206,6 +206,17 @@ def test_a_replay_is_told_with_its_age_and_loads_with_their_validity() -> None:
     assert [*iter_closed_load_lines(report, report)] == []
     whole = replace(report, is_whole=True)
     assert [*iter_closed_load_lines(whole, report)][1:] == [load_text(known), load_text(unknown)]
+
+
+def test_the_inertia_is_of_arcs_where_the_joint_fit_has_none() -> None:
+    arcs, joint, refused = (
+        {"kind": kind, "inertia_z_kg_m2": inertia}
+        for kind, inertia in (("arcs", 5.0), ("joint", 4.0), ("joint", None))
+    )
+    assert find_fit_of_turning([arcs, joint]) is joint
+    assert find_fit_of_turning([arcs, refused]) is arcs
+    assert find_fit_of_turning([refused]) is refused
+    assert find_fit_of_turning([]) is None
 
 
 def test_a_log_that_is_too_short_has_no_load(payscope: Payscope) -> None:
