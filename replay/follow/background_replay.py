@@ -24,7 +24,6 @@ from typing import Any, Final, Self
 from analysis.online.replay_report import ReplayReport, ReplayValidity, report_replay
 from estimators.errors import DataError, PayscopeError, one_line
 from replay.logs import ACTIVE, open_log
-from replay.logs.growing_logs import format_suffix
 from replay.machines.machine_file import load_machine, time_axis_of_machine
 
 #: Share of one core that replays may take unless the caller says otherwise.
@@ -259,7 +258,7 @@ def find_log_name(path: Path) -> Path:
 
 def is_text_table(path: Path) -> bool:
     """Whether a file that can be followed is a text table."""
-    return path.is_file() and format_suffix(path) not in (".bag", ".mcap", ".db3")
+    return path.is_file() and path.suffix.lower() not in (ACTIVE, ".bag", ".mcap", ".db3")
 
 
 def find_signature(logs: Sequence[Path]) -> _Signature:
