@@ -286,10 +286,11 @@ def test_a_log_that_grows_on_when_following_ends_is_replayed_once_more(
     """By ctrl-C while it is recorded: what was there then is the answer."""
     target, data = tmp_path / "growing.mcap", logs[".mcap"].read_bytes()
     target.write_bytes(data[:-200_000])
-    looks = iter(range(10**6))
+    rest = iter(data[-200_000:])
 
     def grow(_seconds: float) -> None:
-        target.write_bytes(data[: next(looks) - 200_000])
+        with target.open("ab") as file:
+            file.write(bytes([next(rest)]))
         sleep(0.02)
 
     sleep = time.sleep
