@@ -186,7 +186,7 @@ def find_hysteresis(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_gain_by_speed(inputs: FindingInputs) -> list[Symptom]:
-    """Report the term that the model lacks with the largest effect on the mass."""
+    """Report the term with the largest effect on a mass among those that the model lacks."""
     weighing, fit = inputs.check_inputs.weighing, inputs.fit
     if weighing is None or fit is None or not weighing.missing_terms:
         return []
@@ -195,9 +195,9 @@ def find_gain_by_speed(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             abs(found.t) / LIMITS.missing_term_min_std,
-            f"{found.term.meaning}: with it the residuals are smaller by {abs(found.t):.1f} "
-            f"standard deviations, and the mass {effect_kg:+.0f} kg; which term is the true one "
-            "is not known, so the mass is not corrected",
+            f"{found.term.meaning}: this term is {abs(found.t):.1f} standard deviations from 0, "
+            f"and with it the mass changes by {effect_kg:+.0f} kg; which term is the true one is "
+            "not known, so the mass is not corrected",
             channel=inputs.force_channel,
             change=lambda: MassChange(0.0, abs(effect_kg)),
         )

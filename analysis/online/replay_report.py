@@ -3,7 +3,7 @@
 A number is given only with its validity: null is whatever is not valid.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import isfinite
 from typing import Any, Final, Literal, Self, TypeAlias
@@ -63,7 +63,7 @@ class ReplayReport:
         unix_ns: time of the last row that was replayed.
         t_s: the same from the first row.
         age_s: how much further the log was when the result came.
-        is_whole: whether it is the result of the whole log, which changes no more.
+        is_whole: whether it is the last, of all that was recorded when following ended.
         validity: `valid` if any load is.
         withheld_by: checks that withhold the mass of every load.
         loads: load states in the order of their numbers.
@@ -135,9 +135,7 @@ def report_replay(run: Run, processor_s: float) -> ReplayReport:
     found, t_ns = answer(run), run.frames["excitation"]["t_ns"]
     t0_unix_ns, last_ns = run.provenance.t0_unix_ns, int(t_ns[-1]) if t_ns.len() else 0
     loads = tuple(iter_load_reports(found, t0_unix_ns))
-    turning = next(
-        (row for kind in _FITS_OF_TURNING for row in found.planar if row["kind"] == kind), None
-    )
+    turning = find_fit_of_turning(found.planar)
     inertia = finite_or_none(turning["inertia_z_kg_m2"]) if turning else None
     return ReplayReport(
         event="replay",
@@ -156,6 +154,13 @@ def report_replay(run: Run, processor_s: float) -> ReplayReport:
         processor_s=processor_s,
         fingerprint=found.fingerprint.results if found.fingerprint else "",
     )
+
+
+def find_fit_of_turning(planar: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
+    """The fit with an inertia, of joint motion before arcs; without an inertia, the first fit."""
+    fits = [row for kind in _FITS_OF_TURNING for row in planar if row["kind"] == kind]
+    has_inertia = (row for row in fits if finite_or_none(row["inertia_z_kg_m2"]) is not None)
+    return next(has_inertia, fits[0] if fits else None)
 
 
 def iter_load_reports(found: Answer, t0_unix_ns: int) -> Iterator[LoadReport]:

@@ -117,7 +117,7 @@ def make_candidate_terms(motion: MotionSamples) -> tuple[Nuisance, ...]:
             "s",
             lambda m: -np.abs(m.force_rate) * np.sign(m.force),
             lambda _, priors: priors.lag_s,
-            "a filter that follows a rising force otherwise than a falling one",
+            "a filter that follows a rising force faster or slower than a falling one",
             "the force without its filter",
         ),
     )

@@ -136,7 +136,7 @@ def command(
             valid_s=valid_s,
             until_u_kg=until_u,
         )
-        with suppress(KeyboardInterrupt):  # whoever waits no longer has what was said before
+        with suppress(KeyboardInterrupt):  # by ctrl-C while it waits, it ends without
             printer.show_last_replay()
     for loss in following.losses:
         print_message(str(loss))

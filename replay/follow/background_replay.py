@@ -36,15 +36,17 @@ _ONE_THREAD: Final = dict.fromkeys(
 _NICE: Final = 19
 #: Processes that may end without a result before no more are started while the log grows.
 _MOST_ENDED: Final = 3
-#: Replays of the whole log that are begun, less one: a process may end once more.
-_MOST_LAST: Final = 3
+#: Replays of the whole log that are begun: the process of one may end without a result.
+_MOST_LAST: Final = 2
 #: Seconds between two looks for the last replay, and until somebody is told that it is awaited.
 _LOOK_S, _PATIENCE_S = 0.02, 2.0
 _READ_BYTES: Final = 1 << 20
 #: Bytes of a log that are more than its first seconds.
 _WORTH_BYTES: Final = 1 << 20
-#: Files that SQLite keeps beside a database while it is open.
-_BESIDE: Final = ("-shm", "-journal")
+#: File beside a database in which SQLite keeps the newest rows.
+_NEWEST_ROWS: Final = "-wal"
+#: Files beside it that readers change, or that have no rows.
+_WITHOUT_ROWS: Final = ("-shm", "-journal")
 
 _Signature = dict[str, tuple[int, int]]
 
@@ -83,7 +85,7 @@ class BackgroundReplays:
         self._tell, self._share = tell, share
         self._process: subprocess.Popen[bytes] | None = None
         self._output = bytearray()
-        self._is_wanted = self._is_underway = False
+        self._is_wanted = self._is_underway = self._is_last = False
         self._began_s, self._next_s = 0.0, 0.0
         self._ended = 0
         #: the files when the replay underway, or the last, began
@@ -125,7 +127,10 @@ class BackgroundReplays:
         return report
 
     def replay_whole_log(self, on_wait: Callable[[], None]) -> ReplayReport | None:
-        """Result of the log that has ended, which may be there already; None without replays.
+        """Result of the log that is no longer followed, which may be there already.
+
+        None without replays, and where their processes end without a result. What is recorded
+        after this begins may be missing.
 
         Args:
             on_wait: called once if the result takes a while.
@@ -138,13 +143,11 @@ class BackgroundReplays:
         now = find_signature(self._logs)
         if self._is_underway and self._signature != now:
             self.end_process()  # half of it would have to be done again
+        if self._signature != now:
+            self._newest = None
         began, is_told = time.monotonic(), False
         for _ in range(_MOST_LAST):
-            if not self._is_underway and self._signature == now and self._newest is not None:
-                if self._newest.validity == "failed":
-                    self._tell(f"the log could not be replayed: {self._newest.fault}")
-                return replace(self._newest, is_whole=True)
-            if not self._is_underway:
+            if not self._is_underway and self._newest is None:
                 self._begin_replay(is_last=True)
             while self._is_underway:
                 self._take_result()
@@ -152,6 +155,10 @@ class BackgroundReplays:
                 if not is_told and time.monotonic() - began > _PATIENCE_S:
                     is_told = True
                     on_wait()
+            if self._newest is not None:
+                if self._newest.validity == "failed":
+                    self._tell(f"the log could not be replayed: {self._newest.fault}")
+                return replace(self._newest, is_whole=True)
         return None
 
     def end_process(self) -> None:
@@ -163,8 +170,14 @@ class BackgroundReplays:
         self._is_underway = False
 
     def _begin_replay(self, *, is_last: bool) -> None:
-        process = self._process or start_process()
-        self._process, self._output = process, bytearray()
+        self._is_wanted, self._is_last, self._newest = False, is_last, None
+        self._began_s = time.monotonic()
+        try:
+            process = self._process or start_process()
+        except OSError as error:  # no memory or no more processes
+            self._tell_of_end(f"could not be started: {error.strerror}")
+            return
+        self._process, self._output, self._is_underway = process, bytearray(), True
         # a table that grows is copied up to its last line, so that no number of it is torn
         names = [find_log_name(path) for path in self._logs]
         is_copied = not is_last and any(is_text_table(path) for path in names)
@@ -175,9 +188,6 @@ class BackgroundReplays:
             "is_copied": is_copied,
         }
         self._signature = {} if is_copied else find_signature(self._logs)
-        self._is_wanted, self._is_underway = False, True
-        self._newest = None
-        self._began_s = time.monotonic()
         assert process.stdin is not None
         with contextlib.suppress(BrokenPipeError):  # that it has ended is seen where it is read
             process.stdin.write(json.dumps(asked).encode() + b"\n")
@@ -205,12 +215,18 @@ class BackgroundReplays:
         """Note a process that has ended without a result."""
         status = process.wait()
         self.end_process()
+        how = f"by signal {-status}" if status < 0 else f"with status {status}"
+        self._tell_of_end(f"has ended {how}")
+
+    def _tell_of_end(self, how: str) -> None:
         self._ended += 1
         self._is_wanted, self._signature = True, {}
         self._close_account(time.monotonic() - self._began_s)
-        how = f"by signal {-status}" if status < 0 else f"with status {status}"
+        if self._is_last:
+            self._tell(f"the process of the last replay {how}")
+            return
         more = "the next replay starts another" if self._ended < _MOST_ENDED else "no more start"
-        self._tell(f"the process of the replay has ended {how}; following goes on, {more}")
+        self._tell(f"the process of the replay {how}; following goes on, {more}")
 
     def _close_account(self, processor_s: float) -> None:
         self.processor_s += processor_s
@@ -242,18 +258,20 @@ def find_log_name(path: Path) -> Path:
 
 def is_text_table(path: Path) -> bool:
     """Whether a file that can be followed is a text table."""
-    return path.is_file() and path.suffix not in (ACTIVE, ".bag", ".mcap", ".db3")
+    return path.is_file() and path.suffix.lower() not in (ACTIVE, ".bag", ".mcap", ".db3")
 
 
 def find_signature(logs: Sequence[Path]) -> _Signature:
     """Size and time of change of each file of a log, by its final name."""
     found: _Signature = {}
     for log in map(find_log_name, logs):
-        files = sorted(log.iterdir()) if log.is_dir() else [log]
+        files = [log, log.with_name(f"{log.name}{_NEWEST_ROWS}")]
+        with contextlib.suppress(FileNotFoundError):
+            files = sorted(log.iterdir()) if log.is_dir() else files
         for path in files:
             with contextlib.suppress(FileNotFoundError):  # removed or renamed just now
                 about = path.stat()
-                if not path.name.endswith(_BESIDE):
+                if not path.name.endswith(_WITHOUT_ROWS):
                     found[str(path).removesuffix(ACTIVE)] = about.st_size, about.st_mtime_ns
     return found
 
@@ -310,18 +328,7 @@ def answer_requests() -> None:
     threading.Thread(target=read_requests, daemon=True).start()
     used_s = 0.0
     while True:
-        asked = requests.get()
-        try:
-            report = replay_log_so_far(
-                [Path(path) for path in asked["logs"]],
-                Path(asked["machine"]),
-                asked["overrides"],
-                is_copied=asked["is_copied"],
-            )
-        except DataError as error:
-            report = report_fault(error, "none_yet")
-        except (PayscopeError, OSError, ValueError, ArithmeticError, LookupError) as error:
-            report = report_fault(error, "failed")
+        report = answer_request(requests.get())
         # with the start of the process, and what was read before a fault
         now_s = time.process_time()
         report, used_s = replace(report, processor_s=now_s - used_s), now_s
@@ -329,9 +336,26 @@ def answer_requests() -> None:
         sys.stdout.flush()
 
 
-def report_fault(error: Exception, validity: ReplayValidity) -> ReplayReport:
+def answer_request(asked: Mapping[str, Any]) -> ReplayReport:
+    """Replay as asked; the report of a replay that fails says why."""
+    try:
+        return replay_log_so_far(
+            [Path(path) for path in asked["logs"]],
+            Path(asked["machine"]),
+            asked["overrides"],
+            is_copied=asked["is_copied"],
+        )
+    except DataError as error:
+        return report_fault(str(error), "none_yet")
+    except (PayscopeError, OSError) as error:
+        return report_fault(str(error), "failed")
+    except Exception as error:  # noqa: BLE001  whoever follows sees no traceback of this process
+        return report_fault(f"{type(error).__name__}: {error}", "failed")
+
+
+def report_fault(fault: str, validity: ReplayValidity) -> ReplayReport:
     """Report of a replay without a result."""
-    return ReplayReport("replay", 0, 0.0, 0.0, False, validity, fault=one_line(str(error)))
+    return ReplayReport("replay", 0, 0.0, 0.0, False, validity, fault=one_line(fault))
 
 
 if __name__ == "__main__":

@@ -3,21 +3,29 @@
 import json
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
+import polars as pl
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 
-from analysis.online.replay_report import LoadReport, ReplayReport
+from analysis.online.replay_report import LoadReport, ReplayReport, find_fit_of_turning
 from analysis.simulation import Scenario
-from replay.follow.background_replay import BackgroundReplays
+from replay.follow.background_replay import (
+    BackgroundReplays,
+    answer_request,
+    find_signature,
+    is_text_table,
+)
 from replay.follow.report_file import (
     REPLAY_TOPIC,
     iter_closed_load_lines,
@@ -200,6 +208,17 @@ def test_a_replay_is_told_with_its_age_and_loads_with_their_validity() -> None:
     assert [*iter_closed_load_lines(whole, report)][1:] == [load_text(known), load_text(unknown)]
 
 
+def test_the_inertia_is_of_arcs_where_the_joint_fit_has_none() -> None:
+    arcs, joint, refused = (
+        {"kind": kind, "inertia_z_kg_m2": inertia}
+        for kind, inertia in (("arcs", 5.0), ("joint", 4.0), ("joint", None))
+    )
+    assert find_fit_of_turning([arcs, joint]) is joint
+    assert find_fit_of_turning([arcs, refused]) is arcs
+    assert find_fit_of_turning([refused]) is refused
+    assert find_fit_of_turning([]) is None
+
+
 def test_a_log_that_is_too_short_has_no_load(payscope: Payscope) -> None:
     sledge(seconds=3.0).write_csv("short.csv")
     words = ("follow", "short.csv", "-m", "sledge.toml", "--idle-s", "0.2", "--json")
@@ -261,6 +280,78 @@ def test_a_killed_process_is_said_in_a_line_and_the_last_replay_is_the_same(
     assert report.fingerprint == said["fingerprint"]["results"]
 
 
+def test_a_log_that_grows_on_when_following_ends_is_replayed_once_more(
+    logs: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By ctrl-C while it is recorded: what was there then is the answer."""
+    target, data = tmp_path / "growing.mcap", logs[".mcap"].read_bytes()
+    target.write_bytes(data[:-200_000])
+    rest = iter(data[-200_000:])
+
+    def grow(_seconds: float) -> None:
+        with target.open("ab") as file:
+            file.write(bytes([next(rest)]))
+        sleep(0.02)
+
+    sleep = time.sleep
+    monkeypatch.setattr("replay.follow.background_replay.time.sleep", grow)
+    told: list[str] = []
+    with BackgroundReplays([target], Path("cat262c.toml"), [], told.append) as replays:
+        first = replays.replay_whole_log(lambda: None)
+        assert first is not None
+        assert first.is_whole
+        assert first.validity == "valid"
+        assert replays.processor_s == first.processor_s, "one replay"
+    assert not told
+
+
+def test_a_process_that_cannot_start_does_not_end_following(
+    logs: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse() -> NoReturn:
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr("replay.follow.background_replay.start_process", refuse)
+    told: list[str] = []
+    with BackgroundReplays([logs[".bag"]], Path("cat262c.toml"), [], told.append) as replays:
+        replays.request()
+        assert replays.poll() is None
+        assert told == [
+            "the process of the replay could not be started: Resource temporarily unavailable; "
+            "following goes on, the next replay starts another"
+        ]
+        assert replays.replay_whole_log(lambda: None) is None
+    assert told[-1].startswith("the process of the last replay could not be started")
+
+
+def test_a_fault_that_nobody_foresaw_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> NoReturn:
+        raise pl.exceptions.ComputeError("torn")
+
+    monkeypatch.setattr("replay.follow.background_replay.replay_log_so_far", fail)
+    asked = {"logs": ["a.csv"], "machine": "sledge.toml", "overrides": [], "is_copied": False}
+    report = answer_request(asked)
+    assert (report.validity, report.fault) == ("failed", "ComputeError: torn")
+
+
+def test_rows_that_a_database_keeps_beside_itself_are_news(tmp_path: Path) -> None:
+    """SQLite in its mode WAL leaves the database as it is until it has many rows."""
+    path = tmp_path / "growing.db3"
+    with closing(sqlite3.connect(path, isolation_level=None)) as database:
+        database.execute("PRAGMA journal_mode = WAL")
+        database.execute("CREATE TABLE messages (data BLOB)")
+        before, size = find_signature([path]), path.stat().st_size
+        database.execute("INSERT INTO messages VALUES (x'00')")
+        assert path.stat().st_size == size
+        assert find_signature([path]) != before
+
+
+@pytest.mark.parametrize("name", ["a.MCAP", "a.bag", "a.bag.active", "a.db3"])
+def test_a_format_of_messages_is_not_cut_at_its_last_line(name: str) -> None:
+    Path(name).write_bytes(b"")
+    assert not is_text_table(Path(name))
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc tells the children of a process")
 @pytest.mark.parametrize("ending", [signal.SIGKILL, signal.SIGINT])
 def test_the_process_ends_with_its_follower(
@@ -274,7 +365,7 @@ def test_the_process_ends_with_its_follower(
     lines = [next(line for line in following.stdout if '"event": "manoeuvre"' in line)]
     wait_until(lambda: children_of(following.pid))
     children = children_of(following.pid)
-    assert all(os.getpriority(os.PRIO_PROCESS, child) >= 0 for child in children)
+    wait_until(lambda: all(os.getpriority(os.PRIO_PROCESS, child) == 19 for child in children))
     following.send_signal(ending)
     out, err = following.communicate()
     wait_until(lambda: not any(map(is_running, children)))
