@@ -224,7 +224,7 @@ class FindingLimits:
     #: Ratios of power that chance and resampling stay below: of a peak,
     resonance_peak_ratio: float = 4.0
     #: Standard deviations from which a term that the model lacks is reported; it widens from 3.
-    missing_term_min_std: float = 5.0
+    named_term_min_std: float = 5.0
     #: Half of a hysteresis loop that is reported, as a share of the largest force: half of what
     #: sensors of its accuracy class have.
     hysteresis_share: float = 0.003

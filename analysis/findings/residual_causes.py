@@ -190,11 +190,13 @@ def find_gain_by_speed(inputs: FindingInputs) -> list[Symptom]:
     weighing, fit = inputs.check_inputs.weighing, inputs.fit
     if weighing is None or fit is None or not weighing.missing_terms:
         return []
-    found = weighing.missing_terms[0]
+    least = LIMITS.named_term_min_std
+    plain = (each for each in weighing.missing_terms if abs(each.t) >= least)
+    found = next(plain, weighing.missing_terms[0])
     effect_kg = float(found.effect_kg[fit.main_state])
     return [
         Symptom(
-            abs(found.t) / LIMITS.missing_term_min_std,
+            abs(found.t) / least,
             f"{found.term.meaning}: this term is {abs(found.t):.1f} standard deviations from 0, "
             f"and with it the mass changes by {effect_kg:+.0f} kg; which term is the true one is "
             "not known, so the mass is not corrected",

@@ -448,7 +448,9 @@ def _derive_by_parabola(
     steps = (
         np.arange(half, -half - 1, -1) * rate_hz / float(2 * (np.arange(1, half + 1) ** 2).sum())
     )
-    return np.convolve(force, steps, "same"), noise_N * float(np.sqrt(steps @ steps))
+    # beyond its ends the force is as there: a force of 0 would begin and end with a jump
+    slope = np.convolve(np.pad(force, half, mode="edge"), steps, "valid")
+    return slope, noise_N * float(np.sqrt(steps @ steps))
 
 
 def _noise_moments(

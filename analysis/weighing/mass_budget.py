@@ -241,13 +241,15 @@ def _widening_by_checks(
     if drift is not None and drift.is_significant:
         drift_kg = drift.gain_u_1 * abs(float(weights @ fit.masses_kg))
         found["drifted_gain"] = max(found.get("drifted_gain", 0.0), drift_kg)
-    if weighing.missing_terms:
-        # which of them is the true one is not known
-        found["missing_term"] = max(
-            abs(float(weights @ each.effect_kg)) for each in weighing.missing_terms
-        )
-    if weighing.curvature.is_significant:
-        found["curvature"] = abs(weighing.curvature.kg) * share
+    curved_kg = abs(weighing.curvature.kg) * share if weighing.curvature.is_significant else 0.0
+    # which of them is the true one is not known, and one fault shows in several
+    missing_kg = max(
+        (abs(float(weights @ each.effect_kg)) for each in weighing.missing_terms), default=0.0
+    )
+    if missing_kg > curved_kg:
+        found["missing_term"] = missing_kg
+    elif curved_kg:
+        found["curvature"] = curved_kg
     if weighing.by_direction is not None:
         found["gain_by_direction"] = weighing.by_direction.u_1 * abs(float(weights @ fit.masses_kg))
     viscous, std = fit.friction

@@ -51,7 +51,7 @@ class ForceCurvature:
 
 @dataclass(frozen=True)
 class MissingTerm:
-    """A significant term that the model does not have.
+    """A term that the model does not have, added to a fit.
 
     Attributes:
         term: the term.

@@ -94,7 +94,7 @@ class BackgroundReplays:
 
     def __enter__(self) -> Self:
         """Begin with what is recorded already, which is sooner replayed than followed."""
-        if sum(size for size, _ in find_signature(self._logs).values()) >= _WORTH_BYTES:
+        if sum(size for size, _ in self._find_signature().values()) >= _WORTH_BYTES:
             self.request()
             self.poll()
         return self
@@ -122,7 +122,7 @@ class BackgroundReplays:
         is_due = self._is_wanted and self._share > 0.0 and time.monotonic() >= self._next_s
         if is_due and not self._is_underway and self._ended < _MOST_ENDED:
             self._is_wanted = False
-            if self._signature != find_signature(self._logs) or not self._signature:
+            if self._signature != self._find_signature() or not self._signature:
                 self._begin_replay(is_last=False)
         return report
 
@@ -140,7 +140,7 @@ class BackgroundReplays:
         """
         if self._share <= 0.0:
             return None
-        now = find_signature(self._logs)
+        now = self._find_signature()
         if self._is_underway and self._signature != now:
             self.end_process()  # half of it would have to be done again
         if self._signature != now:
@@ -160,6 +160,10 @@ class BackgroundReplays:
                     self._tell(f"the log could not be replayed: {self._newest.fault}")
                 return replace(self._newest, is_whole=True)
         return None
+
+    def _find_signature(self) -> _Signature:
+        """Signature of the log and of the machine file, which each replay reads anew."""
+        return find_signature((*self._logs, self._machine_file))
 
     def end_process(self) -> None:
         """End the process, whatever it does."""
@@ -187,7 +191,7 @@ class BackgroundReplays:
             "overrides": list(self._overrides),
             "is_copied": is_copied,
         }
-        self._signature = {} if is_copied else find_signature(self._logs)
+        self._signature = {} if is_copied else self._find_signature()
         assert process.stdin is not None
         with contextlib.suppress(BrokenPipeError):  # that it has ended is seen where it is read
             process.stdin.write(json.dumps(asked).encode() + b"\n")
