@@ -182,7 +182,7 @@ def find_growing_loads(
     if number.size < LIMITS.growth_min_manoeuvres:
         return ()
     kg, square = slopes.T
-    kg = kg - np.median(kg)
+    kg = kg - fit_common_growth(_mass_of_each_kg(fit, number), kg)
     apart = STD_OF_MAD * float(np.median(np.abs(kg)))
     std_kg = np.sqrt(variance / square + apart**2)
     limit = -float(ndtri(LIMITS.growth_false_alarm_probability / 2.0 / kg.size)) * student_factor(
@@ -202,6 +202,38 @@ def find_growing_loads(
         )
         for k in np.flatnonzero((np.abs(kg) > limit * std_kg) & carried)
     )
+
+
+def _mass_of_each_kg(fit: JointFit, number: Ints) -> Floats:
+    """Mass of the load state of manoeuvres, (n,) in kg."""
+    states = fit.states
+    if states is None or fit.count == 1:
+        return np.full(number.size, fit.mass_kg)
+    at = np.searchsorted(states.unit, number).clip(0, states.unit.size - 1)
+    return fit.masses_kg[states.membership[at]]
+
+
+def fit_common_growth(mass_kg: Floats, growth_kg: Floats) -> Floats:
+    """Growth that manoeuvres of such a mass have in common, (n,) in kg: what the model misses.
+
+    What it misses (a dead band, rolling resistance) grows with the load, so that starts with the
+    largest would seem to lose a part of it. A line by least absolute deviations, or the median
+    where few manoeuvres are heavy or few are light.
+
+    Args:
+        mass_kg: (n,) masses of the manoeuvres.
+        growth_kg: (n,) their growth.
+    """
+    common_kg = np.full(growth_kg.size, float(np.median(growth_kg)))
+    heavy = mass_kg > (mass_kg.min() + mass_kg.max()) / 2.0
+    if min(heavy.sum(), (~heavy).sum()) < LIMITS.growth_min_manoeuvres:
+        return common_kg
+    columns = np.column_stack([np.ones_like(mass_kg), mass_kg / np.abs(mass_kg).max()])
+    for _ in range(LIMITS.least_absolute_rounds):
+        apart_kg = np.abs(growth_kg - common_kg)
+        weight = np.maximum(apart_kg, max(1e-3 * float(np.median(apart_kg)), 1e-9)) ** -0.5
+        common_kg = columns @ np.linalg.lstsq(columns * weight[:, None], growth_kg * weight)[0]
+    return common_kg
 
 
 def _is_possible(fit: JointFit, unit: int, kg: float) -> bool:

@@ -102,6 +102,8 @@ class WeighingLimits:
     max_mass_over_median: float = 2.0
     #: Largest change of a load over the machine's mass: no loader carries its own mass.
     max_growth_fraction: float = 1.0
+    #: Rounds of reweighting for least absolute deviations.
+    least_absolute_rounds: int = 20
     #: Most that a load loses over the range of the loads: empty starts "lost" 4 t beside 0.8 t.
     max_loss_load_ratio: float = 2.0
     #: Standard deviation of a start's own friction, as a share of it.
@@ -362,8 +364,7 @@ class WeighingLimits:
     shortest_log_s: float = 1.0
 
     # wheel_kinematics
-    #: Share of the disagreement, beyond the speed's noise, below which an accelerometer without its
-    #: gravity is taken: a share of the whole mismatch missed hills where the speed is noisy,
+    #: Share of the disagreement, beyond the speed's noise, below which gravity is taken off,
     gravity_disagreement_ratio: float = 0.8
     #: and share of the mismatch above which the difference may be chance.
     gravity_mismatch_ratio: float = 0.95
