@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.weighing.joint_result import JointFit
+from analysis.weighing.motion_samples import Bools, Floats
 from analysis.weighing.weighing_limits import LIMITS
 
 
@@ -50,7 +51,9 @@ def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
     states, loads = fit.states, fit.found.relative_loads
     if states is None or loads is None or not states.load_returns:
         return None
-    light = np.flatnonzero(~loads.is_loaded_in(states.unit))
+    light = ~loads.is_loaded_in(states.unit)
+    # a small load is light as well, and what is beside it is lighter
+    light = np.flatnonzero(light & is_lightest_nearby(fit.masses_kg[states.membership]))
     first = light[np.unique(states.membership[light], return_index=True)[1]]
     if first.size < LIMITS.empty_drift_min_states:
         return None
@@ -63,3 +66,16 @@ def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
     u_1 = scatter_kg * np.sqrt(2.0 / third) / mean_kg
     hours = fit.motion.speed.size / fit.motion.rate_hz / 3600.0
     return EmptyMassDrift(change_1, u_1, LIMITS.fuel_loss_1_h * hours)
+
+
+def is_lightest_nearby(mass_kg: Floats) -> Bools:
+    """Whether a load is no heavier than those before and after, (n,).
+
+    Args:
+        mass_kg: (n,) mass of each manoeuvre's load, in the order of time.
+    """
+    begins = np.flatnonzero(np.append(True, np.diff(mass_kg) != 0.0))
+    loads_kg = mass_kg[begins]
+    beside = np.concatenate([[np.inf], loads_kg, [np.inf]])
+    lightest = (loads_kg <= beside[:-2]) & (loads_kg <= beside[2:])
+    return np.repeat(lightest, np.diff(np.append(begins, mass_kg.size)))

@@ -2,9 +2,12 @@
 
 from functools import cache
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from analysis.weighing.empty_mass_drift import estimate_empty_mass_drift
+from analysis.weighing.empty_mass_drift import estimate_empty_mass_drift, is_lightest_nearby
 from tests.analysis.weighing.weighed import RICH, Weighed, merged, weighed
 
 SHIFT = merged(
@@ -41,3 +44,15 @@ def test_a_gain_that_stays_is_no_finding() -> None:
 
 def test_one_load_has_no_empty_machine_to_compare() -> None:
     assert estimate_empty_mass_drift(weighed(RICH).weighing.fit) is None
+
+
+def test_a_small_load_is_not_empty_where_those_beside_it_are_lighter() -> None:
+    empty_kg, small_kg, large_kg = 4200.0, 4700.0, 5800.0
+    mass_kg = np.repeat([empty_kg, large_kg, empty_kg, small_kg, empty_kg], [3, 2, 4, 2, 1])
+    assert mass_kg[is_lightest_nearby(mass_kg)].tolist() == [empty_kg] * 8
+
+
+@given(st.lists(st.sampled_from([1.0, 2.0, 3.0]), min_size=1, max_size=30))
+def test_the_lightest_load_of_a_log_is_always_lightest_nearby(masses_kg: list[float]) -> None:
+    mass_kg = np.array(masses_kg)
+    assert is_lightest_nearby(mass_kg)[mass_kg == mass_kg.min()].all()
