@@ -102,17 +102,6 @@ def test_what_a_coarse_grid_sees_of_the_acceleration_is_all_of_it() -> None:
     assert "imu_low_passed" not in found["cause"]
 
 
-@pytest.mark.parametrize("delay_s", [0.06, -0.06])
-def test_a_log_without_an_accelerometer_names_none(delay_s: float) -> None:
-    """Its acceleration is that of the wheels, and late or early with them alone."""
-    late = [f"channels.torque_{side}_N_m.delay_s={delay_s}" for side in ("left", "right")]
-    ways = ['settings.forces.acceleration="kinematic"', *late]
-    found = replayed(design(7, odd=False), (), (), ways).frames["findings"]
-    assert found["cause"][0] == "delay"
-    causes = [*found["cause"], *", ".join(found["alternatives"]).split(", ")]
-    assert not [cause for cause in causes if cause.startswith("imu")], causes
-
-
 def test_two_faults_are_among_the_first_three(named: Named) -> None:
     found = named(("force late", 4.0), ("wheels larger", 5.0))
     assert {"delay", "wheel_radius"} <= set(found["cause"][:3])

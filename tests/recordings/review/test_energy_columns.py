@@ -64,6 +64,6 @@ def test_shares_of_the_work_are_told_where_they_are_determined(
     friction: tuple[float, float],
     told: str,
 ) -> None:
-    parts = [EnergyAmount(*each) for each in (kinetic, slope, friction)]
-    whole = EnergyRow(None, "whole", KWH, *parts, NONE, NONE)
+    speeding, lifting, rubbing = (EnergyAmount(*each) for each in (kinetic, slope, friction))
+    whole = EnergyRow(None, "whole", KWH, speeding, lifting, rubbing, NONE, NONE)
     assert told in facts(state(energy=ShiftEnergy((whole,))))["energy at the wheels"]
