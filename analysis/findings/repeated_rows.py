@@ -5,6 +5,7 @@ at two places only where the same buffer was written again. Windows begin at row
 hash chooses, so that a copy has the same ones as its original wherever it begins.
 """
 
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -13,6 +14,7 @@ import polars as pl
 
 from analysis.findings.cause import Symptom, keep_strongest_symptom
 from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.refit import refit_without_rows
 from analysis.model.physical_units import NS_PER_S
 from estimators.arrays import Bools, Floats, Ints
 
@@ -45,7 +47,7 @@ def find_repeated_rows(inputs: FindingInputs) -> list[Symptom]:
     found: list[Symptom] = []
     for topic, frame in inputs.raw.items():
         t = frame["log_time_ns"].to_numpy()
-        copies = list_copied_stretches(t, _noisy_columns(frame))
+        copies = list_copied_stretches(t, select_noisy_columns(frame))
         if not copies:
             continue
         begin, end, source = max(copies, key=lambda each: t[each[1]] - t[each[0]])
@@ -53,18 +55,31 @@ def find_repeated_rows(inputs: FindingInputs) -> list[Symptom]:
         start_s, again_s = (
             (int(t[at]) - inputs.check_inputs.t0_unix_ns) / NS_PER_S for at in (source, begin)
         )
+        copied = _mark_copied_samples(inputs, t, copies)
         times = "" if len(copies) == 1 else f"; {len(copies)} stretches, {total_s:,.1f} s in all"
         found.append(
             Symptom(
                 total_s / _SHORTEST_S,
                 f"{end - begin + 1:,} rows from {again_s:,.1f} s on repeat those from "
-                f"{start_s:,.1f} s on to the last digit{times}: what was done then is counted "
+                f"{start_s:,.1f} s on to the last digit{times}: what was done then may be counted "
                 "twice",
                 channel=inputs.channel_of_topic(topic),
                 span_ns=inputs.since_first_sample_ns(int(t[begin]), int(t[end])),
+                change=partial(refit_without_rows, inputs, copied),
             )
         )
     return keep_strongest_symptom(found)
+
+
+def _mark_copied_samples(
+    inputs: FindingInputs, t: Ints, copies: list[tuple[int, int, int]]
+) -> Bools:
+    """Mark the grid samples, (n,), inside copies."""
+    grid = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
+    copied = np.zeros(grid.size, np.bool_)
+    for begin, end, _ in copies:
+        copied |= (grid >= t[begin]) & (grid <= t[end])
+    return copied
 
 
 def list_copied_stretches(t: Ints, columns: list[Floats]) -> list[tuple[int, int, int]]:
@@ -94,7 +109,7 @@ def list_copied_stretches(t: Ints, columns: list[Floats]) -> list[tuple[int, int
     return sorted(found)
 
 
-def _noisy_columns(frame: pl.DataFrame) -> list[Floats]:
+def select_noisy_columns(frame: pl.DataFrame) -> list[Floats]:
     """Readings of the channels with noise, which no two stretches share."""
     found: list[Floats] = []
     for name in frame.columns:
