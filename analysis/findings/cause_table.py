@@ -143,6 +143,7 @@ CAUSES: Final = (
         "the logger wrote a stretch twice",
         "readings with noise that is resolved, and a copy of two seconds and fifty rows",
         repeated_rows.find_repeated_rows,
+        explains=_OF_FIT,
     ),
     Cause(
         "irregular_sampling",
