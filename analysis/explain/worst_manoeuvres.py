@@ -14,6 +14,8 @@ from analysis.model.settings import Settings
 _SHORTEST_S: Final = 0.05
 _MOST_STRETCHES: Final = 24
 _MOST_MANOEUVRES: Final = 5
+#: A stretch of so much of the log says nothing of a part of it.
+_WHOLE_LOG: Final = 0.9
 
 #: The number that decides for a reason, its limit among the settings, and which way.
 _DECIDES: Final[Mapping[str, tuple[str, str, str]]] = {
@@ -132,14 +134,25 @@ def window_shares_by_reason(gate: pl.DataFrame) -> dict[str, float]:
 def report_worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[ManoeuvreReport, ...]:
     """Manoeuvres whose mass deviates most from their load's, in standard deviations.
 
-    If no manoeuvre has a mass, the longest ones that the gate rejected.
+    If no manoeuvre has a mass, the longest ones that the gate rejected, without one that is nearly
+    the whole log.
     """
     known = [each for each in _reports_by_load(frames) if each.deviations is not None]
     if known:
         known.sort(key=lambda each: -abs(each.deviations or 0.0))
         return tuple(known[:_MOST_MANOEUVRES])
-    refused = sorted(_reports_by_segment(frames), key=lambda each: each.start_s - each.end_s)
+    longest_s = _WHOLE_LOG * _log_duration_s(frames)
+    parts = (each for each in _reports_by_segment(frames) if each.end_s - each.start_s < longest_s)
+    refused = sorted(parts, key=lambda each: each.start_s - each.end_s)
     return tuple(refused[:_MOST_MANOEUVRES])
+
+
+def _log_duration_s(frames: Mapping[str, pl.DataFrame]) -> float:
+    """Time between the first and the last sample; infinite if unknown."""
+    motion = frames.get("excitation")
+    if motion is None or motion.is_empty():
+        return math.inf
+    return float(motion["t_ns"][-1] - motion["t_ns"][0]) / NS_PER_S
 
 
 def report_manoeuvre_at(frames: Mapping[str, pl.DataFrame], at_s: float) -> ManoeuvreReport | None:

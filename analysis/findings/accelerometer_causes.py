@@ -221,6 +221,8 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
 
 def find_low_passed_accelerometer(inputs: FindingInputs) -> list[Symptom]:
     """Find an accelerometer that measures only a fraction of the wheels' acceleration."""
+    if not inputs.has_accelerometer:
+        return []
     late, found = find_filter_delay(inputs), fit_accelerometer_gain(inputs)
     if found is None:
         return late

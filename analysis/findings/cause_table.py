@@ -8,6 +8,7 @@ from analysis.findings import (
     channel_causes,
     delay_causes,
     fit_causes,
+    repeated_rows,
     residual_causes,
     sampling_causes,
     setting_causes,
@@ -137,6 +138,13 @@ CAUSES: Final = (
         explains=("delay", *_OF_RESIDUALS),
     ),
     Cause("gaps", "samples of a topic are missing", "nothing more", sampling_causes.find_gaps),
+    Cause(
+        "repeated_rows",
+        "the logger wrote a stretch twice",
+        "readings with noise that is resolved, and a copy of two seconds and fifty rows",
+        repeated_rows.find_repeated_rows,
+        explains=_OF_FIT,
+    ),
     Cause(
         "irregular_sampling",
         "a topic is sampled, or stamped, unevenly",

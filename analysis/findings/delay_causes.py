@@ -274,7 +274,7 @@ def _make_long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
     return Symptom(
         LIMITS.long_delay_rank,
         f"{abs(late.late_s):.2f} s {words} against {against}: the correlation is "
-        f"{late.correlation[0]:.2f}with this shift, without it {late.correlation[1]:.2f}{others}",
+        f"{late.correlation[0]:.2f} with this shift, without it {late.correlation[1]:.2f}{others}",
         channel=next(iter(names), None),
         setting=setting if names and not late.rival else None,
         value=value if names and not late.rival else None,
@@ -286,8 +286,9 @@ def _make_long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
 
 def _measured_beside(inputs: FindingInputs, channel: str) -> list[str]:
     """The other measured ones of force, speed and accelerometer."""
-    accelerometer = inputs.measured_channels(ACC, "acc_x_m_s2")
-    return [each for each in _SHOWN if each != channel and (each != "imu" or accelerometer)]
+    return [
+        each for each in _SHOWN if each != channel and (each != "imu" or inputs.has_accelerometer)
+    ]
 
 
 def _delayed_channels(inputs: FindingInputs, name: str) -> tuple[str, ...]:

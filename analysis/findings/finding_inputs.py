@@ -111,6 +111,11 @@ class FindingInputs:
         return self.measured_channels(*FORCES, *SPEEDS, "position_x_m", ACC, "acc_x_m_s2")
 
     @property
+    def has_accelerometer(self) -> bool:
+        """Whether an accelerometer is read from the log, rather than derived from the speed."""
+        return bool(self.measured_channels(ACC, "acc_x_m_s2"))
+
+    @property
     def force_channel(self) -> str | None:
         """Name of the force channel, else of the first measured torque; None without either."""
         return next(

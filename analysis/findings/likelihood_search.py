@@ -264,6 +264,9 @@ def build_equations(inputs: FindingInputs, motion: MotionSamples) -> Equations:
         max(fit.viscous, 0.0),
         brakes=not inputs.machine.settings.gate.exclude_braking,
     )
+    if not inputs.has_accelerometer:
+        # derived from the speed, an acceleration is late with it alone
+        del force.columns["delay:imu"]
     return force, whitened_wheel_rows(motion, noise)
 
 

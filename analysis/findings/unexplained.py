@@ -15,7 +15,7 @@ MATTERING: Final = "mattering causes"
 #: What failing a check costs; those that tell alone, or leave out a method, name their own reason.
 _COSTS: Final = ("withhold", "widen")
 #: Causes that bend nothing, and so account for no check.
-_BEND_NOTHING: Final = ("quantised", "gaps", "wind_up", "braking_left_out")
+_BEND_NOTHING: Final = ("quantised", "gaps", "repeated_rows", "wind_up", "braking_left_out")
 #: Causes of the very quantity of a check: they account for it whatever they do to the mass.
 _OF_ITS_QUANTITY: Final[Mapping[str, tuple[str, ...]]] = {
     "force_delay_s": ("delay",),

@@ -16,6 +16,10 @@ from recordings.review.review_state import ReviewState
 ENERGIES: Final = ("energy", *PARTS[1:], *PHASES, "energy_per_t")
 #: Most digits behind the point in kWh: a tenth of a Wh.
 _MOST_DIGITS: Final = 4
+#: Parts of the work are told unless one is less sure than this share of it, with 95 %,
+_SURE_SHARE: Final = 0.5
+#: or one that cannot be negative is less than this.
+_LEAST_SHARE: Final = -0.05
 #: Columns of the ledger with the fuel of a cycle, and its standard uncertainty.
 FUEL: Final = "fuel_L"
 FUEL_U: Final = "fuel_u_L"
@@ -112,21 +116,32 @@ def energy_facts(
     whole = state.energy.rows[0]
     per_t = energy_per_counted_tonne(ledger, shift, state)
     each = "" if per_t is None else f", {format_energy_amount(per_t)} kWh/t"
-    of = ", ".join(
-        # no -0 %
-        f"{part} {round(getattr(whole, part).kWh / whole.work.kWh, 2) + 0.0:.0%}"
-        for part in PARTS[1:-1]
-    )
     known = sum(row.cycle is not None and row.phase == WHOLE for row in state.energy.rows)
     some = "" if known == ledger.height else f" in {known} of {ledger.height} cycles"
     lacks = state.energy.scale_unknown
     scale = f"; scale error not included (set {lacks})" if lacks else ""
     found = [
-        ("energy at the wheels", f"{format_energy_amount(whole.work)} kWh{some}{each}: {of}{scale}")
+        (
+            "energy at the wheels",
+            f"{format_energy_amount(whole.work)} kWh{some}{each}{_format_shares(whole)}{scale}",
+        )
     ]
     if whole.fuel_L is not None:
         found.append(("fuel", _format_fuel(whole.fuel_L, ledger, shift, state.energy.fuel_u_1)))
     return found
+
+
+def _format_shares(whole: EnergyRow) -> str:
+    """Shares of the work as text, or that they are not determined."""
+    work = whole.work.kWh
+    parts = {part: getattr(whole, part) for part in PARTS[1:-1]}
+    # ground may fall, but neither speeding up nor friction gives energy to the drive
+    negative = any(parts[part].kWh < _LEAST_SHARE * work for part in ("kinetic", "friction"))
+    if negative or any(K * each.u_kWh > _SURE_SHARE * work for each in parts.values()):
+        return ", its shares not determined"
+    # no -0 %
+    shares = (f"{part} {round(each.kWh / work, 2) + 0.0:.0%}" for part, each in parts.items())
+    return f": {', '.join(shares)}"
 
 
 def _format_fuel(

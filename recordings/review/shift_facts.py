@@ -144,14 +144,7 @@ def _list_work_facts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tup
             )
             per_hour.insert(0, t_h)
         found.append(("per hour", f"{', '.join(per_hour)} (of recorded time)"))
-    found.append(
-        (
-            "cycles",
-            f"{shift['cycles']} detected ({_recorded_time_text(shift)}), "
-            f"{shift['cycles_counted']} counted, "
-            f"{shift['cycles_rejected']} rejected, {shift['cycles_without_mass']} without a mass",
-        )
-    )
+    found.append(("cycles", _cycle_numbers_text(shift, ledger)))
     doubted = ledger.filter("counted", pl.col("doubt") != "")["cycle"].to_list()
     if doubted:
         numbers = ", ".join(map(str, doubted))
@@ -163,6 +156,24 @@ def _list_work_facts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tup
     if back_kg is not None and abs(back_kg) > back_u_kg:
         found.append(("carried back", f"{back_kg:,.0f} ± {back_u_kg:,.0f} kg on average"))
     return found
+
+
+def _cycle_numbers_text(shift: Mapping[str, Any], ledger: pl.DataFrame) -> str:
+    """How many cycles were detected, and what became of each."""
+    rejected = ledger.filter("rejected").height
+    others = ledger.filter(~pl.col("counted"), ~pl.col("rejected"))
+    weighed = others.filter(pl.col("payload_kg").is_not_null())
+    on_board = weighed.filter(pl.col("quality") == _ON_BOARD).height
+    parts = [
+        f"{ledger.filter('counted').height} counted",
+        f"{rejected} rejected",
+        f"{others.height - weighed.height} without a mass",
+    ]
+    if on_board:
+        parts.append(f"{on_board} still on board at the end")
+    if weighed.height > on_board:
+        parts.append(f"{weighed.height - on_board} not counted for another reason")
+    return f"{shift['cycles']} detected ({_recorded_time_text(shift)}), {', '.join(parts)}"
 
 
 def _mean_payload_text(shift: Mapping[str, Any]) -> str:
@@ -248,6 +259,8 @@ def _lost_time_text(shift: Mapping[str, Any], state: ReviewState) -> str:
 
 
 _NOTHING: Final = "nothing"
+#: Quality of a load that is not dumped when the recording ends.
+_ON_BOARD: Final = "not dumped"
 
 
 def cycles_and_mass_text(cycles: tuple[float, float], kg: tuple[float, float]) -> str:

@@ -145,13 +145,7 @@ def _print_explanation(
     print_part("causes, the likeliest first:", iter_finding_lines(explanation))
     if explanation.manoeuvre is not None:
         print_part("its manoeuvre:", [manoeuvre_line(explanation.manoeuvre)])
-    has_masses = any(each.mass_kg is not None for each in explanation.worst)
-    print_part(
-        "manoeuvres farthest from their load:"
-        if has_masses
-        else "longest manoeuvres without a mass:",
-        map(manoeuvre_line, explanation.worst),
-    )
+    print_part(_worst_manoeuvres_title(explanation), map(manoeuvre_line, explanation.worst))
     around = (
         "the gate around it:" if explanation.at_s is not None else "the gate, by share of time:"
     )
@@ -162,6 +156,14 @@ def _print_explanation(
     if picture is not None:
         screen.print()
         print_line(screen, f"picture: {picture}")
+
+
+def _worst_manoeuvres_title(explanation: "Explanation") -> str:
+    if any(each.deviations is not None for each in explanation.worst):
+        return "manoeuvres farthest from their load:"
+    if any(each.mass_kg is not None for each in explanation.worst):
+        return "longest rejected manoeuvres:"
+    return "longest manoeuvres without a mass:"
 
 
 def _print_corrected_machine(screen: "Console", corrected: "CorrectedMachine") -> None:

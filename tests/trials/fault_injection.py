@@ -177,6 +177,21 @@ def _holes(frames: Frames, size: float, dice: np.random.Generator) -> Frames:
     return {**frames, "torque": torque.filter(pl.Series(kept))}
 
 
+def _repeat_rows(frames: Frames, size: float, dice: np.random.Generator) -> Frames:
+    """Torques of a stretch that the logger writes again, at later times."""
+    torque = frames["torque"]
+    log = torque["log_time_ns"].to_numpy()
+    begin = int(log.size * dice.uniform(0.1, 0.3))
+    rows = int(np.searchsorted(log, log[begin] + int(2.5e9 * size))) - begin
+    again = min(begin + int(log.size * dice.uniform(0.3, 0.5)), log.size - rows)
+    changed: list[pl.Series] = []
+    for name in _TORQUES:
+        x = torque[name].to_numpy().copy()
+        x[again : again + rows] = x[begin : begin + rows]
+        changed.append(pl.Series(name, x))
+    return {**frames, "torque": torque.with_columns(changed)}
+
+
 def _add_clock_jump(frames: Frames, size: float, dice: np.random.Generator) -> Frames:
     torque = frames["torque"]
     stamps = torque["header_stamp_ns"].to_numpy().copy()
@@ -339,6 +354,7 @@ FAULTS: Final = (
         largest=100.0,
     ),
     Fault("gaps in the force", ("gaps",), "4 of 0.2 s", topics=_holes),
+    Fault("a stretch written twice", ("repeated_rows",), "2.5 s of force", topics=_repeat_rows),
     Fault(
         "uneven stamps", ("irregular_sampling",), "uniform over 30 % of a period", topics=_uneven
     ),

@@ -95,3 +95,18 @@ def test_the_manoeuvre_furthest_from_its_load_stands_out_first() -> None:
     )
     first, *_ = report_worst_manoeuvres({"loads": loads, "manoeuvres": manoeuvres})
     assert (first.start_s, first.deviations) == (10.0, pytest.approx(5.0))
+
+
+def test_a_rejected_stretch_that_is_nearly_the_whole_log_is_not_told_of_a_part() -> None:
+    segments = pl.DataFrame(
+        {
+            "start_t_ns": [0, 10 * S],
+            "end_t_ns": [96 * S, 50 * S],
+            "mass_kg": [4899.0, None],
+            "mass_std_kg": [1331.0, None],
+            "reason": ["low_information", "low_information"],
+        }
+    )
+    excitation = pl.DataFrame({"t_ns": [0, 100 * S]})
+    shown = report_worst_manoeuvres({"segments": segments, "excitation": excitation})
+    assert [each.end_s for each in shown] == [50.0]

@@ -46,3 +46,24 @@ def test_litres_of_a_channel_with_one_have_it_in_sentence_table_and_ledger() -> 
     assert facts(of)["fuel"].count("±") == 2
     assert dict(energy_table_by_phase(of))["fuel in L"] == ["2.00 ± 0.12"]
     assert rows(of)[FUEL_U].to_list() == pytest.approx([0.015] * 4)
+
+
+@pytest.mark.parametrize(
+    ("kinetic", "slope", "friction", "told"),
+    [
+        # a haul downhill
+        ((0.02, 0.004), (-0.05, 0.004), (0.13, 0.004), "kinetic 20%, slope -50%, friction 130%"),
+        # flat ground without a pitch
+        ((0.244, 0.24), (-0.091, 0.12), (-0.053, 0.12), "its shares not determined"),
+        ((0.12, 0.004), (-0.01, 0.004), (-0.01, 0.004), "its shares not determined"),
+    ],
+)
+def test_shares_of_the_work_are_told_where_they_are_determined(
+    kinetic: tuple[float, float],
+    slope: tuple[float, float],
+    friction: tuple[float, float],
+    told: str,
+) -> None:
+    speeding, lifting, rubbing = (EnergyAmount(*each) for each in (kinetic, slope, friction))
+    whole = EnergyRow(None, "whole", KWH, speeding, lifting, rubbing, NONE, NONE)
+    assert told in facts(state(energy=ShiftEnergy((whole,))))["energy at the wheels"]

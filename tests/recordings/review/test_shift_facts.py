@@ -115,6 +115,18 @@ def test_a_mean_carried_back_is_said_only_where_its_interval_leaves_zero_out(
     assert ("carried back" in dict(list_shift_facts(shift, rows(state()), state(), None))) is shown
 
 
+def test_every_cycle_is_counted_or_said_why_not() -> None:
+    ledger = rows(state()).with_columns(
+        counted=pl.Series([True, False, False, False]),
+        rejected=pl.Series([False, True, False, False]),
+        quality=pl.Series(["good", "good", "no mass", "not dumped"]),
+        payload_kg=pl.Series([700.0, None, None, 680.0]),
+    )
+    said = dict(list_shift_facts(summed(FRAMES), ledger, state(), None))["cycles"]
+    assert said.startswith("4 detected (")
+    assert said.endswith("), 1 counted, 1 rejected, 1 without a mass, 1 still on board at the end")
+
+
 def test_tonnes_and_cycles_an_hour_leave_out_what_was_not_recorded() -> None:
     shift = summed(FRAMES) | {"duration_s": 7200.0, "gap_s": 3600.0, "payload_kg": 2750.0}
     said = dict(list_shift_facts(shift, rows(state()), state(), None))["per hour"]

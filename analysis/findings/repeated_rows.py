@@ -1,0 +1,168 @@
+"""Stretches that a logger wrote twice: rows that repeat earlier ones to the last digit.
+
+Noise does not repeat. A hash of each row's noisy readings, summed over a window of rows, is equal
+at two places only where the same buffer was written again. Windows begin at rows that their own
+hash chooses, so that a copy has the same ones as its original wherever it begins.
+"""
+
+from functools import partial
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import polars as pl
+
+from analysis.findings.cause import Symptom, keep_strongest_symptom
+from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.refit import refit_without_rows
+from analysis.model.physical_units import NS_PER_S
+from estimators.arrays import Bools, Floats, Ints
+
+Hashes = npt.NDArray[np.uint64]
+
+#: A copy has at least so many rows, over so long.
+_FEWEST_ROWS: Final = 50
+_SHORTEST_S: Final = 2.0
+#: Of which a channel has so many readings that differ; a coarse one repeats itself.
+_FEWEST_READINGS: Final = 20
+#: Noise turns back in this share of the steps that change it; a smooth channel does not.
+_TURNS_BACK: Final = 0.25
+#: Noise is judged by so many blocks of so many rows.
+_BLOCKS: Final = 32
+_BLOCK_ROWS: Final = 4096
+#: Rows of a window, the rows in it that differ from the one before, and one of so many begins one.
+_WINDOW: Final = 32
+_CHANGES: Final = 8
+_BEGINS: Final = 8
+#: Distances between copy and original that are compared row by row.
+_MOST_DISTANCES: Final = 8
+#: Columns of a topic that are no readings.
+_STAMPS: Final = ("log_time_ns", "header_stamp_ns")
+_ODD: Final = np.uint64(0x9E3779B97F4A7C15)
+_SHIFT: Final = np.uint64(29)
+
+
+def find_repeated_rows(inputs: FindingInputs) -> list[Symptom]:
+    """Find stretches of a topic that repeat an earlier one exactly."""
+    found: list[Symptom] = []
+    for topic, frame in inputs.raw.items():
+        t = frame["log_time_ns"].to_numpy()
+        copies = list_copied_stretches(t, select_noisy_columns(frame))
+        if not copies:
+            continue
+        begin, end, source = max(copies, key=lambda each: t[each[1]] - t[each[0]])
+        total_s = sum(float(t[e] - t[b]) for b, e, _ in copies) / NS_PER_S
+        start_s, again_s = (
+            (int(t[at]) - inputs.check_inputs.t0_unix_ns) / NS_PER_S for at in (source, begin)
+        )
+        copied = _mark_copied_samples(inputs, t, copies)
+        times = "" if len(copies) == 1 else f"; {len(copies)} stretches, {total_s:,.1f} s in all"
+        found.append(
+            Symptom(
+                total_s / _SHORTEST_S,
+                f"{end - begin + 1:,} rows from {again_s:,.1f} s on repeat those from "
+                f"{start_s:,.1f} s on to the last digit{times}: what was done then may be counted "
+                "twice",
+                channel=inputs.channel_of_topic(topic),
+                span_ns=inputs.since_first_sample_ns(int(t[begin]), int(t[end])),
+                change=partial(refit_without_rows, inputs, copied),
+            )
+        )
+    return keep_strongest_symptom(found)
+
+
+def _mark_copied_samples(
+    inputs: FindingInputs, t: Ints, copies: list[tuple[int, int, int]]
+) -> Bools:
+    """Mark the grid samples, (n,), inside copies."""
+    grid = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
+    copied = np.zeros(grid.size, np.bool_)
+    for begin, end, _ in copies:
+        copied |= (grid >= t[begin]) & (grid <= t[end])
+    return copied
+
+
+def list_copied_stretches(t: Ints, columns: list[Floats]) -> list[tuple[int, int, int]]:
+    """Stretches whose rows equal earlier ones.
+
+    Args:
+        t: (n,) stamps in ns.
+        columns: (n,) noisy readings of each channel.
+
+    Returns:
+        First and last row of each copy, and the first row of its original.
+    """
+    if not columns or t.size < 2 * _FEWEST_ROWS:
+        return []
+    rows = _hash_rows(columns)
+    found: list[tuple[int, int, int]] = []
+    for distance in _distances_of_equal_windows(rows):
+        for begin, end in _runs(rows[distance:] == rows[:-distance]):
+            first, last = begin + distance, end + distance
+            is_long = end - begin + 1 >= _FEWEST_ROWS
+            if not is_long or t[last] - t[first] < _SHORTEST_S * NS_PER_S or t[first] <= t[end]:
+                continue
+            readings = max(np.unique(x[first : last + 1]).size for x in columns)
+            apart = all(last < b or first > e for b, e, _ in found)
+            if readings >= _FEWEST_READINGS and apart:
+                found.append((first, last, begin))
+    return sorted(found)
+
+
+def select_noisy_columns(frame: pl.DataFrame) -> list[Floats]:
+    """Readings of the channels with noise, which no two stretches share."""
+    found: list[Floats] = []
+    for name in frame.columns:
+        if name in _STAMPS or not frame.schema[name].is_numeric():
+            continue
+        x = frame[name].cast(pl.Float64).fill_null(np.nan).to_numpy()
+        if _is_noisy(x):
+            found.append(x)
+    return found
+
+
+def _is_noisy(x: Floats) -> bool:
+    """Whether readings turn back as often as noise does."""
+    if x.size > _BLOCKS * _BLOCK_ROWS:
+        blocks = x[: x.size // _BLOCK_ROWS * _BLOCK_ROWS].reshape(-1, _BLOCK_ROWS)
+        x = blocks[:: -(-len(blocks) // _BLOCKS)].ravel()
+    step = np.sign(np.diff(x))
+    turns = step[1:] * step[:-1]
+    return bool((turns < 0.0).sum() > _TURNS_BACK * max(int((turns != 0.0).sum()), _FEWEST_ROWS))
+
+
+def _hash_rows(columns: list[Floats]) -> Hashes:
+    """Hash of each row, (n,)."""
+    rows = np.zeros(columns[0].size, np.uint64)
+    for x in columns:
+        rows ^= np.ascontiguousarray(x).view(np.uint64)
+        rows *= _ODD
+        rows ^= rows >> _SHIFT
+    rows *= _ODD
+    rows ^= rows >> _SHIFT
+    return rows
+
+
+def _distances_of_equal_windows(rows: Hashes) -> list[int]:
+    """Distances in rows between windows with equal hashes, the most frequent first."""
+    differs = np.concatenate([[0], np.cumsum(rows[1:] != rows[:-1])])
+    count = rows.size - _WINDOW + 1
+    begins = np.flatnonzero(rows[:count] % np.uint64(_BEGINS) == 0)
+    begins = begins[differs[begins + _WINDOW - 1] - differs[begins] >= _CHANGES]
+    windows = np.zeros(begins.size, np.uint64)
+    for k in range(_WINDOW):
+        windows *= _ODD
+        windows += rows[begins + k]
+    order = np.argsort(windows, kind="stable")
+    same = windows[order[1:]] == windows[order[:-1]]
+    distances = begins[order[1:][same]] - begins[order[:-1][same]]
+    values, times = np.unique(distances, return_counts=True)
+    return [int(each) for each in values[np.argsort(-times, kind="stable")][:_MOST_DISTANCES]]
+
+
+def _runs(same: Bools) -> list[tuple[int, int]]:
+    """First and last index of each run of true values as long as a copy."""
+    edges = np.flatnonzero(np.diff(same, prepend=False, append=False))
+    begin, end = edges[::2], edges[1::2] - 1
+    long = end - begin + 1 >= _FEWEST_ROWS
+    return list(zip(begin[long].tolist(), end[long].tolist(), strict=True))
