@@ -25,6 +25,7 @@ from analysis.findings.whitened_rows import (
     samples_in_whole_blocks,
     whitened_force_rows,
 )
+from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from estimators.errors import counted
 from estimators.numerics.fit_loss import group_rows
 
@@ -156,7 +157,14 @@ def _find_fitted_growths(inputs: FindingInputs) -> list[Symptom]:
 def _report_excluded_growths(inputs: FindingInputs) -> list[Symptom]:
     """Report the changing loads that the answer excludes."""
     weighing = inputs.check_inputs.weighing
-    growing = [] if weighing is None else [each for each in weighing.growing if each.is_possible]
+    if weighing is None:
+        return []
+    # a gain that steps with the speed looks like a load, of a size that no loader carries
+    steps = any(abs(term.t) >= LIMITS.named_term_min_std for term in weighing.missing_terms)
+    most_kg = WEIGHING_LIMITS.largest_load_fraction * abs(weighing.fit.mass_kg)
+    growing = [
+        each for each in weighing.growing if each.is_possible and not (steps and each.kg > most_kg)
+    ]
     if not growing:
         return []
     worst = max(growing, key=lambda each: abs(each.kg) / each.std_kg)

@@ -46,7 +46,7 @@ class LoadGrowth:
         first: its first fitted sample.
         kg: change of the load beyond the usual, from the first to the last fitted sample.
         std_kg: standard deviation of the change.
-        is_possible: whether the machine may carry so much: else the manoeuvre misses the model.
+        is_possible: whether the machine carried so much: else the manoeuvre misses the model.
     """
 
     unit: int
@@ -198,7 +198,7 @@ def find_growing_loads(
             int(used[np.argmax(of_sample == number[k])]),
             float(kg[k]),
             float(std_kg[k]),
-            _is_possible(fit, int(number[k]), float(kg[k])),
+            bool(kg[k] > 0.0 or kg[k] > -max_loss_kg(fit, int(number[k]))),
         )
         for k in np.flatnonzero((np.abs(kg) > limit * std_kg) & carried)
     )
@@ -234,11 +234,6 @@ def fit_common_growth(mass_kg: Floats, growth_kg: Floats) -> Floats:
         weight = np.maximum(apart_kg, max(1e-3 * float(np.median(apart_kg)), 1e-9)) ** -0.5
         common_kg = columns @ np.linalg.lstsq(columns * weight[:, None], growth_kg * weight)[0]
     return common_kg
-
-
-def _is_possible(fit: JointFit, unit: int, kg: float) -> bool:
-    """Whether a manoeuvre may lose what is on board, or gain what a loader is rated for."""
-    return -max_loss_kg(fit, unit) < kg < LIMITS.largest_load_fraction * abs(fit.mass_kg)
 
 
 def _max_plausible_loss_kg(fit: JointFit) -> float:
