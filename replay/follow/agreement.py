@@ -27,9 +27,9 @@ from analysis.model.schema import REASON
 from analysis.model.settings import Settings
 from analysis.online.follower import FollowedRow
 from analysis.stages.noise.column_noise import collect_axis_noise
+from estimators.errors import DataError
 from recordings import read_recording, write_recording
 from recordings.report.atomic_output import refuse_input_as_output
-from estimators.errors import DataError
 from replay.follow.background_replay import find_log_name, run_log_so_far
 
 GATE: Final = "gate"
@@ -243,7 +243,10 @@ def iter_agreement_lines(
         from_s = min(each.differs_from_s or 0.0 for each in found)
         names = ", ".join(each.name for each in found)
         verb = "differs" if len(found) == 1 else "differ"
-        yield f"{names}: {verb} from the replay from the minute at {from_s:,.0f} s on, as expected: {reason}"
+        yield (
+            f"{names}: {verb} from the replay from the minute at {from_s:,.0f} s on, as expected: "
+            f"{reason}"
+        )
 
 
 def is_noise_stated(settings: Settings, axis: Axis) -> bool:
