@@ -147,9 +147,10 @@ def follow_until_end(
         began = time.monotonic()
         if interrupts.count:
             return _INTERRUPTED
+        sizes = find_sizes(following.paths)
         if poll_log(log, following, on_rows, interrupts):
             grew = time.monotonic()
-            largest |= find_sizes(following.paths)
+            largest = sizes
         elif log.is_finished:
             return "the recorder has closed the log"
         elif began - grew > idle_s:
