@@ -143,7 +143,8 @@ def command(
             until_u_kg=until_u,
             interrupts=interrupts,
         )
-        printer.show_last_replay(following, lambda: is_in_haste(following, interrupts))
+        if not following.lost:
+            printer.show_last_replay(following, lambda: is_in_haste(following, interrupts))
         replays.end_process()
         for loss in following.losses:
             print_message(str(loss))
@@ -176,6 +177,10 @@ def _record(
     from replay.follow.agreement import iter_agreement_lines, record_followed_log
 
     is_growing = following.is_interrupted
+    if following.lost:
+        how = "stays as it was recorded while following" if output.exists() else "is not written"
+        why = f"{following.lost}; " if following.is_interrupted else ""  # else it is said above
+        raise LogError(f"{why}{output} {how}")
     try:
         agreements = record_followed_log(logs, machine, output, digests, is_growing=is_growing)
     except KeyboardInterrupt:

@@ -146,10 +146,10 @@ class BackgroundReplays:
         if self._share <= 0.0 or is_left_out():
             return None
         now = find_signature(self._logs)
-        if self._is_underway and self._signature != now:
-            self.end_process()  # half of it would have to be done again
-        if self._signature != now:
+        if self._signature != now or not now:
             self._newest = None
+            if self._is_underway:
+                self.end_process()  # half of it would have to be done again
         began, is_told = time.monotonic(), False
         for _ in range(_MOST_LAST):
             if not self._is_underway and self._newest is None:

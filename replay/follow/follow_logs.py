@@ -19,7 +19,7 @@ from analysis.online.rehearsal import rehearse
 from estimators.errors import DataError, LogError
 from estimators.interpreted import compile_at_once
 from estimators.threads import one_blas_thread
-from replay.follow.background_replay import find_log_name
+from replay.follow.background_replay import find_log_name, is_text_table
 from replay.follow.interrupts import Interrupts
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import GrowingLogFile, follow_log
@@ -45,6 +45,8 @@ class Following:
         look_s: duration of the last poll that found data.
         ended: reason for the end; empty while following.
         is_interrupted: whether ctrl-C was the reason: the log may grow on.
+        sizes: size of each file when it grew last.
+        lost: what has become of a log that is gone or shorter than what was followed; else empty.
     """
 
     paths: Sequence[Path]
@@ -54,6 +56,8 @@ class Following:
     look_s: float = 0.0
     ended: str = ""
     is_interrupted: bool = False
+    sizes: Mapping[Path, int] = field(default_factory=dict)
+    lost: str = ""
 
     @property
     def missing_excitation(self) -> list[str]:
@@ -120,6 +124,9 @@ def follow_logs(
         except KeyboardInterrupt:  # by `on_rows`
             following.ended = _INTERRUPTED
         following.is_interrupted = following.ended == _INTERRUPTED
+        following.lost = describe_lost_log(paths, following.sizes)
+        if following.lost and not following.is_interrupted:
+            following.ended = following.lost
         try:
             if not (following.is_interrupted and is_in_haste(following, noted)):
                 poll_log(log, following, on_rows, noted, is_last=True)
@@ -142,7 +149,6 @@ def follow_until_end(
 ) -> str:
     """Poll the log until it ends; returns the reason."""
     grew = time.monotonic()
-    largest: dict[Path, int] = {}
     while True:
         began = time.monotonic()
         if interrupts.count:
@@ -150,11 +156,11 @@ def follow_until_end(
         sizes = find_sizes(following.paths)
         if poll_log(log, following, on_rows, interrupts):
             grew = time.monotonic()
-            largest = sizes
+            following.sizes = sizes
         elif log.is_finished:
             return "the recorder has closed the log"
         elif began - grew > idle_s:
-            return describe_idle_log(following.paths, largest, idle_s)
+            return f"the log has not grown for {idle_s:g} s"
         time.sleep(max(0.0, began + LOOK_S - time.monotonic()))
 
 
@@ -167,21 +173,20 @@ def find_sizes(paths: Sequence[Path]) -> dict[Path, int]:
     return sizes
 
 
-def describe_idle_log(paths: Sequence[Path], largest: Mapping[Path, int], idle_s: float) -> str:
-    """What a log that does not grow has become.
+def describe_lost_log(paths: Sequence[Path], before: Mapping[Path, int]) -> str:
+    """Name a file of the log that is gone, or a table that shrank; empty without one.
 
     Args:
         paths: paths of the log.
-        largest: size of each file when it grew last.
-        idle_s: seconds without growth.
+        before: size of each file when it grew last.
     """
     sizes = find_sizes(paths)
     for path in paths:
         if not find_log_name(path).exists():
             return f"{path} is no longer there"
-        if path in sizes and sizes[path] < largest.get(path, 0):
-            return f"{path} has shrunk from {largest[path]:,} to {sizes[path]:,} bytes"
-    return f"the log has not grown for {idle_s:g} s"
+        if is_text_table(path) and sizes.get(path, 0) < before.get(path, 0):
+            return f"{path} has shrunk from {before[path]:,} to {sizes.get(path, 0):,} bytes"
+    return ""
 
 
 def poll_log(
