@@ -92,7 +92,7 @@ def followed(folder: Path, seconds: float, speed: float, replay_share: float) ->
     machine = load_machine("cat262c.toml", NOISE)
     _warm(source, machine)
     seen: list[tuple[int, float]] = []
-    replays = BackgroundReplays([target], Path("cat262c.toml"), NOISE, print, share=replay_share)
+    replays = BackgroundReplays([target], machine, print, share=replay_share)
     replay_mb: list[float] = [0.0]
 
     def on_rows(following: Following, rows: list[FollowedRow]) -> None:

@@ -155,13 +155,15 @@ class Follower:
 
     def rows(self, *, is_whole: bool = False) -> list[FollowedRow]:
         """Complete rows, each with its decisions and estimates."""
+        return [*self.iter_rows(is_whole=is_whole)]
+
+    def iter_rows(self, *, is_whole: bool = False) -> Iterator[FollowedRow]:
+        """Yield the same rows, each once it is stepped; those that nobody takes are lost."""
         table = self.log.take_new_rows(is_whole=is_whole)
-        found: list[FollowedRow] = []
         if table is not None:
-            found += [self._step_row(row) for row in table.iter_rows(named=True)]
+            yield from map(self._step_row, table.iter_rows(named=True))
         if is_whole and self._state is not None:
-            found += self._finish_rows(self._state)
-        return found
+            yield from self._finish_rows(self._state)
 
     def _step_row(self, row: Mapping[str, Any]) -> FollowedRow:
         state, times = self._begin_stages()

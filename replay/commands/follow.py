@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from replay.follow.agreement import Agreement
+    from analysis.model.machine import Machine
+    from replay.follow.agreement import FollowedDigests
+    from replay.follow.follow_logs import Following
 
 
 def command(
@@ -79,22 +81,23 @@ def command(
     A process of low priority replays what is recorded so far after manoeuvres, as `run` does with
     this machine file, and once more at the end: load states, payloads, and what withholds them.
     """
-    from contextlib import ExitStack, suppress
+    from contextlib import ExitStack
 
     from analysis.online.follower import FollowedRow
     from recordings import read_recording
     from recordings.rrd.viewer_server import viewer_server
     from replay.commands.follow_panel import FollowPanel, ReportPrinter
     from replay.commands.progress_bar import COMPILING, warn_on_slow_compile
-    from replay.follow.agreement import FollowedDigests, record_followed_log
+    from replay.follow.agreement import FollowedDigests
     from replay.follow.background_replay import BackgroundReplays
-    from replay.follow.follow_logs import Following, follow_logs
+    from replay.follow.follow_logs import Following, follow_logs, is_in_haste
     from replay.follow.followed_outputs import FollowedOutputs
+    from replay.follow.interrupts import Interrupts
+    from replay.follow.machine_file_change import MachineFileChange
     from replay.machines.machine_file import load_machine
-    from replay.runs.run_logs import RecordTo
 
-    settings = overrides or []
-    loaded = load_machine(machine, settings)
+    change = MachineFileChange(machine)
+    loaded = load_machine(machine, overrides or [])
     known = read_recording(noise).frames.get("noise") if noise else None
     digests = FollowedDigests()
 
@@ -102,6 +105,7 @@ def command(
         typer.echo(f"payscope: {line}", err=True)
 
     with ExitStack() as opened:
+        interrupts = opened.enter_context(Interrupts())
         server = opened.enter_context(viewer_server()) if live else None
         if server is not None:
             print_message(f"open {server.page}")
@@ -119,13 +123,15 @@ def command(
         opened.enter_context(warn_on_slow_compile(lambda: typer.echo(COMPILING, err=True)))
         panel = opened.enter_context(FollowPanel())
         replays = opened.enter_context(
-            BackgroundReplays(logs, machine, settings, print_message, share=replay_share)
+            BackgroundReplays(logs, loaded, print_message, share=replay_share)
         )
         printer = ReportPrinter(outputs, panel, replays, as_json=as_json)
 
         def show_new_rows(following: Following, rows: list[FollowedRow]) -> None:
             digests.add(rows)
             printer.show_rows(following, rows)
+            if change.is_new():
+                print_message(f"{machine}: has changed; what follow began with stays in use")
 
         following = follow_logs(
             logs,
@@ -135,37 +141,56 @@ def command(
             idle_s=idle_s,
             valid_s=valid_s,
             until_u_kg=until_u,
+            interrupts=interrupts,
         )
-        with suppress(KeyboardInterrupt):  # by ctrl-C while it waits, it ends without
-            printer.show_last_replay()
-    for loss in following.losses:
-        print_message(str(loss))
-    follower = following.follower
-    spins = f", inertia of {_format_count(follower.spins, 'spin')}" if follower.spins else ""
-    typer.echo(
-        f"{following.ended}: {follower.rows_stepped:,} rows, masses of "
-        f"{_format_count(follower.manoeuvres, 'manoeuvre')}{spins}",
-        err=True,
-    )
+        if not following.lost:
+            printer.show_last_replay(following, lambda: is_in_haste(following, interrupts))
+        replays.end_process()
+        for loss in following.losses:
+            print_message(str(loss))
+        typer.echo(_describe_end(following), err=True)
     if output is not None:
-        to = RecordTo(output, force=True)
-        _, agreements = record_followed_log(logs, machine, to, settings, digests)
-        for each in agreements:
-            typer.echo(_describe_agreement(each), err=True)
-        typer.echo(f"recorded: {output}", err=True)
+        _record(logs, loaded, output, following, digests)
 
 
-def _format_count(count: int, what: str) -> str:
-    return f"{count:,} {what}" + "s" * (count != 1)
+def _describe_end(following: "Following") -> str:
+    from estimators.errors import counted
 
-
-def _describe_agreement(agreement: "Agreement") -> str:
-    if agreement.differs_from_s is None:
-        return f"{agreement.name}: {agreement.rows:,} rows, as in the replay bit for bit"
-    if agreement.is_rounding:
-        return f"{agreement.name}: {agreement.rows:,} rows, as in the replay to nine digits"
+    follower = following.follower
+    spins = f", inertia of {counted(follower.spins, 'spin')}" if follower.spins else ""
     return (
-        f"{agreement.name}: {agreement.rows:,} rows, {agreement.replayed:,} in the replay; they "
-        "differ "
-        f"from {agreement.differs_from_s:,.0f} s onwards"
+        f"{following.ended}: {counted(follower.rows_stepped, 'row')}, masses of "
+        f"{counted(follower.manoeuvres, 'manoeuvre')}{spins}"
     )
+
+
+def _record(
+    logs: list[Path],
+    machine: "Machine",
+    output: Path,
+    following: "Following",
+    digests: "FollowedDigests",
+) -> None:
+    """Record the causal replay of the followed log; by ctrl-C what was followed stays."""
+    from estimators.errors import LogError, PayscopeError
+    from recordings.follow.growing_file import is_unfinished_recording
+    from replay.follow.agreement import iter_agreement_lines, record_followed_log
+
+    is_growing = following.is_interrupted
+    if following.lost:
+        how = "stays as it was recorded while following" if output.exists() else "is not written"
+        why = f"{following.lost}; " if following.is_interrupted else ""  # else it is said above
+        raise LogError(f"{why}{output} {how}")
+    try:
+        agreements = record_followed_log(logs, machine, output, digests, is_growing=is_growing)
+    except KeyboardInterrupt:
+        how = "as it was followed" if is_unfinished_recording(output) else "not compared"
+        typer.echo(f"recorded: {output}, {how} (interrupted)", err=True)
+        return
+    except PayscopeError as error:
+        if not (output.is_file() and is_unfinished_recording(output)):
+            raise
+        raise LogError(f"{error}; {output} stays as it was recorded while following") from error
+    for line in iter_agreement_lines(agreements, machine.settings, is_growing=is_growing):
+        typer.echo(line, err=True)
+    typer.echo(f"recorded: {output}", err=True)

@@ -3,6 +3,7 @@
 import json
 import sys
 from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
 from types import TracebackType
 from typing import Final, Self
@@ -17,6 +18,7 @@ from analysis.model.methods import METHODS
 from analysis.online.follower import FollowedRow
 from analysis.online.online_report import OnlineReport
 from analysis.online.replay_report import ReplayReport
+from estimators.errors import counted
 from replay.follow.background_replay import BackgroundReplays
 from replay.follow.follow_logs import Following
 from replay.follow.followed_outputs import FollowedOutputs
@@ -97,7 +99,7 @@ class FollowPanel:
             return parts
         parts += [_format_motion(self._last), _format_answer(self._last)]
         if progress := progress_text(self._last):
-            parts.append(Text(progress))
+            parts.append(Text(f"online, statistical u: {progress}"))
         if spun := spin_text(self._last):
             parts.append(Text(spun))
         parts.append(_make_method_table(following))
@@ -106,9 +108,11 @@ class FollowPanel:
         if self._replay is not None:
             parts += _format_replay(self._replay.at_time(self._last.unix_ns))
         if following.losses:
-            parts.append(Text(f"{len(following.losses)} losses: {following.losses[-1]}"))
+            count = "1 loss" if len(following.losses) == 1 else f"{len(following.losses):,} losses"
+            parts.append(Text(f"{count}: {following.losses[-1]}"))
         if late := following.follower.log.late_samples:
-            parts.append(Text(f"{late:,} samples arrived too late for their rows", style="yellow"))
+            samples = counted(late, "sample")
+            parts.append(Text(f"{samples} arrived too late for the row", style="yellow"))
         return parts
 
     def _make_head(self, following: Following) -> Text:
@@ -160,9 +164,13 @@ class ReportPrinter:
         self.show_replay(self._replays.poll())
         self._panel.show_followed_log(following, made)
 
-    def show_last_replay(self) -> None:
-        """Wait for the replay of the whole log and print it."""
-        self.show_replay(self._replays.replay_whole_log(self._panel.note_wait))
+    def show_last_replay(self, following: Following, is_left_out: Callable[[], bool]) -> None:
+        """Wait for the replay of the whole log and print it, unless it is left out."""
+        self.show_replay(
+            self._replays.replay_whole_log(
+                self._panel.note_wait, is_left_out, is_growing=following.is_interrupted
+            )
+        )
 
     def show_replay(self, found: ReplayReport | None) -> None:
         """Write and print the result of a replay."""
@@ -222,6 +230,6 @@ def _format_replay(report: ReplayReport) -> list[Text]:
     """The last load states of a replay."""
     style = "bold green" if report.validity == "valid" else "yellow"
     return [
-        Text(replay_text(report), style=style),
+        Text(f"joint fit, u of all effects: {replay_text(report)}", style=style),
         *map(Text, map(load_text, report.loads[-_SHOWN:])),
     ]

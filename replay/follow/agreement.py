@@ -5,7 +5,7 @@ recording of a log that was followed is that of its causal replay.
 """
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -14,7 +14,6 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.model.answer import Answer
 from analysis.model.axes import (
     Axis,
     X,
@@ -23,18 +22,28 @@ from analysis.model.axes import (
     read_parameters_and_stds,
     select_rows_of_axis,
 )
+from analysis.model.machine import Machine
 from analysis.model.schema import REASON
+from analysis.model.settings import Settings
 from analysis.online.follower import FollowedRow
-from recordings import read_recording
-from replay.follow.background_replay import find_log_name
-from replay.runs.run_logs import RecordTo, replay_logs
+from analysis.stages.noise.column_noise import collect_axis_noise
+from estimators.errors import DataError
+from recordings import read_recording, write_recording
+from recordings.report.atomic_output import refuse_input_as_output
+from replay.follow.background_replay import find_log_name, run_log_so_far
 
 GATE: Final = "gate"
 _MINUTE_NS: Final = 60 * 10**9
 #: Sums that differ by a smaller share differ by rounding: nine digits.
 _ROUNDING_1: Final = 1e-9
+_OF_SPINS: Final = " of spins"
+#: Why what was followed differs from the replay, where it must.
+_NOISE: Final = (
+    "its noise is that of the whole log, which was not known yet; [settings.noise] in the machine "
+    "file makes them equal"
+)
+_GOES_ON: Final = "it goes on with what was not followed"
 _REASONS: Final = {name: number for number, name in enumerate(REASON.categories)}
-CAUSAL: Final = "settings.filter.causal=true"
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +165,7 @@ def _digest_replayed_frames(frames: Mapping[str, pl.DataFrame]) -> dict[str, _Mi
 
 
 def _followed_column_name(name: str, axis: Axis) -> str:
-    return name if axis is X else f"{name} of spins"
+    return name if axis is X else f"{name}{_OF_SPINS}"
 
 
 def _digest_rows_by_minute(t_ns: pl.Series, numbers: NDArray[np.float64]) -> _MinuteDigests:
@@ -168,24 +177,78 @@ def _digest_rows_by_minute(t_ns: pl.Series, numbers: NDArray[np.float64]) -> _Mi
 
 def record_followed_log(
     paths: Sequence[Path],
-    machine_file: Path,
-    output: RecordTo,
-    overrides: Sequence[str],
+    machine: Machine,
+    output: Path,
     followed: FollowedDigests,
-) -> tuple[Answer, list[Agreement]]:
+    *,
+    is_growing: bool,
+) -> list[Agreement]:
     """Record the causal replay of a followed log, and compare it with the followed results.
 
     Args:
         paths: paths of the log; a `.bag.active` is found under its final name.
-        machine_file: as in `replay_logs`.
-        output: recording to write.
-        overrides: `key=value` overrides of the machine file.
+        machine: the machine that was followed with; its filters are causal here.
+        output: recording to write, or to replace.
         followed: digests of the followed decisions and estimates.
+        is_growing: whether the log may still be recorded: tables are read up to their last line.
 
     Raises:
-        PayscopeError: as `replay_logs`.
+        PayscopeError: the log is invalid or gone, or there is too little data.
     """
-    assert output.path is not None
     closed = [find_log_name(path) for path in paths]
-    found = replay_logs(closed, machine_file, output, [*overrides, CAUSAL])
-    return found, followed.compare(read_recording(output.path).frames)
+    settings = machine.settings.with_changes({"filter.causal": True})
+    causal = machine.model_copy(update={"settings": settings})
+    refuse_input_as_output(output, (path for path in closed if path.exists()))
+    try:
+        result = run_log_so_far(closed, causal, is_copied=is_growing)
+    except DataError as error:
+        raise DataError(f"{', '.join(map(str, closed))}: {error}") from None
+    write_recording(result, output, force=True)
+    return followed.compare(read_recording(output).frames)
+
+
+def iter_agreement_lines(
+    agreements: Iterable[Agreement], settings: Settings, *, is_growing: bool
+) -> Iterator[str]:
+    """Yield a line per agreement; those that differ for the same reason share one.
+
+    Args:
+        agreements: of the gate and of each method.
+        settings: settings of the machine that was followed with.
+        is_growing: as in `record_followed_log`.
+    """
+    expected: dict[str, list[Agreement]] = {}
+    for each in agreements:
+        rows = f"{each.name}: {each.rows:,} rows"
+        more = each.replayed - each.rows
+        if each.differs_from_s is None:
+            yield f"{rows}, as in the replay bit for bit"
+        elif each.is_rounding:
+            yield f"{rows}, as in the replay to nine digits"
+        elif each.name.startswith(GATE) and is_growing and more > 0:
+            yield (
+                f"{rows}, {each.replayed:,} in the replay, which goes on with what was not "
+                f"followed; they differ from {each.differs_from_s:,.0f} s onwards"
+            )
+        elif not is_noise_stated(settings, Z if each.name.endswith(_OF_SPINS) else X):
+            expected.setdefault(_NOISE, []).append(each)
+        elif is_growing:
+            expected.setdefault(_GOES_ON, []).append(each)
+        else:
+            yield (
+                f"{rows}, {each.replayed:,} in the replay; they differ from "
+                f"{each.differs_from_s:,.0f} s onwards"
+            )
+    for reason, found in expected.items():
+        from_s = min(each.differs_from_s or 0.0 for each in found)
+        names = ", ".join(each.name for each in found)
+        verb = "differs" if len(found) == 1 else "differ"
+        yield (
+            f"{names}: {verb} from the replay from the minute at {from_s:,.0f} s on, as expected: "
+            f"{reason}"
+        )
+
+
+def is_noise_stated(settings: Settings, axis: Axis) -> bool:
+    """Whether the settings give the noise of each column of an axis."""
+    return collect_axis_noise(axis, settings).mean is not None

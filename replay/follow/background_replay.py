@@ -21,10 +21,12 @@ from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any, Final, Self
 
+from analysis.model.machine import Machine
+from analysis.model.run_record import Run
 from analysis.online.replay_report import ReplayReport, ReplayValidity, report_replay
 from estimators.errors import DataError, PayscopeError, one_line
 from replay.logs import ACTIVE, open_log
-from replay.machines.machine_file import load_machine, time_axis_of_machine
+from replay.machines.machine_file import time_axis_of_machine
 
 #: Share of one core that replays may take unless the caller says otherwise.
 REPLAY_SHARE: Final = 0.1
@@ -65,8 +67,7 @@ class BackgroundReplays:
     def __init__(
         self,
         logs: Sequence[Path],
-        machine_file: Path,
-        overrides: Sequence[str],
+        machine: Machine,
         tell: Callable[[str], None],
         *,
         share: float = REPLAY_SHARE,
@@ -75,13 +76,12 @@ class BackgroundReplays:
 
         Args:
             logs: paths of the log; a `.bag.active` is found under its final name as well.
-            machine_file: the machine file, with the settings that `run` would use.
-            overrides: `key=value`, of the machine file.
+            machine: the machine as it was read once, with the settings that `run` would use.
             tell: called with a line when a process has ended.
             share: largest share of one core; 0 for no replays.
         """
         self.processor_s = 0.0
-        self._logs, self._machine_file, self._overrides = logs, machine_file, overrides
+        self._logs, self._machine = logs, machine
         self._tell, self._share = tell, share
         self._process: subprocess.Popen[bytes] | None = None
         self._output = bytearray()
@@ -94,7 +94,7 @@ class BackgroundReplays:
 
     def __enter__(self) -> Self:
         """Begin with what is recorded already, which is sooner replayed than followed."""
-        if sum(size for size, _ in self._find_signature().values()) >= _WORTH_BYTES:
+        if sum(size for size, _ in find_signature(self._logs).values()) >= _WORTH_BYTES:
             self.request()
             self.poll()
         return self
@@ -122,48 +122,49 @@ class BackgroundReplays:
         is_due = self._is_wanted and self._share > 0.0 and time.monotonic() >= self._next_s
         if is_due and not self._is_underway and self._ended < _MOST_ENDED:
             self._is_wanted = False
-            if self._signature != self._find_signature() or not self._signature:
+            if self._signature != find_signature(self._logs) or not self._signature:
                 self._begin_replay(is_last=False)
         return report
 
-    def replay_whole_log(self, on_wait: Callable[[], None]) -> ReplayReport | None:
+    def replay_whole_log(
+        self,
+        on_wait: Callable[[], None],
+        is_left_out: Callable[[], bool] = lambda: False,
+        *,
+        is_growing: bool = False,
+    ) -> ReplayReport | None:
         """Result of the log that is no longer followed, which may be there already.
 
-        None without replays, and where their processes end without a result. What is recorded
-        after this begins may be missing.
+        None without replays, where it is left out, and where their processes end without a result.
+        What is recorded after this begins may be missing.
 
         Args:
             on_wait: called once if the result takes a while.
-
-        Raises:
-            KeyboardInterrupt: it was not awaited.
+            is_left_out: asked again and again while it is awaited.
+            is_growing: whether it may still be recorded: tables are read up to their last line.
         """
-        if self._share <= 0.0:
+        if self._share <= 0.0 or is_left_out():
             return None
-        now = self._find_signature()
-        if self._is_underway and self._signature != now:
-            self.end_process()  # half of it would have to be done again
-        if self._signature != now:
+        now = find_signature(self._logs)
+        if self._signature != now or not now:
             self._newest = None
+            if self._is_underway:
+                self.end_process()  # half of it would have to be done again
         began, is_told = time.monotonic(), False
         for _ in range(_MOST_LAST):
             if not self._is_underway and self._newest is None:
-                self._begin_replay(is_last=True)
+                self._begin_replay(is_last=True, is_growing=is_growing)
             while self._is_underway:
                 self._take_result()
+                if is_left_out():
+                    return None
                 time.sleep(_LOOK_S)
                 if not is_told and time.monotonic() - began > _PATIENCE_S:
                     is_told = True
                     on_wait()
             if self._newest is not None:
-                if self._newest.validity == "failed":
-                    self._tell(f"the log could not be replayed: {self._newest.fault}")
                 return replace(self._newest, is_whole=True)
         return None
-
-    def _find_signature(self) -> _Signature:
-        """Signature of the log and of the machine file, which each replay reads anew."""
-        return find_signature((*self._logs, self._machine_file))
 
     def end_process(self) -> None:
         """End the process, whatever it does."""
@@ -173,7 +174,7 @@ class BackgroundReplays:
             self._process = None
         self._is_underway = False
 
-    def _begin_replay(self, *, is_last: bool) -> None:
+    def _begin_replay(self, *, is_last: bool, is_growing: bool = True) -> None:
         self._is_wanted, self._is_last, self._newest = False, is_last, None
         self._began_s = time.monotonic()
         try:
@@ -184,14 +185,14 @@ class BackgroundReplays:
         self._process, self._output, self._is_underway = process, bytearray(), True
         # a table that grows is copied up to its last line, so that no number of it is torn
         names = [find_log_name(path) for path in self._logs]
-        is_copied = not is_last and any(is_text_table(path) for path in names)
+        is_copied = is_growing and any(is_text_table(path) for path in names)
         asked = {
             "logs": [str(path) for path in names],
-            "machine": str(self._machine_file),
-            "overrides": list(self._overrides),
+            # as it is in the file, so that what is not set is found in the log
+            "machine": self._machine.model_dump(mode="json", exclude_unset=True),
             "is_copied": is_copied,
         }
-        self._signature = {} if is_copied else self._find_signature()
+        self._signature = {} if is_copied else find_signature(self._logs)
         assert process.stdin is not None
         with contextlib.suppress(BrokenPipeError):  # that it has ended is seen where it is read
             process.stdin.write(json.dumps(asked).encode() + b"\n")
@@ -280,34 +281,37 @@ def find_signature(logs: Sequence[Path]) -> _Signature:
     return found
 
 
-def replay_log_so_far(
-    logs: Sequence[Path], machine_file: Path, overrides: Sequence[str], *, is_copied: bool
-) -> ReplayReport:
+def replay_log_so_far(logs: Sequence[Path], machine: Machine, *, is_copied: bool) -> ReplayReport:
     """Replay a log as it is on disk, as `run` does.
 
     Args:
         logs: paths of the log.
-        machine_file: as in `load_machine`.
-        overrides: as in `load_machine`.
+        machine: channels and settings.
         is_copied: whether tables are copied up to their last complete line.
 
     Raises:
-        PayscopeError: the log or the machine file is invalid, or there is too little data.
+        PayscopeError: the log is invalid, or there is too little data.
     """
+    began = time.process_time()
+    result = run_log_so_far(logs, machine, is_copied=is_copied)
+    return report_replay(result, time.process_time() - began)
+
+
+def run_log_so_far(logs: Sequence[Path], machine: Machine, *, is_copied: bool) -> Run:
+    """The same, with all that a replay gives."""
     from replay.pipeline import run
 
-    began = time.process_time()
-    machine = load_machine(machine_file, overrides)
     with ExitStack() as opened:
         if is_copied:
             folder = Path(opened.enter_context(TemporaryDirectory(prefix="payscope-")))
-            logs = [copy_complete_lines(path, folder) for path in logs]
+            logs = [
+                copy_complete_lines(path, folder) if is_text_table(path) else path for path in logs
+            ]
         run_logs = [
             opened.enter_context(open_log(path, time=time_axis_of_machine(machine)))
             for path in logs
         ]
-        result = run(run_logs, machine)
-    return report_replay(result, time.process_time() - began)
+        return run(run_logs, machine)
 
 
 def copy_complete_lines(path: Path, folder: Path) -> Path:
@@ -345,8 +349,7 @@ def answer_request(asked: Mapping[str, Any]) -> ReplayReport:
     try:
         return replay_log_so_far(
             [Path(path) for path in asked["logs"]],
-            Path(asked["machine"]),
-            asked["overrides"],
+            Machine.model_validate_json(json.dumps(asked["machine"])),
             is_copied=asked["is_copied"],
         )
     except DataError as error:

@@ -2,8 +2,8 @@
 
 import gc
 import time
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack, closing
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -19,6 +19,8 @@ from analysis.online.rehearsal import rehearse
 from estimators.errors import DataError, LogError
 from estimators.interpreted import compile_at_once
 from estimators.threads import one_blas_thread
+from replay.follow.background_replay import find_log_name, is_text_table
+from replay.follow.interrupts import Interrupts
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import GrowingLogFile, follow_log
 from replay.machines.machine_file import time_axis_of_machine
@@ -28,6 +30,7 @@ from replay.machines.machine_file import time_axis_of_machine
 LOOK_S: Final = 0.04
 #: Seconds without growth after which a log counts as ended, unless the caller says otherwise.
 IDLE_S: Final = 10.0
+_INTERRUPTED: Final = "interrupted"
 
 
 @dataclass(slots=True)
@@ -41,6 +44,9 @@ class Following:
         losses: data that could not be read.
         look_s: duration of the last poll that found data.
         ended: reason for the end; empty while following.
+        is_interrupted: whether ctrl-C was the reason: the log may grow on.
+        sizes: size of each file when it grew last.
+        lost: what has become of a log that is gone or shorter than what was followed; else empty.
     """
 
     paths: Sequence[Path]
@@ -49,6 +55,9 @@ class Following:
     losses: list[Loss] = field(default_factory=list)
     look_s: float = 0.0
     ended: str = ""
+    is_interrupted: bool = False
+    sizes: Mapping[Path, int] = field(default_factory=dict)
+    lost: str = ""
 
     @property
     def missing_excitation(self) -> list[str]:
@@ -74,8 +83,12 @@ def follow_logs(
     idle_s: float = IDLE_S,
     valid_s: float = VALID_S,
     until_u_kg: float | None = None,
+    interrupts: Interrupts | None = None,
 ) -> Following:
     """Follow a log until its recorder closes it, it stops growing for `idle_s`, or ctrl-C.
+
+    Ctrl-C ends it between two polls, and once more within one: each row that was stepped is given
+    to `on_rows`.
 
     Args:
         paths: as in `follow_log`.
@@ -85,6 +98,7 @@ def follow_logs(
         idle_s: seconds without growth before it ends.
         valid_s: as in `Follower`.
         until_u_kg: as in `Follower`.
+        interrupts: those of the caller, which count on; None for its own.
 
     Raises:
         LogError: the log cannot be followed, or a topic cannot be decoded.
@@ -94,6 +108,7 @@ def follow_logs(
     follower = Follower(machine, noise, valid_s=valid_s, until_u_kg=until_u_kg)
     following = Following(paths, follower)
     with ExitStack() as opened:
+        noted = interrupts or opened.enter_context(Interrupts())
         log = opened.enter_context(
             closing(follow_log(paths, fields, time_axis_of_machine(machine)))
         )
@@ -103,15 +118,26 @@ def follow_logs(
         gc.collect()
         gc.freeze()
         opened.callback(gc.unfreeze)
+        noted.is_raised = False
         try:
-            following.ended = follow_until_end(log, following, on_rows, idle_s)
-        except KeyboardInterrupt:
-            following.ended = "interrupted"
+            following.ended = follow_until_end(log, following, on_rows, idle_s, noted)
+        except KeyboardInterrupt:  # by `on_rows`
+            following.ended = _INTERRUPTED
+        following.is_interrupted = following.ended == _INTERRUPTED
+        following.lost = describe_lost_log(paths, following.sizes)
+        if following.lost and not following.is_interrupted:
+            following.ended = following.lost
         try:
-            poll_log(log, following, on_rows, is_whole=True)
+            if not (following.is_interrupted and is_in_haste(following, noted)):
+                poll_log(log, following, on_rows, noted, is_last=True)
         except DataError as error:
             raise LogError(f"{paths[0]}: {following.ended}: {error}{following.remedy}") from error
     return following
+
+
+def is_in_haste(following: Following, interrupts: Interrupts) -> bool:
+    """Whether ctrl-C asks for the end of what is left to do when following has ended, or must."""
+    return interrupts.count > (following.is_interrupted or not following.ended)
 
 
 def follow_until_end(
@@ -119,13 +145,18 @@ def follow_until_end(
     following: Following,
     on_rows: Callable[[Following, list[FollowedRow]], None],
     idle_s: float,
+    interrupts: Interrupts,
 ) -> str:
     """Poll the log until it ends; returns the reason."""
     grew = time.monotonic()
     while True:
         began = time.monotonic()
-        if poll_log(log, following, on_rows):
+        if interrupts.count:
+            return _INTERRUPTED
+        sizes = find_sizes(following.paths)
+        if poll_log(log, following, on_rows, interrupts):
             grew = time.monotonic()
+            following.sizes = sizes
         elif log.is_finished:
             return "the recorder has closed the log"
         elif began - grew > idle_s:
@@ -133,22 +164,60 @@ def follow_until_end(
         time.sleep(max(0.0, began + LOOK_S - time.monotonic()))
 
 
+def find_sizes(paths: Sequence[Path]) -> dict[Path, int]:
+    """Size of each file, without those that are gone."""
+    sizes: dict[Path, int] = {}
+    for path in paths:
+        with suppress(OSError):
+            sizes[path] = path.stat().st_size if path.is_file() else 0
+    return sizes
+
+
+def describe_lost_log(paths: Sequence[Path], before: Mapping[Path, int]) -> str:
+    """Name a file of the log that is gone, or a table that shrank; empty without one.
+
+    Args:
+        paths: paths of the log.
+        before: size of each file when it grew last.
+    """
+    sizes = find_sizes(paths)
+    for path in paths:
+        if not find_log_name(path).exists():
+            return f"{path} is no longer there"
+        if is_text_table(path) and sizes.get(path, 0) < before.get(path, 0):
+            return f"{path} has shrunk from {before[path]:,} to {sizes.get(path, 0):,} bytes"
+    return ""
+
+
 def poll_log(
     log: GrowingLogFile,
     following: Following,
     on_rows: Callable[[Following, list[FollowedRow]], None],
+    interrupts: Interrupts,
     *,
-    is_whole: bool = False,
+    is_last: bool = False,
 ) -> bool:
-    """Process new data of the log; returns whether there was any."""
+    """Process new data of the log; returns whether there was any.
+
+    Args:
+        log: the log.
+        following: its state.
+        on_rows: called with the rows, all that were stepped.
+        interrupts: in haste (ctrl-C again), the rows that are not stepped yet are left out.
+        is_last: whether no poll follows.
+    """
     began = time.monotonic()
-    frames = log.poll(is_whole=is_whole)
+    # one that is still recorded ends within a line, which would be half a row
+    frames = log.poll(is_whole=is_last and not following.is_interrupted)
     following.topics, following.losses = log.topics, [*log.losses]
     for topic, frame in frames.items():
         following.follower.take(topic, frame)
     rows: list[FollowedRow] = []
-    if frames or is_whole:
-        rows = following.follower.rows(is_whole=is_whole)
+    if frames or is_last:
+        for row in following.follower.iter_rows(is_whole=is_last):
+            rows.append(row)
+            if is_in_haste(following, interrupts):
+                break
         following.look_s = time.monotonic() - began
     on_rows(following, rows)
     return bool(frames)

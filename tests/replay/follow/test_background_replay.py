@@ -20,6 +20,7 @@ from mcap.writer import CompressionType
 
 from analysis.online.replay_report import LoadReport, ReplayReport, find_fit_of_turning
 from analysis.simulation import Scenario
+from replay import load_machine
 from replay.follow.background_replay import (
     BackgroundReplays,
     answer_request,
@@ -231,7 +232,7 @@ def test_a_log_that_is_too_short_has_no_load(payscope: Payscope) -> None:
 def test_without_a_share_there_is_no_replay(logs: dict[str, Path]) -> None:
     told: list[str] = []
     with BackgroundReplays(
-        [logs[".mcap"]], Path("cat262c.toml"), [], told.append, share=0.0
+        [logs[".mcap"]], load_machine("cat262c.toml"), told.append, share=0.0
     ) as replays:
         replays.request()
         assert replays.poll() is None
@@ -247,7 +248,9 @@ def test_replays_keep_to_their_share_of_one_core(logs: dict[str, Path], tmp_path
     target.write_bytes(data[:size])
     share, took = 0.5, list[float]()
     began = time.monotonic()
-    with BackgroundReplays([target], Path("cat262c.toml"), [], lambda _: None, share=share) as each:
+    with BackgroundReplays(
+        [target], load_machine("cat262c.toml"), lambda _: None, share=share
+    ) as each:
         while len(took) < 4:
             size += 2_000
             target.write_bytes(data[:size])
@@ -264,7 +267,7 @@ def test_a_killed_process_is_said_in_a_line_and_the_last_replay_is_the_same(
 ) -> None:
     told: list[str] = []
     report: ReplayReport | None = None
-    with BackgroundReplays([logs[".bag"]], Path("cat262c.toml"), [], told.append) as replays:
+    with BackgroundReplays([logs[".bag"]], load_machine("cat262c.toml"), told.append) as replays:
         replays.request()
         assert replays.poll() is None
         assert replays.process_id is not None
@@ -296,7 +299,7 @@ def test_a_log_that_grows_on_when_following_ends_is_replayed_once_more(
     sleep = time.sleep
     monkeypatch.setattr("replay.follow.background_replay.time.sleep", grow)
     told: list[str] = []
-    with BackgroundReplays([target], Path("cat262c.toml"), [], told.append) as replays:
+    with BackgroundReplays([target], load_machine("cat262c.toml"), told.append) as replays:
         first = replays.replay_whole_log(lambda: None)
         assert first is not None
         assert first.is_whole
@@ -313,7 +316,7 @@ def test_a_process_that_cannot_start_does_not_end_following(
 
     monkeypatch.setattr("replay.follow.background_replay.start_process", refuse)
     told: list[str] = []
-    with BackgroundReplays([logs[".bag"]], Path("cat262c.toml"), [], told.append) as replays:
+    with BackgroundReplays([logs[".bag"]], load_machine("cat262c.toml"), told.append) as replays:
         replays.request()
         assert replays.poll() is None
         assert told == [
@@ -329,7 +332,8 @@ def test_a_fault_that_nobody_foresaw_is_named(monkeypatch: pytest.MonkeyPatch) -
         raise pl.exceptions.ComputeError("torn")
 
     monkeypatch.setattr("replay.follow.background_replay.replay_log_so_far", fail)
-    asked = {"logs": ["a.csv"], "machine": "sledge.toml", "overrides": [], "is_copied": False}
+    machine = load_machine("sledge.toml").model_dump(mode="json", exclude_unset=True)
+    asked = {"logs": ["a.csv"], "machine": machine, "is_copied": False}
     report = answer_request(asked)
     assert (report.validity, report.fault) == ("failed", "ComputeError: torn")
 
@@ -360,16 +364,16 @@ def test_the_process_ends_with_its_follower(
     """Killed, it leaves no process; by ctrl-C it ends with status 0 and the replay of all."""
     target = tmp_path / "growing.mcap"
     target.write_bytes(logs[".mcap"].read_bytes()[:-200_000])
-    following = started(target, "--idle-s", "600")
-    assert following.stdout is not None
-    lines = [next(line for line in following.stdout if '"event": "manoeuvre"' in line)]
-    wait_until(lambda: children_of(following.pid))
-    children = children_of(following.pid)
-    wait_until(lambda: all(os.getpriority(os.PRIO_PROCESS, child) == 19 for child in children))
-    following.send_signal(ending)
-    # not by communicate, which misses what was read ahead for the first line
-    lines += following.stdout
-    wait_until(lambda: not any(map(is_running, children)))
-    if ending == signal.SIGINT:
-        assert following.wait() == 0, following.stderr and following.stderr.read()
-        assert replays_of("".join(lines))[-1]["is_whole"]
+    with started(target, "--idle-s", "600") as following:
+        assert following.stdout is not None
+        lines = [next(line for line in following.stdout if '"event": "manoeuvre"' in line)]
+        wait_until(lambda: children_of(following.pid))
+        children = children_of(following.pid)
+        wait_until(lambda: all(os.getpriority(os.PRIO_PROCESS, child) == 19 for child in children))
+        following.send_signal(ending)
+        # not by communicate, which misses what was read ahead for the first line
+        lines += following.stdout
+        wait_until(lambda: not any(map(is_running, children)))
+        if ending == signal.SIGINT:
+            assert following.wait() == 0, following.stderr and following.stderr.read()
+            assert replays_of("".join(lines))[-1]["is_whole"]

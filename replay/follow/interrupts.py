@@ -1,0 +1,42 @@
+"""Ctrl-C as a number that is looked at, so that no row is cut off between its step and its line."""
+
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import Final, Self
+
+#: The interrupt that is raised after all, for a process that hangs where nobody looks.
+_RAISED: Final = 4
+
+
+class Interrupts:
+    """Counts ctrl-C within a `with` statement of the main thread; elsewhere there are none.
+
+    Attributes:
+        count: number of interrupts so far.
+        is_raised: whether they raise `KeyboardInterrupt`: until there is a row to lose.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.is_raised = True
+        self._before: object = None
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            self._before = signal.signal(signal.SIGINT, self._note)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if callable(self._before) or isinstance(self._before, signal.Handlers):
+            signal.signal(signal.SIGINT, self._before)
+
+    def _note(self, _number: int, _frame: FrameType | None) -> None:
+        self.count += 1
+        if self.is_raised or self.count >= _RAISED:
+            raise KeyboardInterrupt
