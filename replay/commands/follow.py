@@ -90,10 +90,14 @@ def command(
     from replay.commands.progress_bar import COMPILING, warn_on_slow_compile
     from replay.follow.agreement import FollowedDigests
     from replay.follow.background_replay import BackgroundReplays
-    from replay.follow.follow_logs import Following, follow_logs, is_in_haste
+    from replay.follow.follow_logs import (
+        Following,
+        MachineFileChange,
+        follow_logs,
+        is_in_haste,
+    )
     from replay.follow.followed_outputs import FollowedOutputs
     from replay.follow.interrupts import Interrupts
-    from replay.follow.machine_file_change import MachineFileChange
     from replay.machines.machine_file import load_machine
 
     change = MachineFileChange(machine)

@@ -11,8 +11,7 @@ from analysis.online.follower import FollowedRow
 from recordings import read_provenance
 from replay import load_machine
 from replay.follow.agreement import Agreement, iter_agreement_lines
-from replay.follow.follow_logs import Following, follow_logs
-from replay.follow.machine_file_change import MachineFileChange
+from replay.follow.follow_logs import Following, MachineFileChange, follow_logs
 from tests.replay.sledge import MACHINE, Payscope, sledge
 
 IDLE_S = 0.3
