@@ -15,6 +15,7 @@ import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.fit_columns import FitRows
+from analysis.weighing.force_by_place import BY_PLACE
 from analysis.weighing.joint_fit import make_refit_rows, refit_with_changes
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
@@ -182,11 +183,16 @@ def find_missing_terms(
 ) -> tuple[MissingTerm, ...]:
     """Find significant terms that the model does not have, the one with the largest effect first.
 
+    None over one short path, where a force depends on the place.
+
     Args:
         fit: the fit without them.
         noise: noise of acceleration, speed and force.
         priors: of the nuisances.
     """
+    if any(term.source == BY_PLACE for term in fit.terms):
+        # strokes over one path have the same speed at each place: a spring looks like such a gain
+        return ()
     terms = make_candidate_terms(fit.motion)
     rows = make_refit_rows(fit, noise, terms)
     found: list[MissingTerm] = []
