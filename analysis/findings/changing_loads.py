@@ -160,7 +160,7 @@ def _report_excluded_growths(inputs: FindingInputs) -> list[Symptom]:
     if weighing is None:
         return []
     # a gain that steps with the speed looks like a load, of a size that no loader carries
-    steps = any(abs(term.t) >= LIMITS.named_term_min_std for term in weighing.missing_terms)
+    steps = bool(inputs.named_missing_terms)
     most_kg = WEIGHING_LIMITS.largest_load_fraction * abs(weighing.fit.mass_kg)
     growing = [
         each for each in weighing.growing if each.is_possible and not (steps and each.kg > most_kg)

@@ -18,6 +18,7 @@ from analysis.model.verdict import Verdict
 from analysis.model.windows import flag_windows
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.weighing.joint_result import JointFit
+from analysis.weighing.missing_terms import MissingTerm
 from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, MotionSamples
 from estimators.arrays import Bools, Floats, Ints
 from estimators.interpreted import compiled_ahead
@@ -73,6 +74,13 @@ class FindingInputs:
         """Numbers of the verdict by check; NaN for checks that do not apply."""
         numbers = self.judged["value"].fill_null(np.nan).to_list()
         return dict(zip(self.judged["check"].to_list(), numbers, strict=True))
+
+    @property
+    def named_missing_terms(self) -> tuple[MissingTerm, ...]:
+        """Terms that the model lacks and that are plain enough to be reported."""
+        weighing = self.check_inputs.weighing
+        found = () if weighing is None else weighing.missing_terms
+        return tuple(each for each in found if abs(each.t) >= LIMITS.named_term_min_std)
 
     @cached_property
     def column_noise(self) -> ColumnNoiseModel | None:

@@ -16,6 +16,7 @@ from analysis.findings.cause import Symptom, keep_strongest_symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.refit import refit_without_rows
 from analysis.model.physical_units import NS_PER_S
+from analysis.model.windows import runs_of_flagged_samples
 from estimators.arrays import Bools, Floats, Ints
 
 Hashes = npt.NDArray[np.uint64]
@@ -97,10 +98,11 @@ def list_copied_stretches(t: Ints, columns: list[Floats]) -> list[tuple[int, int
     rows = _hash_rows(columns)
     found: list[tuple[int, int, int]] = []
     for distance in _distances_of_equal_windows(rows):
-        for begin, end in _runs(rows[distance:] == rows[:-distance]):
+        begins, ends = runs_of_flagged_samples(rows[distance:] == rows[:-distance])
+        long = ends - begins + 1 >= _FEWEST_ROWS
+        for begin, end in zip(begins[long].tolist(), ends[long].tolist(), strict=True):
             first, last = begin + distance, end + distance
-            is_long = end - begin + 1 >= _FEWEST_ROWS
-            if not is_long or t[last] - t[first] < _SHORTEST_S * NS_PER_S or t[first] <= t[end]:
+            if t[last] - t[first] < _SHORTEST_S * NS_PER_S or t[first] <= t[end]:
                 continue
             readings = max(np.unique(x[first : last + 1]).size for x in columns)
             apart = all(last < b or first > e for b, e, _ in found)
@@ -158,11 +160,3 @@ def _distances_of_equal_windows(rows: Hashes) -> list[int]:
     distances = begins[order[1:][same]] - begins[order[:-1][same]]
     values, times = np.unique(distances, return_counts=True)
     return [int(each) for each in values[np.argsort(-times, kind="stable")][:_MOST_DISTANCES]]
-
-
-def _runs(same: Bools) -> list[tuple[int, int]]:
-    """First and last index of each run of true values as long as a copy."""
-    edges = np.flatnonzero(np.diff(same, prepend=False, append=False))
-    begin, end = edges[::2], edges[1::2] - 1
-    long = end - begin + 1 >= _FEWEST_ROWS
-    return list(zip(begin[long].tolist(), end[long].tolist(), strict=True))

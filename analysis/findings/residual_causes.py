@@ -187,16 +187,14 @@ def find_hysteresis(inputs: FindingInputs) -> list[Symptom]:
 
 def find_gain_by_speed(inputs: FindingInputs) -> list[Symptom]:
     """Report the term with the largest effect on a mass among those that the model lacks."""
-    weighing, fit = inputs.check_inputs.weighing, inputs.fit
-    if weighing is None or fit is None or not weighing.missing_terms:
+    fit, named = inputs.fit, inputs.named_missing_terms
+    if fit is None or not named:
         return []
-    least = LIMITS.named_term_min_std
-    plain = (each for each in weighing.missing_terms if abs(each.t) >= least)
-    found = next(plain, weighing.missing_terms[0])
+    found = named[0]
     effect_kg = float(found.effect_kg[fit.main_state])
     return [
         Symptom(
-            abs(found.t) / least,
+            abs(found.t) / LIMITS.named_term_min_std,
             f"{found.term.meaning}: this term is {abs(found.t):.1f} standard deviations from 0, "
             f"and with it the mass changes by {effect_kg:+.0f} kg; which term is the true one is "
             "not known, so the mass is not corrected",

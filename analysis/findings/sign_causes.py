@@ -53,8 +53,7 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
     of_force = inputs.checks.get("force_sign", np.nan)
     gain, std = fit_accelerometer_gain(inputs) or (np.nan, np.nan)
     by_imu = abs(gain) > LIMITS.signed_gain_std * std
-    # a speed without its sign makes every drive in reverse look like one of the wrong sign
-    if not np.isfinite(of_force) or find_unsigned_speed(inputs):
+    if not np.isfinite(of_force):
         return []
     names: tuple[str, ...] = ()
     if of_force < -LIMITS.signed_correlation and not (by_imu and gain < 0.0):
@@ -67,7 +66,8 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
             if of_force < -LIMITS.signed_correlation
             else inputs.speed_channels
         )
-    if not names:
+    # a speed without its sign makes every drive in reverse look like one of the wrong sign
+    if not names or find_unsigned_speed(inputs):
         return []
     setting, value = inputs.propose_scales(names, -1.0)
     strength = max(

@@ -23,7 +23,11 @@ from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.weighing.fit_columns import FitRows, average_columns, stride_between_means
 from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit, term_index
-from analysis.weighing.load_states import unit_of_each_sample, unit_of_each_stretch
+from analysis.weighing.load_states import (
+    LoadStates,
+    unit_of_each_sample,
+    unit_of_each_stretch,
+)
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, Ints, MotionSamples
 from analysis.weighing.nuisances import FILLING
 from analysis.weighing.weighing_limits import LIMITS
@@ -182,7 +186,7 @@ def find_growing_loads(
     if number.size < LIMITS.growth_min_manoeuvres:
         return ()
     kg, square = slopes.T
-    kg = kg - fit_common_growth(_mass_of_each_kg(fit, number), kg)
+    kg = kg - fit_common_growth(fit.masses_kg[_find_states(fit.states, number)], kg)
     apart = STD_OF_MAD * float(np.median(np.abs(kg)))
     std_kg = np.sqrt(variance / square + apart**2)
     limit = -float(ndtri(LIMITS.growth_false_alarm_probability / 2.0 / kg.size)) * student_factor(
@@ -204,13 +208,9 @@ def find_growing_loads(
     )
 
 
-def _mass_of_each_kg(fit: JointFit, number: Ints) -> Floats:
-    """Mass of the load state of manoeuvres, (n,) in kg."""
-    states = fit.states
-    if states is None or fit.count == 1:
-        return np.full(number.size, fit.mass_kg)
-    at = np.searchsorted(states.unit, number).clip(0, states.unit.size - 1)
-    return fit.masses_kg[states.membership[at]]
+def _find_states(states: LoadStates, unit: Ints) -> Ints:
+    """Index of the load state of manoeuvres by their number, (n,); undefined beyond them."""
+    return states.membership[np.searchsorted(states.unit, unit).clip(0, states.unit.size - 1)]
 
 
 def fit_common_growth(mass_kg: Floats, growth_kg: Floats) -> Floats:
@@ -290,8 +290,7 @@ def find_creeps_between_loads(fit: JointFit) -> Ints:
 def _residual_force(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
     """Residual force of the rows, (n,) in N; undefined for rows outside manoeuvres."""
     assert fit.states is not None
-    place = np.searchsorted(fit.states.unit, unit).clip(0, fit.states.unit.size - 1)
-    masses = fit.theta[: fit.count][fit.states.membership[place]]
+    masses = fit.theta[: fit.count][_find_states(fit.states, unit)]
     return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ fit.shared_parameters
 
 

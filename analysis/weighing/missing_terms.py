@@ -64,10 +64,6 @@ class MissingTerm:
     t: float
     effect_kg: Floats
 
-    def relative_effect(self, fit: JointFit) -> float:
-        """Largest change of a mass over its uncertainty."""
-        return _largest_relative_effect(self.effect_kg, fit)
-
     def is_significant(self, fit: JointFit) -> bool:
         """Whether the term is significant, and the log determines its effect on the mass."""
         effect_std_kg = np.abs(self.effect_kg / self.t)
@@ -208,8 +204,9 @@ def find_missing_terms(
         lacking = MissingTerm(term, float(other.theta[-1] / other.fit.std[-1]), effect_kg)
         if lacking.is_significant(fit):
             found.append(lacking)
-    return tuple(sorted(found, key=lambda each: -each.relative_effect(fit)))
+    return tuple(sorted(found, key=lambda each: -_largest_relative_effect(each.effect_kg, fit)))
 
 
 def _largest_relative_effect(effect_kg: Floats, fit: JointFit) -> float:
+    """Largest change of a mass over its uncertainty."""
     return float(np.max(np.abs(effect_kg) / fit.fit.std[: fit.count]))
