@@ -125,13 +125,8 @@ def replay_report_schema() -> dict[str, Any]:
     }
 
 
-def report_replay(run: Run, processor_s: float) -> ReplayReport:
-    """Report the result of a replay.
-
-    Args:
-        run: the replay of the log so far.
-        processor_s: processor time that it took, in s.
-    """
+def report_replay(run: Run) -> ReplayReport:
+    """Report the result of a replay of the log so far, without the time that it took."""
     found, t_ns = answer(run), run.frames["excitation"]["t_ns"]
     t0_unix_ns, last_ns = run.provenance.t0_unix_ns, int(t_ns[-1]) if t_ns.len() else 0
     loads = tuple(iter_load_reports(found, t0_unix_ns))
@@ -151,7 +146,6 @@ def report_replay(run: Run, processor_s: float) -> ReplayReport:
         ),
         inertia_z_kg_m2=inertia,
         inertia_u_kg_m2=finite_or_none(turning["inertia_z_std_kg_m2"]) if turning else None,
-        processor_s=processor_s,
         fingerprint=found.fingerprint.results if found.fingerprint else "",
     )
 

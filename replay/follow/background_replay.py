@@ -281,7 +281,7 @@ def find_signature(logs: Sequence[Path]) -> _Signature:
     return found
 
 
-def replay_log_so_far(logs: Sequence[Path], machine: Machine, *, is_copied: bool) -> ReplayReport:
+def run_log_so_far(logs: Sequence[Path], machine: Machine, *, is_copied: bool) -> Run:
     """Replay a log as it is on disk, as `run` does.
 
     Args:
@@ -292,13 +292,6 @@ def replay_log_so_far(logs: Sequence[Path], machine: Machine, *, is_copied: bool
     Raises:
         PayscopeError: the log is invalid, or there is too little data.
     """
-    began = time.process_time()
-    result = run_log_so_far(logs, machine, is_copied=is_copied)
-    return report_replay(result, time.process_time() - began)
-
-
-def run_log_so_far(logs: Sequence[Path], machine: Machine, *, is_copied: bool) -> Run:
-    """The same, with all that a replay gives."""
     from replay.pipeline import run
 
     with ExitStack() as opened:
@@ -347,11 +340,12 @@ def answer_requests() -> None:
 def answer_request(asked: Mapping[str, Any]) -> ReplayReport:
     """Replay as asked; the report of a replay that fails says why."""
     try:
-        return replay_log_so_far(
+        result = run_log_so_far(
             [Path(path) for path in asked["logs"]],
             Machine.model_validate_json(json.dumps(asked["machine"])),
             is_copied=asked["is_copied"],
         )
+        return report_replay(result)
     except DataError as error:
         return report_fault(str(error), "none_yet")
     except (PayscopeError, OSError) as error:

@@ -23,7 +23,11 @@ from replay.follow.background_replay import find_log_name, is_text_table
 from replay.follow.interrupts import Interrupts
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import GrowingLogFile, follow_log
-from replay.machines.machine_file import machine_file_or_shipped, time_axis_of_machine
+from replay.machines.machine_file import (
+    find_file_signature,
+    machine_file_or_shipped,
+    time_axis_of_machine,
+)
 
 #: Seconds between two looks at the log: a row is at most as late as this and a look take, 50 ms in
 #: all, and each look at something new costs some milliseconds of the processor.
@@ -229,24 +233,17 @@ class MachineFileChange:
     def __init__(self, path: Path) -> None:
         """Read it; one that is missing or no file is for those to refuse who load it."""
         self._path = machine_file_or_shipped(path)
-        self._stamp = self._find_stamp()
+        self._signature = find_file_signature(self._path)
         self._text = self._read()
 
     def is_new(self) -> bool:
         """Whether it has another text since the last question. One that is gone has none."""
-        stamp = self._find_stamp()
-        if stamp in (None, self._stamp):
+        signature = find_file_signature(self._path)
+        if signature in (None, self._signature):
             return False
-        self._stamp, before = stamp, self._text
+        self._signature, before = signature, self._text
         self._text = self._read()
         return self._text != before
-
-    def _find_stamp(self) -> tuple[int, int, int] | None:
-        try:
-            about = self._path.stat()
-        except OSError:
-            return None
-        return about.st_mtime_ns, about.st_size, about.st_ino
 
     def _read(self) -> bytes:
         try:

@@ -90,3 +90,12 @@ def machine_file_or_shipped(path: Path) -> Path:
     """Path of a machine file, or of the shipped one with that name if no such file exists."""
     shipped = _SHIPPED / path.name
     return shipped if not path.exists() and path == Path(path.name) and shipped.exists() else path
+
+
+def find_file_signature(path: Path) -> tuple[int, int, int] | None:
+    """Time, size and inode, by which a changed or replaced file is recognised; None if absent."""
+    try:
+        about = path.stat()
+    except OSError:
+        return None
+    return about.st_mtime_ns, about.st_size, about.st_ino

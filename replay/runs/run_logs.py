@@ -15,6 +15,7 @@ from estimators.errors import DataError, LogError, PayscopeError
 from recordings.report.atomic_output import refuse_input_as_output
 from replay.logs import open_log
 from replay.machines.machine_file import (
+    find_file_signature,
     load_machine,
     machine_file_or_shipped,
     time_axis_of_machine,
@@ -54,9 +55,6 @@ _CHECK_INTERVAL_S: Final = 0.2
 
 #: Checks after which a missing file counts as removed; an editor replaces a file faster.
 _CHECKS_UNTIL_REMOVED: Final = 10
-
-#: Time, size and inode, by which a changed or replaced file is recognised; None if absent.
-_Signature = tuple[int, int, int] | None
 
 
 def replay_logs(
@@ -186,11 +184,11 @@ def watch_machine_file(
 
 def machine_file_changes(path: Path) -> Iterator[None]:
     """Yield once at the start, after each change that has settled, and when the file vanishes."""
-    seen, missed = _file_signature(path), 0
+    seen, missed = find_file_signature(path), 0
     yield
     while True:
         time.sleep(_CHECK_INTERVAL_S)
-        now = _file_signature(path)
+        now = find_file_signature(path)
         missed = missed + 1 if now is None else 0
         if missed == _CHECKS_UNTIL_REMOVED:
             seen = None  # the same file again is a change
@@ -199,19 +197,10 @@ def machine_file_changes(path: Path) -> Iterator[None]:
             continue
         while True:
             time.sleep(_CHECK_INTERVAL_S)
-            settled = _file_signature(path)
+            settled = find_file_signature(path)
             if settled == now:
                 break
             now = settled
         if now is not None:
             seen = now
             yield
-
-
-def _file_signature(path: Path) -> _Signature:
-    """Time, size and inode by which a change shows; None if absent."""
-    try:
-        about = path.stat()
-    except OSError:
-        return None
-    return about.st_mtime_ns, about.st_size, about.st_ino

@@ -331,7 +331,7 @@ def test_a_fault_that_nobody_foresaw_is_named(monkeypatch: pytest.MonkeyPatch) -
     def fail(*_: object, **__: object) -> NoReturn:
         raise pl.exceptions.ComputeError("torn")
 
-    monkeypatch.setattr("replay.follow.background_replay.replay_log_so_far", fail)
+    monkeypatch.setattr("replay.follow.background_replay.run_log_so_far", fail)
     machine = load_machine("sledge.toml").model_dump(mode="json", exclude_unset=True)
     asked = {"logs": ["a.csv"], "machine": machine, "is_copied": False}
     report = answer_request(asked)
