@@ -209,3 +209,18 @@ def trim_to_standstills(span: Span, stands_ns: Ints, reach: Floats) -> Span:
     """
     up_ns = times_with_boom_up(stands_ns, reach, span)
     return (int(up_ns[0]), int(up_ns[-1])) if up_ns.size else span
+
+
+def find_dump_borders(loaded: Bools, begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> list[int]:
+    """Borders between loaded manoeuvres at which the boom dumps, so that the load changes."""
+    return [
+        k
+        for k in range(loaded.size - 1)
+        if loaded[k] and loaded[k + 1] and dumps.dumps_during(int(end_ns[k]), int(begin_ns[k + 1]))
+    ]
+
+
+def mark_creeping_dumps(begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> Bools:
+    """Mark manoeuvres that creep while dumping, (manoeuvres,); a changing load has no mass."""
+    dumped = np.array([each.dumped_ns for each in dumps.dumps], np.int64)
+    return np.searchsorted(dumped, begin_ns) < np.searchsorted(dumped, end_ns, "right")

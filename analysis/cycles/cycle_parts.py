@@ -120,6 +120,20 @@ class CycleParts:
     after: int | None = None
     unseen: bool = False
 
+    @property
+    def completed_ns(self) -> int:
+        """End of the last part that was seen, in ns."""
+        return [span for span in (self.dig_ns, self.haul_ns, self.dump_ns) if span][-1][1]
+
+    @property
+    def reason_for_no_mass(self) -> str:
+        """Why the cycle has no mass; empty if it has one."""
+        if self.loaded is None:
+            return "no usable start with this load"
+        if self.before is None and self.after is None:
+            return "no empty pass to compare with"
+        return ""
+
 
 def split_cycles_into_parts(passes: Passes, digs: pl.DataFrame) -> list[CycleParts]:
     """Assign passes and digging starts to cycles, in order of time.

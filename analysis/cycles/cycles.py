@@ -108,7 +108,9 @@ def weigh_cycles(
     """
     digs, motion = frames["digging"], (frames["aligned"], frames["excitation"])
     masses = frames["loads"], frames["manoeuvres"]
-    found = passes or find_load_passes(*masses, digs, *motion) or NO_PASSES
+    drift = None if weighing is None else weighing.significant_empty_mass_drift
+    drift_1 = 0.0 if drift is None else drift.nearby_1.mean(axis=0)
+    found = passes or find_load_passes(*masses, digs, *motion, drift_1) or NO_PASSES
     twice = passes is None and does_digging_contradict_boom(found, digs)
     found = NO_PASSES if twice else found
     parts = split_cycles_into_parts(found, digs)
@@ -137,7 +139,7 @@ def weigh_cycles(
     counts = np.bincount(found.membership)
     for number, part in enumerate(parts, start=1):
         row: dict[str, object] = {"cycle": number, **_list_cycle_times(part, ready_ns)}
-        reason = withheld or reason_for_no_mass(part)
+        reason = withheld or part.reason_for_no_mass
         if not reason:
             weights = pass_weights(part, share, found.mass_kg.size)
             row |= _make_payload_row(part, found, share, clean)
@@ -148,7 +150,7 @@ def weigh_cycles(
         row["quality"], row["counted"] = _payload_quality_and_counted(row, part)
         row["withheld_for"] = reason or _remark_on_cycle(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
-        ready_ns = cycle_completion_ns(part)
+        ready_ns = part.completed_ns
     table = subtract_spillage(_cycle_frame(rows), parts, found, frames, machine.machine)
     return LogCycles(table, sums, worth.scale)
 
@@ -175,21 +177,6 @@ def _list_cycle_times(cycle: CycleParts, ready_ns: int) -> dict[str, object]:
         "haul_s": (dump[0] - haul[0]) / NS_PER_S if haul and dump and not cycle.unseen else None,
         "dump_s": (dump[1] - dump[0]) / NS_PER_S if dump and not cycle.unseen else None,
     }
-
-
-def cycle_completion_ns(cycle: CycleParts) -> int:
-    """Time in ns at which a cycle is complete: the end of its last part that was seen."""
-    seen = [span for span in (cycle.dig_ns, cycle.haul_ns, cycle.dump_ns) if span]
-    return seen[-1][1]
-
-
-def reason_for_no_mass(cycle: CycleParts) -> str:
-    """Why a cycle has no mass; empty if it has one."""
-    if cycle.loaded is None:
-        return "no usable start with this load"
-    if cycle.before is None and cycle.after is None:
-        return "no empty pass to compare with"
-    return ""
 
 
 def _remark_on_cycle(row: dict[str, object]) -> str:
@@ -230,7 +217,7 @@ def _make_payload_row(
         "payload_u_random_kg": float(np.sqrt(variance_kg2)),
     }
     if cycle.after is not None:
-        row["carry_back_kg"] = float(passes.mass_kg[cycle.after]) - cleanest[0]
+        row["carry_back_kg"] = float(passes.mass_without_drift_kg[cycle.after]) - cleanest[0]
         row["carry_back_u_kg"] = float(np.hypot(passes.u_kg[cycle.after], cleanest[1]))
     return row
 
@@ -384,6 +371,11 @@ def common_uncertainty(
     kept = (combined_u(sources, "random") / by_1) ** 2 - float(weights**2 @ passes.u_kg**2)
     common = combined_u(sources, "common", "scale") / by_1
     names = {term.source or term.name for term in fit.terms}
+    responses_kg, drift = fit.term_responses, weighing.significant_empty_mass_drift
+    if drift is not None:
+        # unlike other scales, it moves early and late payloads differently
+        names.add("drifted_gain")
+        responses_kg = np.vstack([responses_kg, drift.responses_kg(fit.masses_kg)])
     other = [s for s in sources if s.kind != "random" and s.name not in names]
     masses = slice(0, fit.count)
     covariance = of_states.T @ (fit.fit.noise + fit.fit.scatter)[masses, masses] @ of_states
@@ -394,7 +386,7 @@ def common_uncertainty(
     return _CommonUncertainty(
         float(np.sqrt(common**2 + max(kept, 0.0))) / total_kg,
         combined_u(other) / by_1 / total_kg,
-        fit.term_responses @ of_states,
+        responses_kg @ of_states,
         covariance - np.diag(passes.u_kg**2),
         empty,
     )

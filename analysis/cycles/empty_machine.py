@@ -81,7 +81,7 @@ def pass_weights_by_state(fit: JointFit, passes: Passes) -> Floats:
 
 def carry_back_variance_kg2(passes: Passes) -> float:
     """Variance of the carry-back in kg²: variance of the empty passes beyond their noise."""
-    mass, u = passes.mass_kg[~passes.loaded], passes.u_kg[~passes.loaded]
+    mass, u = passes.mass_without_drift_kg[~passes.loaded], passes.u_kg[~passes.loaded]
     if mass.size < LIMITS.carried_min_passes:
         return 0.0
     # neighbours, since fuel is burnt
@@ -94,7 +94,7 @@ def mass_and_u_with_clean_bucket_kg(passes: Passes) -> tuple[float, float]:
     The spread of empty passes exceeds that of the carry-back, so quantiles are shrunk towards the
     mean by the fraction of noise in the variance.
     """
-    mass, u = passes.mass_kg[~passes.loaded], passes.u_kg[~passes.loaded]
+    mass, u = passes.mass_without_drift_kg[~passes.loaded], passes.u_kg[~passes.loaded]
     if not mass.size:
         return float("nan"), float("nan")
     noise = float(np.mean(u**2))
@@ -122,7 +122,7 @@ def weigh_empty_machine(
     share = np.where(empty, 1.0 / passes.u_kg**2, 0.0)
     share /= share.sum()
     least_kg, least_u_kg = mass_and_u_with_clean_bucket_kg(passes)
-    carried_kg = max(float(share @ passes.mass_kg) - least_kg, 0.0)
+    carried_kg = max(float(share @ passes.mass_without_drift_kg) - least_kg, 0.0)
     # the noise of the passes is in their own masses
     noise_kg2 = float(np.mean(passes.u_kg[empty] ** 2)) / int(empty.sum())
     own_kg2 = max(least_u_kg**2 - noise_kg2, 0.0)

@@ -10,7 +10,13 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.cycles.boom_dumps import NO_DUMPS, BoomDumps, find_boom_dumps
+from analysis.cycles.boom_dumps import (
+    NO_DUMPS,
+    BoomDumps,
+    find_boom_dumps,
+    find_dump_borders,
+    mark_creeping_dumps,
+)
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.weighing.fit_columns import are_masses_possible
@@ -31,6 +37,7 @@ class Passes:
         end_ns: (passes,) last fitted sample.
         one_filling_ns: largest distance between digging starts that fill the bucket once.
         dumps: dumps that the boom shows.
+        drift_1: (passes,) drift of the empty machine's mass at each pass, over its mean.
     """
 
     membership: Ints
@@ -42,6 +49,12 @@ class Passes:
     end_ns: Ints
     one_filling_ns: int = LIMITS.one_filling_ns
     dumps: BoomDumps = NO_DUMPS
+    drift_1: Floats | float = 0.0
+
+    @property
+    def mass_without_drift_kg(self) -> Floats:
+        """(passes,) mass of each, were the gain of the force its mean over the log."""
+        return self.mass_kg / (1.0 + self.drift_1)
 
 
 #: Of a log whose loads cannot be told from empty passes.
@@ -62,6 +75,7 @@ def find_load_passes(
     digs: pl.DataFrame,
     aligned: pl.DataFrame | None = None,
     excitation: pl.DataFrame | None = None,
+    drift_1: Floats | float = 0.0,
 ) -> Passes | None:
     """Join manoeuvres to passes; None if loaded and empty cannot be distinguished.
 
@@ -71,6 +85,7 @@ def find_load_passes(
         digs: the frame `digging`: a digging start separates empty before from loaded after.
         aligned: frame with the boom, if measured.
         excitation: frame with phases and speed.
+        drift_1: (states,) drift of the empty machine's mass at each state, over its mean.
     """
     if manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
         return None
@@ -83,7 +98,7 @@ def find_load_passes(
     total = np.bincount(state, weight)
     mass_kg = np.bincount(state, weight * level) / total
     u_kg = 1.0 / np.sqrt(total)
-    loaded = classify_loaded_states(mass_kg, u_kg, state, (begin, end), digs)
+    loaded = classify_loaded_states(mass_kg / (1.0 + drift_1), u_kg, state, (begin, end), digs)
     if loaded is None:
         return None
     of_state = loaded[state]
@@ -125,6 +140,7 @@ def find_load_passes(
         end[last],
         one_filling_ns,
         dumps,
+        np.broadcast_to(drift_1, mass_kg.shape)[state[first]],
     )
 
 
@@ -225,21 +241,6 @@ def reclassify_at_dumps(
             moved[places[0] : first] = False
             moved[first : places[0]] = True
     return moved
-
-
-def find_dump_borders(loaded: Bools, begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> list[int]:
-    """Borders between loaded manoeuvres at which the boom dumps, so that the load changes."""
-    return [
-        k
-        for k in range(loaded.size - 1)
-        if loaded[k] and loaded[k + 1] and dumps.dumps_during(int(end_ns[k]), int(begin_ns[k + 1]))
-    ]
-
-
-def mark_creeping_dumps(begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> Bools:
-    """Mark manoeuvres that creep while dumping, (manoeuvres,); a changing load has no mass."""
-    dumped = np.array([each.dumped_ns for each in dumps.dumps], np.int64)
-    return np.searchsorted(dumped, begin_ns) < np.searchsorted(dumped, end_ns, "right")
 
 
 def find_spilled_loads(

@@ -238,8 +238,8 @@ def _select_significant_growths(inputs: FindingInputs) -> list[LoadGrowthRate]:
 def find_drift_of_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     """Find an empty machine whose mass changes over the log by more than fuel."""
     weighing = inputs.check_inputs.weighing
-    drift = None if weighing is None else weighing.empty_mass_drift
-    if weighing is None or drift is None or not drift.is_significant:
+    drift = None if weighing is None else weighing.significant_empty_mass_drift
+    if weighing is None or drift is None:
         return []
     u_kg = drift.gain_u_1 * abs(weighing.fit.mass_kg)
     return [

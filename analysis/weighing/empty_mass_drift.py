@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import Bools, Floats
+from analysis.weighing.motion_samples import Bools, Floats, Ints
 from analysis.weighing.weighing_limits import LIMITS
 
 
@@ -17,11 +17,16 @@ class EmptyMassDrift:
         change_1: change over the mean mass.
         u_1: standard uncertainty of that, from the scatter of the masses.
         fuel_1: loss that fuel explains.
+        empty_states: load states of the empty machine, in order of time.
+        nearby_1: (2, states) mass of the empty machine before and after each state over its mean,
+            less 1.
     """
 
     change_1: float
     u_1: float
     fuel_1: float
+    empty_states: tuple[int, ...]
+    nearby_1: Floats
 
     @property
     def threshold_1(self) -> float:
@@ -39,7 +44,18 @@ class EmptyMassDrift:
     @property
     def gain_u_1(self) -> float:
         """Relative standard uncertainty of the force's gain due to the change."""
-        return LIMITS.empty_drift_u_1 * abs(self.change_1) if self.is_significant else 0.0
+        return LIMITS.empty_drift_u_1 * abs(self.change_1)
+
+    def responses_kg(self, masses_kg: Floats) -> Floats:
+        """(3, masses) response of each mass to a gain with this drift, in kg.
+
+        The first row is a gain that is stated for either end of the log. The second is its course,
+        as the empty machine nearby shows it, and the third what differs before and after a load:
+        neither cancels in the ratio to the mean empty mass.
+        """
+        before_1, after_1 = self.nearby_1
+        course_1 = (before_1 + after_1) / 2.0, (before_1 - after_1) / 2.0
+        return np.vstack([np.full(masses_kg.size, self.gain_u_1), *course_1]) * masses_kg
 
 
 def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
@@ -65,7 +81,30 @@ def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
     change_1 = float(np.mean(end) - np.mean(begin)) / mean_kg
     u_1 = scatter_kg * np.sqrt(2.0 / third) / mean_kg
     hours = fit.motion.speed.size / fit.motion.rate_hz / 3600.0
-    return EmptyMassDrift(change_1, u_1, LIMITS.fuel_loss_1_h * hours)
+    return EmptyMassDrift(
+        change_1,
+        u_1,
+        LIMITS.fuel_loss_1_h * hours,
+        tuple(states.membership[np.sort(first)].tolist()),
+        _empty_mass_near_states(fit.masses_kg, states.membership, light) / mean_kg - 1.0,
+    )
+
+
+def _empty_mass_near_states(masses_kg: Floats, membership: Ints, empty: Ints) -> Floats:
+    """(2, states) mass of the empty machine before and after each state, in kg.
+
+    Args:
+        masses_kg: (states,).
+        membership: (manoeuvres,) load state of each.
+        empty: manoeuvres without a load, ascending.
+    """
+    number = np.arange(membership.size)
+    before = empty[(np.searchsorted(empty, number, "right") - 1).clip(0)]
+    after = empty[np.searchsorted(empty, number).clip(0, empty.size - 1)]
+    count = np.bincount(membership)
+    return np.vstack(
+        [np.bincount(membership, masses_kg[membership[near]]) / count for near in (before, after)]
+    )
 
 
 def is_lightest_nearby(mass_kg: Floats) -> Bools:

@@ -55,7 +55,12 @@ def make_load_frame(
     said = "; ".join(
         filter(
             None,
-            (_load_states_note(fit, machine), against, _growing_loads_note(weighing, excitation)),
+            (
+                _load_states_note(fit, machine),
+                against,
+                _drift_note(weighing, empty),
+                _growing_loads_note(weighing, excitation),
+            ),
         )
     )
     if machine.settings.loads.empty_from_s is not None and not empty:
@@ -124,6 +129,9 @@ def find_empty_states(
     carried_kg = float(np.ptp(fit.masses_kg))
     if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
         return []
+    drift = weighing.significant_empty_mass_drift
+    if drift is not None:
+        return sorted(drift.empty_states)
     return _find_equally_light_states(weighing, lightest, machine)
 
 
@@ -164,8 +172,7 @@ def _choose_empty_datum_or_reason(
     fit = weighing.fit
     if not empty or len(empty) == fit.count:
         return None, ""
-    # less the mass of none: the empty ones alone
-    weights = fit.weights_of_state(0) - weights_of_difference(weighing, 0, empty)
+    weights = _weights_of_mean(fit, empty)
     found = EmptyMachine(weighing, machine, weights, fuel_kg=fuel_kg)
     if found.contradiction_text:
         return None, f"{found.contradiction_text}: payloads are on the log's own scale"
@@ -175,13 +182,27 @@ def _choose_empty_datum_or_reason(
 
 
 def weights_of_difference(weighing: Weighing, state: int, empty: list[int]) -> Floats:
-    """(masses,) weights of a mass minus the mean of others, by number of manoeuvres."""
-    states = weighing.fit.states
-    assert states is not None
-    count = np.bincount(states.membership).astype(np.float64)
+    """(masses,) weights of a mass minus the mean of the empty states.
+
+    Where the empty mass drifts, the mean is of those before and after the state.
+    """
     weights = weighing.fit.weights_of_state(state)
-    if empty:
-        weights[empty] -= count[empty] / count[empty].sum()
+    if weighing.significant_empty_mass_drift is not None:
+        empty = _nearest_before_and_after(state, empty)
+    return weights - _weights_of_mean(weighing.fit, empty) if empty else weights
+
+
+def _nearest_before_and_after(state: int, empty: list[int]) -> list[int]:
+    before, after = ([e for e in empty if e < state], [e for e in empty if e > state])
+    return before[-1:] + after[:1]
+
+
+def _weights_of_mean(fit: JointFit, states: list[int]) -> Floats:
+    """(masses,) weights of the mean mass of states, by number of manoeuvres."""
+    assert fit.states is not None
+    count = np.bincount(fit.states.membership).astype(np.float64)
+    weights = np.zeros(fit.count)
+    weights[states] = count[states] / count[states].sum()
     return weights
 
 
@@ -293,6 +314,17 @@ def _load_states_note(fit: JointFit, machine: Machine) -> str:
     if machine.machine.repeatability_kg is None and not states.scatter_known:
         said.append("repeatability unknown: too few manoeuvres tell how they scatter")
     return "; ".join(said)
+
+
+def _drift_note(weighing: Weighing, empty: list[int]) -> str:
+    """Note that payloads are differences to the empty states nearby; "" without a drift."""
+    drift = weighing.significant_empty_mass_drift
+    if drift is None or not empty:
+        return ""
+    return (
+        f"the empty mass changes by {drift.change_1:+.1%} over the log: payloads are differences "
+        "to the empty states before and after each"
+    )
 
 
 def _growing_loads_note(weighing: Weighing, excitation: pl.DataFrame) -> str:

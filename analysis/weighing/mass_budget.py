@@ -237,9 +237,9 @@ def _widening_by_checks(
     if fit.effects is not None and "gain" not in fit.effects.left_out:
         drift_kg = fit.term_value("gain_drift") * float(weights @ fit.masses_kg)
         found["drifted_gain"] = LIMITS.half_gain_drift * abs(drift_kg)
-    drift = weighing.empty_mass_drift
-    if drift is not None and drift.is_significant:
-        drift_kg = drift.gain_u_1 * abs(float(weights @ fit.masses_kg))
+    drift = weighing.significant_empty_mass_drift
+    if drift is not None:
+        drift_kg = float(np.linalg.norm(drift.responses_kg(fit.masses_kg) @ weights))
         found["drifted_gain"] = max(found.get("drifted_gain", 0.0), drift_kg)
     curved_kg = abs(weighing.curvature.kg) * share if weighing.curvature.is_significant else 0.0
     # which of them is the true one is not known, and one fault shows in several

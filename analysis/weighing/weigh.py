@@ -106,9 +106,10 @@ class Weighing:
         return self.informed is self.fit
 
     @cached_property
-    def empty_mass_drift(self) -> EmptyMassDrift | None:
-        """Drift of the empty machine's mass, of which the budget of each load is told."""
-        return estimate_empty_mass_drift(self.fit)
+    def significant_empty_mass_drift(self) -> EmptyMassDrift | None:
+        """Drift of the empty machine's mass; None if it is not significant."""
+        found = estimate_empty_mass_drift(self.fit)
+        return found if found is not None and found.is_significant else None
 
     @property
     def own_fit(self) -> JointFit:

@@ -84,7 +84,7 @@ def answer_lines(answer: Answer, *, brief: bool = False) -> list[str]:
         )
     elif empty:
         lines.append(
-            f"payloads are differences to the mean of {len(empty)} loads taken as empty; if others "
+            f"payloads are differences to {len(empty)} loads taken as empty; if others "
             "are, give their time span with --empty FROM:TO"
         )
     known = [load for load in answer.loads if load["mass_kg"] is not None]
