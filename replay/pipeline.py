@@ -55,6 +55,11 @@ from analysis.stages.signals.held_readings import (
     held_reading_notes,
 )
 from analysis.stages.signals.mounting import Series
+from analysis.stages.signals.speed_threshold import (
+    drop_readings_below_threshold,
+    find_speed_thresholds,
+    speed_threshold_notes,
+)
 from analysis.stages.signals.timestamps import assign_timestamps
 from analysis.weighing.empty_mass_datum import weighbridge_ticket_notes
 from analysis.weighing.fuel_on_board import FuelOnBoard
@@ -109,8 +114,11 @@ class _TopicChannels:
         placed, stamps, doubts = assign_timestamps(raw)
         read, missing = read_measured_channels(placed, machine)
         held = find_held_channels(read)  # rows between a slow sensor's readings say nothing new
-        notes = held_reading_notes(read, held)
-        return cls(drop_repeated_rows(read, held), stamps, [*doubts, *missing], notes)
+        # an accelerometer sees a start that its speed does not
+        thresholds_m_s = find_speed_thresholds(read) if machine.differentiates_speed else {}
+        notes = [*held_reading_notes(read, held), *speed_threshold_notes(thresholds_m_s)]
+        read = drop_readings_below_threshold(drop_repeated_rows(read, held), thresholds_m_s)
+        return cls(read, stamps, [*doubts, *missing], notes)
 
 
 @dataclass(frozen=True)

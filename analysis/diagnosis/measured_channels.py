@@ -11,6 +11,7 @@ import polars as pl
 
 from analysis.model.windows import runs_of_flagged_samples
 from analysis.stages.signals.filters import period_ns
+from analysis.stages.signals.speed_threshold import SPEEDS, estimate_speed_threshold_m_s
 from analysis.stages.signals.timestamps import (
     RelativeDrift,
     find_largest_relative_drift,
@@ -23,8 +24,7 @@ Spans = list[tuple[int, int]]
 
 #: What may freeze or clip.
 _FORCES: Final = ("force_x_N", "torque_left_N_m", "torque_right_N_m")
-_SPEEDS: Final = ("speed_x_m_s", "speed_left_m_s", "speed_right_m_s")
-_MOTION: Final = (*_SPEEDS, "specific_force_x_m_s2")
+_MOTION: Final = (*SPEEDS, "specific_force_x_m_s2")
 #: What else tells that something changes; a position repeats itself where a machine stands.
 _BESIDE: Final = ("position_x_m", "acc_x_m_s2")
 #: A reading that repeats for longer is frozen, if another channel changes meanwhile
@@ -39,6 +39,9 @@ _TELLING: Final = 0.1
 #: A speed comes to a stand gradually: the readings beside it are below this share of its range;
 #: a sensor that drops out falls to 0 from any speed.
 _BESIDE_STAND: Final = 0.1
+#: Beside a stand a speed reads up to so many times the threshold below which it reads 0: machines
+#: stop fast at a pile.
+_BESIDE_THRESHOLD: Final = 2.0
 #: Of a slow channel, two readings that are alike are no run: in so many readings at least.
 _FEWEST_RUN: Final = 5
 #: Clipped readings pile up: so many times the next value's number, and at least so many.
@@ -124,7 +127,7 @@ class RawSignals:
     def standstill_spans(self) -> Spans:
         """Spans in ns in which every speed reads exactly 0, so that no channel has to change."""
         by_speed = [
-            find_zero_speed_spans(*self.channels[name]) for name in _SPEEDS if name in self.channels
+            find_zero_speed_spans(*self.channels[name]) for name in SPEEDS if name in self.channels
         ]
         common = by_speed[0] if by_speed else []
         for spans in by_speed[1:]:
@@ -214,7 +217,10 @@ def find_zero_speed_spans(t: Ints, x: Floats) -> Spans:
     """Spans in ns in which a speed reads 0 for long, with gradual entry and exit."""
     first, last = find_equal_runs(x)
     before, after = np.abs(x[np.maximum(first - 1, 0)]), np.abs(x[np.minimum(last + 1, x.size - 1)])
-    small = _BESIDE_STAND * float(np.quantile(np.abs(x), 0.98))
+    small = max(
+        _BESIDE_STAND * float(np.quantile(np.abs(x), 0.98)),
+        _BESIDE_THRESHOLD * estimate_speed_threshold_m_s(x),
+    )
     stands = (x[first] == 0.0) & (before <= small) & (after <= small)
     stands &= (t[last] - t[first]) > _FROZEN_S * 1e9
     return [(int(b), int(e)) for b, e in zip(t[first[stands]], t[last[stands]], strict=True)]
@@ -253,7 +259,7 @@ def find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[Re
 def _should_have_changed(name: str, channels: Mapping[str, Series]) -> bool:
     """Whether a constant channel should have changed, since its own or the other side drives."""
     of_motion = name in _MOTION
-    speeds = [x for key, (_, x) in channels.items() if key in _SPEEDS and key != name]
+    speeds = [x for key, (_, x) in channels.items() if key in SPEEDS and key != name]
     forces = [x for key, (_, x) in channels.items() if key in _FORCES and key != name]
     # a machine that stands has no speed, whatever its force and its accelerometer read
     beside = speeds if of_motion else [*speeds, *forces]

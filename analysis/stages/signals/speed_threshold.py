@@ -1,0 +1,103 @@
+"""Speeds that a sensor gives only above a threshold, and as 0 below it.
+
+Pulses of a slow wheel are too far apart, and a receiver calls slow motion standing. The step from 0
+to the threshold is no acceleration: beside it the speed is not known.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from analysis.model.physical_units import NS_PER_S
+from analysis.model.windows import runs_of_flagged_samples
+from analysis.stages.signals import filters, mounting
+from estimators.arrays import Floats, Ints
+
+SPEEDS: Final = ("speed_x_m_s", "speed_left_m_s", "speed_right_m_s")
+#: Of the readings beside those of 0, this share is below what the threshold is taken for,
+_EDGE_QUANTILE: Final = 0.25
+#: and of all in motion no more than this.
+_BELOW_SHARE: Final = 0.005
+#: Above so much, in m/s, it is no threshold: wheel pulses and GNSS have 0.1 to 0.8.
+_LARGEST_M_S: Final = 1.0
+#: A speed without a threshold begins with a usual step of its readings: no more than so many of
+#: that which this share of the steps are below.
+_STEPS: Final = 3.0
+_STEP_QUANTILE: Final = 0.9
+#: So many starts or stops tell a threshold.
+_FEWEST_EDGES: Final = 4
+#: Median duration of the drives, in s: a gate's window (3.2 s at 50 Hz) begins after the gap, and
+#: shorter drives, as of a loader, would be lost.
+_SHORTEST_DRIVE_S: Final = 9.0
+#: Readings of 0 so long before and after a reading in motion, in s, and so many of them at least:
+#: more than a gap that would be interpolated.
+_BESIDE_S: Final = 0.1
+_BESIDE_READINGS: Final = 4
+
+
+def estimate_speed_threshold_m_s(speed_m_s: Floats) -> float:
+    """Threshold below which a speed (n,) reads 0; 0 if it has none."""
+    moves = speed_m_s != 0.0
+    steps_m_s = np.abs(np.diff(speed_m_s))
+    at_edges = moves[1:] != moves[:-1]
+    inside = moves[1:] & moves[:-1]
+    if np.count_nonzero(at_edges) < _FEWEST_EDGES or not inside.any():
+        return 0.0
+    # beside a reading of 0 the step is the reading
+    least_m_s = float(np.quantile(steps_m_s[at_edges], _EDGE_QUANTILE))
+    usual_m_s = float(np.quantile(steps_m_s[inside], _STEP_QUANTILE))
+    below = float(np.mean(np.abs(speed_m_s[moves]) < least_m_s - usual_m_s))
+    is_threshold = _STEPS * usual_m_s < least_m_s <= _LARGEST_M_S and below <= _BELOW_SHARE
+    return least_m_s if is_threshold else 0.0
+
+
+def find_speed_thresholds(read: Mapping[str, mounting.Series]) -> dict[str, float]:
+    """Thresholds in m/s of the speed channels that have one, and whose drives outlast a gap.
+
+    Args:
+        read: channels from `read_measured_channels`.
+    """
+    found = {
+        name: estimate_speed_threshold_m_s(x)
+        for name, (t, x) in read.items()
+        if name in SPEEDS and _median_drive_s(t, x) >= _SHORTEST_DRIVE_S
+    }
+    return {name: threshold_m_s for name, threshold_m_s in found.items() if threshold_m_s}
+
+
+def _median_drive_s(t_ns: Ints, x: Floats) -> float:
+    """Median duration of the runs of readings that are not 0, in s; 0 without any."""
+    first, last = runs_of_flagged_samples(x != 0.0)
+    return float(np.median(t_ns[last] - t_ns[first])) / NS_PER_S if first.size else 0.0
+
+
+def drop_readings_below_threshold(
+    read: Mapping[str, mounting.Series], thresholds: Mapping[str, float]
+) -> dict[str, mounting.Series]:
+    """Drop the readings of 0 beside motion, so that the step to the threshold is a gap."""
+    out = dict(read)
+    for name in thresholds:
+        t, x = read[name]
+        beside_ns = max(_BESIDE_S * NS_PER_S, _BESIDE_READINGS * filters.period_ns(t))
+        kept = (x != 0.0) | (_distance_to_motion_ns(t, x) > beside_ns)
+        out[name] = t[kept], x[kept]
+    return out
+
+
+def _distance_to_motion_ns(t_ns: Ints, x: Floats) -> Floats:
+    """Time from each reading (n,) to the nearest that is not 0, in ns."""
+    moving_ns = t_ns[x != 0.0]
+    place = np.searchsorted(moving_ns, t_ns)
+    before_ns = t_ns - moving_ns[(place - 1).clip(0)]
+    after_ns = moving_ns[place.clip(0, moving_ns.size - 1)] - t_ns
+    return np.minimum(np.abs(before_ns), np.abs(after_ns)).astype(np.float64)
+
+
+def speed_threshold_notes(thresholds: Mapping[str, float]) -> list[str]:
+    """Notes on speeds with a threshold."""
+    return [
+        f"{name} reads 0 below {threshold_m_s:.2g} m/s: its readings of 0 beside motion are left "
+        "out, since the speed is not known there"
+        for name, threshold_m_s in thresholds.items()
+    ]
