@@ -47,6 +47,7 @@ from analysis.stages.noise.channel_noise import estimate_channel_noise
 from analysis.stages.noise.channel_noise import noise_source_notes as noise_notes
 from analysis.stages.signals.align import align
 from analysis.stages.signals.align import alignment_notes as grid_notes
+from analysis.stages.signals.copied_rows import drop_copied_rows
 from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.grid_rate import machine_at_rate_of_log
 from analysis.stages.signals.held_readings import (
@@ -111,12 +112,17 @@ class _TopicChannels:
     @classmethod
     def from_topics(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_TopicChannels":
         """Assign a time to every sample, and read the channels that the machine file names."""
-        placed, stamps, doubts = assign_timestamps(raw)
+        once, copied = drop_copied_rows(raw)  # of a buffer that a logger wrote twice
+        placed, stamps, doubts = assign_timestamps(once)
         read, missing = read_measured_channels(placed, machine)
         held = find_held_channels(read)  # rows between a slow sensor's readings say nothing new
         # an accelerometer sees a start that its speed does not
         thresholds_m_s = find_speed_thresholds(read) if machine.differentiates_speed else {}
-        notes = [*held_reading_notes(read, held), *speed_threshold_notes(thresholds_m_s)]
+        notes = [
+            *copied,
+            *held_reading_notes(read, held),
+            *speed_threshold_notes(thresholds_m_s),
+        ]
         read = drop_readings_below_threshold(drop_repeated_rows(read, held), thresholds_m_s)
         return cls(read, stamps, [*doubts, *missing], notes)
 

@@ -8,7 +8,6 @@ from analysis.findings import (
     channel_causes,
     delay_causes,
     fit_causes,
-    repeated_rows,
     residual_causes,
     sampling_causes,
     setting_causes,
@@ -142,7 +141,7 @@ CAUSES: Final = (
         "repeated_rows",
         "the logger wrote a stretch twice",
         "readings with noise that is resolved, and a copy of two seconds and fifty rows",
-        repeated_rows.find_repeated_rows,
+        sampling_causes.find_repeated_rows,
         explains=_OF_FIT,
     ),
     Cause(

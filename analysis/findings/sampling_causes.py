@@ -1,11 +1,17 @@
-"""Causes in the stamps: gaps, uneven sampling, a clock jump and clock drift."""
+"""Causes in rows and stamps: gaps, rows written twice, uneven sampling, clock jump and drift."""
 
 import numpy as np
 
 from analysis.findings.cause import Symptom, keep_strongest_symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.uncertainty_sources import STD_OF_MAD
+from analysis.stages.signals.copied_rows import (
+    SHORTEST_COPY_S,
+    list_copied_stretches,
+    select_noisy_columns,
+)
 from analysis.stages.signals.filters import period_ns
 from analysis.stages.signals.timestamps import FIRST_DATE_NS, relative_step_scatter
 from estimators.arrays import Bools, Floats, Ints
@@ -48,6 +54,33 @@ def _are_recorder_pauses(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
         )
         alone |= inside > 0
     return ~alone & (end - begin > LIMITS.recorder_pause_ns) & bool(others)
+
+
+def find_repeated_rows(inputs: FindingInputs) -> list[Symptom]:
+    """Find stretches of a topic that repeat an earlier one exactly."""
+    found: list[Symptom] = []
+    for topic, frame in inputs.raw.items():
+        t = frame["log_time_ns"].to_numpy()
+        copies = list_copied_stretches(t, select_noisy_columns(frame))
+        if not copies:
+            continue
+        begin, end, source = max(copies, key=lambda each: t[each[1]] - t[each[0]])
+        total_s = sum(float(t[e] - t[b]) for b, e, _ in copies) / NS_PER_S
+        start_s, again_s = (
+            (int(t[at]) - inputs.check_inputs.t0_unix_ns) / NS_PER_S for at in (source, begin)
+        )
+        times = "" if len(copies) == 1 else f"; {len(copies)} stretches, {total_s:,.1f} s in all"
+        found.append(
+            Symptom(
+                total_s / SHORTEST_COPY_S,
+                f"{end - begin + 1:,} rows from {again_s:,.1f} s on repeat those from "
+                f"{start_s:,.1f} s on to the last digit{times}: they are left out, and what was "
+                "done meanwhile was not recorded",
+                channel=inputs.channel_of_topic(topic),
+                span_ns=inputs.since_first_sample_ns(int(t[begin]), int(t[end])),
+            )
+        )
+    return keep_strongest_symptom(found)
 
 
 def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:

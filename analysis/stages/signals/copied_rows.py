@@ -1,29 +1,26 @@
-"""Stretches that a logger wrote twice: rows that repeat earlier ones to the last digit.
+"""Rows that a logger wrote twice: they repeat earlier ones to the last digit.
 
 Noise does not repeat. A hash of each row's noisy readings, summed over a window of rows, is equal
 at two places only where the same buffer was written again. Windows begin at rows that their own
 hash chooses, so that a copy has the same ones as its original wherever it begins.
 """
 
-from functools import partial
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 import polars as pl
 
-from analysis.findings.cause import Symptom, keep_strongest_symptom
-from analysis.findings.finding_inputs import FindingInputs
-from analysis.findings.refit import refit_without_rows
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.windows import runs_of_flagged_samples
-from estimators.arrays import Bools, Floats, Ints
+from estimators.arrays import Floats, Ints
 
 Hashes = npt.NDArray[np.uint64]
 
 #: A copy has at least so many rows, over so long.
 _FEWEST_ROWS: Final = 50
-_SHORTEST_S: Final = 2.0
+SHORTEST_COPY_S: Final = 2.0
 #: Of which a channel has so many readings that differ; a coarse one repeats itself.
 _FEWEST_READINGS: Final = 20
 #: Noise turns back in this share of the steps that change it; a smooth channel does not.
@@ -43,44 +40,31 @@ _ODD: Final = np.uint64(0x9E3779B97F4A7C15)
 _SHIFT: Final = np.uint64(29)
 
 
-def find_repeated_rows(inputs: FindingInputs) -> list[Symptom]:
-    """Find stretches of a topic that repeat an earlier one exactly."""
-    found: list[Symptom] = []
-    for topic, frame in inputs.raw.items():
-        t = frame["log_time_ns"].to_numpy()
-        copies = list_copied_stretches(t, select_noisy_columns(frame))
-        if not copies:
-            continue
-        begin, end, source = max(copies, key=lambda each: t[each[1]] - t[each[0]])
-        total_s = sum(float(t[e] - t[b]) for b, e, _ in copies) / NS_PER_S
-        start_s, again_s = (
-            (int(t[at]) - inputs.check_inputs.t0_unix_ns) / NS_PER_S for at in (source, begin)
-        )
-        copied = _mark_copied_samples(inputs, t, copies)
-        times = "" if len(copies) == 1 else f"; {len(copies)} stretches, {total_s:,.1f} s in all"
-        found.append(
-            Symptom(
-                total_s / _SHORTEST_S,
-                f"{end - begin + 1:,} rows from {again_s:,.1f} s on repeat those from "
-                f"{start_s:,.1f} s on to the last digit{times}: what was done then may be counted "
-                "twice",
-                channel=inputs.channel_of_topic(topic),
-                span_ns=inputs.since_first_sample_ns(int(t[begin]), int(t[end])),
-                change=partial(refit_without_rows, inputs, copied),
+def drop_copied_rows(
+    raw: Mapping[str, pl.DataFrame],
+) -> tuple[dict[str, pl.DataFrame], list[str]]:
+    """Drop the rows of each topic that repeat earlier ones: what they replaced was not recorded.
+
+    Args:
+        raw: frames by topic, with log times.
+
+    Returns:
+        The frames, and a note on each that has fewer rows.
+    """
+    found: dict[str, pl.DataFrame] = {}
+    notes: list[str] = []
+    for topic, frame in raw.items():
+        kept = np.ones(frame.height, np.bool_)
+        times_ns = frame["log_time_ns"].to_numpy()
+        for begin, end, _ in list_copied_stretches(times_ns, select_noisy_columns(frame)):
+            kept[begin : end + 1] = False
+        found[topic] = frame if kept.all() else frame.filter(kept)
+        if not kept.all():
+            notes.append(
+                f"{topic}: {np.count_nonzero(~kept):,} rows repeat earlier ones to the last digit "
+                "and are left out, as rows that were not recorded"
             )
-        )
-    return keep_strongest_symptom(found)
-
-
-def _mark_copied_samples(
-    inputs: FindingInputs, t: Ints, copies: list[tuple[int, int, int]]
-) -> Bools:
-    """Mark the grid samples, (n,), inside copies."""
-    grid = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
-    copied = np.zeros(grid.size, np.bool_)
-    for begin, end, _ in copies:
-        copied |= (grid >= t[begin]) & (grid <= t[end])
-    return copied
+    return found, notes
 
 
 def list_copied_stretches(t: Ints, columns: list[Floats]) -> list[tuple[int, int, int]]:
@@ -102,7 +86,7 @@ def list_copied_stretches(t: Ints, columns: list[Floats]) -> list[tuple[int, int
         long = ends - begins + 1 >= _FEWEST_ROWS
         for begin, end in zip(begins[long].tolist(), ends[long].tolist(), strict=True):
             first, last = begin + distance, end + distance
-            if t[last] - t[first] < _SHORTEST_S * NS_PER_S or t[first] <= t[end]:
+            if t[last] - t[first] < SHORTEST_COPY_S * NS_PER_S or t[first] <= t[end]:
                 continue
             readings = max(np.unique(x[first : last + 1]).size for x in columns)
             apart = all(last < b or first > e for b, e, _ in found)

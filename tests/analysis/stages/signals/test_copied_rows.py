@@ -4,7 +4,11 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.findings.repeated_rows import list_copied_stretches, select_noisy_columns
+from analysis.stages.signals.copied_rows import (
+    drop_copied_rows,
+    list_copied_stretches,
+    select_noisy_columns,
+)
 from estimators.arrays import Floats, Ints
 
 PERIOD_NS = 20_000_000
@@ -36,6 +40,18 @@ def test_a_copy_is_found_to_its_rows(begin: int, again: int, rows: int) -> None:
     assert first - source == again - begin
     assert first == pytest.approx(again, abs=2)
     assert last == pytest.approx(again + rows - 1, abs=2)
+
+
+def test_copied_rows_are_dropped_and_other_topics_kept() -> None:
+    torque = pl.DataFrame({"log_time_ns": stamps(), "x": copied(pressure(), 1000, 9000, 500)})
+    imu = pl.DataFrame({"log_time_ns": stamps(), "x": pressure(2)})
+    found, notes = drop_copied_rows({"torque": torque, "imu": imu})
+    assert found["torque"].equals(torque[np.delete(np.arange(ROWS), np.arange(9000, 9500))])
+    assert found["imu"].equals(imu)
+    assert notes == [
+        "torque: 500 rows repeat earlier ones to the last digit and are left out, as rows that "
+        "were not recorded"
+    ]
 
 
 def test_two_copies_of_one_stretch_are_two() -> None:
