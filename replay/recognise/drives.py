@@ -1,6 +1,7 @@
 """Force and speed derived from what a drive reports, with a gear ratio to be stated."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Final
 
 from replay.recognise.proposals import LogColumn, Recognition
@@ -121,7 +122,7 @@ def _propose_force_of_pressures(columns: Sequence[LogColumn], recognition: Recog
     """Propose a force from a hydrostatic drive's pressures, not boom's or bucket's, if any."""
     drive = [
         c for c in columns if c.quantity == "pressure" and c.unit and not c.name_meaning.is_linkage
-    ]
+    ] or _pair_of_ports(columns)
     if not drive or len(drive) > 2:
         return False
     names = ["pressure_high_bar", "pressure_low_bar"][: len(drive)]
@@ -144,6 +145,21 @@ def _propose_force_of_pressures(columns: Sequence[LogColumn], recognition: Recog
             "side", f"which pressure drives forwards, '{drive[0].field}' or '{drive[1].field}'"
         )
     return True
+
+
+def _pair_of_ports(columns: Sequence[LogColumn]) -> list[LogColumn]:
+    """The two columns in a unit of pressure whose names differ in one letter, such as p_a and p_b.
+
+    No name says that they are pressures; one alone may be that of a tyre or of oil.
+    """
+    unnamed = [c for c in columns if c.quantity is None and c.has_dimension_of_unit("Pa")]
+    pairs = [
+        [first, second]
+        for first, second in pairwise(unnamed)
+        if len(first.field) == len(second.field)
+        and sum(a != b for a, b in zip(first.field, second.field, strict=True)) == 1
+    ]
+    return pairs[0] if len(pairs) == 1 else []
 
 
 def _propose_force_of_power(columns: Sequence[LogColumn], recognition: Recognition) -> bool:

@@ -127,6 +127,19 @@ def test_pressures_of_a_drive_need_its_displacement(tmp_path: Path) -> None:
     assert any("which pressure drives forwards" in question for question in questions)
 
 
+def test_two_ports_in_bar_that_no_name_calls_pressures_are_those_of_a_drive(tmp_path: Path) -> None:
+    channels, questions = proposed(tmp_path, p_a_bar=A, p_b_bar=-A, oil_bar=A)
+    assert "(pressure_high_bar - pressure_low_bar) * DISPLACEMENT" in str(
+        channels["force_x_N"].derive
+    )
+    assert any("'p_a_bar' or 'p_b_bar'" in question for question in questions)
+
+
+def test_an_oil_pressure_alone_drives_nothing(tmp_path: Path) -> None:
+    channels, _ = proposed(tmp_path, oil_bar=A, tank_bar=A)
+    assert "force_x_N" not in channels
+
+
 def test_two_torques_without_a_side_are_a_question(tmp_path: Path) -> None:
     channels, questions = proposed(tmp_path, **{"Torque 1__Nm": A, "Torque 2__Nm": A})
     assert {"torque_left_N_m", "torque_right_N_m"} <= set(channels)
