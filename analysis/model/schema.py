@@ -841,7 +841,7 @@ FRAMES: Final[dict[str, Frame]] = {
         ),
         Frame(
             "line",
-            "of evidence: the line of a calibration, one row",
+            "in evidence: the calibration line, one row",
             (
                 make_float_column("alpha_1", "1", "slope: calibrated mass over estimate"),
                 make_float_column("beta_kg", "kg", "offset of the calibrated mass"),
@@ -855,7 +855,7 @@ FRAMES: Final[dict[str, Frame]] = {
         ),
         Frame(
             "points",
-            "of evidence: a row for each run",
+            "in evidence: a row for each run",
             (
                 Column("run_id", pl.String, "1", "name of the run"),
                 Column("load", pl.String, "1", "masses on board"),
@@ -877,7 +877,7 @@ FRAMES: Final[dict[str, Frame]] = {
         ),
         Frame(
             "readings",
-            "of evidence: a row for each manoeuvre of a run",
+            "in evidence: a row for each manoeuvre of a run",
             (
                 Column("run_id", pl.String, "1", "name of the run"),
                 Column("load", pl.String, "1", "masses on board"),
@@ -897,7 +897,7 @@ FRAMES: Final[dict[str, Frame]] = {
         ),
         Frame(
             "runs",
-            "of evidence: where each run's replay is recorded",
+            "in evidence: where each run's replay is recorded",
             (
                 Column("run_id", pl.String, "1", "name of the run"),
                 Column("log", pl.String, "1", "its log"),

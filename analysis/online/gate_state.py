@@ -144,7 +144,7 @@ def step_gate(
     holds = {why: np.array([now.row - last < samples]) for why, last in now.last.items()}
     complete = now.row >= samples - 1 and not holds["gap"][0]
 
-    def window_information(_: Ints) -> Floats:
+    def estimate_window_information(_: Ints) -> Floats:
         return nearest_neighbours.window_mutual_information(
             window.z[0].copy(),
             window.z[-1].copy(),
@@ -158,7 +158,7 @@ def step_gate(
         window_statistics(window, noise) if complete else _INCOMPLETE,
         np.array([now.first_whole is None or now.row < now.first_whole + samples - 1]),
         holds,
-        window_information,
+        estimate_window_information,
         settings.gate,
     )
     reason = decided.reasons[int(decided.chosen[0])]
