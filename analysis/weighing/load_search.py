@@ -50,7 +50,7 @@ def search_and_fit_load_states(
     """
     kind = load_change_kinds(found.motion)
     settled = _settle_states(found, inputs, repeatability_kg, kind)
-    misfits = settled.fit.misfit_ratio > LIMITS.max_misfit_ratio
+    misfits = settled.solution.misfit_ratio > LIMITS.max_misfit_ratio
     if not misfits or found.motion.manoeuvre_count < FEWEST:
         return settled
     inputs = _add_uneven_ground(found, inputs)

@@ -199,7 +199,7 @@ def find_missing_terms(
         if not _largest_relative_effect(effect_kg, fit) > LIMITS.missing_term_min_relative_effect:
             continue
         # a term that is mostly noise is collinear with the others once its noise is taken off
-        if other.fit.noise_share > LIMITS.max_noise_fraction:
+        if other.solution.noise_share > LIMITS.max_noise_fraction:
             continue
         lacking = MissingTerm(term, float(other.theta[-1] / other.fit.std[-1]), effect_kg)
         if lacking.is_significant(fit):
