@@ -290,6 +290,7 @@ def add_hysteresis(
     Returns:
         The fit, and its `make_refit_rows` with the terms of the checks.
     """
+    fit.solution.drop_samples()
     found = replace(fit.found, play=choose_play(fit.motion, noise, fit.mean_samples))
     played = replace(fit, found=found)
     rows = make_refit_rows(played, noise, (*terms_of_checks, HYSTERESIS))

@@ -198,6 +198,10 @@ class PriorSolution:
             self._fit, self._samples = self._samples.fit(), None
         return self._fit
 
+    def drop_samples(self) -> None:
+        """Compute the uncertainty now: of a shift the samples are hundreds of megabytes."""
+        _ = self.fit
+
     @cached_property
     def misfit_ratio(self) -> float:
         """`MapFit.misfit_ratio`, which needs no other part of the uncertainty."""
@@ -230,6 +234,9 @@ class UndeterminedFit:
         return float("nan")
 
     noise_share = misfit_ratio = residual_rms
+
+    def drop_samples(self) -> None:
+        """Nothing is kept."""
 
     @property
     def fit(self) -> MapFit:
