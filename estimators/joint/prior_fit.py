@@ -31,6 +31,7 @@ from estimators.numerics.autocorrelation import (
 )
 from estimators.numerics.group_sums import GroupSums, NoiseMoments, column_scales
 from estimators.numerics.sandwich import meat
+from estimators.threads import release_freed_memory
 
 #: Groups disagree when the ratio of variances exceeds 1 by so many of its deviations.
 _DISAGREE: Final = 2.5
@@ -201,6 +202,7 @@ class PriorSolution:
     def drop_samples(self) -> None:
         """Compute the uncertainty now: of a shift the samples are hundreds of megabytes."""
         _ = self.fit
+        release_freed_memory()  # no larger block fits where they were
 
     @cached_property
     def misfit_ratio(self) -> float:
