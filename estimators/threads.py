@@ -25,7 +25,7 @@ _MMAP_THRESHOLD: Final = -3
 #: gigabyte. Some versions of glibc allow no more than the second.
 _LARGEST_HEAP_BLOCKS: Final = (1 << 30, 1 << 25)
 #: Free bytes at the top of the heap that are kept.
-_MOST_KEPT: Final = 1 << 28
+_MOST_KEPT: Final = 1 << 30
 
 
 def _keep_freed_memory() -> None:
@@ -45,6 +45,13 @@ def _keep_freed_memory() -> None:
 
 
 _keep_freed_memory()
+
+
+def release_freed_memory() -> None:
+    """Give freed memory back to the system, where glibc holds it: after a stage that needs much."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim:
+        trim(0)
 
 
 def run_in_chunks(work: Callable[[slice], None], rows: int) -> None:

@@ -73,7 +73,7 @@ from analysis.weighing.load_frames import (
 from analysis.weighing.nuisance_frames import make_budget_frame, make_nuisance_frame
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
-from estimators.threads import one_blas_thread
+from estimators.threads import one_blas_thread, release_freed_memory
 from replay.inputs.channel_inputs import (
     channel_fields,
     frames_by_raw_name,
@@ -272,6 +272,7 @@ def _run_stages(
         )
     )
     weighing, gated = told.weighing, told.gated
+    release_freed_memory()  # of a shift a gigabyte
     on_stage("segments")  # pooled over each manoeuvre
     table = pool_by_manoeuvre(excitation, gated, settings, noise)
     on_stage("trace")  # the estimators over the accepted windows; recursions load by load

@@ -19,6 +19,7 @@ from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.whitened_rows import (
+    LEAST_ROW_VARIANCE,
     ProjectedEquation,
     block_sums,
     row_noise_variance,
@@ -223,9 +224,12 @@ def _select_significant_growths(inputs: FindingInputs) -> list[LoadGrowthRate]:
             continue
         score = own.T @ left[rows]
         kg_s = float(score[1] - gram[0, 1] / gram[0, 0] * score[0]) / rest
+        least = LIMITS.falling_load_factor if kg_s < 0.0 else 1.0
+        if not abs(kg_s) * float(np.sqrt(rest / LEAST_ROW_VARIANCE)) / limit / least > 1.0:
+            continue  # whatever the others' noise is, which takes long
         others = np.delete(left, rows)
         deviations = abs(kg_s) * float(np.sqrt(rest / row_noise_variance(others))) / limit
-        deviations /= LIMITS.falling_load_factor if kg_s < 0.0 else 1.0
+        deviations /= least
         if deviations > 1.0:
             found.append(LoadGrowthRate(int(part[0]), kg_s, deviations))
     return (

@@ -1,6 +1,9 @@
 """Stretches in which the equation of straight motion may be fitted, from the break-away on."""
 
 import math
+from collections.abc import Callable
+from functools import wraps
+from typing import TypeVar
 
 import numpy as np
 import polars as pl
@@ -13,6 +16,8 @@ from analysis.stages.gating.segments import number_manoeuvres
 from analysis.stages.motion.phases import mark_falls_beyond_noise, mark_stopping_samples
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
+
+T = TypeVar("T")
 
 
 def path_positions(
@@ -94,6 +99,19 @@ def driving_directions(group: Ints, speed: Floats) -> Floats:
     out = np.ones(group.size)
     out[used] = np.where(total >= 0, 1.0, -1.0)[index]
     return out
+
+
+def once_each(compute: Callable[[T], Ints]) -> Callable[[T], Ints]:
+    """Compute once for each samples, and keep the result with them as a cached property is."""
+    name = compute.__name__
+
+    @wraps(compute)
+    def look_up(samples: T) -> Ints:
+        if name not in vars(samples):
+            vars(samples)[name] = compute(samples)
+        return vars(samples)[name]
+
+    return look_up
 
 
 def is_first_of_stretch(group: Ints) -> Bools:

@@ -108,7 +108,7 @@ def joint_fit(inputs: JointFitInputs, states: LoadStates | None = None) -> Joint
         if found.mass_kg > LIMITS.min_mass_fraction * motion.approximate_mass_kg
     ] or first
     telling = [
-        found for found in first if found.fit.noise_share <= LIMITS.max_noise_fraction
+        found for found in first if found.solution.noise_share <= LIMITS.max_noise_fraction
     ] or first[-1:]
     least_kg = min(found.u_kg for found in telling)
     # the shortest that is nearly as good: a long mean hides what the model misses
@@ -121,12 +121,12 @@ def joint_fit(inputs: JointFitInputs, states: LoadStates | None = None) -> Joint
         first, next(k for k, found in enumerate(first) if found is best)
     )
     transient = rows_in_duration(LIMITS.transient_mean_s, motion.rate_hz)
-    misfit = chosen.fit.misfit_ratio
+    misfit = chosen.solution.misfit_ratio
     swings = several and motion.by_accelerometer and misfit > LIMITS.max_misfit_ratio
     if swings and transient > best.mean_samples:
         # what all starts have in common and no term describes averages out over a longer mean
         longer = _fit_all_stretches(whole, transient)
-        if longer.fit.misfit_ratio < misfit:
+        if longer.solution.misfit_ratio < misfit:
             share, chosen = _relative_averaging_effect([chosen, longer], 1), longer
     return replace(chosen, averaging_share=share)
 
@@ -290,13 +290,16 @@ def add_hysteresis(
     Returns:
         The fit, and its `make_refit_rows` with the terms of the checks.
     """
+    fit.solution.drop_samples()
     found = replace(fit.found, play=choose_play(fit.motion, noise, fit.mean_samples))
     played = replace(fit, found=found)
     rows = make_refit_rows(played, noise, (*terms_of_checks, HYSTERESIS))
     tested = refit_with_changes(fit, noise, priors, (HYSTERESIS,), rows=rows)
-    half_width_N, std_N = float(tested.theta[-1]), float(tested.fit.std[-1])
-    least_N = LIMITS.hysteresis_min_share * fit.motion.largest_force
-    shown = half_width_N > max(LIMITS.hysteresis_min_std * std_N, least_N)
+    half_width_N = float(tested.theta[-1])
+    # the standard deviation takes longer than the estimate
+    shown = half_width_N > LIMITS.hysteresis_min_share * fit.motion.largest_force and (
+        half_width_N > LIMITS.hysteresis_min_std * float(tested.fit.std[-1])
+    )
     if not (shown or priors.hysteresis_share):
         return fit, rows
     looped = refit_with_changes(played, noise, priors, (HYSTERESIS,), rounds=2)

@@ -50,7 +50,7 @@ def search_and_fit_load_states(
     """
     kind = load_change_kinds(found.motion)
     settled = _settle_states(found, inputs, repeatability_kg, kind)
-    misfits = settled.fit.misfit_ratio > LIMITS.max_misfit_ratio
+    misfits = settled.solution.misfit_ratio > LIMITS.max_misfit_ratio
     if not misfits or found.motion.manoeuvre_count < FEWEST:
         return settled
     inputs = _add_uneven_ground(found, inputs)
@@ -219,7 +219,11 @@ def _settle_states(
         if _has_membership(found, states.membership):
             # the same loads, whose scatter is known better now
             found = replace(found, states=states)
-            return refit_with_changes(found, inputs.noise, inputs.priors, rounds=2, rows=rows)
+            found = refit_with_changes(found, inputs.noise, inputs.priors, rows=rows)
+            # a round at a time: of a shift the rows before it are hundreds of megabytes
+            del rows, best
+            known = np.isfinite(found.theta).all()
+            return refit_with_changes(found, inputs.noise, inputs.priors) if known else found
         inputs = _add_uneven_ground(found, inputs)
         del rows  # of a shift they are hundreds of megabytes
         found = joint_fit(inputs, states)

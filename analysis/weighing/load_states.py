@@ -10,12 +10,8 @@ from typing import Final
 import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in_duration
-from analysis.weighing.fitted_stretches import is_first_of_stretch, is_last_of_stretch
-from analysis.weighing.motion_samples import (
-    Floats,
-    Ints,
-    MotionSamples,
-)
+from analysis.weighing.fitted_stretches import is_first_of_stretch, is_last_of_stretch, once_each
+from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.changepoints import Partitions, find_partitions
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TURNED, GroupEffects
@@ -152,6 +148,7 @@ class LoadStates:
         return RandomIntercepts(self.membership[number], number, scatter_kg, self.freedom)
 
 
+@once_each
 def unit_of_each_stretch(motion: MotionSamples) -> Ints:
     """Manoeuvre of each stretch, (stretches,).
 

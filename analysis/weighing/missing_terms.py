@@ -16,9 +16,9 @@ import numpy as np
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.fit_columns import FitRows
 from analysis.weighing.force_by_place import BY_PLACE
-from analysis.weighing.joint_fit import make_refit_rows, refit_with_changes
+from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
+from analysis.weighing.motion_samples import ColumnNoiseModel, Floats
 from analysis.weighing.nuisances import CURVATURE, ColumnInputs, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
 
@@ -72,9 +72,15 @@ class MissingTerm:
         return determined and abs(self.t) > LIMITS.missing_term_min_std
 
 
-def make_candidate_terms(motion: MotionSamples) -> tuple[Nuisance, ...]:
-    """Terms that the model does not have, scaled by the log's largest force and speed."""
-    force_N, speed_m_s = motion.largest_force, motion.largest_speed
+def make_candidate_terms(fit: JointFit) -> tuple[Nuisance, ...]:
+    """Terms that the model does not have, scaled by the log's largest force and speed.
+
+    None over one short path, where a force depends on the place.
+    """
+    if any(term.source == BY_PLACE for term in fit.terms):
+        # strokes over one path have the same speed at each place: a spring looks like such a gain
+        return ()
+    force_N, speed_m_s = fit.motion.largest_force, fit.motion.largest_speed
     return (
         Nuisance(
             "force_saturation",
@@ -175,31 +181,32 @@ def fit_force_curvature(
 
 
 def find_missing_terms(
-    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
+    fit: JointFit,
+    terms: tuple[Nuisance, ...],
+    noise: ColumnNoiseModel,
+    priors: PriorSettings,
+    rows: FitRows,
 ) -> tuple[MissingTerm, ...]:
     """Find significant terms that the model does not have, the one with the largest effect first.
 
-    None over one short path, where a force depends on the place.
-
     Args:
         fit: the fit without them.
+        terms: `make_candidate_terms`.
         noise: noise of acceleration, speed and force.
         priors: of the nuisances.
+        rows: `make_refit_rows` of the fit and of these terms.
     """
-    if any(term.source == BY_PLACE for term in fit.terms):
-        # strokes over one path have the same speed at each place: a spring looks like such a gain
-        return ()
-    terms = make_candidate_terms(fit.motion)
-    rows = make_refit_rows(fit, noise, terms)
     found: list[MissingTerm] = []
+    other = None
     for term in terms:
+        del other  # of a shift its rows are hundreds of megabytes
         other = refit_with_changes(fit, noise, priors, (term,), rows=rows)
         effect_kg = other.theta[: fit.count] - fit.theta[: fit.count]
         # the standard deviation takes longer than the estimate
         if not _largest_relative_effect(effect_kg, fit) > LIMITS.missing_term_min_relative_effect:
             continue
         # a term that is mostly noise is collinear with the others once its noise is taken off
-        if other.fit.noise_share > LIMITS.max_noise_fraction:
+        if other.solution.noise_share > LIMITS.max_noise_fraction:
             continue
         lacking = MissingTerm(term, float(other.theta[-1] / other.fit.std[-1]), effect_kg)
         if lacking.is_significant(fit):

@@ -38,6 +38,7 @@ from analysis.weighing.missing_terms import (
     MissingTerm,
     find_missing_terms,
     fit_force_curvature,
+    make_candidate_terms,
 )
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
@@ -233,7 +234,8 @@ def _weigh_with_priors(
     doubted = not left_out and abs(braking_kg) > LIMITS.braking_doubted_u * fit.u_kg
 
     fit = drop_unlikely_effects(fit, columns, priors)
-    fit, rows = add_hysteresis(fit, columns, priors, (CURVATURE, FILLING))
+    candidates = make_candidate_terms(fit)
+    fit, rows = add_hysteresis(fit, columns, priors, (CURVATURE, FILLING, *candidates))
     fit = fit_gain_by_load(fit, priors)
     fit = add_motion_responses(fit, columns, priors)
     if fit.mass_kg == 0.0:  # of a force that is 0 wherever the machine accelerates
@@ -254,7 +256,7 @@ def _weigh_with_priors(
         fit_force_curvature(fit, columns, priors, rows),
         fit_filling(own, columns, own_priors, rows if own is fit else None),
         grown,
-        find_missing_terms(fit, columns, priors),
+        find_missing_terms(fit, candidates, columns, priors, rows),
         find_direction_gain(fit, columns, priors, machine.machine),
         refit_with_wheel_or_imu_motion(fit, columns, priors)
         if wheel_imu_disagreement(fit) > settings.verdict.wheels_max

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from estimators.arrays import Floats
+from estimators.arrays import Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -64,3 +64,42 @@ class MapFit:
         """(p,) standard deviations; NaN if lost to rounding."""
         variance = np.diag(self.covariance)
         return np.sqrt(np.where(variance < 0.0, np.nan, variance))
+
+
+@dataclass(frozen=True, slots=True)
+class CommonResidual:
+    """Residual that all groups have in common, aligned at their begins.
+
+    Attributes:
+        mean: residual at each place that at least two groups have.
+        length: median number of samples of a group.
+        excess: mean square of `mean` beyond its noise.
+        ratio: mean square of `mean` over its noise.
+    """
+
+    mean: Floats
+    length: int
+    excess: float
+    ratio: float
+
+    @classmethod
+    def from_groups(
+        cls, rows: list[Ints], residual: Floats, direction: Floats
+    ) -> "CommonResidual | None":
+        """Average the residuals of groups; None of fewer than three.
+
+        Noise averaged over the groups keeps 1/groups of its variance.
+        """
+        if len(rows) < 3:
+            return None
+        length = int(np.median([part.size for part in rows]))
+        each = np.full((len(rows), length), np.nan)
+        for i, part in enumerate(rows):
+            part = part[:length]
+            each[i, : part.size] = residual[part] * direction[part[part.size // 2]]
+        count = np.isfinite(each).sum(axis=0)
+        known = count >= 2
+        mean = np.nanmean(each[:, known], axis=0)
+        left = float((np.nanvar(each[:, known], axis=0, ddof=1) / count[known]).mean())
+        square = float((mean**2).mean())
+        return cls(mean, length, square - left, square / left if left > 0 else float("nan"))

@@ -9,6 +9,7 @@ everyone's.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -16,7 +17,7 @@ from scipy.linalg import toeplitz
 
 from estimators.arrays import Floats, Ints
 from estimators.joint.gain_matrix import Gain, floor_meats
-from estimators.joint.map_fit import MapFit
+from estimators.joint.map_fit import CommonResidual, MapFit
 from estimators.joint.prior_solution import (
     SolutionParts,
     solve_with_priors,
@@ -30,6 +31,7 @@ from estimators.numerics.autocorrelation import (
 )
 from estimators.numerics.group_sums import GroupSums, NoiseMoments, column_scales
 from estimators.numerics.sandwich import meat
+from estimators.threads import release_freed_memory
 
 #: Groups disagree when the ratio of variances exceeds 1 by so many of its deviations.
 _DISAGREE: Final = 2.5
@@ -89,6 +91,23 @@ class _SolvedSamples:
         residual = self.solved.residual
         return float(np.sqrt(residual @ residual / int((self.group >= 0).sum())))
 
+    @property
+    def compared(self) -> list[int]:
+        """Numbers of the groups with enough samples to be compared."""
+        rows = self.sums.rows
+        return [i for i, part in enumerate(rows) if part.size >= self.grouping.shortest]
+
+    @property
+    def direction(self) -> Floats:
+        """(n,) signs that make the groups' residuals comparable."""
+        given = self.grouping.direction
+        return np.ones(self.solved.residual.size) if given is None else given
+
+    def common_residual(self) -> CommonResidual | None:
+        """Residual common to the groups that are compared; None of fewer than three."""
+        rows = [self.sums.rows[i] for i in self.compared]
+        return CommonResidual.from_groups(rows, self.solved.residual, self.direction)
+
     def fit(self) -> MapFit:
         """The estimates with all parts of their uncertainty."""
         A, group, sums, shape, grouping = (
@@ -114,7 +133,7 @@ class _SolvedSamples:
             floor_meats(shape.expand_square(meats), turned.gram, white)
         )
         covariance *= student_factor(max(n / alike - theta.size, 1.0)) ** 2
-        told = [i for i, part in enumerate(sums.rows) if part.size >= grouping.shortest]
+        told = self.compared
         own = shape.by_group(theta)
         cleaned = sums.grams - kept * sums.noise_gram
         scores = (sums.crosses - kept * sums.noise_cross) - np.einsum("gij,gj->gi", cleaned, own)
@@ -126,13 +145,12 @@ class _SolvedSamples:
         count = shape.levels.count
         grown, ratio = between_group_covariance(gain, spread, covariance + scatter, count)
         scatter = scatter + grown
-        signs = np.ones(residual.size) if grouping.direction is None else grouping.direction
         misfit, common = _common_misfit(
             gain,
             A,
-            residual,
+            self.common_residual(),
             _InformativeGroups([sums.rows[i] for i in told], turns[told] / self.scale, shape, told),
-            signs,
+            self.direction,
         )
         # where noise is nearly all there is, what was not taken off is doubted whole
         doubt = gain.apply_to_vector(turned.taken, uncertain_noise_fraction(kept))
@@ -162,12 +180,13 @@ class PriorSolution:
         residual: (n,) f - A θ; 0 for samples without a group.
         group: (n,) group of each sample, negative for none.
         residual_rms: r.m.s. of the residuals.
+        noise_share: `MapFit.noise_share`.
     """
 
     def __init__(self, samples: _SolvedSamples) -> None:
         self.theta = samples.theta
         self.residual, self.group = samples.solved.residual, samples.group
-        self.residual_rms = samples.residual_rms()
+        self.residual_rms, self.noise_share = samples.residual_rms(), samples.solved.share
         self._samples: _SolvedSamples | None = samples
         self._fit: MapFit | None = None
 
@@ -179,6 +198,19 @@ class PriorSolution:
             # samples of a shift are hundreds of megabytes, and are not needed again
             self._fit, self._samples = self._samples.fit(), None
         return self._fit
+
+    def drop_samples(self) -> None:
+        """Compute the uncertainty now: of a shift the samples are hundreds of megabytes."""
+        _ = self.fit
+        release_freed_memory()  # no larger block fits where they were
+
+    @cached_property
+    def misfit_ratio(self) -> float:
+        """`MapFit.misfit_ratio`, which needs no other part of the uncertainty."""
+        if self._samples is None:
+            return self.fit.misfit_ratio
+        common = self._samples.common_residual()
+        return float("nan") if common is None else common.ratio
 
 
 @dataclass(frozen=True)
@@ -202,6 +234,11 @@ class UndeterminedFit:
     def residual_rms(self) -> float:
         """NaN."""
         return float("nan")
+
+    noise_share = misfit_ratio = residual_rms
+
+    def drop_samples(self) -> None:
+        """Nothing is kept."""
 
     @property
     def fit(self) -> MapFit:
@@ -334,32 +371,25 @@ def between_group_covariance(
 
 
 def _common_misfit(
-    gain: Gain, A: Floats, residual: Floats, informative: _InformativeGroups, direction: Floats
+    gain: Gain,
+    A: Floats,
+    common: CommonResidual | None,
+    informative: _InformativeGroups,
+    direction: Floats,
 ) -> tuple[Floats, float]:
     """Covariance due to a residual common to all groups, (wide, wide), and its ratio to noise.
 
-    Noise averaged over the groups, aligned at their begins, keeps 1/groups of its variance. The
-    excess counts as one draw of an error with that average's correlation: repetition in every group
-    does not average it out.
+    The excess over the noise counts as one draw of an error with the common residual's
+    correlation: repetition in every group does not average it out.
     """
-    wide, rows = informative.shape.levels.count + A.shape[1] - 1, informative.rows
+    wide = informative.shape.levels.count + A.shape[1] - 1
     nothing = np.zeros((wide, wide))
-    if len(rows) < 3:
+    if common is None:
         return nothing, float("nan")
-    length = int(np.median([part.size for part in rows]))
-    each = np.full((len(rows), length), np.nan)
-    for i, part in enumerate(rows):
-        part = part[:length]
-        each[i, : part.size] = residual[part] * direction[part[part.size // 2]]
-    count = np.isfinite(each).sum(axis=0)
-    known = count >= 2
-    mean = np.nanmean(each[:, known], axis=0)
-    left = float((np.nanvar(each[:, known], axis=0, ddof=1) / count[known]).mean())
-    square = float((mean**2).mean())
-    ratio = square / left if left > 0 else float("nan")
-    if not ratio > _MISFIT:
-        return nothing, ratio
+    if not common.ratio > _MISFIT:
+        return nothing, common.ratio
+    mean, length = common.mean, common.length
     correlation, _ = pooled_autocorrelation(mean, np.zeros(mean.size, np.int64), None)
     moved = gain.apply_to_rows(informative.common_residual_scores(A, direction, length))
     lasts = toeplitz(np.concatenate([correlation, np.zeros(length)])[:length])
-    return moved.T @ lasts @ moved * (square - left), ratio
+    return moved.T @ lasts @ moved * common.excess, common.ratio

@@ -88,16 +88,18 @@ def noise_moments(
             for t in range(s + 1):
                 pairs[kind, pair] = covariances[kind, places[s, 1], places[t, 1]]
                 pair += 1
-    squares, singles = np.zeros(pairs.shape[1]), np.zeros(count)
+    squares, singles, here = np.zeros(pairs.shape[1]), np.zeros(count), np.empty(count)
     for k in range(n):
         by_pair, by_slope = pairs[which[k]], own[which[k]]
+        for s in range(count):
+            here[s] = slopes[s, k]
         pair = 0
         for s in range(count):
-            mine = slopes[s, k]
+            mine = here[s]
             singles[s] += mine * by_slope[s]
             for t in range(s + 1):
-                squares[pair] += mine * slopes[t, k] * by_pair[pair]
-                pair += 1
+                squares[pair + t] += mine * here[t] * by_pair[pair + t]
+            pair += s + 1
         if k == n - 1 or group[k + 1] != group[k]:
             g = group[k]
             pair = 0

@@ -66,7 +66,18 @@ def meat(
                 own[k] = A[at, c] if at >= 0 and group[at] == group_number else 0.0
             add_correlated_before(own, correlation, tail[:rows])
             here[:rows, c], tails[:rows, c] = own[lags - 1 : lags - 1 + rows], tail[:rows]
-        for k in range(rows):
+        # four rows of each sum between loading and storing it, in their order
+        for k in range(0, rows - 3, 4):
+            h0, h1, h2, h3 = here[k], here[k + 1], here[k + 2], here[k + 3]
+            t0, t1, t2, t3 = tails[k], tails[k + 1], tails[k + 2], tails[k + 3]
+            for i in range(p):
+                own_sums = B[i]
+                for c in range(i + 1):
+                    total = own_sums[c] + (h0[i] * t0[c] + t0[i] * h0[c])
+                    total += h1[i] * t1[c] + t1[i] * h1[c]
+                    total += h2[i] * t2[c] + t2[i] * h2[c]
+                    own_sums[c] = total + (h3[i] * t3[c] + t3[i] * h3[c])
+        for k in range(rows - rows % 4, rows):
             for i in range(p):
                 mine, its = here[k, i], tails[k, i]
                 for c in range(i + 1):
@@ -96,7 +107,26 @@ def add_correlated_before(own: Floats, correlation: Floats, tail: Floats) -> Non
     lags, rows = correlation.size, tail.size
     for k in range(rows):
         tail[k] = 0.5 * own[lags - 1 + k]
-    for j in range(1, lags):
+    # eight lags of each sum between loading and storing it, in their order
+    for j in range(1, lags - 7, 8):
+        c0, c1, c2, c3 = correlation[j], correlation[j + 1], correlation[j + 2], correlation[j + 3]
+        c4, c5, c6, c7 = (
+            correlation[j + 4],
+            correlation[j + 5],
+            correlation[j + 6],
+            correlation[j + 7],
+        )
+        before = own[lags - 8 - j :]
+        for k in range(rows):
+            total = tail[k] + c0 * before[k + 7]
+            total += c1 * before[k + 6]
+            total += c2 * before[k + 5]
+            total += c3 * before[k + 4]
+            total += c4 * before[k + 3]
+            total += c5 * before[k + 2]
+            total += c6 * before[k + 1]
+            tail[k] = total + c7 * before[k]
+    for j in range(lags - (lags - 1) % 8, lags):
         before = own[lags - 1 - j :]
         for k in range(rows):
             tail[k] += correlation[j] * before[k]

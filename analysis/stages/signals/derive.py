@@ -188,7 +188,15 @@ def read_measured_channels(
             read[name] = angle_from_orientation(name, channel, placed[topic], machine, losses)
         else:
             read[name] = pick_field_of_channel(name, channel, placed[topic], losses)
-    return read, losses
+    return share_equal_stamps(read), losses
+
+
+def share_equal_stamps(read: Mapping[str, mounting.Series]) -> dict[str, mounting.Series]:
+    """The same channels, where those of equal stamps keep one array of them."""
+    out: dict[str, mounting.Series] = {}
+    for name, (t, x) in read.items():
+        out[name] = next((each for each, _ in out.values() if np.array_equal(each, t)), t), x
+    return out
 
 
 def _low_pass_channel(

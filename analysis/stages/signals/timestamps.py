@@ -82,7 +82,8 @@ def assign_timestamps(
         column = "header_stamp_ns" if headers[topic] else "log_time_ns"
         of_table = topic == "table" or topic.startswith("table/")
         labels[topic] = "header" if headers[topic] else ("table" if of_table else "log")
-        kept = frame.filter(pl.col(column).is_not_null())
+        # of a shift each copy is hundreds of megabytes
+        kept = frame.filter(pl.col(column).is_not_null()) if frame[column].has_nulls() else frame
         scatter = relative_step_scatter(frame) if headers[topic] else None
         if scatter is not None:
             labels[topic] = "log"
@@ -98,7 +99,7 @@ def assign_timestamps(
                     f"{behind_ns[topic] / 1e6:.1f} ms is used instead",
                 )
             )
-        if headers[topic]:
+        if headers[topic] and (kept[column] == 0).any():
             kept = kept.filter(pl.col(column) != 0)
         if kept.height < frame.height:
             losses.append(
@@ -119,11 +120,8 @@ def assign_timestamps(
                     f"{-int(back.min()) / 1e9:.3g} s); samples were sorted",
                 )
             )
-        placed[topic] = (
-            kept.rename({column: "unix_ns"})
-            .drop({"log_time_ns", "header_stamp_ns"} - {column})
-            .sort("unix_ns", maintain_order=True)
-        )
+        named = kept.rename({column: "unix_ns"}).drop({"log_time_ns", "header_stamp_ns"} - {column})
+        placed[topic] = named.sort("unix_ns", maintain_order=True) if back.any() else named
     return placed, labels, losses
 
 
