@@ -12,6 +12,10 @@ from tests.processor_times import ProcessorTimes
 
 REPO = Path(__file__).resolve().parent.parent
 BEGAN = pytest.StashKey[float]()
+# each worker has a processor; a pool for so little work waits in turns and takes a fifth of it.
+# Threads are the statement of `test_fingerprint.py` and `test_threads.py`
+for pool in ("POLARS_MAX_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(pool, "1")
 # a machine that is busy is slow, and no test is about time; what failed fails again
 settings.register_profile("payscope", deadline=None, derandomize=True)
 settings.register_profile("unseen", deadline=None)
