@@ -43,6 +43,8 @@ def pytest_collection_finish() -> None:
     # tests and modules stay to the end: no collection looks at them again
     gc.collect()
     gc.freeze()
+    # as often as in a command (`payscope.py`)
+    gc.set_threshold(10_000, *gc.get_threshold()[1:])
     gc.enable()
 
 
