@@ -82,7 +82,7 @@ def without_pdf() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module", name="kept_replays")
-def kept_replays_of_campaigns() -> Iterator[None]:
+def kept_replays_of_module() -> Iterator[None]:
     with kept_replays():
         yield
 
