@@ -29,7 +29,7 @@ from replay.commands.cli import app
 from tests.replay.sledge import MACHINE, sledge
 
 #: Tables of the small campaign, some seconds each, and of the slow one.
-TABLES, MANY_TABLES = 2, 60
+TABLES, MANY_TABLES = 1, 60
 
 
 @pytest.fixture(autouse=True)
