@@ -443,7 +443,7 @@ def fleet(of: Replayed, payscope: Driven) -> None:
 
 #: What starts a viewer or an engine, which takes many seconds: of one table in so many.
 SLOW_JOBS: Final = (viewed, fleet)
-_SLOW_EVERY: Final = 250
+SLOW_EVERY: Final = 250
 #: Commands that read no message of a log, and nothing that was made of one.
 WITHOUT_LOG: Final = frozenset(
     {"demo", "excite", "keys", "notarise", "reproduce", "simulate", "warm-up"}
@@ -465,7 +465,7 @@ def drive(seed: int, *, every: bool = False) -> tuple[str, list[str], Counter[st
         made = replayed(drawn, payscope)
         if made is not None:
             jobs = JOBS if every else jobs_of(seed)
-            slow = SLOW_JOBS if every or seed % _SLOW_EVERY == 0 else ()
+            slow = SLOW_JOBS if every or seed % SLOW_EVERY == 0 else ()
             for job in (*jobs, *slow):
                 job(made, payscope)
         else:

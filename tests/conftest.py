@@ -9,9 +9,14 @@ import pytest
 from hypothesis import settings
 
 from tests.processor_times import ProcessorTimes
+from tests.twins import mark_slow_after
 
 REPO = Path(__file__).resolve().parent.parent
 BEGAN = pytest.StashKey[float]()
+# each worker has a processor; a pool for so little work waits in turns and takes a fifth of it.
+# Threads are the statement of `test_fingerprint.py` and `test_threads.py`
+for pool in ("POLARS_MAX_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(pool, "1")
 # a machine that is busy is slow, and no test is about time; what failed fails again
 settings.register_profile("payscope", deadline=None, derandomize=True)
 settings.register_profile("unseen", deadline=None)
@@ -39,6 +44,8 @@ def pytest_collection_finish() -> None:
     # tests and modules stay to the end: no collection looks at them again
     gc.collect()
     gc.freeze()
+    # as often as in a command (`payscope.py`)
+    gc.set_threshold(10_000, *gc.get_threshold()[1:])
     gc.enable()
 
 
@@ -47,31 +54,39 @@ def pytest_collection_finish() -> None:
 #: `--no-loadscope-reorder`.
 LONG_FILES = (
     "test_killed_follower.py",
-    "test_verify_bundle.py",
-    "test_degenerate_tables.py",
-    "test_reproduce_paper.py",
     "test_documentation.py",
+    "test_background_replay.py",
+    "test_reproduce_paper.py",
+    "test_degenerate_tables.py",
     "test_attack_list.py",
-    "test_run_plots.py",
-    "test_import_log.py",
-    "test_apply_evidence.py",
-    "test_calibrate_campaign.py",
     "test_compare_files.py",
-    "test_verifier_page.py",
-    "test_shared_logs.py",
-    "test_cli_looking.py",
+    "test_verify_bundle.py",
     "test_kept.py",
+    "test_import_log.py",
+    "test_on_board.py",
+    "test_run_plots.py",
     "test_follow_recorders.py",
-    "test_compare_recordings.py",
-    "test_excitation_design.py",
-    "test_sweep_settings.py",
-    "test_evidence_machine.py",
+    "test_other_machines.py",
+    "test_apply_evidence.py",
+    "test_cli_looking.py",
     "test_faults.py",
-    "test_load_states.py",
+    "test_excitation_design.py",
+    "test_shared_logs.py",
+    "test_ends_of_following.py",
+    "test_named.py",
+    "test_sweep_settings.py",
+    "test_review_shift.py",
     "test_reviewers_questions.py",
     "test_viewer.py",
-    "test_review_shift.py",
+    "test_independent_simulator.py",
+    "test_calibrate_campaign.py",
+    "test_load_states.py",
+    "test_unlisted.py",
+    "test_empty_machine.py",
+    "test_compare_recordings.py",
     "test_explain_run.py",
+    "test_verifier_page.py",
+    "test_evidence_machine.py",
 )
 
 
@@ -115,6 +130,12 @@ WHOSE = ("own", "others") if folder_of_others() else ("own",)
 @pytest.fixture(params=WHOSE)
 def data(request: pytest.FixtureRequest) -> Path:
     """Logs of our own, then those of others where they are."""
+    return request.getfixturevalue("own_data" if request.param == "own" else "shared_data")
+
+
+@pytest.fixture(params=mark_slow_after(1, WHOSE))
+def data_in_kind(request: pytest.FixtureRequest) -> Path:
+    """Logs of our own, and in `make slow` those of others that are laid out like them."""
     return request.getfixturevalue("own_data" if request.param == "own" else "shared_data")
 
 

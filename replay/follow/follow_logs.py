@@ -118,10 +118,12 @@ def follow_logs(
         )
         opened.enter_context(compile_at_once())
         rehearse(follower.log.machine.settings, noise)
-        # what libraries hold is for ever: looking through it takes 0.1 s, and rows would wait
-        gc.collect()
-        gc.freeze()
-        opened.callback(gc.unfreeze)
+        # what libraries hold is for ever: looking through it takes 0.1 s, and rows would wait;
+        # a caller who has frozen it keeps it frozen
+        if not gc.get_freeze_count():
+            gc.collect()
+            gc.freeze()
+            opened.callback(gc.unfreeze)
         noted.is_raised = False
         try:
             following.ended = follow_until_end(log, following, on_rows, idle_s, noted)

@@ -11,6 +11,7 @@ import typer
 
 from replay.commands import progress_bar
 from replay.commands.cli import app, main
+from tests.replay.kept_replays import kept_replays
 from tests.replay.made_evidence import Made
 from tests.replay.sledge import MACHINE, Payscope, Said, sledge
 
@@ -68,7 +69,22 @@ def log(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    return Made(tmp_path_factory.mktemp("evidence"))
+    with kept_replays():
+        return Made(tmp_path_factory.mktemp("evidence"))
+
+
+@pytest.fixture(scope="module")
+def without_pdf() -> Iterator[None]:
+    """An installation without WeasyPrint: the PDF of evidence takes longer than the rest of it."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setitem(sys.modules, "weasyprint", None)
+        yield
+
+
+@pytest.fixture(scope="module", name="kept_replays")
+def kept_replays_of_module() -> Iterator[None]:
+    with kept_replays():
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,9 @@
 """A short simulated shift for the tests of its review: logs, a machine file, the truth."""
 
 import json
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from analysis.simulation import Scenario
@@ -43,9 +45,18 @@ HOSTILE = "<script>alert(1)</script>"
 _SHIPPED = Path(__file__).resolve().parents[2] / "replay/machines/cat262c.toml"
 
 
+@cache
+def _simulated_files() -> dict[str, bytes]:
+    """The logs and the truth by their names, simulated once a worker."""
+    with TemporaryDirectory(prefix="shift-") as place:
+        simulate_scenario(SCENARIO, Path(place, "shift.mcap"))
+        return {path.name: path.read_bytes() for path in Path(place).iterdir()}
+
+
 def shift_folder(folder: Path) -> tuple[list[Path], Path, dict[str, Any]]:
     """The logs, the machine file and what is true."""
-    simulate_scenario(SCENARIO, folder / "shift.mcap")
+    for name, data in _simulated_files().items():
+        (folder / name).write_bytes(data)
     machine = folder / "yard.toml"
     shipped = _SHIPPED.read_text(encoding="utf-8")
     machine.write_text(

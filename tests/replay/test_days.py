@@ -21,6 +21,8 @@ from tests.replay.made_evidence import Made, items
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.sledge_campaign import campaign_folder
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 #: 23:30 UTC on 2026-04-30, 01:30 on 2026-05-01 in Paris, where the sledge is.
 BEGIN_UNIX_S = dt.datetime(2026, 4, 30, 23, 30, tzinfo=dt.UTC).timestamp()
 IRREPRODUCIBLE = BundleOutcome.IRREPRODUCIBLE

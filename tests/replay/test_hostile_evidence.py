@@ -26,6 +26,8 @@ from tests.replay.attacker import Bundle, tampered
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.sledge_campaign import campaign_folder
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 
 @pytest.fixture(scope="module")
 def genuine(tmp_path_factory: pytest.TempPathFactory) -> Path:

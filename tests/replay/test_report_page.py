@@ -9,6 +9,8 @@ from recordings.calibration.bundle_folder import REPORT
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from tests.replay.sledge_campaign import campaign_folder
 
+pytestmark = pytest.mark.usefixtures("kept_replays", "without_pdf")
+
 PHONE, DESK = 380, 1280
 
 

@@ -8,6 +8,8 @@ import pytest
 from replay.review.review_shift import ReviewOptions, review_shift
 from tests.replay.shift_review import HOSTILE, shift_folder
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 PHONE, DESK = 380, 1280
 SCREENS = [(PHONE, "light"), (PHONE, "dark"), (DESK, "light"), (DESK, "dark")]
 

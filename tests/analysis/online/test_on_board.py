@@ -127,7 +127,7 @@ def noise():
 
 
 @given(log=logs(), settings=choices(), known=st.booleans())
-@examples(10)
+@examples(5)
 def test_every_decision_and_every_estimate_equals_the_replays(
     drive, excitation_of, noise, log, settings, known
 ):
@@ -154,13 +154,14 @@ def test_noise_of_the_log_refuses_and_corrects_on_board_as_in_replay(
 
 
 @pytest.mark.slow
-@given(log=logs(), settings=choices())
+@given(log=logs(), settings=choices(), known=st.booleans())
 @examples(40)
 def test_every_decision_and_every_estimate_of_many_logs_equals_the_replays(
-    drive, excitation_of, log, settings
+    drive, excitation_of, noise, log, settings, known
 ):
     made, holes = log
-    assert_as_in_replay(holes_in(excitation_of(drive(**made)), holes), settings)
+    excitation = holes_in(excitation_of(drive(**made)), holes)
+    assert_as_in_replay(excitation, settings, noise if known else None)
 
 
 @pytest.fixture(scope="module")
@@ -275,7 +276,7 @@ def assert_both_axes_as_in_replay(log, settings, noise):
 
 
 @given(log=drives_in_the_plane(), settings=choices(), known=st.booleans())
-@examples(4)
+@examples(2)
 def test_spins_and_straight_motion_of_one_drive_equal_the_replays(yaw_noise, log, settings, known):
     assert_both_axes_as_in_replay(log, settings, yaw_noise if known else None)
 

@@ -22,8 +22,11 @@ from replay.calibration.check_mass import KnownMassOnBoard, check_mass
 from replay.calibration.verify_bundle import verify_bundle
 from replay.machines.machine_file import load_machine
 from tests.replay.attacker import Bundle, key_files, tampered
+from tests.replay.kept_replays import forget_replays
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.sledge_campaign import campaign_folder
+
+pytestmark = pytest.mark.usefixtures("kept_replays", "without_pdf")
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +56,7 @@ def test_evidence_has_what_its_logs_said_and_what_came_of_it(made: CalibrationOu
 
 
 def test_its_logs_are_replayed_twice_to_verify_it(folder: Path, made: CalibrationOutcome) -> None:
+    forget_replays()
     assert not verify_bundle(made.folder, logs=folder).findings
 
 

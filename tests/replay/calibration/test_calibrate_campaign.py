@@ -21,6 +21,8 @@ from tests.replay.attacker import key_files
 from tests.replay.sledge import Payscope, one_line, sledge
 from tests.replay.sledge_campaign import campaign_folder
 
+pytestmark = pytest.mark.usefixtures("kept_replays", "without_pdf")
+
 REPO = Path(__file__).resolve().parents[3]
 
 

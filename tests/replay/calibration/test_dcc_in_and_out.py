@@ -39,6 +39,8 @@ from tests.recordings.dcc.certificates import (
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.sledge_campaign import MASS, campaign_folder
 
+pytestmark = pytest.mark.usefixtures("kept_replays", "without_pdf")
+
 SCHEMA = Path(__file__).parents[4] / "shared" / "dcc" / "dcc.xsd"
 SI = "{https://ptb.de/si}"
 ABOUT = """author = "A. Author"

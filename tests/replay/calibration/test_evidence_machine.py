@@ -32,6 +32,8 @@ from tests.replay.made_evidence import ALIKE, items
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.sledge_campaign import campaign_folder
 
+pytestmark = pytest.mark.usefixtures("kept_replays", "without_pdf")
+
 OWN, SISTER = "sledge-7", "sledge-8"
 NOON_2026_05_01 = 1777636800.0
 

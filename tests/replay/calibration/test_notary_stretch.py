@@ -25,6 +25,8 @@ from tests.replay.attacker import Bundle, key_files, sign_with, tampered
 from tests.replay.made_evidence import ALIKE, items
 from tests.replay.sledge_campaign import campaign_folder
 
+pytestmark = pytest.mark.usefixtures("kept_replays", "without_pdf")
+
 TAMPERED, INCOMPLETE = BundleOutcome.TAMPERED, BundleOutcome.INCOMPLETE
 IRREPRODUCIBLE = BundleOutcome.IRREPRODUCIBLE
 NOON_S = 1777636800.0

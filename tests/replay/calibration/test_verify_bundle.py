@@ -25,6 +25,8 @@ from tests.replay.made_evidence import Made, items
 from tests.replay.sledge_campaign import campaign_folder
 from tests.replay.tamperings import TAMPERINGS
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 TAMPERED, IRREPRODUCIBLE = BundleOutcome.TAMPERED, BundleOutcome.IRREPRODUCIBLE
 INCOMPLETE = BundleOutcome.INCOMPLETE
 

@@ -17,6 +17,8 @@ from replay.fleet.run_fleet import FleetRun, replay_fleet
 from replay.fleet.write_fleet_page import make_fleet_page
 from tests.replay.sledge_campaign import campaign_folder
 
+pytestmark = pytest.mark.usefixtures("kept_replays", "without_pdf")
+
 RULE = """
 [[machines]]
 logs = "{machine}/load-*.csv"

@@ -65,9 +65,16 @@ OTHERS = {
 
 
 HELD = {"own": OWN, "others": OTHERS}
+#: Drives of which our own are of the same containers and types: the others for `make slow`.
+ALIKE = {("others", name) for name in OTHERS if name in OWN}
 
 
-@pytest.fixture(params=[(whose, name) for whose in WHOSE for name in HELD[whose]], ids=" ".join)
+@pytest.fixture(
+    params=[
+        pytest.param(each, marks=pytest.mark.slow if each in ALIKE else (), id=" ".join(each))
+        for each in ((whose, name) for whose in WHOSE for name in HELD[whose])
+    ]
+)
 def log_path(request: pytest.FixtureRequest) -> Path:
     whose, name = request.param
     return request.getfixturevalue("own_data" if whose == "own" else "shared_data") / name

@@ -212,10 +212,10 @@ class TestViewer:
     pytestmark = VIEWER
 
     def test_the_viewer_opens_a_ros_1_bag_without_one_view_error(
-        self, script: Path, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+        self, script: Path, data_in_kind: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         # no other importer of ours, nor any else's
         monkeypatch.setenv("PATH", f"{script.parent}:/usr/bin:/bin")
-        drawn = take_screenshots_of_file(data / "logs/husky_asphalt.bag", tmp_path)
+        drawn = take_screenshots_of_file(data_in_kind / "logs/husky_asphalt.bag", tmp_path)
         assert [each.tab for each in drawn] == ["Log", "/imu/data", "/drives"]
         assert [error for each in drawn for error in each.errors] == []

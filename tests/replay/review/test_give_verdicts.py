@@ -14,6 +14,8 @@ from replay.review.write_review import ShiftReview
 from tests.replay.shift_review import shift_folder, verdict
 from tests.replay.sledge import Payscope, one_line
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 DESK, PHONE = 1280, 380
 
 

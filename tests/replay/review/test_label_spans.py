@@ -13,6 +13,8 @@ from replay.review.label_spans import parse_label_channel, read_label_spans
 from tests.replay.shift_review import shift_folder
 from tests.replay.sledge import Payscope, one_line
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 NS = 10**9
 
 

@@ -9,6 +9,8 @@ from replay.review.give_verdicts import GivenVerdicts, recount_review
 from replay.review.review_shift import ReviewOptions, review_shift
 from tests.replay.shift_review import shift_folder
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 MOST_CLICKS = 2
 
 

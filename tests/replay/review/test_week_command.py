@@ -15,6 +15,8 @@ from replay.review.review_shift import ReviewOptions, review_shift
 from tests.replay.shift_review import shift_folder, verdict
 from tests.replay.sledge import Payscope, one_line
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 DAY_NS = 86_400 * 10**9
 
 
