@@ -213,7 +213,7 @@ def papers(dice: np.random.Generator) -> PaperRuns:
     # the front axle carries more with each drum than the drum: in m̂ a line of this slope
     c1 = chain.gain_1 * chain.load_lever_1
     empty_kg = printed_numbers.MASS_KG
-    at_empty_kg = chain.gain_1 * chain.empty_share_1 * empty_kg + chain.offset_N / EFFECTIVE_ACC
+    at_empty_kg = chain.gain_1 * chain.empty_fraction_1 * empty_kg + chain.offset_N / EFFECTIVE_ACC
     c0 = at_empty_kg - c1 * empty_kg
     reference_kg = empty_kg + np.linspace(0.0, printed_numbers.LOAD_RANGE_KG, loads)
     stated = np.zeros((loads, loads))

@@ -29,12 +29,12 @@ class BoomDump(NamedTuple):
     Attributes:
         start_ns: first time with the boom out.
         end_ns: last time with the boom out.
-        dumped_ns: time when the bucket is emptied.
+        bucket_emptied_ns: time when the bucket is emptied.
     """
 
     start_ns: int
     end_ns: int
-    dumped_ns: int
+    bucket_emptied_ns: int
 
     def is_near(self, times_ns: Ints, off_ns: int = ONE_DUMP_NS) -> bool:
         """Whether one of these times is within `off_ns` of the dump."""
@@ -56,7 +56,7 @@ class BoomDumps:
 
     def dumps_during(self, start_ns: int, end_ns: int) -> list[BoomDump]:
         """Dumps within a time span."""
-        return [each for each in self.dumps if start_ns <= each.dumped_ns <= end_ns]
+        return [each for each in self.dumps if start_ns <= each.bucket_emptied_ns <= end_ns]
 
     def dumps_with_boom_out(self, start_ns: int, end_ns: int) -> list[BoomDump]:
         """Dumps with the boom out in a time span, since a creeping machine may dump earlier."""
@@ -222,5 +222,5 @@ def find_dump_borders(loaded: Bools, begin_ns: Ints, end_ns: Ints, dumps: BoomDu
 
 def mark_creeping_dumps(begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> Bools:
     """Mark manoeuvres that creep while dumping, (manoeuvres,); a changing load has no mass."""
-    dumped = np.array([each.dumped_ns for each in dumps.dumps], np.int64)
+    dumped = np.array([each.bucket_emptied_ns for each in dumps.dumps], np.int64)
     return np.searchsorted(dumped, begin_ns) < np.searchsorted(dumped, end_ns, "right")

@@ -303,7 +303,9 @@ def random_work_uncertainty(
     way_m = drive["direction"]
     number = np.unique([span.cycle for span in spans], return_inverse=True)[1]
     left_N = np.bincount(number, left) / np.maximum(np.bincount(number, way_m), 1.0)
-    scatter_N = float(left_N.std(ddof=1)) if left_N.size >= LIMITS.energy_min_cycles else 0.0
+    scatter_N = (
+        float(left_N.std(ddof=1)) if left_N.size >= LIMITS.friction_scatter_min_cycles else 0.0
+    )
     mass = abs(mass_u_1 * work_change_by_mass(integrals))
     ways = np.zeros_like(value)
     ways[:, PARTS.index("work")] = ways[:, PARTS.index("friction")] = way_m

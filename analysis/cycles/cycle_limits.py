@@ -65,7 +65,7 @@ class CycleLimits:
     #: so long takes about 1 % of the work of a cycle of 100 s, half of its interval.
     energy_hole_s: float = 0.5
     #: Fewest cycles that show how their friction scatters.
-    energy_min_cycles: int = 4
+    friction_scatter_min_cycles: int = 4
 
     # cycle_parts
     #: Time without a sample in s in which a load may have been dumped.
@@ -111,7 +111,7 @@ class CycleLimits:
     #: tail 0.1.
     clean_bucket_u: float = 0.25
     #: Fewest starts on either side of a border.
-    side_min_starts: int = 4
+    border_side_min_starts: int = 4
     #: Quantile of the starts of a side that is its empty machine,
     empty_start_quantile: float = 0.2
     #: if this quantile,
@@ -132,7 +132,7 @@ class CycleLimits:
 
     # energy_terms
     #: Fewest stands that show the offset of the force,
-    offset_min_stands: int = 12
+    force_offset_min_stands: int = 12
     #: and combined standard uncertainties from which it contradicts the fit's.
     offset_contradiction_u: float = 3.0
 

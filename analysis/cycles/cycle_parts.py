@@ -102,22 +102,22 @@ class CycleParts:
 
     Attributes:
         dig_ns: first and last sample of its digging.
-        loaded: number of its loaded pass.
+        loaded_pass: number of its loaded pass.
         haul_ns: first and last sample in motion with the load.
         dump_ns: begin and end of the stop for dumping.
-        dumped_ns: time of the dump: farthest reach of the boom, or middle of that stand.
-        before: number of the empty pass before the load.
-        after: number of the empty pass after the load.
+        bucket_emptied_ns: time of the dump: farthest reach of the boom, or middle of that stand.
+        empty_pass_before: number of the empty pass before the load.
+        empty_pass_after: number of the empty pass after the load.
         unseen: whether it was dumped while nothing was recorded.
     """
 
     dig_ns: tuple[int, int] | None = None
-    loaded: int | None = None
+    loaded_pass: int | None = None
     haul_ns: tuple[int, int] | None = None
     dump_ns: tuple[int, int] | None = None
-    dumped_ns: int | None = None
-    before: int | None = None
-    after: int | None = None
+    bucket_emptied_ns: int | None = None
+    empty_pass_before: int | None = None
+    empty_pass_after: int | None = None
     unseen: bool = False
 
     @property
@@ -128,9 +128,9 @@ class CycleParts:
     @property
     def reason_for_no_mass(self) -> str:
         """Why the cycle has no mass; empty if it has one."""
-        if self.loaded is None:
+        if self.loaded_pass is None:
             return "no usable start with this load"
-        if self.before is None and self.after is None:
+        if self.empty_pass_before is None and self.empty_pass_after is None:
             return "no empty pass to compare with"
         return ""
 
@@ -154,7 +154,7 @@ def split_cycles_into_parts(passes: Passes, digs: pl.DataFrame) -> list[CyclePar
             # digging once more, before the next pass
             again = (
                 now is not None
-                and now.loaded is None
+                and now.loaded_pass is None
                 and now.dig_ns is not None
                 and start_ns - now.dig_ns[1] < passes.one_filling_ns
                 and not passes.dumps.dumps_during(now.dig_ns[1], start_ns)
@@ -171,17 +171,17 @@ def split_cycles_into_parts(passes: Passes, digs: pl.DataFrame) -> list[CyclePar
             if again and now is not None and now.dig_ns is not None:
                 now.dig_ns = (now.dig_ns[0], span[1])
             elif not inside:
-                now = CycleParts(dig_ns=span, before=empty)
+                now = CycleParts(dig_ns=span, empty_pass_before=empty)
                 cycles.append(now)
         elif passes.loaded[number]:
-            if now is None or now.loaded is not None:
-                now = CycleParts(before=empty)
+            if now is None or now.loaded_pass is not None:
+                now = CycleParts(empty_pass_before=empty)
                 cycles.append(now)
-            now.loaded = number
+            now.loaded_pass = number
             now.haul_ns = (start_ns, int(passes.end_ns[number]))
         else:
             if now is not None:
-                now.after = number
+                now.empty_pass_after = number
             now, empty = None, number
     return _add_neighbouring_passes(cycles, passes)
 
@@ -190,11 +190,11 @@ def _add_neighbouring_passes(cycles: list[CycleParts], passes: Passes) -> list[C
     """Add the nearest empty passes to cycles that lack their own."""
     empties = np.flatnonzero(~passes.loaded)
     for cycle in cycles:
-        if cycle.loaded is None:
+        if cycle.loaded_pass is None:
             continue
-        place = int(np.searchsorted(empties, cycle.loaded))
-        cycle.before = int(empties[place - 1]) if place > 0 else None
-        cycle.after = int(empties[place]) if place < empties.size else None
+        place = int(np.searchsorted(empties, cycle.loaded_pass))
+        cycle.empty_pass_before = int(empties[place - 1]) if place > 0 else None
+        cycle.empty_pass_after = int(empties[place]) if place < empties.size else None
     return cycles
 
 
@@ -222,33 +222,33 @@ def add_dump_times(
             over.append(later.dig_ns[0])
         empty = min(over, default=int(t_ns[-1]))
         dumped = passes.dumps.dumps_with_boom_out(ready, empty)
-        if not dumped and cycle.loaded is None and over and not passes.dumps.shows_dumps:
+        if not dumped and cycle.loaded_pass is None and over and not passes.dumps.shows_dumps:
             # by no witness: where a machine that has dug stands or creeps longest it dumps
             inside = (t_ns > ready) & (t_ns < empty)
             cycle.dump_ns = find_longest_stop(stops[inside], t_ns[inside])
-            cycle.dumped_ns = cycle.dump_ns and sum(cycle.dump_ns) // 2
-        if not dumped and (cycle.loaded is None or not over):
+            cycle.bucket_emptied_ns = cycle.dump_ns and sum(cycle.dump_ns) // 2
+        if not dumped and (cycle.loaded_pass is None or not over):
             continue
         first, last = np.searchsorted(t_ns, [ready, empty])
         part = slice(first, last + 1)
         if dumped:
             cycle.dump_ns = extend_to_standstills(dumped[0][:2], stands[part], t_ns[part])
-            cycle.dumped_ns = dumped[0].dumped_ns
+            cycle.bucket_emptied_ns = dumped[0].bucket_emptied_ns
             continue
         stand = choose_standstill_by_boom(stands[part], boom[part], t_ns[part])
         by_boom = stand is not None and stand[2]
         hole = None if by_boom else find_longest_hole(t_ns[part])
         cycle.unseen = hole is not None
         found_ns = hole or (stand and stand[:2]) or (int(t_ns[first]), int(t_ns[last]))
-        cycle.dump_ns, cycle.dumped_ns = found_ns, sum(found_ns) // 2
+        cycle.dump_ns, cycle.bucket_emptied_ns = found_ns, sum(found_ns) // 2
         if stand is not None and by_boom:
-            cycle.dumped_ns = middle_of_boom_out_ns(boom[part], t_ns[part], *stand[:2])
+            cycle.bucket_emptied_ns = middle_of_boom_out_ns(boom[part], t_ns[part], *stand[:2])
 
 
 def last_loaded_time_ns(cycle: CycleParts, passes: Passes) -> int:
     """Last time with the load, in ns: end of its pass, or of its digging."""
-    if cycle.loaded is not None:
-        return int(passes.end_ns[cycle.loaded])
+    if cycle.loaded_pass is not None:
+        return int(passes.end_ns[cycle.loaded_pass])
     assert cycle.dig_ns is not None
     return cycle.dig_ns[1]
 

@@ -128,7 +128,9 @@ def weigh_cycles(
     empty = weigh_empty_machine(weighing, machine, found, fuel)
     withheld = withheld or (empty.contradiction_text if empty else "")
     share = _weight_of_tare_before(found)
-    worth = shared_uncertainty(weighing, machine, found, _sum_weights(found, parts, share), empty)
+    worth = uncertainty_shared_by_payloads(
+        weighing, machine, found, _sum_weights(found, parts, share), empty
+    )
     clean = mass_and_u_with_clean_bucket_kg(found)
     rows: list[dict[str, object]] = []
     known_sums = (
@@ -146,7 +148,7 @@ def weigh_cycles(
             row |= _payload_uncertainty(row, worth, weights)
             if of_states is not None:
                 sums[number] = of_states @ weights
-            row["manoeuvres"] = int(counts[part.loaded])
+            row["manoeuvres"] = int(counts[part.loaded_pass])
         row["quality"], row["counted"] = _payload_quality_and_counted(row, part)
         row["withheld_for"] = reason or _remark_on_cycle(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
@@ -169,9 +171,9 @@ def _list_cycle_times(cycle: CycleParts, ready_ns: int) -> dict[str, object]:
     seen = [span for span in (dig, haul, dump) if span]
     return {
         "start_t_ns": min(ready_ns, seen[0][0]),
-        "end_t_ns": seen[-1][1] if dump is None else cycle.dumped_ns,
+        "end_t_ns": seen[-1][1] if dump is None else cycle.bucket_emptied_ns,
         "dig_t_ns": dig and dig[0],
-        "dump_t_ns": cycle.dumped_ns,
+        "dump_t_ns": cycle.bucket_emptied_ns,
         "return_s": None if dig is None else max(dig[0] - ready_ns, 0) / NS_PER_S,
         "load_s": (haul[0] - dig[0]) / NS_PER_S if dig and haul else None,
         "haul_s": (dump[0] - haul[0]) / NS_PER_S if haul and dump and not cycle.unseen else None,
@@ -200,9 +202,9 @@ def _make_payload_row(
 ) -> dict[str, object]:
     row: dict[str, object] = {}
     for name, number in (
-        ("loaded", cycle.loaded),
-        ("empty_before", cycle.before),
-        ("empty_after", cycle.after),
+        ("loaded", cycle.loaded_pass),
+        ("empty_before", cycle.empty_pass_before),
+        ("empty_after", cycle.empty_pass_after),
     ):
         if number is not None:
             row[f"{name}_id"] = number
@@ -212,13 +214,17 @@ def _make_payload_row(
     payload_kg = float(weights @ passes.mass_kg)
     variance_kg2 = weights**2 @ passes.u_kg**2 + _carry_back_variance_kg2(cycle, passes, share)
     row |= {
-        "tare_before_1": 0.0 if cycle.before is None else -float(weights[cycle.before]),
+        "tare_before_1": 0.0
+        if cycle.empty_pass_before is None
+        else -float(weights[cycle.empty_pass_before]),
         "payload_kg": payload_kg,
         "payload_u_random_kg": float(np.sqrt(variance_kg2)),
     }
-    if cycle.after is not None:
-        row["carry_back_kg"] = float(passes.mass_without_drift_kg[cycle.after]) - cleanest[0]
-        row["carry_back_u_kg"] = float(np.hypot(passes.u_kg[cycle.after], cleanest[1]))
+    if cycle.empty_pass_after is not None:
+        row["carry_back_kg"] = (
+            float(passes.mass_without_drift_kg[cycle.empty_pass_after]) - cleanest[0]
+        )
+        row["carry_back_u_kg"] = float(np.hypot(passes.u_kg[cycle.empty_pass_after], cleanest[1]))
     return row
 
 
@@ -259,12 +265,12 @@ def pass_weights(cycle: CycleParts, share: Floats, count: int) -> Floats:
         count: number of passes.
     """
     weights = np.zeros(count)
-    assert cycle.loaded is not None
-    weights[cycle.loaded] = 1.0
-    before, after = cycle.before, cycle.after
+    assert cycle.loaded_pass is not None
+    weights[cycle.loaded_pass] = 1.0
+    before, after = cycle.empty_pass_before, cycle.empty_pass_after
     if before is not None and after is not None:
-        weights[before] -= share[cycle.loaded]
-        weights[after] -= 1.0 - share[cycle.loaded]
+        weights[before] -= share[cycle.loaded_pass]
+        weights[after] -= 1.0 - share[cycle.loaded_pass]
     else:
         weights[after if before is None else before] = -1.0
     return weights
@@ -286,18 +292,28 @@ def _weight_of_tare_before(passes: Passes) -> Floats:
 def _carry_back_variance_kg2(cycle: CycleParts, passes: Passes, share: Floats) -> float:
     """Variance of a payload due to a different carry-back before it, in kg²."""
     variance = 2.0 * carry_back_variance_kg2(passes)
-    if cycle.loaded is None:
+    if cycle.loaded_pass is None:
         return 0.0
-    before = 0.0 if cycle.before is None else 1.0 if cycle.after is None else share[cycle.loaded]
+    before = (
+        0.0
+        if cycle.empty_pass_before is None
+        else 1.0
+        if cycle.empty_pass_after is None
+        else share[cycle.loaded_pass]
+    )
     # an empty pass beyond the next load has another cycle's
-    own = cycle.after is None or cycle.after == cycle.loaded + 1
+    own = cycle.empty_pass_after is None or cycle.empty_pass_after == cycle.loaded_pass + 1
     after = 0.0 if own else 1.0 - before
     return variance * (before**2 + after**2)
 
 
 def _sum_weights(passes: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
     """Weights of the passes in the sum of all payloads, (passes,)."""
-    whole = [p for p in parts if p.loaded is not None and (p.before, p.after) != (None, None)]
+    whole = [
+        p
+        for p in parts
+        if p.loaded_pass is not None and (p.empty_pass_before, p.empty_pass_after) != (None, None)
+    ]
     weights = [pass_weights(part, tare, passes.mass_kg.size) for part in whole]
     return np.sum([np.zeros(passes.mass_kg.size), *weights], axis=0)
 
@@ -319,7 +335,7 @@ class _SharedUncertainty:
     scale: ShiftScale
 
 
-def shared_uncertainty(
+def uncertainty_shared_by_payloads(
     weighing: Weighing | None,
     machine: Machine,
     passes: Passes,

@@ -69,8 +69,10 @@ def add_boom_cycles(
         The cycles, and whether boom and masses contradict each other.
     """
     seen = find_boom_dumps(aligned, excitation)
-    times = np.array([part.dumped_ns for part in parts if part.dumped_ns is not None], np.int64)
-    told = any(part.loaded is not None for part in parts)
+    times = np.array(
+        [part.bucket_emptied_ns for part in parts if part.bucket_emptied_ns is not None], np.int64
+    )
+    told = any(part.loaded_pass is not None for part in parts)
     # no mass can change where none is known on either side: before the first pass, after the last
     agree = [
         each.is_near(times, LIMITS.dump_match_ns)
@@ -87,7 +89,7 @@ def add_boom_cycles(
         else 0
     )
     missed = [
-        CycleParts(dump_ns=(each.start_ns, each.end_ns), dumped_ns=each.dumped_ns)
+        CycleParts(dump_ns=(each.start_ns, each.end_ns), bucket_emptied_ns=each.bucket_emptied_ns)
         for each in passes.dumps.dumps
         if not each.is_near(times, max(ONE_DUMP_NS, apart_ns))
     ]
@@ -107,7 +109,7 @@ def _boom_cycle_parts(boom_dumps: BoomDumps, digs: pl.DataFrame) -> list[CyclePa
         CycleParts(
             digging_span(dug, since_ns, each.start_ns),
             dump_ns=(each.start_ns, each.end_ns),
-            dumped_ns=each.dumped_ns,
+            bucket_emptied_ns=each.bucket_emptied_ns,
         )
         for since_ns, each in zip(before, boom_dumps.dumps, strict=False)
     ]

@@ -169,7 +169,7 @@ def find_empty_mass_jump(
 
 def lightest_mass_and_std(mass_kg: Floats, std_kg: Floats) -> tuple[float, float] | None:
     """Mass of the lightest starts, and its standard deviation; None if none is known empty."""
-    if mass_kg.size < LIMITS.side_min_starts:
+    if mass_kg.size < LIMITS.border_side_min_starts:
         return None
     low, high = (
         float(x)

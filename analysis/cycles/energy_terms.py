@@ -168,7 +168,7 @@ def standstill_force_offset_and_u(
         pair = (float(np.median(force[quiet])), float(np.median(weight_N)))
         if np.isfinite(pair).all():
             means.append(pair)
-    if len(means) < LIMITS.offset_min_stands:
+    if len(means) < LIMITS.force_offset_min_stands:
         return None
     y, weight = np.array(means).T
     # in thousands of N, so that both columns are of one size

@@ -111,11 +111,11 @@ def haul_fraction_when_weighed(
     )
     progress = np.zeros(len(parts))
     for number, part in enumerate(parts):
-        if part.loaded is None or part.haul_ns is None or part.dump_ns is None:
+        if part.loaded_pass is None or part.haul_ns is None or part.dump_ns is None:
             continue
         begin, end = np.searchsorted(t_ns, (part.haul_ns[0], part.dump_ns[0]))
         haul = driven[min(end, t_ns.size - 1)] - driven[begin]
-        own = passes.membership == part.loaded
+        own = passes.membership == part.loaded_pass
         if haul > 0.0:
             mean = float(passes.share[own] @ place[own])
             progress[number] = np.clip((mean - driven[begin]) / haul, 0.0, 1.0)

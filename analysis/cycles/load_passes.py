@@ -227,7 +227,7 @@ def reclassify_at_dumps(
     If masses place a dump a few manoeuvres away from the boom's, the manoeuvres in between change
     class.
     """
-    at = [int(np.searchsorted(begin_ns, each.dumped_ns)) for each in dumps.dumps]
+    at = [int(np.searchsorted(begin_ns, each.bucket_emptied_ns)) for each in dumps.dumps]
     dug = np.unique(np.searchsorted(begin_ns, digs["start_t_ns"].to_numpy()))
     moved = loaded.copy()
     for first in np.flatnonzero(loaded[:-1] & ~loaded[1:]) + 1:

@@ -34,7 +34,7 @@ class CheckRow:
         applies: whether the check applies to a log.
         optional: whether the check does not apply if it has no number.
         meaning: meaning of the number, in a sentence.
-        names: names the subject of the number where it differs between logs; else "".
+        subject_text: names the subject of the number where it differs between logs; else "".
         consequence: consequence of failing.
         moved_u: change of the answer, in standard uncertainties, without the samples or channel
             that the check names. Up to 1, failing withholds nothing and is only reported.
@@ -49,7 +49,7 @@ class CheckRow:
     maximum: str | None = None
     applies: Callable[[CheckInputs, AxisMotion], bool] = _applies_always
     optional: bool = False
-    names: Callable[[CheckInputs, AxisMotion], str] = _return_empty_text
+    subject_text: Callable[[CheckInputs, AxisMotion], str] = _return_empty_text
     consequence: Consequence = "withhold"
     moved_u: Callable[[CheckInputs, AxisMotion], float | None] = _return_none
     remedy: str = ""
@@ -64,7 +64,7 @@ class CheckRow:
 
     def describe_number(self, inputs: CheckInputs, motion: AxisMotion) -> str:
         """Meaning of the number and its subject, as text."""
-        name = self.names(inputs, motion)
+        name = self.subject_text(inputs, motion)
         return f"{self.meaning} ({name})" if name else self.meaning
 
     def consequence_in_log(self, inputs: CheckInputs, motion: AxisMotion) -> Consequence:

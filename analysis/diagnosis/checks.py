@@ -276,7 +276,7 @@ CHECKS: Final = (
         "the scale's",
         maximum="negative_payload_max_u",
         optional=True,
-        names=_describe_empty_mass_factor,
+        subject_text=_describe_empty_mass_factor,
         remedy=_SCALE_REMEDY,
     ),
     CheckRow(
@@ -287,7 +287,7 @@ CHECKS: Final = (
         "only the part beyond one",
         maximum="empty_mass_max_u",
         optional=True,
-        names=_describe_empty_mass_factor,
+        subject_text=_describe_empty_mass_factor,
         consequence="tell",
         remedy=_SCALE_REMEDY,
     ),

@@ -133,7 +133,7 @@ def _friction_t_value(weighing: Weighing) -> float:
     return value / std if share < -LIMITS.falling_friction_1 else max(value / std, 0.0)
 
 
-def _braking_mass_share(weighing: Weighing) -> float:
+def _braking_mass_fraction(weighing: Weighing) -> float:
     """Change of the mass by braking, over the mass."""
     return abs(weighing.braking_kg) / abs(weighing.fit.mass_kg)
 
@@ -207,7 +207,7 @@ FIT_CHECKS: Final = (
         "standard uncertainty of the mass over the mass",
         maximum="relative_std_max",
         applies=is_answer_expected,
-        names=_reason_for_no_answer,
+        subject_text=_reason_for_no_answer,
         remedy="more starts at different throttles and both ways, or narrower settings.priors",
     ),
     CheckRow(
@@ -218,7 +218,7 @@ FIT_CHECKS: Final = (
         "absorbs a model error",
         maximum="beyond_prior_max",
         applies=_has_fit,
-        names=_name_farthest_term,
+        subject_text=_name_farthest_term,
         remedy="the cause that findings name, or settings.priors: what the machine may have",
     ),
     CheckRow(
@@ -286,7 +286,7 @@ FIT_CHECKS: Final = (
         "residual of wheel speed against accelerometer beyond noise, as a fraction of the speed",
         maximum="wheels_max",
         applies=_has_wheel_kinematics,
-        names=_describe_other_motion,
+        subject_text=_describe_other_motion,
         moved_u=_mass_shift_by_other_motion_in_u,
         remedy="channels.speed_x_m_s and channels.specific_force_x_m_s2: one machine, one time",
     ),
@@ -327,7 +327,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "braking_bias",
         "mass",
-        _make_weighing_value(_braking_mass_share),
+        _make_weighing_value(_braking_mass_fraction),
         "relative change of the mass when braking is included; the force may not see all brakes",
         maximum="braking_max",
         optional=True,

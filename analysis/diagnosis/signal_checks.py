@@ -76,7 +76,7 @@ def _min_torque_difference(inputs: CheckInputs, _: AxisMotion) -> float:
     return np.nan if torque is None else torque.least_difference_1
 
 
-def _name_unequal_quantity(inputs: CheckInputs, _: AxisMotion) -> str:
+def _most_unequal_quantity(inputs: CheckInputs, _: AxisMotion) -> str:
     """Quantity in which the sides differ most: torque, speed or slip."""
     worst = max(
         inputs.side_differences.values(), key=lambda each: each.least_difference_1, default=None
@@ -101,7 +101,7 @@ SIGNAL_CHECKS: Final = (
         "time that a channel repeats its value while another changes, s",
         maximum="frozen_max_s",
         applies=_has_signals,
-        names=_make_refit_outcome("frozen_s"),
+        subject_text=_make_refit_outcome("frozen_s"),
         moved_u=_make_mass_shift("frozen_s"),
         remedy="leave the stretch out, or mend the sensor",
     ),
@@ -112,7 +112,7 @@ SIGNAL_CHECKS: Final = (
         "fraction of a force channel's readings at a limit of the sensor or the engine",
         maximum="clipped_max",
         applies=_has_signals,
-        names=_make_refit_outcome("clipped_share"),
+        subject_text=_make_refit_outcome("clipped_share"),
         moved_u=_make_mass_shift("clipped_share"),
         remedy="settings.gate.saturation_force_N: the force where the sensor clips",
     ),
@@ -123,7 +123,7 @@ SIGNAL_CHECKS: Final = (
         "difference of left and right on straight drives over their mean, where it is beyond noise",
         maximum="sides_max",
         optional=True,
-        names=_name_unequal_quantity,
+        subject_text=_most_unequal_quantity,
         consequence="tell",
         remedy="channels.torque_left_N_m and torque_right_N_m, or the speeds: their scales",
     ),

@@ -59,7 +59,7 @@ def compare_force_share_with_loads(inputs: FindingInputs) -> ForceShareChange | 
     Returns:
         None if the answer has one load, or the machine drives one way only.
     """
-    fit, noise, motion = inputs.fit, inputs.column_noise, explain_constant_force(inputs).motion
+    fit, noise, motion = inputs.own_fit, inputs.column_noise, explain_constant_force(inputs).motion
     if (
         fit is None
         or noise is None
@@ -183,7 +183,7 @@ def _report_excluded_growths(inputs: FindingInputs) -> list[Symptom]:
 
 def _select_significant_growths(inputs: FindingInputs) -> list[LoadGrowthRate]:
     """Manoeuvres whose load changes by more than noise explains."""
-    fit, noise, motion = inputs.fit, inputs.column_noise, explain_constant_force(inputs).motion
+    fit, noise, motion = inputs.own_fit, inputs.column_noise, explain_constant_force(inputs).motion
     if fit is None or noise is None or motion is None:
         return []
     parts = [

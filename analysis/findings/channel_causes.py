@@ -67,7 +67,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     # a coarse channel repeats itself while the machine moves steadily
     of_channel = {
         name: spans
-        for name in inputs.measured_equation_channels
+        for name in inputs.equation_channels_in_log
         if not _is_coarse(inputs, name)
         and (spans := signals.frozen_spans.get(name) or _find_noiseless_stretches(inputs, name))
     }
@@ -86,7 +86,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
         Symptom(
             total_s[name] / _FROZEN_S,
             f"the channel repeats one reading {times} {total_s[name]:.1f} s in all, while others "
-            f"change{_format_refit(found)}",
+            f"change{_refit_suffix_text(found)}",
             channel=name,
             span_ns=inputs.since_first_sample_ns(*spans[0]),
             change=lambda: refit_without_rows(inputs, holds),
@@ -96,13 +96,13 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _format_refit(found: ExcludedStretches | None) -> str:
+def _refit_suffix_text(found: ExcludedStretches | None) -> str:
     return "" if found is None else f"; {found.text}"
 
 
 def _is_harmless(inputs: FindingInputs, found: ExcludedStretches | None) -> bool | None:
     """Whether the answer stays the same without the stretches; None if that is not known."""
-    return None if found is None or inputs.fit is None else found.is_harmless
+    return None if found is None or inputs.own_fit is None else found.is_harmless
 
 
 def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, int]]:
@@ -140,15 +140,15 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     limit_N = 0.98 * at * max(count, 1)
 
     def refit_without_saturated_rows() -> MassChange | None:
-        if inputs.fit is None:
+        if inputs.own_fit is None:
             return None
-        near = np.abs(inputs.fit.motion.force) > limit_N
+        near = np.abs(inputs.own_fit.motion.force) > limit_N
         return refit_without_rows(inputs, flag_windows(near, 5) | flag_windows(near[::-1], 5)[::-1])
 
     return [
         Symptom(
             share / _CLIPPED,
-            f"{share:.1%} of its readings are clipped at {extreme:.4g}{_format_refit(found)}",
+            f"{share:.1%} of its readings are clipped at {extreme:.4g}{_refit_suffix_text(found)}",
             channel=name,
             setting="settings.gate.saturation_force_N",
             value=f"{limit_N:.1f}",
@@ -161,7 +161,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
 def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     """Find a channel whose resolution is coarser than its noise."""
     found: list[Symptom] = []
-    for name in inputs.measured_equation_channels:
+    for name in inputs.equation_channels_in_log:
         repeats, lsb = repeat_share_and_resolution(inputs, name)
         if not lsb:
             continue
@@ -206,32 +206,34 @@ class ChannelSpikes:
     """The spikes of a channel.
 
     Attributes:
-        unix_ns: (k,) stamps of the spikes.
-        size: median distance of a spike from its neighbours, in the channel's SI unit.
-        ratio: largest distance from the neighbours, in standard deviations.
+        unix_ns: (k,) Unix time of each spike.
+        median_distance: of a spike from the mean of its neighbours, in the channel's SI unit.
+        largest_distance_std: largest such distance, in standard deviations of the channel's noise.
         near: (n,) True for grid samples next to a spike.
     """
 
     unix_ns: Ints
-    size: float
-    ratio: float
+    median_distance: float
+    largest_distance_std: float
     near: Bools
 
 
 def find_spikes(inputs: FindingInputs) -> list[Symptom]:
     """Find single readings far from both neighbours, which agree with each other."""
     return keep_strongest_symptom(
-        [
-            Symptom(
-                each.ratio / _SPIKE * float(np.sqrt(min(each.unix_ns.size, 25))) / _ALONE,
-                f"{each.unix_ns.size} single readings are off by {each.size:.3g} (median), up to "
-                f"{each.ratio:.0f} standard deviations",
-                channel=name,
-                span_ns=inputs.since_first_sample_ns(int(each.unix_ns[0]), int(each.unix_ns[-1])),
-                change=lambda near=each.near: refit_without_rows(inputs, near),
-            )
-            for name, each in spikes_by_channel(inputs).items()
-        ]
+        [_symptom_of_spikes(inputs, *each) for each in spikes_by_channel(inputs).items()]
+    )
+
+
+def _symptom_of_spikes(inputs: FindingInputs, channel: str, spikes: ChannelSpikes) -> Symptom:
+    count, largest_std = spikes.unix_ns.size, spikes.largest_distance_std
+    return Symptom(
+        largest_std / _SPIKE * float(np.sqrt(min(count, 25))) / _ALONE,
+        f"{count} single readings are off by {spikes.median_distance:.3g} (median), up to "
+        f"{largest_std:.0f} standard deviations",
+        channel=channel,
+        span_ns=inputs.since_first_sample_ns(int(spikes.unix_ns[0]), int(spikes.unix_ns[-1])),
+        change=lambda: refit_without_rows(inputs, spikes.near),
     )
 
 
@@ -244,7 +246,7 @@ def spikes_by_channel(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
 
 def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
     found: dict[str, ChannelSpikes] = {}
-    for name in inputs.measured_equation_channels:
+    for name in inputs.equation_channels_in_log:
         t, x = inputs.series[name]
         if x.size < 3 * _BLOCK:
             continue
@@ -370,7 +372,7 @@ def _other_side(channel: str) -> str:
 
 def find_wrong_speed(inputs: FindingInputs, sides: SideDifference) -> tuple[str, float] | None:
     """Wheel speed that the accelerometer contradicts, and the factor for its scale."""
-    wheels = None if inputs.fit is None else inputs.fit.kinematics
+    wheels = None if inputs.own_fit is None else inputs.own_fit.kinematics
     if wheels is None or not wheels.is_consistent:
         return None
     gains = [(1.0 + wheels.gain[0]) * (1.0 + way * sides.value_1 / 2.0) for way in (-1.0, 1.0)]
@@ -385,15 +387,15 @@ def find_wrong_speed(inputs: FindingInputs, sides: SideDifference) -> tuple[str,
 
 def mass_change_if_smaller_wrong(inputs: FindingInputs, sides: SideDifference) -> MassChange | None:
     """Mass change if the smaller side is wrong; as uncertain, since the larger may be."""
-    if inputs.fit is None or sides.smaller_over_larger_1 <= -1.0:
+    if inputs.own_fit is None or sides.smaller_over_larger_1 <= -1.0:
         return None
-    kg = abs(inputs.fit.mass_kg) * (2.0 / (1.0 + max(sides.smaller_over_larger_1, 0.0)) - 1.0)
+    kg = abs(inputs.own_fit.mass_kg) * (2.0 / (1.0 + max(sides.smaller_over_larger_1, 0.0)) - 1.0)
     return MassChange(kg, kg)
 
 
 def mass_change_by_wheel_speed_fault(inputs: FindingInputs) -> MassChange | None:
     """Mass change of 0 ± half the answer's uncertainty; None without an accelerometer."""
-    fit = inputs.fit
+    fit = inputs.own_fit
     return (
         None if fit is None or not fit.motion.by_accelerometer else MassChange(0.0, 0.5 * fit.u_kg)
     )

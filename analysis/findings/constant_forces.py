@@ -78,7 +78,7 @@ def _explain_constant_forces(inputs: FindingInputs) -> ConstantForces:
         error = inputs.standstill_mean_and_std_of(
             column_values(inputs.aligned, ACC) - gravity_by_pitch(inputs)
         )
-    fit, noise = inputs.fit, inputs.column_noise
+    fit, noise = inputs.own_fit, inputs.column_noise
     if fit is None or noise is None or not np.isfinite(fit.theta).all():
         return ConstantForces(rest, error, None, None, None)
     motion = fit.motion

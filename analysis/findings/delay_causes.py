@@ -143,7 +143,7 @@ def sampling_step_and_accelerations(inputs: FindingInputs) -> tuple[float, dict[
     """
     rate_hz = inputs.machine.settings.align.rate_hz
     size = rows_in_duration(LIMITS.delay_mean_s, rate_hz)
-    count = min(inputs.aligned.height, round(LIMITS.delay_searched_s * rate_hz)) // size
+    count = min(inputs.aligned.height, round(LIMITS.delay_search_span_s * rate_hz)) // size
 
     def block_means(x: Floats) -> Floats:
         return x[: count * size].reshape(count, size).mean(axis=1)

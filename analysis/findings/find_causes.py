@@ -108,11 +108,11 @@ def _make_finding_row(
 def _matters_to_mass(row: Mapping[str, object], inputs: FindingInputs) -> bool:
     """Whether a finding invalidates the mass or may move it by about its uncertainty."""
     change_kg = row["mass_change_kg"]
-    if row["severity"] != "tell" or not isinstance(change_kg, float) or inputs.fit is None:
+    if row["severity"] != "tell" or not isinstance(change_kg, float) or inputs.own_fit is None:
         return True
     u_kg = row["mass_change_u_kg"]
     may_kg = abs(change_kg) + (u_kg if isinstance(u_kg, float) else 0.0)
-    return may_kg > LIMITS.accounting_change_u * inputs.fit.u_kg
+    return may_kg > LIMITS.accounting_change_u * inputs.own_fit.u_kg
 
 
 def _judge_severity(
@@ -123,9 +123,9 @@ def _judge_severity(
         return "tell"
     if cause.withholds and sign.invalidates and not (cause.as_judged and inputs.can_weigh):
         return "withhold"
-    if change is None or inputs.fit is None:
+    if change is None or inputs.own_fit is None:
         return "tell"
-    return "widen" if abs(change.kg) > LIMITS.widening_change_u * inputs.fit.u_kg else "tell"
+    return "widen" if abs(change.kg) > LIMITS.widening_change_u * inputs.own_fit.u_kg else "tell"
 
 
 def drop_findings_of_work(findings: pl.DataFrame, cycles: pl.DataFrame) -> pl.DataFrame:

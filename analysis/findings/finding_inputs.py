@@ -59,7 +59,7 @@ class FindingInputs:
         return self.check_inputs.machine
 
     @property
-    def fit(self) -> JointFit | None:
+    def own_fit(self) -> JointFit | None:
         """The joint fit of this log alone; None if nothing could be fitted."""
         weighing = self.check_inputs.weighing
         return None if weighing is None else weighing.own_fit
@@ -114,7 +114,7 @@ class FindingInputs:
         return tuple(name for name in names if name in self.series)
 
     @property
-    def measured_equation_channels(self) -> tuple[str, ...]:
+    def equation_channels_in_log(self) -> tuple[str, ...]:
         """The channels of the equation that are read from the log."""
         return self.measured_channels(*FORCES, *SPEEDS, "position_x_m", ACC, "acc_x_m_s2")
 
@@ -137,7 +137,7 @@ class FindingInputs:
 
     def channel_of_topic(self, topic: str) -> str | None:
         """Name of a channel of the topic, preferring one that the equation needs."""
-        names = (*self.measured_equation_channels, *self.machine.channels)
+        names = (*self.equation_channels_in_log, *self.machine.channels)
         return next((n for n in names if self.machine.channels[n].topic == topic), None)
 
     def since_first_sample_ns(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
@@ -202,7 +202,7 @@ class FindingInputs:
 
     def sample_masses_kg(self, motion: MotionSamples) -> Floats:
         """Mass of the load of each sample by the joint fit, (n,) in kg."""
-        fit = self.fit
+        fit = self.own_fit
         assert fit is not None
         if fit.states is None or fit.count == 1:
             return np.full(motion.force.size, fit.mass_kg)

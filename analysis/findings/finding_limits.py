@@ -1,4 +1,4 @@
-"""Limits of the causes that no machine file sets."""
+"""Thresholds of the causes. They are fixed: no machine file can set them."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -130,7 +130,7 @@ class FindingLimits:
     #: Length in s of the means that are compared.
     delay_mean_s: float = 0.1
     #: Length in s of the beginning of a longer log that is compared.
-    delay_searched_s: float = 1200.0
+    delay_search_span_s: float = 1200.0
     #: Correlation of channels of one motion once the delay is removed,
     same_motion_correlation: float = 0.8
     #: and the fraction of it that they stay below with the delay.

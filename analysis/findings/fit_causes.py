@@ -82,11 +82,11 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
     rest, std = seen.rest_N
     if not np.isfinite(rest):
         return _find_constant_force(inputs)
-    if seen.offset is False or inputs.fit is None:
+    if seen.offset is False or inputs.own_fit is None:
         return []
     strength = abs(rest) / max(
         LIMITS.standing_reading_std * std,
-        LIMITS.standing_reading_fraction * inputs.fit.motion.largest_force,
+        LIMITS.standing_reading_fraction * inputs.own_fit.motion.largest_force,
     )
     names = inputs.measured_channels("force_x_N") or inputs.measured_channels(
         "torque_left_N_m", "torque_right_N_m"
@@ -125,7 +125,7 @@ def _zeroing_offset_toml(inputs: FindingInputs, name: str, reads: float) -> str:
 
 def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
     """Report a constant force whose cause is open because the machine never stands."""
-    fit = inputs.fit
+    fit = inputs.own_fit
     if fit is None:
         return []
     const, std = (float(each[term_index("const", fit.terms)]) for each in fit.posterior)
@@ -142,13 +142,13 @@ def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
 
 def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     """Find a constant force against the direction of motion."""
-    fit, found = inputs.fit, search_likelihood(inputs)
+    fit, found = inputs.own_fit, search_likelihood(inputs)
     if fit is None or inputs.machine.settings.forces.coulomb:  # then it is not missing
         return []
     motion = fit.motion
     name = "direction" if motion.drives_both_ways else "const"
     way = 1.0 if motion.drives_both_ways else float(np.median(motion.direction[motion.used]))
-    pick = found.get(name) or _read_fitted_term(inputs, name)
+    pick = found.get(name) or _fitted_term_as_picked_cause(inputs, name)
     if pick is None or pick.value * way <= 0.0:
         return []
     force = pick.value * way
@@ -178,12 +178,12 @@ def _format_newtons(force_N: float, std_N: float, sign: str = "-") -> str:
     return f"{force_N:{sign}.{places}f} ± {std_N:.{places}f} N"
 
 
-def _read_fitted_term(inputs: FindingInputs, name: str) -> PickedCause | None:
+def _fitted_term_as_picked_cause(inputs: FindingInputs, name: str) -> PickedCause | None:
     """Term of the joint fit, less the part that standstill explains.
 
     If all starts use one throttle, only the priors of the fit separate it from mass and friction.
     """
-    fit, seen = inputs.fit, explain_constant_force(inputs)
+    fit, seen = inputs.own_fit, explain_constant_force(inputs)
     names = [] if fit is None else [term.name for term in fit.terms]
     if fit is None or name not in names or not np.isfinite(seen.rest_N[0]):
         return None
@@ -210,13 +210,13 @@ def mass_change_without_friction(
 
 
 def _mass_change_without_slip(inputs: FindingInputs) -> MassChange | None:
-    fit = inputs.fit
+    fit = inputs.own_fit
     return None if fit is None else MassChange(0.0, 0.5 * fit.u_kg)
 
 
 def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
     """Find wheels that turn faster than the ground speed while they pull."""
-    pick, fit = search_likelihood(inputs).get("slip"), inputs.fit
+    pick, fit = search_likelihood(inputs).get("slip"), inputs.own_fit
     if pick is None or fit is None or pick.value <= 0.0:
         return []
     at = pick.value * fit.motion.largest_force
@@ -260,7 +260,7 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
 
 def find_gain_drift(inputs: FindingInputs) -> list[Symptom]:
     """Find a force gain that changes over the log, or a load that changes steadily."""
-    fit = inputs.fit
+    fit = inputs.own_fit
     if fit is None or fit.count > 1:
         return find_drift_of_empty_mass(inputs)
     pick = search_likelihood(inputs).get("gain_drift")
@@ -331,7 +331,7 @@ def find_too_little_excitation(inputs: FindingInputs) -> list[Symptom]:
 
 def find_collinear_terms(inputs: FindingInputs) -> list[Symptom]:
     """Find terms that the motion cannot separate from the mass."""
-    fit = inputs.fit
+    fit = inputs.own_fit
     if fit is None:
         return []
     parts = fit.u_parts_kg(fit.weights_of_state(fit.main_state))

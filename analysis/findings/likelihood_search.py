@@ -66,7 +66,7 @@ def search_likelihood(inputs: FindingInputs) -> Mapping[str, PickedCause]:
 
 
 def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
-    fit, noise = inputs.fit, inputs.column_noise
+    fit, noise = inputs.own_fit, inputs.column_noise
     if fit is None or noise is None or explain_constant_force(inputs).motion is None:
         return {}
     motion = explain_constant_force(inputs).motion or fit.motion
@@ -95,7 +95,7 @@ def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
         rivals = {
             name
             for name, pick in tried.items()
-            if best.gain - pick.gain < gain_tolerance(best, name) and is_physical(pick)
+            if best.gain - pick.gain < gain_tolerance(best, name) and has_possible_slip_sign(pick)
         }
         if best.name.startswith("delay"):
             begun = motion
@@ -130,27 +130,27 @@ def gain_tolerance(best: PickedCause, name: str) -> float:
 def _choose_best_candidate(tried: Mapping[str, PickedCause]) -> PickedCause:
     """Candidate with the largest gain; among equals, one that is physical and matters."""
     best = max(tried.values(), key=lambda pick: pick.gain)
-    if is_physical(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
+    if has_possible_slip_sign(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
         return best
     others = [
         pick
         for pick in tried.values()
         if best.gain - pick.gain < gain_tolerance(best, pick.name)
-        and is_physical(pick)
+        and has_possible_slip_sign(pick)
         and abs(pick.value) >= _LEAST.get(pick.name, 0.0)
         and pick.gain >= LIMITS.picked_gain
     ]
     return max(others, key=lambda pick: pick.gain, default=best)
 
 
-def is_physical(pick: PickedCause) -> bool:
+def has_possible_slip_sign(pick: PickedCause) -> bool:
     """Whether a slip has a possible sign: driving wheels cannot turn slower than the ground."""
     return pick.name != "slip" or pick.value > 0.0
 
 
 def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause | None:
     """Test a delay that is too long to be linearised, with the lag of the joint fit."""
-    fit = inputs.fit
+    fit = inputs.own_fit
     if fit is None or abs(fit.lag_s) < LIMITS.long_delay_s:
         return None
     late = correct_channel_delay(motion, "force", fit.lag_s)
@@ -254,7 +254,7 @@ def score_causes(equations: Equations, picked_causes: list[str]) -> dict[str, Pi
 
 def build_equations(inputs: FindingInputs, motion: MotionSamples) -> Equations:
     """Rows of the force and of the wheels; those of the wheels need an accelerometer."""
-    fit, noise = inputs.fit, inputs.column_noise
+    fit, noise = inputs.own_fit, inputs.column_noise
     assert fit is not None
     assert noise is not None
     force = whitened_force_rows(

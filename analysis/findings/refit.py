@@ -49,9 +49,9 @@ def refit_with_answer_u(
         relative_u: see `refit_corrected`.
     """
     change = refit_corrected(inputs, correct_motion, relative_u)
-    if change is None or inputs.fit is None:
+    if change is None or inputs.own_fit is None:
         return None
-    return MassChange(change.kg, float(np.hypot(change.u_kg, inputs.fit.u_kg)))
+    return MassChange(change.kg, float(np.hypot(change.u_kg, inputs.own_fit.u_kg)))
 
 
 def refit_corrected(
@@ -64,7 +64,7 @@ def refit_corrected(
         correct_motion: returns the corrected motion.
         relative_u: relative standard uncertainty of the correction.
     """
-    fit = inputs.fit
+    fit = inputs.own_fit
     if fit is None:
         return None
     before, after = (
@@ -97,7 +97,7 @@ def _uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
 
 def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
     """Mass of the corrected motion, by the first stretches of a long log."""
-    fit, noise = inputs.fit, inputs.column_noise
+    fit, noise = inputs.own_fit, inputs.column_noise
     if fit is None or noise is None:
         return None
     priors = inputs.machine.settings.priors

@@ -35,7 +35,7 @@ def residual_spectra(inputs: FindingInputs) -> Spectra | None:
 
 
 def _compute_residual_spectra(inputs: FindingInputs) -> Spectra | None:
-    fit, aligned, machine = inputs.fit, inputs.aligned, inputs.machine
+    fit, aligned, machine = inputs.own_fit, inputs.aligned, inputs.machine
     rate_hz = machine.settings.align.rate_hz
     if rate_hz <= 2.0 * LIMITS.reference_band_hz[0]:
         return None
@@ -71,8 +71,8 @@ def pooled_mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
         both = [column_values(pooled, name) for name in ("mass_kg", "friction_x_N_s_m")]
         if pooled.height and np.isfinite(both).all():
             return float(both[0][0]), float(both[1][0])
-    if inputs.fit is not None:
-        return inputs.fit.mass_kg, inputs.fit.viscous
+    if inputs.own_fit is not None:
+        return inputs.own_fit.mass_kg, inputs.own_fit.viscous
     return inputs.check_inputs.straight_motion.fit.value, 0.0
 
 
@@ -167,7 +167,7 @@ def find_coloured_residuals(inputs: FindingInputs) -> list[Symptom]:
 
 def find_hysteresis(inputs: FindingInputs) -> list[Symptom]:
     """Report hysteresis of the force, for which the fit has corrected the mass."""
-    fit = inputs.fit
+    fit = inputs.own_fit
     if fit is None or fit.hysteresis_kg is None:
         return []
     half_N = fit.term_value(HYSTERESIS.name)
@@ -187,7 +187,7 @@ def find_hysteresis(inputs: FindingInputs) -> list[Symptom]:
 
 def find_gain_by_speed(inputs: FindingInputs) -> list[Symptom]:
     """Report the term with the largest effect on a mass among those that the model lacks."""
-    fit, named = inputs.fit, inputs.named_missing_terms
+    fit, named = inputs.own_fit, inputs.named_missing_terms
     if fit is None or not named:
         return []
     found = named[0]

@@ -124,7 +124,7 @@ def step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
     """
     topic = inputs.machine.channels[name].topic
     weight, weighted = 0.0, 0.0
-    for channel in inputs.measured_equation_channels:
+    for channel in inputs.equation_channels_in_log:
         if inputs.machine.channels[channel].topic == topic:
             share, std = stamp_fidelity_and_std(*inputs.series[channel])
             if np.isfinite([share, std]).all() and std > 0.0:
@@ -214,7 +214,7 @@ def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:
         drift.drift_ppm / (LIMITS.clock_drift_std * drift.drift_std_ppm),
         apart_s / LIMITS.clock_drift_s,
     )
-    fit = inputs.fit
+    fit = inputs.own_fit
     # which of the two is wrong the force tells: it becomes late, or does not
     wrong = _find_drifting_channel(inputs, drift.faster, drift.slower)
     explains = "" if fit is None else f", {1e3 * apart_s:.1f} ms over the log"
@@ -238,7 +238,7 @@ def _find_drifting_channel(inputs: FindingInputs, faster: str, slower: str) -> s
 def series_of_a_channel_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     """Stamps and readings of one equation channel of each topic."""
     topics: dict[str | None, str] = {}
-    for name in inputs.measured_equation_channels:
+    for name in inputs.equation_channels_in_log:
         topics.setdefault(inputs.machine.channels[name].topic, name)
     return {name: inputs.series[name] for name in topics.values()}
 

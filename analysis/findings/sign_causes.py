@@ -269,7 +269,7 @@ def _find_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     """Compare the mass with that of the empty machine."""
     ratio = inputs.checks.get("empty_mass_ratio", np.nan)
     empty_kg = inputs.machine.machine.empty_mass_kg
-    fit = inputs.fit
+    fit = inputs.own_fit
     if fit is not None and empty_kg and fit.mass_kg > 0:
         ratio = fit.mass_kg / empty_kg
     names = inputs.measured_channels("force_x_N") or inputs.measured_channels(

@@ -6,7 +6,7 @@ from analysis.model.strict_config import STRICT
 
 
 class VerdictLimits(BaseModel):
-    """Limits of the checks that decide whether a log can weigh (on its ungated moving samples)."""
+    """Limits of the checks that decide whether a log is usable for weighing."""
 
     model_config = STRICT
 

@@ -130,7 +130,7 @@ class GrowingLog:
             return None
         try:
             self._append_samples()
-            if self.basis is None and not self._find_basis(is_whole=is_whole):
+            if self.basis is None and not self._try_to_find_basis(is_whole=is_whole):
                 return None
             return self._make_next_rows(is_whole=is_whole)
         except DataError:
@@ -169,7 +169,7 @@ class GrowingLog:
             placed = placed.filter(stamps.is_not_null() & ((stamps != 0) | (behind is not None)))
         return placed
 
-    def _find_basis(self, *, is_whole: bool) -> bool:
+    def _try_to_find_basis(self, *, is_whole: bool) -> bool:
         """Determine stamps, rates and the grid's origin once the first seconds are available."""
         if not self._raw.keys() >= set(self.topics):
             if is_whole:

@@ -55,8 +55,8 @@ def masses_by_method_and_load(campaign: ReplayedCampaign) -> pl.DataFrame:
     """Masses and their errors by method and load of one campaign, for Figures 6 to 8.
 
     Returns:
-        Frame `calibration` with the r.m.s. errors over the load's trials in kg: `rms_kg` (all loads
-        in the fit) and `rms_left_out_kg` (without the own load).
+        Frame `calibration`, and r.m.s. errors over the trials of each load in kg: `rms_kg` (line
+        fitted to all loads) and `rms_left_out_kg` (line fitted without that load).
     """
     estimates = campaign.estimate_by_method_and_trial()
     errors = calibrated_errors_of_runs(estimates).group_by("method", "load_kg").agg(

@@ -19,28 +19,28 @@ class TorqueChain:
     """Assumed transfer between the drive force and the recorded torque.
 
     Attributes:
-        empty_share_1: share of the empty machine's weight on the front axle.
+        empty_fraction_1: share of the empty machine's weight on the front axle.
         load_lever_1: distance of the load from the rear axle, in wheelbases.
         gain_1: gain of the signal conditioning.
         offset_N: offset of the signal conditioning, as the force that (17) computes from both
             torques.
     """
 
-    empty_share_1: float = 0.39
+    empty_fraction_1: float = 0.39
     load_lever_1: float = 2.55
     gain_1: float = 2.9
     offset_N: float = -3500.0
 
-    def front_axle_share(self, empty_kg: float, load_kg: float) -> float:
+    def front_axle_fraction(self, empty_kg: float, load_kg: float) -> float:
         """Share of the weight on the front axle with a load in the bucket."""
-        front_kg = self.empty_share_1 * empty_kg + self.load_lever_1 * load_kg
+        front_kg = self.empty_fraction_1 * empty_kg + self.load_lever_1 * load_kg
         return front_kg / (empty_kg + load_kg)
 
 
 def record_through_chain(simulated: SimulatedLog, chain: TorqueChain) -> SimulatedLog:
     """Log with the torques, and their noise, that this chain would record."""
     machine = simulated.scenario.machine
-    share = chain.front_axle_share(machine.mass_kg, simulated.load_kg)
+    share = chain.front_axle_fraction(machine.mass_kg, simulated.load_kg)
     factor = chain.gain_1 * share / machine.force_share
     offset_N_m = chain.offset_N * machine.wheel_radius_m / 2.0
     torque = simulated.topics["torque"].with_columns(

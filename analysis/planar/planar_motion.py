@@ -50,34 +50,34 @@ class TurningSamples(NamedTuple):
     progress: Floats
     heading_rad: Floats
     one: Floats
-    drive: "Drive"
+    drive: "PlanarDrive"
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class PlanarDrive:
     """Planar samples, directions of motion and a nearly known machine, for the terms of a fit.
 
     Attributes:
         plane: motion and forces.
         machine: machine file.
         coefficients: (6,) coefficients of the planar regressor; 0 if not determined.
-        of_samples: (10, n) fields of `TurningSamples` from force to heading.
-        largest_force: large quantile of the force, in N.
-        largest_torque: large quantile of the yaw torque, in N·m.
-        largest_speed: large quantile of the speed, in m/s.
-        largest_yaw_rate: large quantile of the yaw rate, in rad/s.
-        largest_acc_y: large quantile of the lateral acceleration, in m/s².
+        term_inputs: (10, n) fields of `TurningSamples` from force to heading.
+        peak_force_N: large quantile of the force, in N.
+        peak_torque_N_m: large quantile of the yaw torque, in N·m.
+        peak_speed_m_s: large quantile of the speed, in m/s.
+        peak_yaw_rate_rad_s: large quantile of the yaw rate, in rad/s.
+        peak_acc_y_m_s2: large quantile of the lateral acceleration, in m/s².
     """
 
     plane: PlanarSamples
     machine: Machine
     coefficients: Floats
-    of_samples: Floats
-    largest_force: float
-    largest_torque: float
-    largest_speed: float
-    largest_yaw_rate: float
-    largest_acc_y: float
+    term_inputs: Floats
+    peak_force_N: float
+    peak_torque_N_m: float
+    peak_speed_m_s: float
+    peak_yaw_rate_rad_s: float
+    peak_acc_y_m_s2: float
 
     @property
     def gravity_m_s2(self) -> float:
@@ -123,9 +123,9 @@ class Drive:
     def _coefficient_of_term(self, name: str) -> float:
         return float(self.coefficients[_AT[name]])
 
-    def cut(self, part: slice) -> "Drive":
+    def cut(self, part: slice) -> "PlanarDrive":
         """Cut the drive to a slice of samples."""
-        return replace(self, plane=self.plane.cut(part), of_samples=self.of_samples[:, part])
+        return replace(self, plane=self.plane.cut(part), term_inputs=self.term_inputs[:, part])
 
     def turning_samples(self, part: slice) -> TurningSamples:
         """Samples of a slice."""
@@ -137,7 +137,7 @@ class Drive:
             moved.yaw_rate[part],
             moved.yaw_acceleration[part],
             *self.plane.f[part].T,
-            *self.of_samples[:, part],
+            *self.term_inputs[:, part],
             one=np.ones(moved.speed[part].size),
             drive=self,
         )
@@ -145,7 +145,7 @@ class Drive:
 
 def make_drive(
     plane: PlanarSamples, excitation: pl.DataFrame, machine: Machine, coefficients: Floats
-) -> Drive:
+) -> PlanarDrive:
     """Compute the inputs of the terms.
 
     Args:
@@ -180,7 +180,7 @@ def make_drive(
     )
     direction_z = direction(motion.yaw_rate, motion.yaw_acceleration, _TURNS_RAD_S)
     spins = np.abs(motion.speed) < half_track_m(machine) * np.abs(motion.yaw_rate)
-    of_samples = np.stack(
+    term_inputs = np.stack(
         [
             averaged(force),
             averaged(torque),
@@ -195,11 +195,11 @@ def make_drive(
         ]
     )
     turns = used & plane.turning
-    return Drive(
+    return PlanarDrive(
         plane,
         machine,
         coefficients,
-        np.nan_to_num(of_samples),
+        np.nan_to_num(term_inputs),
         robust_maximum(plane.f[:, 0], used),
         robust_maximum(plane.f[:, 1], turns),
         robust_maximum(motion.speed, used),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.planar.planar_motion import Drive
+from analysis.planar.planar_motion import PlanarDrive
 from analysis.planar.planar_terms import (
     Term,
     measures_lateral_specific_force,
@@ -27,7 +27,7 @@ class Regressor:
         mixtures: (2, 6, terms) part of each term in the six columns, by row.
     """
 
-    drive: Drive
+    drive: PlanarDrive
     columns: Ints
     terms: Sequence[Term]
     axes: slice
@@ -35,7 +35,7 @@ class Regressor:
 
     @classmethod
     def from_drive(
-        cls, drive: Drive, columns: Ints, terms: Sequence[Term], axes: slice
+        cls, drive: PlanarDrive, columns: Ints, terms: Sequence[Term], axes: slice
     ) -> "Regressor":
         """Build the regressor, computing the mixtures once."""
         mixtures = np.zeros((2, len(PARAMETERS), len(terms)))
@@ -67,7 +67,7 @@ class Regressor:
         """(rows, p, p) loading of each column on the noise of each, see `base_parameters.fit`."""
         size, own = self.shape[-1], self.columns.size
         found = np.tile(np.eye(size), (2, 1, 1))
-        found[:, :own, :own] = of_columns = self._column_loading()
+        found[:, :own, :own] = of_columns = self._noise_loading_of_columns()
         found[:, own:, :own] = self.mixtures[:, self.columns].transpose(0, 2, 1) @ of_columns
         return found[self.axes]
 
@@ -81,7 +81,7 @@ class Regressor:
             return 0.0, 0.0
         return self.drive.machine.machine.imu.position_m[:2]
 
-    def _column_loading(self) -> Floats:
+    def _noise_loading_of_columns(self) -> Floats:
         """Loading (2, c, c) of the selected columns on the noise of each other."""
         found = np.tile(np.eye(self.columns.size), (2, 1, 1))
         x_m, y_m = self.imu_position_m

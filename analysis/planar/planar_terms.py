@@ -15,7 +15,7 @@ import numpy as np
 from analysis.model.machine import Machine
 from analysis.model.prior_settings import PriorSettings
 from analysis.model.uncertainty_sources import IMU_POSITION, SCALES, Scale, has_torque_of_sides
-from analysis.planar.planar_motion import Drive, TurningSamples
+from analysis.planar.planar_motion import PlanarDrive, TurningSamples
 from analysis.weighing.nuisances import constant_force_std, coulomb_std
 from estimators.arrays import Floats
 
@@ -51,16 +51,16 @@ class Term:
 
     name: str
     columns: Callable[[TurningSamples], Columns]
-    width: Callable[[Drive, PriorSettings], float]
+    width: Callable[[PlanarDrive, PriorSettings], float]
     meaning: str
     shrinks: str
     axes: str
     applies: Callable[[Machine], bool] = lambda _: True
     stated: Scale | None = None
     least_u: float = 0.0
-    mixture: Callable[[Drive], Mixture] = lambda _: ({}, {})
+    mixture: Callable[[PlanarDrive], Mixture] = lambda _: ({}, {})
 
-    def mixed_columns(self, drive: Drive, rows: slice) -> set[int]:
+    def mixed_columns(self, drive: PlanarDrive, rows: slice) -> set[int]:
         """Columns among the six that it is a share of, in these rows."""
         return {n for row in self.mixture(drive)[rows] for n, share in row.items() if share}
 
@@ -110,7 +110,7 @@ def _gyro_bias_columns(m: TurningSamples) -> Columns:
     return -2.0 * m.drive.moment_x_kg_m * m.yaw_rate, sideways * m.speed + m.drive.turning_friction
 
 
-def _gyro_gain_mixture(drive: Drive) -> Mixture:
+def _gyro_gain_mixture(drive: PlanarDrive) -> Mixture:
     """How an error of the gyroscope's gain mixes the parameters."""
     sideways = 0.0 if measures_lateral_specific_force(drive.machine) else drive.moment_x_kg_m
     turned = {
@@ -121,7 +121,7 @@ def _gyro_gain_mixture(drive: Drive) -> Mixture:
     return {_MOMENT_X: 2.0 * drive.moment_x_kg_m, _MOMENT_Y: drive.moment_y_kg_m}, turned
 
 
-def _accelerometer_gain_mixture(drive: Drive) -> Mixture:
+def _accelerometer_gain_mixture(drive: PlanarDrive) -> Mixture:
     sideways = drive.moment_x_kg_m if measures_lateral_specific_force(drive.machine) else 0.0
     return {_MASS: drive.mass_kg}, {_MOMENT_X: sideways, _MOMENT_Y: drive.moment_y_kg_m}
 
@@ -131,28 +131,28 @@ def turning_torque_columns(m: TurningSamples, moment_kg_m: float) -> Columns:
     return None, moment_kg_m * m.yaw_rate**2
 
 
-def _lateral_arm_mixture(drive: Drive) -> Mixture:
+def _lateral_arm_mixture(drive: PlanarDrive) -> Mixture:
     """How an unknown arm of the sideways force mixes the parameters."""
     # the sideways force, in proportion to the mass: m s_y + mc_x ω̇
     return {}, {_MOMENT_X: drive.mass_kg, _INERTIA: drive.moment_x_kg_m}
 
 
-def _imu_x_mixture(drive: Drive) -> Mixture:
+def _imu_x_mixture(drive: PlanarDrive) -> Mixture:
     """How an error of the IMU's position ahead mixes the parameters."""
     sideways = drive.moment_x_kg_m if measures_lateral_specific_force(drive.machine) else 0.0
     return {_MOMENT_X: -drive.mass_kg}, {_INERTIA: -sideways}
 
 
-def _imu_y_mixture(drive: Drive) -> Mixture:
+def _imu_y_mixture(drive: PlanarDrive) -> Mixture:
     """How an error of the IMU's position to the left mixes the parameters."""
     return {_MOMENT_Y: -drive.mass_kg}, {_INERTIA: -drive.moment_y_kg_m}
 
 
-def _coulomb_prior_std(drive: Drive, priors: PriorSettings) -> float:
-    return coulomb_std(drive.largest_force, drive.machine_weight, priors)
+def _coulomb_prior_std(drive: PlanarDrive, priors: PriorSettings) -> float:
+    return coulomb_std(drive.peak_force_N, drive.machine_weight, priors)
 
 
-def _imu_position_prior_std(drive: Drive, _: PriorSettings) -> float:
+def _imu_position_prior_std(drive: PlanarDrive, _: PriorSettings) -> float:
     return IMU_POSITION.u(drive.machine) or 0.0
 
 
@@ -161,7 +161,7 @@ TERMS: Final = (
     Term(
         "const",
         lambda m: (m.one, None),
-        lambda d, s: constant_force_std(d.largest_force, d.machine_weight, s),
+        lambda d, s: constant_force_std(d.peak_force_N, d.machine_weight, s),
         "a constant force: offset of the force, tilt or bias of the accelerometer",
         "starts in both directions, or at different throttles",
         "x",
@@ -186,7 +186,7 @@ TERMS: Final = (
     Term(
         "slip",
         lambda m: (np.abs(m.speed) * m.force, None),
-        lambda d, s: s.wheel_slip / d.largest_speed,
+        lambda d, s: s.wheel_slip / d.peak_speed_m_s,
         "longitudinal slip: friction of a wheel speed that is not the ground's",
         "starts at different throttles",
         "x",
@@ -194,7 +194,7 @@ TERMS: Final = (
     Term(
         "quadratic",
         lambda m: (m.speed * np.abs(m.speed), None),
-        lambda d, s: s.quadratic_share * d.largest_force / d.largest_speed**2,
+        lambda d, s: s.quadratic_share * d.peak_force_N / d.peak_speed_m_s**2,
         "resistance that grows with the square of the speed",
         "cruising at several speeds",
         "x",
@@ -202,7 +202,7 @@ TERMS: Final = (
     Term(
         "viscous_drift",
         lambda m: (m.speed * m.progress, None),
-        lambda d, s: s.viscous_drift_share * d.largest_force / d.largest_speed,
+        lambda d, s: s.viscous_drift_share * d.peak_force_N / d.peak_speed_m_s,
         "how much viscous friction changes over the log",
         "a machine that is warm",
         "x",
@@ -212,7 +212,7 @@ TERMS: Final = (
         lambda m: (None, m.one),
         lambda d, s: float(
             np.hypot(
-                s.const_share * d.largest_torque,
+                s.const_share * d.peak_torque_N_m,
                 s.const_weight_share * abs(d.moment_x_kg_m) * d.gravity_m_s2,
             )
         ),
@@ -224,7 +224,7 @@ TERMS: Final = (
         "turning_direction",
         lambda m: (None, m.direction_z),
         lambda d, s: float(
-            np.hypot(s.direction_share * d.largest_torque, s.scrub_arm_m * d.machine_weight)
+            np.hypot(s.direction_share * d.peak_torque_N_m, s.scrub_arm_m * d.machine_weight)
         ),
         "Coulomb friction of turning: tyres that scrub",
         "spins at different throttles, both ways",
@@ -233,7 +233,7 @@ TERMS: Final = (
     Term(
         "turning_quadratic",
         lambda m: (None, m.yaw_rate * np.abs(m.yaw_rate)),
-        lambda d, s: s.quadratic_share * d.largest_torque / d.largest_yaw_rate**2,
+        lambda d, s: s.quadratic_share * d.peak_torque_N_m / d.peak_yaw_rate_rad_s**2,
         "friction of turning that is not in proportion to the yaw rate",
         "spins at different throttles",
         "z",
@@ -241,7 +241,9 @@ TERMS: Final = (
     Term(
         "turning_sideways",
         lambda m: (None, m.yaw_rate * m.acc_y**2),
-        lambda d, s: s.scrub_share * d.largest_torque / (d.largest_yaw_rate * d.largest_acc_y**2),
+        lambda d, s: (
+            s.scrub_share * d.peak_torque_N_m / (d.peak_yaw_rate_rad_s * d.peak_acc_y_m_s2**2)
+        ),
         "tyres that slide sideways already, and resist turning less",
         "spins in place as well as turns under way",
         "z",
@@ -249,7 +251,7 @@ TERMS: Final = (
     Term(
         "turning_under_way",
         lambda m: (None, m.yaw_rate * np.abs(m.speed)),
-        lambda d, s: s.scrub_share * d.largest_torque / (d.largest_yaw_rate * d.largest_speed),
+        lambda d, s: s.scrub_share * d.peak_torque_N_m / (d.peak_yaw_rate_rad_s * d.peak_speed_m_s),
         "friction of turning under way, in addition to that of a spin in place",
         "spins in place as well as turns under way",
         "z",
@@ -267,7 +269,7 @@ TERMS: Final = (
     Term(
         "turning_drift",
         lambda m: (None, m.yaw_rate * m.progress),
-        lambda d, s: s.viscous_drift_share * d.largest_torque / d.largest_yaw_rate,
+        lambda d, s: s.viscous_drift_share * d.peak_torque_N_m / d.peak_yaw_rate_rad_s,
         "how much friction of turning changes over the log",
         "a machine that is warm",
         "z",
@@ -307,7 +309,7 @@ TERMS: Final = (
     Term(
         "slip_acceleration",
         _slip_columns,
-        lambda d, s: d.mass_kg * s.wheel_slip / d.largest_force,
+        lambda d, s: d.mass_kg * s.wheel_slip / d.peak_force_N,
         "longitudinal slip: wheels gain speed that the machine does not",
         "an accelerometer on the body",
         "xz",
@@ -386,7 +388,7 @@ TERMS: Final = (
 )
 
 
-def select_terms_of_drive(drive: Drive, axes: str = "xz") -> tuple[tuple[Term, float], ...]:
+def select_terms_of_drive(drive: PlanarDrive, axes: str = "xz") -> tuple[tuple[Term, float], ...]:
     """Terms that apply to a drive on the given axes, with their prior standard deviations."""
     found: list[tuple[Term, float]] = []
     for term in TERMS:

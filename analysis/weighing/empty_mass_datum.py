@@ -227,7 +227,7 @@ class EmptyDatum:
     scale_1: float
     ticket_1: float
 
-    def sensitivities_to_masses(self, payload: Floats) -> Floats:
+    def payload_sensitivities_to_masses(self, payload: Floats) -> Floats:
         """(masses,) sensitivities of a payload to errors of the masses, over its factor.
 
         Args:
@@ -244,7 +244,9 @@ class EmptyDatum:
         """
         empty = self.empty
         payload_kg = abs(float(payload @ empty.weighing.fit.masses_kg))
-        found = budget_of_mass(empty.weighing, empty.machine, self.sensitivities_to_masses(payload))
+        found = budget_of_mass(
+            empty.weighing, empty.machine, self.payload_sensitivities_to_masses(payload)
+        )
         known = names_of_factors_without_u(found)
         kept = [
             replace(each, u=None if each.u is None else each.u * abs(self.scale_1))

@@ -105,7 +105,7 @@ def find_direction_gain(
     one = FitTask(
         motion,
         noise,
-        priors if fit.effects is None else fit.effects.narrow_left_out(priors),
+        priors if fit.effects is None else fit.effects.priors_without_left_out_effects(priors),
         (*applicable_terms(motion, several=False), GAIN_BY_DIRECTION),
         fit.kinematics,
         None,

@@ -232,7 +232,7 @@ def refit_with_changes(
         rows: `make_refit_rows` of the earlier fit, with at least these terms, if already computed.
     """
     if earlier_fit.effects is not None:
-        priors = earlier_fit.effects.narrow_left_out(priors)
+        priors = earlier_fit.effects.priors_without_left_out_effects(priors)
     terms = (*earlier_fit.terms, *extra_terms)
     task = FitTask(
         earlier_fit.motion, noise, priors, terms, earlier_fit.kinematics, earlier_fit.states

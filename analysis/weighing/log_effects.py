@@ -120,7 +120,7 @@ class LikelyEffects:
             removed_kg,
         )
 
-    def narrow_left_out(self, priors: PriorSettings) -> PriorSettings:
+    def priors_without_left_out_effects(self, priors: PriorSettings) -> PriorSettings:
         """Priors that exclude the effects that are left out."""
         keys = [key for name in self.left_out for key in _WIDTHS[name]]
         return priors.model_copy(update={key: NARROW * getattr(priors, key) for key in keys})

@@ -241,7 +241,9 @@ def _widening_by_checks(
     if drift is not None:
         drift_kg = float(np.linalg.norm(drift.responses_kg(fit.masses_kg) @ weights))
         found["drifted_gain"] = max(found.get("drifted_gain", 0.0), drift_kg)
-    curved_kg = abs(weighing.curvature.kg) * share if weighing.curvature.is_significant else 0.0
+    curved_kg = (
+        abs(weighing.curvature.mass_change_kg) * share if weighing.curvature.is_significant else 0.0
+    )
     # which of them is the true one is not known, and one fault shows in several
     missing_kg = max(
         (abs(float(weights @ each.effect_kg)) for each in weighing.missing_terms), default=0.0

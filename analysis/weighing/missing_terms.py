@@ -34,19 +34,19 @@ class ForceCurvature:
 
     Attributes:
         t: estimate over its standard deviation.
-        kg: change of the mass with the term.
+        mass_change_kg: change of the mass with the term.
         mass_kg: mass without the term.
     """
 
     t: float
-    kg: float
+    mass_change_kg: float
     mass_kg: float
 
     @property
     def is_significant(self) -> bool:
         """Whether the force is significantly nonlinear in the acceleration and the mass changes."""
         return abs(self.t) > LIMITS.curvature_min_std and abs(
-            self.kg
+            self.mass_change_kg
         ) > LIMITS.curvature_min_fraction * abs(self.mass_kg)
 
 

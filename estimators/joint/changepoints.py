@@ -83,7 +83,7 @@ def find_partitions(
         posterior = PartitionPosterior(units, spread, tau, usual if scatter is None else None)
         tried = {each.tobytes() for each in (one, each_own, *hinted)}
         for effects in begin if n > 1 else []:
-            tried |= _candidate_partitions(posterior, effects)
+            tried |= _propose_partitions(posterior, effects)
         # in an order that does not change from process to process, as sums depend on it
         for key in sorted(tried):
             if key not in stretches:
@@ -166,7 +166,7 @@ def _merge_states_at(state: Ints, boundaries: Ints) -> Ints:
     return np.cumsum(changes)
 
 
-def _candidate_partitions(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
+def _propose_partitions(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
     """Candidates for the most probable partition, starting from given effects."""
     units, spread = posterior.units, posterior.spread
     level = units.y - units.x @ effects

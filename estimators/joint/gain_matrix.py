@@ -192,7 +192,7 @@ def floor_meats(
     Returns:
         The meats times the variance `white` of the residuals.
     """
-    if has_many_levels(gram) and meats.exceeds(gram, _LEAST_OF_WHITE, _ROUNDING):
+    if has_many_levels(gram) and meats.is_at_least_fraction_of(gram, _LEAST_OF_WHITE, _ROUNDING):
         return meats.scale(white)
     squares, vectors = np.linalg.eigh(gram.to_dense())
     root = vectors * np.sqrt(np.maximum(squares, squares[-1] * _ROUNDING))

@@ -242,7 +242,15 @@ def _log_prior(kind: Ints, changes: Bools) -> float:
 
 
 def _log_cycle_prior(kind: Ints, changes: Bools) -> float:
-    """Log prior of cycles: a change at each filling and one before the next, mostly at a hint."""
+    """Log prior probability of changes of the load as work cycles, without its constant.
+
+    A cycle has one change at its filling and one, the dump, before the next filling: preferably
+    where a hint is.
+
+    Args:
+        kind: (n - 1,) kind of each boundary between manoeuvres.
+        changes: (n - 1,) whether the load changes there.
+    """
     filling = kind == FILLED
     filled = filling & changes
     stretch, number = np.cumsum(filled), int(filled.sum()) + 1

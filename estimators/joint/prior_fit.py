@@ -108,7 +108,7 @@ class _SolvedSamples:
         rows = [self.sums.rows[i] for i in self.compared]
         return CommonResidual.from_groups(rows, self.solved.residual, self.direction)
 
-    def fit(self) -> MapFit:
+    def to_map_fit(self) -> MapFit:
         """The estimates with all parts of their uncertainty."""
         A, group, sums, shape, grouping = (
             self.A,
@@ -196,7 +196,7 @@ class PriorSolution:
         if self._fit is None:
             assert self._samples is not None
             # samples of a shift are hundreds of megabytes, and are not needed again
-            self._fit, self._samples = self._samples.fit(), None
+            self._fit, self._samples = self._samples.to_map_fit(), None
         return self._fit
 
     def drop_samples(self) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from estimators.arrays import Bools, Floats, Ints
 from estimators.estimate import Estimate, Trace
 from estimators.methods import ls
-from estimators.numerics.normal_equations import gram, residual_squares, solve
+from estimators.numerics.normal_equations import gram, residual_sums_of_squares, solve
 from estimators.numerics.reweighted import reweighted_sums
 from estimators.numerics.rolling import sum_windows, window_ends
 from estimators.numerics.sandwich import window_std
@@ -65,7 +65,7 @@ def solve_windows(
     def solve_rows(rows: slice) -> None:
         products = sum_windows(A, f, window, index[rows])
         theta = reweight(A, f, window, index[rows], products, options)
-        out.keep(rows, products, theta, gram(products), residual_squares(products, theta))
+        out.keep(rows, products, theta, gram(products), residual_sums_of_squares(products, theta))
 
     run_in_chunks(solve_rows, index.size)
     return out

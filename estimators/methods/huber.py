@@ -18,7 +18,7 @@ from estimators.numerics.autocorrelation import (
     pooled_autocorrelation,
     residuals_of_disjoint_windows,
 )
-from estimators.numerics.normal_equations import gram, residual_squares, solve
+from estimators.numerics.normal_equations import gram, residual_sums_of_squares, solve
 from estimators.numerics.reweighted import (
     AT_ONCE,
     batch_starts,
@@ -237,7 +237,9 @@ def trace(
     def solve_rows(rows: slice) -> None:
         products = sum_windows(A, f, window, index[rows])
         theta, of_rows = reweight(A, f, window, index[rows], products, options)
-        solved.keep(rows, products, theta, gram(products), residual_squares(products, theta))
+        solved.keep(
+            rows, products, theta, gram(products), residual_sums_of_squares(products, theta)
+        )
         for whole, part in zip(statistics, of_rows, strict=True):
             whole[rows] = part
 

@@ -28,7 +28,12 @@ from estimators.methods.rtls import RtlsOptions
 from estimators.methods.tls import TlsOptions, solve_scaled
 from estimators.numerics import directional_forgetting
 from estimators.numerics.mutual_information import correlation
-from estimators.numerics.normal_equations import count_columns, gram, residual_squares, solve
+from estimators.numerics.normal_equations import (
+    count_columns,
+    gram,
+    residual_sums_of_squares,
+    solve,
+)
 from estimators.numerics.recursive import discounted_counts, feed_products, pad_entries_to_lanes
 from estimators.numerics.rolling import (
     add_centre,
@@ -41,7 +46,7 @@ from estimators.numerics.small_systems import (
     inverse_spd,
     pack,
     scaled_condition_from_gram,
-    unpack,
+    unpack_leading_block,
 )
 
 
@@ -167,7 +172,7 @@ def _make_window_estimate(
     """Estimate of one window from θ (p, 1), packed AᵀA (entries, 1) and RSS (1,)."""
     q, window = state.z.shape
     p = q - 1
-    rss = residual_squares(state.products, theta)
+    rss = residual_sums_of_squares(state.products, theta)
     return Estimate(
         theta[:, 0].copy(),
         estimate_stds(G[:, 0], p, rss if squares is None else squares, window, mean),
@@ -180,7 +185,7 @@ def estimate_stds(G: Floats, p: int, rss: Floats, samples: int, mean: int) -> Fl
     """Textbook standard deviations (p,), with `mean` residual samples counted as one."""
     freedom = samples - p * mean
     variance = rss[0] / freedom * mean if freedom > 0 else np.nan
-    return np.sqrt(variance * np.diagonal(inverse_spd(unpack(G, p, p))))
+    return np.sqrt(variance * np.diagonal(inverse_spd(unpack_leading_block(G, p, p))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,7 +223,7 @@ def _recursive_estimate(
     """Estimate from θ = R⁻¹ Aᵀf, whose errors are R⁻¹ (p, p) times the errors of Aᵀf."""
     p = theta.size
     bread = inverse_spd(R)
-    M = unpack(past.squares, p + 1, p)
+    M = unpack_leading_block(past.squares, p + 1, p)
     std = np.sqrt(rss / past.weight * mean * np.diagonal(bread @ M @ bread))
     return Estimate(theta, std, float(np.sqrt(rss / past.weight)), condition)
 
@@ -255,7 +260,10 @@ def _step_exponential_rls(
     if past is None:
         A, f, _ = _make_log_of_window(state)
         begin = recursion.start(A, f, options)
-        R, G = np.diag(1.0 / np.diagonal(begin.P)), unpack(state.products[:, 0], p + 1, p)
+        R, G = (
+            np.diag(1.0 / np.diagonal(begin.P)),
+            unpack_leading_block(state.products[:, 0], p + 1, p),
+        )
         squares = np.zeros((p + 1, p + 1))
         squares[:p, :p] = R @ inverse_spd(G) @ R
         past = WindowHistory(
@@ -267,7 +275,7 @@ def _step_exponential_rls(
     else:
         past = _add_new_samples_to_history(state, past, newest, options.forgetting)
         solved = solve(past.products[:entries].reshape(-1, 1))
-        R = unpack(past.products, p + 1, p)
+        R = unpack_leading_block(past.products, p + 1, p)
         theta, rss, condition = (
             solved.theta[:, 0],
             float(solved.rss[0]),
@@ -284,10 +292,10 @@ def _step_directional_rls(
     if past is None:
         past = recursion.start(A, f, options)
         p = past.theta.size
-        R = unpack(state.products[:, 0], p + 1, p)
+        R = unpack_leading_block(state.products[:, 0], p + 1, p)
     else:
         ends = np.array([f.size - 1 - newest, f.size - 1])
-        theta, _, P, sums = directional_forgetting.feed_windows(
+        theta, _, P, sums = directional_forgetting.run_recursion_over_windows(
             A, f, f.size, ends, options.forgetting, past.theta, past.P, (past.square, past.weight)
         )
         past = RlsState(theta[-1], P[-1], *sums)
@@ -311,9 +319,9 @@ def rtls(
         past = _add_new_samples_to_history(state, past, newest, options.forgetting)
     products = past.products[:entries].reshape(-1, 1)
     theta, clean = solve_scaled(products, options.noise)
-    rss = float(residual_squares(products, theta)[0])
+    rss = float(residual_sums_of_squares(products, theta)[0])
     condition = float(condition_numbers(products, p + 1, p)[0])
-    R = unpack(clean[:, 0], p, p)
+    R = unpack_leading_block(clean[:, 0], p, p)
     return past, _recursive_estimate(theta[:, 0], past, R, rss, mean, condition)
 
 
@@ -338,7 +346,7 @@ class Pool:
             solve(subtract_noise(products, counts, options)).theta,
             count_columns(products) - 1,
         )
-        rss = residual_squares(products, theta)
+        rss = residual_sums_of_squares(products, theta)
         return Estimate(
             theta[:, 0],
             estimate_stds(gram(products)[:, 0], p, rss, self.samples, mean),

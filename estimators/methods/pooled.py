@@ -15,7 +15,7 @@ from estimators.numerics.autocorrelation import pooled_autocorrelation, scale_wi
 from estimators.numerics.fit_loss import group_ids
 from estimators.numerics.normal_equations import count_columns, solve
 from estimators.numerics.sandwich import meat, standard_deviations
-from estimators.numerics.small_systems import condition_numbers, packed_index, unpack
+from estimators.numerics.small_systems import condition_numbers, packed_index, unpack_leading_block
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,7 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     std = np.empty((ids.size, p))
     for row in range(ids.size):
         B = meat(A, segment_id, ids[row], first[row], last[row], correlation)
-        gram = unpack(clean[:, row], p + 1, p)
+        gram = unpack_leading_block(clean[:, row], p + 1, p)
         known = standard_deviations(gram, B, float(rss[row]), float(counts[row]))
         std[row] = known * scale_widening(counts[row], correlation)
     std = np.hypot(std, DOUBT * (theta - ordinary))

@@ -217,7 +217,7 @@ def feed_along_samples(
     p = A.shape[1]
     first = slice(index[0] - window + 1, index[0] + 1)
     sums = (begin.square, begin.weight)
-    theta, rms, P, _ = directional.feed_windows(
+    theta, rms, P, _ = directional.run_recursion_over_windows(
         A, f, window, index, forgetting, begin.theta, begin.P, sums
     )
     correlation, variance = _estimate_window_autocorrelation(A, f, window, index)

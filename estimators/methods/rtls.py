@@ -14,7 +14,7 @@ from estimators.estimate import Trace
 from estimators.interpreted import compiled_ahead
 from estimators.methods.tls import TlsOptions, solve_scaled
 from estimators.numerics.autocorrelation import pooled_autocorrelation
-from estimators.numerics.normal_equations import residual_squares
+from estimators.numerics.normal_equations import residual_sums_of_squares
 from estimators.numerics.recursive import (
     discounted_counts,
     discounted_meats,
@@ -113,7 +113,7 @@ def trace(
     def store_rows(of_rows: slice, products: Floats, weight: Floats) -> None:
         x, clean = solve_scaled(products, options.noise)
         theta[of_rows], grams[of_rows] = x.T, clean.T
-        rms[of_rows] = np.sqrt(residual_squares(products, x) / weight)
+        rms[of_rows] = np.sqrt(residual_sums_of_squares(products, x) / weight)
         condition[of_rows] = condition_numbers(products, p + 1, p)
 
     past, weight = (

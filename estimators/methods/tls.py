@@ -14,7 +14,7 @@ from estimators.arrays import Bools, Floats, Ints
 from estimators.estimate import Estimate, Trace
 from estimators.interpreted import compiled_ahead
 from estimators.methods import ls
-from estimators.numerics.normal_equations import count_columns, gram, residual_squares
+from estimators.numerics.normal_equations import count_columns, gram, residual_sums_of_squares
 from estimators.numerics.rolling import sum_windows, window_ends
 from estimators.numerics.sandwich import window_std
 from estimators.numerics.small_systems import (
@@ -162,7 +162,7 @@ def solve_windows(
     def solve_rows(rows: slice) -> None:
         products = sum_windows(A, f, window, index[rows])
         theta, clean = solve_scaled(products, options)
-        out.keep(rows, products, theta, clean, residual_squares(products, theta))
+        out.keep(rows, products, theta, clean, residual_sums_of_squares(products, theta))
 
     run_in_chunks(solve_rows, index.size)
     return out

@@ -30,7 +30,7 @@ def update_gain(P: Floats, a: Floats, forgetting: float) -> Floats:
 
 
 @compiled_ahead
-def feed_windows(
+def run_recursion_over_windows(
     A: Floats,
     f: Floats,
     window: int,

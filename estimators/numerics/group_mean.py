@@ -40,9 +40,9 @@ def fill_trailing_group_means(
     Args:
         columns: (p, n) values; ignored where the group is negative.
         group: (n,) group of each sample, negative for none.
-        samples: maximum samples in a mean.
+        samples: largest number of samples in a mean.
         rows: (m,) samples whose means are requested, ascending; all in groups.
-        mean: (m, p) filled with the means: of a shift they are hundreds of megabytes.
+        mean: (m, p) overwritten with the means; for a shift it needs hundreds of megabytes.
 
     Returns:
         (m,) number of samples in each mean.

@@ -36,7 +36,7 @@ def solve(products: Floats) -> Solution:
     return Solution(theta, L, inverse, np.maximum(rss, 0.0))
 
 
-def residual_squares(products: Floats, theta: Floats) -> Floats:
+def residual_sums_of_squares(products: Floats, theta: Floats) -> Floats:
     """Residual sums of squares (m,) for any θ (p, m): ff - 2 θᵀh + θᵀG θ."""
     p = len(theta)
     rows = packed_index_table(p + 1)

@@ -33,7 +33,7 @@ def packed_index(i: int, j: int, size: int) -> int:
     return i * size - i * (i - 1) // 2 + j - i
 
 
-def _factor_by_arrays(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
+def _factor_array_form(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
     L, inverse = np.zeros((p, p, G.shape[1])), np.empty((p, G.shape[1]))
     for i in range(p):
         diagonal = G[packed_index(i, i, size)]
@@ -50,7 +50,7 @@ def _factor_by_arrays(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
     return L, inverse
 
 
-@compiled_with_array_form(_factor_by_arrays)
+@compiled_with_array_form(_factor_array_form)
 def factor(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
     """Factor the leading p × p of m packed matrices, G = L D Lᵀ; NaN where one is singular.
 
@@ -93,7 +93,7 @@ def factor(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
     return L, inverse
 
 
-def _substitute_by_arrays(L: Floats, inverse: Floats, x: Floats) -> None:
+def _solve_factored_array_form(L: Floats, inverse: Floats, x: Floats) -> None:
     """Form of `substitute` by whole arrays."""
     p = len(inverse)
     for i in range(p):
@@ -105,7 +105,7 @@ def _substitute_by_arrays(L: Floats, inverse: Floats, x: Floats) -> None:
             x[i] -= L[r, i] * x[r]
 
 
-@compiled_with_array_form(_substitute_by_arrays)
+@compiled_with_array_form(_solve_factored_array_form)
 def substitute(L: Floats, inverse: Floats, x: Floats) -> None:
     """Solve m factored systems in place: x (p, m) is the right-hand side, then the solution."""
     p, m = inverse.shape
@@ -134,7 +134,7 @@ def invert(L: Floats, inverse: Floats) -> Floats:
     return out
 
 
-def _find_conditions_by_arrays(G: Floats, size: int, p: int) -> Floats:
+def _find_conditions_array_form(G: Floats, size: int, p: int) -> Floats:
     i, j = np.triu_indices(p)
     rows = [packed_index(a, b, size) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
     squares = np.array([G[packed_index(a, a, size)] for a in range(p)])
@@ -142,7 +142,7 @@ def _find_conditions_by_arrays(G: Floats, size: int, p: int) -> Floats:
     for _ in range(_SWEEPS if p > 2 else 1):
         for a in range(p):
             for b in range(a + 1, p):
-                _rotate_by_arrays(N, p, a, b, G.shape[1])
+                _rotate_array_form(N, p, a, b, G.shape[1])
     values = N[[packed_index(a, a, p) for a in range(p)]]
     low, high = values[0], values[0]
     for value in values[1:]:
@@ -152,7 +152,7 @@ def _find_conditions_by_arrays(G: Floats, size: int, p: int) -> Floats:
     return np.where(np.isnan(values).any(axis=0), np.inf, out)
 
 
-@compiled_with_array_form(_find_conditions_by_arrays)
+@compiled_with_array_form(_find_conditions_array_form)
 def condition_numbers(G: Floats, size: int, p: int) -> Floats:
     """Condition numbers (m,) of A, columns scaled to unit norm, from m packed AᵀA.
 
@@ -197,7 +197,7 @@ def condition_numbers(G: Floats, size: int, p: int) -> Floats:
     return out
 
 
-def _rotate_by_arrays(N: Floats, p: int, i: int, j: int, _: int) -> None:
+def _rotate_array_form(N: Floats, p: int, i: int, j: int, _: int) -> None:
     a, b, c = N[packed_index(i, i, p)], N[packed_index(j, j, p)], N[packed_index(i, j, p)]
     double, gap = 2.0 * c, b - a
     root = np.abs(gap) + np.sqrt(gap * gap + double * double)
@@ -214,7 +214,7 @@ def _rotate_by_arrays(N: Floats, p: int, i: int, j: int, _: int) -> None:
         y[:] = sine * old + cosine * y
 
 
-@compiled_with_array_form(_rotate_by_arrays)
+@compiled_with_array_form(_rotate_array_form)
 def _rotate_by_jacobi(N: Floats, p: int, i: int, j: int, m: int) -> None:
     """One rotation of Jacobi that makes entry (i, j) zero."""
     a, b, c = N[packed_index(i, i, p)], N[packed_index(j, j, p)], N[packed_index(i, j, p)]
@@ -264,7 +264,7 @@ def pack(G: Floats) -> Floats:
     return np.asarray(G[_upper_triangle(len(G))], np.float64)
 
 
-def unpack(entries: Floats, size: int, p: int) -> Floats:
+def unpack_leading_block(entries: Floats, size: int, p: int) -> Floats:
     """Leading (p, p) of one packed symmetric matrix of `size` columns."""
     return entries[[row[:p] for row in packed_index_table(size)[:p]]]
 

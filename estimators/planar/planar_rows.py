@@ -181,18 +181,19 @@ def column_noise(
     yaw_rate: float,
     yaw_acceleration: float,
 ) -> Floats:
-    """Noise of each column of each row from that of the channels, for `base_parameters.fit`.
+    """R.m.s. noise of each regressor column, in the force row and in the yaw torque row.
 
     Args:
-        yaw_rate_rms: r.m.s. of ω, in rad/s.
-        specific_force_x: r.m.s. noise in A, after smoothing, in m/s².
-        specific_force_y: likewise; about v times that of ω if computed as ω v.
+        yaw_rate_rms: r.m.s. of the yaw rate itself, in rad/s.
+        specific_force_x: r.m.s. noise after smoothing, in m/s².
+        specific_force_y: likewise; about v times that of ω where no accelerometer measures it.
         speed: likewise, in m/s.
         yaw_rate: likewise, in rad/s.
         yaw_acceleration: likewise, in rad/s².
 
     Returns:
-        (2, 6) r.m.s.; within a row each column has another channel.
+        (2, 6): rows force and yaw torque, columns in the order of `PARAMETERS`; 0 where a column is
+        not in the row. For `base_parameters.fit`.
     """
     omega_squared = 2.0 * yaw_rate_rms * yaw_rate
     force_x = [specific_force_x, 0.0, omega_squared, yaw_acceleration, speed, 0.0]

@@ -70,7 +70,7 @@ def list_bundle_entries(folder: Path) -> tuple[list[str], list[tuple[str, str]]]
     """
     if not folder.is_dir():
         fault = (
-            "is not a folder; name the folder of the bundle"
+            "is not a folder; give the folder of the bundle"
             if folder.exists()
             else "no such folder"
         )
@@ -80,7 +80,7 @@ def list_bundle_entries(folder: Path) -> tuple[list[str], list[tuple[str, str]]]
     for number, (name, mode) in enumerate(iter_entry_names_and_modes(folder)):
         if number >= _MOST_FILES:
             raise EvidenceError(
-                f"{folder}: more than {_MOST_FILES} entries, so it is not a bundle; name the "
+                f"{folder}: more than {_MOST_FILES} entries, so it is not a bundle; give the "
                 "folder of one bundle"
             )
         if stat.S_ISLNK(mode):

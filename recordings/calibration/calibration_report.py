@@ -291,4 +291,4 @@ def _make_run_rows(document: EvidenceDocument, readings: pl.DataFrame) -> list[M
 
 def _refuse_external_resource(url: str, *_: Any, **__: Any) -> Any:
     """Raise an error for any external resource."""
-    raise ValueError(f"a report loads nothing from outside, so it may not load {url[:80]}")
+    raise ValueError(f"a report must be self-contained; refused to load {url[:80]}")

@@ -53,7 +53,7 @@ def report_paragraphs(
     else:
         found += [
             *_describe_limits_and_drift(document),
-            constant_share_text(fitted),
+            calibration_offset_text(fitted),
             *(f"{_capitalise_first_letter(said)}." for said in fitted.says),
             *_describe_learnt_priors(document),
             *(limits_of_one_day_evidence(document) if document.kind == "calibration" else ()),
@@ -212,7 +212,7 @@ def _advise_next_load(calibration: Calibration) -> list[str]:
     ]
 
 
-def constant_share_text(calibration: Calibration) -> str:
+def calibration_offset_text(calibration: Calibration) -> str:
     """Sentence on the constant fraction of the output."""
     middle_kg = sum(calibration.range_kg) / 2.0
     share = calibration.beta_kg / middle_kg if middle_kg else 0.0

@@ -25,11 +25,11 @@ def log_begin_or_none(log: EvidenceLog) -> dt.datetime | None:
 def find_day_faults(
     campaign: CalibrationCampaign, logs: Sequence[EvidenceLog], zone: ZoneInfo, created: dt.datetime
 ) -> Iterator[str]:
-    """Yield contradictions to the days of a campaign, a sentence each.
+    """Yield a sentence for each run whose stated day disagrees with its log or with the evidence.
 
     Args:
         campaign: the campaign.
-        logs: logs as replayed.
+        logs: the replayed logs.
         zone: time zone of the machine.
         created: time at which the evidence was made.
     """

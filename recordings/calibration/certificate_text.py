@@ -78,7 +78,7 @@ def traceability_warnings(document: EvidenceDocument) -> list[str]:
 
 
 def list_missing_certificate_statements(document: EvidenceDocument) -> list[str]:
-    """Statements of a certificate that the campaign file lacks."""
+    """Sentence that lists the statements of a certificate that the campaign file lacks, if any."""
     keys = document.campaign.missing_statements
     if not keys:
         return []

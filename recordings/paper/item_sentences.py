@@ -132,7 +132,7 @@ def calibration_line_table_sentences(numbers: Table2) -> ItemSentences:
             "estimate on the reference, turned round. As (19) is printed, the reference on the "
             "estimate, noise of the estimates flattens the slope a little.",
             "The second set of columns is a what-if: sensors on the front wheels, which carry "
-            f"{format_percent(chain.empty_share_1)} of the empty machine and, of a load "
+            f"{format_percent(chain.empty_fraction_1)} of the empty machine and, of a load "
             f"{chain.load_lever_1 - 1:.2f} wheelbases ahead of the front axle, "
             f"{format_percent(chain.load_lever_1)}; a torque gain of {chain.gain_1:g} and an "
             "offset of "

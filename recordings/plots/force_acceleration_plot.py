@@ -13,7 +13,7 @@ from recordings.report.force_acceleration import (
     FORCE,
     MassLine,
     PointGroup,
-    select_force_acceleration,
+    force_acceleration_plot_data,
 )
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def draw_force_acceleration(axes: "Axes", run: Run, at_s: float | None = None) -
         run: run, or part of one.
         at_s: moment to mark; its window is ringed.
     """
-    found = select_force_acceleration(run, at_s)
+    found = force_acceleration_plot_data(run, at_s)
     if found is None:
         axes.text(0.5, 0.5, "no force and acceleration", ha="center", transform=axes.transAxes)
         return

@@ -126,12 +126,12 @@ def refuse_input_as_output(target: Path, inputs: Iterable[Path]) -> None:
         OutputError: the target is one of the inputs.
     """
     if target.exists() and any(target.samefile(each) for each in inputs):
-        raise OutputError(f"{target}: is also an input; name another output")
+        raise OutputError(f"{target}: is also an input; give another output")
 
 
 def _refuse_folder(target: Path) -> None:
     if target.is_dir():
-        raise OutputError(f"{target}: is a folder; name a file in it")
+        raise OutputError(f"{target}: is a folder; give a file in it")
 
 
 @contextmanager
@@ -149,7 +149,7 @@ def staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
             stage.mkdir(mode=0o700)
         except OSError as error:
             raise OutputError(
-                f"{targets[0]}: cannot write in '{folder}' ({error.strerror}); name a folder with "
+                f"{targets[0]}: cannot write in '{folder}' ({error.strerror}); give a folder with "
                 "write permission"
             ) from None
         yield stage
@@ -165,10 +165,10 @@ def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
     if target.is_dir() and not any((target / name).is_file() for name in _OURS):
         raise OutputError(
             f"{target}: is a folder, but not a rosbag2 directory, converted log or evidence, so it "
-            "is not replaced; name another output"
+            "is not replaced; give another output"
         )
     if target.exists() and not force:
-        raise OutputError(f"{target}: exists already; name another output, or give --force")
+        raise OutputError(f"{target}: exists already; give another output, or give --force")
 
 
 def _replace_target(written: Path, target: Path) -> None:

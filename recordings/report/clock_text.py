@@ -35,14 +35,14 @@ class ShiftClock:
     duration_s: float
 
     @property
-    def is_dated(self) -> bool:
+    def has_date(self) -> bool:
         """Whether the log has a date."""
         return self.t0_unix_ns >= FIRST_DATE_NS
 
     @property
     def axis_label(self) -> str:
         """Label of a time axis."""
-        if not self.is_dated:
+        if not self.has_date:
             return "h:min since the start"
         return (
             f"local time (UTC{self._format_utc_offset(0.0)})"
@@ -52,7 +52,7 @@ class ShiftClock:
 
     def format_time(self, s: float) -> str:
         """Format a time in s since the first sample, with offset, and date if needed."""
-        if not self.is_dated:
+        if not self.has_date:
             return _format_elapsed(s)
         local = self.to_local_datetime(s)
         day = "" if self._is_of_one_day else f"{local:%Y-%m-%d} "
@@ -60,7 +60,7 @@ class ShiftClock:
 
     def format_hour(self, s: float) -> str:
         """Begin of the hour that contains a time, with offset; h:00 without a date."""
-        if not self.is_dated:
+        if not self.has_date:
             return f"{int(s // _HOUR_S)}:00"
         local = self.to_local_datetime(s)
         day = "" if self._is_of_one_day else f"{local:%Y-%m-%d} "
@@ -68,7 +68,7 @@ class ShiftClock:
 
     def next_hour_s(self, s: float) -> float:
         """Begin of the next hour, in s since the first sample."""
-        if not self.is_dated:
+        if not self.has_date:
             return _HOUR_S * (s // _HOUR_S + 1.0)
         local = self.to_local_datetime(s)
         return s + _HOUR_S - local.minute * _MINUTE_S - local.second
@@ -95,7 +95,7 @@ class ShiftClock:
         step_s = next((s for s in _STEPS_S if (high_s - low_s) / s <= _MOST_TICKS), _STEPS_S[-1])
         # minutes since local midnight by the first offset: a tick is round on the wall
         shift_s = 0.0
-        if self.is_dated:
+        if self.has_date:
             first = self.to_local_datetime(0.0)
             midnight_s = first.hour * _HOUR_S + first.minute * _MINUTE_S + first.second
             shift_s = midnight_s + (self.t0_unix_ns % NS) / NS
@@ -105,7 +105,7 @@ class ShiftClock:
         return [(place, self._format_tick(place)) for place in places]
 
     def _format_tick(self, s: float) -> str:
-        if not self.is_dated:
+        if not self.has_date:
             return _format_elapsed(s).removesuffix(":00")
         # a tick that float rounding puts a hair before its minute is that minute
         local = self.to_local_datetime(s + 0.5)

@@ -41,7 +41,7 @@ class MassLine(NamedTuple):
         return f"{self.name} {format_plus_minus(self.mass_kg, 2 * self.u_kg)} kg (k = 2)"
 
 
-class ForceAcceleration(NamedTuple):
+class ForceAccelerationPlotData(NamedTuple):
     """Data of the plot of force against acceleration.
 
     Attributes:
@@ -57,7 +57,9 @@ class ForceAcceleration(NamedTuple):
     force_label: str
 
 
-def select_force_acceleration(run: Run, at_s: float | None = None) -> ForceAcceleration | None:
+def force_acceleration_plot_data(
+    run: Run, at_s: float | None = None
+) -> ForceAccelerationPlotData | None:
     """Select the points and masses of a run for the plot.
 
     Args:
@@ -88,7 +90,9 @@ def select_force_acceleration(run: Run, at_s: float | None = None) -> ForceAccel
         for name, row in zip(names, loads, strict=False)
     ]
     less = "less friction " if friction is not None else ""
-    return ForceAcceleration(points, _group_points_for_plot(points), masses, f"force {less}(N)")
+    return ForceAccelerationPlotData(
+        points, _group_points_for_plot(points), masses, f"force {less}(N)"
+    )
 
 
 def _group_points_for_plot(points: pl.DataFrame) -> list[PointGroup]:

@@ -58,7 +58,7 @@ def _utc_cell(row: Row, _: ShiftClock) -> Cell:
 
 
 def _local_time_cell(row: Row, clock: ShiftClock) -> dt.datetime | None:
-    if not clock.is_dated:
+    if not clock.has_date:
         return None
     return clock.to_local_datetime((row["end_unix_ns"] - clock.t0_unix_ns) / NS)
 

@@ -144,7 +144,7 @@ def _list_work_facts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tup
             )
             per_hour.insert(0, t_h)
         found.append(("per hour", f"{', '.join(per_hour)} (of recorded time)"))
-    found.append(("cycles", _cycle_numbers_text(shift, ledger)))
+    found.append(("cycles", _cycle_counts_text(shift, ledger)))
     doubted = ledger.filter("counted", pl.col("doubt") != "")["cycle"].to_list()
     if doubted:
         numbers = ", ".join(map(str, doubted))
@@ -158,7 +158,7 @@ def _list_work_facts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tup
     return found
 
 
-def _cycle_numbers_text(shift: Mapping[str, Any], ledger: pl.DataFrame) -> str:
+def _cycle_counts_text(shift: Mapping[str, Any], ledger: pl.DataFrame) -> str:
     """How many cycles were detected, and what became of each."""
     rejected = ledger.filter("rejected").height
     others = ledger.filter(~pl.col("counted"), ~pl.col("rejected"))

@@ -277,7 +277,7 @@ def rows_of_cycles_at_time(
 def unix_times_of_local_time(match: re.Match[str], clock: ShiftClock) -> list[float]:
     """Unix times in s at which the local clock shows this time."""
     hour, minute, second = (int(match[name] or 0) for name in ("h", "m", "s"))
-    if not clock.is_dated:
+    if not clock.has_date:
         return [clock.t0_unix_ns / NS + 3600 * hour + 60 * minute + second]
     zone = _parse_utc_offset(match["offset"]) if match["offset"] else ZoneInfo(clock.zone)
     first, last = (

@@ -97,7 +97,7 @@ def _list_missing_parts(state: ReviewState) -> Iterable[str]:
 
 def _friction_of_state(state: ReviewState) -> FrictionDay | None:
     value, std = state.friction
-    if value is None or not std or not state.clock.is_dated:
+    if value is None or not std or not state.clock.has_date:
         return None
     middle_s = state.t0_unix_ns / NS + state.duration_s / 2.0
     return FrictionDay(middle_s / _DAY_S, value, std)
@@ -172,7 +172,7 @@ def write_week_page(
     if path.suffix != ".html":
         raise OutputError(f"{path}: the page of a week is one file; name it like week.html")
     if path.is_file() and _MARK not in path.read_text(encoding="utf-8", errors="replace")[:200]:
-        raise OutputError(f"{path}: exists already and is not a page of a week; name another file")
+        raise OutputError(f"{path}: exists already and is not a page of a week; give another file")
     with atomic_file(path, force=True) as stage:
         text = render_week_html(parts, shifts, limit_N_s_m, path.parent)
         stage.write_text(text.replace("<html", f"{_MARK}\n<html", 1), encoding="utf-8")

@@ -111,11 +111,11 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
                 f"{folder / PARQUET}: is not a ledger of this version; review its logs once more"
             ) from None
         machine = machine_title(state)
-        for ends_ns in rows["end_unix_ns"] if state.clock.is_dated else ():
+        for ends_ns in rows["end_unix_ns"] if state.clock.has_date else ():
             other = owners.get((machine, ends_ns))
             if other is not None:
                 raise ReviewError(
-                    f"{folder}: contains loads that {other} contains as well; name only one of them"
+                    f"{folder}: contains loads that are also in {other}; give only one of them"
                 )
         owners |= {(machine, ends_ns): folder for ends_ns in rows["end_unix_ns"]}
         found += _sum_loads_of_parts(rows, cycles, state, folder)
@@ -138,7 +138,7 @@ def _sum_loads_of_parts(
     for row, ends_ns in enumerate(rows["end_unix_ns"]):
         own = by_row[row].product if row in by_row else ""
         local = (
-            clock.to_local_datetime((ends_ns - state.t0_unix_ns) / NS) if clock.is_dated else None
+            clock.to_local_datetime((ends_ns - state.t0_unix_ns) / NS) if clock.has_date else None
         )
         day = NO_DATE if local is None else f"{local:%Y-%m-%d}"
         groups[day, own or verdicts.labels_at_dump_time(ends_ns / NS).product].append(row)

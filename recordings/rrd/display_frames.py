@@ -105,7 +105,7 @@ def drawn_columns_of_view(
         label = " ".join(filter(None, (method, series.label)))
         colour = colours.method_colour(method) if method else colours.line_colour(number)
         frame = _display_column_name(name)
-        variance = _variance_column_name(series.std) if series.std else None
+        variance = _variance_column_name(series.std_column) if series.std_column else None
         dotted = series.frame in _SHORT or is_drawn_as_points(display_frames[frame][series.column])
         extremes = (
             view.kind is ViewKind.LINES
@@ -173,7 +173,7 @@ def axis_range(view: View, run: Run) -> tuple[float, float] | None:
         return None
     values = pl.concat([run.frames[name][series.column] for series, name in drawn])
     values = values.filter(values.is_finite())
-    stds = [run.frames[name][series.std] for series, name in drawn if series.std]
+    stds = [run.frames[name][series.std_column] for series, name in drawn if series.std_column]
     std = pl.concat(stds).filter(pl.concat(stds).is_finite()).median() if stds else None
     if values.is_empty():
         return None
@@ -235,7 +235,9 @@ def numbers_to_draw(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     shown = [s for tab in TABS for view in tab.views for s in view.series if s.frame == family]
     columns = dict.fromkeys(s.column for s in shown if s.column in frame.columns)
     numeric = [c for c in columns if frame.schema[c].is_float()]
-    stds = dict.fromkeys(s.std for s in shown if s.std and s.std in frame.columns)
+    stds = dict.fromkeys(
+        s.std_column for s in shown if s.std_column and s.std_column in frame.columns
+    )
     time = "start_t_ns" if "start_t_ns" in frame.columns else "t_ns"
     return frame.select(
         pl.col(time).alias("t_ns"),
@@ -324,10 +326,10 @@ def binned_column_expressions(kind: ViewKind, series: ViewSeries) -> dict[str, p
     numbers = pl.col(series.column)
     if kind is ViewKind.BANDS:
         mean = {series.column: numbers.mean()}
-        if series.std is None:
+        if series.std_column is None:
             return mean
-        name = _variance_column_name(series.std)
-        return mean | {name: (pl.col(series.std) ** 2).mean().alias(name)}
+        name = _variance_column_name(series.std_column)
+        return mean | {name: (pl.col(series.std_column) ** 2).mean().alias(name)}
     ends = {"min": numbers.min(), "max": numbers.max()}
     named = {
         (name := _extreme_column_name(series.column, end)): ends[end].alias(name) for end in _ENDS

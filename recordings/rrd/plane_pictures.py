@@ -18,7 +18,7 @@ from recordings.report.force_acceleration import (
     ACCELERATION,
     ACCELERATION_LABEL,
     FORCE,
-    select_force_acceleration,
+    force_acceleration_plot_data,
 )
 from recordings.report.svg_shapes import Axes, round_ticks
 
@@ -153,7 +153,7 @@ def iter_axis_labels(
 
 
 def _make_force_acceleration_picture(run: Run) -> PlanePicture | None:
-    found = select_force_acceleration(run)
+    found = force_acceleration_plot_data(run)
     if found is None:
         return None
     series: list[PlaneSeries] = []

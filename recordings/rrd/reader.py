@@ -135,7 +135,8 @@ class OpenRecording:
         if not self.manifest.frames:
             notes = "; ".join(self.provenance.notes) or "it was written for viewing only"
             raise RecordingError(
-                f"{self.path}: contains no frames ({notes}); name a recording of `payscope run`"
+                f"{self.path}: contains no frames of data ({notes}); "
+                "give a recording of `payscope run`"
             )
 
     def read(self, name: str, columns: Sequence[str] | None = None) -> pl.DataFrame:
@@ -174,7 +175,7 @@ def open_recording(path: str | Path, *, stored_names: bool = False) -> "Generato
     if not path.exists():
         raise RecordingError(f"{path}: no such recording; `payscope run` writes one")
     if not path.is_file():
-        raise RecordingError(f"{path}: a folder or device, not a recording; name the .rrd file")
+        raise RecordingError(f"{path}: a folder or device, not a recording; give the .rrd file")
     with path.open("rb") as file:
         if file.read(3) != b"RRF":
             raise RecordingError(f"{path}: not a Rerun recording (.rrd)")

@@ -389,7 +389,7 @@ def drawn_column_names(frame: str, columns: Iterable[str]) -> tuple[str, ...]:
         for view in tab.views
         for series in view.series
         if series.frame == family
-        for name in (series.column, series.std)
+        for name in (series.column, series.std_column)
     }
     if family not in _DRAWN_FRAMES:
         return ()

@@ -24,7 +24,7 @@ class ViewSeries:
     frame: str
     column: str
     label: str
-    std: str | None = None
+    std_column: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,9 +93,11 @@ def clipped_line_view(name: str, frame: str, column: str, label: str = "") -> Vi
     return View(name, ViewKind.LINES, (ViewSeries(frame, column, label),), clips_outliers=True)
 
 
-def band_view(name: str, frame: str, column: str, std: str, label: str = "") -> View:
+def band_view(name: str, frame: str, column: str, std_column: str, label: str = "") -> View:
     """View of a column with a band of its standard deviation."""
-    return View(name, ViewKind.BANDS, (ViewSeries(frame, column, label, std),), clips_outliers=True)
+    return View(
+        name, ViewKind.BANDS, (ViewSeries(frame, column, label, std_column),), clips_outliers=True
+    )
 
 
 def states_view(name: str, *series: tuple[str, str, str]) -> View:

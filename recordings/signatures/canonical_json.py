@@ -85,7 +85,9 @@ def _refuse_deep_nesting(data: bytes, what: str) -> None:
 
 def _parse_integer(text: str) -> int | float:
     if len(text) > _LONGEST_NUMBER:
-        raise ValueError(f"it has a number of {len(text)} digits")
+        raise ValueError(
+            f"it contains a number of {len(text)} digits; {_LONGEST_NUMBER} are allowed"
+        )
     value = int(text)
     # a double such as 1e20 has all its digits in canonical form
     return value if abs(value) <= _LARGEST_EXACT else float(value)
@@ -93,10 +95,12 @@ def _parse_integer(text: str) -> int | float:
 
 def _parse_float(text: str) -> float:
     if len(text) > _LONGEST_NUMBER:
-        raise ValueError(f"a number of {len(text)} characters")
+        raise ValueError(
+            f"it contains a number of {len(text)} characters; {_LONGEST_NUMBER} are allowed"
+        )
     value = float(text)
     if not math.isfinite(value):
-        raise ValueError(f"it has the number {text}")
+        raise ValueError(f"it contains the number {text}")
     return value
 
 

@@ -133,7 +133,7 @@ def load_keyring(path: Path | None = None) -> Keyring:
     try:
         content: dict[str, Any] = tomllib.loads(data.decode())
     except ValueError as error:
-        raise EvidenceError(f"{path}: is not TOML: {error}") from None
+        raise EvidenceError(f"{path}: is not valid TOML: {error}") from None
     rows = content.pop("keys", [])
     if content or not isinstance(rows, list):
         raise EvidenceError(f"{path}: is not a keyring, which contains only [[keys]] tables")
@@ -195,8 +195,11 @@ def revoke_key(keyring: Keyring, key_id: str, day: dt.date, because: str) -> Key
     """
     known = keyring.find_key_or_none(key_id)
     if known is None:
-        have = ", ".join(each.public.key_id[:12] for each in keyring.keys) or "none"
-        raise EvidenceError(f"{keyring.path}: no key '{key_id}', or several; it contains {have}")
+        ids = [each.public.key_id for each in keyring.keys]
+        alike = [each for each in ids if key_id and each.startswith(key_id)]
+        have = ", ".join(each[:12] for each in alike or ids) or "none"
+        fault = f"several keys begin with '{key_id}'" if alike else f"no key '{key_id}'"
+        raise EvidenceError(f"{keyring.path}: {fault}; give more digits of one of {have}")
     revoked = known.model_copy(update={"revoked": day, "because": because})
     return save_keyring(
         keyring.path, tuple(revoked if each is known else each for each in keyring.keys)

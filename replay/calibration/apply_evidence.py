@@ -27,7 +27,7 @@ from recordings.signatures.canonical_json import canonical_json_bytes
 from recordings.signatures.keyring import Keyring, KnownKey, add_key, load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import read_public_key
-from replay.calibration.campaign_file import machine_with_campaign_mass
+from replay.calibration.campaign_file import with_empty_mass_of_campaign
 from replay.inputs.machine_identity import common_machine_id
 from replay.logs import Log
 
@@ -90,7 +90,7 @@ class MachineCalibration:
     def weighing_machine(self, machine: Machine) -> Machine:
         """The machine with the calibration's empty mass and priors."""
         document = self.document
-        machine = machine_with_campaign_mass(document.campaign, machine)
+        machine = with_empty_mass_of_campaign(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
         weighing = machine_with_learnt_priors(machine, terms)
         if self.calibration.responses:
@@ -242,14 +242,14 @@ def load_calibration(request: CalibrationRequest) -> MachineCalibration:
     )
     if document.kind != "calibration":
         raise EvidenceError(
-            f"{folder}: is a check against one known mass; name the calibration that it checked"
+            f"{folder}: is a check against one known mass; give the calibration that it checked"
         )
     if document.calibration is None:
         raise EvidenceError(f"{folder}: is not a calibration: {document.no_fit}")
     if document.estimator.name not in ESTIMATORS:
         raise EvidenceError(
             f"{folder}: calibrates '{document.estimator.name}', which is not a mass of a load; "
-            f"calibrate {' or '.join(ESTIMATORS)}"
+            f"calibrate again with [method] estimator = {' or '.join(map(repr, ESTIMATORS))}"
         )
     return MachineCalibration(folder, document, document.calibration, by)
 

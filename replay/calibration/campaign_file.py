@@ -54,7 +54,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     shipped = machine_file_or_shipped(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
     machine = machine_with_serial_number(
-        machine_with_campaign_mass(campaign, machine), campaign.machine.id, path
+        with_empty_mass_of_campaign(campaign, machine), campaign.machine.id, path
     )
     try:
         known, _ = references_and_covariance(campaign, machine.machine)
@@ -65,7 +65,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     if overdue:
         more = f" (and {len(overdue) - 1} more)" if len(overdue) > 1 else ""
         raise CampaignError(
-            f"{path}: {overdue[0]}{more}; name a valid certificate, or leave the mass out"
+            f"{path}: {overdue[0]}{more}; give a valid certificate, or leave the mass out"
         )
     for log in campaign.logs:
         if not (path.parent / log).exists():
@@ -91,7 +91,7 @@ def machine_with_serial_number(machine: Machine, serial_number: str, what: objec
     if named not in (None, serial_number):
         raise CampaignError(
             f"{what}: is for machine '{serial_number}', but its machine file is for '{named}'; "
-            "name the "
+            "give the "
             f"machine file of '{serial_number}', or correct machine.id"
         )
     return machine.model_copy(
@@ -111,7 +111,7 @@ def find_todo_entries(content: Any, place: str = "") -> Iterator[tuple[str, str]
         yield place, content
 
 
-def machine_with_campaign_mass(campaign: CalibrationCampaign, machine: Machine) -> Machine:
+def with_empty_mass_of_campaign(campaign: CalibrationCampaign, machine: Machine) -> Machine:
     """The machine with the empty mass of the campaign file, if that gives one."""
     about = campaign.machine
     given = {"empty_mass_kg": about.empty_mass_kg, "empty_mass_u_kg": about.empty_mass_u_kg}

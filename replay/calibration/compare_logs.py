@@ -238,7 +238,7 @@ def _files_by_name(folder: Path, names: set[str]) -> dict[str, list[Path]]:
     found: dict[str, list[Path]] = {}
     for number, entry in enumerate(_walk_folder(folder, 0)):
         if number >= _MOST_ENTRIES:
-            raise EvidenceError(f"{folder}: more than {_MOST_ENTRIES} entries; name a smaller one")
+            raise EvidenceError(f"{folder}: more than {_MOST_ENTRIES} entries; give a smaller one")
         if entry.name in names and stat.S_ISREG(entry.stat(follow_symlinks=False).st_mode):
             found.setdefault(entry.name, []).append(Path(entry.path))
     return found

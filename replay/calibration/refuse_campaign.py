@@ -89,7 +89,7 @@ def load_notary_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | 
     if kept.head is not None and kept.head.machine_id not in ("", wanted):
         raise CampaignError(
             f"{path}: is the notary list of machine '{kept.head.machine_id}', but the campaign is "
-            f"for '{wanted}'; name the list of that machine's recorder"
+            f"for '{wanted}'; give the list of that machine's recorder"
         )
     return cut_notary_stretch(data, stretch)
 

@@ -52,12 +52,12 @@ class Verification:
 
     Attributes:
         folder: folder of the bundle.
-        findings: errors, each with its item.
-        notes: further notes for the reader.
-        done: checks that were made, in words.
-        unseen: claims that no check can verify.
+        findings: errors, each with the file or item it is in.
+        notes: remarks that are not errors.
+        done: checks that were made, as sentences.
+        unseen: statements that no check can verify.
         signed_by: signer of the bundle.
-        checked: result of checking the folder.
+        checked: files read from the folder, and the result of each.
     """
 
     folder: Path
@@ -121,7 +121,7 @@ def verify_bundle(
     key = None if key_file is None else read_public_key(key_file)
     authorities = () if tsa is None else read_authority_certificates(tsa)
     if logs is not None and not logs.is_dir():
-        raise EvidenceError(f"{logs}: no such folder; name the folder with the logs")
+        raise EvidenceError(f"{logs}: no such folder; give the folder with the logs")
     bundle = check_bundle(folder, key, previous, load_keyring(), authorities)
     if signed and not bundle.signed_by.is_trusted and not bundle.faults:
         what = f"{bundle.signed_by}, but a signature by a known key is required"

@@ -141,7 +141,7 @@ def main() -> None:
 #: How to get an option that is missing.
 _MISSING: Final = {
     "--machine": "`payscope init LOG -o machine.toml` drafts a machine file",
-    "--over": "name a setting and its values, --over settings.gate.threshold_nat=0.5,0.7",
+    "--over": "give a setting and its values, --over settings.gate.threshold_nat=0.5,0.7",
 }
 
 

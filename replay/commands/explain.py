@@ -62,7 +62,7 @@ def command(
 
     picture, corrected_file = split_picture_and_machine_outputs(output or [], apply=apply)
     if overrides and machine is None:
-        raise typer.BadParameter("--set changes a machine file; name the file with -m")
+        raise typer.BadParameter("--set changes a machine file; give the file with -m")
     asked = ExplainRequest(
         recording, machine, tuple(overrides or ()), at_s, picture, corrected_file, force=force
     )

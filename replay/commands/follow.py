@@ -178,7 +178,7 @@ def _record(
     """Record the causal replay of the followed log; by ctrl-C what was followed stays."""
     from estimators.errors import LogError, PayscopeError
     from recordings.follow.growing_file import is_unfinished_recording
-    from replay.follow.agreement import iter_agreement_lines, record_followed_log
+    from replay.follow.agreement import iter_agreement_lines, record_and_compare_followed_log
 
     is_growing = following.is_interrupted
     if following.lost:
@@ -186,7 +186,9 @@ def _record(
         why = f"{following.lost}; " if following.is_interrupted else ""  # else it is said above
         raise LogError(f"{why}{output} {how}")
     try:
-        agreements = record_followed_log(logs, machine, output, digests, is_growing=is_growing)
+        agreements = record_and_compare_followed_log(
+            logs, machine, output, digests, is_growing=is_growing
+        )
     except KeyboardInterrupt:
         how = "as it was followed" if is_unfinished_recording(output) else "not compared"
         typer.echo(f"recorded: {output}, {how} (interrupted)", err=True)

@@ -24,12 +24,12 @@ from replay.follow.follow_logs import Following
 from replay.follow.followed_outputs import FollowedOutputs
 from replay.follow.report_file import (
     event_text,
+    inertia_and_yaw_friction_text,
     iter_closed_load_lines,
     load_text,
     mass_text,
     progress_text,
     replay_text,
-    spin_text,
     utc_time_text,
 )
 
@@ -100,7 +100,7 @@ class FollowPanel:
         parts += [_format_motion(self._last), _format_answer(self._last)]
         if progress := progress_text(self._last):
             parts.append(Text(f"online, statistical u: {progress}"))
-        if spun := spin_text(self._last):
+        if spun := inertia_and_yaw_friction_text(self._last):
             parts.append(Text(spun))
         parts.append(_make_method_table(following))
         if self._masses:

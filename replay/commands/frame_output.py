@@ -39,7 +39,7 @@ def choose_output_format(requested: str | None, output: Path | None) -> str:
                 f"{', '.join(f'.{x}' for x in _WRITTEN)}, or give --format"
             )
     if requested in _BINARY and output is None:
-        raise OutputError(f"{requested.capitalize()} is a binary format; name a file with -o")
+        raise OutputError(f"{requested.capitalize()} is a binary format; give a file with -o")
     return requested or "table"
 
 

@@ -42,7 +42,7 @@ def command(
     from replay.logs import open_log
 
     if (log is None) == (campaign is None):
-        raise typer.BadParameter("name a LOG for a machine file, or --campaign DIR")
+        raise typer.BadParameter("give a LOG for a machine file, or --campaign DIR")
     axis = time_axis_from_options(time, time_unit, keys)
     if campaign is not None:
         from replay.init.campaign_draft import draft_campaign

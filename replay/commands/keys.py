@@ -58,7 +58,7 @@ def add(
 
     public = _read_public_key(key)
     if not owner.strip():
-        raise EvidenceError("--owner: give the name of the key's owner")
+        raise EvidenceError("--owner is empty; give the name of the key's owner")
     if valid_from and valid_to and valid_to < valid_from:
         raise EvidenceError("--valid-to is before --valid-from")
     known = KnownKey(
@@ -102,5 +102,5 @@ def _read_public_key(key: str) -> "PublicKey":
         return PublicKey.from_text(key)
     except EvidenceError as fault:
         raise EvidenceError(
-            f"{key}: no such file, and not a key in base64 ({fault}); name a public key in PEM"
+            f"{key}: no such file, and not a key in base64 ({fault}); give a public key in PEM"
         ) from None

@@ -59,7 +59,7 @@ def command(
         raise typer.BadParameter("--from, --to, --at and -o need the name of a frame")
     elif output_format not in (None, FrameFormat.table, FrameFormat.json):
         raise typer.BadParameter(
-            "the list of frames is printed as table or json; name a frame for other formats"
+            "the list of frames is printed as table or json; give a frame for other formats"
         )
     else:
         _list_frames(recording, as_json=output_format is FrameFormat.json)

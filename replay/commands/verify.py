@@ -74,7 +74,7 @@ def command(
         what = (
             "-o applies to --page only"
             if folders
-            else "name the folder of the evidence, or give --page"
+            else "give the folder of the evidence, or give --page"
         )
         raise typer.BadParameter(what)
     from replay.calibration.verify_bundle import verify_bundle

@@ -144,7 +144,10 @@ def find_same_finding_or_none(finding: Finding, run: Run) -> Finding | None:
 
 
 def find_middle_between_starts_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
-    """Log time between two starts near the middle; None if there are too few starts."""
+    """Log time half-way between the two middle starts, in ns.
+
+    The middle of the log if it has no starts; None if it has too few of them.
+    """
     t_ns, starts = run.frames["excitation"]["t_ns"], run.frames["manoeuvres"]
     if t_ns.is_empty() or 0 < starts.height < _FEWEST_STARTS:
         return None

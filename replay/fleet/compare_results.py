@@ -146,8 +146,8 @@ def replay_with_settings(
             gone += 1
     if not logs:
         raise FleetError(
-            f"{results.store.place}: none of the logs of these days exists at its old path; "
-            "restore them, or compare two destinations"
+            f"{results.store.place}: none of the logs of these days is at its former path; "
+            "restore them, or compare two folders of results"
         )
     plan = OtherSettings(results.last_run, tuple(overrides), machines)
     digest = hashlib.sha256("\n".join(overrides).encode()).hexdigest()[:_DIGITS]

@@ -49,7 +49,7 @@ def list_fleet_logs(sources: Sequence[str]) -> list[FleetLog]:
             _list_logs_of_bucket(source) if source.startswith(S3) else _list_logs_of_folder(source)
         )
         if not logs:
-            raise FleetError(f"{source}: contains no log; name a log, a folder, a glob or s3://…")
+            raise FleetError(f"{source}: contains no log; give a log, a folder, a glob or s3://…")
         found |= {log.source: log for log in logs}
     return [found[name] for name in sorted(found)]
 

@@ -309,6 +309,6 @@ def load_fleet(path: Path, overrides: tuple[str, ...] = ()) -> Fleet:
         if "/" not in rule.logs.partition(NAME)[0] and "**/" in rule.logs.partition(NAME)[2]:
             raise FleetError(
                 f"{path}: machines[{number}]: any folder of a path may be {NAME} in '{rule.logs}'; "
-                f"name the folder before {NAME}"
+                f"give the folder before {NAME}"
             )
     return Fleet(path, rules, overrides)

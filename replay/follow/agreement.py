@@ -175,7 +175,7 @@ def _digest_rows_by_minute(t_ns: pl.Series, numbers: NDArray[np.float64]) -> _Mi
     return minutes
 
 
-def record_followed_log(
+def record_and_compare_followed_log(
     paths: Sequence[Path],
     machine: Machine,
     output: Path,
@@ -215,7 +215,7 @@ def iter_agreement_lines(
     Args:
         agreements: of the gate and of each method.
         settings: settings of the machine that was followed with.
-        is_growing: as in `record_followed_log`.
+        is_growing: as in `record_and_compare_followed_log`.
     """
     expected: dict[str, list[Agreement]] = {}
     for each in agreements:

@@ -184,7 +184,7 @@ class FollowedOutputs:
             if end.about.t0_unix_ns != basis.t0_unix_ns:
                 raise OutputError(
                     f"{self._output}: begins at {utc_time_text(end.about.t0_unix_ns)}, the log at "
-                    f"{utc_time_text(basis.t0_unix_ns)}; name another output, or give --force"
+                    f"{utc_time_text(basis.t0_unix_ns)}; give another output, or give --force"
                 )
             about = end.about
         if self._output is not None:
@@ -241,7 +241,7 @@ def find_resume_point_or_none(
         if end.about.identity != identity:
             raise OutputError(
                 f"{output}: follows {end.about.identity.partition(';')[0]} with another machine "
-                "file, settings or noise; name another output, or give --force"
+                "file, settings or noise; give another output, or give --force"
             )
         return ResumePoint(end.about.t0_unix_ns + end.until_ns, end)
     if not has_log_grown(output, paths, machine):

@@ -210,7 +210,7 @@ def mass_text(report: OnlineReport) -> str:
     )
 
 
-def spin_text(report: OnlineReport) -> str:
+def inertia_and_yaw_friction_text(report: OnlineReport) -> str:
     """Inertia and friction of turning with uncertainties; empty before the first spin."""
     if not report.spins:
         return ""
@@ -229,7 +229,7 @@ def event_text(report: OnlineReport) -> str:
         case "manoeuvre":
             return mass_text(report)
         case "spin":
-            return spin_text(report)
+            return inertia_and_yaw_friction_text(report)
         case _:
             return ""
 
@@ -299,7 +299,7 @@ def reports_markdown(report: OnlineReport) -> str:
     age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
     return (
         f"# {mass_text(report)}\n\nLast manoeuvre{age}; {report.manoeuvres:,} gave a mass so "
-        f"far.\n\n{progress_text(report)}\n\n{spin_text(report)}\n\n"
+        f"far.\n\n{progress_text(report)}\n\n{inertia_and_yaw_friction_text(report)}\n\n"
         f"{utc_time_text(report.unix_ns)} UTC: {report.phase or 'unknown'}, "
         f"gate {report.gate.replace('_', ' ')}.\n\nRecorded while following: random "
         "uncertainties, but for load states. When the log ends, its causal replay replaces this "

@@ -131,7 +131,7 @@ def lazy_batches(batches: Batches, schema: pl.Schema, name: str) -> pl.LazyFrame
 
 
 def lazy_frame(source: TopicSource) -> pl.LazyFrame:
-    """Lazy frame of a topic source."""
+    """Lazy frame that reads the batches of a topic when it is collected."""
     return lazy_batches(source.iter_batches, source.schema, f"log {source.topic}")
 
 

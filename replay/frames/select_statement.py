@@ -59,7 +59,7 @@ def run_select_in_stable_order(
 
 
 def explain_query_error(error: pl.exceptions.PolarsError, tables: Tables) -> QueryError:
-    """One-line error for a polars error in a statement."""
+    """Convert a polars error in a SQL statement to an error of one line."""
     said = str(error).strip().partition("\n")[0]
     unknown = re.search(r"relation '(.*)' was not found", said)
     if unknown:
@@ -81,7 +81,7 @@ def normalise_select(sql: str) -> str:
     function = _FILE_FUNCTION.search(query)
     if function:
         raise QueryError(
-            f"query: {function[1]} would read a file directly; name the file before the SELECT "
+            f"query: {function[1]} would read a file directly; give the file before the SELECT "
             "instead"
         )
     return query

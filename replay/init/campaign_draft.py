@@ -116,7 +116,7 @@ def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tup
         CampaignError: the folder does not exist or has no log, or the file would not be above it.
     """
     if not folder.is_dir():
-        raise CampaignError(f"{folder}: no such folder; name one with logs")
+        raise CampaignError(f"{folder}: no such folder; give one with logs")
     machine = None if machine_file is None else load_machine(machine_file)
     blocks: list[str] = []
     said: list[str] = []

@@ -156,20 +156,20 @@ def decode_logs(
     return [DecodedLog(log, places[log], time) for log in logs]
 
 
-def decode_into_cache(log: Log, fields: Mapping[str, Sequence[str]], place: Path) -> None:
-    """Read fields of a log and write them atomically.
+def decode_into_cache(log: Log, fields: Mapping[str, Sequence[str]], folder: Path) -> None:
+    """Decode fields of a log into a folder of the cache, atomically.
 
     Args:
-        log: opened.
-        fields: fields by topic.
-        place: folder to create.
+        log: the opened log.
+        fields: names of the fields to decode, by topic.
+        folder: folder to create.
 
     Raises:
         LogError: as `Log.read_many`.
         OutputError: the folder cannot be written.
     """
     frames = log.read_many(fields)
-    begun = place.with_name(f"{_BEGUN}{place.name}-{os.getpid()}")
+    begun = folder.with_name(f"{_BEGUN}{folder.name}-{os.getpid()}")
     try:
         begun.mkdir(parents=True)
         stages = {topic: f"{number}.arrow" for number, topic in enumerate(frames)}
@@ -184,10 +184,10 @@ def decode_into_cache(log: Log, fields: Mapping[str, Sequence[str]], place: Path
             notes=log.notes(),
         )
         (begun / _ABOUT).write_text(about.model_dump_json(), encoding="utf-8")
-        if not place.is_dir():  # what another process made meanwhile is the same
-            begun.rename(place)
+        if not folder.is_dir():  # what another process made meanwhile is the same
+            begun.rename(folder)
     except OSError as error:
-        raise OutputError(f"{place.parent}: cannot be written ({error.strerror})") from None
+        raise OutputError(f"{folder.parent}: cannot be written ({error.strerror})") from None
     finally:
         shutil.rmtree(begun, ignore_errors=True)
 

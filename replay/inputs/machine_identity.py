@@ -49,7 +49,7 @@ def common_machine_id(logs: Sequence[Log], expected_id: str | None) -> str:
         if expected_id is not None and expected_id not in ids:
             raise LogError(
                 f"{log.path}: its metadata name machine '{ids[0]}', but machine.id is "
-                f"'{expected_id}'; name the machine file and the evidence of '{ids[0]}'"
+                f"'{expected_id}'; give the machine file and the evidence of '{ids[0]}'"
             )
         both = list(ids) if first is None else [each for each in common if each in ids]
         if not both and first is not None:

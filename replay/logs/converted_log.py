@@ -117,8 +117,8 @@ class ConvertedTopics:
                 depth += 1
             elif depth:
                 raise ConvertedFieldError(
-                    f"'{name}' selects a part of every list element, which a converted log cannot "
-                    f"do; read '{whole}', or the log itself"
+                    f"'{name}' selects a part of every list element, which is not supported in "
+                    f"converted logs; read '{whole}', or use the original log"
                 )
             else:
                 values = values.list.get(

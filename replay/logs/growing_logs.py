@@ -184,7 +184,7 @@ def follow_log(
     if suffixes & set(_TABLES):
         if len(paths) > 1:
             raise LogError(
-                f"{first}: only one table can be followed at a time; name a single table"
+                f"{first}: only one table can be followed at a time; give a single table"
             )
         from replay.logs.log_tails import TableTail
 

@@ -59,7 +59,7 @@ def _open_directory(path: Path) -> Log:
         logs = sorted(each.name for each in path.iterdir() if may_be_log(each))
         if logs:
             named = list_some(logs, _MOST_NAMED)
-            raise LogError(f"{path}: is a folder of logs; name one of them: {named}")
+            raise LogError(f"{path}: is a folder of logs; give one of them: {named}")
         raise LogError(
             f"{path}: no bag in this directory; a rosbag2 directory holds metadata.yaml "
             f"and .mcap or .db3 files, a converted log {DESCRIPTION}"

@@ -233,11 +233,11 @@ class TableLog(Log):
         if known_times.len() <= _FEW or 2 * (known_times.len() - shared) >= known_times.len():
             return
         if shared == known_times.len() - 1:
-            said = "all rows have the same; name another column: [log] time"
+            said = "all rows have the same; set another column: [log] time"
         else:
             said = (
                 f"{shared:,} of {known_times.len():,} rows have the same time as the row before; "
-                "name another time column, [log] time, or the column of the fractions of a second, "
+                "set another time column, [log] time, or the column of the fractions of a second, "
                 "[log] time_fraction, or set [log] rate_hz = rows per second"
             )
         raise LogError(f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said}")
@@ -253,7 +253,7 @@ class TableLog(Log):
         raise LogError(
             f"{self.path}: column '{axis.columns[-1]}' cannot be the time: it jumps back by "
             f"{fall_s:.6g} s at row {row + 1:,} and goes on from there: a second record, or a "
-            "counter that restarts. Split the file, name another column ([log] time), or set "
+            "counter that restarts. Split the file, set another column ([log] time), or set "
             "[log] rate_hz, or [log] sort_times = true if the rows belong together"
         )
 

@@ -112,7 +112,7 @@ def notarise_folder(
     """
     if not folder.is_dir():
         raise EvidenceError(
-            f"{folder}: no such folder; name the folder that the recorder writes to"
+            f"{folder}: no such folder; give the folder that the recorder writes to"
         )
     key = read_signing_key(key_file)
     if key is None:
@@ -170,7 +170,7 @@ def begin_list_or_check_signer_and_machine(
         )
     if machine_id and head.machine_id != machine_id:
         raise EvidenceError(
-            f"{open_list.path}: is of machine '{head.machine_id}', not of '{machine_id}'; name the "
+            f"{open_list.path}: is of machine '{head.machine_id}', not of '{machine_id}'; give the "
             "list of that machine with --list"
         )
     return []
@@ -186,7 +186,7 @@ def find_logs(folder: Path, path: Path) -> Iterator[FoundLog]:
     own = path.resolve()
     for number, (place, folders, names) in enumerate(os.walk(folder, followlinks=False)):
         if number >= _MOST_ENTRIES:
-            raise EvidenceError(f"{folder}: more than {_MOST_ENTRIES} folders; name a smaller one")
+            raise EvidenceError(f"{folder}: more than {_MOST_ENTRIES} folders; give a smaller one")
         folders[:] = sorted(each for each in folders if not each.startswith("."))
         inside = Path(place)
         files = {

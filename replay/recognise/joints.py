@@ -35,7 +35,9 @@ def recognise_joints(log: Log, topic: str, start_ns: int, recognition: Recogniti
     wheels, turns = find_wheels(names)
     if wheels:
         for side, joints in wheels.items():
-            _fill_side_channels(log, topic, start_ns, side, joints, recognition, turns=turns)
+            _propose_torque_and_speed_of_side(
+                log, topic, start_ns, side, joints, recognition, turns=turns
+            )
     elif len(names) == 1:
         for column, array in (("position_x_m", "position"), ("force_x_N", "effort")):
             for field in fields_with_values(log, topic, array, names, start_ns):
@@ -67,7 +69,7 @@ def find_wheels(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
     return (by_side if alike else {}), bool(wheels)
 
 
-def _fill_side_channels(
+def _propose_torque_and_speed_of_side(
     log: Log,
     topic: str,
     start_ns: int,

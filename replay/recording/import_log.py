@@ -114,7 +114,7 @@ def _describe_log(log: Log, machine_file: Path | None, fault: str | None) -> str
         parts.append(
             "Columns as recorded. To see masses, put a machine file next to the log under the "
             f"same name (`payscope init {log.path.name} -o {log.path.stem}.toml` drafts one), or "
-            f"name one in `{VARIABLE}`."
+            f"give one in `{VARIABLE}`."
         )
     rows = ["| topic | type | messages |", "|---|---|---|"]
     for row in log.topics().to_dicts():

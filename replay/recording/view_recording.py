@@ -74,7 +74,7 @@ def view_recording(
     if at_s is not None and not abs(at_s) <= LATEST_S:
         raise RecordingError(f"--at {at_s}: is not a time; name seconds since the start")
     if screenshot is not None and screenshot.exists() and not screenshot.is_dir():
-        raise OutputError(f"{screenshot}: is a file; name a folder for the pictures")
+        raise OutputError(f"{screenshot}: is a file; give a folder for the pictures")
     # the viewer has read a stretch when it is opened, and needs it no more
     with tempfile.TemporaryDirectory(prefix="payscope-") as folder:
         shown = recording

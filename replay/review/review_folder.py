@@ -36,7 +36,7 @@ def lock_folder(folder: Path) -> Generator[None]:
         except OSError:
             raise ReviewError(
                 f"{folder}: another process is writing a review to this folder; wait for it, or "
-                "name another folder"
+                "give another folder"
             ) from None
         for left in folder.glob(f"{_STAGE}*"):
             shutil.rmtree(left, ignore_errors=True)
@@ -58,6 +58,6 @@ def refuse_unsuitable_review_folder(folder: Path) -> None:
     foreign = {each.name for each in folder.iterdir() if not each.name.startswith(".")}
     if foreign - {VERDICTS}:
         raise ReviewError(
-            f"{folder}: holds other files ({min(foreign - {VERDICTS})}) but no review; name a new "
+            f"{folder}: holds other files ({min(foreign - {VERDICTS})}) but no review; give a new "
             "folder"
         )

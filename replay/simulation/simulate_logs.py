@@ -144,7 +144,7 @@ def log_paths(scenario: Scenario, output: Path) -> list[Path]:
         OutputError: the output has no name.
     """
     if not output.name:
-        raise OutputError(f"{output}: is a folder; name a log in it, such as '{output}/log.mcap'")
+        raise OutputError(f"{output}: is a folder; give a log in it, such as '{output}/log.mcap'")
     if scenario.shift is not None:
         return _numbered_paths(output, scenario.shift.logs)
     loads = scenario.campaign.loads_kg

@@ -116,8 +116,8 @@ def _check_points(points: Points) -> None:
     loads = np.unique(points.x_kg).size
     if loads < LOADS_MIN:
         raise DataError(
-            f"calibration: readings of {counted(loads, 'different load')}; at least {LOADS_MIN} "
-            "are needed to check that the line is straight"
+            f"calibration: readings of {counted(loads, 'different load')} only; at least "
+            f"{LOADS_MIN} are needed to check that the line is straight; add runs with other loads"
         )
     if np.ptp(points.y_kg) <= 1e-9 * np.abs(points.y_kg).max():
         raise DataError(

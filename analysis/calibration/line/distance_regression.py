@@ -109,4 +109,7 @@ def _invert_covariance(covariance: Floats) -> Floats:
         np.linalg.cholesky(covariance)
         return np.linalg.inv(covariance).astype(np.float64)
     except np.linalg.LinAlgError as error:
-        raise DataError("straight line: a covariance is not positive definite") from error
+        raise DataError(
+            "straight line: the covariance of estimates and reference masses is not positive "
+            "definite; check u_kg and shared_u_kg of the campaign file"
+        ) from error

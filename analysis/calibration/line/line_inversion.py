@@ -103,7 +103,12 @@ class Inversion:
         return self._invert_with_effect_factors(y_kg, new, beyond + self.extra_kg2, confidence_1)
 
     def invert_without_scatter(self, y_kg: float, confidence_1: float) -> InverseReading:
-        """Mass at which the line itself has the value `y_kg`: of a reading without scatter."""
+        """Mass whose value on the line is `y_kg`, with the interval of the line alone.
+
+        Args:
+            y_kg: value on the line.
+            confidence_1: confidence of the interval, 0 to 1.
+        """
         none = np.zeros((1, self.variance_kg2.size))
         return self._invert_with_effect_factors(np.array([y_kg]), none, np.zeros(1), confidence_1)
 

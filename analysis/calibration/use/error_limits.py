@@ -58,11 +58,11 @@ class LimitRow:
     """One load of the campaign.
 
     Attributes:
-        load_id: of it.
+        load_id: id of the load.
         load_kg: its reference, less the tare.
-        limit_kg: of the class, to either side.
-        error_kg: of its runs under the line through the other loads, or under the line where these
-            determine none.
+        limit_kg: error limit of the accuracy class, ± in kg.
+        error_kg: error of its runs with the line fitted to the other loads, or to all loads where
+            those determine no line.
         u_kg: standard uncertainty of a later mass there.
         guard_kg: guard band: an error up to limit less guard is accepted.
         verdict: "within", "outside" or "undecided".

@@ -86,7 +86,11 @@ class RigidBody:
         return self.first_moment_y_kg_m / self.mass_kg
 
     def gravity_along_heading(self, heading: Values) -> tuple[Values, Values]:
-        """Specific force of the slope along x and y at a heading, in m/s²."""
+        """Force of the slope per kilogram along the body's x (ahead) and y (left), in m/s².
+
+        Args:
+            heading: heading in rad; the force along x is largest at 0.
+        """
         if isinstance(heading, float):  # numpy's are slow on single numbers
             return self.uphill_m_s2 * math.cos(heading), -self.uphill_m_s2 * math.sin(heading)
         return self.uphill_m_s2 * np.cos(heading), -self.uphill_m_s2 * np.sin(heading)

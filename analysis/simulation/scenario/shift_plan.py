@@ -164,7 +164,7 @@ class SimulatedShift(BaseModel):
                 "'restart_s' is nearly as long as a log; give fewer 'logs' or a shorter 'restart_s'"
             )
         if self.damaged_logs > self.logs:
-            raise ValueError("'damaged_logs' is larger than 'logs'; give at most as many")
+            raise ValueError(f"'damaged_logs' is larger than 'logs'; set it to {self.logs} or less")
         if len(set(self.topics)) < len(self.topics):
             raise ValueError("a topic of 'topics' appears twice")
         if self.fuel_kg_h * self.duration_h > self.fuel_tank_kg and not self.refuel_share:

@@ -36,7 +36,7 @@ def arc_phases_and_times(
         heading = heading_rad + turned
         sign = AxisPair(np.sign(rate.x), np.sign(rate.z))
         total = body.required_drive(rate, acceleration, heading, sign)
-        drive = AxisPair(_driving_component(total.x, rate.x), _driving_component(total.z, rate.z))
+        drive = AxisPair(_zero_where_braking(total.x, rate.x), _zero_where_braking(total.z, rate.z))
         values: list[Values] = [
             rate.x,
             acceleration.x,
@@ -59,7 +59,7 @@ def arc_phases_and_times(
     return phases, ManoeuvreTimes("arc", begin_s, begin_s, steady_s, down_s, end_s)
 
 
-def _driving_component(total: Values, rate: Values) -> Values:
+def _zero_where_braking(total: Values, rate: Values) -> Values:
     """The part of a ramp in which force and rate have one sign."""
     return np.where(total * rate >= 0.0, total, 0.0)
 

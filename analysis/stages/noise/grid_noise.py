@@ -181,7 +181,14 @@ def repeat_stamps(stamps: Mapping[str, Ints], rate_hz: float, longest_ns: float)
 
 
 def sum_lagged_products(x: Floats) -> tuple[Floats, Floats]:
-    """Sums of products by lag (columns, columns, LAGS), and their numbers of pairs (LAGS,)."""
+    """Sum lagged products of columns, without their means.
+
+    Args:
+        x: (n, columns) samples; a row with a NaN counts nowhere.
+
+    Returns:
+        (columns, columns, LAGS) sums, and the (LAGS,) number of pairs of rows at each lag.
+    """
     known = np.asarray(np.isfinite(x).all(axis=1), np.bool_)
     x = np.where(known[:, None], x, 0.0)
     # an offset of a derived channel is no noise

@@ -60,7 +60,7 @@ def assign_timestamps(
         "table"); and losses of dropped or doubtful samples.
     """
     losses: list[Loss] = []
-    headers = {topic: is_header_usable(topic, frame, losses) for topic, frame in raw.items()}
+    headers = {topic: check_header_stamps(topic, frame, losses) for topic, frame in raw.items()}
     # how far log time lies after the stamps that would place each topic
     behind_ns = {t: median_log_delay_ns(frame) if headers[t] else 0.0 for t, frame in raw.items()}
     if max(behind_ns.values()) - min(behind_ns.values()) > _CLOCK_JUMP_NS:
@@ -152,7 +152,7 @@ def relative_step_scatter(frame: pl.DataFrame) -> tuple[float, float] | None:
     return of_header / period_ns, of_log / period_ns
 
 
-def is_header_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> bool:
+def check_header_stamps(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> bool:
     """Whether nearly all header stamps are set and none jumps back by a second."""
     stamps = frame["header_stamp_ns"].drop_nulls()
     stamps = stamps.filter(stamps != 0)

@@ -68,23 +68,26 @@ class Operand(IntEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DecodeProgram:
-    """A compiled definition in one encoding."""
+    """Decoder of one message type in one wire encoding, compiled to steps."""
 
+    #: encoding of the messages
     wire: Wire
     #: (steps, 8) int64, see `Column`
     steps: NDArray[np.int64]
     #: (marks,) the node of each mark
     mark_nodes: NDArray[np.int64]
+    #: number of nodes of the type's tree
     nodes: int
     #: lists inside lists at most
     depth: int
     #: no message with fewer bytes is whole
     least_bytes: int
+    #: the whole message
     root: NestedMessage
 
 
 def compile_program(record: RecordType, wanted: Wanted, wire: Wire) -> DecodeProgram:
-    """Compile a definition.
+    """Compile the decoder of a message type.
 
     Raises:
         NoPlanError: a field fits no column, or the type is too large.

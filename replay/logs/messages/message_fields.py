@@ -90,7 +90,7 @@ def resolve_field(name: str, record: RecordType) -> Field:
         here = kind
     if isinstance(here, RecordType):
         inside = ", ".join(f"{walked}.{leaf}" for leaf in iter_leaf_names(here))
-        raise FieldError(f"'{name}' is a {here.name}; name one of {inside}")
+        raise FieldError(f"'{name}' is a {here.name}; give one of {inside}")
     return Field(name, here.kind, steps)
 
 
@@ -125,8 +125,8 @@ def _check_element(walked: str, step: PathStep, kind: ListOf, parent: RecordType
     if isinstance(step.element, str):
         if not parent.has_names:
             raise FieldError(
-                f"'{walked}[{step.element}]' picks by name, but {parent.name} has no list 'name'; "
-                f"use an index, {walked}[0]"
+                f"'{walked}[{step.element}]' selects by name, but {parent.name} has no list "
+                f"'name'; select by index, {walked}[0]"
             )
     elif kind.length is not None and step.element >= kind.length:
         raise FieldError(

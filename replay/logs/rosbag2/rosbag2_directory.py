@@ -249,7 +249,7 @@ class Rosbag2Directory:
                 self._losses.note(
                     self._path / second,
                     f"begins {(end - start) / 1e9:.3f} s before {first} ends, so they may not be "
-                    "parts of one recording: messages in both count twice; name only one of them",
+                    "parts of one recording: messages in both count twice; give only one of them",
                 )
 
     def earliest_ns(self) -> int:

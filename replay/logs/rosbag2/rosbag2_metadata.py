@@ -104,7 +104,7 @@ def parse_yaml(text: str) -> Any:
         return YAML(typ="safe").load(text)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        where = "" if mark is None else f" in line {mark.line + 1}"
+        where = "" if mark is None else f" on line {mark.line + 1}"
         raise BrokenBytesError(f"{error.problem or error.context}{where}") from error
     except RecursionError as error:
         raise BrokenBytesError("it is nested too deeply") from error

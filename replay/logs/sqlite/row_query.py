@@ -26,11 +26,11 @@ Row = tuple[Any, ...]
 
 @dataclass(frozen=True, slots=True)
 class TableRows:
-    """Rows of messages; their memory may be reused after the next ones."""
+    """A batch of message rows; its arrays are valid until the next batch is read."""
 
-    #: holds the messages
+    #: bytes that hold the messages
     data: NDArray[np.uint8]
-    #: (4 or more, n): what `records` gives rows of, and more
+    #: (4 or more, n): key, time, offset and length of each message, and columns of the reader
     rows: NDArray[np.int64]
 
 

@@ -171,7 +171,7 @@ class TableTimes:
                     *stamps_of_clock_times(None, text, self.day_first, zone_offset_s(self.time))
                 )
             if words and sum(is_date(word) for word in words) * 2 > len(words):
-                raise TimeError("it holds dates without a time of day; name a column with times")
+                raise TimeError("it holds dates without a time of day; set a column with times")
         if self.unit in ("min", "h"):
             scaled = text.cast(pl.Float64, strict=False) * (_NS[self.unit] // 10**9)
             return RowTimes(times_in_ns(scaled, "s"), ())
@@ -348,7 +348,7 @@ def recognise_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
     steps = np.diff(x)
     steps = steps[steps > 0]
     if not steps.size:
-        raise TimeError("all its cells hold the same number; name another column")
+        raise TimeError("all its cells hold the same number; set another column")
     step, span = float(np.median(steps)), float(x[-1] - x[0])
     if epoch := find_plausible_epoch_or_none(float(x[0]), float(x[-1]), step, _STEPS_S):
         integers = stripped.cast(pl.Int64, strict=False)

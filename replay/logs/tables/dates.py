@@ -294,7 +294,10 @@ def parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[st
     back = frame.select(step).to_series()
     twelve = ((back < -_TWELVE_NS[0]) & (back > -_TWELVE_NS[1])).any()
     if twelve and not has_halves:
-        raise TimeError("it jumps back by twelve hours, as a 12-hour clock without AM and PM does")
+        raise TimeError(
+            "it jumps back by twelve hours, as a 12-hour clock without AM and PM does; export "
+            "it with AM and PM or as a 24-hour clock, or set another column as [log] time"
+        )
     days = frame.select((step < -_HALF_DAY_NS).fill_null(value=False).cum_sum()).to_series()
     note = "its times have no date: they are counted from midnight"
     return (stamps + days.cast(pl.Int64) * DAY_NS).alias("log_time_ns"), (note,)

@@ -124,7 +124,7 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
     sound = [reading for reading in found if not reading.faults] or found
     best = [each for each in sound if each.faults <= min(e.faults for e in sound)]
     if not best:
-        return _find_dialect_without_numbers(lines, separators, hints)
+        return _find_dialect_of_header_only_table(lines, separators, hints)
     if len({each.separator for each in best}) > 1:
         said = " or ".join(
             _NAMED.get(each, each) for each in dict.fromkeys(e.separator for e in best)
@@ -304,7 +304,7 @@ def _is_data(cells: Sequence[str], numeric: Sequence[int], width: int, decimal: 
     return is_numeric(["number" if each == "maybe grouped" else each for each in kinds])
 
 
-def _find_dialect_without_numbers(
+def _find_dialect_of_header_only_table(
     lines: Sequence[str], separators: Sequence[str], hints: TableHints
 ) -> Dialect:
     """Dialect of a header without data; raises an error if it is not a table."""

@@ -20,7 +20,7 @@ def dumped_s(boom_rad: np.ndarray) -> float:
     found = Passes(
         np.arange(2), np.ones(2), np.array([True, False]), np.ones(2), np.ones(2), start, end
     )
-    part = CycleParts(loaded=0, after=1)
+    part = CycleParts(loaded_pass=0, empty_pass_after=1)
     boom = np.pad(boom_rad, 10, mode="edge")
     add_dump_times(
         [part],
@@ -28,8 +28,8 @@ def dumped_s(boom_rad: np.ndarray) -> float:
         pl.DataFrame({"t_ns": t_ns, "boom_rad": boom}),
         pl.DataFrame({"t_ns": t_ns, "phase": phase}),
     )
-    assert part.dumped_ns is not None
-    return part.dumped_ns / NS - 10.0
+    assert part.bucket_emptied_ns is not None
+    return part.bucket_emptied_ns / NS - 10.0
 
 
 def out(*stretches: tuple[int, int, float], of: int = 100) -> np.ndarray:

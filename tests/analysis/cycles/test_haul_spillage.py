@@ -101,7 +101,7 @@ def test_a_haul_of_two_starts_is_weighed_between_them() -> None:
         }
     )
     starts = pl.DataFrame({"start_t_ns": [NS, 6 * NS], "end_t_ns": [5 * NS, 10 * NS]})
-    part = CycleParts(loaded=0, haul_ns=(NS, 10 * NS), dump_ns=(11 * NS, 11 * NS))
+    part = CycleParts(loaded_pass=0, haul_ns=(NS, 10 * NS), dump_ns=(11 * NS, 11 * NS))
     frames = {"excitation": excitation, "manoeuvres": starts}
     share = 0.2
 

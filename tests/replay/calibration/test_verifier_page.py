@@ -115,7 +115,7 @@ def test_the_page_is_small_the_same_twice_and_the_one_that_the_version_names(
     assert out.read_bytes() == page
     one_line(payscope("verify", "--page", "-o", out), "exists already")
     one_line(payscope("verify", tmp_path, "--page"), "the same page for all evidence")
-    one_line(payscope("verify"), "name the folder of the evidence")
+    one_line(payscope("verify"), "give the folder of the evidence")
     for name in ("http://", "https://", "{version}", "{script"):
         # names of formats are no addresses that anything is fetched from
         text = page.decode().replace("https://in-toto.io/Statement/v1", "")

@@ -61,7 +61,7 @@ def test_a_field_resolves_to_its_kind_and_steps(
         ("covariance[9]", "out of range; it has covariance[0] to covariance[8]"),
         ("angular_velocity.w", "did you mean 'angular_velocity.z'?"),
         ("angular_velocity.z.z", "no field 'angular_velocity.z.z'"),
-        ("angular_velocity", "name one of angular_velocity.x, angular_velocity.y"),
+        ("angular_velocity", "give one of angular_velocity.x, angular_velocity.y"),
         ("wrenches[0]", "'wrenches[0]' is a test_msgs/msg/Wrench"),
         ("id[0]", "'id' is not a list; ask for it without [0]"),
         ("angular_velocity.", "not a field name"),

@@ -65,7 +65,7 @@ def test_a_directory_of_logs_names_them(tmp_path: Path) -> None:
     (tmp_path / "noon").mkdir()
     (tmp_path / "noon/metadata.yaml").touch()
     (tmp_path / "notes").mkdir()
-    assert one_line(tmp_path).endswith("a folder of logs; name one of them: morning.bag, noon")
+    assert one_line(tmp_path).endswith("a folder of logs; give one of them: morning.bag, noon")
     for number in range(9):
         (tmp_path / f"shift_{number}.bag").touch()
     assert one_line(tmp_path).endswith("shift_5.bag and 3 more")

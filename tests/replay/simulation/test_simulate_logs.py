@@ -177,7 +177,7 @@ def test_nothing_is_overwritten_without_force_and_everything_with_it(tmp_path, s
     output = named(tmp_path, suffix)
     simulate_scenario(ONE, output)
     before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
-    with pytest.raises(OutputError, match="exists already; name another output, or give --force"):
+    with pytest.raises(OutputError, match="exists already; give another output, or give --force"):
         simulate_scenario(ONE, output)
     assert before == {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     other = ONE.model_copy(update={"sensors": ONE.sensors.model_copy(update={"seed": 7})})
@@ -227,7 +227,7 @@ def test_an_output_that_cannot_be_is_refused_in_one_line_and_leaves_nothing(tmp_
 
 
 def test_a_folder_without_a_name_is_no_log():
-    with pytest.raises(OutputError, match="is a folder; name a log in it"):
+    with pytest.raises(OutputError, match="is a folder; give a log in it"):
         simulate_scenario(ONE, Path())
 
 
