@@ -36,7 +36,6 @@ from replay.follow.report_file import (
 from replay.simulation.simulate_logs import simulate_scenario
 from tests.replay.follow.recorders import Recording, bag_recorder, csv_recorder, mcap_recorder
 from tests.replay.sledge import MACHINE, Payscope, sledge
-from tests.twins import mark_slow_after
 
 REPO = Path(__file__).resolve().parents[3]
 THREE_STARTS = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": 3}})
@@ -125,7 +124,7 @@ def assert_no_number_without_validity(report: dict[str, Any]) -> None:
 
 
 # a log of messages and a table; a bag is another log of messages
-@pytest.mark.parametrize("suffix", mark_slow_after(2, [".mcap", ".csv", ".bag"]))
+@pytest.mark.parametrize("suffix", [".mcap", ".csv", ".bag"])
 def test_the_last_replay_of_a_recorded_log_is_what_run_says(
     suffix: str, logs: dict[str, Path], tmp_path: Path, payscope: Payscope
 ) -> None:
