@@ -134,6 +134,25 @@ class CycleParts:
             return "no empty pass to compare with"
         return ""
 
+    def pass_weights(self, tare_before_1: Floats, count: int) -> Floats:
+        """(passes,) weights of the passes' masses in the payload.
+
+        Args:
+            tare_before_1: (passes,) weight of the empty pass before each load, if there is one
+                after as well.
+            count: number of passes.
+        """
+        weights = np.zeros(count)
+        assert self.loaded_pass is not None
+        weights[self.loaded_pass] = 1.0
+        before, after = self.empty_pass_before, self.empty_pass_after
+        if before is not None and after is not None:
+            weights[before] -= tare_before_1[self.loaded_pass]
+            weights[after] -= 1.0 - tare_before_1[self.loaded_pass]
+        else:
+            weights[after if before is None else before] = -1.0
+        return weights
+
 
 def split_cycles_into_parts(passes: Passes, digs: pl.DataFrame) -> list[CycleParts]:
     """Assign passes and digging starts to cycles, in order of time.

@@ -143,7 +143,7 @@ def weigh_cycles(
         row: dict[str, object] = {"cycle": number, **_list_cycle_times(part, ready_ns)}
         reason = withheld or part.reason_for_no_mass
         if not reason:
-            weights = pass_weights(part, share, found.mass_kg.size)
+            weights = part.pass_weights(share, found.mass_kg.size)
             row |= _make_payload_row(part, found, share, clean)
             row |= _payload_uncertainty(row, worth, weights)
             if of_states is not None:
@@ -210,7 +210,7 @@ def _make_payload_row(
             row[f"{name}_id"] = number
             row[f"{name}_kg"] = float(passes.mass_kg[number])
             row[f"{name}_u_kg"] = float(passes.u_kg[number])
-    weights = pass_weights(cycle, share, passes.mass_kg.size)
+    weights = cycle.pass_weights(share, passes.mass_kg.size)
     payload_kg = float(weights @ passes.mass_kg)
     variance_kg2 = weights**2 @ passes.u_kg**2 + _carry_back_variance_kg2(cycle, passes, share)
     row |= {
@@ -256,26 +256,6 @@ def _payload_uncertainty(
     }
 
 
-def pass_weights(cycle: CycleParts, share: Floats, count: int) -> Floats:
-    """(passes,) weights of the passes' masses in a payload.
-
-    Args:
-        cycle: the cycle.
-        share: (passes,) weight of the empty pass before, if there is one after as well.
-        count: number of passes.
-    """
-    weights = np.zeros(count)
-    assert cycle.loaded_pass is not None
-    weights[cycle.loaded_pass] = 1.0
-    before, after = cycle.empty_pass_before, cycle.empty_pass_after
-    if before is not None and after is not None:
-        weights[before] -= share[cycle.loaded_pass]
-        weights[after] -= 1.0 - share[cycle.loaded_pass]
-    else:
-        weights[after if before is None else before] = -1.0
-    return weights
-
-
 def _weight_of_tare_before(passes: Passes) -> Floats:
     """Minimum-variance weight of the empty pass before each loaded pass, (passes,)."""
     share = np.full(passes.mass_kg.size, 0.5)
@@ -314,7 +294,7 @@ def _sum_weights(passes: Passes, parts: list[CycleParts], tare: Floats) -> Float
         for p in parts
         if p.loaded_pass is not None and (p.empty_pass_before, p.empty_pass_after) != (None, None)
     ]
-    weights = [pass_weights(part, tare, passes.mass_kg.size) for part in whole]
+    weights = [part.pass_weights(tare, passes.mass_kg.size) for part in whole]
     return np.sum([np.zeros(passes.mass_kg.size), *weights], axis=0)
 
 

@@ -49,7 +49,6 @@ _AROUND_NS: Final = 150_000_000
 #: Samples of the grid beside a spike that are not fitted.
 _BESIDE: Final = 15
 
-
 #: A channel may come to its reading of the stand so long before the speed does, or leave it after.
 _STAND_EDGE_NS: Final = 200_000_000
 #: A channel that repeats itself for more than this fraction of the log is dead,

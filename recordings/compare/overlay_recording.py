@@ -189,7 +189,7 @@ def difference_panel_or_none(
     if view.kind is ViewKind.STATES:
         return None
     plain = replace(
-        view, series=tuple(replace(each, std=None) for each in view.series), threshold=None
+        view, series=tuple(replace(each, std_column=None) for each in view.series), threshold=None
     )
     drawn = [
         each

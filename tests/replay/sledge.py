@@ -60,9 +60,11 @@ acceleration = "kinematic"
 """
 
 
-def sledge(seconds: float = 40.0, mass_kg: float = 120.0, rate_hz: float = 100.0) -> pl.DataFrame:
+def sledge(
+    seconds: float = 40.0, mass_kg: float = 120.0, rate_hz: float = 100.0, seed: int = 7
+) -> pl.DataFrame:
     """A sledge pushed from rest to a steady speed every ten seconds, and braked."""
-    rng = np.random.default_rng(7)
+    rng = np.random.default_rng(seed)
     t = np.arange(round(seconds * rate_hz)) / rate_hz
     cycle = t % 10.0
     friction = 60.0

@@ -22,7 +22,8 @@ CANNOT = "No tonnes: these logs cannot weigh; failed: "
 
 
 def later(mass_kg: float) -> pl.DataFrame:
-    return sledge(mass_kg=mass_kg).with_columns(pl.col("time_s") + 100.0)
+    # a log whose noise is that of another is a copy
+    return sledge(mass_kg=mass_kg, seed=8).with_columns(pl.col("time_s") + 100.0)
 
 
 def resting() -> pl.DataFrame:

@@ -241,7 +241,7 @@ def test_keys_are_revoked_from_the_command_line(
         ("[[keys]]\nowner = 'x'", "key"),
         ("keys = 3", "is not a keyring"),
         ("more = 3", "is not a keyring"),
-        ("[[keys]", "is not TOML"),
+        ("[[keys]", "is not valid TOML"),
     ],
 )
 def test_a_damaged_keyring_is_refused_in_one_line(

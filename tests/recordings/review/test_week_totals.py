@@ -73,9 +73,9 @@ def test_a_verdict_counts_that_was_written_after_the_ledger(tmp_path: Path) -> N
 def test_a_load_that_is_in_two_reviews_is_refused(tmp_path: Path) -> None:
     begins = dt.datetime(2025, 6, 1, 8, tzinfo=dt.UTC)
     twice = [reviewed(tmp_path / name, begins, zone="UTC") for name in ("a", "b")]
-    with pytest.raises(ReviewError, match="contains as well"):
+    with pytest.raises(ReviewError, match="that are also in"):
         read_week(twice)
-    with pytest.raises(ReviewError, match="contains as well"):
+    with pytest.raises(ReviewError, match="that are also in"):
         read_week(twice[:1] * 2)
 
 

@@ -13,7 +13,7 @@ SERIES = [(view, series) for view in VIEWS for series in view.series]
 
 def _drawn(frame: str) -> set[str]:
     mine = [series for _, series in SERIES if series.frame == frame]
-    return {c for series in mine for c in (series.column, series.std) if c is not None}
+    return {c for series in mine for c in (series.column, series.std_column) if c is not None}
 
 
 @pytest.mark.parametrize("frame", FRAMES)
@@ -35,8 +35,8 @@ def test_every_series_is_a_declared_column_of_a_dtype_its_view_can_draw(view, se
     assert column is not None
     numeric = column.dtype.is_float()
     assert numeric != (view.kind is ViewKind.STATES)
-    if series.std is not None:
-        assert frame_schema(series.frame).column(series.std) is not None
+    if series.std_column is not None:
+        assert frame_schema(series.frame).column(series.std_column) is not None
 
 
 @pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)

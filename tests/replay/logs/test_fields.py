@@ -74,7 +74,7 @@ def test_a_field_that_is_no_single_value_is_explained(name: str, answer: str) ->
 
 def test_an_element_by_name_needs_a_list_of_names() -> None:
     plain = RecordType("test_msgs/msg/Plain", (("effort", ListOf(Scalar("float64"), None)),))
-    with pytest.raises(FieldError, match="has no list 'name'; use an index"):
+    with pytest.raises(FieldError, match="has no list 'name'; select by index"):
         resolve_field("effort[left]", plain)
 
 
