@@ -23,7 +23,8 @@ from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import mark_samples_to_pool
 from analysis.stages.motion.phases import average_like_speed_rate, speed_rate_span_rows
 from analysis.stages.noise.column_noise import ColumnNoise
-from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in_duration
+from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 
 _CHECK: Final = "invalidating_causes"
 _MEANING: Final = "named causes that invalidate a mass which no other check withholds"
@@ -85,7 +86,7 @@ def _partial_correlation(_: CheckInputs, motion: AxisMotion) -> float:
 def correlation_while_driving(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Partial correlation; NaN if the machine moves too briefly."""
     rate_hz = inputs.machine.settings.align.rate_hz
-    fewest = rows_in_duration(_SHORTEST_MOVING_S, rate_hz, FEWEST_READINGS)
+    fewest = rows_in_duration(_SHORTEST_MOVING_S, rate_hz, SIGNAL_LIMITS.window_min_readings)
     few = np.count_nonzero(motion.moving) < fewest
     return np.nan if few else _partial_correlation(inputs, motion)
 

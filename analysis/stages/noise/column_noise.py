@@ -11,6 +11,7 @@ from analysis.model.axes import Axis, X, Z
 from analysis.model.methods import AxisNoise, Method
 from analysis.model.schema import NOISE_COLUMNS
 from analysis.model.settings import NoiseSettings, Settings
+from analysis.stages.noise.noise_limits import LIMITS
 from estimators.arrays import Floats, Ints
 from estimators.methods.attenuation import DOUBT, window_attenuations
 from estimators.methods.ls import residual_noise, solve_windows
@@ -22,8 +23,6 @@ _USUAL: Final[Mapping[str, TlsOptions]] = {
     "x": TlsOptions((0.01, 0.005, 0.001), 60.0),
     "z": TlsOptions((0.026, 0.001), 45.0),
 }
-#: Coulomb's sign is nearly exact.
-_SIGN: Final = 0.001
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +106,7 @@ def collect_axis_noise(
     std = np.sqrt(np.diagonal(mean))
     *of_A, of_f = (float(each) for each in std)
     if axis is X:
-        of_A.append(_SIGN / np.sqrt(settings.smooth.samples))
+        of_A.append(LIMITS.sign_noise_std_1 / np.sqrt(settings.smooth.samples))
     if axis is X and settings.forces.coulomb:
         mean, lasting = (
             np.insert(np.insert(each, 2, 0.0, 0), 2, 0.0, 1) for each in (mean, lasting)
