@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 
+from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import RawSignals
 from analysis.diagnosis.side_comparison import SideDifference, compare_sides
@@ -31,11 +32,6 @@ from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Bools, Floats
 
-#: Above the empty mass lies a payload: without a state that is known to be empty a difference of up
-#: to so many standard uncertainties, 43 % at a scale of 10 %, passes for one.
-_PAYLOAD_U: Final = 3.0
-#: A factor is a candidate within this share of it: friction and what is carried bend a mass so far.
-_NEAR: Final = 0.08
 #: Factors that forces and torques are wrong by, and what they are.
 _CANDIDATES: Final = {
     2.0: "one side instead of both, or both instead of one",
@@ -83,7 +79,11 @@ class EmptyMassDifference:
     @property
     def can_test_scale(self) -> bool:
         """Whether no payload can explain the difference, so that it tests the scale."""
-        return self.difference_in_u < 0.0 or self.empty_known or self.difference_in_u > _PAYLOAD_U
+        return (
+            self.difference_in_u < 0.0
+            or self.empty_known
+            or self.difference_in_u > LIMITS.payload_u
+        )
 
     @property
     def text(self) -> str:
@@ -115,7 +115,7 @@ class EmptyMassDifference:
             stated = f"machine.wheel_radius_m ({radius_m:g}) applied twice, or not at all"
             known[max(radius_m, 1.0 / radius_m)] = stated
         near = [(abs(np.log(times / each)), f"{each:.4g}, {what}") for each, what in known.items()]
-        named = [what for off, what in sorted(near) if off < _NEAR]
+        named = [what for off, what in sorted(near) if off < LIMITS.factor_tolerance]
         gear = f"a gear or gain of {times:.3g}"
         return [gear if self.mass_ratio > 1.0 else f"{gear} the other way", *named[:3]]
 

@@ -13,6 +13,7 @@ import polars as pl
 
 from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
 from analysis.diagnosis.check_row import CheckRow
+from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
 from analysis.model.axes import X
@@ -33,8 +34,6 @@ _SCALE_REMEDY: Final = (
     "the scale and unit of the force, machine.wheel_radius_m, machine.force_share, "
     "machine.empty_mass_kg"
 )
-#: Less that moves has no sign, in s.
-_SHORTEST_MOVING_S: Final = 1.0
 
 
 def judge_checks(inputs: CheckInputs) -> pl.DataFrame:
@@ -86,7 +85,9 @@ def _partial_correlation(_: CheckInputs, motion: AxisMotion) -> float:
 def correlation_while_driving(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Partial correlation; NaN if the machine moves too briefly."""
     rate_hz = inputs.machine.settings.align.rate_hz
-    fewest = rows_in_duration(_SHORTEST_MOVING_S, rate_hz, SIGNAL_LIMITS.window_min_readings)
+    fewest = rows_in_duration(
+        LIMITS.correlation_min_moving_s, rate_hz, SIGNAL_LIMITS.window_min_readings
+    )
     few = np.count_nonzero(motion.moving) < fewest
     return np.nan if few else _partial_correlation(inputs, motion)
 

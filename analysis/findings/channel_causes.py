@@ -8,9 +8,10 @@ from typing import Final
 
 import numpy as np
 
+from analysis.diagnosis.diagnosis_limits import LIMITS as DIAGNOSIS_LIMITS
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import find_long_runs_of_one_reading
-from analysis.diagnosis.side_comparison import SPEEDS, SURELY, TORQUES, SideDifference
+from analysis.diagnosis.side_comparison import SPEEDS, TORQUES, SideDifference
 from analysis.findings.cause import MassChange, Symptom, keep_strongest_symptom
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.finding_limits import LIMITS
@@ -327,7 +328,9 @@ def find_unlike_sides(inputs: FindingInputs) -> list[Symptom]:
 
 def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
     least = LIMITS.unlike_slip_1 if sides.kind == "slip" else LIMITS.unlike_sides_1
-    strength = abs(sides.value_1) / max(least + sides.resistance_1, SURELY * sides.std_1)
+    strength = abs(sides.value_1) / max(
+        least + sides.resistance_1, DIAGNOSIS_LIMITS.sides_min_std * sides.std_1
+    )
     left, right = _CHANNELS[sides.kind]
     smaller, larger = (left, right) if sides.smaller_side == "left" else (right, left)
     other = "right" if sides.smaller_side == "left" else "left"
