@@ -19,7 +19,6 @@ from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.whitened_rows import (
-    LEAST_ROW_VARIANCE,
     ProjectedEquation,
     block_sums,
     row_noise_variance,
@@ -225,7 +224,7 @@ def _select_significant_growths(inputs: FindingInputs) -> list[LoadGrowthRate]:
         score = own.T @ left[rows]
         kg_s = float(score[1] - gram[0, 1] / gram[0, 0] * score[0]) / rest
         least = LIMITS.falling_load_factor if kg_s < 0.0 else 1.0
-        if not abs(kg_s) * float(np.sqrt(rest / LEAST_ROW_VARIANCE)) / limit / least > 1.0:
+        if not abs(kg_s) * float(np.sqrt(rest / LIMITS.min_row_variance)) / limit / least > 1.0:
             continue  # whatever the others' noise is, which takes long
         others = np.delete(left, rows)
         deviations = abs(kg_s) * float(np.sqrt(rest / row_noise_variance(others))) / limit

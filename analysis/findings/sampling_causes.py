@@ -3,8 +3,8 @@
 import numpy as np
 
 from analysis.findings.cause import Symptom, keep_strongest_symptom
+from analysis.findings.channel_limits import LIMITS
 from analysis.findings.finding_inputs import FindingInputs
-from analysis.findings.finding_limits import LIMITS
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.stages.signals.copied_rows import list_copied_stretches, select_noisy_columns
