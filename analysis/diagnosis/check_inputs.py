@@ -27,9 +27,10 @@ from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import combined_u
 from analysis.stages.estimation import fit_quality
 from analysis.stages.motion.phases import yaw_speeding_sign
-from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, names_of_factors_without_u
+from analysis.weighing.empty_mass_datum import names_of_factors_without_u
 from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.weigh import Weighing
+from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from estimators.arrays import Bools, Floats
 
 #: Factors that forces and torques are wrong by, and what they are.
@@ -261,7 +262,7 @@ def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMass
     sources = budget_of_mass(weighing, machine, fit.weights_of_state(lightest))
     mass_kg = float(fit.masses_kg[lightest])
     unknown = bool(names_of_factors_without_u(sources))
-    scale_kg = UNKNOWN_SCALE * abs(mass_kg) if unknown else 0.0
+    scale_kg = WEIGHING_LIMITS.unknown_scale_u * abs(mass_kg) if unknown else 0.0
     u_kg = float(np.linalg.norm([combined_u(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
     if not np.isfinite([mass_kg, u_kg]).all() or u_kg == 0.0:
         return None

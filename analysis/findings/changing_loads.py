@@ -25,7 +25,7 @@ from analysis.findings.whitened_rows import (
     samples_in_whole_blocks,
     whitened_force_rows,
 )
-from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
+from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from estimators.errors import counted
 from estimators.numerics.fit_loss import group_rows
 
@@ -161,7 +161,7 @@ def _report_excluded_growths(inputs: FindingInputs) -> list[Symptom]:
         return []
     # a gain that steps with the speed looks like a load, of a size that no loader carries
     steps = bool(inputs.named_missing_terms)
-    most_kg = WEIGHING_LIMITS.largest_load_fraction * abs(weighing.fit.mass_kg)
+    most_kg = LOAD_LIMITS.largest_load_fraction * abs(weighing.fit.mass_kg)
     growing = [
         each for each in weighing.growing if each.is_possible and not (steps and each.kg > most_kg)
     ]
