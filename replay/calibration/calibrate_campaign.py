@@ -19,11 +19,8 @@ from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.procedure import PRESENT_NUMBER
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
-from analysis.calibration.use.learnt_priors import (
-    LOGS_MIN,
-    LearntPriors,
-    machine_with_learnt_priors,
-)
+from analysis.calibration.use.learnt_priors import LearntPriors, machine_with_learnt_priors
+from analysis.calibration.use.use_limits import LIMITS as USE_LIMITS
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
 from recordings.calibration.bundle_checks import check_bundle
@@ -194,7 +191,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             return campaign_file.parent / log
 
         learnt = None
-        if campaign.learns_priors and len(campaign.logs) >= LOGS_MIN:
+        if campaign.learns_priors and len(campaign.logs) >= USE_LIMITS.min_logs:
             # under the machine's own priors: what they say of the nuisances together
             first = replay_logs_of_campaign(campaign, machine, path_of_log, None, on_log)
             refuse_contradicted_days(campaign_file, campaign, first, machine)
