@@ -14,7 +14,7 @@ from analysis.model.loss import Loss
 from analysis.model.machine import Machine
 from analysis.online.follower import FollowedRow, Follower
 from analysis.online.growing_log import causal_machine
-from analysis.online.online_report import VALID_S
+from analysis.online.online_limits import LIMITS as ONLINE_LIMITS
 from analysis.online.rehearsal import rehearse
 from estimators.errors import DataError, LogError
 from estimators.interpreted import compile_at_once
@@ -85,7 +85,7 @@ def follow_logs(
     *,
     noise: pl.DataFrame | None = None,
     idle_s: float = IDLE_S,
-    valid_s: float = VALID_S,
+    valid_s: float = ONLINE_LIMITS.valid_s,
     until_u_kg: float | None = None,
     interrupts: Interrupts | None = None,
 ) -> Following:
