@@ -13,8 +13,9 @@ from analysis.model.schema import NOISE_COLUMNS
 from analysis.model.settings import NoiseSettings, Settings
 from analysis.stages.noise.noise_limits import LIMITS
 from estimators.arrays import Floats, Ints
-from estimators.methods.attenuation import DOUBT, window_attenuations
+from estimators.methods.attenuation import window_attenuations
 from estimators.methods.ls import residual_noise, solve_windows
+from estimators.methods.method_limits import LIMITS as METHOD_LIMITS
 from estimators.methods.tls import TlsOptions
 from estimators.numerics.small_systems import factor, invert
 
@@ -169,7 +170,7 @@ def attenuation_errors(
     if noise.mean is None:
         return np.zeros_like(theta)
     drawn = window_attenuations(A, f, settings.gate.window_samples, index, theta, noise.mean)
-    return DOUBT * drawn if method.takes_noise_off else drawn
+    return METHOD_LIMITS.uncertain_correction_fraction * drawn if method.takes_noise_off else drawn
 
 
 def stds_by_column_noise_alone(
