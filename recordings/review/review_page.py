@@ -38,6 +38,7 @@ from recordings.review.shift_facts import (
 )
 from recordings.review.shift_ledger import cycle_remark_text, cycles_frame_from_ledger
 
+#: Kilometres an hour of a metre a second.
 _KM_H: Final = 3.6
 Row = Mapping[str, Any]
 #: Seconds of an hour.

@@ -16,7 +16,9 @@ from recordings.review.review_limits import LIMITS
 from recordings.review.review_state import ReviewState
 from recordings.review.torn_logs import torn_last_log_or_none
 
+#: Seconds of an hour.
 _HOUR_S: Final = 3600.0
+#: Kilometres an hour of a metre a second.
 _KM_H: Final = 3.6
 _NUMBER: Final = re.compile(r"\d[\d.,]*")
 

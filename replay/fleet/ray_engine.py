@@ -17,6 +17,7 @@ from estimators.errors import FleetError
 from replay.fleet.engine_limits import LIMITS
 from replay.fleet.task_engine import LostTask, Result, Task, TaskWork
 
+#: Bytes of a GiB.
 _GIB: Final = 2**30
 #: A task has one thread, whichever library would start more.
 _LIBRARIES: Final = ("OPENBLAS", "OMP", "MKL", "NUMBA", "RAYON")

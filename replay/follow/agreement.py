@@ -34,6 +34,7 @@ from replay.follow.background_replay import find_log_name, run_log_so_far
 from replay.follow.follow_limits import LIMITS
 
 GATE: Final = "gate"
+#: Nanoseconds of a minute.
 _MINUTE_NS: Final = 60 * 10**9
 _OF_SPINS: Final = " of spins"
 #: Why what was followed differs from the replay, where it must.
