@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 
+from analysis.expressions.expression_limits import LIMITS as EXPRESSION_LIMITS
 from analysis.expressions.parse import (
     SLOPE,
     Expression,
@@ -15,7 +16,7 @@ from analysis.expressions.parse import (
     iter_channel_names,
     iter_differentiated_channels,
 )
-from analysis.expressions.values import NEAR_ZERO, evaluate_and_count_near_zero
+from analysis.expressions.values import evaluate_and_count_near_zero
 from analysis.model.loss import Loss
 from analysis.model.machine import Channel, Machine
 from analysis.model.machine_body import BODY_NUMBERS
@@ -156,7 +157,7 @@ def _evaluate_arithmetic(
     if near_zero:
         notes.append(
             f"{name}: {near_zero:,} of {at.size:,} samples divide by nearly zero (below "
-            f"{NEAR_ZERO:.0%} of the divisor's range): they are excluded"
+            f"{EXPRESSION_LIMITS.near_zero_fraction:.0%} of the divisor's range): they are excluded"
         )
     known = np.isfinite(x)
     return at[known], x[known]
