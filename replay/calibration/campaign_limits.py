@@ -5,7 +5,7 @@ from typing import Final
 
 
 @dataclass(frozen=True)
-class CampaignLimits:
+class CampaignRunLimits:
     """Limits of calibrating and of checking a calibration that no campaign file sets.
 
     One section per file; a comment says what a value limits, in which unit, and how it was chosen.
@@ -44,4 +44,4 @@ class CampaignLimits:
 
 
 #: The values in use.
-LIMITS: Final = CampaignLimits()
+LIMITS: Final = CampaignRunLimits()
