@@ -49,9 +49,9 @@ class RecordingLimits:
     #: Points of a group that are kept; more lie on one another.
     plane_max_points: int = 2000
     #: Left, top, right and bottom of the axes, in units of the plane.
-    plane_box: tuple[float, ...] = (0.0, 0.0, 1000.0, 560.0)
+    plane_box: tuple[float, float, float, float] = (0.0, 0.0, 1000.0, 560.0)
     #: Left, top, right and bottom of what the view shows: numbers, labels and legend as well.
-    plane_bounds: tuple[float, ...] = (-130.0, -75.0, 1310.0, 665.0)
+    plane_bounds: tuple[float, float, float, float] = (-130.0, -75.0, 1310.0, 665.0)
     #: Units from the axes to their numbers,
     plane_numbers_distance: float = 16.0
     #: to their labels,
