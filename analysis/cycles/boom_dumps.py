@@ -17,11 +17,6 @@ from estimators.arrays import Bools, Floats, Ints
 
 Span = tuple[int, int]
 
-#: A boom that moves by so much, in rad, tells when it dumps.
-BOOM_MOVES_RAD: Final = 0.15
-#: A boom that is out again within so long, in ns, shakes its bucket.
-ONE_DUMP_NS: Final = 10 * 10**9
-
 
 class BoomDump(NamedTuple):
     """A dump that the boom shows; times in ns.
@@ -36,7 +31,7 @@ class BoomDump(NamedTuple):
     end_ns: int
     bucket_emptied_ns: int
 
-    def is_near(self, times_ns: Ints, off_ns: int = ONE_DUMP_NS) -> bool:
+    def is_near(self, times_ns: Ints, off_ns: int = LIMITS.one_dump_ns) -> bool:
         """Whether one of these times is within `off_ns` of the dump."""
         after, before = self.start_ns - off_ns, self.end_ns + off_ns
         return bool(((after <= times_ns) & (times_ns <= before)).any())
@@ -96,7 +91,7 @@ def find_boom_dumps(
             [farthest_reach_rad(away, slow & whole, t_ns, span) for span in unloading_spans]
         )
     typical_rad = float(np.median(reached)) if reached.size else 0.0
-    if abs(typical_rad) < BOOM_MOVES_RAD or (
+    if abs(typical_rad) < LIMITS.boom_min_reach_rad or (
         unloading_spans is not None and len(unloading_spans) < LIMITS.boom_min_changes
     ):
         return NO_DUMPS
@@ -182,7 +177,7 @@ def join_dumps(outside_ns: Ints, inside_ns: Ints) -> list[Span]:
         return []
     load_returns = np.diff(np.searchsorted(inside_ns, outside_ns)) > 0
     parts = np.split(
-        outside_ns, np.flatnonzero((np.diff(outside_ns) > ONE_DUMP_NS) & load_returns) + 1
+        outside_ns, np.flatnonzero((np.diff(outside_ns) > LIMITS.one_dump_ns) & load_returns) + 1
     )
     return [(int(part[0]), int(part[-1])) for part in parts]
 

@@ -25,6 +25,8 @@ class CycleLimits:
     one_cycle_ratio: float = 1.5
     #: Masses and digging contradict each other if more than one load is hauled in this fraction.
     hauled_twice_fraction: float = 0.5
+    #: Length in s of a hole up to which it loses no cycle.
+    cycle_hole_s: float = 1.0
 
     # boom_dumps
     #: Fewest changes from loaded to empty in which the boom moves out,
@@ -48,6 +50,10 @@ class CycleLimits:
     creeping_speed_fraction: float = 0.25
     #: which is this quantile of its speed.
     reached_speed_quantile: float = 0.95
+    #: Reach of a boom, in rad, from which its movement shows dumps.
+    boom_min_reach_rad: float = 0.15
+    #: Time in ns within which a boom that is out again shakes its bucket.
+    one_dump_ns: int = 10 * 10**9
 
     # doubts about cycles in the ledger
     #: Coverage factor of a 95 % interval.
@@ -70,6 +76,8 @@ class CycleLimits:
     # cycle_parts
     #: Time without a sample in s in which a load may have been dumped.
     dump_hole_s: float = 5.0
+    #: Length in s from which a stand is no part of the work.
+    idle_s: float = 30.0
 
     # cycles
     #: Relative standard uncertainty from which a payload is doubted.

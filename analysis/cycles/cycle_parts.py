@@ -2,27 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.cycles.boom_dumps import (
-    BOOM_MOVES_RAD,
-    ONE_DUMP_NS,
-    is_standing,
-    is_standing_or_creeping,
-)
+from analysis.cycles.boom_dumps import is_standing, is_standing_or_creeping
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.load_passes import Passes
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import column_values
 from analysis.model.windows import runs_of_flagged_samples
 from estimators.arrays import Bools, Floats, Ints
-
-#: A stand of so long is no part of the work.
-IDLE_S: Final = 30.0
 
 
 class DriveSummary(NamedTuple):
@@ -296,7 +288,7 @@ def find_longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
     """Longest standstill or creep, without idling; None if there is none."""
     begins, ends = runs_of_flagged_samples(stops)
     length = t_ns[ends] - t_ns[begins]
-    length[length > IDLE_S * NS_PER_S] = 0
+    length[length > LIMITS.idle_s * NS_PER_S] = 0
     if not length.any():
         return None
     best = int(np.argmax(length))
@@ -321,7 +313,7 @@ def choose_standstill_by_boom(
         return None
     moves = np.array([_peak_to_peak(boom[b : e + 1]) for b, e in zip(begins, ends, strict=True)])
     length = (t_ns[ends] - t_ns[begins]).astype(np.float64)
-    by_boom = bool(moves.max() > BOOM_MOVES_RAD)
+    by_boom = bool(moves.max() > LIMITS.boom_min_reach_rad)
     best = int(np.argmax(moves if by_boom else length))
     return int(t_ns[begins[best]]), int(t_ns[ends[best]]), by_boom
 
@@ -336,7 +328,7 @@ def middle_of_boom_out_ns(boom: NDArray[np.float64], t_ns: Ints, start_ns: int, 
     angle, when = boom[inside], t_ns[inside]
     away = np.abs(angle - angle[0])
     out = when[away > away.max() / 2.0]
-    times = np.split(out, np.flatnonzero(np.diff(out) > ONE_DUMP_NS) + 1)
+    times = np.split(out, np.flatnonzero(np.diff(out) > LIMITS.one_dump_ns) + 1)
     dump = next(each for each in times if each[-1] >= when[np.argmax(away)])
     return int(dump[0] + dump[-1]) // 2
 
@@ -383,7 +375,7 @@ def summarise_shift_motion(
 
 
 def find_idle_standstills(excitation: pl.DataFrame) -> list[tuple[int, int]]:
-    """Stands longer than `IDLE_S`: first and last sample in ns, in order of time."""
+    """Stands longer than `idle_s`: first and last sample in ns, in order of time."""
     if excitation.is_empty():
         return []
     t_ns = excitation["t_ns"].to_numpy()
@@ -391,5 +383,5 @@ def find_idle_standstills(excitation: pl.DataFrame) -> list[tuple[int, int]]:
     return [
         (int(t_ns[b]), int(t_ns[e]))
         for b, e in zip(begins, ends, strict=True)
-        if (t_ns[e] - t_ns[b]) / NS_PER_S > IDLE_S
+        if (t_ns[e] - t_ns[b]) / NS_PER_S > LIMITS.idle_s
     ]

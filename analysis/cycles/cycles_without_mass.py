@@ -12,15 +12,9 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 import polars as pl
 
-from analysis.cycles.boom_dumps import (
-    ONE_DUMP_NS,
-    BoomDumps,
-    Span,
-    find_boom_dumps,
-    is_standing,
-)
+from analysis.cycles.boom_dumps import BoomDumps, Span, find_boom_dumps, is_standing
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.cycles.cycle_parts import IDLE_S, CycleParts
+from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.load_passes import Passes
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.windows import runs_of_flagged_samples
@@ -91,7 +85,7 @@ def add_boom_cycles(
     missed = [
         CycleParts(dump_ns=(each.start_ns, each.end_ns), bucket_emptied_ns=each.bucket_emptied_ns)
         for each in passes.dumps.dumps
-        if not each.is_near(times, max(ONE_DUMP_NS, apart_ns))
+        if not each.is_near(times, max(LIMITS.one_dump_ns, apart_ns))
     ]
     return sorted([*parts, *missed], key=_cycle_first_seen_ns), False
 
@@ -152,7 +146,9 @@ def estimate_uncounted_cycles(
     t_ns = excitation["t_ns"].to_numpy()
     end_ns = int(t_ns[-1]) if t_ns.size else 0
     times = cycles["dump_t_ns"].drop_nulls().to_list()
-    boom = find_boom_dumps(aligned, excitation, [(t - ONE_DUMP_NS, t + ONE_DUMP_NS) for t in times])
+    boom = find_boom_dumps(
+        aligned, excitation, [(t - LIMITS.one_dump_ns, t + LIMITS.one_dump_ns) for t in times]
+    )
     likely, common_u = cycle_probabilities_and_common_u(cycles, boom)
     if not boom.shows_dumps and not is_digging_reliable(cycles):
         likely += rhythm_gap_probabilities(np.array(sorted(times), np.int64), excitation)
@@ -278,9 +274,9 @@ def rhythm_gap_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[f
     t_ns, stands = excitation["t_ns"].to_numpy(), is_standing(excitation)
     step_s = np.diff(t_ns, prepend=t_ns[0]) / NS_PER_S
     # cycles of a hole are priced apart
-    step_s[step_s > HOLE_S] = 0.0
+    step_s[step_s > LIMITS.cycle_hole_s] = 0.0
     for begin, end in zip(*runs_of_flagged_samples(stands), strict=True):
-        if t_ns[end] - t_ns[begin] > IDLE_S * NS_PER_S:
+        if t_ns[end] - t_ns[begin] > LIMITS.idle_s * NS_PER_S:
             step_s[begin : end + 1] = 0.0
     worked_s = np.diff(np.interp(dumps_ns, t_ns, np.cumsum(step_s)))
     cycle_s = float(np.median(worked_s))
@@ -291,10 +287,6 @@ def rhythm_gap_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[f
     # a whole number of cycles, not a slow one
     whole = np.abs(worked_s - (missing + 1) * cycle_s) < LIMITS.rhythm_tolerance * cycle_s
     return [steady] * int(missing[whole].clip(0).sum())
-
-
-#: Shorter holes lose no cycle.
-HOLE_S: Final = 1.0
 
 
 class LostCycles(NamedTuple):
@@ -324,7 +316,7 @@ def find_channel_gaps_ns(excitation: pl.DataFrame, aligned: pl.DataFrame) -> lis
     here = t_ns[~aligned["gap"].to_numpy()]
     if here.size < 2:
         return []
-    wide = np.flatnonzero(np.diff(here) > HOLE_S * NS_PER_S)
+    wide = np.flatnonzero(np.diff(here) > LIMITS.cycle_hole_s * NS_PER_S)
     return [(int(here[k]), int(here[k + 1])) for k in wide]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from analysis.cycles.boom_dumps import is_standing
-from analysis.cycles.cycle_parts import IDLE_S
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycles_without_mass import (
     estimate_cycles_in_gaps,
     estimate_uncounted_cycles,
@@ -208,7 +208,7 @@ def idle_time_s(excitation: pl.DataFrame) -> float:
     t_ns = excitation["t_ns"].to_numpy()
     begins, ends = runs_of_flagged_samples(stands)
     lengths = (t_ns[ends] - t_ns[begins]) / NS_PER_S
-    return float(lengths[lengths > IDLE_S].sum())
+    return float(lengths[lengths > LIMITS.idle_s].sum())
 
 
 def sum_by_label(

@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 
+from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import RawSignals
 from analysis.diagnosis.side_comparison import SideDifference, compare_sides
@@ -26,16 +27,12 @@ from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import combined_u
 from analysis.stages.estimation import fit_quality
 from analysis.stages.motion.phases import yaw_speeding_sign
-from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, names_of_factors_without_u
+from analysis.weighing.empty_mass_datum import names_of_factors_without_u
 from analysis.weighing.mass_budget import budget_of_mass
 from analysis.weighing.weigh import Weighing
+from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from estimators.arrays import Bools, Floats
 
-#: Above the empty mass lies a payload: without a state that is known to be empty a difference of up
-#: to so many standard uncertainties, 43 % at a scale of 10 %, passes for one.
-_PAYLOAD_U: Final = 3.0
-#: A factor is a candidate within this share of it: friction and what is carried bend a mass so far.
-_NEAR: Final = 0.08
 #: Factors that forces and torques are wrong by, and what they are.
 _CANDIDATES: Final = {
     2.0: "one side instead of both, or both instead of one",
@@ -83,7 +80,11 @@ class EmptyMassDifference:
     @property
     def can_test_scale(self) -> bool:
         """Whether no payload can explain the difference, so that it tests the scale."""
-        return self.difference_in_u < 0.0 or self.empty_known or self.difference_in_u > _PAYLOAD_U
+        return (
+            self.difference_in_u < 0.0
+            or self.empty_known
+            or self.difference_in_u > LIMITS.payload_u
+        )
 
     @property
     def text(self) -> str:
@@ -115,7 +116,7 @@ class EmptyMassDifference:
             stated = f"machine.wheel_radius_m ({radius_m:g}) applied twice, or not at all"
             known[max(radius_m, 1.0 / radius_m)] = stated
         near = [(abs(np.log(times / each)), f"{each:.4g}, {what}") for each, what in known.items()]
-        named = [what for off, what in sorted(near) if off < _NEAR]
+        named = [what for off, what in sorted(near) if off < LIMITS.factor_tolerance]
         gear = f"a gear or gain of {times:.3g}"
         return [gear if self.mass_ratio > 1.0 else f"{gear} the other way", *named[:3]]
 
@@ -261,7 +262,7 @@ def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMass
     sources = budget_of_mass(weighing, machine, fit.weights_of_state(lightest))
     mass_kg = float(fit.masses_kg[lightest])
     unknown = bool(names_of_factors_without_u(sources))
-    scale_kg = UNKNOWN_SCALE * abs(mass_kg) if unknown else 0.0
+    scale_kg = WEIGHING_LIMITS.unknown_scale_u * abs(mass_kg) if unknown else 0.0
     u_kg = float(np.linalg.norm([combined_u(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
     if not np.isfinite([mass_kg, u_kg]).all() or u_kg == 0.0:
         return None

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
-from analysis.diagnosis.excluded_stretches import MOVES_U
+from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.model.verdict import Consequence, EvidenceSubject
 from analysis.model.verdict_limits import VerdictLimits
 
@@ -70,4 +70,8 @@ class CheckRow:
     def consequence_in_log(self, inputs: CheckInputs, motion: AxisMotion) -> Consequence:
         """Consequence of failing in this log, given the mass change it causes."""
         moved_u = self.moved_u(inputs, motion)
-        return "tell" if moved_u is not None and moved_u <= MOVES_U else self.consequence
+        return (
+            "tell"
+            if moved_u is not None and moved_u <= LIMITS.harmless_change_u
+            else self.consequence
+        )

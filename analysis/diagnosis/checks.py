@@ -13,6 +13,7 @@ import polars as pl
 
 from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
 from analysis.diagnosis.check_row import CheckRow
+from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
 from analysis.model.axes import X
@@ -23,7 +24,8 @@ from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import mark_samples_to_pool
 from analysis.stages.motion.phases import average_like_speed_rate, speed_rate_span_rows
 from analysis.stages.noise.column_noise import ColumnNoise
-from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in_duration
+from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 
 _CHECK: Final = "invalidating_causes"
 _MEANING: Final = "named causes that invalidate a mass which no other check withholds"
@@ -32,8 +34,6 @@ _SCALE_REMEDY: Final = (
     "the scale and unit of the force, machine.wheel_radius_m, machine.force_share, "
     "machine.empty_mass_kg"
 )
-#: Less that moves has no sign, in s.
-_SHORTEST_MOVING_S: Final = 1.0
 
 
 def judge_checks(inputs: CheckInputs) -> pl.DataFrame:
@@ -85,7 +85,9 @@ def _partial_correlation(_: CheckInputs, motion: AxisMotion) -> float:
 def correlation_while_driving(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Partial correlation; NaN if the machine moves too briefly."""
     rate_hz = inputs.machine.settings.align.rate_hz
-    fewest = rows_in_duration(_SHORTEST_MOVING_S, rate_hz, FEWEST_READINGS)
+    fewest = rows_in_duration(
+        LIMITS.correlation_min_moving_s, rate_hz, SIGNAL_LIMITS.window_min_readings
+    )
     few = np.count_nonzero(motion.moving) < fewest
     return np.nan if few else _partial_correlation(inputs, motion)
 

@@ -7,11 +7,11 @@ elsewhere either, and the answer is withheld.
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 import polars as pl
 
+from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.diagnosis.measured_channels import RawSignals, Spans
 from analysis.model.machine import Machine
 from analysis.model.verdict_limits import VerdictLimits
@@ -20,11 +20,6 @@ from analysis.stages.gating.gate import refuse_windows
 from analysis.stages.motion.phases import speed_rate_span_rows
 from analysis.weighing.weigh import Weighing, mean_mass_difference_kg
 from estimators.arrays import Bools
-
-#: So many standard uncertainties of the answer without a stretch are no other answer.
-MOVES_U: Final = 1.0
-#: A low-pass smears a reading over so many periods of its cut-off either way.
-_SMEARS: Final = 1.0
 
 
 @dataclass(frozen=True)
@@ -43,7 +38,7 @@ class ExcludedStretches:
     @property
     def is_harmless(self) -> bool:
         """Whether the answer stays the same without the stretches."""
-        return self.moved_u <= MOVES_U
+        return self.moved_u <= LIMITS.harmless_change_u
 
     @property
     def text(self) -> str:
@@ -140,7 +135,7 @@ def mass_shift_in_u(all_samples: Weighing, without: Weighing | None) -> float:
 
 def mark_rows_in_spans(spans: Mapping[str, Spans], unix_ns: np.ndarray, machine: Machine) -> Bools:
     """Grid rows that a stretch of any channel overlaps, (n,)."""
-    reach_ns = int(_SMEARS / machine.settings.filter.cutoff_hz * 1e9)
+    reach_ns = int(LIMITS.smeared_periods / machine.settings.filter.cutoff_hz * 1e9)
     held = np.zeros(unix_ns.size, np.bool_)
     for begin, end in (span for each in spans.values() for span in each):
         first, last = np.searchsorted(unix_ns, [begin - reach_ns, end + reach_ns])

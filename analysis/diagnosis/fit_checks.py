@@ -7,18 +7,13 @@ import numpy as np
 
 from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
 from analysis.diagnosis.check_row import CheckRow
+from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.model.schema import column_values
 from analysis.weighing.mass_budget import relative_mass_uncertainty
 from analysis.weighing.other_motion import wheel_imu_disagreement
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
-from analysis.weighing.weighing_limits import LIMITS
+from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
-
-#: So many deviations of both together contradict a method, if it matters by this share.
-_CONTRADICTS: Final = 3.0
-_MATTERS: Final = 0.01
-#: A term this many deviations from 0 is there.
-_TERM_IS_THERE: Final = 3.0
 
 
 class Disagreement(NamedTuple):
@@ -42,7 +37,9 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
         return []
     fit = weighing.fit
     modelled = _nuisances_shared_with_methods(inputs)
-    shows = any(t > _TERM_IS_THERE for term, t in fit.term_t_values.items() if term not in modelled)
+    shows = any(
+        t > LIMITS.term_min_std for term, t in fit.term_t_values.items() if term not in modelled
+    )
     shows = shows or bool(fit.fit.misfit.any())
     shows = shows or (fit.states is not None and fit.states.has_excess_scatter)
     out: list[Disagreement] = []
@@ -59,7 +56,9 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
             out.append(Disagreement(method, np.inf, contradicted=True))
             continue
         deviations = difference_kg / float(np.hypot(std_kg, fit.u_kg))
-        far = abs(deviations) > _CONTRADICTS and abs(difference_kg) > _MATTERS * abs(fit.mass_kg)
+        far = abs(deviations) > LIMITS.contradicting_std and abs(
+            difference_kg
+        ) > LIMITS.contradicting_fraction * abs(fit.mass_kg)
         misses = shows and abs(difference_kg) + fit.u_kg > 1.96 * std_kg
         out.append(Disagreement(method, float(deviations), contradicted=far or misses))
     return out
@@ -130,7 +129,7 @@ def _friction_t_value(weighing: Weighing) -> float:
     fit = weighing.fit
     value, std = fit.friction
     share = value * fit.motion.largest_speed / fit.motion.largest_force
-    return value / std if share < -LIMITS.falling_friction_1 else max(value / std, 0.0)
+    return value / std if share < -WEIGHING_LIMITS.falling_friction_1 else max(value / std, 0.0)
 
 
 def _braking_mass_fraction(weighing: Weighing) -> float:
@@ -236,8 +235,8 @@ FIT_CHECKS: Final = (
         "mass",
         _make_weighing_value(_friction_t_value),
         "viscous friction over its standard deviation; negative friction is unphysical. Friction "
-        f"that falls with the speed by at most {LIMITS.falling_friction_1:.0%} of the largest "
-        "force counts as 0",
+        f"that falls with the speed by at most {WEIGHING_LIMITS.falling_friction_1:.0%} of the "
+        "largest force counts as 0",
         minimum="friction_t_min",
         applies=_has_fit,
         remedy="channels.speed_x_m_s.scale, channels.force_x_N.scale: a sign or a unit is wrong",

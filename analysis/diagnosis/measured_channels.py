@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 
+from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.model.windows import runs_of_flagged_samples
 from analysis.stages.signals.filters import period_ns
 from analysis.stages.signals.speed_threshold import SPEEDS, estimate_speed_threshold_m_s
@@ -27,34 +28,6 @@ _FORCES: Final = ("force_x_N", "torque_left_N_m", "torque_right_N_m")
 _MOTION: Final = (*SPEEDS, "specific_force_x_m_s2")
 #: What else tells that something changes; a position repeats itself where a machine stands.
 _BESIDE: Final = ("position_x_m", "acc_x_m_s2")
-#: A reading that repeats for longer is frozen, if another channel changes meanwhile
-_FROZEN_S: Final = 0.3
-#: by this share of its range; of a channel whose noise shows, less tells,
-_CHANGES: Final = 0.15
-_CHANGES_BESIDE_NOISE: Final = 0.05
-#: and noise shows where no more than this share of the other readings repeats the one before,
-_USUAL: Final = 0.02
-#: if these are more than this share of all.
-_TELLING: Final = 0.1
-#: A speed comes to a stand gradually: the readings beside it are below this share of its range;
-#: a sensor that drops out falls to 0 from any speed.
-_BESIDE_STAND: Final = 0.1
-#: Beside a stand a speed reads up to so many times the threshold below which it reads 0: machines
-#: stop fast at a pile.
-_BESIDE_THRESHOLD: Final = 2.0
-#: Of a slow channel, two readings that are alike are no run: in so many readings at least.
-_FEWEST_RUN: Final = 5
-#: Clipped readings pile up: so many times the next value's number, and at least so many.
-_PILE: Final = 4
-_LEAST_PILE: Final = 20
-#: Runs that come back to one value so often have met a limit: a sensor freezes where it happens to.
-_COMES_BACK: Final = 3
-#: Few readings are beyond a limit: not more than this share of them.
-_BEYOND: Final = 0.1
-#: Where it is at a limit, such a share of the readings within so long is. Fewer are noise that
-#: reaches it: cut off, they take 0.08 of the noise's deviation off the mean, a half of them 0.4.
-_NEAR_S: Final = 0.5
-_AT_LIMIT: Final = 0.15
 
 
 class RepeatedReading(NamedTuple):
@@ -204,10 +177,15 @@ def find_long_runs_of_one_reading(t: Ints, x: Floats) -> tuple[list[RepeatedRead
         The runs, and whether the channel hardly ever repeats a reading elsewhere.
     """
     first, last = find_equal_runs(x)
-    long = ((t[last] - t[first]) > _FROZEN_S * 1e9) & (last - first >= _FEWEST_RUN - 1)
+    long = ((t[last] - t[first]) > LIMITS.frozen_s * 1e9) & (
+        last - first >= LIMITS.run_min_readings - 1
+    )
     runs = zip(t[first[long]], t[last[long]], x[first[long]], strict=True)
     others = int((last - first + 1)[~long].sum())
-    never = others > _TELLING * x.size and int((last - first)[~long].sum()) <= _USUAL * others
+    never = (
+        others > LIMITS.repeating_min_fraction * x.size
+        and int((last - first)[~long].sum()) <= LIMITS.repeating_max_fraction * others
+    )
     return [
         RepeatedReading(int(begin), int(end), float(value)) for begin, end, value in runs
     ], never
@@ -218,11 +196,11 @@ def find_zero_speed_spans(t: Ints, x: Floats) -> Spans:
     first, last = find_equal_runs(x)
     before, after = np.abs(x[np.maximum(first - 1, 0)]), np.abs(x[np.minimum(last + 1, x.size - 1)])
     small = max(
-        _BESIDE_STAND * float(np.quantile(np.abs(x), 0.98)),
-        _BESIDE_THRESHOLD * estimate_speed_threshold_m_s(x),
+        LIMITS.stand_edge_range_fraction * float(np.quantile(np.abs(x), 0.98)),
+        LIMITS.stand_edge_threshold_ratio * estimate_speed_threshold_m_s(x),
     )
     stands = (x[first] == 0.0) & (before <= small) & (after <= small)
-    stands &= (t[last] - t[first]) > _FROZEN_S * 1e9
+    stands &= (t[last] - t[first]) > LIMITS.frozen_s * 1e9
     return [(int(b), int(e)) for b, e in zip(t[first[stands]], t[last[stands]], strict=True)]
 
 
@@ -242,7 +220,7 @@ def find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[Re
     runs = [run for run in runs if run.value != 0.0 or name == "specific_force_x_m_s2"]
     if not runs:
         return []
-    changes = _CHANGES_BESIDE_NOISE if never else _CHANGES
+    changes = LIMITS.frozen_noisy_change_fraction if never else LIMITS.frozen_change_fraction
     others = [
         (*series, changes * float(np.quantile(series[1], 0.98) - np.quantile(series[1], 0.02)))
         for key, series in channels.items()
@@ -283,7 +261,9 @@ def find_repeated_extremes(x: Floats) -> dict[float, float]:
     return {
         float(values[end]): int(counts[end]) / x.size
         for end, next_one in ((0, 1), (-1, -2))
-        if counts[end] >= max(_LEAST_PILE, _PILE * counts[next_one]) and values[end] != 0.0
+        if counts[end]
+        >= max(LIMITS.clipped_min_readings, LIMITS.clipped_count_ratio * counts[next_one])
+        and values[end] != 0.0
     }
 
 
@@ -293,7 +273,8 @@ def find_clipping_levels(runs: list[RepeatedReading], x: Floats) -> dict[float, 
     return {
         value: float((x == value).mean())
         for value, times in often.items()
-        if times >= _COMES_BACK and (np.abs(x) > abs(value)).mean() <= _BEYOND
+        if times >= LIMITS.limit_min_runs
+        and (np.abs(x) > abs(value)).mean() <= LIMITS.limit_max_beyond_fraction
     }
 
 
@@ -301,7 +282,9 @@ def find_spans_at_limits(limits: list[float], t: Ints, x: Floats) -> Spans:
     """Spans in ns in which most readings are at a limit."""
     from scipy.ndimage import uniform_filter1d  # slow to import
 
-    near = max(round(_NEAR_S * 1e9 / period_ns(t)), _FEWEST_RUN)
+    near = max(round(LIMITS.limit_window_s * 1e9 / period_ns(t)), LIMITS.run_min_readings)
     at = np.isin(x, limits).astype(np.float64)
-    first, last = runs_of_flagged_samples(uniform_filter1d(at, near, mode="nearest") >= _AT_LIMIT)
+    first, last = runs_of_flagged_samples(
+        uniform_filter1d(at, near, mode="nearest") >= LIMITS.limit_min_fraction
+    )
     return [(int(b), int(e)) for b, e in zip(t[first], t[last], strict=True)]

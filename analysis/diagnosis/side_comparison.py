@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
+from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.diagnosis.measured_channels import RawSignals
 from analysis.model.machine import Machine
 from analysis.stages.signals.grid_rate import rows_in_duration
@@ -20,25 +21,6 @@ from estimators.arrays import Bools, Floats
 TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")
 SPEEDS: Final = ("speed_left_m_s", "speed_right_m_s")
 _YAW_RATE: Final = "yaw_rate_rad_s"
-#: A difference is there from so many of its deviations on.
-SURELY: Final = 5.0
-#: Means of so long are compared, and so many of them at least.
-_MEAN_S: Final = 0.1
-_FEWEST: Final = 30
-#: Neighbouring means are correlated: one of so many counts as independent.
-_CORRELATED: Final = 5.0
-#: A turn faster than this is no straight drive, in rad/s.
-_STRAIGHT_RAD_S: Final = 0.1
-#: Tyres scrub, as friction does, from so slow a turn on: a few deviations of a gyroscope, in rad/s.
-_SCRUBS_RAD_S: Final = 0.03
-#: Hard is a start above this share of the largest torque, and soft one below that.
-_HARD: Final = 0.8
-_SOFT: Final = 0.45
-#: A ratio that driving alone tells less surely than this is told with the standstills too,
-_SURE_1: Final = 0.02
-#: where what opposes one side alone while it moves, as on a cross slope, is part of the ratio:
-#: so much of the largest torque, in machines that are sound.
-_ONE_SIDED_RESISTANCE_1: Final = 0.03
 
 
 @dataclass(frozen=True)
@@ -65,7 +47,7 @@ class SideDifference:
     @property
     def is_significant(self) -> bool:
         """Whether the difference exceeds its noise."""
-        return abs(self.value_1) > SURELY * self.std_1
+        return abs(self.value_1) > LIMITS.sides_min_std * self.std_1
 
     @property
     def smaller_side(self) -> str:
@@ -95,7 +77,7 @@ def compare_sides(
     """
     if signals is None:
         return {}
-    size = rows_in_duration(_MEAN_S, machine.settings.align.rate_hz)
+    size = rows_in_duration(LIMITS.sides_mean_s, machine.settings.align.rate_hz)
     count = excitation.height // size
     channels = signals.channels
     t_ns = excitation["t_ns"].to_numpy()[: count * size] + t0_unix_ns
@@ -116,11 +98,15 @@ def compare_sides(
     turns = block_means(_YAW_RATE)
     torques = [block_means(name) for name in TORQUES]
     speeds = [block_means(name) for name in SPEEDS]
-    straight = np.ones(count, np.bool_) if turns is None else np.abs(turns) < _STRAIGHT_RAD_S
+    straight = (
+        np.ones(count, np.bool_) if turns is None else np.abs(turns) < LIMITS.straight_max_rad_s
+    )
     driving = blocks_in_phase("accelerating", "cruising") & straight
     found: dict[str, SideDifference | None] = {}
     if torques[0] is not None and torques[1] is not None:
-        turning = [] if turns is None else [turns, np.clip(turns / _SCRUBS_RAD_S, -1.0, 1.0)]
+        turning = (
+            [] if turns is None else [turns, np.clip(turns / LIMITS.scrubbing_rad_s, -1.0, 1.0)]
+        )
         stands = blocks_in_phase("standstill")
         ahead = driving_direction(speeds, torques)
         found["torque"] = compare_torques(torques[0], torques[1], turning, ahead, driving, stands)
@@ -149,15 +135,19 @@ def compare_torques(
     An offset of one side, or a resistance of one side as on a cross slope, does not count.
     """
     apart, mean = right - left, (right + left) / 2.0
-    if driving.sum() < _FEWEST:
+    if driving.sum() < LIMITS.sides_min_means:
         return None
     both_ways = np.ptp(ahead[driving]) > 0.0
     found = slope_of_difference(
         "torque", apart, mean, [*turning, *([ahead] if both_ways else [])], driving
     )
-    if found is None or found.std_1 > _SURE_1:  # one throttle tells a resistance from no share
+    if (
+        found is None or found.std_1 > LIMITS.sides_ratio_std_1
+    ):  # one throttle tells a resistance from no share
         rough = slope_of_difference("torque", apart, mean, turning, driving | stands)
-        found = found if rough is None else replace(rough, resistance_1=_ONE_SIDED_RESISTANCE_1)
+        found = (
+            found if rough is None else replace(rough, resistance_1=LIMITS.one_sided_resistance_1)
+        )
     return found
 
 
@@ -166,11 +156,11 @@ def compare_wheel_speeds(
 ) -> dict[str, SideDifference | None]:
     """Relative difference of the wheel speeds, and its increase in hard starts."""
     everywhere = slope_of_difference("speed", difference, mean, [], driving)
-    if push is None or driving.sum() < _FEWEST:
+    if push is None or driving.sum() < LIMITS.sides_min_means:
         return {"speed": everywhere}
     largest = float(np.quantile(push[driving], 0.95))
-    soft = driving & (push < _SOFT * largest)
-    hard = driving & (push > _HARD * largest)
+    soft = driving & (push < LIMITS.soft_torque_fraction * largest)
+    hard = driving & (push > LIMITS.hard_torque_fraction * largest)
     in_soft, in_hard = (
         slope_of_difference("speed", difference, mean, [], rows) for rows in (soft, hard)
     )
@@ -185,7 +175,7 @@ def slope_of_difference(
     kind: str, difference: Floats, mean: Floats, other_columns: list[Floats], rows: Bools
 ) -> SideDifference | None:
     """Regress the difference on the mean, with a constant and the other columns."""
-    if rows.sum() < _FEWEST:
+    if rows.sum() < LIMITS.sides_min_means:
         return None
     beside = [each[rows] for each in other_columns if each[rows].any()]
     A = np.column_stack([mean[rows], np.ones(int(rows.sum())), *beside])
@@ -195,7 +185,7 @@ def slope_of_difference(
     inverse = np.linalg.pinv((A / size).T @ (A / size), rcond=1e-9, hermitian=True)
     theta = inverse @ ((A / size).T @ difference[rows]) / size
     left = difference[rows] - A @ theta
-    variance = float(left @ left) / max(left.size - A.shape[1], 1) * _CORRELATED
+    variance = float(left @ left) / max(left.size - A.shape[1], 1) * LIMITS.sides_correlated_means
     std = float(np.sqrt(variance * inverse[0, 0])) / size[0]
     if not np.isfinite([theta[0], std]).all():
         return None

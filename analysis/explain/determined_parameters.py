@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
+from analysis.explain.explain_limits import LIMITS
 from analysis.model.axes import X
 from analysis.model.schema import column_values
 from analysis.model.settings import Settings
@@ -13,17 +14,12 @@ from analysis.stages.noise.column_noise import ColumnNoise
 from estimators.arrays import Bools, Floats
 from estimators.planar.identifiability import identify
 
-#: Two parameters whose estimates are correlated by more than this trade off.
-TRADE_OFF: Final = 0.95
 #: The parameters of the x row, with a constant force beside them.
 _MASS, _FRICTION, _COULOMB, _CONSTANT = (
     *("mass_kg", "friction_x_N_s_m", "coulomb_x_N"),
     "constant_force_N",
 )
 _NAMES: Final = (_MASS, _FRICTION, _COULOMB, _CONSTANT)
-#: Noise of a sign, and of a constant that drifts, as a share of 1.
-_NEARLY_EXACT: Final = 0.01
-_FEWEST: Final = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +32,7 @@ class DeterminedParameters:
         combinations: determined combinations of other parameters, as text: `mass_kg - 5
             coulomb_x_N`.
         lost: parameters that occur in none of these.
-        trade_offs: pairs of parameters, and their correlation if beyond `TRADE_OFF`.
+        trade_offs: pairs of parameters, and their correlation if beyond `trade_off_correlation`.
     """
 
     samples: int
@@ -70,10 +66,10 @@ def find_determined_parameters(
     A = A[rows & np.isfinite(A).all(1)]
     std = column_noise_stds(noise, settings)
     samples = A.shape[0]
-    if samples < _FEWEST or std is None:
+    if samples < LIMITS.determined_min_rows or std is None:
         return None
     # neighbours share the moving mean: what lies between says nothing more
-    A = A[:: max(min(settings.smooth.samples, samples // _FEWEST), 1)]
+    A = A[:: max(min(settings.smooth.samples, samples // LIMITS.determined_min_rows), 1)]
     found = identify(A, _NAMES, std)
     named = [name for name, alone in zip(_NAMES, found.identifiable, strict=True) if alone]
     joined = [name for row in found.combinations for name, c in zip(_NAMES, row, strict=True) if c]
@@ -96,11 +92,11 @@ def column_noise_stds(noise: pl.DataFrame | None, settings: Settings) -> Floats 
     measured = [by_name.get("regressor_acc_x_m_s2", 0.0), by_name.get("speed_x_m_s", 0.0)]
     if min(measured) <= 0.0:
         return None
-    return np.array([*measured, _NEARLY_EXACT, _NEARLY_EXACT])
+    return np.array([*measured, LIMITS.constant_noise_std_1, LIMITS.constant_noise_std_1])
 
 
 def find_trade_offs(A: Floats) -> tuple[tuple[str, str, float], ...]:
-    """Correlations of least-squares estimates beyond `TRADE_OFF`, strongest first."""
+    """Correlations of least-squares estimates beyond `trade_off_correlation`, strongest first."""
     length = np.linalg.norm(A, axis=0)
     kept = [i for i in range(A.shape[1]) if length[i] > 0.0]
     scaled = A[:, kept] / length[kept]
@@ -115,6 +111,6 @@ def find_trade_offs(A: Floats) -> tuple[tuple[str, str, float], ...]:
         (_NAMES[kept[i]], _NAMES[kept[j]], float(correlation[i, j]))
         for i in range(len(kept))
         for j in range(i + 1, len(kept))
-        if abs(correlation[i, j]) > TRADE_OFF
+        if abs(correlation[i, j]) > LIMITS.trade_off_correlation
     ]
     return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))

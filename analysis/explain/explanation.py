@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 
 from analysis.explain.determined_parameters import DeterminedParameters, find_determined_parameters
+from analysis.explain.explain_limits import LIMITS
 from analysis.explain.worst_manoeuvres import (
     GateStretch,
     ManoeuvreReport,
@@ -21,8 +22,6 @@ from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 from analysis.model.windows import mark_samples_in_windows
 
-#: How far around a moment the gate is told, in s either way.
-AROUND_S: Final = 15.0
 #: Columns that an explanation looks at, by frame; all of a frame that is not here.
 COLUMNS: Final[Mapping[str, tuple[str, ...]]] = {
     "excitation": (
@@ -130,7 +129,7 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
     gate = frames.get("gate", pl.DataFrame())
     stretches: tuple[GateStretch, ...] = ()
     if at_s is not None and gate.height:
-        begin, end = (round((at_s + way * AROUND_S) * NS_PER_S) for way in (-1, 1))
+        begin, end = (round((at_s + way * LIMITS.around_s) * NS_PER_S) for way in (-1, 1))
         stretches = list_gate_stretches(gate, settings, begin, end)
     manoeuvre = None if at_s is None else report_manoeuvre_at(frames, at_s)
     return Explanation(
@@ -159,7 +158,7 @@ def _select_findings_near(
 def _is_finding_near(finding: Finding, at_s: float) -> bool:
     if finding.start_s is None or finding.end_s is None:
         return True
-    return finding.start_s - AROUND_S <= at_s <= finding.end_s + AROUND_S
+    return finding.start_s - LIMITS.around_s <= at_s <= finding.end_s + LIMITS.around_s
 
 
 def determine_parameters_at_moment(

@@ -7,15 +7,9 @@ from typing import Any, Final
 
 import polars as pl
 
+from analysis.explain.explain_limits import LIMITS
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.settings import Settings
-
-#: Shorter stretches of a reason are told with their neighbours.
-_SHORTEST_S: Final = 0.05
-_MOST_STRETCHES: Final = 24
-_MOST_MANOEUVRES: Final = 5
-#: A stretch of so much of the log says nothing of a part of it.
-_WHOLE_LOG: Final = 0.9
 
 #: The number that decides for a reason, its limit among the settings, and which way.
 _DECIDES: Final[Mapping[str, tuple[str, str, str]]] = {
@@ -92,8 +86,8 @@ def list_gate_stretches(
         start=pl.col("t_ns").first(),
         end=pl.col("t_ns").last(),
     )
-    long = spans.filter((pl.col("end") - pl.col("start")) >= _SHORTEST_S * NS_PER_S)
-    kept = (long if long.height else spans).head(_MOST_STRETCHES)
+    long = spans.filter((pl.col("end") - pl.col("start")) >= LIMITS.stretch_min_s * NS_PER_S)
+    kept = (long if long.height else spans).head(LIMITS.max_stretches)
     found: list[GateStretch] = []
     for span in kept.iter_rows(named=True):
         inside = rows.filter(pl.col("run") == span["run"])
@@ -140,11 +134,11 @@ def report_worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[Manoeuv
     known = [each for each in _reports_by_load(frames) if each.deviations is not None]
     if known:
         known.sort(key=lambda each: -abs(each.deviations or 0.0))
-        return tuple(known[:_MOST_MANOEUVRES])
-    longest_s = _WHOLE_LOG * _log_duration_s(frames)
+        return tuple(known[: LIMITS.max_manoeuvres])
+    longest_s = LIMITS.whole_log_fraction * _log_duration_s(frames)
     parts = (each for each in _reports_by_segment(frames) if each.end_s - each.start_s < longest_s)
     refused = sorted(parts, key=lambda each: each.start_s - each.end_s)
-    return tuple(refused[:_MOST_MANOEUVRES])
+    return tuple(refused[: LIMITS.max_manoeuvres])
 
 
 def _log_duration_s(frames: Mapping[str, pl.DataFrame]) -> float:

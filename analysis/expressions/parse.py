@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
 
-#: Characters of an expression, and how deep brackets may nest: a line of a machine file.
-_LONGEST: Final = 500
-_DEEPEST: Final = 30
+from analysis.expressions.expression_limits import LIMITS
+
 _TOKEN: Final = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
     r"|(?P<slope>d/dt\b)|(?P<name>[A-Za-z_]\w*)"
@@ -87,8 +86,10 @@ def parse_expression(text: str) -> Expression:
     Raises:
         ExpressionError: it is none, with what was expected where.
     """
-    if len(text) > _LONGEST:
-        raise ExpressionError(f"an expression has at most {_LONGEST} characters, not {len(text)}")
+    if len(text) > LIMITS.expression_characters:
+        raise ExpressionError(
+            f"an expression has at most {LIMITS.expression_characters} characters, not {len(text)}"
+        )
     parser = _Parser(text)
     tree = parser.parse_sum(0)
     if parser.kind:
@@ -128,8 +129,8 @@ class _Parser:
         return ""
 
     def parse_sum(self, depth: int) -> Expression:
-        if depth > _DEEPEST:
-            raise ExpressionError(f"brackets nest at most {_DEEPEST} deep")
+        if depth > LIMITS.bracket_depth:
+            raise ExpressionError(f"brackets nest at most {LIMITS.bracket_depth} deep")
         left = self._parse_product(depth)
         while sign := self._take_token("+", "-"):
             left = Call(sign, (left, self._parse_product(depth)))
@@ -255,7 +256,6 @@ def derive_dimension(tree: Call, argument_dimensions: list[Any], registry: Any) 
 
 
 _WORDS = {"+": "sum", "-": "difference", **dict.fromkeys(COMPARISONS, "comparison")}
-
 
 #: What a person calls the SI unit of a dimension: exponents of kg, m, s, A.
 _NAMES: Final[dict[tuple[float, ...], str]] = {

@@ -5,12 +5,9 @@ from typing import Final
 
 import numpy as np
 
+from analysis.expressions.expression_limits import LIMITS
 from analysis.expressions.parse import SLOPE, Call, Expression, Name, Number
 from estimators.arrays import Floats
-
-#: A divisor below this share of its 99th percentile is near zero: the quotient would be its noise.
-NEAR_ZERO: Final = 0.01
-_HIGH: Final = 99.0
 
 _OF_TWO: Final[Mapping[str, Callable[..., Floats]]] = {
     "+": np.add,
@@ -89,7 +86,11 @@ def _apply_function(node: Call, parts: list[Floats]) -> Floats:
 def divide_and_count_near_zero(dividend: Floats, divisor: Floats) -> tuple[Floats, int]:
     """Quotient, NaN if the divisor is near zero, and the number of such divisions."""
     known = np.abs(divisor[np.isfinite(divisor)])
-    limit = NEAR_ZERO * float(np.percentile(known, _HIGH)) if known.size else 0.0
+    limit = (
+        LIMITS.near_zero_fraction * float(np.percentile(known, LIMITS.divisor_percentile))
+        if known.size
+        else 0.0
+    )
     near = np.isfinite(divisor) & ((np.abs(divisor) < limit) | (divisor == 0.0))
     return np.divide(dividend, divisor, out=np.full(divisor.size, np.nan), where=~near), int(
         near.sum()

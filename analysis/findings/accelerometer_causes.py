@@ -30,22 +30,6 @@ from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
 
-#: Of gravity on z a tilt must take so much to be told from a bias.
-_TELLS_M_S2: Final = 0.05
-#: A yaw of less is mounting, not misalignment.
-_LEAST_YAW_RAD: Final = 0.03
-#: Of the wheels' acceleration an accelerometer that sees less is low-passed,
-_ATTENUATED: Final = 0.6
-#: by so many deviations.
-_SURELY: Final = 2.0
-#: A ratio so sure may be that of a unit.
-_TELLS_UNIT: Final = 0.02
-#: one that sees less of gravity at standstill has none.
-_GRAVITY: Final = 0.5
-#: An angle whose gravity is to be missed.
-_LEAST_PITCH_RAD: Final = 0.002
-#: What is upside down stands before what has a size.
-_STANDS_FIRST: Final = 100.0
 #: Ratios of usual units are `wrong_unit`'s.
 _UNITS: Final = (1.0 / 9.80665, 1.0 / 3.6, 1.0 / 1000.0, 0.3048)
 
@@ -62,7 +46,7 @@ _ALL_AXES: Final = (
 def lacks_gravity(inputs: FindingInputs) -> bool:
     """Whether the accelerometer reads no gravity along z at standstill."""
     z, _ = inputs.standstill_mean_and_std(_Z)
-    return bool(abs(z) < _GRAVITY * inputs.machine.machine.gravity_m_s2)
+    return bool(abs(z) < LIMITS.gravity_min_fraction * inputs.machine.machine.gravity_m_s2)
 
 
 def find_tilted_accelerometer(inputs: FindingInputs) -> list[Symptom]:
@@ -79,10 +63,10 @@ def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
     """Find an accelerometer mounted upside down, by gravity of the wrong sign along z."""
     z, std = inputs.standstill_mean_and_std(_Z)
     pull = inputs.machine.machine.gravity_m_s2
-    if not z < -_GRAVITY * pull or not inputs.measured_channels(_Z):
+    if not z < -LIMITS.gravity_min_fraction * pull or not inputs.measured_channels(_Z):
         return []
     seen = fit_accelerometer_gain(inputs)
-    backwards = seen is not None and seen[0] < -_SURELY * seen[1]
+    backwards = seen is not None and seen[0] < -LIMITS.low_passed_std * seen[1]
     angle = "pitch_deg" if backwards else "roll_deg"
     whole = len(inputs.measured_channels(*_ALL_AXES)) == len(_ALL_AXES)
     turned = (ACC, "roll_rate_rad_s") if backwards else (_Y, "pitch_rate_rad_s")
@@ -93,7 +77,7 @@ def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
     kind = "pitched" if backwards else "rolled"
     return [
         Symptom(
-            _STANDS_FIRST * abs(z) / pull,
+            LIMITS.upside_down_rank * abs(z) / pull,
             f"at standstill the accelerometer reads {z:+.2f} ± {std:.2f} m/s² along z, where an "
             f"upright one would read {pull:+.2f}: it is {kind} over, upside down",
             channel=_Z,
@@ -159,7 +143,7 @@ def classify_tilt_or_bias(inputs: FindingInputs, error: float) -> str:
     pitch = inputs.standstill_mean_and_std(_PITCH)[0]
     share = np.arcsin(error / pull)
     upright, turned = pull * np.cos(pitch), pull * np.cos(pitch + share)
-    if upright - turned < _TELLS_M_S2:
+    if upright - turned < LIMITS.tilt_min_gravity_m_s2:
         return ""
     return "tilt" if abs(z - turned) < abs(z - upright) else "bias"
 
@@ -193,7 +177,7 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     angle = float(np.arctan2(across, along))
     # noise of the wheels' rate makes both components small, and the angle no surer
     std /= float(np.hypot(along, across))
-    strength = abs(angle) / max(LIMITS.standing_reading_std * std, _LEAST_YAW_RAD)
+    strength = abs(angle) / max(LIMITS.standing_reading_std * std, LIMITS.misalignment_min_yaw_rad)
     if len(inputs.measured_channels(*_ALL_AXES)) == len(_ALL_AXES):
         setting = "machine.imu.yaw_deg"
         value = f"{inputs.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}"
@@ -227,16 +211,16 @@ def find_low_passed_accelerometer(inputs: FindingInputs) -> list[Symptom]:
     if found is None:
         return late
     gain, std = found
-    if gain + _SURELY * std < -_ATTENUATED / 2.0:
+    if gain + LIMITS.low_passed_std * std < -LIMITS.low_passed_gain_1 / 2.0:
         return late
-    if std < _TELLS_UNIT and any(abs(gain / unit - 1.0) < 0.06 for unit in _UNITS):
+    if std < LIMITS.unit_gain_std_1 and any(abs(gain / unit - 1.0) < 0.06 for unit in _UNITS):
         return late
     seen = [
         Symptom(
-            (_ATTENUATED - gain) / (_SURELY * std),
+            (LIMITS.low_passed_gain_1 - gain) / (LIMITS.low_passed_std * std),
             f"the accelerometer reads {gain:.2f} ± {std:.2f} of the wheels' acceleration",
             channel=ACC,
-            alternatives=("delay",) if gain > _ATTENUATED - 0.1 else (),
+            alternatives=("delay",) if gain > LIMITS.low_passed_gain_1 - 0.1 else (),
         )
     ]
     return [max((*seen, *late), key=lambda sign: sign.strength)]
@@ -255,7 +239,7 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
     pitch, std = inputs.standstill_mean_and_std(_PITCH)
     if not np.isfinite(pitch):
         return []
-    strength = abs(pitch) / max(LIMITS.standing_reading_std * std, _LEAST_PITCH_RAD)
+    strength = abs(pitch) / max(LIMITS.standing_reading_std * std, LIMITS.slope_min_pitch_rad)
     channel = inputs.machine.channels[ACC]
     keys = ["settings.forces.acceleration"]
     new = ['"kinematic"']

@@ -1,21 +1,12 @@
 """Fraction of the wheels' acceleration that the accelerometer measures while moving."""
 
-from typing import Final
-
 import numpy as np
 
+from analysis.findings.channel_limits import LIMITS
 from analysis.findings.constant_forces import gravity_by_pitch
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.model.schema import column_values
 from estimators.arrays import Floats
-
-#: Over so long, and so many of them.
-_SPAN_S: Final = 0.1
-_FEWEST_SPANS: Final = 50
-#: Of what the wheels' acceleration shows, motion must be this share, and noise the rest.
-_MOTION: Final = 0.3
-#: The noise of the wheels' speed is known to this share of its power.
-_NOISE: Final = 0.2
 
 
 def fit_accelerometer_gain(inputs: FindingInputs) -> tuple[float, float] | None:
@@ -27,10 +18,10 @@ def fit_accelerometer_gain(inputs: FindingInputs) -> tuple[float, float] | None:
     if ACC not in inputs.aligned.columns or not inputs.measured_channels(ACC):
         return None
     rate_hz = inputs.machine.settings.align.rate_hz
-    size = max(round(_SPAN_S * rate_hz), 1)
+    size = max(round(LIMITS.gain_span_s * rate_hz), 1)
     span_s = size / rate_hz
     count = inputs.aligned.height // size
-    if count < _FEWEST_SPANS:
+    if count < LIMITS.gain_min_spans:
         return None
 
     def block_means(x: Floats) -> Floats:
@@ -41,17 +32,17 @@ def fit_accelerometer_gain(inputs: FindingInputs) -> tuple[float, float] | None:
     moves = block_means((~inputs.standing_samples).astype(float)) > 0.0
     x, y = np.diff(speed) / span_s, (reads[1:] + reads[:-1]) / 2.0
     used = np.isfinite(x) & np.isfinite(y) & moves[1:] & moves[:-1]
-    if used.sum() < _FEWEST_SPANS:
+    if used.sum() < LIMITS.gain_min_spans:
         return None
     x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
     # noise of the speed is no acceleration, and would look like one that is not seen
     reads_speed = 0.0 if inputs.column_noise is None else inputs.column_noise.covariance(size)[1, 1]
     seen = float(x @ x)
     power = seen - x.size * 2.0 * reads_speed / span_s**2
-    if not power > _MOTION * seen:
+    if not power > LIMITS.gain_motion_fraction * seen:
         return None
     gain = float(x @ y) / power
     # neighbours share half of what they are of
     std = float(np.sqrt(1.5 * seen * ((y - gain * x) ** 2).sum() / (x.size - 2))) / power
     # what noise is taken off is known to a share of it
-    return gain, float(np.hypot(std, gain * _NOISE * (seen - power) / power))
+    return gain, float(np.hypot(std, gain * LIMITS.gain_noise_u_1 * (seen - power) / power))

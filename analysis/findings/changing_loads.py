@@ -19,14 +19,13 @@ from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.whitened_rows import (
-    LEAST_ROW_VARIANCE,
     ProjectedEquation,
     block_sums,
     row_noise_variance,
     samples_in_whole_blocks,
     whitened_force_rows,
 )
-from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
+from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from estimators.errors import counted
 from estimators.numerics.fit_loss import group_rows
 
@@ -162,7 +161,7 @@ def _report_excluded_growths(inputs: FindingInputs) -> list[Symptom]:
         return []
     # a gain that steps with the speed looks like a load, of a size that no loader carries
     steps = bool(inputs.named_missing_terms)
-    most_kg = WEIGHING_LIMITS.largest_load_fraction * abs(weighing.fit.mass_kg)
+    most_kg = LOAD_LIMITS.largest_load_fraction * abs(weighing.fit.mass_kg)
     growing = [
         each for each in weighing.growing if each.is_possible and not (steps and each.kg > most_kg)
     ]
@@ -225,7 +224,7 @@ def _select_significant_growths(inputs: FindingInputs) -> list[LoadGrowthRate]:
         score = own.T @ left[rows]
         kg_s = float(score[1] - gram[0, 1] / gram[0, 0] * score[0]) / rest
         least = LIMITS.falling_load_factor if kg_s < 0.0 else 1.0
-        if not abs(kg_s) * float(np.sqrt(rest / LEAST_ROW_VARIANCE)) / limit / least > 1.0:
+        if not abs(kg_s) * float(np.sqrt(rest / LIMITS.min_row_variance)) / limit / least > 1.0:
             continue  # whatever the others' noise is, which takes long
         others = np.delete(left, rows)
         deviations = abs(kg_s) * float(np.sqrt(rest / row_noise_variance(others))) / limit

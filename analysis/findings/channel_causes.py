@@ -8,52 +8,23 @@ from typing import Final
 
 import numpy as np
 
+from analysis.diagnosis.diagnosis_limits import LIMITS as DIAGNOSIS_LIMITS
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import find_long_runs_of_one_reading
-from analysis.diagnosis.side_comparison import SPEEDS, SURELY, TORQUES, SideDifference
+from analysis.diagnosis.side_comparison import SPEEDS, TORQUES, SideDifference
 from analysis.findings.cause import MassChange, Symptom, keep_strongest_symptom
+from analysis.findings.channel_limits import LIMITS
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
-from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_without_rows
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.model.windows import flag_windows
 from analysis.stages.signals.filters import period_ns
 from estimators.arrays import Bools, Floats, Ints
 
-#: A channel that repeats itself for so long, all in all, counts.
-_FROZEN_S: Final = 0.3
-#: Share of the readings that pile up at an extreme.
-_CLIPPED: Final = 0.001
-#: Share of readings in motion that repeat the previous one: noise is below the resolution.
-_REPEATS: Final = 0.1
-#: Share of the steps that are multiples of the least one; fewer steps tell nothing.
-_WHOLE: Final = 0.95
-_FEWEST: Final = 200
-#: A reading is a spike so many deviations of its neighbourhood from both neighbours,
-_SPIKE: Final = 8.0
-#: which agree within this share of that.
-_NEIGHBOURS: Final = 0.4
-#: One alone is a spike from so many times those deviations on: jolts of sound machines reach 11.
-_ALONE: Final = 1.7
-#: One beside readings without noise is no more than this.
-_MOST_DEVIATIONS: Final = 1000.0
-#: Readings of a neighbourhood whose deviation is taken.
-_BLOCK: Final = 200
-#: Force and acceleration, which a stop or a knock moves at once: by so many deviations,
+#: Force and acceleration, which a stop or a knock moves at once.
 _FELT: Final = (*FORCES, ACC, "acc_x_m_s2")
-#: Standard deviations from which both are moved at once,
-_JOLT: Final = 5.0
-#: within so many periods, from the median of what is around.
-_BESIDE_PERIODS: Final = 1.5
-_AROUND_NS: Final = 150_000_000
-#: Samples of the grid beside a spike that are not fitted.
-_BESIDE: Final = 15
 
-#: A channel may come to its reading of the stand so long before the speed does, or leave it after.
-_STAND_EDGE_NS: Final = 200_000_000
-#: A channel that repeats itself for more than this fraction of the log is dead,
-_DEAD_1: Final = 0.5
-#: and has neither a sign nor a zero.
+#: Causes that a dead channel explains: it has neither a sign nor a zero.
 _OF_DEAD: Final = ("unsigned", "offset")
 _CHANNELS: Final = {"torque": TORQUES, "speed": SPEEDS, "slip": SPEEDS}
 
@@ -83,14 +54,16 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     times = "for" if len(spans) == 1 else f"{len(spans)} times, for"
     return [
         Symptom(
-            total_s[name] / _FROZEN_S,
+            total_s[name] / LIMITS.frozen_total_s,
             f"the channel repeats one reading {times} {total_s[name]:.1f} s in all, while others "
             f"change{_refit_suffix_text(found)}",
             channel=name,
             span_ns=inputs.since_first_sample_ns(*spans[0]),
             change=lambda: refit_without_rows(inputs, holds),
             harmless=_is_harmless(inputs, found),
-            explains=_OF_DEAD if 1e9 * total_s[name] > _DEAD_1 * (t[-1] - t[0]) else (),
+            explains=_OF_DEAD
+            if 1e9 * total_s[name] > LIMITS.dead_fraction * (t[-1] - t[0])
+            else (),
         )
     ]
 
@@ -118,7 +91,8 @@ def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[in
         if never
         and run.value not in limits
         and not any(
-            begin - _STAND_EDGE_NS <= run.begin_ns and run.end_ns <= end + _STAND_EDGE_NS
+            begin - LIMITS.stand_edge_ns <= run.begin_ns
+            and run.end_ns <= end + LIMITS.stand_edge_ns
             for begin, end in signals.standstill_spans
         )
     ]
@@ -146,7 +120,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
 
     return [
         Symptom(
-            share / _CLIPPED,
+            share / LIMITS.clipped_fraction,
             f"{share:.1%} of its readings are clipped at {extreme:.4g}{_refit_suffix_text(found)}",
             channel=name,
             setting="settings.gate.saturation_force_N",
@@ -166,7 +140,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
             continue
         found.append(
             Symptom(
-                repeats / _REPEATS,
+                repeats / LIMITS.repeated_fraction,
                 f"{repeats:.0%} of its moving readings repeat the one before; it "
                 f"resolves {lsb:.3g}",
                 channel=name,
@@ -186,18 +160,18 @@ def repeat_share_and_resolution(inputs: FindingInputs, name: str) -> tuple[float
         steps = np.diff(x)[inputs.is_moving_at(t)[1:] & (x[1:] != 0.0)]
         sizes = np.abs(steps[steps != 0.0])
         inputs.cache[key] = 0.0, 0.0
-        if steps.size >= _FEWEST and sizes.size:
+        if steps.size >= LIMITS.resolution_min_steps and sizes.size:
             lsb = float(np.min(sizes))
             whole = float(np.mean(np.abs(sizes / lsb - np.rint(sizes / lsb)) < 0.05))
             repeats = float((steps == 0.0).mean())
-            inputs.cache[key] = repeats, lsb if whole > _WHOLE else 0.0
+            inputs.cache[key] = repeats, lsb if whole > LIMITS.whole_step_fraction else 0.0
     return inputs.cache[key]  # type: ignore[return-value]
 
 
 def _is_coarse(inputs: FindingInputs, name: str) -> bool:
     """Whether readings repeat because of the channel's resolution."""
     repeats, lsb = repeat_share_and_resolution(inputs, name)
-    return bool(lsb) and repeats > _REPEATS
+    return bool(lsb) and repeats > LIMITS.repeated_fraction
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +201,7 @@ def find_spikes(inputs: FindingInputs) -> list[Symptom]:
 def _symptom_of_spikes(inputs: FindingInputs, channel: str, spikes: ChannelSpikes) -> Symptom:
     count, largest_std = spikes.unix_ns.size, spikes.largest_distance_std
     return Symptom(
-        largest_std / _SPIKE * float(np.sqrt(min(count, 25))) / _ALONE,
+        largest_std / LIMITS.spike_std * float(np.sqrt(min(count, 25))) / LIMITS.single_spike_ratio,
         f"{count} single readings are off by {spikes.median_distance:.3g} (median), up to "
         f"{largest_std:.0f} standard deviations",
         channel=channel,
@@ -247,14 +221,14 @@ def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
     found: dict[str, ChannelSpikes] = {}
     for name in inputs.equation_channels_in_log:
         t, x = inputs.series[name]
-        if x.size < 3 * _BLOCK:
+        if x.size < 3 * LIMITS.spike_block_readings:
             continue
         middle = x[1:-1] - (x[:-2] + x[2:]) / 2.0
         # a coarse channel is off by a step now and then
         resolution = repeat_share_and_resolution(inputs, name)[1]
         scale = np.maximum(local_stds(middle), resolution / np.sqrt(12.0))
-        far = np.abs(middle) > _SPIKE * scale
-        far &= np.abs(x[2:] - x[:-2]) < _NEIGHBOURS * np.abs(middle)
+        far = np.abs(middle) > LIMITS.spike_std * scale
+        far &= np.abs(x[2:] - x[:-2]) < LIMITS.spike_neighbour_fraction * np.abs(middle)
         places = np.flatnonzero(far) + 1
         places = places[~are_mechanical_jolts(inputs, name, t[places], np.sign(middle[places - 1]))]
         if not places.size:
@@ -263,7 +237,7 @@ def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
         found[name] = ChannelSpikes(
             t[places],
             float(np.median(size)),
-            min(float(np.max(size / scale[places - 1])), _MOST_DEVIATIONS),
+            min(float(np.max(size / scale[places - 1])), LIMITS.spike_max_std),
             is_near_stamps(inputs, t[places]),
         )
     return found
@@ -277,28 +251,35 @@ def are_mechanical_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: 
         return felt
     for other in inputs.measured_channels(*_FELT):
         t, x = inputs.series[other]
-        if inputs.machine.channels[other].topic == topic or x.size < 3 * _BLOCK:
+        if (
+            inputs.machine.channels[other].topic == topic
+            or x.size < 3 * LIMITS.spike_block_readings
+        ):
             continue
         scale = local_stds(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
-        near_ns = _BESIDE_PERIODS * max(period_ns(t), period_ns(inputs.series[name][0]))
+        near_ns = LIMITS.jolt_periods * max(period_ns(t), period_ns(inputs.series[name][0]))
         ends = np.searchsorted(t, unix_ns[:, None] + np.array([-near_ns, near_ns], np.int64))
-        around = np.searchsorted(t, unix_ns[:, None] + np.array([-_AROUND_NS, _AROUND_NS]))
+        around = np.searchsorted(
+            t, unix_ns[:, None] + np.array([-LIMITS.jolt_around_ns, LIMITS.jolt_around_ns])
+        )
         for k, (here, about) in enumerate(zip(ends, around, strict=True)):
             if here[0] == here[1]:
                 continue
             off = sign[k] * (x[slice(*here)] - np.median(x[slice(*about)]))
-            felt[k] |= bool(np.max(off) > _JOLT * scale[min(here[0], scale.size - 1)])
+            felt[k] |= bool(np.max(off) > LIMITS.jolt_std * scale[min(here[0], scale.size - 1)])
     return felt
 
 
 def local_stds(x: Floats) -> Floats:
     """Robust standard deviation (n,) of each block; at least that of all samples."""
-    size = x.size // _BLOCK * _BLOCK
-    blocks = STD_OF_MAD * np.median(np.abs(x[:size]).reshape(-1, _BLOCK), axis=1)
+    size = x.size // LIMITS.spike_block_readings * LIMITS.spike_block_readings
+    blocks = STD_OF_MAD * np.median(
+        np.abs(x[:size]).reshape(-1, LIMITS.spike_block_readings), axis=1
+    )
     # a start is sharper than what surrounds it
     around = np.maximum(blocks, np.maximum(np.append(blocks[1:], 0.0), np.append(0.0, blocks[:-1])))
     around = np.maximum(around, np.median(blocks))
-    out = np.repeat(around, _BLOCK)
+    out = np.repeat(around, LIMITS.spike_block_readings)
     return np.append(out, np.full(x.size - size, around[-1] if around.size else 0.0))
 
 
@@ -307,7 +288,10 @@ def is_near_stamps(inputs: FindingInputs, unix_ns: Ints) -> Bools:
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     at = np.zeros(t.size, np.bool_)
     at[np.clip(np.searchsorted(t, unix_ns), 0, t.size - 1)] = True
-    return flag_windows(at, _BESIDE) | flag_windows(at[::-1], _BESIDE)[::-1]
+    return (
+        flag_windows(at, LIMITS.spike_margin_samples)
+        | flag_windows(at[::-1], LIMITS.spike_margin_samples)[::-1]
+    )
 
 
 def is_near_spike(inputs: FindingInputs) -> Bools:
@@ -326,7 +310,9 @@ def find_unlike_sides(inputs: FindingInputs) -> list[Symptom]:
 
 def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
     least = LIMITS.unlike_slip_1 if sides.kind == "slip" else LIMITS.unlike_sides_1
-    strength = abs(sides.value_1) / max(least + sides.resistance_1, SURELY * sides.std_1)
+    strength = abs(sides.value_1) / max(
+        least + sides.resistance_1, DIAGNOSIS_LIMITS.sides_min_std * sides.std_1
+    )
     left, right = _CHANNELS[sides.kind]
     smaller, larger = (left, right) if sides.smaller_side == "left" else (right, left)
     other = "right" if sides.smaller_side == "left" else "left"

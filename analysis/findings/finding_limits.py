@@ -85,6 +85,13 @@ class FindingLimits:
     wind_up_growth: float = 2.0
     #: Fewest estimates at steady speed.
     wind_up_min_estimates: int = 100
+    #: Fraction of the windows from which braking takes a large part of them.
+    braking_windows_fraction: float = 0.5
+    #: Relative distance within which the masses of driving and braking are one: brakes that are
+    #: seen to nine tenths put them six to ten hundredths apart.
+    braking_mass_tolerance: float = 0.04
+    #: Relative standard deviation of each below which they are compared.
+    braking_mass_u: float = 0.02
 
     # changing_loads
     #: Probability that a log without a growing load shows one.
@@ -233,47 +240,9 @@ class FindingLimits:
     #: and of slow noise.
     slow_noise_ratio: float = 2.6
 
-    # sampling_causes
-    #: Fraction of a topic's steps that are missing before it counts.
-    missing_step_fraction: float = 0.002
-    #: Hole of all topics in ns that is a pause between two logs,
-    recorder_pause_ns: int = 2_000_000_000
-    #: but for its edges, in ns.
-    recorder_pause_edge_ns: int = 100_000_000
-    #: Scatter of a topic's steps over its period that matters if the stamps are wrong,
-    uneven_steps_wrong_stamps: float = 0.15
-    #: if the readings do not show whether they are,
-    uneven_steps: float = 0.3
-    #: and if they show that the stamps are right.
-    uneven_steps_right_stamps: float = 1.0
-    #: Standard deviations from which readings show whether they were taken at their stamps.
-    stamp_fidelity_std: float = 4.0
-    #: Readings in each of the two means of a slope: steady beside noise, and short beside a start.
-    slope_rows: int = 8
-    #: Smallest jump of a clock, in s,
-    clock_jump_s: float = 0.003
-    #: and in standard deviations of the latency.
-    clock_jump_std: float = 8.0
-    #: Parts of a log whose latencies are compared.
-    latency_parts: int = 40
-    #: Smallest drift of a clock in standard deviations,
-    clock_drift_std: float = 6.0
-    #: and in s over the log.
-    clock_drift_s: float = 0.003
-
     # scale
     #: Standard uncertainties, with the scale's, that chance stays below.
     wrong_scale_u: float = 3.0
-
-    # the two sides
-    #: Smallest difference of the sides: sound machines have up to 5 %;
-    unlike_sides_1: float = 0.07
-    #: and of hard starts beyond soft ones, where sound machines have none.
-    unlike_slip_1: float = 0.03
-    #: A side whose speed is within this of the accelerometer is right,
-    right_side_1: float = 0.02
-    #: if the other one is off by this.
-    wrong_side_1: float = 0.04
 
     # sign_causes
     #: Correlation that has a sign.
@@ -335,6 +304,26 @@ class FindingLimits:
     progress_mean_square: float = 1.0 / 12.0
     #: Samples of the parabola that gives a derivative.
     force_rate_samples: int = 9
+    #: Smallest noise variance of a whitened row, of which 1 is expected.
+    min_row_variance: float = 0.5
+
+    # accelerometer_causes
+    #: Gravity on z in m/s² that a tilt must take to be told from a bias.
+    tilt_min_gravity_m_s2: float = 0.05
+    #: Smallest yaw of a misalignment, in rad: less is mounting.
+    misalignment_min_yaw_rad: float = 0.03
+    #: Fraction of the wheels' acceleration below which an accelerometer is low-passed,
+    low_passed_gain_1: float = 0.6
+    #: by so many standard deviations.
+    low_passed_std: float = 2.0
+    #: Standard deviation of a gain below which it may be the ratio of two units.
+    unit_gain_std_1: float = 0.02
+    #: Fraction of gravity at standstill below which an accelerometer reads none.
+    gravity_min_fraction: float = 0.5
+    #: Smallest pitch, in rad, whose gravity is missed.
+    slope_min_pitch_rad: float = 0.002
+    #: Factor of its strength by which an upside-down mounting is ranked before what has a size.
+    upside_down_rank: float = 100.0
 
 
 #: The values in use.

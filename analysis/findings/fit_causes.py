@@ -18,7 +18,7 @@ from analysis.findings.likelihood_search import PickedCause, search_likelihood
 from analysis.findings.refit import refit_corrected
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import CHANNEL_COLUMNS
-from analysis.stages.gating.digging import SURELY
+from analysis.stages.stage_limits import LIMITS as STAGE_LIMITS
 from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.joint_result import term_index
 from analysis.weighing.motion_samples import MotionSamples
@@ -379,19 +379,18 @@ def find_braking_inside(inputs: FindingInputs) -> list[Symptom]:
 
 def find_external_force(inputs: FindingInputs) -> list[Symptom]:
     """Find starts against an external force, such as a pile."""
-    if not inputs.digs.height:
-        return []
     body = inputs.machine.machine
     least_N = LIMITS.pile_weight_fraction * body.gravity_m_s2 * (body.empty_mass_kg or 0.0)
     digs = inputs.digs.filter(pl.col("growth_N") > least_N)
     if digs.is_empty():
         return []
     growth, std = (digs[name].to_numpy() for name in ("growth_N", "growth_std_N"))
-    worst = int(np.argmax(growth / std))
+    excess = growth / std
+    worst = int(np.argmax(excess))
     begin, end = (int(digs[name][worst]) for name in ("start_t_ns", "end_t_ns"))
     return [
         Symptom(
-            float(growth[worst] / std[worst]) / SURELY * np.sqrt(digs.height),
+            float(excess[worst]) / STAGE_LIMITS.pile_min_growth_std * np.sqrt(digs.height),
             f"in {counted(digs.height, 'start')} a resistance grows, by up to {growth[worst]:.0f} "
             f"± {std[worst]:.0f} N; these starts are excluded",
             channel=inputs.force_channel,

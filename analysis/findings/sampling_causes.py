@@ -3,16 +3,13 @@
 import numpy as np
 
 from analysis.findings.cause import Symptom, keep_strongest_symptom
+from analysis.findings.channel_limits import LIMITS
 from analysis.findings.finding_inputs import FindingInputs
-from analysis.findings.finding_limits import LIMITS
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.stages.signals.copied_rows import (
-    SHORTEST_COPY_S,
-    list_copied_stretches,
-    select_noisy_columns,
-)
+from analysis.stages.signals.copied_rows import list_copied_stretches, select_noisy_columns
 from analysis.stages.signals.filters import period_ns
+from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 from analysis.stages.signals.timestamps import FIRST_DATE_NS, relative_step_scatter
 from estimators.arrays import Bools, Floats, Ints
 from estimators.errors import counted
@@ -72,7 +69,7 @@ def find_repeated_rows(inputs: FindingInputs) -> list[Symptom]:
         times = "" if len(copies) == 1 else f"; {len(copies)} stretches, {total_s:,.1f} s in all"
         found.append(
             Symptom(
-                total_s / SHORTEST_COPY_S,
+                total_s / SIGNAL_LIMITS.copy_min_s,
                 f"{end - begin + 1:,} rows from {again_s:,.1f} s on repeat those from "
                 f"{start_s:,.1f} s on to the last digit{times}: they are left out, and what was "
                 "done meanwhile was not recorded",

@@ -6,7 +6,6 @@ mass as driving.
 """
 
 from collections.abc import Callable
-from typing import Final
 
 import numpy as np
 
@@ -21,14 +20,6 @@ from analysis.stages.estimation import fit_quality
 from analysis.weighing.load_frames import find_load_change_rows
 from estimators.arrays import Bools, Floats, Ints
 
-#: Braking takes a large part of the windows from this share on.
-_REFUSED: Final = 0.5
-#: Masses of driving and braking that are as near, as a share, are one. Brakes that are seen to
-#: nine tenths put them six to ten hundredths apart.
-_AGREE: Final = 0.04
-#: Known to less than this share each, they are not compared.
-_KNOWN: Final = 0.02
-
 
 def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
     """Find useful braking that the gate rejects, in a log with few other windows."""
@@ -41,11 +32,11 @@ def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
     told = int((reasons != "warming_up").sum())
     refused = float((reasons == "braking").sum()) / max(told, 1)
     ratio = _braking_over_driving_mass(inputs.check_inputs)
-    if not abs(ratio - 1.0) < _AGREE:
+    if not abs(ratio - 1.0) < LIMITS.braking_mass_tolerance:
         return []
     return [
         Symptom(
-            refused / _REFUSED,
+            refused / LIMITS.braking_windows_fraction,
             f"excluding braking rejects {refused:.0%} of the windows, but braking gives "
             f"{ratio:.1%} of the mass that driving gives: the force sensor measures the brakes",
             channel=inputs.force_channel,
@@ -61,7 +52,7 @@ def _braking_over_driving_mass(evidence: CheckInputs) -> float:
     A = np.column_stack([motion.A[:, :2], np.sign(motion.speed)])
     driving = motion.complete & evidence.is_phase("accelerating", "cruising")
     found = [_fit_mass_and_std(A, motion.f, of) for of in (driving, motion.braking)]
-    if not all(std_kg < _KNOWN * abs(kg) for kg, std_kg in found):
+    if not all(std_kg < LIMITS.braking_mass_u * abs(kg) for kg, std_kg in found):
         return float("nan")
     return found[1][0] / found[0][0]
 

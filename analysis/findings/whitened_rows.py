@@ -7,7 +7,6 @@ means inside each stretch, with a linear trend removed; the accelerometer's nois
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
 
 import numpy as np
 
@@ -16,9 +15,6 @@ from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
 from estimators.arrays import Floats, Ints
 from estimators.numerics.fit_loss import group_rows
-
-#: Smallest noise variance of a whitened row, of which 1 is expected.
-LEAST_ROW_VARIANCE: Final = 0.5
 
 
 @dataclass(frozen=True)
@@ -282,4 +278,4 @@ def row_noise_variance(noise: Floats) -> float:
         float(noise[lag:] @ noise[:-lag]) / noise.size / own
         for lag in range(1, min(LIMITS.correlated_rows, noise.size // 4) + 1)
     ]
-    return max(own * max(1.0 + 2.0 * float(np.sum(alike)), 0.5), LEAST_ROW_VARIANCE)
+    return max(own * max(1.0 + 2.0 * float(np.sum(alike)), 0.5), LIMITS.min_row_variance)

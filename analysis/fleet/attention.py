@@ -1,20 +1,10 @@
 """Recordings that need attention, most urgent first, each with the moment to look at."""
 
-from typing import Final
-
 import polars as pl
 
+from analysis.fleet.fleet_limits import LIMITS
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.uncertainty_sources import STD_OF_MAD
-
-#: The gate accepts at least this share of a recording that works.
-_LOW: Final = 0.02
-#: One cycle in so many may be without a mass.
-_MANY: Final = 5
-#: So few loads of a machine do not tell which is far from the others.
-_FEW: Final = 20
-#: A payload is far from the others beyond so many of their deviations.
-_FAR: Final = 6.0
 
 
 def rank_concerns(
@@ -80,14 +70,14 @@ def concerns_of_results(results: pl.DataFrame) -> list[pl.DataFrame]:
         ),
         (
             15.0,
-            (missing > 0) & (missing * _MANY >= cycles),
+            (missing > 0) & (missing * LIMITS.cycles_per_missing_mass >= cycles),
             pl.format("{} of {} cycles without a mass", missing, cycles),
             "without_at_s",
         ),
         (10.0, pl.col("losses") > 0, pl.format("lost: {}", "first_loss"), ""),
         (
             8.0,
-            pl.col("accepted_1") < _LOW,
+            pl.col("accepted_1") < LIMITS.accepted_min_fraction,
             pl.lit("the gate accepted less than 2 % of the time"),
             "",
         ),
@@ -114,7 +104,10 @@ def concerns_of_cycles(cycles: pl.LazyFrame) -> pl.DataFrame:
         cycles.filter("counted")
         .select("key", "machine", "cycle", "start_t_ns", "payload_kg")
         .with_columns(apart)
-        .filter((pl.len().over("machine") > _FEW) & (pl.col("apart") > _FAR * spread))
+        .filter(
+            (pl.len().over("machine") > LIMITS.unlike_min_payloads)
+            & (pl.col("apart") > LIMITS.unlike_payload_std * spread)
+        )
         .group_by("key")
         .agg(pl.len().cast(pl.String).alias("number"), farthest)
         .select(

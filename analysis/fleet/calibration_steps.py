@@ -2,16 +2,15 @@
 
 import datetime as dt
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from analysis.fleet.fleet_limits import LIMITS
+
 if TYPE_CHECKING:
     from analysis.calibration.line.calibration import Calibration
-
-#: Limits of a change, in standard uncertainties.
-K: Final = 2.0
 
 
 class FleetCalibration(BaseModel):
@@ -114,7 +113,7 @@ def calibration_line_change(before: FleetCalibration, after: FleetCalibration) -
         before,
         after,
         new - old,
-        K * float(np.sqrt(old_kg2 + new_kg2)),
+        LIMITS.change_coverage_factor * float(np.sqrt(old_kg2 + new_kg2)),
         after.c1_1 / before.c1_1 - 1.0,
-        K * float(slope),
+        LIMITS.change_coverage_factor * float(slope),
     )

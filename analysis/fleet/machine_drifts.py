@@ -18,22 +18,11 @@ import numpy as np
 import polars as pl
 from scipy.special import ndtr, ndtri, stdtr
 
+from analysis.fleet.fleet_limits import LIMITS
 from estimators.arrays import Floats
 
-#: False alarms that all charts of a machine together may have in a year of daily values.
-_ALARMS_A_YEAR: Final = 0.5
+#: Days of a year.
 _DAYS: Final = 365.0
-#: Allowance of the CUSUM, in standard deviations: half of the shift that it finds soonest.
-ALLOWANCE: Final = 0.25
-#: No value counts for more: a day with a broken log is no drift.
-_MOST: Final = 3.0
-#: Fewer values do not tell how days are correlated, which is at most so much.
-_FEW: Final = 20
-_MOST_ALIKE: Final = 0.9
-#: Before so many values there is no deviation to compare with.
-_FIRST: Final = 3
-#: States of the Markov chain; twice as many change a limit by less than a hundredth.
-_STATES: Final = 100
 
 
 class ControlChart(NamedTuple):
@@ -123,7 +112,7 @@ class MachineChart(NamedTuple):
 
 def drift_limit() -> float:
     """Limit of each chart that allows half a false alarm per machine and year in total."""
-    return cusum_limit(len(SIGNALS) * _DAYS / _ALARMS_A_YEAR)
+    return cusum_limit(len(SIGNALS) * _DAYS / LIMITS.false_alarms_per_year)
 
 
 def make_machine_charts(days: pl.DataFrame) -> list[MachineChart]:
@@ -178,7 +167,10 @@ def make_control_chart(values: Floats, limit: float) -> ControlChart:
     high = low = 0.0
     for n, u in enumerate(innovation):
         begins = [n if high == 0.0 else begins[0], n if low == 0.0 else begins[1]]
-        high, low = max(high + u - ALLOWANCE, 0.0), max(low - u - ALLOWANCE, 0.0)
+        high, low = (
+            max(high + u - LIMITS.cusum_allowance_std, 0.0),
+            max(low - u - LIMITS.cusum_allowance_std, 0.0),
+        )
         up[n], down[n] = high, low
         if flagged is None and max(high, low) > limit:
             flagged, since = n, begins[0 if high > low else 1]
@@ -192,10 +184,10 @@ def whiten_series(values: Floats) -> Floats:
     The correlation is that of differences over one and two values, E2 / E1 - 1 of a first-order
     process, which a drift does not raise as it would that of the values.
     """
-    if values.size < _FEW:
+    if values.size < LIMITS.correlation_min_values:
         return values
     one, two = (float(np.mean((values[k:] - values[:-k]) ** 2)) for k in (1, 2))
-    alike = float(np.clip(two / one - 1.0, 0.0, _MOST_ALIKE)) if one > 0.0 else 0.0
+    alike = float(np.clip(two / one - 1.0, 0.0, LIMITS.max_correlation)) if one > 0.0 else 0.0
     before = np.concatenate([values[:1], values[:-1]])
     return values - alike * before
 
@@ -203,22 +195,26 @@ def whiten_series(values: Floats) -> Floats:
 def standardise_innovations(values: Floats) -> Floats:
     """Innovation (n,) of each value, standard normal while nothing drifts."""
     found = np.zeros(values.size)
-    if values.size < _FIRST:
+    if values.size < LIMITS.deviation_min_values:
         return found
     # about the first value, so that squares keep their digits
     offset = values - values[0]
     number = np.arange(values.size, dtype=float)
     sums, squares = np.cumsum(offset), np.cumsum(offset**2)
-    n = number[_FIRST - 1 :]
-    mean = sums[_FIRST - 2 : -1] / n
-    variance = np.maximum(squares[_FIRST - 2 : -1] - n * mean**2, 0.0) / (n - 1.0)
-    apart = offset[_FIRST - 1 :] - mean
+    n = number[LIMITS.deviation_min_values - 1 :]
+    mean = sums[LIMITS.deviation_min_values - 2 : -1] / n
+    variance = np.maximum(squares[LIMITS.deviation_min_values - 2 : -1] - n * mean**2, 0.0) / (
+        n - 1.0
+    )
+    apart = offset[LIMITS.deviation_min_values - 1 :] - mean
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.sqrt(n / (n + 1.0)) * apart / np.sqrt(variance)
     t = np.where(np.isnan(t), 0.0, t)
     # by the nearer tail, which keeps its digits
     tail = ndtri(stdtr(n - 1.0, -np.abs(t)))
-    found[_FIRST - 1 :] = np.clip(np.where(t > 0, -tail, tail), -_MOST, _MOST)
+    found[LIMITS.deviation_min_values - 1 :] = np.clip(
+        np.where(t > 0, -tail, tail), -LIMITS.cusum_max_std, LIMITS.cusum_max_std
+    )
     return found
 
 
@@ -255,10 +251,12 @@ def average_run_length(limit: float, shift: float = 0.0) -> float:
         limit: limit of the sum.
         shift: mean of the values, in standard deviations.
     """
-    width = 2.0 * limit / (2 * _STATES - 1)
-    middle = np.arange(_STATES) * width
+    width = 2.0 * limit / (2 * LIMITS.cusum_states - 1)
+    middle = np.arange(LIMITS.cusum_states) * width
     # from a state to another by a value less the allowance
-    to = middle[np.newaxis, :] - middle[:, np.newaxis] + ALLOWANCE - shift
+    to = middle[np.newaxis, :] - middle[:, np.newaxis] + LIMITS.cusum_allowance_std - shift
     chance = ndtr(to + width / 2.0) - ndtr(to - width / 2.0)
     chance[:, 0] = ndtr(to[:, 0] + width / 2.0)
-    return float(np.linalg.solve(np.eye(_STATES) - chance, np.ones(_STATES))[0])
+    return float(
+        np.linalg.solve(np.eye(LIMITS.cusum_states) - chance, np.ones(LIMITS.cusum_states))[0]
+    )

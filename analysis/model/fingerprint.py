@@ -10,19 +10,14 @@ import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-#: Rows that are hashed together: bounds the memory, and is a multiple of the 8 bits of a byte.
-_ROWS: Final = 1 << 20
-#: Of shorter frames a thread takes longer to start than its column to hash.
-_MANY_ROWS: Final = 100_000
-#: Hexadecimal digits that a person compares.
-_SHOWN: Final = 12
+from analysis.model.model_limits import LIMITS
 
 
 class Fingerprint(BaseModel):
@@ -42,7 +37,9 @@ class Fingerprint(BaseModel):
     def __str__(self) -> str:
         """The three digests, abbreviated for comparison by eye."""
         parts = {"inputs": self.inputs, "settings": self.settings, "results": self.results}
-        return "  ".join(f"{name} {digest[:_SHOWN]}" for name, digest in parts.items())
+        return "  ".join(
+            f"{name} {digest[: LIMITS.compared_digits]}" for name, digest in parts.items()
+        )
 
 
 def take_fingerprint(
@@ -74,7 +71,7 @@ def frame_digest(frame: pl.DataFrame) -> str:
     Values count bit for bit: 0.0 differs from -0.0, and so do NaNs with different bits. Memory
     below a null does not count.
     """
-    if frame.height < _MANY_ROWS:
+    if frame.height < LIMITS.threaded_rows:
         columns = list(map(_column_digest, frame.get_columns()))
     else:
         with ThreadPoolExecutor() as pool:  # hashlib releases the interpreter's lock
@@ -89,7 +86,10 @@ def _json_digest(value: Any) -> str:
 
 def _column_digest(series: pl.Series) -> str:
     values, nulls = hashlib.sha256(), hashlib.sha256()
-    for part in (series[begin : begin + _ROWS] for begin in range(0, series.len(), _ROWS)):
+    for part in (
+        series[begin : begin + LIMITS.hashed_rows]
+        for begin in range(0, series.len(), LIMITS.hashed_rows)
+    ):
         if series.null_count():
             nulls.update(np.packbits(part.is_null().to_numpy()).data)
         for array in iter_value_arrays(part):

@@ -20,6 +20,7 @@ from analysis.expressions.parse import (
     parse_expression,
 )
 from analysis.model.machine_body import BODY_NUMBERS, Body
+from analysis.model.model_limits import LIMITS
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.model.settings import Settings
 from analysis.model.strict_config import STRICT
@@ -31,13 +32,8 @@ _MEAN = re.compile(r"mean\(\s*(\w+)\s*,\s*(\w+)\s*\)")
 #: Channels of wheels: in rad/s their scale is the wheel's radius.
 _WHEEL_SPEEDS = ("speed_left_m_s", "speed_right_m_s", "speed_x_m_s")
 _WHEEL_RADIUS = "wheel_radius_m"
-#: A scale within this factor of the radius, either way, is meant as one,
-_SAME_WHEEL = 0.5
-#: and differs from it by this share: tyres wear and sink in by less.
-_WHEELS_DIFFER = 0.08
-#: A scale that is a unit of speed in m/s within this share is no radius: km/h, mile/h, knot, ft/s.
+#: Units of speed in m/s, which are no radius: km/h, mile/h, knot, ft/s.
 _SPEED_UNITS_M_S = (1.0 / 3.6, 0.44704, 0.514444, 0.3048)
-_SAME_UNIT = 1e-3
 _ANGLE = re.compile(r"(pitch|roll)\(\s*([^\s()]+)\s*\)")
 
 
@@ -233,10 +229,16 @@ class Machine(BaseModel):
             channel = self.channels.get(name)
             if channel is None or channel.unit is not None or channel.scale == 1.0:
                 continue
-            if any(abs(abs(channel.scale) / unit - 1.0) < _SAME_UNIT for unit in _SPEED_UNITS_M_S):
+            if any(
+                abs(abs(channel.scale) / unit - 1.0) < LIMITS.same_unit_1
+                for unit in _SPEED_UNITS_M_S
+            ):
                 continue
             ratio = abs(channel.scale) / radius_m
-            if _SAME_WHEEL <= ratio <= 1.0 / _SAME_WHEEL and abs(ratio - 1.0) > _WHEELS_DIFFER:
+            if (
+                LIMITS.same_wheel_ratio <= ratio <= 1.0 / LIMITS.same_wheel_ratio
+                and abs(ratio - 1.0) > LIMITS.wheel_difference_1
+            ):
                 raise ValueError(
                     f"channels.{name}.scale is {abs(channel.scale):g} m/rad and "
                     f"machine.wheel_radius_m is {radius_m:g}: two radii for one wheel; correct one "

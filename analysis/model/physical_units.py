@@ -7,6 +7,7 @@ from functools import cache
 from tokenize import TokenError
 from typing import Any, Final
 
+from analysis.model.model_limits import LIMITS
 from estimators.errors import MachineError
 
 #: Nanoseconds of a second, for durations in s, and as a whole number, for stamps.
@@ -161,17 +162,13 @@ _WORDS_BEHIND: Final = ("sn", "in")
 #: Where a capital begins a word of several letters: speedKmh, SpeedMetersPerSec; speedMin is the
 #: least one. Before a short unit a letter may be its prefix (torquekNm); TimeUS is one word.
 _HUMP: Final = re.compile(r"(?<=[a-z]{2})(?=[A-Z](?:[a-z0-9]|\w\w))")
-#: Letters of a unit that no letter before it turns into another one: cKmh is none, cNm is.
-_LONG: Final = 3
 _PREFIXES: Final = "cdhkmnpu"
-#: Words of a unit behind a name: rad_s2, N_m.
-_SUFFIX_WORDS: Final = 3
 
 
 def split_unit_from_name(name: str) -> tuple[str, str | None]:
     """Split a unit from the end of a name: `speed_kmh`, `left_Mz_Nm`, `motor_rpm`."""
     words = re.split(r"[_\s.]+", name)
-    for count in range(min(_SUFFIX_WORDS, len(words) - 1), 0, -1):
+    for count in range(min(LIMITS.suffix_words, len(words) - 1), 0, -1):
         is_word = words[-1].lower() in _WORDS_BEHIND
         unit = None if is_word else pint_name_of_unit("_".join(words[-count:]))
         # a lone letter at the end is an axis or a side more often than tonnes
@@ -179,7 +176,7 @@ def split_unit_from_name(name: str) -> tuple[str, str | None]:
             return "_".join(words[:-count]), unit
     for hump in _HUMP.finditer(name):
         last = name[hump.start() :]
-        if len(last) < _LONG and name[hump.start() - 1] in _PREFIXES:
+        if len(last) < LIMITS.clear_unit_letters and name[hump.start() - 1] in _PREFIXES:
             continue
         if last.isalnum() and last not in ("Min", "In") and (unit := pint_name_of_unit(last)):
             return name[: hump.start()], unit

@@ -5,10 +5,10 @@ from typing import Any, Final, Literal, Self
 
 import polars as pl
 
+from analysis.model.model_limits import LIMITS
+
 #: Checks of the mass that find a force without its sign, which spoils the yaw torque as well.
 _SIGNS: Final = frozenset({"opposing_share", "driving_share"})
-#: Fraction of a limit from which on a number that passes is near it: a fifth of the way is left.
-_NEAR_FRACTION: Final = 0.8
 #: The check that counts windows, which joint motion has no use for.
 _COUNT: Final = "accepted_stretches"
 
@@ -56,8 +56,14 @@ class Check:
         """Whether it passed near a limit; never for negative limits."""
         if not self.passed or self.value is None:
             return False
-        above = self.maximum is not None and self.value > _NEAR_FRACTION * self.maximum > 0.0
-        below = self.minimum is not None and 0.0 < _NEAR_FRACTION * self.value < self.minimum
+        above = (
+            self.maximum is not None
+            and self.value > LIMITS.near_limit_fraction * self.maximum > 0.0
+        )
+        below = (
+            self.minimum is not None
+            and 0.0 < LIMITS.near_limit_fraction * self.value < self.minimum
+        )
         return above or below
 
     def to_dict(self) -> dict[str, Any]:

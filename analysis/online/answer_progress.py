@@ -6,19 +6,9 @@ they scatter at random; what all of them share (gain, slope, wheel radius) is no
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final
 
 from analysis.model.machine_body import Body
-
-#: A manoeuvre's own deviation counts like so many manoeuvres of scatter. In simulated logs it is
-#: right to a hundredth, and what is said of starts to come is the steadier the more it counts; on a
-#: machine it takes residuals for white, so that manoeuvres must be able to correct it.
-_OWN_DOF: Final = 10.0
-#: A manoeuvre that lies so many deviations from the mean is of another load.
-_OTHER_LOAD: Final = 5.0
-#: Standard uncertainty that is aimed at unless somebody says otherwise, as a share of the empty
-#: mass: what tells a full bucket of a loader from a half full one.
-UNTIL_U_1: Final = 0.02
+from analysis.online.online_limits import LIMITS
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +39,8 @@ class AnswerProgress:
     @property
     def manoeuvre_u_kg(self) -> float:
         """Standard deviation of a manoeuvre: its own, corrected by the observed scatter."""
-        dof = _OWN_DOF + self.manoeuvres - 1
-        return math.sqrt((_OWN_DOF * self.own_kg2 + self.squares_kg2) / dof)
+        dof = LIMITS.own_u_degrees_of_freedom + self.manoeuvres - 1
+        return math.sqrt((LIMITS.own_u_degrees_of_freedom * self.own_kg2 + self.squares_kg2) / dof)
 
     @property
     def u_kg(self) -> float | None:
@@ -91,7 +81,7 @@ class AnswerProgress:
         """
         before = self
         spread_kg = math.hypot(self.manoeuvre_u_kg, u_kg) if self.manoeuvres else math.inf
-        if abs(mass_kg - self.mean_kg) > _OTHER_LOAD * spread_kg:
+        if abs(mass_kg - self.mean_kg) > LIMITS.other_load_std * spread_kg:
             before = AnswerProgress(self.until_u_kg)
         count = before.manoeuvres
         mean_kg = before.mean_kg if count else mass_kg
@@ -111,7 +101,7 @@ def target_u_kg(body: Body, until_u_kg: float | None) -> float | None:
     """Target uncertainty in kg: the given one, or a fraction of the empty mass; None without."""
     if until_u_kg is not None or body.empty_mass_kg is None:
         return until_u_kg
-    return UNTIL_U_1 * body.empty_mass_kg
+    return LIMITS.target_u_1 * body.empty_mass_kg
 
 
 def missing_manoeuvres_text(missing: int | None, reverse: int | None) -> str:

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import polars as pl
 
@@ -15,8 +15,8 @@ from analysis.online.answer_progress import AnswerProgress, target_u_kg
 from analysis.online.gate_state import GateRow, cell_as_float
 from analysis.online.growing_log import GrowingLog, causal_machine
 from analysis.online.on_board import OnlineState, TimedEstimate, finish, start, step
+from analysis.online.online_limits import LIMITS
 from analysis.online.online_report import (
-    VALID_S,
     Event,
     OnlineReport,
     PooledEstimate,
@@ -24,9 +24,6 @@ from analysis.online.online_report import (
     judge_spin,
 )
 from estimators.estimate import Estimate
-
-#: Changes of direction that are kept: a manoeuvre's mass comes before as many more.
-_DIRECTIONS: Final = 16
 
 
 class FollowedRow(NamedTuple):
@@ -90,7 +87,7 @@ class Follower:
         machine: Machine,
         noise: pl.DataFrame | None = None,
         *,
-        valid_s: float = VALID_S,
+        valid_s: float = LIMITS.valid_s,
         until_u_kg: float | None = None,
     ) -> None:
         """Initialise before the first sample.
@@ -115,7 +112,7 @@ class Follower:
         #: of the load that the machine carries now
         self.progress = AnswerProgress(target_u_kg(machine.machine, until_u_kg))
         #: since when the machine has moved ahead (speed in m/s) or backwards, the newest last
-        self._directions: deque[tuple[int, float]] = deque(maxlen=_DIRECTIONS)
+        self._directions: deque[tuple[int, float]] = deque(maxlen=LIMITS.max_directions)
         self._noise, self._valid_s = noise, valid_s
         self._state: OnlineState | None = None
         self._times: _RowTimeline | None = None

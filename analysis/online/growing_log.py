@@ -15,6 +15,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import HINTS
+from analysis.online.online_limits import LIMITS
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.phases import speed_rate_span_rows
 from analysis.stages.motion.smooth import smooth
@@ -30,15 +31,6 @@ from analysis.stages.signals.held_readings import (
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
 
-#: Every topic has to span so many seconds before rates and stamps are told from them: two hundred
-#: samples at 100 Hz, and less than a window.
-HEAD_S: Final = 2.0
-#: Seconds of samples kept before the last row: gaps end, and slow channels have neighbours.
-_KEPT_S: Final = 2.0
-#: Cycles of the low-pass' cut-off after which nothing is left of where it began: 1e-40 of it.
-_SETTLED_CYCLES: Final = 40.0
-#: Of a topic so many samples are kept, however slow it is.
-_FEWEST_KEPT: Final = 8
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 
 
@@ -224,13 +216,13 @@ class GrowingLog:
         """Drop samples that no later row needs."""
         assert self.basis is not None
         settings = self.basis.machine.settings
-        kept_s = _KEPT_S
+        kept_s = LIMITS.kept_s
         if any(channel.is_derivative for channel in self.basis.machine.channels.values()):
-            kept_s += _SETTLED_CYCLES / settings.filter.cutoff_hz
+            kept_s += LIMITS.kept_low_pass_cycles / settings.filter.cutoff_hz
         oldest = self._last_t_ns + self.basis.origin.start_ns - round(kept_s * 1e9)
         for topic, frame in self._raw.items():
             first = int(np.searchsorted(frame["unix_ns"].to_numpy(), oldest))
-            first = max(0, min(first, frame.height - _FEWEST_KEPT))
+            first = max(0, min(first, frame.height - LIMITS.kept_min_samples))
             self._raw[topic] = frame[first:]
 
 
@@ -257,7 +249,7 @@ def cut_to_first_seconds(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.Dat
     reached: list[int] = []
     for frame in topics.values():
         times = frame["log_time_ns"].to_numpy()
-        first = int(np.searchsorted(times, times[0] + round(HEAD_S * 1e9)))
+        first = int(np.searchsorted(times, times[0] + round(LIMITS.head_s * 1e9)))
         if first == times.size:
             return None
         reached.append(int(times[first]))

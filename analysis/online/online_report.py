@@ -9,22 +9,13 @@ from types import NoneType
 from typing import Any, Final, Literal, TypeAlias, get_args, get_origin
 
 from analysis.model.machine_body import Body
+from analysis.online.online_limits import LIMITS
 from estimators.estimate import Estimate
 
 #: none_yet: no manoeuvre has given a mass; uncertain, implausible: the last one is not worth its
 #: name; old: it is, but was measured longer ago than `valid_s`, and the load may have changed.
 Validity: TypeAlias = Literal["valid", "old", "none_yet", "uncertain", "implausible"]
 Event: TypeAlias = Literal["second", "manoeuvre", "spin", "end"]
-
-#: A standard uncertainty above this share of the mass tells no load: a full bucket of a skid-steer
-#: loader is a third of the machine.
-LARGEST_U_1: Final = 0.1
-#: A loaded machine weighs no less than this share of the empty one, and no more than that multiple.
-LEAST_OF_EMPTY_1: Final = 0.5
-MOST_OF_EMPTY_1: Final = 4.0
-#: Seconds for which a mass counts as that of the machine now, unless the caller says otherwise.
-VALID_S: Final = 120.0
-
 
 _JSON_TYPES: Final = {
     float: "number",
@@ -153,7 +144,7 @@ def judge_mass(
     empty = body.empty_mass_kg
     limits = (0.0, math.inf)
     if empty is not None:
-        limits = (LEAST_OF_EMPTY_1 * empty, MOST_OF_EMPTY_1 * empty)
+        limits = (LIMITS.min_over_empty_1 * empty, LIMITS.max_over_empty_1 * empty)
     return _judge_age(last_estimate, t_ns, valid_s, limits)
 
 
@@ -169,7 +160,7 @@ def _judge_age(
     if last_estimate is None:
         return "none_yet"
     value, u = float(last_estimate.estimate.theta[0]), float(last_estimate.estimate.std[0])
-    if not (math.isfinite(value) and math.isfinite(u)) or u > LARGEST_U_1 * abs(value):
+    if not (math.isfinite(value) and math.isfinite(u)) or u > LIMITS.certain_mass_u_1 * abs(value):
         return "uncertain"
     least, most = limits
     if value <= 0.0 or not least <= value <= most:

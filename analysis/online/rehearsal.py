@@ -5,20 +5,15 @@ as that came the first window that the gate accepts.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import polars as pl
 
 from analysis.model.settings import Settings
 from analysis.online.on_board import finish, start, step
+from analysis.online.online_limits import LIMITS
 from estimators.interpreted import compile_at_once
-
-#: Rows behind the first whole window: more than those after which a recursion is fed.
-_ROWS_BEHIND: Final = 64
-#: Of the machine that is made up: mass in kg and friction in N·s/m. Spins take the same loops.
-_THETA: Final = (3000.0, 2000.0)
-_ACC_M_S2: Final = 1.0
 
 
 def rehearse(settings: Settings, noise: pl.DataFrame | None = None) -> None:
@@ -40,11 +35,15 @@ def rehearsal_rows(settings: Settings) -> Iterator[Mapping[str, Any]]:
     """Rows of `excitation`: standstill for half a window, then acceleration."""
     window = settings.gate.window_samples
     speed = 0.0
-    for row in range(window + _ROWS_BEHIND):
+    for row in range(window + LIMITS.rehearsed_rows):
         drives = row >= window // 2
-        acc = _ACC_M_S2 * (1.0 + 0.5 * np.sin(0.1 * row)) if drives else 0.0
+        acc = LIMITS.rehearsed_acc_m_s2 * (1.0 + 0.5 * np.sin(0.1 * row)) if drives else 0.0
         speed += acc / settings.align.rate_hz
-        force = _THETA[0] * acc + _THETA[1] * speed + np.sin(row)
+        force = (
+            LIMITS.rehearsed_parameters[0] * acc
+            + LIMITS.rehearsed_parameters[1] * speed
+            + np.sin(row)
+        )
         yield {
             "regressor_acc_x_m_s2": acc,
             "speed_x_m_s": speed,

@@ -10,12 +10,9 @@ from analysis.calibration.campaign.by_method import calibrate_methods
 from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs
 from analysis.paper import printed_numbers
 from analysis.paper.confidence_intervals import mean_intervals
+from analysis.paper.paper_limits import LIMITS
 from analysis.paper.replayed_campaign import ReplayedCampaign
 from analysis.paper.simulated_sources import CAMPAIGNS, START, Extract, Extracts
-
-#: Before a trial's start and after its end, so that the picture shows the gate open and close.
-_BEFORE_S: Final = 2.0
-_AFTER_S: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +27,8 @@ def make_figure_5_data(campaign: ReplayedCampaign) -> Figure5:
     """Force, acceleration, speed and index of one start and stop."""
     frames, about = campaign.replayed.frames, campaign.replayed.provenance
     trial = campaign.trials.row(0, named=True)
-    begin_ns = trial["throttle_ns"] - round(_BEFORE_S * 1e9) - about.t0_unix_ns
-    end_ns = trial["end_ns"] + round(_AFTER_S * 1e9) - about.t0_unix_ns
+    begin_ns = trial["throttle_ns"] - round(LIMITS.before_trial_s * 1e9) - about.t0_unix_ns
+    end_ns = trial["end_ns"] + round(LIMITS.after_trial_s * 1e9) - about.t0_unix_ns
     series = (
         frames["excitation"]
         .select("t_ns", "force_x_N", "regressor_acc_x_m_s2", "speed_x_m_s", "phase")

@@ -16,7 +16,7 @@ from analysis.model.settings import Settings
 from analysis.paper import printed_numbers
 from analysis.paper.campaign_tables import OVER_WINDOWS, WINDOW
 from analysis.paper.confidence_intervals import mean_intervals, rms_interval
-from analysis.paper.excitation_figures import WINDOW_S
+from analysis.paper.paper_limits import LIMITS
 from analysis.paper.replayed_campaign import ReplayedCampaign, reestimate
 from analysis.paper.simulated_sources import CAMPAIGNS, CRUISES, Extract, Extracts
 from analysis.paper.table1 import AT_LENGTH
@@ -36,8 +36,6 @@ CRUISE_FED: Final[tuple[tuple[Fed, bool], ...]] = (
 _INCOMPLETE: Final = ("warming_up", "gap")
 #: Quantile of the normal distribution of a 95 % interval.
 _NORMAL: Final = 1.96
-#: Errors that differ by no more are called alike.
-_ALIKE: Final = 1.2
 _PARAMETERS: Final = 2  # mass and friction
 _FLOAT_BYTES: Final = 8
 
@@ -108,7 +106,7 @@ def errors_for_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
 
 CAMPAIGN_ERRORS: Final = Extract(CAMPAIGNS, errors_for_claims)
 CRUISE_ERRORS: Final = Extract(CRUISES, cruise_errors_kg)
-TEN_SECONDS: Final = AT_LENGTH[WINDOW_S]
+TEN_SECONDS: Final = AT_LENGTH[LIMITS.optimal_window_s]
 
 
 def ls_buffer_bytes(window_samples: int) -> int:
@@ -340,7 +338,11 @@ def best_remedy_of_rls(means: pl.DataFrame) -> Literal["nothing", "refusing brak
     by_fed = dict(rls.select("fed", "rms_left_out_kg").iter_rows())
     if by_fed["gated"] > (1.0 - printed_numbers.REDUCTION) * by_fed["ungated"]:
         return "nothing"
-    return "refusing braking" if by_fed["no braking"] < _ALIKE * by_fed["gated"] else "the index"
+    return (
+        "refusing braking"
+        if by_fed["no braking"] < LIMITS.alike_error_ratio * by_fed["gated"]
+        else "the index"
+    )
 
 
 def _value_range(column: pl.Series) -> tuple[float, float]:

@@ -1,16 +1,12 @@
 """95 % intervals of means over independent repetitions, and of root mean squares by bootstrap."""
 
 from collections.abc import Mapping, Sequence
-from typing import Final
 
 import numpy as np
 import polars as pl
 
+from analysis.paper.paper_limits import LIMITS
 from estimators.arrays import Floats
-
-#: Probability of an interval, and resamples of the bootstrap that finds it.
-CONFIDENCE: Final = 0.95
-_RESAMPLES: Final = 1000
 
 
 def mean_intervals(
@@ -42,7 +38,9 @@ def mean_intervals(
         count = means[f"{name}_count"].to_numpy().astype(float)
         std = means[f"{name}_std"].cast(pl.Float64).fill_null(np.nan).to_numpy()
         # below two there is no spread, and no quantile
-        quantile = t.ppf((1.0 + CONFIDENCE) / 2.0, np.where(count > 1, count - 1.0, np.nan))
+        quantile = t.ppf(
+            (1.0 + LIMITS.confidence_1) / 2.0, np.where(count > 1, count - 1.0, np.nan)
+        )
         half = pl.Series(quantile * std / np.sqrt(np.maximum(count, 1.0))).fill_nan(None)
         mean = means[name].cast(pl.Float64)
         columns += [mean, (mean - half).alias(f"{name}_low"), (mean + half).alias(f"{name}_high")]
@@ -65,8 +63,10 @@ def rms_interval(errors: Floats, rng: np.random.Generator) -> tuple[float, float
     n = squares.size
     if n == 0:
         return np.nan, np.nan, np.nan
-    roots = np.sqrt([squares[rng.integers(n, size=n)].mean() for _ in range(_RESAMPLES)])
-    tail = (1.0 - CONFIDENCE) / 2.0
+    roots = np.sqrt(
+        [squares[rng.integers(n, size=n)].mean() for _ in range(LIMITS.bootstrap_resamples)]
+    )
+    tail = (1.0 - LIMITS.confidence_1) / 2.0
     low, high = np.quantile(roots, [tail, 1.0 - tail])
     return float(np.sqrt(squares.mean())), float(low), float(high)
 

@@ -10,6 +10,7 @@ import polars as pl
 from analysis.model.schema import column_values
 from analysis.model.settings import Settings
 from analysis.paper import printed_numbers
+from analysis.paper.paper_limits import LIMITS
 from analysis.paper.replayed_campaign import ReplayedCampaign, reestimate
 from analysis.paper.simulated_sources import LINEAR, ROTATION, Extract
 from analysis.stages.gating.gate import gate_windows
@@ -17,14 +18,6 @@ from estimators.arrays import Floats
 from estimators.estimate import Trace
 from estimators.methods import fgls, ls, rls, tls
 from estimators.planar import planar_rows
-
-#: The window that the text calls optimal.
-WINDOW_S: Final = 10.0
-#: Since the first window: the time in which the methods still converge.
-EARLY_S: Final = 10.0
-_SHOWN_S: Final = 60.0
-#: At the end of a log the machine stands: so long, noise is all that there is.
-_STANDING_S: Final = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +43,7 @@ def make_figure_2_data(campaign: ReplayedCampaign) -> Figure2:
 
 
 class EarlyAndLateRms(NamedTuple):
-    """Root mean square errors of the mass in kg: in the first `EARLY_S`, and later."""
+    """Root mean square errors of the mass in kg: in the first `converging_s`, and later."""
 
     early_kg: float
     later_kg: float
@@ -82,7 +75,7 @@ def make_figure_3_data(campaign: ReplayedCampaign) -> Figure3:
     rate_hz = campaign.settings.align.rate_hz
     settings = campaign.settings.with_changes(
         {
-            "gate.window_samples": round(WINDOW_S * rate_hz),
+            "gate.window_samples": round(LIMITS.optimal_window_s * rate_hz),
             "trace.methods": printed_numbers.METHODS,
             # the drive itself slows the machine down
             "gate.exclude_braking": False,
@@ -140,12 +133,12 @@ def make_figure_4_data(campaign: ReplayedCampaign) -> Figure4:
     )
     A, f = np.ascontiguousarray(A), column_values(excitation, "torque_z_N_m")
     rate_hz = campaign.settings.align.rate_hz
-    window = round(WINDOW_S * rate_hz)
+    window = round(LIMITS.optimal_window_s * rate_hz)
     known = np.isfinite(A).all(axis=1) & np.isfinite(f)
     # the brakes that end the drive are no part of (8)
-    known &= excitation["t_ns"].to_numpy() <= round(_SHOWN_S * 1e9)
+    known &= excitation["t_ns"].to_numpy() <= round(LIMITS.figure_s * 1e9)
     complete = np.convolve(known, np.ones(window))[: f.size] > window - 0.5
-    standing = np.flatnonzero(np.isfinite(f))[-round(_STANDING_S * rate_hz) :]
+    standing = np.flatnonzero(np.isfinite(f))[-round(LIMITS.standing_s * rate_hz) :]
     noise = (*A[standing].std(axis=0), f[standing].std())
     truth = campaign.trials.row(0, named=True)
     series = pl.concat(
@@ -173,7 +166,7 @@ def estimates_from_complete_windows(
     """Estimates from every complete window in the figure, without the end of the drive."""
     gated = gate_windows(campaign.replayed.frames["excitation"], settings)
     incomplete = pl.col("reason_x").cast(pl.String).is_in(("warming_up", "gap"))
-    shown = ~incomplete & (pl.col("t_ns") <= round(_SHOWN_S * 1e9))
+    shown = ~incomplete & (pl.col("t_ns") <= round(LIMITS.figure_s * 1e9))
     return reestimate(campaign, gated.with_columns(accepted_x=shown), settings)
 
 
@@ -208,7 +201,7 @@ def _spin_series(method: str, traced: Trace, excitation: pl.DataFrame) -> pl.Dat
 
 def _select_plotted_rows(frame: pl.DataFrame) -> pl.DataFrame:
     seconds = frame.with_columns(t_s=pl.col("t_ns") / 1e9)
-    return seconds.filter(pl.col("t_s") <= _SHOWN_S)
+    return seconds.filter(pl.col("t_s") <= LIMITS.figure_s)
 
 
 def rms_error_by_method(series: pl.DataFrame, value: str, true: str) -> dict[str, float]:
@@ -220,10 +213,10 @@ def rms_error_by_method(series: pl.DataFrame, value: str, true: str) -> dict[str
 
 
 def early_and_late_rms_errors(series: pl.DataFrame) -> dict[str, EarlyAndLateRms]:
-    """R.m.s. error of LS and RLS in the first `EARLY_S`, and later."""
+    """R.m.s. error of LS and RLS in the first `converging_s`, and later."""
     squares = series.with_columns(
         square=(pl.col("mass_kg") - pl.col("true_mass_kg")) ** 2,
-        early=pl.col("t_s") < pl.col("t_s").min() + EARLY_S,
+        early=pl.col("t_s") < pl.col("t_s").min() + LIMITS.converging_s,
     )
     rms = {
         (method, early): float(np.sqrt(square))

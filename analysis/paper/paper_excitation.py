@@ -4,24 +4,17 @@ After the start has decayed the motion is periodic, and many of its windows are 
 """
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from analysis.paper.cramer_rao import equation_noise, mass_bounds_kg
+from analysis.paper.paper_limits import LIMITS
 from analysis.simulation import Scenario, solve_motion
 from analysis.simulation.scenario.manoeuvres import Excite
 from analysis.simulation.scenario.scenario import SimulatedSensors
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 from analysis.stages.motion.smooth import trailing_mean
 from estimators.arrays import Floats
-
-#: Phases a sample at which a window may start.
-PHASES: Final = 10
-#: After so many periods what the start was like is forgotten: 48 time constants m/b.
-_SETTLED_PERIODS: Final = 4
-#: Periods that Figures 2 to 4 show, and one more.
-_PERIODS: Final = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +42,8 @@ class SteadyDrive:
     Attributes:
         mass_kg: the true mass.
         friction_N_s_m: the true friction.
-        motion: (phases, 3) acceleration in m/s², speed in m/s and force in N, with `PHASES` rows
-            per sample of the sensors.
+        motion: (phases, 3) acceleration in m/s², speed in m/s and force in N, with
+            `phases_per_sample` rows per sample of the sensors.
     """
 
     mass_kg: float
@@ -68,7 +61,7 @@ class SteadyDrive:
         """Measure windows at random phases, with new noise and then the moving mean."""
         before = smooth_samples - 1
         start = rng.integers(self.motion.shape[0], size=(count, 1))
-        steps = PHASES * np.arange(-before, samples)
+        steps = LIMITS.phases_per_sample * np.arange(-before, samples)
         true = self.motion[(start + steps) % self.motion.shape[0]]
         noise = (sensors.acc_noise_m_s2, sensors.speed_noise_m_s, sensors.force_noise_N)
         measured = true + noise * rng.standard_normal(true.shape)
@@ -96,7 +89,7 @@ def scenario_with_waveforms(
 ) -> Scenario:
     """Scenario with one run without load, five periods of these waveforms."""
     period_s = (force or torque or ForceWave()).period_s
-    drive = Excite(duration_s=_PERIODS * period_s, force=force, torque=torque)
+    drive = Excite(duration_s=LIMITS.figure_periods * period_s, force=force, torque=torque)
     campaign = scenario.campaign.model_copy(
         update={"loads_kg": (0.0,), "runs": 1, "manoeuvres": (drive,)}
     )
@@ -112,8 +105,8 @@ def integrate_steady_drive(scenario: Scenario, force: ForceWave | None = None) -
     """
     force = force or ForceWave()
     motion = solve_motion(scenario_with_waveforms(scenario, force=force, torque=None), 0.0)
-    steps = round(force.period_s * scenario.sensors.rate_hz * PHASES)
-    time_s = force.period_s * (_SETTLED_PERIODS + np.arange(steps) / steps)
+    steps = round(force.period_s * scenario.sensors.rate_hz * LIMITS.phases_per_sample)
+    time_s = force.period_s * (LIMITS.settled_periods + np.arange(steps) / steps)
     true = motion.sample_channels(time_s)
     return SteadyDrive(
         motion.body.mass_kg,

@@ -16,15 +16,13 @@ from analysis.paper.paper_excitation import (
     integrate_steady_drive,
     scenario_with_waveforms,
 )
+from analysis.paper.paper_limits import LIMITS
 from analysis.paper.replayed_campaign import ReplayedCampaign
 from analysis.paper.torque_chain import TorqueChain, record_through_chain
 from analysis.simulation import Scenario, SimulatedLog
 from analysis.simulation.scenario.scenario import SimulatedSensors
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 
-#: What is held fixed in Tables 3 and 4: section 4.3's values, which are also the defaults.
-WINDOW_SAMPLES: Final = 320
-THRESHOLD_NAT: Final = 0.7
 #: The noise of the paper's sensors, which its study takes for known: TLS scales by it.
 PAPER_NOISE: Final = {
     "noise.force_N": 60.0,
@@ -34,10 +32,6 @@ PAPER_NOISE: Final = {
     "noise.yaw_acc_rad_s2": 0.026,
     "noise.yaw_rate_rad_s": 0.001,
 }
-#: The claim's constant speed: so long a cruise follows the start.
-CRUISE_S: Final = 90.0
-#: A long cruise is simulated once for so many windows of Table 1.
-_WINDOWS_A_CRUISE: Final = 5
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -173,7 +167,10 @@ def _make_steady_study(study: StudySettings, _: int) -> SteadyStudy:
 
 def _replay_seeded_campaign(study: StudySettings, repetition: int) -> ReplayedCampaign:
     settings = study.machine.settings.with_changes(
-        {"gate.window_samples": WINDOW_SAMPLES, "gate.threshold_nat": THRESHOLD_NAT}
+        {
+            "gate.window_samples": LIMITS.fixed_window_samples,
+            "gate.threshold_nat": LIMITS.fixed_threshold_nat,
+        }
     )
     machine = study.machine.model_copy(update={"settings": settings})
     return study.replay(study.scenario_of_repetition(repetition), machine, _return_log)
@@ -208,7 +205,7 @@ def _replay_start(study: StudySettings, _: int) -> ReplayedCampaign:
 
 def _replay_cruise(study: StudySettings, repetition: int) -> ReplayedCampaign:
     short = one_start_scenario(study.scenario_of_repetition(repetition))
-    campaign = short.campaign.model_copy(update={"cruise_s": CRUISE_S})
+    campaign = short.campaign.model_copy(update={"cruise_s": LIMITS.cruise_s})
     return study.replay(short.model_copy(update={"campaign": campaign}), study.machine, _return_log)
 
 
@@ -223,7 +220,7 @@ def _count_campaigns(study: StudySettings) -> int:
 
 
 def _count_cruises(study: StudySettings) -> int:
-    return max(study.windows // _WINDOWS_A_CRUISE, 2)
+    return max(study.windows // LIMITS.windows_per_cruise, 2)
 
 
 #: The steady oscillation under the paper's triangle, for windows without a gate.

@@ -16,8 +16,9 @@ import numpy as np
 import polars as pl
 
 from analysis.paper import printed_numbers
-from analysis.paper.confidence_intervals import CONFIDENCE, keys_of_lowest_error, rms_interval
+from analysis.paper.confidence_intervals import keys_of_lowest_error, rms_interval
 from analysis.paper.paper_excitation import MeasuredWindows, SteadyDrive
+from analysis.paper.paper_limits import LIMITS
 from analysis.paper.simulated_sources import OSCILLATION, Extract, Extracts, SteadyStudy
 from analysis.simulation.scenario.scenario import SimulatedSensors
 from estimators.arrays import Floats
@@ -26,14 +27,8 @@ from estimators.methods.rls import RlsOptions
 
 #: The paper's, and total least squares on raw units.
 METHODS: Final = (*printed_numbers.METHODS, "tls_raw")
-#: Time in s from which recursive least squares starts.
-_RLS_START_S: Final = 0.2
-#: Samples to hold at once.
-_BLOCK: Final = 400_000
 #: A normal error is larger than so many of its standard deviations once in twenty times.
 RARE: Final = 1.96
-#: An error that is at most so many times the bound reaches it.
-_NEAR: Final = 1.25
 #: From this length on, the paper's response time T, windows tell mass from friction.
 LONG_S: Final = printed_numbers.RESPONSE_S
 
@@ -122,7 +117,7 @@ def worst_rms_over_bound_with_interval(long: pl.DataFrame) -> tuple[float, float
         square=(pl.col("over_bound_1") ** 2).mean(), windows=pl.col("trials").sum()
     )
     square, windows = by_method.sort("square").select("square", "windows").row(-1)
-    tail = (1.0 - CONFIDENCE) / 2.0
+    tail = (1.0 - LIMITS.confidence_1) / 2.0
     low, high = (square * windows / chi2.ppf(share, windows) for share in (1.0 - tail, tail))
     return square**0.5, float(low) ** 0.5, float(high) ** 0.5
 
@@ -130,9 +125,9 @@ def worst_rms_over_bound_with_interval(long: pl.DataFrame) -> tuple[float, float
 def has_reached_bound(largest: float, rms: tuple[float, float, float]) -> bool | None:
     """Whether the bound is reached; None if the interval leaves it open."""
     _, low, high = rms
-    if low > _NEAR:
+    if low > LIMITS.reached_bound_ratio:
         return False
-    return True if max(largest, high) <= _NEAR else None
+    return True if max(largest, high) <= LIMITS.reached_bound_ratio else None
 
 
 def errors_by_window_length(
@@ -212,7 +207,7 @@ def bounds_and_errors_kg(
 ) -> tuple[float, float, dict[str, Floats]]:
     """R.m.s. of both bounds, and errors (windows,) by method, computed in blocks."""
     samples = round(window_s * sensors.rate_hz)
-    block = max(_BLOCK // samples, 1)
+    block = max(LIMITS.block_samples // samples, 1)
     bounds: list[Floats] = []
     errors: dict[str, list[Floats]] = {method: [] for method in methods}
     for first in range(0, windows, block):
@@ -229,7 +224,7 @@ def window_masses_kg(method: str, windows: MeasuredWindows, sensors: SimulatedSe
     """Mass (windows,) of every window, NaN if it has none."""
     _, samples, parameters = windows.A.shape
     if method == "rls":
-        start = round(_RLS_START_S * sensors.rate_hz)
+        start = round(LIMITS.rls_start_s * sensors.rate_hz)
         all_of_it = np.ones(samples, np.bool_)
         return np.array(
             [

@@ -25,6 +25,7 @@ from analysis.planar.planar_budget import (
     quantity_gradient,
     standard_uncertainty,
 )
+from analysis.planar.planar_limits import LIMITS
 from analysis.planar.planar_motion import make_drive
 from analysis.planar.planar_regressor import Regressor
 from analysis.planar.planar_samples import PlanarSamples, collect_planar_samples, planar_noise
@@ -44,8 +45,6 @@ _COLUMNS: Final = {
 }
 _COM: Final = ("com_x_m", "com_x_std_m", "com_y_m", "com_y_std_m")
 _UNKNOWN: Final = ("scale_unknown", "com_scale_unknown")
-#: Fits of a motion: the terms' columns are made of the mass and moments of the round before.
-_ROUNDS: Final = 2
 #: Which rows, and which of the six columns, straight motion, spins and all motion are fitted by.
 _FORCE, _TORQUE, _BOTH = slice(0, 1), slice(1, 2), slice(0, 2)
 _ALL: Final = tuple(range(len(PARAMETERS)))
@@ -247,7 +246,7 @@ def fit_in_rounds(
         columns: indices of the fitted parameters among the six.
     """
     told = fit_with_coefficients(log, segment_id, start, prior, rows, columns)
-    for _ in range(_ROUNDS - 1):
+    for _ in range(LIMITS.motion_fit_rounds - 1):
         coefficients = start.copy()
         found = told.estimate.coefficients[: len(columns)]
         if np.isfinite(found).all():

@@ -15,6 +15,7 @@ from analysis.model.uncertainty_sources import (
     has_torque_of_sides,
     sort_largest_first,
 )
+from analysis.planar.planar_limits import LIMITS
 from analysis.planar.planar_terms import TERMS
 from estimators.arrays import Floats
 from estimators.planar.base_estimate import BaseEstimate
@@ -31,10 +32,6 @@ _QUANTITIES: Final = {
     "com_x_m": "m",
     "com_y_m": "m",
 }
-#: A gain that changes a quantity by less than this share of it cancels in it.
-_CANCELS: Final = 1e-9
-#: Likewise of one that changes with the load: an empty machine that is fitted 2 % too heavy.
-_LOAD_CANCELS: Final = 0.02
 
 
 def quantity_gradient(estimate: BaseEstimate, name: str) -> Floats:
@@ -95,13 +92,13 @@ def machine_uncertainty_sources(
         change = torque if scale is TRACK_WIDTH else whole
         # two sides have a gain each
         sides = scale is SCALES[0] and by_sides
-        if abs(change) <= _CANCELS * size and not sides:
+        if abs(change) <= LIMITS.cancelled_gain_1 * size and not sides:
             continue
         if scale.by_load:
             mass_kg = float(np.nan_to_num(estimate.coefficients[0])) - body.rotating_mass_kg
             empty_kg = body.empty_mass_kg or mass_kg
             change *= max(mass_kg / empty_kg - 1.0, 0.0) if empty_kg else 0.0
-            if body.empty_mass_kg and abs(change) <= _LOAD_CANCELS * size:
+            if body.empty_mass_kg and abs(change) <= LIMITS.cancelled_load_gain_1 * size:
                 continue
         u = scale.u(machine)
         part = fitted.get(scale.name, 0.0)

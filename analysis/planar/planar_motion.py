@@ -9,19 +9,11 @@ from scipy.ndimage import uniform_filter1d
 
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
+from analysis.planar.planar_limits import LIMITS
 from analysis.planar.planar_samples import PlanarSamples
 from estimators.arrays import Bools, Floats
 from estimators.planar.planar_rows import PARAMETERS
 
-#: What a log reaches: this quantile of it.
-_REACHES = 0.95
-#: A yaw rate below this has no direction yet, rad/s: ten times the noise of a gyroscope.
-_TURNS_RAD_S = 0.02
-#: Nor has a speed below this, m/s: `phases.standstill_speed_m_s` by default.
-_MOVES_M_S = 0.02
-#: The model's force and torque are averaged over so long, s: what is in proportion to them is a few
-#: per cent of them, and shares the less of the accelerometer's noise.
-_AVERAGED_S = 1.0
 _AT = {name: number for number, name in enumerate(PARAMETERS)}
 
 
@@ -166,7 +158,7 @@ def make_drive(
         return out
 
     def averaged(x: Floats) -> Floats:
-        rows = max(round(_AVERAGED_S * rate_hz), 1)
+        rows = max(round(LIMITS.model_mean_s * rate_hz), 1)
         return uniform_filter1d(np.nan_to_num(x), rows, mode="nearest")
 
     def direction(speed: Floats, acceleration: Floats, least: float) -> Floats:
@@ -176,9 +168,9 @@ def make_drive(
 
     t = np.arange(motion.speed.size) / rate_hz
     direction_x = direction(
-        motion.speed, column_values(excitation, "speed_rate_x_m_s2"), _MOVES_M_S
+        motion.speed, column_values(excitation, "speed_rate_x_m_s2"), LIMITS.moving_min_m_s
     )
-    direction_z = direction(motion.yaw_rate, motion.yaw_acceleration, _TURNS_RAD_S)
+    direction_z = direction(motion.yaw_rate, motion.yaw_acceleration, LIMITS.turning_min_rad_s)
     spins = np.abs(motion.speed) < half_track_m(machine) * np.abs(motion.yaw_rate)
     term_inputs = np.stack(
         [
@@ -215,5 +207,5 @@ def half_track_m(machine: Machine) -> float:
 
 def robust_maximum(x: Floats, used: Bools) -> float:
     """Maximum without outliers; a small positive number if there is none."""
-    found = float(np.quantile(np.abs(x[used]), _REACHES)) if used.any() else 0.0
+    found = float(np.quantile(np.abs(x[used]), LIMITS.reached_quantile)) if used.any() else 0.0
     return max(found, 1e-6)

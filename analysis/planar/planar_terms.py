@@ -15,6 +15,7 @@ import numpy as np
 from analysis.model.machine import Machine
 from analysis.model.prior_settings import PriorSettings
 from analysis.model.uncertainty_sources import IMU_POSITION, SCALES, Scale, has_torque_of_sides
+from analysis.planar.planar_limits import LIMITS
 from analysis.planar.planar_motion import PlanarDrive, TurningSamples
 from analysis.weighing.nuisances import constant_force_std, coulomb_std
 from estimators.arrays import Floats
@@ -25,10 +26,6 @@ Columns = tuple[Floats | None, Floats | None]
 Mixture = tuple[Mapping[int, float], Mapping[int, float]]
 _MASS, _INERTIA, _MOMENT_X, _MOMENT_Y, _, _FRICTION_Z = range(6)
 _GAIN: Final = SCALES[0]
-#: What tyres and friction that differ from side to side make of the difference of the sides' gains.
-#: On 33 machines of seeds 610000 to 612024 of `benchmarks/turning.py`, whose friction is not the
-#: model's, the fitted gain was off by 0.001 in root mean square beside its own deviation.
-_SIDES_ALIKE_1: Final = 0.0015
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,7 +301,7 @@ TERMS: Final = (
         "xz",
         has_torque_of_sides,
         _GAIN,
-        _SIDES_ALIKE_1,
+        LIMITS.sides_gain_std_1,
     ),
     Term(
         "slip_acceleration",

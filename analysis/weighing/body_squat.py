@@ -29,8 +29,6 @@ from estimators.numerics.autocorrelation import student_factor
 
 #: Columns of a stretch before those of the grade: gain by load, gain, slip, delay.
 _OWN_COLUMNS: Final = 4
-#: Parts of the route between which the grade changes linearly: 3 to 8 m, a machine's length.
-_GRADE_PARTS: Final = 8
 
 
 @dataclass(frozen=True)
@@ -194,7 +192,9 @@ def _integrate_grade(place: Floats, heading: Floats) -> Floats:
     Returns:
         (n, 1 + parts) sums up to the middle of each sample.
     """
-    risen = np.clip(place[:, None] * _GRADE_PARTS - np.arange(_GRADE_PARTS), 0.0, 1.0)
+    risen = np.clip(
+        place[:, None] * LIMITS.squat_grade_parts - np.arange(LIMITS.squat_grade_parts), 0.0, 1.0
+    )
     grade = heading[:, None] * np.insert(risen, 0, 1.0, axis=1)
     return np.cumsum(grade, axis=0) - grade / 2.0
 
@@ -257,8 +257,8 @@ def is_explained_by_grades(found: GainChangeByLoad, wheels: WheelKinematics) -> 
 
 def _grade_prior_std(route: Route) -> Floats:
     """Prior standard deviations of the grade's columns, as acceleration of gravity in m/s²."""
-    change = LIMITS.grade_change_m_s2 * random_walk_ratio(route.length_m / _GRADE_PARTS)
-    return np.append(LIMITS.grade_m_s2, np.full(_GRADE_PARTS, change))
+    change = LIMITS.grade_change_m_s2 * random_walk_ratio(route.length_m / LIMITS.squat_grade_parts)
+    return np.append(LIMITS.grade_m_s2, np.full(LIMITS.squat_grade_parts, change))
 
 
 def _estimate_by_wheels(rows: list[_Stretch], grade_std: Floats) -> GainChangeByLoad | None:

@@ -29,9 +29,6 @@ from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.weighing_limits import LIMITS
 
-#: Relative standard uncertainty of a scale of which the machine file says nothing, where it has to
-#: be told from another machine.
-UNKNOWN_SCALE: Final = 0.1
 #: Factors that an empty machine does not tell: they change with the load.
 _BY_LOAD: Final = frozenset(scale.name for scale in SCALES if scale.by_load)
 #: A log that begins earlier counts from 0, and has no day.
@@ -132,7 +129,7 @@ class EmptyMachine:
         if stated_kg is None:
             return ""
         scale_kg = (
-            UNKNOWN_SCALE * self.mass_with_rotating_kg
+            LIMITS.unknown_scale_u * self.mass_with_rotating_kg
             if names_of_factors_without_u(self.uncertainty_sources)
             else 0.0
         )

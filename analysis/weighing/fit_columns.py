@@ -12,6 +12,7 @@ from analysis.weighing.fitted_stretches import count_samples_since_start, is_las
 from analysis.weighing.force_hysteresis import Play, force_direction
 from analysis.weighing.haul_route import Route
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
+from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from analysis.weighing.motion_samples import (
     Bools,
     ColumnNoiseModel,
@@ -31,7 +32,7 @@ from estimators.threads import map_in_threads
 
 def are_masses_possible(mass_kg: Floats) -> Bools:
     """Mark plausible masses, (n,): positive, and not far above the median of all."""
-    return (mass_kg > 0.0) & (mass_kg < LIMITS.max_mass_over_median * np.median(mass_kg))
+    return (mass_kg > 0.0) & (mass_kg < LOAD_LIMITS.max_mass_over_median * np.median(mass_kg))
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,6 @@ from analysis.weighing.joint_result import (
 )
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.load_states import LoadStates, unit_of_each_stretch
-from analysis.weighing.log_effects import NARROW
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import (
     Nuisance,
@@ -209,11 +208,11 @@ class FitTask:
         """Mass of each manoeuvre by itself, given the shared parameters of a fit."""
         mean, std = self._priors_of_round(self._slip_cost(fit.theta, fit.solution, fit.terms))
         if 1 < self.motion.separate_drive_count < LIMITS.drift_min_drives:
-            std[term_index("gain_drift", self.terms)] *= NARROW
+            std[term_index("gain_drift", self.terms)] *= LIMITS.left_out_prior_ratio
         # loads that alternate and ground that does are told apart by the fit of both, not here
         ground = [place for place, term in enumerate(self.terms) if term.source == BY_GROUND]
         mean[ground] = fit.theta[fit.count + 1 :][ground]
-        std[ground] *= NARROW
+        std[ground] *= LIMITS.left_out_prior_ratio
         lag = term_index("lag", self.terms)
         mean[lag] -= fit.found.lag_s
         return group_effects(
@@ -277,7 +276,7 @@ class FitTask:
         follow it.
         """
         if self.states is not None and self.states.load_returns:
-            std[term_index("gain_drift", self.terms)] *= NARROW
+            std[term_index("gain_drift", self.terms)] *= LIMITS.left_out_prior_ratio
 
     def _indices_of_learnt_terms(self) -> list[tuple[int, LearntTerm]]:
         """Indices of the terms with learnt priors, except slip if the wheels determine it."""

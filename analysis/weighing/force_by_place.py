@@ -11,9 +11,8 @@ import numpy as np
 
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.nuisances import ColumnInputs, Nuisance
+from analysis.weighing.weighing_limits import LIMITS
 
-#: So many half waves such a force may have on the path.
-_HALF_WAVES: Final = 8
 #: What all of it is in the budget.
 BY_PLACE: Final = "place"
 
@@ -68,7 +67,7 @@ _OF_EVERY_LOAD: Final = (
         applies=lambda e: e.is_on_bench,
         source=BY_PLACE,
     ),
-    *map(_make_wave_term, range(1, _HALF_WAVES + 1)),
+    *map(_make_wave_term, range(1, LIMITS.path_half_waves + 1)),
 )
 #: Behind the nuisances that every log may have.
 PLACE: Final = (*_OF_EVERY_LOAD, *map(_load_proportional_term, _OF_EVERY_LOAD))
@@ -76,12 +75,15 @@ PLACE: Final = (*_OF_EVERY_LOAD, *map(_load_proportional_term, _OF_EVERY_LOAD))
 
 def make_place_force_columns(place_1: Floats) -> Floats:
     """(n, terms) columns of a spring and of half waves at positions on the path."""
-    waves = (_half_wave_cosine(place_1, half_waves) for half_waves in range(1, _HALF_WAVES + 1))
+    waves = (
+        _half_wave_cosine(place_1, half_waves)
+        for half_waves in range(1, LIMITS.path_half_waves + 1)
+    )
     return np.column_stack([_make_spring_column(place_1), *waves])
 
 
 def make_place_slope_columns(place_1: Floats) -> Floats:
     """(n, terms) derivatives of these columns by the position."""
-    numbers = np.pi * np.arange(1, _HALF_WAVES + 1)
+    numbers = np.pi * np.arange(1, LIMITS.path_half_waves + 1)
     waves = -numbers * np.sin(numbers * (place_1[:, None] + 0.5))
     return np.column_stack([np.full(place_1.size, _make_spring_column(np.ones(1))), waves])

@@ -5,7 +5,7 @@ been burnt since, is stated or measured; the difference belongs to the mass on t
 """
 
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Self
 
 import numpy as np
 import polars as pl
@@ -14,11 +14,7 @@ from analysis.model.machine_body import Body, FuelTank
 from analysis.model.physical_units import NS_PER_S, SECONDS_PER_HOUR
 from analysis.model.schema import column_values
 from analysis.weighing.motion_samples import Floats
-
-#: Relative standard uncertainty of a rate of which the machine file says nothing.
-_UNKNOWN_RATE_U: Final = 0.1
-#: Relative standard uncertainty of the density, by season and temperature.
-_DENSITY_U: Final = 0.01
+from analysis.weighing.weighing_limits import LIMITS
 
 
 @dataclass(frozen=True)
@@ -53,7 +49,7 @@ class FuelOnBoard:
             if known.any():
                 rate_L_h = np.where(known, measured, measured[known].mean())
         hours = np.diff(t_ns, prepend=t_ns[:1]) / NS_PER_S / SECONDS_PER_HOUR
-        rate_u_1 = _UNKNOWN_RATE_U if body.fuel_gain_u is None else body.fuel_gain_u
+        rate_u_1 = LIMITS.unknown_fuel_rate_u if body.fuel_gain_u is None else body.fuel_gain_u
         return cls(body.fuel, rate_u_1, t_ns, np.cumsum(rate_L_h * hours))
 
     def mass_since_ticket_and_u_kg(self, at_ns: Floats, weights: Floats) -> tuple[float, float]:
@@ -66,5 +62,5 @@ class FuelOnBoard:
         burnt_L = float(weights @ np.interp(at_ns, self.t_ns, self.burnt_L))
         more_L = self.tank.begin_L - burnt_L - self.tank.empty_mass_L
         density = self.tank.density_kg_L
-        parts_L = (self.tank.u_L, self.rate_u_1 * burnt_L, _DENSITY_U * more_L)
+        parts_L = (self.tank.u_L, self.rate_u_1 * burnt_L, LIMITS.fuel_density_u * more_L)
         return density * more_L, density * float(np.linalg.norm(parts_L))

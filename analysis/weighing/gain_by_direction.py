@@ -20,6 +20,7 @@ from analysis.weighing.fit_task import FitTask
 from analysis.weighing.fitted_stretches import is_first_of_stretch
 from analysis.weighing.joint_fit import JointFitInputs, applicable_terms, joint_fit
 from analysis.weighing.joint_result import JointFit
+from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.load_search import search_and_fit_load_states
 from analysis.weighing.load_states import (
     LoadStates,
@@ -29,7 +30,6 @@ from analysis.weighing.load_states import (
 )
 from analysis.weighing.motion_samples import Bools, ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
-from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.group_effects import HINTED
 
 #: All but free.

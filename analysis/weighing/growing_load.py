@@ -23,6 +23,7 @@ from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.weighing.fit_columns import FitRows, average_columns, stride_between_means
 from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit, term_index
+from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.load_states import (
     LoadStates,
     unit_of_each_sample,
@@ -30,7 +31,6 @@ from analysis.weighing.load_states import (
 )
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, Ints, MotionSamples
 from analysis.weighing.nuisances import FILLING
-from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics.autocorrelation import student_factor
 from estimators.numerics.fit_loss import group_ids, group_rows
 

@@ -5,29 +5,15 @@ places. A load is put on at one of them and taken off at another, or either at e
 """
 
 from itertools import combinations
-from typing import Final
 
 import numpy as np
 
 from analysis.weighing.fitted_stretches import is_first_of_stretch
 from analysis.weighing.haul_route import add_missed_visits
+from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.load_states import load_change_kinds, unit_of_each_sample
 from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples
 from estimators.joint.group_effects import HINTED
-
-#: Two stands are at one place within this share of the usual way between turns: piles creep by a
-#: tenth of a haul.
-_SAME_PLACE: Final = 0.12
-#: A place is where the machine stands at least once in so many runs between turns.
-_RUNS_A_VISIT: Final = 8
-#: A place has at least so many visits.
-_FEWEST_VISITS: Final = 4
-#: States of which so many manoeuvres go by the direction may be nothing else,
-_BY_DIRECTION: Final = 0.9
-#: unless a boom or digging hints at this share of their changes: nearly one of two.
-_HINTED: Final = 0.4
-#: Places that are combined: those with the most visits.
-_MOST_PLACES: Final = 6
 
 
 def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
@@ -76,14 +62,14 @@ def find_recurrent_visits(begins_m: Floats, forwards: Bools) -> list[Bools]:
     until_m = bounds_m[np.searchsorted(turns_m, here_m, "right") + 1] - here_m
     between = 2 * forwards[:-1] + forwards[1:]
     near = between[:, None] == between
-    tolerance_m = _SAME_PLACE * _medians_by_kind(since_m + until_m, between)
+    tolerance_m = LIMITS.same_place_1 * _medians_by_kind(since_m + until_m, between)
     for way_m in (since_m, until_m):
         # before the first turn and behind the last one the other way tells alone
         near &= ~(np.abs(way_m[:, None] - way_m) > tolerance_m)
     known = np.isfinite(since_m + until_m)
     left, found = np.ones(here_m.size, np.bool_), list[Bools]()
-    fewest = max(_FEWEST_VISITS, turns.size / _RUNS_A_VISIT)
-    for _ in range(_MOST_PLACES):
+    fewest = max(LIMITS.place_min_visits, turns.size / LIMITS.runs_per_visit)
+    for _ in range(LIMITS.max_places):
         alike = (near & left).sum(axis=1) * (left & known)
         most = int(np.argmax(alike))
         if alike[most] < fewest:
@@ -116,10 +102,10 @@ def _find_loaded_between_standstills(loading_stands: Bools, unloading_stands: Bo
 
 def _is_each_load_hinted(kind: Ints) -> bool:
     """Whether each load has at least one change that is not only a change of direction."""
-    return float((kind >= HINTED).mean()) >= _HINTED
+    return float((kind >= HINTED).mean()) >= LIMITS.hinted_change_fraction
 
 
 def _follows_direction(changes: Bools, forwards: Bools) -> bool:
     """Whether alternating states only follow the driving direction."""
     alike = float(np.mean((np.append(0, np.cumsum(changes)) % 2 == 1) == forwards))
-    return max(alike, 1.0 - alike) > _BY_DIRECTION
+    return max(alike, 1.0 - alike) > LIMITS.direction_state_fraction

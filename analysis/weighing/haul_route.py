@@ -5,20 +5,12 @@ ground does at a place is the same with the load and without.
 """
 
 from dataclasses import dataclass
-from typing import Final, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 
+from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples
-
-#: Length of the route over the median haul: loads are not all taken at one place. An edge of the
-#: ground at 2.4 to 3.2 m, where half the starts began, left loads a third too light without it.
-_ROUTE_OVER_HAUL: Final = 1.2
-#: A machine that brakes for the dump over more than so many times what is usual has left it since.
-_LONGEST_STOP: Final = 2.0
-#: A visit that nothing tells is looked for where cycles of like length would have it, within this
-#: share of a cycle.
-_PLACE_TOLERANCE: Final = 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +46,7 @@ class Route:
         if not (before >= 0).any():
             return None
         hauls_m = dumps_m[before >= 0] - fills_m[before[before >= 0]]
-        length_m = max(_ROUTE_OVER_HAUL * float(np.median(hauls_m)), 1.0)
+        length_m = max(LIMITS.route_over_haul * float(np.median(hauls_m)), 1.0)
         return cls(add_missed_visits(dumps_m, begins_m), length_m)
 
     def relative_distance_to_dump(self, motion: MotionSamples) -> Floats:
@@ -90,7 +82,7 @@ def find_dump_positions(arrives_m: Floats, leaves_m: Floats) -> Floats:
     """
     stops_m = leaves_m - arrives_m
     usual_m = float(np.median(stops_m))
-    return np.where(stops_m > _LONGEST_STOP * usual_m, arrives_m + usual_m, leaves_m)
+    return np.where(stops_m > LIMITS.dump_stop_ratio * usual_m, arrives_m + usual_m, leaves_m)
 
 
 def add_missed_visits(visits_m: Floats, begins_m: Floats) -> Floats:
@@ -108,7 +100,7 @@ def add_missed_visits(visits_m: Floats, begins_m: Floats) -> Floats:
     cycle_m = float(np.median(cycles_m))
     number = np.round(cycles_m / cycle_m).astype(np.int64)
     # cycles that are each a little longer or shorter add up like chance
-    regular = abs(cycles_m / cycle_m - number) < _PLACE_TOLERANCE * np.sqrt(number)
+    regular = abs(cycles_m / cycle_m - number) < LIMITS.visit_tolerance_cycles * np.sqrt(number)
     regular &= number > 1
     expected_m = [
         visits_m[k] + cycles_m[k] * np.arange(1, number[k]) / number[k]
@@ -118,5 +110,5 @@ def add_missed_visits(visits_m: Floats, begins_m: Floats) -> Floats:
         return visits_m
     wanted_m = np.concatenate(expected_m)
     nearest_m = begins_m[abs(begins_m[:, None] - wanted_m).argmin(axis=0)]
-    near = abs(nearest_m - wanted_m) < _PLACE_TOLERANCE * cycle_m
+    near = abs(nearest_m - wanted_m) < LIMITS.visit_tolerance_cycles * cycle_m
     return np.unique(np.append(visits_m, np.where(near, nearest_m, wanted_m)))

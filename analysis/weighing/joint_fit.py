@@ -1,7 +1,7 @@
 """The joint fit of masses, friction and nuisance terms, iterated in rounds."""
 
 from dataclasses import dataclass, replace
-from typing import Final, Self
+from typing import Self
 
 import numpy as np
 
@@ -33,12 +33,6 @@ from analysis.weighing.uneven_ground import GROUND
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_comparison import compare_wheels, wheels_show_squat
 from analysis.weighing.wheel_kinematics import WheelKinematics
-
-#: Lengths of the mean that are tried, in s: the one with the smallest deviation of the mass is
-#: taken.
-MEANS_S: Final = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
-#: So many stretches tell which mean is best.
-_TRIED: Final = 24
 
 
 @dataclass(frozen=True)
@@ -86,12 +80,12 @@ def joint_fit(inputs: JointFitInputs, states: LoadStates | None = None) -> Joint
     whole = FitTask(
         motion, inputs.noise, inputs.priors, terms, inputs.wheels, states, inputs.uneven_1_s
     )
-    part = whole.cut_to_first_stretches(_TRIED)
+    part = whole.cut_to_first_stretches(LIMITS.pilot_stretches)
     part = part if part.motion.has_enough_motion else whole
     longest = (
         int(np.median(np.bincount(motion.group[motion.used]))) / LIMITS.disjoint_means_per_stretch
     )
-    means = {rows_in_duration(mean_s, motion.rate_hz) for mean_s in MEANS_S}
+    means = {rows_in_duration(mean_s, motion.rate_hz) for mean_s in LIMITS.means_s}
     means = sorted(means | {*LIMITS.slow_grid_mean_rows} if 1 in means else means)
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
     columns = FitColumns.from_motion(part.motion, inputs.noise, terms, part.initial_estimates)

@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 
@@ -20,9 +19,6 @@ from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS, WheelKinematics
 from estimators.joint.map_fit import MapFit
 from estimators.joint.prior_fit import Solution
-
-#: Masses in a sum from which the whole covariance is multiplied: picking theirs out takes longer.
-_MANY_MASSES: Final = 256
 
 
 @dataclass(frozen=True)
@@ -237,7 +233,7 @@ class JointFit:
         summed = np.flatnonzero(wide)
 
         def weighted_std(covariance: Floats) -> float:
-            if summed.size > _MANY_MASSES:
+            if summed.size > LIMITS.covariance_masses:
                 return float(np.sqrt(max(float(wide @ (covariance @ wide)), 0.0)))
             own = covariance[np.ix_(summed, summed)]
             return float(np.sqrt(max(float(wide[summed] @ own @ wide[summed]), 0.0)))

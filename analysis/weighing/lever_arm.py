@@ -32,14 +32,6 @@ from analysis.weighing.weighing_limits import LIMITS
 from estimators.interpreted import compiled_ahead
 from estimators.numerics.in_order import sum_in_order
 
-#: Springs that the search begins with: frequencies of bodies on springs and tyres, in Hz,
-_FREQUENCIES_HZ: Final = (1.0, 1.4, 2.0, 2.8, 4.0)
-#: and damping over the critical one.
-_DAMPINGS_1: Final = (0.2, 0.4, 0.8)
-#: Logarithms of frequency and damping are searched to this, from steps of so much.
-_TOLERANCE: Final = 0.02
-_STEP: Final = 0.15
-
 
 @dataclass(frozen=True, slots=True)
 class BodySwing:
@@ -128,7 +120,7 @@ def fit_springs(measured: Floats, motion: MotionSamples) -> BodySwing | None:
 
     tried = [
         compared.estimate_swing_with_springs(BodySwing(frequency_hz=hz, damping_1=damping_1))
-        for hz, damping_1 in product(_FREQUENCIES_HZ, _DAMPINGS_1)
+        for hz, damping_1 in product(LIMITS.lever_frequencies_hz, LIMITS.lever_dampings_1)
     ]
     known = [each for each in tried if each is not None]
     if not known:
@@ -144,14 +136,16 @@ def fit_springs(measured: Floats, motion: MotionSamples) -> BodySwing | None:
         return np.inf if found is None else found[1]
 
     begin = np.log([first.frequency_hz, first.damping_1])
-    corners = begin + _STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    low, high = np.log([(tried[0], tried[-1]) for tried in (_FREQUENCIES_HZ, _DAMPINGS_1)]).T
+    corners = begin + LIMITS.lever_step * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    low, high = np.log(
+        [(tried[0], tried[-1]) for tried in (LIMITS.lever_frequencies_hz, LIMITS.lever_dampings_1)]
+    ).T
     best = minimize(
         misfit_of_swing,
         begin,
         method="Nelder-Mead",
         bounds=Bounds(low, high),
-        options={"initial_simplex": corners, "xatol": _TOLERANCE, "fatol": np.inf},  # pyright: ignore[reportArgumentType] the stubs know no simplex
+        options={"initial_simplex": corners, "xatol": LIMITS.lever_tolerance, "fatol": np.inf},  # pyright: ignore[reportArgumentType] the stubs know no simplex
     )
     return swing_from_logs(best.x)
 

@@ -12,12 +12,12 @@ from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.joint_result import JointFit
+from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.load_states import LoadStates, unit_of_each_sample
 from analysis.weighing.mass_budget import budget_of_mass, relative_mass_uncertainty
 from analysis.weighing.motion_samples import Floats, Ints
 from analysis.weighing.nuisance_frames import make_empty_frame
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
-from analysis.weighing.weighing_limits import LIMITS
 
 _NOT_EMPTY: Final = (
     "settings.loads.empty_from_s and empty_to_s select none of the loads: payloads are "

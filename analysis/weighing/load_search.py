@@ -1,7 +1,7 @@
 """Search for load states: find states and fit a mass each in turn until nothing changes."""
 
 from dataclasses import dataclass, field, replace
-from typing import Final, Self
+from typing import Self
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from analysis.weighing.joint_fit import (
     refit_with_changes,
 )
 from analysis.weighing.joint_result import JointFit
+from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from analysis.weighing.load_states import (
     LoadStates,
     find_load_states,
@@ -27,14 +28,9 @@ from analysis.weighing.load_states import (
 )
 from analysis.weighing.motion_samples import Ints
 from analysis.weighing.record_places import rows_for_load_search
-from analysis.weighing.uneven_ground import FEWEST
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.group_effects import HINTED, GroupEffects
 from estimators.numerics.autocorrelation import pooled_autocorrelation
-
-#: So many residuals of a manoeuvre are independent: a start of three seconds, whose residuals are
-#: alike over 0.2 s. What a fit leaves while the machine cruises tells little of its mass.
-_INDEPENDENT: Final = 15
 
 
 def search_and_fit_load_states(
@@ -51,7 +47,7 @@ def search_and_fit_load_states(
     kind = load_change_kinds(found.motion)
     settled = _settle_states(found, inputs, repeatability_kg, kind)
     misfits = settled.solution.misfit_ratio > LIMITS.max_misfit_ratio
-    if not misfits or found.motion.manoeuvre_count < FEWEST:
+    if not misfits or found.motion.manoeuvre_count < LOAD_LIMITS.ground_min_manoeuvres:
         return settled
     inputs = _add_uneven_ground(found, inputs)
     # over short means the residual is noise and transients, which no loads explain
@@ -80,7 +76,7 @@ def search_and_fit_load_states(
 
 def _has_certain_loads(found: JointFit) -> bool:
     """Whether the log practically excludes a single load."""
-    least = LIMITS.hidden_loads_max_single_probability
+    least = LOAD_LIMITS.hidden_loads_max_single_probability
     return found.count > 1 and _load_states_of_fit(found).single_probability < least
 
 
@@ -132,7 +128,7 @@ class _PartitionComparison:
         fitted = replace(self.task, states=self.states(membership)).fit_means(self.samples, 2)
         if not np.isfinite(fitted.theta).all():
             return np.inf
-        independent = _INDEPENDENT * self.number.size
+        independent = LOAD_LIMITS.independent_residuals * self.number.size
         return independent * float(np.log(fitted.solution.residual_rms**2)) + 2.0 * fitted.count
 
 
@@ -259,7 +255,7 @@ def _load_states_of_fit(found: JointFit) -> LoadStates:
 
 def _add_uneven_ground(found: JointFit, inputs: JointFitInputs) -> JointFitInputs:
     """Fit inputs with the variance of ground forces between stretches, from a fit's residual."""
-    if inputs.uneven_1_s or found.motion.manoeuvre_count < FEWEST:
+    if inputs.uneven_1_s or found.motion.manoeuvre_count < LOAD_LIMITS.ground_min_manoeuvres:
         return inputs
     # by the fit's own groups: rows of a refit are as many as the lag that the fit ended with allows
     fitted = found.solution

@@ -5,22 +5,17 @@ A load changes between manoeuvres, where the machine stood.
 """
 
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in_duration
 from analysis.weighing.fitted_stretches import is_first_of_stretch, is_last_of_stretch, once_each
+from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
-from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.changepoints import Partitions, find_partitions
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TURNED, GroupEffects
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.joint.random_intercepts import RandomIntercepts
-
-#: With fewer degrees of freedom the manoeuvres do not tell how they scatter.
-FEWEST_FREEDOM: Final = 4
-_ROUNDS: Final = 60
 
 
 @dataclass(frozen=True)
@@ -102,7 +97,7 @@ class LoadStates:
     @property
     def scatter_known(self) -> bool:
         """Whether the scatter is estimated rather than assumed."""
-        return self.freedom >= FEWEST_FREEDOM
+        return self.freedom >= LIMITS.scatter_min_freedom
 
     def restrict_to(self, motion: MotionSamples) -> "LoadStates":
         """These states for a motion with other manoeuvres, numbered again."""
@@ -359,7 +354,7 @@ def single_unknown_state(manoeuvre_ids: Ints) -> LoadStates:
 
 def _is_partition_credible(found: Partitions, repeatability_kg: float | None) -> bool:
     """Whether to accept the most probable partition rather than a single state."""
-    few = found.best.freedom < FEWEST_FREEDOM
+    few = found.best.freedom < LIMITS.scatter_min_freedom
     doubted = found.single_probability > LIMITS.single_load_min_probability
     return repeatability_kg is not None or not (few and doubted)
 
@@ -391,7 +386,7 @@ def _scatter_dof_and_birge_ratio(
     if (ratio := float(np.sqrt(reduced_chi_square(0.0)))) <= 1.0:
         return 0.0, float(freedom), ratio
     low, high = 0.0, float(np.ptp(level)) + 1e-9
-    for _ in range(_ROUNDS):
+    for _ in range(LIMITS.scatter_rounds):
         middle = (low + high) / 2.0
         low, high = (middle, high) if reduced_chi_square(middle) > 1.0 else (low, middle)
     return high, float(freedom), ratio

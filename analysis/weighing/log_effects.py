@@ -42,8 +42,6 @@ EFFECTS: Final = {
 _LOG_ODDS: Final = float(
     np.log(LIMITS.effect_prior_probability / (1.0 - LIMITS.effect_prior_probability))
 )
-#: The width of the prior of an effect that is left out, over its own.
-NARROW: Final = 0.02
 
 
 @dataclass(frozen=True)
@@ -123,7 +121,9 @@ class LikelyEffects:
     def priors_without_left_out_effects(self, priors: PriorSettings) -> PriorSettings:
         """Priors that exclude the effects that are left out."""
         keys = [key for name in self.left_out for key in _WIDTHS[name]]
-        return priors.model_copy(update={key: NARROW * getattr(priors, key) for key in keys})
+        return priors.model_copy(
+            update={key: LIMITS.left_out_prior_ratio * getattr(priors, key) for key in keys}
+        )
 
     def model_choice_u_kg(self, weights: Floats) -> float:
         """Uncertainty of a sum of masses due to the choice, in kg (law of total variance).

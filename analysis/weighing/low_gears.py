@@ -15,9 +15,6 @@ from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import ColumnInputs, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
 
-#: Speeds in m/s at which a quarter is left of what the first gear has beyond the top one: a lorry's
-#: low gears end at 4 m/s, a car's at 10.
-_QUARTER_LEFT_M_S: Final = (4.0, 10.0)
 #: What all of it is in the budget.
 BY_GEAR: Final = "gears"
 
@@ -63,4 +60,4 @@ def _make_gear_term(quarter_m_s: float) -> Nuisance:
 
 
 #: Behind the nuisances that every log may have.
-LOW_GEARS: Final = tuple(map(_make_gear_term, _QUARTER_LEFT_M_S))
+LOW_GEARS: Final = tuple(map(_make_gear_term, LIMITS.gear_quarter_speeds_m_s))

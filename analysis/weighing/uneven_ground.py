@@ -19,20 +19,11 @@ from typing import Final
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import ColumnInputs, Nuisance
-from analysis.weighing.weighing_limits import LIMITS
 from estimators.interpreted import compiled_ahead, compiled_inline
 
-#: Between such distances from where a stretch begins, in m, the ground's force goes on a line: a
-#: machine's length or two while it gains speed. Farther on the ground is the route's.
-_PLACES_M: Final = (0.0, 2.0, 6.0)
-#: Length of way, in m, over which the ground's force changes by `ground_change_share`.
-_CHANGES_OVER_M: Final = 10.0
-#: Between so many places along the route it does likewise.
-_ROUTE_PARTS: Final = 24
-#: Fewer manoeuvres do not tell the ground from the loads.
-FEWEST: Final = 24
 #: What all of it is in the budget.
 BY_GROUND: Final = "ground"
 
@@ -51,7 +42,7 @@ class _DrivingDirection:
 
     def terms(self) -> list[Nuisance]:
         """Terms at the loading places, then along the way: for all loads, and by load."""
-        places = list(pairwise(_PLACES_M))
+        places = list(pairwise(LIMITS.loading_places_m))
         found = [
             self._make_load_difference_term(
                 "", lambda m: np.ones(m.speed.size), self._loading_place_std
@@ -104,7 +95,8 @@ class _DrivingDirection:
     def _applies(self, motion: MotionSamples) -> bool:
         ways = motion.direction[motion.used] == self.sign
         return (
-            motion.manoeuvre_count >= FEWEST and float(ways.mean()) > LIMITS.direction_min_fraction
+            motion.manoeuvre_count >= LIMITS.ground_min_manoeuvres
+            and float(ways.mean()) > LIMITS.direction_min_fraction
         )
 
 
@@ -155,25 +147,25 @@ def _make_random_walk_prior(over_m: float) -> Callable[[MotionSamples, PriorSett
 
 def random_walk_ratio(over_m: float) -> float:
     """Standard deviation of a random walk over a length, relative to ten metres."""
-    return float(np.sqrt(over_m / _CHANGES_OVER_M))
+    return float(np.sqrt(over_m / LIMITS.ground_change_m))
 
 
 def _make_route_term(part: int) -> Nuisance:
     """Nuisance term for rolling resistance along one part of the route."""
-    begin, end = part / _ROUTE_PARTS, (part + 1) / _ROUTE_PARTS
+    begin, end = part / LIMITS.route_parts, (part + 1) / LIMITS.route_parts
 
     def route_column(m: ColumnInputs) -> Floats:
-        ratio = random_walk_ratio(m.route_length_m / _ROUTE_PARTS)
+        ratio = random_walk_ratio(m.route_length_m / LIMITS.route_parts)
         return _scaled_ramp(m.loaded_direction, m.route_1, begin, end, ratio)
 
     return Nuisance(
-        f"ground_route_{part + 1}_of_{_ROUTE_PARTS}",
+        f"ground_route_{part + 1}_of_{LIMITS.route_parts}",
         "N",
         route_column,
         lambda e, s: s.ground_route_share * e.weight,
         "how rolling resistance changes along the route, over ten metres",
         "more cycles; even ground",
-        applies=lambda e: e.manoeuvre_count >= FEWEST,
+        applies=lambda e: e.manoeuvre_count >= LIMITS.ground_min_manoeuvres,
         by_load=True,
         source=BY_GROUND,
     )
@@ -183,5 +175,5 @@ def _make_route_term(part: int) -> Nuisance:
 GROUND: Final = (
     *_DrivingDirection("forward", 1.0).terms(),
     *_DrivingDirection("reverse", -1.0).terms(),
-    *map(_make_route_term, range(_ROUTE_PARTS)),
+    *map(_make_route_term, range(LIMITS.route_parts)),
 )

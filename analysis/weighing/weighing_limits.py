@@ -34,10 +34,15 @@ class WeighingLimits:
     grade_m_s2: float = 0.5
     #: and of its change over ten metres: two per cent.
     grade_change_m_s2: float = 0.2
+    #: Parts of the route between which the grade changes linearly: 3 to 8 m, a machine's length.
+    squat_grade_parts: int = 8
 
     # empty_mass_datum
     #: Largest difference of the log's empty mass and the stated one, in its standard uncertainties.
     empty_mass_agreement_u: float = 3.0
+    #: Relative standard uncertainty of a scale of which the machine file says nothing, where it has
+    #: to be told from another machine.
+    unknown_scale_u: float = 0.1
 
     # fit_columns
     #: Rows fitted per length of the mean: two hold nearly all that its means hold.
@@ -71,47 +76,6 @@ class WeighingLimits:
     slip_posterior_fraction: float = 0.1
     #: Fewest drives between stands or holes: fewer do not separate a drift from a change of load.
     drift_min_drives: int = 6
-
-    # gain_by_direction
-    #: Fewest turns from which loads may be a gain by direction,
-    direction_gain_min_turns: int = 3
-    #: and share of the manoeuvres whose loads go by it, unless boom or bucket tell of so many.
-    loads_by_direction_fraction: float = 0.8
-    hinted_loads_fraction: float = 0.4
-    #: Standard deviations from which such a gain shows, its least size and the largest of a sensor.
-    direction_gain_min_std: float = 6.0
-    direction_gain_min_1: float = 0.005
-    direction_gain_max_1: float = 0.25
-    #: Probability by which a constant load scatters in one direction as payloads do.
-    payload_scatter_probability: float = 0.01
-
-    # growing_load
-    #: Top speed of a manoeuvre that creeps, over the median: shunting is at a walk, hauling not.
-    creep_speed_ratio: float = 0.35
-    #: Fewest rows of a manoeuvre that shows a growing load.
-    growth_min_rows: int = 20
-    #: Share of a column's squares below which what is left is rounding.
-    column_rounding_fraction: float = 1e-12
-    #: Fewest manoeuvres that show what is usual.
-    growth_min_manoeuvres: int = 4
-    #: Rows that miss by more standard deviations count as missing by so many.
-    row_clip_std: float = 4.0
-    #: Probability that any manoeuvre of a log is reported by chance.
-    growth_false_alarm_probability: float = 0.01
-    #: A mass of so many times the median is none: 76 t hid the border between 2.2 and 2.7 t.
-    max_mass_over_median: float = 2.0
-    #: Largest change of a load over the machine's mass: no loader carries its own mass.
-    max_growth_fraction: float = 1.0
-    #: Rounds of reweighting for least absolute deviations.
-    least_absolute_rounds: int = 20
-    #: Most that a load loses over the range of the loads: empty starts "lost" 4 t beside 0.8 t.
-    max_loss_load_ratio: float = 2.0
-    #: Standard deviation of a start's own friction, as a share of it.
-    own_friction_fraction: float = 0.1
-    #: Standard deviation of a start's own constant, as a share of the largest force.
-    own_constant_fraction: float = 0.01
-    #: Smallest share of a term's variance that is its own; with less it cannot be separated.
-    min_own_variance_fraction: float = 1e-9
 
     # joint_fit
     #: Rounds of finding the lag, shifting the force by it, and fitting again.
@@ -154,6 +118,11 @@ class WeighingLimits:
     probe_delay_s: float = 0.005
     #: Gain of the motion with which its effect on the masses is measured.
     probe_gain_1: float = 0.01
+    #: Lengths of the mean that are tried, in s: that with the smallest deviation of the mass is
+    #: taken.
+    means_s: tuple[float, ...] = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
+    #: Stretches that show which mean is best.
+    pilot_stretches: int = 24
 
     # missing_terms
     #: Prior standard deviation of a gain that depends on speed or force: 7 to 12 % were tried.
@@ -167,40 +136,6 @@ class WeighingLimits:
     #: Widths of a gain at low speed, and steps of a gain, as fractions of the largest speed.
     low_speed_fractions: tuple[float, ...] = (0.2, 0.35, 0.7)
     gain_step_fractions: tuple[float, ...] = (0.3, 0.5, 0.7)
-
-    # load_frames
-    #: The lightest state is empty if its mass is the machine's within so many uncertainties,
-    empty_state_u: float = 2.0
-    #: and the heaviest is heavier by so many.
-    heaviest_state_u: float = 3.0
-    #: States are equally light within so many standard deviations of their difference.
-    equally_light_std: float = 3.0
-    #: Manoeuvres that are named; the others are counted.
-    max_named_manoeuvres: int = 3
-
-    # load_states
-    #: Largest load, as a share of the machine's mass (rated loads of loaders).
-    largest_load_fraction: float = 1.0 / 3.0
-    #: Repeatability of one load, as a share of the machine's mass: loader scales state 1 or 2 %.
-    repeatability_fraction: float = 0.02
-    #: One load is not ruled out above this probability.
-    single_load_min_probability: float = 0.05
-    #: Several loads are not while all their partitions together exceed this: some fit chance.
-    several_loads_min_probability: float = 0.2
-    #: Loads that a fit of one load hides are taken below this probability of one.
-    hidden_loads_max_single_probability: float = 1e-6
-    #: Reversals from heavier to lighter or back from which a load returns, about to the kilogram.
-    load_return_reversals: int = 2
-    #: Movement of a boom or bucket between manoeuvres that may load or dump, in rad.
-    arm_movement_rad: float = 0.15
-    #: Shortest manoeuvre that determines a mass, in s,
-    informative_manoeuvre_s: float = 0.5
-    #: and its fewest samples.
-    informative_manoeuvre_samples: int = 10
-    #: Change of speed of a manoeuvre that determines a mass, as a share of the usual one's.
-    informative_speed_share: float = 0.1
-    #: Manoeuvres disagree if the ratio of variances exceeds 1 by so many standard deviations.
-    excess_scatter_std: float = 5.0
 
     # empty_mass_drift
     #: Empty loads that tell a drift: three at either end; its least standard deviations and share.
@@ -230,6 +165,8 @@ class WeighingLimits:
     # log_effects
     #: Prior probability that a log has an effect.
     effect_prior_probability: float = 0.2
+    #: Width of the prior of an effect that is left out, over its own.
+    left_out_prior_ratio: float = 0.02
 
     # low_gears
     #: Speed in m/s from which a vehicle has gears for the road: 40 km/h; loaders are slower.
@@ -238,6 +175,9 @@ class WeighingLimits:
     first_gear_m_s: float = 4.0
     #: for at least this share of its samples; else the prior alone would separate them.
     first_gear_min_fraction: float = 0.05
+    #: Speeds in m/s at which a quarter is left of what the first gear has beyond the top one: a
+    #: lorry's low gears end at 4 m/s, a car's at 10.
+    gear_quarter_speeds_m_s: tuple[float, float] = (4.0, 10.0)
 
     # mass_budget
     #: Negative viscous friction widens a mass from so many standard deviations on.
@@ -302,6 +242,14 @@ class WeighingLimits:
     lever_min_s2: float = 0.0002
     #: Standard uncertainty of a swing over itself: axles, tyres and a mast are no single spring.
     lever_shape_u: float = 0.15
+    #: Frequencies, in Hz, of bodies on springs and tyres that the search begins with,
+    lever_frequencies_hz: tuple[float, ...] = (1.0, 1.4, 2.0, 2.8, 4.0)
+    #: and their damping over the critical one.
+    lever_dampings_1: tuple[float, float, float] = (0.2, 0.4, 0.8)
+    #: Logarithms of frequency and damping are searched to this,
+    lever_tolerance: float = 0.02
+    #: from steps of so much.
+    lever_step: float = 0.15
 
     # pitch_squat
     #: Distance in m from the start of a stretch over which the grade is a polynomial: half a hill.
@@ -338,10 +286,6 @@ class WeighingLimits:
     #: falls with the speed (mixed lubrication, gears): machines with grease that breaks away or
     #: four gears had up to 0.11, and masses that are right; a speed of the wrong sign 0.9.
     falling_friction_1: float = 0.15
-
-    # uneven_ground
-    #: Fraction of the samples from which a direction has ground of its own.
-    direction_min_fraction: float = 0.05
 
     # weigh
     #: Braking is left out if it moves the mass by so many standard uncertainties.
@@ -394,6 +338,21 @@ class WeighingLimits:
     max_slip_fraction: float = 0.4
     #: Residuals over the noise of the speed from which wheels and accelerometer are inconsistent.
     max_kinematic_mismatch: float = 3.0
+
+    # force_by_place
+    #: Half waves that a force by the place may have on the path.
+    path_half_waves: int = 8
+
+    # fuel_on_board
+    #: Relative standard uncertainty of a fuel rate of which the machine file says nothing,
+    unknown_fuel_rate_u: float = 0.1
+    #: and of the density, by season and temperature.
+    fuel_density_u: float = 0.01
+
+    # joint_result
+    #: Masses in a sum from which the whole covariance is multiplied: picking theirs out takes
+    #: longer.
+    covariance_masses: int = 256
 
 
 #: The values in use.

@@ -21,22 +21,12 @@ from numpy.typing import NDArray
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TURNED, GroupEffects
+from estimators.joint.joint_limits import LIMITS
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.numerics.in_order import sum_in_order
 
-#: Scatter that is tried, over the units' own deviation, where it is not known.
-_SCATTERS: Final = (0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 25.0, 50.0)
-#: Probabilities of a change by which candidates are made; the posterior chooses.
-_CANDIDATES: Final = (0.02, 0.2, 0.5)
-#: How far levels are apart, over their spread: as a window.
-_WINDOWS: Final = (1.0, 0.1)
-_ROUNDS: Final = 10
 #: A change is said where it is at least so much likelier than none, as a logarithm.
 _SURE: Final = float(np.log(20.0))
-#: Changes that are tried for removal: so many, the smallest first.
-_LEAST_CHANGES: Final = 20
-#: No change is ruled out for good, but for this much it takes evidence.
-_NEVER: Final = 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +60,9 @@ def find_partitions(
     """
     n = units.y.size
     typical = float(np.sqrt(np.median(units.variance)))
-    scatters = [times * typical for times in _SCATTERS] if scatter is None else [scatter]
+    scatters = (
+        [times * typical for times in LIMITS.tried_scatters] if scatter is None else [scatter]
+    )
     one, each_own = np.zeros(n, np.int64), np.append(0, np.cumsum(units.kind > 0))
     # with many changes, effects that one level needs hide them from every search that begins there
     least_kinds = (TURNED, RESTARTED, HINTED, FILLED, NAMED)
@@ -130,7 +122,7 @@ def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Part
     """Drop uncertain changes, the least certain first."""
     while best.states > 1:
         first = np.flatnonzero(np.diff(best.state)) + 1
-        least = np.argsort(np.abs(np.diff(best.levels)), kind="stable")[:_LEAST_CHANGES]
+        least = np.argsort(np.abs(np.diff(best.levels)), kind="stable")[: LIMITS.removable_changes]
         # each change alone, and both of a level, which lets its neighbours be one
         joints = [first[k : k + many] for k in least for many in (1, 2)]
         plainer = [
@@ -173,8 +165,8 @@ def _propose_partitions(posterior: PartitionPosterior, effects: Floats) -> set[b
     tried = {assign_two_levels(level, posterior.variance, units.kind).tobytes()}
     if np.count_nonzero(units.kind == FILLED) > 1:
         tried |= find_fill_cycles(posterior, effects)
-    for probability in _CANDIDATES:
-        for window in _WINDOWS:
+    for probability in LIMITS.candidate_probabilities:
+        for window in LIMITS.candidate_windows:
             tried |= _iterate_partition_and_effects(
                 posterior, window * spread, probability, effects
             )
@@ -184,7 +176,7 @@ def _propose_partitions(posterior: PartitionPosterior, effects: Floats) -> set[b
 def find_fill_cycles(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
     """Candidates with alternate filling and emptying, iterated with their effects."""
     units, tried = posterior.units, set[bytes]()
-    for _ in range(_ROUNDS):
+    for _ in range(LIMITS.partition_max_rounds):
         state = assign_cycle_states(units.y - units.x @ effects, posterior.variance, units.kind)
         if state.tobytes() in tried:
             break
@@ -199,9 +191,9 @@ def _iterate_partition_and_effects(
     """Candidates from iterating between partition and effects until nothing changes."""
     units, weight = posterior.units, 1.0 / posterior.variance
     cost = np.full(units.y.size - 1, -2.0 * np.log(probability / (1.0 - probability)))
-    cost[units.kind == 0] = _NEVER
+    cost[units.kind == 0] = LIMITS.impossible_change_cost
     tried: set[bytes] = set()
-    for _ in range(_ROUNDS):
+    for _ in range(LIMITS.partition_max_rounds):
         state = optimal_partition(units.y - units.x @ effects, weight, cost, spread)
         key = state.tobytes()
         if key in tried:
@@ -245,7 +237,7 @@ def assign_cycle_states(level: Floats, variance: Floats, kind: Ints) -> Ints:
     size = np.diff(np.append(first, level.size))
     # at first each is emptied halfway; what comes before the first filling is light
     heavy = (np.arange(level.size) - first[part] < size[part] / 2.0) & (part > 0)
-    for _ in range(_ROUNDS):
+    for _ in range(LIMITS.partition_max_rounds):
         if heavy.all() or not heavy.any():
             break
         low, high = (np.average(level[each], weights=weight[each]) for each in (~heavy, heavy))

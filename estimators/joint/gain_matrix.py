@@ -7,19 +7,13 @@ for a product of (wide, r) matrices, r twice the number of shared parameters and
 """
 
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from estimators.arrays import Floats
+from estimators.joint.joint_limits import LIMITS
 from estimators.numerics.bordered_matrix import BorderedMatrix
-
-#: From so many levels on they are eliminated one by one; dense matrices are as fast below.
-_MANY_LEVELS: Final = 64
-#: Residuals that alternate average out, but never to less than this share of white ones' variance.
-_LEAST_OF_WHITE: Final = 0.1
-#: Of the largest direction of the columns, less is rounding.
-_ROUNDING: Final = 1e-12
 
 
 class Gain(Protocol):
@@ -179,7 +173,7 @@ def eliminate_levels(
 
 def has_many_levels(equations: BorderedMatrix) -> bool:
     """Whether the levels are worth eliminating one by one."""
-    return equations.diagonal.size >= _MANY_LEVELS
+    return equations.diagonal.size >= LIMITS.eliminated_levels
 
 
 def floor_meats(
@@ -192,13 +186,15 @@ def floor_meats(
     Returns:
         The meats times the variance `white` of the residuals.
     """
-    if has_many_levels(gram) and meats.is_at_least_fraction_of(gram, _LEAST_OF_WHITE, _ROUNDING):
+    if has_many_levels(gram) and meats.is_at_least_fraction_of(
+        gram, LIMITS.min_white_fraction, LIMITS.gain_rounding_fraction
+    ):
         return meats.scale(white)
     squares, vectors = np.linalg.eigh(gram.to_dense())
-    root = vectors * np.sqrt(np.maximum(squares, squares[-1] * _ROUNDING))
+    root = vectors * np.sqrt(np.maximum(squares, squares[-1] * LIMITS.gain_rounding_fraction))
     half = np.linalg.solve(root, meats.to_dense())
     of_white, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
-    if of_white[0] >= _LEAST_OF_WHITE:
+    if of_white[0] >= LIMITS.min_white_fraction:
         return meats.scale(white)
     kept = root @ directions
-    return (kept * np.maximum(of_white, _LEAST_OF_WHITE)) @ kept.T * white
+    return (kept * np.maximum(of_white, LIMITS.min_white_fraction)) @ kept.T * white

@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 
 from estimators.arrays import Floats, Ints
+from estimators.joint.joint_limits import LIMITS
 from estimators.numerics.autocorrelation import pooled_autocorrelation
 from estimators.numerics.group_sums import GroupSums, NoiseMoments, column_scales
 from estimators.numerics.sandwich import meat
@@ -18,12 +19,6 @@ RESTARTED: Final = 3
 HINTED: Final = 4
 FILLED: Final = 5
 NAMED: Final = 6
-#: Rounds of residuals and their variance.
-_NOISE_ROUNDS: Final = 3
-#: So many units share their effects.
-_MANY: Final = 5
-#: Of a unit's sum of squares at least this share is no noise.
-_LEAST_OWN: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +81,7 @@ def group_effects(
     precision = np.where(np.isfinite(prior_std), (prior_std * scale[1:]) ** -2.0, 0.0)
     clean, bare = each.grams - each.noise_gram, each.crosses - each.noise_cross
     # a unit whose acceleration is noise says nothing, and not the contrary
-    own = np.maximum(clean[:, 0, 0], _LEAST_OWN * each.grams[:, 0, 0])
+    own = np.maximum(clean[:, 0, 0], LIMITS.min_own_fraction * each.grams[:, 0, 0])
     kind = np.ones(own.size - 1, np.int64)
     if not (own > 0.0).all():
         nothing, r = np.full(own.size, np.nan), A.shape[1] - 1
@@ -101,8 +96,10 @@ def group_effects(
     variance = float(f[used] @ f[used]) / n
     level, correlation, white = y, np.ones(1), variance
     # few units share their effects with few others: as if each had its own
-    own_columns = A[:, :1] if y.size >= _MANY else A[:, np.abs(A).sum(axis=0) > 0.0]
-    for _ in range(_NOISE_ROUNDS):
+    own_columns = (
+        A[:, :1] if y.size >= LIMITS.shared_effect_units else A[:, np.abs(A).sum(axis=0) > 0.0]
+    )
+    for _ in range(LIMITS.noise_rounds):
         whole = within / variance + np.diag(precision)
         beta = np.linalg.lstsq(whole, cross / variance + precision * prior_mean * scale[1:])[0]
         level = y - x @ beta

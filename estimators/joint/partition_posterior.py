@@ -20,27 +20,12 @@ from scipy.special import betaln
 from estimators.arrays import Bools, Floats, Ints
 from estimators.interpreted import compiled_ahead
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, GroupEffects
+from estimators.joint.joint_limits import LIMITS
 
 #: How far levels are apart, as standard deviations over their spread.
 _DEVIATIONS: Final = 0.5 ** np.arange(6)
 _HALF: Final = float(np.log(0.5))
 _THIRD: Final = float(np.log(1.0 / 3.0))
-#: How likely what tells a change (a boom that moves) has nothing to do with it in this series,
-_TELLS_NOTHING: Final = 0.25
-#: and what is taken for a filling.
-_FILLS_NOTHING: Final = 0.05
-#: How rarely two records in turn have one level, where records mostly have one each. With 0 two of
-#: seven that have one cost 120 to 1, and one family of files in five had a level too many.
-_SAME_AGAIN: Final = 0.1
-#: How rarely the load is the same on both sides of where a stretch is named as empty.
-_MISNAMED: Final = 0.02
-#: How rarely one filling among others changes no level: a change too many costs little, one too few
-#: bends what all units share,
-_UNFILLED: Final = 0.0003
-#: how rarely what is filled is not emptied once before it is filled again,
-_RARELY: Final = 0.05
-#: and how much likelier that is where something else tells a change.
-_HINT: Final = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,15 +215,23 @@ def _log_prior(kind: Ints, changes: Bools) -> float:
     """
     named, filling = kind == NAMED, kind == FILLED
     if named.any():
-        said = np.where(changes[named], np.log1p(-_MISNAMED), np.log(_MISNAMED))
+        said = np.where(
+            changes[named],
+            np.log1p(-LIMITS.misnamed_probability),
+            np.log(LIMITS.misnamed_probability),
+        )
         return float(said.sum()) + _log_prior(kind[~named], changes[~named])
     if not filling.any():
         return _log_prior_by_rate_of_changes(kind, changes)
     # or what is taken for a filling has nothing to do with it in this series
     apart = _log_prior_by_rate_of_changes(np.where(filling, 1, kind), changes) + float(
-        np.log(_FILLS_NOTHING)
+        np.log(LIMITS.unrelated_filling_probability)
     )
-    return float(np.logaddexp(apart, _log_cycle_prior(kind, changes) + np.log1p(-_FILLS_NOTHING)))
+    return float(
+        np.logaddexp(
+            apart, _log_cycle_prior(kind, changes) + np.log1p(-LIMITS.unrelated_filling_probability)
+        )
+    )
 
 
 def _log_cycle_prior(kind: Ints, changes: Bools) -> float:
@@ -254,16 +247,30 @@ def _log_cycle_prior(kind: Ints, changes: Bools) -> float:
     filling = kind == FILLED
     filled = filling & changes
     stretch, number = np.cumsum(filled), int(filled.sum()) + 1
-    weight = np.where(filling | (kind == 0), 0.0, np.where(kind == HINTED, _HINT, 1.0))
+    weight = np.where(
+        filling | (kind == 0), 0.0, np.where(kind == HINTED, LIMITS.hinted_emptying_ratio, 1.0)
+    )
     total = np.bincount(stretch, weight, minlength=number)
     emptied = changes & ~filling
     often = np.bincount(stretch[emptied], minlength=number)
-    each = np.log(np.array([_RARELY, 1.0 - 2.0 * _RARELY, _RARELY]))[np.minimum(often, 2)]
+    each = np.log(
+        np.array(
+            [
+                LIMITS.unusual_emptying_probability,
+                1.0 - 2.0 * LIMITS.unusual_emptying_probability,
+                LIMITS.unusual_emptying_probability,
+            ]
+        )
+    )[np.minimum(often, 2)]
     # nothing can be seen where there is no place, and a log may begin or end anywhere
     each[total == 0.0] = 0.0
     each[[0, -1]] = np.where(often[[0, -1]] == 0, _HALF, each[[0, -1]])
     where = float(np.log(weight[emptied] / total[stretch[emptied]]).sum())
-    fillings = np.where(changes[filling], np.log1p(-_UNFILLED), np.log(_UNFILLED))
+    fillings = np.where(
+        changes[filling],
+        np.log1p(-LIMITS.unfilled_probability),
+        np.log(LIMITS.unfilled_probability),
+    )
     return float(fillings.sum()) + float(each.sum()) + where
 
 
@@ -279,12 +286,22 @@ def _log_prior_by_rate_of_changes(kind: Ints, changes: Bools) -> float:
         places, used = int((kind == each).sum()), int(changes[kind == each].sum())
         if each == RESTARTED:
             by_rate = float(np.exp(betaln(used + 1, places - used + 1)))
-            one_each = (1.0 - _SAME_AGAIN) ** used * _SAME_AGAIN ** (places - used)
+            one_each = (
+                1.0 - LIMITS.same_level_probability
+            ) ** used * LIMITS.same_level_probability ** (places - used)
             total += float(np.log(by_rate + (used == 0) + one_each)) + _THIRD
         elif each > 1:
             # ∫ 2 p pᵏ (1 - p)ⁿ⁻ᵏ dp, unless what moves there tells nothing
-            by_rate = float(betaln(used + 2, places - used + 1)) - _HALF + np.log1p(-_TELLS_NOTHING)
-            total += by_rate if used else float(np.logaddexp(by_rate, np.log(_TELLS_NOTHING)))
+            by_rate = (
+                float(betaln(used + 2, places - used + 1))
+                - _HALF
+                + np.log1p(-LIMITS.unrelated_hint_probability)
+            )
+            total += (
+                by_rate
+                if used
+                else float(np.logaddexp(by_rate, np.log(LIMITS.unrelated_hint_probability)))
+            )
         elif used:
             # ∫ pᵏ (1 - p)ⁿ⁻ᵏ dp
             total += float(betaln(used + 1, places - used + 1)) + _HALF

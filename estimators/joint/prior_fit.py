@@ -10,13 +10,13 @@ everyone's.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 from scipy.linalg import toeplitz
 
 from estimators.arrays import Floats, Ints
 from estimators.joint.gain_matrix import Gain, floor_meats
+from estimators.joint.joint_limits import LIMITS
 from estimators.joint.map_fit import CommonResidual, MapFit
 from estimators.joint.prior_solution import (
     SolutionParts,
@@ -32,13 +32,6 @@ from estimators.numerics.autocorrelation import (
 from estimators.numerics.group_sums import GroupSums, NoiseMoments, column_scales
 from estimators.numerics.sandwich import meat
 from estimators.threads import release_freed_memory
-
-#: Groups disagree when the ratio of variances exceeds 1 by so many of its deviations.
-_DISAGREE: Final = 2.5
-#: What all groups miss alike counts from this ratio to its noise on.
-_MISFIT: Final = 2.0
-#: What the fit takes out of the residuals of fewer groups is put back.
-_FEW_GROUPS: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,7 +274,7 @@ def solve(
     precision = np.where(np.isfinite(prior_std), (prior_std * scale) ** -2.0, 0.0)
     believed = precision * prior_mean * scale
     # a fit of few parameters takes nothing out of many groups
-    taken = A if grouping.taken is None and len(sums.rows) < _FEW_GROUPS else grouping.taken
+    taken = A if grouping.taken is None and len(sums.rows) < LIMITS.few_groups else grouping.taken
     loss = autocovariance_loss(group, taken) if grouping.loss is None else grouping.loss
     try:
         solved = solve_with_priors(
@@ -363,7 +356,7 @@ def between_group_covariance(
     if not (own > 0.0).all():
         return np.zeros_like(covariance), float("nan")
     ratio = float((between / own).mean())
-    if ratio <= 1.0 + _DISAGREE * np.sqrt(2.0 / freedom):
+    if ratio <= 1.0 + LIMITS.disagreeing_std * np.sqrt(2.0 / freedom):
         return np.zeros_like(covariance), float(np.sqrt(ratio))
     # every parameter grows as the first does: a full matrix of few groups is no covariance
     grown = covariance * (ratio * student_factor(float(freedom)) ** 2 - 1.0)
@@ -386,7 +379,7 @@ def _common_misfit(
     nothing = np.zeros((wide, wide))
     if common is None:
         return nothing, float("nan")
-    if not common.ratio > _MISFIT:
+    if not common.ratio > LIMITS.common_misfit_ratio:
         return nothing, common.ratio
     mean, length = common.mean, common.length
     correlation, _ = pooled_autocorrelation(mean, np.zeros(mean.size, np.int64), None)

@@ -6,25 +6,19 @@ errors in variables (Fuller, Measurement Error Models, 1987). Units of a level s
 """
 
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_with_array_form
 from estimators.joint.gain_matrix import DenseGain, Gain, eliminate_levels, has_many_levels
+from estimators.joint.joint_limits import LIMITS
 from estimators.joint.random_intercepts import InterceptShape
 from estimators.numerics.autocorrelation import pooled_autocorrelation
 from estimators.numerics.bordered_matrix import BorderedMatrix
 from estimators.numerics.group_sums import GroupSums
 
-#: The share of the correction for the columns' noise that is uncertain.
-DOUBT: Final = 0.25
-#: Of a direction's sum of squares, noise is never taken to be more than this.
-_LARGEST_NOISE_SHARE: Final = 0.5
-_ROUNDS: Final = 4
-#: Added to the diagonal of the scores' covariance, over its trace: rounding.
-_RIDGE: Final = 1e-12
 #: Parts of a `BorderedMatrix`.
 BorderedParts = tuple[Floats, Floats, Floats, Floats]
 
@@ -258,11 +252,11 @@ def solve_with_priors(
         shape.level_of_units,
         shape.levels.membership,
     )
-    for _ in range(_ROUNDS):
+    for _ in range(LIMITS.solution_rounds):
         if not variance > 0.0:
             raise np.linalg.LinAlgError("no residuals")
         share = largest_noise_share(added, gram + variance * np.diag(precision))
-        kept = min(1.0, _LARGEST_NOISE_SHARE / share) if share > 0 else 1.0
+        kept = min(1.0, LIMITS.max_noise_fraction / share) if share > 0 else 1.0
         turned = _weight_units(units, shape, of_units, kept, theta, variance)
         if solved is None:
             theta = _solve_for_white_noise(turned, (wide_precision, wide_believed), variance)
@@ -312,7 +306,11 @@ def _solve_with_common_error(
     """Estimates (wide,) and gain for S = σ² AᵀA plus an error common to all samples."""
     if has_many_levels(equations.clean):
         trace = variance * equations.gram.trace + float(common_error @ common_error)
-        scores = (equations.gram, common_error / np.sqrt(variance), _RIDGE * trace / variance)
+        scores = (
+            equations.gram,
+            common_error / np.sqrt(variance),
+            LIMITS.ridge_fraction * trace / variance,
+        )
         return eliminate_levels(equations.clean, scores, priors, equations.bare, variance)
     precision, believed = priors
     clean = equations.clean.to_dense()
@@ -323,13 +321,13 @@ def _solve_with_common_error(
 
 def uncertain_noise_fraction(kept: float) -> float:
     """Uncertain fraction of the noise; noise that is not subtracted is entirely uncertain."""
-    return DOUBT * kept + (1.0 - kept)
+    return LIMITS.uncertain_correction_fraction * kept + (1.0 - kept)
 
 
 def weighted_gram(clean: Floats, gram: Floats, variance: float, doubted: Floats) -> Floats:
     """G S⁻¹ for S = σ² AᵀA plus an error common to all samples."""
     S = variance * gram + np.outer(doubted, doubted)
-    return np.linalg.solve(S + _RIDGE * np.trace(S) * np.eye(len(S)), clean).T
+    return np.linalg.solve(S + LIMITS.ridge_fraction * np.trace(S) * np.eye(len(S)), clean).T
 
 
 def largest_noise_share(noise: Floats, gram: Floats) -> float:

@@ -14,9 +14,6 @@ from estimators.arrays import Floats, Ints
 from estimators.methods.ls import solve_windows
 from estimators.numerics.small_systems import factor, inverse_spd, packed_index, substitute
 
-#: The share of a correction that is uncertain.
-DOUBT = 0.5
-
 
 def attenuation(G: Floats, theta: Floats, added: Floats, loading: Floats | None = None) -> Floats:
     """Attenuation (AᵀA - N)⁻¹ N θ of each parameter, by noise source.

@@ -14,6 +14,7 @@ from estimators.arrays import Bools, Floats, Ints
 from estimators.estimate import Estimate, Trace
 from estimators.interpreted import compiled_ahead
 from estimators.methods import ls
+from estimators.methods.method_limits import LIMITS
 from estimators.numerics.autocorrelation import (
     pooled_autocorrelation,
     residuals_of_disjoint_windows,
@@ -31,11 +32,6 @@ from estimators.numerics.rolling import sample_products, sum_windows, window_end
 from estimators.numerics.sandwich import window_std, window_stds
 from estimators.numerics.small_systems import lstsq, packed_index
 from estimators.threads import run_in_chunks
-
-#: Iterations converge linearly; more than this many change nothing that matters.
-_MOST_STEPS = 100
-_NEWTON_STEPS = 12
-_SETTLED = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,13 +62,13 @@ def fit(
     limit = options.bend * float(np.median(np.abs(f - A @ theta))) / 0.6745
     if limit == 0.0:
         return first
-    for _ in range(_MOST_STEPS):
+    for _ in range(LIMITS.reweighting_max_steps):
         residual = f - A @ theta
         root = np.sqrt(np.minimum(1.0, limit / np.maximum(np.abs(residual), limit)))
         following = lstsq(A * root[:, None], f * root)
         moved = np.abs(following - theta).max() / max(np.abs(following).max(), 1e-300)
         theta = following
-        if moved < _SETTLED:
+        if moved < LIMITS.huber_tolerance:
             break
     residual = f - A @ theta
     pseudo = np.clip(residual, -limit, limit) / (np.abs(residual) <= limit).mean()
@@ -105,16 +101,16 @@ def reweight(
     theta = solve(products).theta
     limit = options.bend * median_absolute_residuals(A, f, window, index, theta) / 0.6745
     left = np.flatnonzero(limit > 0.0)
-    for step in range(_NEWTON_STEPS + _MOST_STEPS):
+    for step in range(LIMITS.newton_steps + LIMITS.reweighting_max_steps):
         if left.size == 0:
             break
-        sums = _sum_newton_equations if step < _NEWTON_STEPS else reweighted_sums
+        sums = _sum_newton_equations if step < LIMITS.newton_steps else reweighted_sums
         now = theta[:, left]
         following = solve(sums(A, f, window, index[left], now, limit[left], False)).theta
         stuck = np.isnan(following).any(axis=0)
         theta[:, left] = following = np.where(stuck, now, following)
         moved = np.abs(following - now).max(axis=0)
-        left = left[stuck | (moved > _SETTLED * np.abs(following).max(axis=0))]
+        left = left[stuck | (moved > LIMITS.huber_tolerance * np.abs(following).max(axis=0))]
     kept, squares = _pseudo_residuals(A, f, window, index, theta, limit)
     # without a limit nothing is clipped; one sample at least, where rounding keeps none
     kept = np.where(limit > 0.0, np.maximum(kept, 1.0 / window), 1.0)

@@ -15,6 +15,7 @@ import numpy as np
 from estimators.arrays import Bools, Floats, Ints
 from estimators.estimate import Estimate, Trace
 from estimators.interpreted import compiled_ahead
+from estimators.methods.method_limits import LIMITS
 from estimators.numerics.autocorrelation import (
     pooled_autocorrelation,
     residuals_of_disjoint_windows,
@@ -32,9 +33,6 @@ from estimators.numerics.small_systems import (
     substitute,
 )
 from estimators.threads import run_in_chunks
-
-#: Beyond this condition the normal equations keep fewer than about eleven digits.
-_POORLY_CONDITIONED = 50.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +127,7 @@ def least_squares(
     solved = solve(products)
     theta = solved.theta
     p = len(theta)
-    poor = np.flatnonzero(condition_numbers(products, p + 1, p) > _POORLY_CONDITIONED)
+    poor = np.flatnonzero(condition_numbers(products, p + 1, p) > LIMITS.poor_condition)
     if poor.size:
         correction = normal_equation_residual(A, f, window, index[poor], theta[:, poor])
         L, inverse = np.take(solved.L, poor, axis=2), np.take(solved.inverse, poor, axis=1)

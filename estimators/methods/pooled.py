@@ -10,7 +10,7 @@ import numpy as np
 from estimators.arrays import Floats, Ints
 from estimators.estimate import Trace
 from estimators.interpreted import compiled_ahead
-from estimators.methods.attenuation import DOUBT
+from estimators.methods.method_limits import LIMITS
 from estimators.numerics.autocorrelation import pooled_autocorrelation, scale_widening
 from estimators.numerics.fit_loss import group_ids
 from estimators.numerics.normal_equations import count_columns, solve
@@ -105,5 +105,5 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
         gram = unpack_leading_block(clean[:, row], p + 1, p)
         known = standard_deviations(gram, B, float(rss[row]), float(counts[row]))
         std[row] = known * scale_widening(counts[row], correlation)
-    std = np.hypot(std, DOUBT * (theta - ordinary))
+    std = np.hypot(std, LIMITS.uncertain_correction_fraction * (theta - ordinary))
     return Trace(last, theta, std, np.sqrt(rss / counts), condition, correlation)

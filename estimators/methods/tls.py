@@ -14,6 +14,7 @@ from estimators.arrays import Bools, Floats, Ints
 from estimators.estimate import Estimate, Trace
 from estimators.interpreted import compiled_ahead
 from estimators.methods import ls
+from estimators.methods.method_limits import LIMITS
 from estimators.numerics.normal_equations import count_columns, gram, residual_sums_of_squares
 from estimators.numerics.rolling import sum_windows, window_ends
 from estimators.numerics.sandwich import window_std
@@ -28,8 +29,6 @@ from estimators.numerics.small_systems import (
 )
 from estimators.threads import run_in_chunks
 
-#: Newton settles in three or four; halving a bracket to working precision takes fifty.
-_MOST_STEPS = 100
 #: A change of λ, over fᵀf, that is no more than rounding.
 _SETTLED = 1e-14
 
@@ -100,7 +99,7 @@ def solve_scaled(products: Floats, options: TlsOptions) -> tuple[Floats, Floats]
     roots[2] = np.inf
     done = np.zeros(m, np.bool_)
     x = _solve_shifted(C, shifted, roots[0])
-    for _ in range(_MOST_STEPS):
+    for _ in range(LIMITS.root_max_steps):
         if _step_newton(C, x, roots, done):
             break
         x = _solve_shifted(C, shifted, roots[0])

@@ -15,19 +15,12 @@ from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_with_array_form
 from estimators.numerics.fit_loss import fit_loss, group_ids
 from estimators.numerics.in_order import sum_axis_in_order
+from estimators.numerics.numerics_limits import LIMITS
 
 #: Distances whose sums go side by side, each in its own order.
 _AT_ONCE = 16
-#: So many residuals tell their correlation to two percent of a deviation; of more a part is taken,
-_ENOUGH: Final = 131_072
-#: in blocks of so many, evenly over the log.
+#: Residuals of a block; where a part of them is taken, its blocks lie evenly over the log.
 _BLOCK: Final = 2048
-#: More lags are never looked at: a manoeuvre may be a whole shift.
-MOST_LAGS = 256
-#: Of putting back what the fits took out; each adds what the one before still missed.
-_ROUNDS = 10
-#: Fewer degrees of freedom count as this many: a factor beyond 1.6 stands for "hardly known".
-_FEWEST = 3.0
 
 
 @compiled_ahead
@@ -123,7 +116,7 @@ def autocovariance_loss(group: Ints, A: Floats | None) -> Floats:
     if n <= groups * (0 if A is None else A.shape[1]):
         return np.zeros((0, 0))
     # no more lags than a quarter of a typical fit can tell
-    limit = min(max(1, n // groups // 4), MOST_LAGS)
+    limit = min(max(1, n // groups // 4), LIMITS.max_lags)
     return np.zeros((limit, limit)) if A is None else fit_loss(A, group, limit)
 
 
@@ -156,7 +149,9 @@ def pooled_autocorrelation(
     limit, n = len(loss), int((group >= 0).sum())
     if not limit:
         return np.ones(1), float("nan")
-    sums, pairs = _sum_lag_products(residual, group, limit, max(n // _ENOUGH, 1))
+    sums, pairs = _sum_lag_products(
+        residual, group, limit, max(n // LIMITS.correlated_residuals, 1)
+    )
     found, n = sums / np.maximum(pairs, 1.0), int(pairs[0])
     if found[0] <= 0.0:
         return np.ones(1), 0.0
@@ -207,7 +202,7 @@ def restore_lost_covariance(found: Floats, loss: Floats, taper: Floats) -> Float
     """
     restored = found
     # of residuals that no fit took anything out of there is nothing to put back
-    for _ in range(_ROUNDS if loss.any() else 0):
+    for _ in range(LIMITS.loss_rounds if loss.any() else 0):
         restored = found + loss @ (taper * restored)
     return restored
 
@@ -259,7 +254,7 @@ def student_factor(dof: float) -> float:
 
     The error is below 0.5 % from 3 degrees of freedom on; fewer count as 3.
     """
-    x = 1.0 / max(dof, _FEWEST)
+    x = 1.0 / max(dof, LIMITS.min_degrees_of_freedom)
     return 1.0 + x * (1.2104 + x * (1.4335 + x * (1.2904 + x * 0.89)))
 
 

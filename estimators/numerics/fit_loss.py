@@ -12,11 +12,10 @@ import numpy as np
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_with_array_form
 from estimators.numerics.in_order import multiply_vectors, sum_axis_in_order
+from estimators.numerics.numerics_limits import LIMITS
 
 #: Distances whose sums go side by side, each in its own order.
 _AT_ONCE = 128
-#: So many fits, evenly chosen, stand for all.
-_MOST_FITS = 100
 
 
 def _sum_products_by_arrays(Q: Floats, distances: int) -> Floats:
@@ -242,5 +241,5 @@ def fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
     ids = group_ids(group)
     if A.shape[1] * lags * ids.size < 0.005 * np.count_nonzero(group >= 0):
         return np.zeros((lags, lags))
-    some = ids[np.linspace(0, ids.size - 1, min(ids.size, _MOST_FITS)).astype(np.int64)]
+    some = ids[np.linspace(0, ids.size - 1, min(ids.size, LIMITS.sampled_fits)).astype(np.int64)]
     return sum_autocovariance_loss(A, group, group_spans(group, some), lags)

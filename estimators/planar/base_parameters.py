@@ -15,7 +15,8 @@ import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.errors import DataError, nearest
-from estimators.methods.attenuation import DOUBT, attenuation
+from estimators.methods.attenuation import attenuation
+from estimators.methods.method_limits import LIMITS as METHOD_LIMITS
 from estimators.numerics.autocorrelation import (
     autocovariance_loss,
     pooled_autocorrelation,
@@ -31,17 +32,7 @@ from estimators.planar.blockwise_qr import (
     triangular_factors,
 )
 from estimators.planar.identifiability import identify
-
-#: Axes are weighted by their residuals, which rounding alone must not decide.
-LEAST_RESIDUAL = 1e-9
-#: The weights have settled when none changes by more than this share, …
-SETTLED = 1e-3
-#: … or after so many rounds.
-MOST_ROUNDS = 30
-#: Residuals of a fit with priors keep at least this share of their number.
-LEAST_FREEDOM = 0.1
-#: Noise is at most this share of a column's sum of squares: its size is known to a tenth or so.
-MOST_NOISE = 0.9
+from estimators.planar.planar_fit_limits import LIMITS
 
 
 def fit(
@@ -103,7 +94,7 @@ def fit(
     columns = np.concatenate([free[found.base], given])
     added = samples * np.square(np.zeros((k, p)) if noise is None else noise)
     # of what hardly moves and has a prior, the noise is nearly all of it
-    added = np.minimum(added, MOST_NOISE * np.square(R[..., :-1]).sum(axis=1))
+    added = np.minimum(added, LIMITS.max_noise_fraction * np.square(R[..., :-1]).sum(axis=1))
     system = _System(R[..., columns], R[..., -1], added, shared[:, columns], prior, samples)
     fitted = system.solve(np.ones(k))
     coefficients = place_in_columns(fitted.theta, columns, p)
@@ -213,17 +204,19 @@ class _System:
                 rms=rms,
                 samples=self.samples,
             )
-        floor = LEAST_RESIDUAL * np.sqrt((self.f**2).sum() / (self.samples * k)) or 1.0
+        floor = (
+            LIMITS.min_residual_fraction * np.sqrt((self.f**2).sum() / (self.samples * k)) or 1.0
+        )
         rms = np.ones(k)
         theta = np.empty(0)
-        for number in range(MOST_ROUNDS):
+        for number in range(LIMITS.weight_max_rounds):
             # the first weights are none, beside which no prior is to be weighed
             theta = self._solve_regularised(rms, lasting, with_prior=number > 0).sum(axis=0)
             before, rms = (
                 rms,
                 np.maximum(rms_of_axes(self.f - self.A @ theta, self.samples), floor),
             )
-            if (np.abs(rms / before - 1.0) < SETTLED).all():
+            if (np.abs(rms / before - 1.0) < LIMITS.weight_tolerance).all():
                 break
         by_axis = self._solve_regularised(rms, lasting)
         scale = 1.0 / (rms * np.sqrt(lasting))
@@ -239,7 +232,7 @@ class _System:
             drawn = [attenuation(whole, each, sources, loading) for each in by_axis]
             by_axis = by_axis + np.stack([each.sum(axis=1) for each in drawn])
             taken: Floats = np.sum(drawn, axis=0)
-            doubt = DOUBT**2 * taken @ taken.T
+            doubt = METHOD_LIMITS.uncertain_correction_fraction**2 * taken @ taken.T
             added = np.einsum("kis,ks,kjs->kij", self.loading, noise, self.loading)
             grams, whole = grams - added, whole - added.sum(axis=0)
         bread = inverse_spd(whole)
@@ -345,7 +338,7 @@ def _sandwich_covariance(
     freedom = samples - float(fitted.lasting.max()) * float(np.trace(bread @ B))
     if q:
         # what a prior holds is not lost, however few independent residuals there are
-        freedom = max(freedom, LEAST_FREEDOM * samples)
+        freedom = max(freedom, LIMITS.min_freedom_fraction * samples)
     if not freedom > 0.5:
         return np.full((r, r), np.nan)
     variance = np.maximum(

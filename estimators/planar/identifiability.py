@@ -14,15 +14,7 @@ import numpy as np
 
 from estimators.arrays import Bools, Floats, Ints
 from estimators.errors import DataError
-
-#: (V_r V_rᵀ)_ii above 1 minus this is 1, where A is exact.
-EXACT = 1e-8
-#: Where A is measured: a direction must stand this many times above its noise, …
-NOISE_MARGIN = 10.0
-#: … and what noise turns V_r by is not taken for a combination.
-NOISY = 1e-3
-#: A parameter is passed over as pivot when a later one stands this many times further out.
-PIVOT_PREFERENCE = 100.0
+from estimators.planar.planar_fit_limits import LIMITS
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +59,7 @@ def identify(
         A: (..., p) stacked regressor; all axes but the last are rows.
         parameters: (p,) names of the columns.
         noise: (p,) r.m.s. noise of each measured column, in its unit. Directions below
-            `NOISE_MARGIN` times the noise do not count and are left to the residuals; without it A
+            `noise_margin` times the noise do not count and are left to the residuals; without it A
             is taken as exact, and noise makes everything appear determined.
         samples: number of rows that A represents, if A holds triangular factors.
 
@@ -95,9 +87,9 @@ def identify(
     singular, Vt = np.linalg.svd(R)[1:]
     if noise is None:
         smallest = max(n, p) * np.finfo(float).eps * singular.max(initial=0.0)
-        slack = EXACT
+        slack = LIMITS.exact_slack
     else:
-        smallest, slack = NOISE_MARGIN, NOISY
+        smallest, slack = LIMITS.noise_margin, LIMITS.noisy_slack
     rank = int((singular > smallest).sum())
     identifiable = (Vt[:rank] ** 2).sum(0) > 1.0 - slack
     base, echelon = row_echelon_form(Vt[:rank], identifiable)
@@ -127,7 +119,7 @@ def row_echelon_form(rows: Floats, identifiable: Bools) -> tuple[Ints, Floats]:
     alone = [int(i) for i in np.flatnonzero(identifiable)]
     for number in range(rows.shape[0]):
         length = np.linalg.norm(rest, axis=0)
-        preferred = int(np.argmax(length * PIVOT_PREFERENCE >= length.max()))
+        preferred = int(np.argmax(length * LIMITS.pivot_preference >= length.max()))
         pivot = alone[number] if number < len(alone) else preferred
         pivots.append(pivot)
         direction = rest[:, pivot] / length[pivot]

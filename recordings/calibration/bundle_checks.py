@@ -32,6 +32,7 @@ from recordings.calibration.bundle_folder import (
     parse_sha256sums,
     read_bundle_file,
 )
+from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.bundle_tables import UntrustedTable, read_untrusted_tables
 from recordings.calibration.chain_check import check_chain, check_chain_counter
 from recordings.calibration.check_outcomes import BundleOutcome
@@ -62,8 +63,6 @@ from recordings.signatures.signing import (
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
 
-#: Of entries that are no bundle's.
-_MOST_NAMED: Final = 20
 _UNKNOWN_KEY: Final = (
     "{}: whoever made this folder may have made up the key and the name as well; get the key "
     "from the signer through another channel, then give it with --key, or keep it: {}"
@@ -155,10 +154,10 @@ def read_and_check_bundle_files(folder: Path, bundle: CheckedBundle) -> dict[str
         Files that could be read, by name.
     """
     names, strange = list_bundle_entries(folder)
-    for name, what in strange[:_MOST_NAMED]:
+    for name, what in strange[: LIMITS.max_foreign_entries]:
         bundle.add_finding(BundleOutcome.TAMPERED, name, what)
-    if len(strange) > _MOST_NAMED:
-        more = f"{len(strange) - _MOST_NAMED} more entries"
+    if len(strange) > LIMITS.max_foreign_entries:
+        more = f"{len(strange) - LIMITS.max_foreign_entries} more entries"
         bundle.add_finding(BundleOutcome.TAMPERED, more, "do not belong to a bundle")
     held: dict[str, BundleFile] = {}
     for name in names:

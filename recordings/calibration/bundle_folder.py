@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from estimators.errors import EvidenceError
+from recordings.calibration.bundle_limits import LIMITS
 
 EVIDENCE: Final = "evidence.json"
 READINGS: Final = "readings.parquet"
@@ -33,11 +34,6 @@ REQUIRED: Final = (EVIDENCE, READINGS, POINTS, RECORDING, REPORT)
 UNLISTED: Final = (SUMS, STATEMENT, TIMESTAMP)
 
 _RUN: Final = re.compile(rf"{RUNS}/[A-Za-z0-9][A-Za-z0-9._-]{{0,80}}\.rrd")
-#: Files of a bundle; one of a campaign of many runs has some hundred.
-_MOST_FILES: Final = 4096
-#: Bytes of a file that is held in memory.
-_MOST_BYTES: Final = 32 << 20
-_CHUNK: Final = 1 << 20
 _SUM: Final = re.compile(r"([0-9a-f]{64})  (\S+)")
 
 
@@ -78,10 +74,10 @@ def list_bundle_entries(folder: Path) -> tuple[list[str], list[tuple[str, str]]]
     good: list[str] = []
     bad: list[tuple[str, str]] = []
     for number, (name, mode) in enumerate(iter_entry_names_and_modes(folder)):
-        if number >= _MOST_FILES:
+        if number >= LIMITS.bundle_max_files:
             raise EvidenceError(
-                f"{folder}: more than {_MOST_FILES} entries, so it is not a bundle; give the "
-                "folder of one bundle"
+                f"{folder}: more than {LIMITS.bundle_max_files} entries, so it is not a bundle; "
+                "give the folder of one bundle"
             )
         if stat.S_ISLNK(mode):
             bad.append((name, "is a link, which a bundle cannot contain; it was not followed"))
@@ -127,8 +123,10 @@ def read_bundle_file(folder: Path, name: str) -> BundleFile:
     for part in iter_bundle_file_parts(folder, name):
         size += len(part)
         digest.update(part)
-        if keep and size > _MOST_BYTES:
-            raise EvidenceError(f"{name}: is larger than the {_MOST_BYTES} bytes allowed")
+        if keep and size > LIMITS.held_file_bytes:
+            raise EvidenceError(
+                f"{name}: is larger than the {LIMITS.held_file_bytes} bytes allowed"
+            )
         if keep:
             parts.append(part)
     return BundleFile(digest.hexdigest(), b"".join(parts) if keep else None)
@@ -153,7 +151,7 @@ def iter_bundle_file_parts(folder: Path, name: str) -> Iterator[bytes]:
     try:
         number = os.open(folder / name, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0))
         with os.fdopen(number, "rb") as file:
-            while part := file.read(_CHUNK):
+            while part := file.read(LIMITS.chunk_bytes):
                 yield part
     except OSError as error:
         raise EvidenceError(f"{name}: cannot be read ({error.strerror})") from None
@@ -175,7 +173,7 @@ def parse_sha256sums(data: bytes) -> dict[str, str]:
     except UnicodeDecodeError:
         raise EvidenceError(f"{SUMS}: is not plain text") from None
     found: dict[str, str] = {}
-    for number, line in enumerate(lines[:_MOST_FILES], start=1):
+    for number, line in enumerate(lines[: LIMITS.bundle_max_files], start=1):
         match = _SUM.fullmatch(line)
         if match is None or not is_bundle_file(match[2]) or match[2] in UNLISTED:
             raise EvidenceError(f"{SUMS}: line {number} is not the digest of a file of this bundle")

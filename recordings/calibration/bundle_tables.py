@@ -17,17 +17,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import polars as pl
 
+from recordings.calibration.bundle_limits import LIMITS
+
 if TYPE_CHECKING:
     import pyarrow as pa
 
 _READER: Final = Path(__file__).with_name("parquet_process.py")
-#: Seconds that reading the tables may take.
-_PATIENCE_S: Final = 60.0
-#: Bytes of JSON that tables may become.
-_MOST_OUTPUT: Final = 256 << 20
-#: Bytes of tables whose reading is kept: those of evidence have some kB, and are read again with
-#: the evidence after it and with the chain.
-_MOST_KEPT: Final = 1 << 20
 #: Arrow's name of the type that `encode_table_as_parquet` gives a column; Arrow itself is imported
 #: by the reader's process alone.
 _ARROW: Final[Mapping[type[pl.DataType], str]] = {
@@ -96,7 +91,7 @@ def read_tables_in_process(tables: Sequence[UntrustedTable]) -> list[dict[str, A
         ]
     )
     data = b"".join(table.data for table in tables)
-    ask = _ask_once if len(data) <= _MOST_KEPT else run_table_reader_process
+    ask = _ask_once if len(data) <= LIMITS.kept_tables_bytes else run_table_reader_process
     out = ask(asked, data)
     return None if out is None else json.loads(out)
 
@@ -111,12 +106,12 @@ def run_table_reader_process(request: str, data: bytes) -> bytes | None:
         stderr=subprocess.DEVNULL,
     )
     try:
-        out, _ = child.communicate(data, timeout=_PATIENCE_S)
+        out, _ = child.communicate(data, timeout=LIMITS.tables_max_s)
     except subprocess.TimeoutExpired:
         child.kill()
         child.communicate()
         return None
-    return None if child.returncode or len(out) > _MOST_OUTPUT else out
+    return None if child.returncode or len(out) > LIMITS.tables_output_bytes else out
 
 
 #: The same bytes hold the same, and the reader takes a quarter of a second to start.

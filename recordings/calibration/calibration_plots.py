@@ -6,15 +6,11 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
+from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shorten_text
 
 _BOX: Final = (52.0, 22.0, WIDTH - 10.0, 196.0)
-#: Pixels of a figure's height, points of a curve, and pixels of a row, as the report is laid
-#: out.
-_HEIGHT: Final = 232
-_GRID: Final = 41
-_ROW: Final = 18.0
 
 
 def draw_report_pictures(document: EvidenceDocument, readings: pl.DataFrame) -> list[Drawing]:
@@ -36,7 +32,7 @@ def calibrated_intervals_kg(calibration: Calibration) -> list[tuple[float, float
     low, high = calibration.range_kg
     readings = calibration.budget_at[1]
     found: list[tuple[float, float, float]] = []
-    for mass_kg in np.linspace(low, high, _GRID).tolist():
+    for mass_kg in np.linspace(low, high, LIMITS.curve_points).tolist():
         at = calibration.calibrate_estimate(
             calibration.c0_kg + calibration.c1_1 * mass_kg, None, readings
         )
@@ -55,7 +51,7 @@ def _draw_line(calibration: Calibration) -> Drawing:
         "Calibrated against reference mass",
         f"One point per run, {len(known)} in all, on the line of equal masses from {low:,.0f} to "
         f"{high:,.0f} kg. The band contains the calibrated mass of {percent} of later runs.",
-        _HEIGHT,
+        LIMITS.figure_height,
     )
     masses = [low, high, *(point.calibrated_kg or 0.0 for point in known)]
     axes = Axes.from_data([low, high], [*masses, *(e for _, *es in edges for e in es)], _BOX)
@@ -86,7 +82,7 @@ def _draw_residuals(calibration: Calibration) -> Drawing:
         "Errors by load: filled with the load in the fit, open without it",
         f"Calibrated less reference mass of every run; the largest is {worst:,.1f} kg. Open "
         "circles are errors of a line fitted without that load.",
-        _HEIGHT,
+        LIMITS.figure_height,
     )
     heights = [0.0, *(e for _, e, _ in [*errors, *left]), *(e for _, *es in edges for e in es)]
     axes = Axes.from_data(list(calibration.range_kg), heights, _BOX)
@@ -114,11 +110,11 @@ def _draw_budget_bars(calibration: Calibration) -> Drawing:
         f"at {at_kg:,.0f} kg: "
         + (", ".join(f"{row.component} {row.u_kg:.2g}" for row in known) or "none is known")
         + ".",
-        int(30 + _ROW * (len(known) + 1)),
+        int(30 + LIMITS.row_height * (len(known) + 1)),
     )
     begin, room = 128.0, WIDTH - 128.0 - 72.0
     for number, row in enumerate([*known, None]):
-        y = 12.0 + _ROW * number
+        y = 12.0 + LIMITS.row_height * number
         u_kg = calibration.u_kg if row is None else row.u_kg or 0.0
         name = "together" if row is None else row.component
         picture.write(begin - 6, y + 10, shorten_text(name, begin - 8), "end")
@@ -137,7 +133,7 @@ def _draw_points(points: pl.DataFrame) -> Drawing:
         "Readings about the mean of their run",
         f"{len(used)} readings of {len(runs)} runs; dashed circles were rejected. The largest of "
         f"those that count is {max(map(abs, used), default=0.0):,.1f} kg off.",
-        _HEIGHT,
+        LIMITS.figure_height,
     )
     axes = Axes.from_data([0.5, len(runs) + 0.5], [0.0, *points["off_kg"].to_list()], _BOX, 0.05)
     axes.draw(picture, "run, in the order of the campaign", "reading less mean in kg")

@@ -9,6 +9,7 @@ import polars as pl
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.calibration_budget import rank_next_loads
 from estimators.errors import counted, list_some
+from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.campaign_faults import logs_without_machine, runs_without_date
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.learnt_terms_text import RUNS, TERMS
@@ -18,10 +19,6 @@ ESTIMATORS: Final = {
     "joint_payload": "payload by the joint fit, as a difference to runs without load",
     "pooled": "pooled least squares of a manoeuvre",
 }
-#: Logs of a list that are named.
-_MOST_NAMED: Final = 12
-#: Below it, β is a correction; above, it is most of what is reported.
-_MUCH: Final = 0.5
 
 _NO_CONFORMITY: Final = (
     "This is a comparison with the limits of a class, not a statement of conformity with the "
@@ -129,7 +126,7 @@ def _describe_recording_machine(document: EvidenceDocument) -> Iterator[str]:
     if without:
         yield (
             f"Whether these logs were recorded by this machine: "
-            f"{list_some(without, _MOST_NAMED)}. They do not name "
+            f"{list_some(without, LIMITS.max_logs)}. They do not name "
             "theirs; their digests only show that they are the files that were replayed."
         )
     if told:
@@ -220,7 +217,7 @@ def calibration_offset_text(calibration: Calibration) -> str:
         f"A calibrated mass is α times the estimate plus β. In the middle of the range, at "
         f"{middle_kg:,.0f} kg, β is {calibration.beta_kg:,.1f} kg: {share:.0%} of what is reported"
     ).replace("%", " %")
-    if abs(share) > _MUCH:
+    if abs(share) > LIMITS.large_correction_fraction:
         return (
             f"{begin}. That part is a constant, which no sensor influences. What the machine "
             f"measured moves the result by {calibration.alpha_1:.3f} kg for each kg of the "

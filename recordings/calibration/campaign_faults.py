@@ -7,10 +7,9 @@ from zoneinfo import ZoneInfo
 
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, CampaignRun
 from analysis.model.machine import Machine
+from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
 
-#: How far the clocks of two computers may be apart.
-CLOCK_S: Final = 300
 _BEGINS: Final = "%Y-%m-%d %H:%M:%S UTC"
 
 
@@ -52,7 +51,7 @@ def find_day_faults(
                 f"run '{run.id}' of {run.day}: its log {run.log} was recorded on {first} in the "
                 f"machine's time zone, {zone.key}"
             )
-        if end > created + dt.timedelta(seconds=CLOCK_S):
+        if end > created + dt.timedelta(seconds=LIMITS.clock_difference_s):
             yield (
                 f"run '{run.id}': its log {run.log} ends {end:%F %R} UTC, after the evidence was "
                 f"made, {created:%F %R} UTC"

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from recordings.calibration.bundle_folder import EVIDENCE
-from recordings.calibration.campaign_faults import CLOCK_S, creation_time
+from recordings.calibration.bundle_limits import LIMITS
+from recordings.calibration.campaign_faults import creation_time
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument
@@ -71,7 +72,9 @@ def check_chain(
             "is other evidence than the previous evidence given",
         )
     else:
-        if creation_time(document) < creation_time(last) - dt.timedelta(seconds=CLOCK_S):
+        if creation_time(document) < creation_time(last) - dt.timedelta(
+            seconds=LIMITS.clock_difference_s
+        ):
             what = f"is before the evidence that it follows was made, {last.made}"
             bundle.add_finding(BundleOutcome.TAMPERED, f"{EVIDENCE}: made", what)
         _check_as_found(bundle, document, last)

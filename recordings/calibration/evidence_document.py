@@ -23,6 +23,7 @@ from analysis.calibration.use.learnt_priors import LearntPriors, machine_with_le
 from analysis.model.machine import Machine
 from analysis.model.strict_config import STRICT
 from estimators.errors import EvidenceError
+from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.released_defaults import (
     changed_defaults_of_absent_settings,
     find_absent_settings,
@@ -50,10 +51,6 @@ Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 Stamp = Annotated[str, StringConstraints(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ$")]
 Counted = Annotated[int, Field(ge=0, lt=2**53)]
 Sentence = Annotated[str, StringConstraints(max_length=4000)]
-
-
-#: Characters of a stranger's text that are repeated.
-_LONGEST: Final = 60
 
 
 class UnknownFormatError(EvidenceError):
@@ -321,7 +318,11 @@ def other_payscope_version(values: Any) -> str:
     if not isinstance(made, str) or not isinstance(form, str):
         return ""
     own = made == version("payscope") and form == FORMAT
-    return "" if own else f"payscope {made[:_LONGEST]} in {form[:_LONGEST]}"
+    return (
+        ""
+        if own
+        else f"payscope {made[: LIMITS.quoted_characters]} in {form[: LIMITS.quoted_characters]}"
+    )
 
 
 def evidence_schema_text() -> str:

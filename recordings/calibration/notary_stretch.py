@@ -6,7 +6,8 @@ from typing import Final
 
 from analysis.calibration.campaign.campaign_plan import NotaryStretch
 from recordings.calibration.bundle_folder import NOTARY
-from recordings.calibration.campaign_faults import CLOCK_S, creation_time, log_begin_or_none
+from recordings.calibration.bundle_limits import LIMITS
+from recordings.calibration.campaign_faults import creation_time, log_begin_or_none
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
@@ -15,7 +16,7 @@ from recordings.notary.notary_list import NotaryEntry, split_whole_lines
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signed_by import SignedBy
 
-_CLOCK: Final = dt.timedelta(seconds=CLOCK_S)
+_CLOCK: Final = dt.timedelta(seconds=LIMITS.clock_difference_s)
 
 
 def cut_notary_stretch(data: bytes, stretch: NotaryStretch) -> bytes:

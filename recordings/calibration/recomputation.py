@@ -20,9 +20,9 @@ from analysis.calibration.use.error_limits import WITHIN
 from analysis.calibration.use.learnt_priors import pool_terms_of_logs
 from estimators.errors import CampaignError
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REPORT
+from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.calibration_report import report_html
 from recordings.calibration.campaign_faults import (
-    CLOCK_S,
     creation_time,
     find_day_faults,
     find_machine_faults,
@@ -35,13 +35,8 @@ from recordings.calibration.derived_values import (
 )
 from recordings.calibration.evidence_document import EvidenceDocument
 
-#: Another processor or library has other last bits.
-_LAST_BITS: Final = 1e-9
 _LATER: Final = "made before {} existed: the first default of that setting is used"
 _NOTHING: Final = (None, "", [], {}, ())
-#: Of a list of differences, so many are named.
-_MOST: Final = 5
-_LONGEST: Final = 200
 
 Findings = Iterator[BundleFinding]
 
@@ -90,7 +85,8 @@ def _run_check_step(item: str, step: Callable[[], Iterable[BundleFinding]]) -> l
             warnings.simplefilter("ignore")
             return list(step())
     except Exception as fault:  # noqa: BLE001  a stranger chose the numbers
-        what = f"cannot be recomputed ({type(fault).__name__}: {str(fault)[:_LONGEST]})"
+        said = str(fault)[: LIMITS.fault_characters]
+        what = f"cannot be recomputed ({type(fault).__name__}: {said})"
         return [BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)]
 
 
@@ -144,7 +140,7 @@ def differ_by_rounding(stored: Any, computed: Any) -> bool:
     """Whether two numbers differ only in their last bits."""
     if not all(type(value) in (int, float) for value in (stored, computed)):
         return False
-    return abs(stored - computed) <= _LAST_BITS * max(abs(stored), abs(computed))
+    return abs(stored - computed) <= LIMITS.last_bits_1 * max(abs(stored), abs(computed))
 
 
 def _irreproducible_finding(place: str, what: str) -> BundleFinding:
@@ -161,7 +157,7 @@ def check_evidence_against_campaign(document: EvidenceDocument) -> Findings:
     made, now = creation_time(document), dt.datetime.now(dt.UTC)
     for fault in find_day_faults(campaign, document.logs, machine.machine.zone, made):
         yield _irreproducible_finding("campaign.runs", fault)
-    if made > now + dt.timedelta(seconds=CLOCK_S):
+    if made > now + dt.timedelta(seconds=LIMITS.clock_difference_s):
         yield _irreproducible_finding(
             "made", f"is in the future: {document.made}, but now it is {now:%F %R}"
         )
@@ -282,10 +278,12 @@ def refit_and_compare(
         each for name, kept, computed in pairs for each in find_differences(kept, computed, name)
     ]
     wrong = [place for place, near in places if not near]
-    for place in wrong[:_MOST]:
+    for place in wrong[: LIMITS.max_differences]:
         yield _irreproducible_finding(place, "does not follow from the readings")
-    if len(wrong) > _MOST:
-        yield _irreproducible_finding("calibration", f"and {len(wrong) - _MOST} more")
+    if len(wrong) > LIMITS.max_differences:
+        yield _irreproducible_finding(
+            "calibration", f"and {len(wrong) - LIMITS.max_differences} more"
+        )
     if places and not wrong:
         notes.append(
             f"{len(places)} numbers of the fit differ in their last bits: another processor or "

@@ -18,20 +18,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from recordings.calibration.bundle_folder import PDF, copy_bundle_file_and_digest
+from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.calibration_report import write_report_pdf
 
-#: Seconds that recordings of long logs may take.
-_PATIENCE_S: Final = 900.0
 #: What is started for them.
 _READER: Final = "recordings.calibration.digest_process"
-#: Bytes of JSON that a process may answer with.
-_MOST_OUTPUT: Final = 64 << 20
 _DAMAGED: Final = "is so damaged that it crashes the reader"
 #: Bullets of a list are drawn at the end of their page.
 _BULLET: Final = "•"
-#: Characters of a difference that are shown, and of what stands before it.
-_SHOWN: Final = 40
-_BEFORE: Final = 12
 _NUMBER: Final = re.compile(r"[-+−±]?\d[\d,.]*")
 
 
@@ -124,12 +118,12 @@ def run_reader_process(kind: str, copies: Sequence[Path]) -> list[dict[str, Any]
         cwd=copies[0].parent,
     )
     try:
-        out, _ = child.communicate(timeout=_PATIENCE_S)
+        out, _ = child.communicate(timeout=LIMITS.recordings_max_s)
     except subprocess.TimeoutExpired:
         child.kill()
         child.communicate()
         return None
-    return None if child.returncode or len(out) > _MOST_OUTPUT else json.loads(out)
+    return None if child.returncode or len(out) > LIMITS.answer_bytes else json.loads(out)
 
 
 def compare_pdf_with_page(folder: Path, sha256: str, html: str) -> tuple[str, str]:
@@ -196,8 +190,10 @@ def describe_first_difference(expected: str, found: str) -> str:
         return ""
     pairs = enumerate(zip(expected, found, strict=False))
     at = next((k for k, (a, b) in pairs if a != b), min(len(expected), len(found)))
-    begin = max(0, at - _BEFORE)
-    there, here = (text[begin : at + _SHOWN] or "nothing" for text in (found, expected))
+    begin = max(0, at - LIMITS.context_characters)
+    there, here = (
+        text[begin : at + LIMITS.difference_characters] or "nothing" for text in (found, expected)
+    )
     return f"reads '{there}' where report.html has '{here}'"
 
 

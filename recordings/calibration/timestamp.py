@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Final
 
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_folder import STATEMENT, TIMESTAMP, BundleFile
-from recordings.calibration.campaign_faults import CLOCK_S, creation_time
+from recordings.calibration.bundle_limits import LIMITS
+from recordings.calibration.campaign_faults import creation_time
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle, content_in_memory
 from recordings.calibration.evidence_document import EvidenceDocument
@@ -27,10 +28,6 @@ _HASHES: Final = {
     "2.16.840.1.101.3.4.2.2": hashlib.sha384,
     "2.16.840.1.101.3.4.2.3": hashlib.sha512,
 }
-#: Bytes of a response that are read; one has some thousand.
-_MOST_BYTES: Final = 1 << 20
-#: Characters of a library's fault that are passed on.
-_LONGEST: Final = 200
 
 
 def refuse_without_rfc3161() -> None:
@@ -77,7 +74,7 @@ def read_authority_certificates(path: Path) -> "tuple[Certificate, ...]":
     refuse_without_rfc3161()
     try:
         with path.open("rb") as file:
-            data = file.read(_MOST_BYTES)
+            data = file.read(LIMITS.response_bytes)
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
     try:
@@ -123,7 +120,7 @@ def check_timestamp(
         imprint = response.tst_info.message_imprint
         hashed = _HASHES.get(imprint.hash_algorithm.dotted_string)
     except Exception as error:  # noqa: BLE001  the parser is another's, the bytes a stranger's
-        what = f"is not a granted time-stamp response ({str(error)[:_LONGEST]})"
+        what = f"is not a granted time-stamp response ({str(error)[: LIMITS.fault_characters]})"
         bundle.add_finding(BundleOutcome.TAMPERED, TIMESTAMP, what)
         return
     statement = content_in_memory(files, STATEMENT)
@@ -133,7 +130,7 @@ def check_timestamp(
         bundle.add_finding(
             BundleOutcome.TAMPERED, TIMESTAMP, "belongs to another signature than this one"
         )
-    elif stamped < creation_time(document) - dt.timedelta(seconds=CLOCK_S):
+    elif stamped < creation_time(document) - dt.timedelta(seconds=LIMITS.clock_difference_s):
         what = f"is of {stamped:%F %R} UTC, before the evidence says that it was made"
         bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, TIMESTAMP, what)
     elif not authorities:
@@ -162,5 +159,6 @@ def find_timestamp_fault(
     try:
         verifier.verify_message(response, statement)
     except (VerificationError, ValueError) as error:
-        return f"is not by an authority of --tsa, or not valid ({str(error)[:_LONGEST]})"
+        said = str(error)[: LIMITS.fault_characters]
+        return f"is not by an authority of --tsa, or not valid ({said})"
     return ""

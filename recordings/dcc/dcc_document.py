@@ -6,6 +6,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final
 
 from estimators.errors import EvidenceError
+from recordings.dcc.dcc_limits import LIMITS
 
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
@@ -15,10 +16,6 @@ SI: Final = "https://ptb.de/si"
 DS: Final = "http://www.w3.org/2000/09/xmldsig#"
 #: The version that is read and written. 3.3 has other elements; earlier ones lack some.
 VERSION: Final = "3.2.1"
-#: Bytes of a certificate: a hundred weights take 0.3 MB, and an embedded PDF a few MB.
-MOST_BYTES: Final = 16 << 20
-#: Elements of a certificate, for the same reason.
-_MOST_ELEMENTS: Final = 200_000
 _IDS: Final = ("id", "Id", "ID", "{http://www.w3.org/XML/1998/namespace}id")
 #: Core data that the schema asks for, and the form of each.
 _CORE: Final = {
@@ -59,8 +56,10 @@ def parse_dcc(data: bytes, what: str) -> "_Element":
     refuse_without_xml_libraries()
     from lxml import etree
 
-    if len(data) > MOST_BYTES:
-        raise EvidenceError(f"{what}: has more than {MOST_BYTES >> 20} MiB, the most that is read")
+    if len(data) > LIMITS.certificate_bytes:
+        raise EvidenceError(
+            f"{what}: has more than {LIMITS.certificate_bytes >> 20} MiB, the most that is read"
+        )
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,
@@ -97,8 +96,8 @@ def find_schema_faults(root: "_Element") -> Iterator[str]:
     """Faults of the frame against the schema of certificates."""
     seen: set[str] = set()
     for count, element in enumerate(root.iter()):
-        if count > _MOST_ELEMENTS:
-            yield f"has more than {_MOST_ELEMENTS} elements"
+        if count > LIMITS.certificate_elements:
+            yield f"has more than {LIMITS.certificate_elements} elements"
             return
         if not isinstance(element.tag, str):  # pyright: ignore[reportUnnecessaryIsInstance]
             yield "has a processing instruction or an entity inside"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from estimators.errors import EvidenceError
 from recordings.dcc.dcc_document import DCC, SI, leaf_text_or_none
+from recordings.dcc.dcc_limits import LIMITS
 from recordings.dcc.dcc_quantity import list_length_or_none, list_texts, read_value_and_u_kg
 
 if TYPE_CHECKING:
@@ -24,8 +25,6 @@ NamedItem = tuple["_Element", Sequence[str]]
 #: What a quantity that is the mass calls itself, the best first. Conventional mass is what weights
 #: are certified in; of steel it differs from the mass by less than 1e-6.
 _KINDS: Final = ("conventionalMass", "mass", "measuredValue")
-#: Items that an error names as choices.
-_MOST_NAMED: Final = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +120,7 @@ class _CertificateMasses:
                 if self._may_quantity_be_of_item(item, quantity, refers)
                 for kind in quantity_kinds(quantity)
             }
-        )[:_MOST_NAMED]
+        )[: LIMITS.max_items]
         raise EvidenceError(
             f"{what}: none of its quantities has the refType of a mass ({', '.join(_KINDS)}); it "
             f"has {'only ' + ', '.join(kinds) if kinds else 'none at all'}"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from estimators.errors import EvidenceError
 from recordings.dcc.dcc_document import SI, leaf_text_or_none
+from recordings.dcc.dcc_limits import LIMITS
 
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
@@ -22,15 +23,6 @@ _UNITS_KG: Final = {
     r"\tonne": 1e3,
 }
 _NUMBER: Final = re.compile(r"[-+]?(\d*\.\d+|\d+\.?\d*)([Ee][-+]?\d+)?")
-#: Characters of a number, of which no certificate needs more.
-_MOST_DIGITS: Final = 40
-#: A weight that is known less well than to 10 % is a misread unit.
-_MOST_U_1: Final = 0.1
-_MOST_KG: Final = 1e6
-#: Coverage factors beyond are no interval of 99.99 % even with two degrees of freedom.
-_MOST_K: Final = 100.0
-#: Values of a list; the largest sets have about 30 weights.
-MOST_VALUES: Final = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +79,8 @@ def list_length_or_none(quantity: "_Element", what: str) -> int | None:
     if reals:
         return None
     count = len(list_texts(lists[0], "valueXMLList", what))
-    if count > MOST_VALUES:
-        raise EvidenceError(f"{what}: its list has {count} values, more than {MOST_VALUES}")
+    if count > LIMITS.max_values:
+        raise EvidenceError(f"{what}: its list has {count} values, more than {LIMITS.max_values}")
     return count
 
 
@@ -119,9 +111,9 @@ def read_value_and_u_kg(
     unit_kg = _UNITS_KG[units[value.place if len(units) > 1 else 0]]
     value_kg = value.entry_number(element, "value", what) * unit_kg
     u_kg = _standard_uncertainty(value, what, several_units=len(set(units)) > 1) * unit_kg
-    if not 0.0 < value_kg <= _MOST_KG:
+    if not 0.0 < value_kg <= LIMITS.weight_max_kg:
         raise EvidenceError(f"{what}: {value_kg:g} kg is not a possible mass of a weight")
-    if not 0.0 < u_kg <= _MOST_U_1 * value_kg:
+    if not 0.0 < u_kg <= LIMITS.weight_max_u_1 * value_kg:
         raise EvidenceError(
             f"{what}: a standard uncertainty of {u_kg:g} kg is not possible for {value_kg:g} kg"
         )
@@ -140,7 +132,7 @@ def _standard_uncertainty(value: DsiValue, what: str, *, several_units: bool) ->
     if interval:
         return value.entry_number(inside, name, what)
     k = value.entry_number(inside, "coverageFactor", what)
-    if not 1.0 <= k <= _MOST_K:
+    if not 1.0 <= k <= LIMITS.max_coverage_factor:
         raise EvidenceError(f"{what}: {k:g} is not a coverage factor")
     p = value.entry_number(inside, "coverageProbability", what)
     if not 0.5 <= p < 1.0:
@@ -173,7 +165,7 @@ def list_texts(parent: "_Element", name: str, what: str) -> list[str]:
 
 
 def _parse_number(text: str, name: str, what: str) -> float:
-    if len(text) > _MOST_DIGITS or not _NUMBER.fullmatch(text):
+    if len(text) > LIMITS.number_characters or not _NUMBER.fullmatch(text):
         raise EvidenceError(f"{what}: its si:{name} '{text[:40]}' is not a decimal number")
     value = float(text)
     if not math.isfinite(value):

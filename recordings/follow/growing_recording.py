@@ -19,7 +19,7 @@ from analysis.model.methods import METHODS, FeedKind
 from analysis.model.run_record import Provenance, Run
 from analysis.model.settings import Settings
 from analysis.online.follower import FollowedRow
-from analysis.online.online_report import LARGEST_U_1
+from analysis.online.online_limits import LIMITS as ONLINE_LIMITS
 from estimators.errors import RecordingError
 from recordings.follow.growing_file import (
     HEAD_BYTES,
@@ -161,7 +161,7 @@ class GrowingRecording:
                 if last is not None and t_ns - last > _BREAK_PERIODS * self._period_ns:
                     found.append({"t_ns": last + 1})
                 numbers = (*estimate.theta[:2], *estimate.std[:2] ** 2)
-                if not estimate.std[0] <= LARGEST_U_1 * abs(estimate.theta[0]):
+                if not estimate.std[0] <= ONLINE_LIMITS.certain_mass_u_1 * abs(estimate.theta[0]):
                     # one that is off by tons would leave no room for the others
                     numbers = (math.nan,) * len(ESTIMATES)
                 named = zip(ESTIMATES, map(float, numbers), strict=True)

@@ -7,8 +7,8 @@ from itertools import pairwise
 from typing import Final
 
 from estimators.errors import EvidenceError, list_some
+from recordings.notary.notary_limits import LIMITS
 from recordings.notary.notary_list import (
-    MOST_LIST_BYTES,
     NotaryEntry,
     NotaryHead,
     NotaryLine,
@@ -17,13 +17,8 @@ from recordings.notary.notary_list import (
 )
 from recordings.signatures.signing import PublicKey
 
-#: Seconds by which the clocks of a recorder and of its notary may be apart.
-CLOCK_S: Final = 300
 #: A log that is listed so long after its end may have been changed in between.
 LATE: Final = dt.timedelta(days=1)
-#: Faults that are listed, and entries that a fault names.
-_MOST_FAULTS: Final = 20
-_MOST_NAMED: Final = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +77,8 @@ def check_notary_list(data: bytes, now: dt.datetime, first_counter: int = 1) -> 
         first_counter: counter of the first line after the head.
     """
     checked = CheckedList()
-    if len(data) > MOST_LIST_BYTES:
-        checked.add_forgery(f"is larger than the {MOST_LIST_BYTES} bytes allowed")
+    if len(data) > LIMITS.list_bytes:
+        checked.add_forgery(f"is larger than the {LIMITS.list_bytes} bytes allowed")
         return checked
     whole, tail = split_whole_lines(data)
     if tail:
@@ -96,7 +91,7 @@ def check_notary_list(data: bytes, now: dt.datetime, first_counter: int = 1) -> 
             lines.append(parse_line(line, f"line {number}"))
         except EvidenceError as fault:
             checked.add_forgery(str(fault))
-            if len(checked.faults) >= _MOST_FAULTS:
+            if len(checked.faults) >= LIMITS.max_faults:
                 return checked
     _check_head_signature(checked, lines)
     if checked.head is None:
@@ -161,7 +156,7 @@ def _check_chained_lines(checked: CheckedList, lines: Sequence[NotaryLine], firs
 
 def _find_time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Iterator[ListFault]:
     """Yield contradictions between clocks and times."""
-    clock = dt.timedelta(seconds=CLOCK_S)
+    clock = dt.timedelta(seconds=LIMITS.clock_difference_s)
     latest: NotaryEntry | None = None
     ended: NotaryEntry | None = None
     for entry in entries:
@@ -235,7 +230,7 @@ def find_remarks_on_list(entries: Sequence[NotaryEntry]) -> Iterator[str]:
 
 def _line_numbers_text(counters: Sequence[int]) -> str:
     """Numbers of the affected lines as text; only the first ones are listed."""
-    return f"number {list_some(counters, _MOST_NAMED)}"
+    return f"number {list_some(counters, LIMITS.max_entries)}"
 
 
 def parse_time_or_none(stamp: str) -> dt.datetime | None:

@@ -17,15 +17,13 @@ from pydantic import BaseModel, Field, StringConstraints, ValidationError
 
 from analysis.model.strict_config import STRICT
 from estimators.errors import EvidenceError
+from recordings.notary.notary_limits import LIMITS
 from recordings.signatures.canonical_json import canonical_json_bytes, parse_canonical_json
 from recordings.signatures.signing import PublicKey, SigningKey
 
 FORMAT: Final = "payscope-notary/1"
 #: What a line's signature is of begins with it, so that it can be taken for nothing else.
 _DOMAIN: Final = b"payscope-notary/1\n"
-#: Bytes of a line and of a list that are read; a rosbag2 directory may have many files.
-MOST_LINE_BYTES: Final = 1 << 20
-MOST_LIST_BYTES: Final = 256 << 20
 
 Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 Stamp = Annotated[str, StringConstraints(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ$")]
@@ -136,8 +134,8 @@ def parse_line(data: bytes, what: str) -> NotaryLine:
     Raises:
         EvidenceError: it is not a line as written by `sign_line`.
     """
-    if len(data) > MOST_LINE_BYTES:
-        raise EvidenceError(f"{what}: is longer than the {MOST_LINE_BYTES} bytes allowed")
+    if len(data) > LIMITS.line_bytes:
+        raise EvidenceError(f"{what}: is longer than the {LIMITS.line_bytes} bytes allowed")
     values: Any = parse_canonical_json(data, what)
     if not isinstance(values, dict) or not isinstance(values.get("signature"), str):
         raise EvidenceError(f"{what}: is not a signed line of a notary")

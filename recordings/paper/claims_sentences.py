@@ -7,8 +7,7 @@ import polars as pl
 
 from analysis.paper import printed_numbers
 from analysis.paper.claims import Claims, ls_buffer_bytes, rls_state_bytes
-from analysis.paper.excitation_figures import WINDOW_S
-from analysis.paper.simulated_sources import CRUISE_S
+from analysis.paper.paper_limits import LIMITS as PAPER_LIMITS
 from recordings.paper.paper_wording import NAMES, ItemSentences, format_percent
 
 _CLAIMS: Final = {
@@ -59,12 +58,12 @@ def _describe_case(row: Mapping[str, Any]) -> str:
     if row["claim"] == "rms":
         return f"{name}, single runs, own load left out of (19)"
     if row["claim"] == "simulation":
-        return f"{name}, mean of {row['windows']} windows of {WINDOW_S:g} s"
+        return f"{name}, mean of {row['windows']} windows of {PAPER_LIMITS.optimal_window_s:g} s"
     if row["claim"] == "experiment":
         return f"{name}, mean size of a run's error after (19)"
     if row["of"] == "cruise":
         how = _DIRECTIONAL[row["fed"]] if row["directional"] else row["fed"]
-        return f"{name} {how}, RMS error after {CRUISE_S:g} s of cruise"
+        return f"{name} {how}, RMS error after {PAPER_LIMITS.cruise_s:g} s of cruise"
     return f"{name} {row['fed']}, single runs of campaigns, own load left out of (19)"
 
 
@@ -93,7 +92,8 @@ def sentences_on_claims(claims: Claims) -> ItemSentences:
             "begins anew at each, as in a replay, from the first window of the load alone, and so "
             "is worse.",
             "RLS without the criterion is fed every sample, or every sample but braking; the "
-            f"claim's constant speed is a cruise of {CRUISE_S:g} s after a start of 3 s.",
+            f"claim's constant speed is a cruise of {PAPER_LIMITS.cruise_s:g} s after a start of "
+            "3 s.",
         ),
         (
             _memory_claim_sentence(claims),
@@ -147,8 +147,8 @@ def _simulation_claim_sentence(claims: Claims) -> str:
     return (
         f"{format_percent(mean, 4)} ± {format_percent(spread, 2)} in simulation: a single window "
         "of "
-        f"{WINDOW_S:g} s is within ± {format_percent(claims.window_spread_1, 2)} at the noise that "
-        "comes "
+        f"{PAPER_LIMITS.optimal_window_s:g} s is within "
+        f"± {format_percent(claims.window_spread_1, 2)} at the noise that comes "
         f"nearest to Table 1, whose own 11.66 kg are 0.32 %. ± {format_percent(spread, 2)} is "
         "what the "
         f"mean of some {claims.windows_claimed:.0f} such windows has. The mean of ours is "

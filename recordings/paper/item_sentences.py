@@ -6,8 +6,8 @@ from typing import Final
 from analysis.paper import printed_numbers
 from analysis.paper.campaign_figures import Figure5, Figure6, Figure7, Figure8
 from analysis.paper.campaign_tables import ErrorExtremes, SweptTable, Table2
-from analysis.paper.excitation_figures import EARLY_S, WINDOW_S, Figure2, Figure3, Figure4
-from analysis.paper.simulated_sources import THRESHOLD_NAT, WINDOW_SAMPLES
+from analysis.paper.excitation_figures import Figure2, Figure3, Figure4
+from analysis.paper.paper_limits import LIMITS as PAPER_LIMITS
 from analysis.paper.table1 import LONG_S, RARE, Table1
 from recordings.paper.paper_wording import (
     NAMES,
@@ -159,8 +159,8 @@ def method_error_table_sentences(numbers: SweptTable) -> ItemSentences:
     return ItemSentences(
         (
             _CAMPAIGN,
-            f"The window is held at {WINDOW_SAMPLES} samples, section 4.3's; the paper does not "
-            "say what its Table 3 holds.",
+            f"The window is held at {PAPER_LIMITS.fixed_window_samples} samples, section 4.3's; "
+            "the paper does not say what its Table 3 holds.",
             *_ERRORS_CHOSEN,
         ),
         (
@@ -180,9 +180,9 @@ def swept_setting_table_sentences(numbers: SweptTable) -> ItemSentences:
     return ItemSentences(
         (
             _CAMPAIGN,
-            f"The threshold is held at {THRESHOLD_NAT} nat, section 4.3's; the paper does not say "
-            "what its Table 4 holds. Its RLS column (10.4 to 10.9 kg at 300 and 400 samples) fits "
-            "its Table 3 at 0.9 nat (10.4 kg), not at 0.7 nat (42.6 kg).",
+            f"The threshold is held at {PAPER_LIMITS.fixed_threshold_nat} nat, section 4.3's; the "
+            "paper does not say what its Table 4 holds. Its RLS column (10.4 to 10.9 kg at 300 and "
+            "400 samples) fits its Table 3 at 0.9 nat (10.4 kg), not at 0.7 nat (42.6 kg).",
             *_ERRORS_CHOSEN,
         ),
         (
@@ -305,13 +305,13 @@ def _convergence_sentence(numbers: Figure3) -> str:
     )
     sensitive = "more sensitive to noise than" if later >= high else sensitive
     return (
-        f"In the first {EARLY_S:g} s after the first window RLS strays by "
+        f"In the first {PAPER_LIMITS.converging_s:g} s after the first window RLS strays by "
         f"{rls.early_kg:.0f} kg r.m.s., LS by {ls.early_kg:.0f} kg; later by "
         f"{rls.later_kg:.0f} and {ls.later_kg:.0f} kg. RLS is slower to converge, as the "
         "paper says: it starts from the OLS estimate of the first window, but with P0 = I/σ² it "
         f"takes that for little more than a guess. Later it is {sensitive} LS: its weights are "
-        f"worth (1 + λ)/(1 - λ) = {numbers.memory_samples:.0f} samples, a window of {WINDOW_S:g} s "
-        f"holds {numbers.window_samples}."
+        f"worth (1 + λ)/(1 - λ) = {numbers.memory_samples:.0f} samples, a window of "
+        f"{PAPER_LIMITS.optimal_window_s:g} s holds {numbers.window_samples}."
     )
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.paper.simulated_sources import THRESHOLD_NAT
+from analysis.paper.paper_limits import LIMITS as PAPER_LIMITS
 from recordings.paper.paper_wording import NAMES
 from recordings.report import colours
 
@@ -74,7 +74,7 @@ def _draw_figure_5_gate(figure: "Figure", series: pl.DataFrame) -> None:
     rows = _draw_panels(figure, series, {**_MOTION, "mi_x_nat": "index (11) (nat)"})
     for axes in rows:
         shade_phases(axes, series, "phase", ("accelerating", "braking"))
-    rows[-1].axhline(THRESHOLD_NAT, color="black", lw=0.6, ls=":")
+    rows[-1].axhline(PAPER_LIMITS.fixed_threshold_nat, color="black", lw=0.6, ls=":")
     rows[0].legend(fontsize=7, loc="upper right")
 
 

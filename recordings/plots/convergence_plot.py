@@ -1,6 +1,6 @@
 """Plot of how mass estimates converge, with two standard deviations."""
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from analysis.model.methods import RECURSIVE_METHODS
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
+from recordings.plots.plot_limits import LIMITS
 from recordings.plots.time_panels import series_as_floats
 from recordings.report import colours
 from recordings.report.picture import draw_legend_above
@@ -18,15 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Rows = NDArray[np.float64]
-
-#: Points of a line: more than a page has pixels.
-_POINTS: Final = 3000
-#: Points of small type.
-_SMALL: Final = 8
-#: Loads up to which the recursions are drawn: more lines hide each other.
-_LOADS: Final = 12
-#: Margin above and below, as a share of the range.
-_ROOM: Final = 0.25
 
 
 def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
@@ -40,7 +32,7 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
     bounds: list[float] = []
     starts = _load_start_times_ns(run)
     # of many loads what is left of the beginnings covers all else
-    for method in RECURSIVE_METHODS if len(starts) <= _LOADS else ():
+    for method in RECURSIVE_METHODS if len(starts) <= LIMITS.recursion_max_loads else ():
         frame = run.frames.get(f"estimates/{method}")
         if frame is not None and frame.height and "mass_kg" in frame.columns:
             bounds += _draw_estimates_of_method(
@@ -55,9 +47,9 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
     if span is not None and span[0] < span[1]:
         # a load reaches beyond a stretch
         axes.set_xlim(span[0] / NS_PER_S, span[1] / NS_PER_S)
-    axes.set_ylabel("mass (kg)", fontsize=_SMALL)
-    axes.set_xlabel("s since the start", fontsize=_SMALL)
-    axes.tick_params(labelsize=_SMALL)
+    axes.set_ylabel("mass (kg)", fontsize=LIMITS.small_type_pt)
+    axes.set_xlabel("s since the start", fontsize=LIMITS.small_type_pt)
+    axes.tick_params(labelsize=LIMITS.small_type_pt)
     axes.grid(alpha=0.25, lw=0.5)
     known = [each for each in bounds if np.isfinite(each)]
     if not known:
@@ -71,7 +63,7 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
         if there:
             ends = np.quantile(there, inside)
             low, high = min(low, ends[0]), max(high, ends[1])
-    room = _ROOM * (high - low) or 0.05 * abs(high) or 1.0
+    room = LIMITS.range_margin_fraction * (high - low) or 0.05 * abs(high) or 1.0
     axes.set_ylim(low - room, high + room)
     draw_legend_above(axes, 7)
 
@@ -87,7 +79,7 @@ def _draw_estimates_of_method(
     rows = frame.filter(pl.col("mass_kg").is_not_null()).select("t_ns", "mass_kg", "mass_std_kg")
     if rows.is_empty():
         return []
-    step = -(-rows.height // _POINTS)
+    step = -(-rows.height // LIMITS.line_max_points)
     # the last of each few: what it had settled to
     rows = rows.gather_every(step, offset=min(step, rows.height) - 1)
     t = rows["t_ns"].to_numpy()
@@ -120,7 +112,7 @@ def _draw_running_means(axes: "Axes", run: Run) -> list[float]:
     if not parts:
         return []
     at_s, mean, bars = np.concatenate(parts, axis=1)
-    many = known["load_id"].n_unique() > _LOADS
+    many = known["load_id"].n_unique() > LIMITS.recursion_max_loads
     axes.errorbar(
         *(at_s, mean, bars),
         fmt="o-",

@@ -1,12 +1,13 @@
 """Plot of force against acceleration, whose slope is the mass, coloured by gate decision."""
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from analysis.model.run_record import Run
+from recordings.plots.plot_limits import LIMITS
 from recordings.report.force_acceleration import (
     ACCELERATION,
     ACCELERATION_LABEL,
@@ -18,11 +19,6 @@ from recordings.report.force_acceleration import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-#: More points than this are drawn as a density.
-_POINTS: Final = 20_000
-_GRID: Final = 90
-_SMALL: Final = 8
 
 
 def draw_force_acceleration(axes: "Axes", run: Run, at_s: float | None = None) -> None:
@@ -45,9 +41,9 @@ def draw_force_acceleration(axes: "Axes", run: Run, at_s: float | None = None) -
     _ring_points_of_window(axes, run, found.points, at_s)
     for number, line in enumerate(found.masses):
         _draw_mass_line(axes, line, "--" if len(found.masses) > 1 and not number else "-")
-    axes.set_xlabel(ACCELERATION_LABEL, fontsize=_SMALL)
-    axes.set_ylabel(found.force_label, fontsize=_SMALL)
-    axes.tick_params(labelsize=_SMALL)
+    axes.set_xlabel(ACCELERATION_LABEL, fontsize=LIMITS.small_type_pt)
+    axes.set_ylabel(found.force_label, fontsize=LIMITS.small_type_pt)
+    axes.tick_params(labelsize=LIMITS.small_type_pt)
     axes.grid(alpha=0.25, lw=0.5)
     axes.legend(
         fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, markerscale=2
@@ -56,12 +52,12 @@ def draw_force_acceleration(axes: "Axes", run: Run, at_s: float | None = None) -
 
 def _draw_points_of_group(axes: "Axes", group: PointGroup) -> None:
     x, y = group.points[ACCELERATION].to_numpy(), group.points[FORCE].to_numpy()
-    if x.size <= _POINTS:
+    if x.size <= LIMITS.scatter_max_points:
         axes.plot(x, y, ".", ms=4, color=group.colour, alpha=0.5, mew=0, label=group.label)
         return
     from matplotlib.colors import to_rgb
 
-    count, x_edges, y_edges = np.histogram2d(x, y, bins=_GRID)
+    count, x_edges, y_edges = np.histogram2d(x, y, bins=LIMITS.density_cells)
     # logarithmic, or a standstill outshines all else
     strength = np.log1p(count.T) / np.log1p(count.max())
     image = np.empty((*strength.shape, 4))

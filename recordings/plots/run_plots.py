@@ -11,6 +11,7 @@ from analysis.model.run_record import Run
 from estimators.errors import OutputError, nearest
 from recordings.plots.convergence_plot import draw_convergence
 from recordings.plots.force_acceleration_plot import draw_force_acceleration
+from recordings.plots.plot_limits import LIMITS
 from recordings.plots.time_panels import draw_gate_reason_shares, draw_over_time, panel_height
 from recordings.report import colours
 from recordings.report.picture import require_writable_picture, write_picture
@@ -20,13 +21,6 @@ from recordings.rrd.recording_texts import summary_lines_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
-
-#: Inches of the page's width, of a panel's height and of a line of text.
-_WIDTH_IN: Final = 10.0
-_PANEL_IN: Final = 1.5
-_LINE_IN: Final = 0.15
-#: What fits on a line of the answer.
-_CHARACTERS: Final = 140
 
 
 def plot_run(
@@ -68,15 +62,19 @@ def draw_run(run: Run, at_s: float | None = None) -> "Figure":
     lines = [
         part
         for line in summary_lines_text(run).splitlines()
-        for part in wrap(line, _CHARACTERS) or [""]
+        for part in wrap(line, LIMITS.line_characters) or [""]
     ]
     shown = make_display_frames(run, decimate=False)
     views = [(view, drawn) for view in PAGE if (drawn := drawn_columns_of_view(view, run, shown))]
     points = run.frames.get("calibration", pl.DataFrame())
     panels = sum(panel_height(view, drawn) for view, drawn in views)
-    heights = [_LINE_IN * (len(lines) + 2), _PANEL_IN * max(panels, 1.0), 2.5 * _PANEL_IN]
+    heights = [
+        LIMITS.line_height_in * (len(lines) + 2),
+        LIMITS.panel_height_in * max(panels, 1.0),
+        2.5 * LIMITS.panel_height_in,
+    ]
     kept = heights if points.height else heights[:2]
-    figure = Figure(figsize=(_WIDTH_IN, sum(kept)), layout="constrained")
+    figure = Figure(figsize=(LIMITS.page_width_in, sum(kept)), layout="constrained")
     parts = figure.subfigures(len(kept), 1, height_ratios=kept, squeeze=False)[:, 0]
     _write_answer_lines(parts[0], lines)
     draw_over_time(parts[1], [view for view, _ in views], run, shown, at_s)
@@ -98,7 +96,10 @@ def _draw_gate_figure(run: Run, at_s: float | None) -> "Figure":
     from matplotlib.figure import Figure
 
     views = next(tab for tab in TABS if tab.name == "Gate").views
-    figure = Figure(figsize=(_WIDTH_IN, _PANEL_IN * (len(views) + 1)), layout="constrained")
+    figure = Figure(
+        figsize=(LIMITS.page_width_in, LIMITS.panel_height_in * (len(views) + 1)),
+        layout="constrained",
+    )
     parts = figure.subfigures(2, 1, height_ratios=[len(views), 1.2], squeeze=False)
     over, below = parts[:, 0]
     draw_over_time(over, views, run, make_display_frames(run, decimate=False), at_s)
@@ -112,7 +113,10 @@ def _draw_loads_figure(run: Run, at_s: float | None) -> "Figure":
 
     wanted = [view for tab in TABS if tab.name in ("Loads", "Cycles") for view in tab.views]
     views = list(dict.fromkeys(wanted))
-    figure = Figure(figsize=(_WIDTH_IN, 1.3 * _PANEL_IN * len(views)), layout="constrained")
+    figure = Figure(
+        figsize=(LIMITS.page_width_in, 1.3 * LIMITS.panel_height_in * len(views)),
+        layout="constrained",
+    )
     shown = make_display_frames(run, decimate=False)
     (part,) = figure.subfigures(1, 1, squeeze=False)[0]
     draw_over_time(part, views, run, shown, at_s)
@@ -122,7 +126,9 @@ def _draw_loads_figure(run: Run, at_s: float | None) -> "Figure":
 def _draw_force_acceleration_figure(run: Run, at_s: float | None) -> "Figure":
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(_WIDTH_IN, 0.6 * _WIDTH_IN), layout="constrained")
+    figure = Figure(
+        figsize=(LIMITS.page_width_in, 0.6 * LIMITS.page_width_in), layout="constrained"
+    )
     draw_force_acceleration(figure.subplots(), run, at_s)
     return figure
 
@@ -130,7 +136,9 @@ def _draw_force_acceleration_figure(run: Run, at_s: float | None) -> "Figure":
 def _draw_convergence_figure(run: Run, at_s: float | None) -> "Figure":
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(_WIDTH_IN, 0.5 * _WIDTH_IN), layout="constrained")
+    figure = Figure(
+        figsize=(LIMITS.page_width_in, 0.5 * LIMITS.page_width_in), layout="constrained"
+    )
     draw_convergence(figure.subplots(), run, at_s)
     return figure
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from recordings.plots.plot_limits import LIMITS
 from recordings.report import colours
 from recordings.report.picture import draw_legend_beside, write_picture
 
@@ -15,14 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Inches of the figure's width and of a panel's height.
-_WIDTH_IN: Final = 8.0
-_PANEL_IN: Final = 2.0
 _JOINT: Final = "joint"
-#: Between two methods' bars, as a share of the least step between values.
-_APART: Final = 0.025
-#: Names are written on end where there are more.
-_LEVEL: Final = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +68,10 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
     titles = list(dict.fromkeys(title for row in rows for title in row.errors))
     loads = any(row.payload_kg is not None for row in rows)
     count = 2 + len(titles) + loads
-    figure = Figure(figsize=(_WIDTH_IN, _PANEL_IN * count + 0.6), layout="constrained")
+    figure = Figure(
+        figsize=(LIMITS.sweep_width_in, LIMITS.sweep_panel_height_in * count + 0.6),
+        layout="constrained",
+    )
     panels = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
     at = position_combinations_on_axis(rows, panels[-1])
     for axes in panels:
@@ -110,7 +107,9 @@ def position_combinations_on_axis(rows: Sequence[SweptRow], axes: "Axes") -> NDA
     at = np.arange(len(rows), dtype=float)
     axes.set_xlabel(" · ".join(names))
     labels = [" · ".join(_format_setting_value(row.over[name]) for name in names) for row in rows]
-    axes.set_xticks(at, labels, rotation=90 if len(rows) > _LEVEL else 0, fontsize=7)
+    axes.set_xticks(
+        at, labels, rotation=90 if len(rows) > LIMITS.level_max_names else 0, fontsize=7
+    )
     return at
 
 
@@ -149,7 +148,7 @@ def _draw_swept_masses(
     methods = _order_methods(masses)
     steps = np.diff(np.unique(positions))
     # beside each other, or bars at one place would hide each other, but near their value
-    apart = (float(steps.min()) if steps.size else 1.0) * _APART
+    apart = (float(steps.min()) if steps.size else 1.0) * LIMITS.bar_distance_fraction
     paper = [method for method in methods if method != _JOINT]
     half = len(paper) // 2
     answer = [method for method in methods if method == _JOINT]

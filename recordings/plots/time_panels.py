@@ -6,7 +6,7 @@ the median of an estimate, the share of time in each state.
 
 from collections.abc import Mapping, Sequence
 from textwrap import wrap
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
@@ -14,6 +14,7 @@ import polars as pl
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 from estimators.arrays import Floats
+from recordings.plots.plot_limits import LIMITS
 from recordings.report import colours
 from recordings.report.picture import draw_legend_above
 from recordings.rrd.display_frames import (
@@ -32,19 +33,6 @@ from recordings.rrd.stored_names import STATE
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import SubFigure
-
-#: A stretch may have one sample.
-_SHORTEST_NS: Final = 10_000_000
-#: More points than this are drawn by bins, more changes of state as shares of time.
-_POINTS: Final = 4000
-_SPANS: Final = 300
-_BINS: Final = 800
-_SHARES: Final = 160
-_SMALL: Final = 8
-#: Characters of a line of an axis' name.
-_LABEL: Final = 22
-#: States of a lane that a legend has room for.
-_NAMED: Final = 7
 
 
 def draw_over_time(
@@ -75,7 +63,7 @@ def draw_over_time(
     heights = [panel_height(view, drawn) for view, drawn in found]
     rows = part.subplots(len(found), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
     for axes, (view, drawn) in zip(rows, found, strict=True):
-        axes.tick_params(labelsize=_SMALL)
+        axes.tick_params(labelsize=LIMITS.small_type_pt)
         if view.kind is ViewKind.STATES:
             _draw_state_lanes(axes, drawn, display_frames, span)
         else:
@@ -83,8 +71,10 @@ def draw_over_time(
             axes.set_ylim(axis_range(view, run))
         if at_s is not None:
             axes.axvline(at_s, color="black", lw=0.8, ls="--", zorder=4)
-    rows[-1].set_xlim(span[0] / NS_PER_S, max(span[1], span[0] + _SHORTEST_NS) / NS_PER_S)
-    rows[-1].set_xlabel(f"s since {local_time_text(run.provenance)}", fontsize=_SMALL)
+    rows[-1].set_xlim(
+        span[0] / NS_PER_S, max(span[1], span[0] + LIMITS.shortest_span_ns) / NS_PER_S
+    )
+    rows[-1].set_xlabel(f"s since {local_time_text(run.provenance)}", fontsize=LIMITS.small_type_pt)
 
 
 def panel_height(view: View, display_columns: Sequence[DisplayColumn]) -> float:
@@ -104,8 +94,8 @@ def _draw_series_lines(
     lane = "gate" if view.threshold else "phase"
     _shade_states(axes, display_frames.get(f"{LANES}/{lane}"), colours.SHADED[lane])
     unit = view.title.removeprefix(view.name).strip()
-    words = [*wrap(view.name, _LABEL), *([unit] if unit else [])]
-    axes.set_ylabel("\n".join(words), fontsize=_SMALL)
+    words = [*wrap(view.name, LIMITS.label_characters), *([unit] if unit else [])]
+    axes.set_ylabel("\n".join(words), fontsize=LIMITS.small_type_pt)
     draw_legend_above(axes)
 
 
@@ -113,9 +103,9 @@ def _draw_panel(
     axes: "Axes", display_column: DisplayColumn, frame: pl.DataFrame, span: tuple[int, int]
 ) -> None:
     value = pl.col(display_column.column)
-    if frame.height > _POINTS:
+    if frame.height > LIMITS.panel_max_points:
         # bins over the whole span: one without rows stays empty, so that no line crosses a gap
-        width_ns = max((span[1] - span[0]) // _BINS, 1)
+        width_ns = max((span[1] - span[0]) // LIMITS.panel_bins, 1)
         if display_column.variance:
             # of an estimate the median: a few may be wild
             frame = bin_frame_rows(
@@ -170,7 +160,7 @@ def _draw_state_lanes(
         totals = spans.group_by(STATE).agg((pl.col("until") - pl.col("t_ns")).sum())
         for state, total in totals.rows():
             seconds[state] = seconds.get(state, 0.0) + total
-        if spans.height > _SPANS:
+        if spans.height > LIMITS.lane_max_spans:
             _draw_state_shares(axes, spans, span, bottom)
         else:
             _draw_state_bars(axes, spans, bottom)
@@ -179,9 +169,9 @@ def _draw_state_lanes(
     axes.set_yticks(
         [len(display_columns) - 0.5 - n for n in range(len(display_columns))],
         labels,
-        fontsize=_SMALL,
+        fontsize=LIMITS.small_type_pt,
     )
-    for state in sorted(seconds, key=lambda state: -seconds[state])[:_NAMED]:
+    for state in sorted(seconds, key=lambda state: -seconds[state])[: LIMITS.legend_max_states]:
         axes.plot([], [], "s", color=_state_colour(state), ms=5, label=state.replace("_", " "))
     draw_legend_above(axes)
 
@@ -203,9 +193,9 @@ def _draw_state_shares(
     axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], bottom: float
 ) -> None:
     """Draw the share of every state in each bin, stacked."""
-    edges = np.linspace(span[0], span[1], _SHARES + 1)
+    edges = np.linspace(span[0], span[1], LIMITS.lane_bins + 1)
     width = max(float(edges[1] - edges[0]), 1.0)
-    base = np.full(_SHARES, bottom + 0.08)
+    base = np.full(LIMITS.lane_bins, bottom + 0.08)
     starts, ends = spans["t_ns"].to_numpy(), spans["until"].to_numpy()
     names = spans[STATE].to_numpy()
     for state in [name for name in colours.state_colours() if name in set(names)]:
@@ -237,7 +227,7 @@ def _shade_states(
     axes: "Axes", states: pl.DataFrame | None, shaded_states: tuple[str, ...]
 ) -> None:
     """Shade the times of the wanted states behind the lines, unless states change too often."""
-    if states is None or states.height > _SPANS:
+    if states is None or states.height > LIMITS.lane_max_spans:
         return
     for (state,), group in (
         state_spans(states).filter(pl.col(STATE).is_in(shaded_states)).group_by(STATE)
@@ -269,7 +259,7 @@ def draw_gate_reason_shares(axes: "Axes", run: Run) -> None:
         shares,
         color=[_state_colour(name) for name in names],
     )
-    axes.bar_label(bars, [f" {share:.1f} %" for share in shares], fontsize=_SMALL)
-    axes.set_xlabel("share of the windows (%)", fontsize=_SMALL)
+    axes.bar_label(bars, [f" {share:.1f} %" for share in shares], fontsize=LIMITS.small_type_pt)
+    axes.set_xlabel("share of the windows (%)", fontsize=LIMITS.small_type_pt)
     axes.set_xlim(0.0, 1.1 * float(shares.max()))
-    axes.tick_params(labelsize=_SMALL)
+    axes.tick_params(labelsize=LIMITS.small_type_pt)

@@ -7,16 +7,15 @@ from zoneinfo import ZoneInfo
 
 from analysis.model.physical_units import NS
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from recordings.report.report_limits import LIMITS
 
 #: Seconds of a minute, and of an hour.
 _MINUTE_S: Final = 60
 _HOUR_S: Final = 3600
-#: Distances of an axis' ticks, in s; the shortest with at most `_MOST_TICKS` of them is taken.
+#: Distances of an axis' ticks, in s; the shortest with at most `time_max_ticks` of them is taken.
 _STEPS_S: Final = tuple(
     60 * each for each in (1, 2, 5, 10, 15, 30, 60, 120, 180, 360, 720, 1440, 2880, 10080)
 )
-#: Ticks of an axis of time that do not touch each other.
-_MOST_TICKS: Final = 6
 
 
 @dataclass(frozen=True)
@@ -92,7 +91,9 @@ class ShiftClock:
 
         If the offset changes, each tick shows its own.
         """
-        step_s = next((s for s in _STEPS_S if (high_s - low_s) / s <= _MOST_TICKS), _STEPS_S[-1])
+        step_s = next(
+            (s for s in _STEPS_S if (high_s - low_s) / s <= LIMITS.time_max_ticks), _STEPS_S[-1]
+        )
         # minutes since local midnight by the first offset: a tick is round on the wall
         shift_s = 0.0
         if self.has_date:

@@ -8,6 +8,7 @@ from analysis.model.run_record import Run
 from analysis.model.windows import mark_samples_in_windows
 from recordings.report import colours
 from recordings.report.number_text import format_plus_minus
+from recordings.report.report_limits import LIMITS
 
 #: The acceleration that multiplies the mass, a column of the excitation.
 ACCELERATION: Final = "regressor_acc_x_m_s2"
@@ -16,8 +17,6 @@ FORCE: Final = "force_N"
 ACCELERATION_LABEL: Final = "acceleration that multiplies the mass (m/s²)"
 _NEEDED: Final = ("force_x_N", ACCELERATION, "speed_x_m_s")
 _ACCEPTED: Final = "#2e9e5b"
-#: Reasons that are named beside the accepted; the rest is "other".
-_REASONS: Final = 3
 
 
 class PointGroup(NamedTuple):
@@ -97,7 +96,7 @@ def force_acceleration_plot_data(
 
 def _group_points_for_plot(points: pl.DataFrame) -> list[PointGroup]:
     counts = points["why"].drop_nulls().value_counts(sort=True)
-    named = [str(reason) for reason in counts["why"].head(_REASONS)]
+    named = [str(reason) for reason in counts["why"].head(LIMITS.named_reasons)]
     drawn = points.select(ACCELERATION, FORCE)
     chosen = {reason: (points["why"] == reason).fill_null(value=False) for reason in named}
     rest = ~points["used"]

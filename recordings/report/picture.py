@@ -6,14 +6,13 @@ from warnings import catch_warnings, filterwarnings
 
 from estimators.errors import OutputError
 from recordings.report.atomic_output import atomic_file, require_writable_output
+from recordings.report.report_limits import LIMITS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 SUFFIXES: Final = (".png", ".pdf", ".svg")
-#: Dots an inch of a PNG.
-_DPI: Final = 150
 
 
 def require_writable_picture(path: Path, *, force: bool) -> None:
@@ -37,7 +36,7 @@ def write_picture(figure: "Figure", path: Path, *, force: bool) -> Path:
     require_writable_picture(path, force=force)
     with atomic_file(path, force=force) as partial, catch_warnings():
         filterwarnings("ignore", "Glyph", UserWarning)  # a name in a script the font lacks
-        figure.savefig(partial, dpi=_DPI)
+        figure.savefig(partial, dpi=LIMITS.picture_dpi)
     return path
 
 

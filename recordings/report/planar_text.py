@@ -11,9 +11,8 @@ from recordings.report.number_text import (
     markdown_table,
     scale_unknown_line,
 )
+from recordings.report.report_limits import LIMITS
 
-#: Of the variance.
-_SMALL = 0.005
 _OF = {"arcs": "all arcs together", "joint": "all motion together"}
 _NAMES = {
     "mass": ("mass_kg", "mass_std_kg", "kg"),
@@ -21,7 +20,6 @@ _NAMES = {
     "friction": ("friction_x_N_s_m", "friction_x_std_N_s_m", "N·s/m"),
     "friction of turning": ("friction_z_N_m_s", "friction_z_std_N_m_s", "N·m·s"),
 }
-
 
 #: Of what the budget is said in a line each: quantity, words, factor and unit.
 _SAID = {
@@ -99,7 +97,7 @@ def planar_markdown(run: Run) -> str:
         lines: dict[str, list[str]] = {}
         for row in sources:
             # smaller shares of the variance are not listed
-            if row["share_1"] is not None and row["share_1"] < _SMALL:
+            if row["share_1"] is not None and row["share_1"] < LIMITS.small_variance_fraction:
                 continue
             u = "not known" if row["u"] is None else f"{format_number(row['u'])} {row['unit']}"
             # a list, not a table: the viewer wraps it

@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
+from recordings.report.report_limits import LIMITS
+
 #: Units of the drawing; on a phone one is a pixel.
 WIDTH: Final = 360
-_TICKS: Final = 5
-_TEXT: Final = 6.2
 """Width of a letter."""
 
 
@@ -157,7 +157,7 @@ class Axes:
 
 def round_ticks(low: float, high: float) -> list[tuple[float, str]]:
     """About five round numbers in a range, with labels of equal precision."""
-    raw = (high - low) / _TICKS
+    raw = (high - low) / LIMITS.ticks
     power = 10.0 ** np.floor(np.log10(raw))
     step = float(next(s * power for s in (1.0, 2.0, 5.0, 10.0) if s * power >= raw * 0.999))
     digits = max(0, -int(np.floor(np.log10(step) + 1e-9)))
@@ -168,7 +168,7 @@ def round_ticks(low: float, high: float) -> list[tuple[float, str]]:
 
 def shorten_text(text: str, width: float) -> str:
     """Cut a text to a width in drawing units."""
-    most = max(int(width / _TEXT), 4)
+    most = max(int(width / LIMITS.character_width), 4)
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 

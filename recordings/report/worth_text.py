@@ -13,15 +13,10 @@ from recordings.report.number_text import (
     format_to_place,
     scale_unknown_line,
 )
+from recordings.report.report_limits import LIMITS
 
-#: Characters of the longest bar.
-_BAR: Final = 24
-#: Smaller shares of the variance are not listed.
-_SMALL: Final = 0.005
 #: A normal distribution's 95 %.
 COVERAGE: Final = 1.96
-#: What driving unlike a campaign costs is told from this share of the whole uncertainty on.
-_TELLS: Final = 0.3
 
 _HEADS: Final = ("load", "from s", "to s", "manoeuvres", "mass kg", "payload kg")
 _CALIBRATED: Final = ("calibrated kg", "from kg", "to kg")
@@ -181,8 +176,8 @@ def budget_rows(answer: Answer, bar_character: str = "█") -> list[tuple[str, s
         share = source["share_1"]
         if source["u_kg"] is None:
             rows.append((source["cause"], source["kind"], "not known", "", source["shrinks"]))
-        elif share is not None and share >= _SMALL:
-            bar = bar_character * max(1, round(share * _BAR))
+        elif share is not None and share >= LIMITS.small_variance_fraction:
+            bar = bar_character * max(1, round(share * LIMITS.bar_characters))
             cells = (f"{bar} {share:.0%}", source["shrinks"])
             rows.append((source["cause"], source["kind"], f"{source['u_kg']:.3g}", *cells))
     return rows
@@ -240,7 +235,7 @@ def calibrated_mass_line(load: Mapping[str, Any]) -> str:
     mass, low, high = calibrated_mass_cells(load)
     unlike_kg = load.get("calibrated_unlike_u_kg") or 0.0
     # less is lost in the rounding of the whole
-    tells = unlike_kg > _TELLS * load["calibrated_u_kg"]
+    tells = unlike_kg > LIMITS.unlike_driving_fraction * load["calibrated_u_kg"]
     more = f"; ± {unlike_kg:,.1f} kg of that for driving unlike the campaign" if tells else ""
     return f"calibrated {mass} kg, {low} to {high} kg{more}"
 

@@ -9,17 +9,12 @@ import polars as pl
 from analysis.cycles.cycle_energy import PARTS, PHASES, WHOLE, EnergyAmount, EnergyRow
 from recordings.report.number_text import format_plus_minus
 from recordings.report.shift_text import K
+from recordings.review.review_limits import LIMITS
 from recordings.review.review_state import ReviewState
 
 #: Columns of the ledger, each with its standard uncertainty beside it: the whole work, what it is
 #: split into, its phases, and the work for a tonne.
 ENERGIES: Final = ("energy", *PARTS[1:], *PHASES, "energy_per_t")
-#: Most digits behind the point in kWh: a tenth of a Wh.
-_MOST_DIGITS: Final = 4
-#: Parts of the work are told unless one is less sure than this share of it, with 95 %,
-_SURE_SHARE: Final = 0.5
-#: or one that cannot be negative is less than this.
-_LEAST_SHARE: Final = -0.05
 #: Columns of the ledger with the fuel of a cycle, and its standard uncertainty.
 FUEL: Final = "fuel_L"
 FUEL_U: Final = "fuel_u_L"
@@ -136,8 +131,12 @@ def _format_shares(whole: EnergyRow) -> str:
     work = whole.work.kWh
     parts = {part: getattr(whole, part) for part in PARTS[1:-1]}
     # ground may fall, but neither speeding up nor friction gives energy to the drive
-    negative = any(parts[part].kWh < _LEAST_SHARE * work for part in ("kinetic", "friction"))
-    if negative or any(K * each.u_kWh > _SURE_SHARE * work for each in parts.values()):
+    negative = any(
+        parts[part].kWh < LIMITS.energy_min_share * work for part in ("kinetic", "friction")
+    )
+    if negative or any(
+        K * each.u_kWh > LIMITS.energy_max_u_share * work for each in parts.values()
+    ):
         return ", its shares not determined"
     # no -0 %
     shares = (f"{part} {round(each.kWh / work, 2) + 0.0:.0%}" for part, each in parts.items())
@@ -167,7 +166,9 @@ def energy_table_by_phase(state: ReviewState) -> list[tuple[str, Sequence[str]]]
     if not rows:
         return []
     # all cells to the place that the whole work is worth
-    digits = min(max(1 - floor(log10(max(K * rows[0].work.u_kWh, 1e-9))), 0), _MOST_DIGITS)
+    digits = min(
+        max(1 - floor(log10(max(K * rows[0].work.u_kWh, 1e-9))), 0), LIMITS.energy_max_digits
+    )
     found: list[tuple[str, Sequence[str]]]
     found = [
         (part, [make_energy_cell(getattr(row, part), digits) for row in rows]) for part in PARTS

@@ -20,6 +20,7 @@ from recordings.review.energy_columns import (
     energy_column_name,
     uncertainty_column_name,
 )
+from recordings.review.review_limits import LIMITS
 from recordings.review.reviewer_verdicts import LABELS
 from recordings.review.shift_ledger import cycle_remark_text, escape_spreadsheet_formula
 
@@ -27,8 +28,6 @@ XLSX: Final = "ledger.xlsx"
 TABLE_CSV: Final = "ledger_table.csv"
 #: Kilometres an hour of a metre a second.
 _KM_H: Final = 3.6
-#: Width of a column of the workbook, in characters: a date with its time.
-_WIDTH: Final = 19
 _DATE: Final = "yyyy-mm-dd hh:mm:ss"
 Row = Mapping[str, Any]
 Cell = str | float | int | bool | dt.datetime | None
@@ -143,7 +142,9 @@ def write_xlsx(ledger: pl.DataFrame, clock: ShiftClock, path: Path) -> None:
         for place, column in enumerate(COLUMNS):
             form = "0" if not column.digits else f"0.{'0' * column.digits}"
             shown = book.add_format({"num_format": _DATE if column.unit == "date" else form})
-            sheet.set_column(place, place, _WIDTH if column.unit == "date" else None)
+            sheet.set_column(
+                place, place, LIMITS.date_column_characters if column.unit == "date" else None
+            )
             sheet.write_string(0, place, column.head, bold)
             sheet.write_string(1, place, column.unit, quiet)
             for number, row in enumerate(rows, start=2):

@@ -16,6 +16,7 @@ from recordings.report.number_text import CONSEQUENCES, format_plus_minus
 from recordings.report.render_page import render_page_html
 from recordings.report.shift_text import K, format_tonnes
 from recordings.review.energy_columns import energy_table_by_phase
+from recordings.review.review_limits import LIMITS
 from recordings.review.review_plots import draw_load_pictures, draw_shift_pictures
 from recordings.review.review_state import RECORDING, ReviewState
 from recordings.review.reviewer_verdicts import (
@@ -37,20 +38,17 @@ from recordings.review.shift_facts import (
 )
 from recordings.review.shift_ledger import cycle_remark_text, cycles_frame_from_ledger
 
+#: Kilometres an hour of a metre a second.
 _KM_H: Final = 3.6
 Row = Mapping[str, Any]
 #: Seconds of an hour.
 _HOUR_S: Final = 3600.0
-#: A rate of less recorded time than this, in s, says nothing.
-_SHORTEST_RATE_S: Final = 300.0
 #: Heads of the table, behind the hour.
 HOUR_HEADS: Final = ("loads", "t ± U", "t/h", "recorded", "not counted", "look again", "kWh")
 PAGE: Final = "review.html"
 _PACKAGE: Final = "recordings.review"
 _TEMPLATE: Final = "review.html.j2"
 _SCRIPTS: Final = ("find_rows.js", "verdict_buttons.js")
-#: A page is no list of all that may be wrong.
-_MOST_FINDINGS: Final = 3
 NOT_CALIBRATED: Final = "Payloads are not calibrated"
 
 
@@ -164,7 +162,7 @@ def _make_hour_cells(rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Itera
     rate = sums["payload_kg"] / 1e3 / (recorded_s / _HOUR_S) if recorded_s else 0.0
     yield f"{sums['cycles_counted']}"
     yield format_tonnes(sums["payload_kg"], K * sums["payload_u_kg"])
-    yield f"{rate:.1f}" if recorded_s >= _SHORTEST_RATE_S else "–"
+    yield f"{rate:.1f}" if recorded_s >= LIMITS.rate_min_s else "–"
     yield f"{recorded_s / 60.0:.0f} min"
     yield f"{rows.height - sums['cycles_counted']}"
     yield f"{rows.filter('counted', pl.col('doubt') != '').height}"
@@ -296,7 +294,7 @@ def _list_warnings(page: ReviewPage) -> list[str]:
         found.append(f"Checks that failed and widen the ±: {', '.join(widened)}.")
     found += [
         f"These logs show {finding}; payscope explain {RECORDING} says more."
-        for finding in state.findings[:_MOST_FINDINGS]
+        for finding in state.findings[: LIMITS.max_findings]
     ]
     if page.shift["scale_unknown"]:
         found.append(f"Scale {scale_of_tonnes_text(page.shift)}.")

@@ -7,16 +7,10 @@ import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck
 from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shorten_text
+from recordings.review.review_limits import LIMITS
 from recordings.review.review_state import ReviewState
 
 _BOX: Final = (48.0, 22.0, WIDTH - 16.0, 190.0)
-_HEIGHT: Final = 226
-_ROW: Final = 20.0
-#: Bars of a distribution.
-_BINS: Final = 12
-_MOST_REASONS: Final = 9
-#: A scale of fewer loads would have fractions of them.
-_FEWEST_LOADS: Final = 5
 
 
 def draw_load_pictures(
@@ -63,7 +57,7 @@ def _draw_payload_timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
         f"{shown.height} payloads in kg over {clock.axis_label}, from "
         f"{shown['payload_kg'].min():,.0f} to {shown['payload_kg'].max():,.0f} kg; bars reach two "
         "standard uncertainties either way; shaded: nothing was recorded.",
-        _HEIGHT,
+        LIMITS.figure_height,
     )
     payload, u = shown["payload_kg"].to_list(), shown["payload_u_kg"].to_list()
     tops = [p + 2.0 * w for p, w in zip(payload, u, strict=True)]
@@ -92,7 +86,9 @@ def _draw_payload_distribution(counted: pl.DataFrame, target: TargetCheck | None
     marks = [] if target is None else [target.target_kg * share for share in (1.0, 1.1, 1.2)]
     low, high = float(min(payload.min(), *marks, payload.max())), float(payload.max())
     high = max([high, *marks])
-    count, edges = np.histogram(payload, bins=_BINS, range=(low, high if high > low else low + 1.0))
+    count, edges = np.histogram(
+        payload, bins=LIMITS.payload_bins, range=(low, high if high > low else low + 1.0)
+    )
     against = (
         "" if target is None else f" Dashed: the target, {target.target_kg:,.0f} kg, 110 and 120 %."
     )
@@ -103,9 +99,11 @@ def _draw_payload_distribution(counted: pl.DataFrame, target: TargetCheck | None
         "Distribution of payloads",
         f"{payload.size} payloads, mean {payload.mean():,.0f} kg, standard deviation "
         f"{std:,.0f} kg.{against}",
-        _HEIGHT,
+        LIMITS.figure_height,
     )
-    axes = Axes.from_data([low, high], [0.0, float(max(count.max(), _FEWEST_LOADS))], _BOX, 0.05)
+    axes = Axes.from_data(
+        [low, high], [0.0, float(max(count.max(), LIMITS.scale_min_loads))], _BOX, 0.05
+    )
     axes = Axes(axes.x, (0.0, axes.y[1]), _BOX)
     axes.draw(picture, "payload in kg", "loads")
     for number, first, last in zip(count.tolist(), edges[:-1], edges[1:], strict=True):
@@ -135,7 +133,7 @@ def _draw_friction(state: ReviewState) -> Drawing:
         f"{last.friction_N_s_m:,.0f} ± {2.0 * last.std_N_s_m:,.0f} in the last, with loads as "
         "weighed; bars reach two standard deviations either way, from the scatter of the starts "
         "in each part.",
-        _HEIGHT,
+        LIMITS.figure_height,
     )
     # what changes by less than a tenth is to look like it
     room = max(0.05 * abs(float(np.mean(value))), 1e-9)
@@ -155,18 +153,18 @@ def _draw_friction(state: ReviewState) -> Drawing:
 
 
 def _draw_gate_reasons(state: ReviewState) -> Drawing:
-    rows = sorted(state.gate_shares.items(), key=lambda row: -row[1])[:_MOST_REASONS]
+    rows = sorted(state.gate_shares.items(), key=lambda row: -row[1])[: LIMITS.max_reasons]
     words = ", ".join(f"{name.replace('_', ' ')} {share:.0%}" for name, share in rows)
     picture = Drawing(
         "reasons",
         "Share of time by the gate's reason",
         f"Decisions of the gate by share of the recorded time: {words}.",
-        int(20 + _ROW * len(rows)),
+        int(20 + LIMITS.bar_height * len(rows)),
     )
     begin, room = 140.0, WIDTH - 140.0 - 44.0
     largest = max(share for _, share in rows)
     for number, (name, share) in enumerate(rows):
-        y = 8.0 + _ROW * number
+        y = 8.0 + LIMITS.bar_height * number
         picture.write(begin - 6, y + 10, shorten_text(name.replace("_", " "), begin - 8), "end")
         length = max(room * share / largest, 0.5)
         picture.fill_bar(begin, y, length, 12, "bar" if name == "accepted" else "band")
@@ -186,7 +184,7 @@ def draw_track(track: pl.DataFrame) -> Drawing:
         "Track",
         f"Where the machine was, {np.ptp(east):,.0f} m from west to east and "
         f"{np.ptp(north):,.0f} m from south to north, by its positions.",
-        _HEIGHT,
+        LIMITS.figure_height,
     )
     axes = Axes.from_data(east.tolist(), north.tolist(), _BOX)
     axes.draw(picture, "m east", "m north")

@@ -24,6 +24,7 @@ from analysis.model.verdict import Verdict
 from estimators.errors import counted
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import finding_line, findings_of_run
+from recordings.review.review_limits import LIMITS
 from recordings.review.torn_logs import TornLog
 from recordings.rrd.provenance_texts import local_time_text, machine_table
 from recordings.rrd.recording_texts import machine_name
@@ -32,8 +33,6 @@ STATE: Final = "review.json"
 RECORDING: Final = "shift.rrd"
 #: Raised whenever a review that is there has to be made anew.
 FORMAT: Final = 9
-#: A message is late when it comes after so many periods.
-_LATE: Final = 1.5
 #: Names of checks, and evidence with them: a state of an earlier version has former ones.
 _CheckNames: TypeAlias = Annotated[str, AfterValidator(replace_former_check_names)]
 _Evidence: TypeAlias = Annotated[str, AfterValidator(replace_former_names_in_evidence)]
@@ -277,5 +276,5 @@ def _summarise_topic_sampling(topic: str, frame: pl.DataFrame) -> TopicSampling:
         messages=frame.height,
         rate_hz=1.0 / middle if known else None,
         longest_s=float(steps.max()) if steps.size else None,
-        late_1=float((steps > _LATE * middle).mean()) if known else None,
+        late_1=float((steps > LIMITS.late_message_periods * middle).mean()) if known else None,
     )

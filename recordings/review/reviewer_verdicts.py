@@ -32,12 +32,11 @@ import polars as pl
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from estimators.errors import ReviewError, counted
+from recordings.review.review_limits import LIMITS
 
 VERDICTS: Final = "verdicts.toml"
 #: What a load can be labelled with; totals are made of each.
 LABELS: Final = ("product", "operator", "truck", "customer", "stockpile")
-#: A dump that another replay finds so much later is the same.
-_SAME_S: Final = 5.0
 #: Keys of the file in the order in which they are written.
 _KEYS: Final = ("id", "begin", "end", "reject", *LABELS, "note", "author", "time")
 _Text = Annotated[str, Field(max_length=500)]
@@ -202,7 +201,7 @@ def verdicts_by_row(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[i
         at = seconds_of_id(verdict.id)
         away = {} if at is None else {k: abs(t - at) for k, t in enumerate(times) if t is not None}
         best = min(away, key=away.__getitem__, default=None)
-        if best is None or away[best] > _SAME_S:
+        if best is None or away[best] > LIMITS.same_dump_s:
             raise ReviewError(
                 f"{path / VERDICTS}: no cycle '{verdict.id}' among {counted(ids.len(), 'cycle')}; "
                 "take the id from ledger.csv"

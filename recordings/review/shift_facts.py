@@ -12,17 +12,13 @@ from recordings.report.clock_text import duration_text
 from recordings.report.number_text import format_plus_minus
 from recordings.report.shift_text import K, format_tonnes, shift_payload_sentence
 from recordings.review.energy_columns import energy_facts
+from recordings.review.review_limits import LIMITS
 from recordings.review.review_state import ReviewState
-from recordings.review.shift_ledger import HOLE_S
 from recordings.review.torn_logs import torn_last_log_or_none
 
-#: A headline is no list of all that may be wrong; the table has all.
-_MOST_CHECKS: Final = 3
-#: Longest stands that are named.
-_MOST_STANDS: Final = 3
-#: A hole of so long, in s, is about one cycle: longer ones are said on top, each.
-_LONG_HOLE_S: Final = 120.0
+#: Seconds of an hour.
 _HOUR_S: Final = 3600.0
+#: Kilometres an hour of a metre a second.
 _KM_H: Final = 3.6
 _NUMBER: Final = re.compile(r"\d[\d.,]*")
 
@@ -50,7 +46,7 @@ def reason_for_no_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
         return ""
     if not state.can_weigh:
         failed = state.withholding_checks
-        names = list_some([check.check for check in failed], _MOST_CHECKS)
+        names = list_some([check.check for check in failed], LIMITS.headline_max_checks)
         why = f": {failed[0].meaning}" if len(failed) == 1 else ""
         return f"these logs cannot weigh; failed: {names}{why}"
     if ledger.is_empty():
@@ -102,7 +98,7 @@ def long_gap_spans_text(state: ReviewState) -> str:
     return "; ".join(
         f"from {clock.format_time(s)} to {clock.format_time(e)} ({duration_text(e - s)})"
         for s, e in state.gaps_s
-        if e - s > _LONG_HOLE_S
+        if e - s > LIMITS.headline_hole_s
     )
 
 
@@ -200,7 +196,7 @@ def _list_time_facts(
                 f" standing {duration_text(motion.standing_s)}",
             )
         )
-    longest = sorted(state.idle_s, key=lambda span: span[0] - span[1])[:_MOST_STANDS]
+    longest = sorted(state.idle_s, key=lambda span: span[0] - span[1])[: LIMITS.max_stands]
     stands = "; longest: " + ", ".join(
         f"{state.clock.format_time(start)} ({duration_text(end - start)})" for start, end in longest
     )
@@ -293,7 +289,7 @@ def cycle_time_facts(ledger: pl.DataFrame) -> list[tuple[str, str]]:
     """
     parts = ("return_s", "load_s", "haul_s", "dump_s")
     whole = ledger.drop_nulls(parts).filter(
-        pl.col("hole_s").fill_null(0.0) <= HOLE_S, ~pl.col("rejected")
+        pl.col("hole_s").fill_null(0.0) <= LIMITS.cycle_hole_s, ~pl.col("rejected")
     )
     if not whole.height:
         return []

@@ -12,7 +12,7 @@ from zoneinfo import ZoneInfo
 
 import polars as pl
 
-from analysis.cycles.cycle_limits import LIMITS
+from analysis.cycles.cycle_limits import LIMITS as CYCLE_LIMITS
 from analysis.model.check_names import rename_stored_checks
 from analysis.model.physical_units import NS
 from analysis.model.schema import FRAMES, QUALITY, conform_to_schema
@@ -21,6 +21,7 @@ from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import ReviewError, counted
 from recordings.report.clock_text import ShiftClock, duration_text
 from recordings.review.energy_columns import add_energy_columns
+from recordings.review.review_limits import LIMITS
 from recordings.review.review_state import ReviewState
 from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, Labels
 
@@ -28,14 +29,10 @@ PARQUET: Final = "ledger.parquet"
 CSV: Final = "ledger.csv"
 #: Quality of a load that counts and is worth a second look.
 CHECK: Final = "check"
-#: A cycle with a longer hole in it, in s, says so, and is left out of the mean times.
-HOLE_S: Final = 5.0
 NO_LABELS: Final = Labels()
 _QUALITY: Final = ("quality", "withheld_for", "counted")
 #: How a text begins that a spreadsheet computes.
 FORMULA: Final = r"^[=+\-@\t\r]"
-#: A dump so long before or after the time that is asked for, in s, is meant.
-_NEAR_S: Final = 5.0
 _TIME: Final = re.compile(
     r"(?:(?P<day>\d{4}-\d\d-\d\d)[ T])?(?P<h>\d{1,2}):(?P<m>\d\d)(?::(?P<s>\d\d))?"
     r"\s*(?P<offset>Z|[+-]\d\d:?\d\d)?"
@@ -138,7 +135,7 @@ def cycle_remark_text(row: Mapping[str, Any]) -> str:
         row: row of the ledger, with motion.
     """
     hole_s = row["hole_s"] or 0.0
-    hole = f"{duration_text(hole_s)} of it not recorded" if hole_s > HOLE_S else ""
+    hole = f"{duration_text(hole_s)} of it not recorded" if hole_s > LIMITS.cycle_hole_s else ""
     return "; ".join(filter(None, (row["withheld_for"], row["doubt"], hole)))
 
 
@@ -264,7 +261,9 @@ def rows_of_cycles_at_time(
         dumped = {
             k: abs(end / NS - unix_s)
             for k, end in enumerate(ends)
-            if unix_s - (0.0 if room_s else _NEAR_S) <= end / NS < unix_s + (room_s or _NEAR_S)
+            if unix_s - (0.0 if room_s else LIMITS.near_dump_s)
+            <= end / NS
+            < unix_s + (room_s or LIMITS.near_dump_s)
         }
         if dumped:
             found |= set(dumped) if room_s else {min(dumped, key=dumped.__getitem__)}
@@ -312,7 +311,7 @@ def list_cycle_doubts(cycles: pl.DataFrame) -> list[str]:
     """
     counted = cycles.filter("counted")["payload_kg"]
     typical = spread = None
-    if counted.len() >= LIMITS.unlike_load_min_loads:
+    if counted.len() >= CYCLE_LIMITS.unlike_load_min_loads:
         typical = counted.median()
         spread = (counted - typical).abs().median()
     return [_doubts_about_cycle(row, typical, spread) for row in cycles.iter_rows(named=True)]
@@ -324,22 +323,22 @@ def _doubts_about_cycle(row: Mapping[str, Any], typical_kg: Any, mad_kg: Any) ->
     if payload_kg is None or not row["counted"]:
         return ""
     found: list[str] = []
-    if payload_kg - LIMITS.coverage_factor * u_kg <= 0.0:
+    if payload_kg - CYCLE_LIMITS.coverage_factor * u_kg <= 0.0:
         found.append("the payload may be zero")
     back_kg, back_u_kg = row["carry_back_kg"], row["carry_back_u_kg"]
     if (
         back_kg is not None
         and back_u_kg is not None
-        and abs(back_kg) > LIMITS.coverage_factor * back_u_kg
+        and abs(back_kg) > CYCLE_LIMITS.coverage_factor * back_u_kg
     ):
         if back_kg < 0.0:
             found.append(
                 f"after the dump {-back_kg:,.0f} kg less than empty: the weighing is wrong"
             )
-        elif back_kg > LIMITS.max_carried_fraction * abs(payload_kg):
+        elif back_kg > CYCLE_LIMITS.max_carried_fraction * abs(payload_kg):
             found.append(f"after the dump {back_kg:,.0f} kg still in the bucket")
     if typical_kg is not None:
-        room_kg = LIMITS.unlike_load_std * float((STD_OF_MAD**2 * mad_kg**2 + u_kg**2) ** 0.5)
+        room_kg = CYCLE_LIMITS.unlike_load_std * float((STD_OF_MAD**2 * mad_kg**2 + u_kg**2) ** 0.5)
         if abs(payload_kg - typical_kg) > room_kg:
             found.append(f"unlike the other payloads, which are about {typical_kg:,.0f} kg")
     return "; ".join(found)

@@ -18,6 +18,7 @@ from recordings.report.number_text import SCALE_NOT_KNOWN, format_plus_minus
 from recordings.report.render_page import render_page_html
 from recordings.report.shift_text import K, format_tonnes
 from recordings.report.svg_shapes import WIDTH, Axes, Drawing
+from recordings.review.review_limits import LIMITS
 from recordings.review.review_page import PAGE
 from recordings.review.review_state import ReviewState, read_review_state
 from recordings.review.shift_facts import (
@@ -42,10 +43,8 @@ _PACKAGE: Final = "recordings.review"
 _TEMPLATE: Final = "week.html.j2"
 #: What the page of a week holds, so that no other file is replaced by one.
 _MARK: Final = "<!-- payscope week -->"
-#: Plot area of the friction, in units of the drawing,
+#: Plot area of the friction, in units of the drawing.
 _BOX: Final = (48.0, 22.0, WIDTH - 16.0, 190.0)
-#: and height of the figure, likewise.
-_HEIGHT: Final = 226
 #: Heads of a table of totals, behind the name.
 HEADS: Final = ("loads", "t ± U", "rejected", "other verdicts", "kWh/t ± U")
 
@@ -266,7 +265,7 @@ def _draw_friction_picture(
         f"Viscous friction in N·s/m of {len(days)} shifts from {day_text(days[0].at_d)} to "
         f"{day_text(days[-1].at_d)}; bars reach two standard deviations either way"
         + ("." if limit is None else f"; dashed: the limit, {limit:,.0f} N·s/m."),
-        _HEIGHT,
+        LIMITS.figure_height,
     )
     heights += [] if limit is None else [limit]
     axes = Axes.from_data([day.at_d for day in days], heights, _BOX)

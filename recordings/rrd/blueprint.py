@@ -16,7 +16,8 @@ from recordings.rrd.display_frames import (
     drawn_columns_of_view,
     grid_span_ns,
 )
-from recordings.rrd.plane_pictures import BOUNDS, PlanePicture
+from recordings.rrd.plane_pictures import PlanePicture
+from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.recording_views import MethodLayout, Tab, View, ViewKind
 from recordings.rrd.stored_frames import entity_path
@@ -28,24 +29,10 @@ if TYPE_CHECKING:
     from rerun.blueprint.encodings import VisualizerComponentMapping
     from rerun.encodings import EntityPathLike
 
-#: The height of a page in points of a laptop's screen, and what lanes need of it: title and times,
-#: and each.
-_PAGE: Final = 860.0
-_AROUND_LANES: Final = 70.0
-_LANE: Final = 40.0
-#: What a plot needs: title and times, and each name of its legend, which the viewer gives four
-#: fifths of the height.
-_AROUND_PLOT: Final = 55.0
-_NAME: Final = 23.0 / 0.8
-#: Lanes take no more of a page than this.
-_MOST_LANES: Final = 0.6
 #: Displayed frames of methods begin so.
 _ESTIMATES: Final = f"{ROOT}/estimates/"
 #: Of several methods, the one that stands for all: it converges over the log, as on board.
 _LEADING_METHOD: Final = "rls"
-#: Room for legends behind the log, as a share of it; a panel beside a text is narrower.
-_ROOM: Final = 0.18
-_BESIDE: Final = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,14 +57,14 @@ class Panel:
         """Fraction of a page's height that the plot needs to show its legend."""
         # lines of one name have one entry
         names = len({each.label for each in self.drawn}) if self.has_legend else 1
-        return (_AROUND_PLOT + _NAME * names) / _PAGE
+        return (LIMITS.plot_margin + LIMITS.legend_name_height * names) / LIMITS.page_height
 
     @property
     def lanes_height_share(self) -> float:
         """Fraction of the page's height that its lanes need; 0 for a plot."""
         if self.kind is not ViewKind.STATES:
             return 0.0
-        return (_AROUND_LANES + _LANE * len(self.drawn)) / _PAGE
+        return (LIMITS.lanes_margin + LIMITS.lane_height * len(self.drawn)) / LIMITS.page_height
 
 
 #: Panels side by side.
@@ -233,14 +220,19 @@ def _make_tab(
     import rerun.blueprint as rrb
 
     has_legend = any(panel.has_legend for row in page.rows for panel in row)
-    axis = _make_time_axis(span, (_BESIDE if page.texts else _ROOM) if has_legend else 0.0)
+    axis = _make_time_axis(
+        span,
+        (LIMITS.narrow_legend_room_fraction if page.texts else LIMITS.legend_room_fraction)
+        if has_legend
+        else 0.0,
+    )
     plots = [
         _place_side_by_side([_make_view(panel, axis, parent_entity) for panel in row])
         for row in page.rows
     ]
     if page.events:
         plots.append(rrb.TextLogView(origin=events_entity_path(parent_entity), name="Events"))
-    left, top, right, bottom = BOUNDS
+    left, top, right, bottom = LIMITS.plane_bounds
     bounds = rrb.VisualBounds2D(x_range=[left, right], y_range=[top, bottom])
     pictures = [
         rrb.Spatial2DView(
@@ -276,9 +268,9 @@ def relative_panel_heights(page: Page) -> list[float]:
     """
     others = page.events + len(page.pictures)
     lanes = [max(panel.lanes_height_share for panel in row) for row in page.rows] + [0.0] * others
-    shrunk = min(1.0, _MOST_LANES / (sum(lanes) or 1.0))
+    shrunk = min(1.0, LIMITS.lanes_max_fraction / (sum(lanes) or 1.0))
     least = [max(panel.plot_height_share for panel in row) for row in page.rows]
-    least += [_AROUND_PLOT / _PAGE] * others
+    least += [LIMITS.plot_margin / LIMITS.page_height] * others
     plots = [needed for needed, lane in zip(least, lanes, strict=True) if lane == 0.0]
     heights = iter(divide_height(plots, 1.0 - shrunk * sum(lanes)))
     return [shrunk * lane or next(heights) for lane in lanes]

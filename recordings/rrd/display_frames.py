@@ -17,6 +17,7 @@ from analysis.model.physical_units import NS
 from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.report.number_text import format_unit_suffix
+from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.recording_table import TABS, frames_of_series
 from recordings.rrd.recording_views import View, ViewKind, ViewSeries
 from recordings.rrd.stored_names import STATE, entity_parts
@@ -25,8 +26,6 @@ ROOT: Final = "display"
 LANES: Final = f"{ROOT}/states"
 #: A log longer than this is drawn decimated, in bins of 1 to 10 s.
 LONG_NS: Final = 600 * NS
-#: Bins of a long log on the screen: more than it has pixels.
-_BINS: Final = 3000
 _ENDS: Final = ("min", "max")
 #: A row of these lasts from its start to its end; they are too few to be decimated.
 _HELD: Final = ("segments", "planar", "loads", "manoeuvres", "cycles")
@@ -209,18 +208,13 @@ def _threshold_setting_of_view(run: Run, view: View) -> float:
     return float(run.provenance.settings.value(str(view.threshold)))
 
 
-#: So many lines of so few points are too short to be seen.
-_MANY_LINES: Final = 12
-_SHORT_LINE: Final = 3
-
-
 def is_drawn_as_points(numbers: pl.Series) -> bool:
     """Whether most values are isolated, or in many short lines."""
     there = numbers.is_not_null().to_numpy()
     edges = np.diff(there, prepend=False, append=False)
     begins, ends = edges[:-1] & there, edges[1:] & there
     count, lines, alone = (int(each.sum()) for each in (there, begins, begins & ends))
-    short = lines > _MANY_LINES and count <= _SHORT_LINE * lines
+    short = lines > LIMITS.many_lines and count <= LIMITS.short_line_points * lines
     return 2 * alone > count or short
 
 
@@ -315,7 +309,7 @@ def rows_of_state_changes(series: ViewSeries, frame: pl.DataFrame, period_ns: in
 def _decimate_frame(run: Run, name: str, expressions: list[pl.Expr]) -> pl.DataFrame:
     span = grid_span_ns(run)
     assert span is not None
-    width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * NS)), 1), 10) * NS
+    width_ns = min(max(-(-(span[1] - span[0]) // (LIMITS.screen_bins * NS)), 1), 10) * NS
     # narrower than the grid's step most bins were empty, and no line would be drawn
     width_ns = max(width_ns, grid_period_ns(run))
     return bin_frame_rows(run.frames[name], expressions, span, width_ns)

@@ -2,19 +2,17 @@
 
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
 
+from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.stored_frames import entity_path
 from recordings.rrd.stored_names import SINCE_START, TIME, component_name
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-#: Rows of a chunk that is written at once.
-_ROWS: Final = 16_384
 
 
 def iter_drawn_batches(
@@ -36,7 +34,7 @@ def iter_drawn_batches(
     import pyarrow as pa
 
     entity = entity_path(name, parent_entity)
-    for part in frame.iter_slices(_ROWS):
+    for part in frame.iter_slices(LIMITS.drawn_chunk_rows):
         since_start = part["t_ns"]
         arrays: dict[str, pa.Array] = {
             TIME: (since_start + t0_unix_ns).to_arrow().cast(pa.timestamp("ns")),

@@ -7,8 +7,8 @@ from pathlib import Path
 from threading import Thread
 from typing import BinaryIO, Final
 
-#: Bytes that are copied at once.
-_BLOCK: Final = 1 << 20
+from recordings.rrd.recording_limits import LIMITS
+
 _DESCRIPTORS: Final = Path("/dev/fd")
 
 
@@ -71,13 +71,13 @@ class PipedFile:
         with open(read, "rb", buffering=0) as source:
             try:
                 with file:
-                    while block := source.read(_BLOCK):
+                    while block := source.read(LIMITS.copied_block_bytes):
                         rest = memoryview(block)
                         while rest:
                             rest = rest[file.write(rest) :]
             except OSError as error:
                 self.fault = error
-                while source.read(_BLOCK):
+                while source.read(LIMITS.copied_block_bytes):
                     pass
 
 

@@ -21,29 +21,11 @@ from recordings.report.force_acceleration import (
     force_acceleration_plot_data,
 )
 from recordings.report.svg_shapes import Axes, round_ticks
+from recordings.rrd.recording_limits import LIMITS
 
 if TYPE_CHECKING:
     from rerun import RecordingStream
 
-#: Points of a group that are kept; more lie on one another.
-_MOST_POINTS: Final = 2000
-#: Left, top, right and bottom of the axes, in units of the plane.
-_BOX: Final = (0.0, 0.0, 1000.0, 560.0)
-#: Left, top, right and bottom of what the view shows: numbers, labels and legend as well.
-BOUNDS: Final = (-130.0, -75.0, 1310.0, 665.0)
-#: Units from the axes to their numbers and to their labels, from the axes to the middle of the
-#: legend, and of a line of it; the viewer writes so many units below the place.
-_NUMBERS: Final = 16.0
-_LABELS: Final = 60.0
-_LEGEND: Final = 160.0
-_LEGEND_LINE: Final = 38.0
-_BELOW: Final = 12.0
-#: Distance between the errors of two methods, as a share of the range of loads.
-_ASIDE: Final = 0.012
-#: Points of the screen from the middle to the edge of a dot, a line, and a line of the grid.
-_DOT: Final = 2.5
-_WIDTH: Final = 0.7
-_GRID_WIDTH: Final = 0.3
 _GRID: Final = "#59616b"
 _INK: Final = "#aab2bb"
 _MASS: Final = "#f0f0f0"
@@ -99,8 +81,11 @@ def send_picture(recording: "RecordingStream", entity: str, picture: PlanePictur
     import rerun as rr
 
     x, y = (np.concatenate([getattr(each, axis) for each in picture.series]) for axis in "xy")
-    axes = Axes.from_data(x.tolist(), y.tolist(), _BOX)
-    dot, width, thin = (rr.Radius.ui_points(size) for size in (_DOT, _WIDTH, _GRID_WIDTH))
+    axes = Axes.from_data(x.tolist(), y.tolist(), LIMITS.plane_box)
+    dot, width, thin = (
+        rr.Radius.ui_points(size)
+        for size in (LIMITS.dot_radius_pt, LIMITS.line_radius_pt, LIMITS.grid_line_radius_pt)
+    )
     grid = [
         [axes.place_in_drawing(a, b), axes.place_in_drawing(c, d)]
         for a, b, c, d in _make_grid_lines(axes)
@@ -134,21 +119,39 @@ def iter_axis_labels(
     axes: Axes, picture: PlanePicture
 ) -> Iterator[tuple[tuple[float, float], str, int]]:
     """Position, text and colour of numbers, labels and legend."""
-    left, top, right, bottom = _BOX
+    left, top, right, bottom = LIMITS.plane_box
     ink = colours.pack_rgba(_INK)
     for value, text in round_ticks(*axes.x):
-        yield (axes.place_in_drawing(value, axes.y[0])[0], bottom + _NUMBERS - _BELOW), text, ink
-    for value, text in round_ticks(*axes.y):
         yield (
-            (left - 3.0 * _NUMBERS, axes.place_in_drawing(axes.x[0], value)[1] - _BELOW),
+            (
+                axes.place_in_drawing(value, axes.y[0])[0],
+                bottom + LIMITS.plane_numbers_distance - LIMITS.plane_text_drop,
+            ),
             text,
             ink,
         )
-    yield ((left + right) / 2.0, bottom + _LABELS - _BELOW), picture.x_label, ink
-    yield (left + _LABELS, top - _LABELS), picture.y_label, ink
+    for value, text in round_ticks(*axes.y):
+        yield (
+            (
+                left - 3.0 * LIMITS.plane_numbers_distance,
+                axes.place_in_drawing(axes.x[0], value)[1] - LIMITS.plane_text_drop,
+            ),
+            text,
+            ink,
+        )
+    yield (
+        ((left + right) / 2.0, bottom + LIMITS.plane_labels_distance - LIMITS.plane_text_drop),
+        picture.x_label,
+        ink,
+    )
+    yield (
+        (left + LIMITS.plane_labels_distance, top - LIMITS.plane_labels_distance),
+        picture.y_label,
+        ink,
+    )
     named = [each for each in picture.series if each.label]
     for line, each in enumerate(named):
-        place = (right + _LEGEND, top + _LEGEND_LINE * line)
+        place = (right + LIMITS.plane_legend_distance, top + LIMITS.plane_legend_line * line)
         yield place, each.label, colours.pack_rgba(each.colour)
 
 
@@ -158,7 +161,7 @@ def _make_force_acceleration_picture(run: Run) -> PlanePicture | None:
         return None
     series: list[PlaneSeries] = []
     for group in found.groups:
-        kept = group.points.gather_every(-(-group.points.height // _MOST_POINTS))
+        kept = group.points.gather_every(-(-group.points.height // LIMITS.plane_max_points))
         x, y = kept[ACCELERATION].to_numpy(), kept[FORCE].to_numpy()
         series.append(PlaneSeries(group.label, group.colour, x, y))
     ends = np.array([found.points[ACCELERATION].min(), found.points[ACCELERATION].max()], float)
@@ -194,7 +197,7 @@ def make_load_errors_picture(run: Run) -> PlanePicture | None:
     methods = list(iter_calibrated_methods(run))
     for number, (name, colour, points) in enumerate(methods):
         # methods of one load beside each other
-        aside_1 = (number - (len(methods) - 1) / 2.0) * _ASIDE
+        aside_1 = (number - (len(methods) - 1) / 2.0) * LIMITS.method_distance_fraction
         for column, label, look in (
             ("error_left_out_kg", "", colours.lighten_colour(colour)),
             ("error_kg", name, colour),

@@ -42,6 +42,7 @@ from recordings.rrd.provenance_texts import (
     settings_markdown,
     timezone_text,
 )
+from recordings.rrd.recording_limits import LIMITS
 
 #: The viewer's font has no block, and the viewer ends where a glyph is missing.
 _MARK: Final = "="
@@ -88,10 +89,6 @@ _AXES: Final = "Times on the axes are UTC, unless the viewer's settings say loca
 _AXES_WITHOUT_DATE: Final = "Times on the axes are those of the log's own clock, which has no date."
 #: Heads of a calibration's errors.
 _ERRORS: Final = ("error kg", "load left out kg")
-#: Findings beside the answer; their own text has all.
-_FOUND: Final = 3
-#: Of a page's loads.
-_MOST_LINES: Final = 12
 
 
 def answer_headline(answer: Answer) -> str:
@@ -145,7 +142,7 @@ def summary_lines_text(run: Run) -> str:
     lines = [answer_headline(said), f"{recording_name_in_viewer(about)} · {local_time_text(about)}"]
     lines += answer_lines(said)[1:]
     if len(said.loads) > 1:
-        lines += load_sentences(said, _MOST_LINES)
+        lines += load_sentences(said, LIMITS.max_load_lines)
     lines += [""]
     for row in said.rows if len(said.loads) <= 1 else ():
         for method in row.methods:
@@ -160,7 +157,7 @@ def summary_lines_text(run: Run) -> str:
             )
             lines.append(f"{method:<8} {mass}{turns}")
     lines += planar_fit_lines(said.planar, said.planar_budget)
-    for each in findings_of_run(run)[:_FOUND]:
+    for each in findings_of_run(run)[: LIMITS.max_findings]:
         lines.append(f"finding  {each.rank}. {finding_line(each)}")
     quiet: dict[str, list[str]] = {"passed": [], "n/a": []}
     for check in said.verdict.checks:
@@ -201,7 +198,9 @@ def answer_markdown(run: Run) -> str:
     if found := findings_of_run(run):
         parts.append("## Findings in this log")
         parts.append(
-            "\n".join(f"- **{each.rank}** {finding_line(each)}" for each in found[:_FOUND])
+            "\n".join(
+                f"- **{each.rank}** {finding_line(each)}" for each in found[: LIMITS.max_findings]
+            )
         )
     parts += _describe_reliability(said, _make_cycle_lines(run) if has_payload_total(said) else [])
     if len(said.loads) > 1:

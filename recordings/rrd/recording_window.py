@@ -2,7 +2,6 @@
 
 import math
 from pathlib import Path
-from typing import Final
 
 import polars as pl
 
@@ -10,9 +9,7 @@ from analysis.model.physical_units import NS
 from analysis.model.run_record import Run
 from estimators.errors import RecordingError
 from recordings.rrd.reader import add_losses_of_missing_rows, open_recording, read_recording
-
-#: Later than any recording, and still whole nanoseconds.
-LATEST_S: Final = 1e9
+from recordings.rrd.recording_limits import LIMITS
 
 
 def read_window(
@@ -38,7 +35,7 @@ def read_window(
     refuse_invalid_time_range(path, from_s, to_s)
     stretch = _describe_ends(from_s, to_s)
     begin, end = (
-        None if each is None else round(min(max(each, -LATEST_S), LATEST_S) * NS)
+        None if each is None else round(min(max(each, -LIMITS.latest_s), LIMITS.latest_s) * NS)
         for each in (from_s, to_s)
     )
     frames: dict[str, pl.DataFrame] = {}

@@ -13,14 +13,13 @@ import polars as pl
 from pydantic import BaseModel, ConfigDict
 
 from estimators.errors import OutputError
+from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.stored_names import ROW, component_name, entity_parts
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 
-#: Larger ones are slower to write and to read, smaller ones larger.
-BLOCK_ROWS: Final = 65_536
 _DTYPES: Final = {
     str(dtype): dtype
     for dtype in (
@@ -114,8 +113,8 @@ class StoredFrame(BaseModel):
         """Blocks of the frame, each a record batch of one row at the time of its first row."""
         import pyarrow as pa
 
-        for number, part in enumerate(frame.iter_slices(BLOCK_ROWS)):
-            arrays: list[pa.Array] = [pa.array(np.array([number * BLOCK_ROWS]))]
+        for number, part in enumerate(frame.iter_slices(LIMITS.stored_block_rows)):
+            arrays: list[pa.Array] = [pa.array(np.array([number * LIMITS.stored_block_rows]))]
             fields = [pa.field(ROW, arrays[0].type)]
             whole = pa.array(np.array([0, part.height], dtype=np.int32))
             for column in self.columns:

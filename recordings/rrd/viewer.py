@@ -19,17 +19,13 @@ import numpy as np
 
 from estimators.errors import OutputError, RecordingError, nearest
 from recordings.rrd.reader import read_provenance
+from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.stored_names import TIME
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
 
 _HOST: Final = "127.0.0.1"
-#: Seconds that the viewer may take to start, between two pictures of it, and between two attempts
-#: to connect.
-_START_S: Final = 60.0
-_SETTLE_S: Final = 0.5
-_POLL_S: Final = 0.1
 _WINDOW: Final = "1600x1000"
 
 
@@ -218,9 +214,9 @@ def _take_pictures_of_tabs(
 
 def _wait_for_still_picture(client: "ViewerClient") -> bytes:
     """Take pictures until two are equal, since the first ones lack data that is being loaded."""
-    before, deadline = b"", time.monotonic() + _START_S
+    before, deadline = b"", time.monotonic() + LIMITS.viewer_start_s
     while time.monotonic() < deadline:
-        time.sleep(_SETTLE_S)
+        time.sleep(LIMITS.viewer_settle_s)
         picture = client.take_screenshot()
         if picture == before:
             break
@@ -306,9 +302,9 @@ def wait_for_viewer_client(
     """Wait until the viewer has loaded its recording, or listens if `waiting` for one."""
     from rerun.experimental import ViewerClient
 
-    deadline = time.monotonic() + _START_S
+    deadline = time.monotonic() + LIMITS.viewer_start_s
     while time.monotonic() < deadline and process.poll() is None:
-        time.sleep(_POLL_S)
+        time.sleep(LIMITS.viewer_poll_s)
         try:
             client = ViewerClient.connect(_viewer_address(port))
             state = client.get_state()

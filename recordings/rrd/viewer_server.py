@@ -15,13 +15,10 @@ from typing import Final
 from urllib.parse import quote
 
 from estimators.errors import RecordingError
+from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.viewer import viewer_executable
 
 _HOST: Final = "127.0.0.1"
-#: So long may the server take to answer, in s: it loads half a gigabyte from the disc.
-_START_S: Final = 60.0
-#: Seconds between two looks whether it answers.
-_LOOK_S: Final = 0.1
 #: What the server keeps for browsers that come late; older rows go first.
 _MEMORY: Final = "256MB"
 #: Linux: the signal that a process gets when its parent ends, also by a kill.
@@ -80,13 +77,13 @@ def _end_when_parent_ends() -> None:
 
 
 def _wait_for_page(process: "subprocess.Popen[bytes]", page: str) -> None:
-    deadline = time.monotonic() + _START_S
+    deadline = time.monotonic() + LIMITS.server_start_s
     while time.monotonic() < deadline and process.poll() is None:
         try:
-            with urllib.request.urlopen(page, timeout=_START_S):  # noqa: S310 our own page
+            with urllib.request.urlopen(page, timeout=LIMITS.server_start_s):  # noqa: S310 our own page
                 return
         except (urllib.error.URLError, OSError):
-            time.sleep(_LOOK_S)
+            time.sleep(LIMITS.server_look_s)
     raise RecordingError(
         "--live: the viewer's server did not start within the time limit; try again, or leave out "
         "--live"

@@ -17,6 +17,7 @@ from recordings.report import colours
 from recordings.rrd.blueprint import Page, Panel, lay_out_tabs
 from recordings.rrd.display_frames import DisplayColumn, bin_frame_rows, is_drawn_as_points
 from recordings.rrd.drawn_rows import iter_drawn_batches
+from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.recording_views import ViewKind
 from recordings.rrd.stored_names import SINCE_START, TIME
 from recordings.rrd.writer import Scene, make_scene, send_events, send_texts
@@ -24,12 +25,6 @@ from recordings.rrd.writer import Scene, make_scene, send_events, send_texts
 if TYPE_CHECKING:
     import pyarrow as pa
 
-#: A topic of more rows is drawn by the mean and the extremes of bins.
-_ROWS: Final = 200_000
-_BINS: Final = 20_000
-#: Tabs that fit beside each other, panels below each other.
-_TABS: Final = 14
-_PANELS: Final = 8
 _TEXT: Final = "log"
 #: Timelines that Rerun fills by itself.
 _OF_RERUN: Final = ("log_time", "log_tick")
@@ -88,7 +83,7 @@ def stream_topics_to_stdout(
             continue
         entity = topic.strip("/") or "log"
         shown[entity] = _decimate_fields(frame, fields, t0_ns)
-        if len(pages) <= _TABS:
+        if len(pages) <= LIMITS.max_tabs:
             pages.append(Page(topic, tuple(_make_panels(entity, fields, shown[entity]))))
     span = (t0_ns, end_ns) if stamps else None
     _send_scene(
@@ -99,7 +94,7 @@ def stream_topics_to_stdout(
 def _decimate_fields(frame: pl.DataFrame, fields: Sequence[str], t0_ns: int) -> pl.DataFrame:
     numbers = [pl.col(field).cast(pl.Float64) for field in fields]
     placed = frame.select((pl.col("unix_ns") - t0_ns).alias("t_ns"), *numbers)
-    if placed.height <= _ROWS:
+    if placed.height <= LIMITS.stream_max_rows:
         return placed
     ends = (int(placed["t_ns"][0]), int(placed["t_ns"][-1]))
     wanted = [
@@ -111,7 +106,7 @@ def _decimate_fields(frame: pl.DataFrame, fields: Sequence[str], t0_ns: int) -> 
             pl.col(field).max().alias(f"{field} max"),
         )
     ]
-    return bin_frame_rows(placed, wanted, ends, max((ends[1] - ends[0]) // _BINS, 1))
+    return bin_frame_rows(placed, wanted, ends, max((ends[1] - ends[0]) // LIMITS.stream_bins, 1))
 
 
 def _make_panels(entity: str, fields: Sequence[str], shown: pl.DataFrame) -> list[Panel]:
@@ -121,7 +116,7 @@ def _make_panels(entity: str, fields: Sequence[str], shown: pl.DataFrame) -> lis
         cut = max(field.rfind("."), field.rfind("["))
         parts.setdefault(field[:cut] if cut > 0 else field, []).append(field)
     panels: list[Panel] = []
-    for name, members in list(parts.items())[:_PANELS]:
+    for name, members in list(parts.items())[: LIMITS.max_panels]:
         drawn: list[DisplayColumn] = []
         for number, field in enumerate(members):
             colour = colours.line_colour(number)

@@ -26,6 +26,7 @@ from recordings.rrd.drawn_rows import iter_drawn_batches
 from recordings.rrd.piped_file import PipedFile, open_piped_file
 from recordings.rrd.plane_pictures import PlanePicture, make_plane_pictures, send_picture
 from recordings.rrd.reader import FORMAT, PROPERTY, open_recording
+from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.recording_properties import ANSWER, recording_properties
 from recordings.rrd.recording_texts import markdown_by_text_name, recording_name_in_viewer
 from recordings.rrd.stored_frames import Manifest, StoredFrame, entity_path
@@ -42,10 +43,6 @@ if TYPE_CHECKING:
 ROWS: Final = "rows"
 #: Frames of a row a load, a manoeuvre, a cycle, a finding.
 TIMED: Final = ("loads", "segments", "cycles", "findings")
-#: Bytes of chunks that wait to be written.
-_MOST_WAITING: Final = 1 << 26
-#: So long may nothing move before the disk or the viewer counts as stuck.
-_PATIENCE_S: Final = 10.0
 APPLICATION: Final = "payscope"
 SUFFIX: Final = ".rrd"
 
@@ -206,7 +203,7 @@ def _send_run_through_pipe(
     for index, batch in iter_indexed_batches(run, scene.frames):
         recording.send_record_batch(batch, index=index)
         waiting += batch.nbytes
-        if waiting > _MOST_WAITING:  # or the queue of chunks grows to the whole run
+        if waiting > LIMITS.waiting_bytes:  # or the queue of chunks grows to the whole run
             wait_until_written(recording, piped, path)
             waiting = 0
     wait_until_written(recording, piped, path)
@@ -274,7 +271,7 @@ def wait_until_written(recording: "RecordingStream", piped: PipedFile, path: Pat
     while True:
         piped.check()
         try:
-            recording.flush(timeout_sec=_PATIENCE_S)
+            recording.flush(timeout_sec=LIMITS.stuck_s)
         except RuntimeError as error:
             if piped.size == size:
                 raise OutputError(

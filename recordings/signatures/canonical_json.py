@@ -8,12 +8,8 @@ import math
 from typing import Any, Final
 
 from estimators.errors import EvidenceError
+from recordings.signatures.signature_limits import LIMITS
 
-#: Bytes of a document; that of a thousand runs has about one million.
-MOST_BYTES: Final = 16 << 20
-_MOST_DEPTH: Final = 32
-#: Characters of a number: 17 digits, sign, point and exponent, and some.
-_LONGEST_NUMBER: Final = 32
 #: Whole numbers beyond it are not exact in the doubles that canonical JSON is of.
 _LARGEST_EXACT: Final = 2**53 - 1
 _OPEN, _CLOSE, _QUOTE, _ESCAPE = b"[{", b"]}", ord('"'), ord("\\")
@@ -44,8 +40,10 @@ def parse_canonical_json(data: bytes, what: str) -> Any:
         EvidenceError: too long, too deep, a number too long or too large, a name that comes twice,
             no JSON, or not in canonical form.
     """
-    if len(data) > MOST_BYTES:
-        raise EvidenceError(f"{what}: {len(data)} bytes are more than the {MOST_BYTES} allowed")
+    if len(data) > LIMITS.document_bytes:
+        raise EvidenceError(
+            f"{what}: {len(data)} bytes are more than the {LIMITS.document_bytes} allowed"
+        )
     _refuse_deep_nesting(data, what)
     try:
         value = json.loads(
@@ -77,16 +75,16 @@ def _refuse_deep_nesting(data: bytes, what: str) -> None:
             quoted = True
         elif byte in _OPEN:
             depth += 1
-            if depth > _MOST_DEPTH:
-                raise EvidenceError(f"{what}: is nested deeper than {_MOST_DEPTH}")
+            if depth > LIMITS.document_depth:
+                raise EvidenceError(f"{what}: is nested deeper than {LIMITS.document_depth}")
         elif byte in _CLOSE:
             depth -= 1
 
 
 def _parse_integer(text: str) -> int | float:
-    if len(text) > _LONGEST_NUMBER:
+    if len(text) > LIMITS.number_characters:
         raise ValueError(
-            f"it contains a number of {len(text)} digits; {_LONGEST_NUMBER} are allowed"
+            f"it contains a number of {len(text)} digits; {LIMITS.number_characters} are allowed"
         )
     value = int(text)
     # a double such as 1e20 has all its digits in canonical form
@@ -94,9 +92,10 @@ def _parse_integer(text: str) -> int | float:
 
 
 def _parse_float(text: str) -> float:
-    if len(text) > _LONGEST_NUMBER:
+    if len(text) > LIMITS.number_characters:
         raise ValueError(
-            f"it contains a number of {len(text)} characters; {_LONGEST_NUMBER} are allowed"
+            f"it contains a number of {len(text)} characters; {LIMITS.number_characters} are "
+            "allowed"
         )
     value = float(text)
     if not math.isfinite(value):

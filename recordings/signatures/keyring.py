@@ -22,12 +22,11 @@ from pydantic import (
 )
 
 from estimators.errors import EvidenceError
+from recordings.signatures.signature_limits import LIMITS
 from recordings.signatures.signing import PublicKey
 
 #: The environment variable that names another keyring.
 KEYRING_VARIABLE: Final = "PAYSCOPE_KEYRING"
-#: Bytes of a keyring; a key takes some two hundred.
-_MOST_BYTES: Final = 1 << 20
 _HEAD: Final = "# Keys that payscope knows, and their owners; changed by `payscope keys`.\n"
 
 Owner = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\n\r]*$")]
@@ -123,13 +122,13 @@ def load_keyring(path: Path | None = None) -> Keyring:
     path = path or keyring_path()
     try:
         with path.open("rb") as file:
-            data = file.read(_MOST_BYTES + 1)
+            data = file.read(LIMITS.keyring_bytes + 1)
     except FileNotFoundError:
         return Keyring(path)
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
-    if len(data) > _MOST_BYTES:
-        raise EvidenceError(f"{path}: is not a keyring: larger than {_MOST_BYTES} bytes")
+    if len(data) > LIMITS.keyring_bytes:
+        raise EvidenceError(f"{path}: is not a keyring: larger than {LIMITS.keyring_bytes} bytes")
     try:
         content: dict[str, Any] = tomllib.loads(data.decode())
     except ValueError as error:

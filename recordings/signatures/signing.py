@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from estimators.errors import EvidenceError
 from recordings.signatures.canonical_json import canonical_json_bytes, parse_canonical_json
+from recordings.signatures.signature_limits import LIMITS
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import (
@@ -32,8 +33,6 @@ STATEMENT_TYPE: Final = "https://in-toto.io/Statement/v1"
 PREDICATE_TYPE: Final = "https://payscope.invalid/calibration-evidence/v1"
 #: The environment variable that may hold the private key, in PEM.
 KEY_VARIABLE: Final = "PAYSCOPE_SIGNING_KEY"
-#: Bytes of a key file; one has some hundred.
-_MOST_KEY_BYTES: Final = 16 << 10
 _MAKE: Final = "openssl genpkey -algorithm ed25519 -out key.pem"
 _PUBLISH: Final = "openssl pkey -in key.pem -pubout -out key.pub.pem"
 #: The prime of Curve25519.
@@ -292,11 +291,13 @@ def _decode_base64(text: str, what: str) -> bytes:
 def _read_key_file(path: Path) -> bytes:
     try:
         with path.open("rb") as file:
-            data = file.read(_MOST_KEY_BYTES + 1)
+            data = file.read(LIMITS.key_bytes + 1)
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
-    if len(data) > _MOST_KEY_BYTES:
-        raise EvidenceError(f"{path}: is not a key file: it is larger than {_MOST_KEY_BYTES} bytes")
+    if len(data) > LIMITS.key_bytes:
+        raise EvidenceError(
+            f"{path}: is not a key file: it is larger than {LIMITS.key_bytes} bytes"
+        )
     return data
 
 

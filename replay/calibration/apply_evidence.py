@@ -4,7 +4,7 @@ import datetime as dt
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import polars as pl
 
@@ -28,11 +28,9 @@ from recordings.signatures.keyring import Keyring, KnownKey, add_key, load_keyri
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import read_public_key
 from replay.calibration.campaign_file import with_empty_mass_of_campaign
+from replay.calibration.campaign_limits import LIMITS
 from replay.inputs.machine_identity import common_machine_id
 from replay.logs import Log
-
-#: Of settings that differ, so many are named.
-_MOST_NAMED: Final = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +121,7 @@ class MachineCalibration:
             for each in sorted(names)
             if kept.get(each) != mine.get(each)
         ]
-        named = list_some(differ, _MOST_NAMED)
+        named = list_some(differ, LIMITS.max_settings)
         return f"was made with other settings: {named}" if differ else ""
 
     def require_calibrated_machine(self, weighing: Machine, what: object) -> Machine:

@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 import polars as pl
 
@@ -19,11 +19,8 @@ from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.procedure import PRESENT_NUMBER
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
-from analysis.calibration.use.learnt_priors import (
-    LOGS_MIN,
-    LearntPriors,
-    machine_with_learnt_priors,
-)
+from analysis.calibration.use.learnt_priors import LearntPriors, machine_with_learnt_priors
+from analysis.calibration.use.use_limits import LIMITS as USE_LIMITS
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
 from recordings.calibration.bundle_checks import check_bundle
@@ -57,6 +54,7 @@ from recordings.signatures.canonical_json import canonical_json_bytes
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signing import SigningKey, read_signing_key
 from replay.calibration.campaign_file import load_campaign
+from replay.calibration.campaign_limits import LIMITS
 from replay.calibration.campaign_runs import (
     CampaignReplay,
     current_time_of_evidence,
@@ -71,10 +69,6 @@ from replay.calibration.refuse_campaign import (
     refuse_contradicted_machine,
     refuse_unaccounted_logs,
 )
-
-#: How far a replay elsewhere may be off, in kg: other processors have other last bits.
-TOLERANCE_KG: Final = 1e-6
-_MOST_LINES: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +188,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             return campaign_file.parent / log
 
         learnt = None
-        if campaign.learns_priors and len(campaign.logs) >= LOGS_MIN:
+        if campaign.learns_priors and len(campaign.logs) >= USE_LIMITS.min_logs:
             # under the machine's own priors: what they say of the nuisances together
             first = replay_logs_of_campaign(campaign, machine, path_of_log, None, on_log)
             refuse_contradicted_days(campaign_file, campaign, first, machine)
@@ -327,7 +321,7 @@ def write_verified_evidence(
     if wrong:
         raise OutputError(
             f"{folder}: the written evidence failed verification, so it was removed: "
-            + "; ".join(wrong[:_MOST_LINES])
+            + "; ".join(wrong[: LIMITS.max_faults])
         )
     return CalibrationOutcome(folder, document, readings, points, tuple(remarks))
 
@@ -366,7 +360,7 @@ def _make_evidence_document(
         limits=fitted.limits,
         drift=evidence.drift,
         as_found=evaluate_previous_line(last, redigest_estimator(last), estimator, fitted.frame),
-        replay_tolerance_kg=TOLERANCE_KG,
+        replay_tolerance_kg=LIMITS.replay_tolerance_kg,
         procedure=last.procedure if last and evidence.kind == "check" else PRESENT_NUMBER,
         chain=_make_next_link(previous),
         signer=None if key is None else _make_signer(campaign, key),

@@ -10,6 +10,7 @@ from analysis.calibration.campaign.campaign_fit import make_decision_rule, refer
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, DataError, EvidenceError
+from recordings.dcc.dcc_limits import LIMITS as DCC_LIMITS
 from replay.machines.machine_file import load_machine, machine_file_or_shipped
 from replay.machines.toml_file import (
     read_toml,
@@ -168,7 +169,7 @@ def _trusted_certificate_keys(source: Path, content: dict[str, Any]) -> list[str
 
 def _read_mass_tables(source: Path, block: dict[str, Any], keys: list[str]) -> list[dict[str, Any]]:
     """Masses of one [[masses]] table that names a digital certificate."""
-    from recordings.dcc.dcc_document import MOST_BYTES, parse_dcc
+    from recordings.dcc.dcc_document import parse_dcc
     from recordings.dcc.dcc_masses import read_certified_masses
     from recordings.dcc.dcc_signature import check_signature
 
@@ -182,7 +183,7 @@ def _read_mass_tables(source: Path, block: dict[str, Any], keys: list[str]) -> l
     path = source.parent / name
     try:
         with path.open("rb") as file:
-            data = file.read(MOST_BYTES + 1)
+            data = file.read(DCC_LIMITS.certificate_bytes + 1)
         signed = check_signature(parse_dcc(data, str(path)), str(path))
         masses = read_certified_masses(signed.root, item, str(path))
     except OSError as error:

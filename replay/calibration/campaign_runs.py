@@ -39,13 +39,11 @@ from recordings.calibration.evidence_document import (
     LoggedTopic,
     Software,
 )
+from replay.calibration.campaign_limits import LIMITS
 from replay.logs import open_log
 from replay.machines.machine_file import time_axis_of_machine
 from replay.pipeline import run
 
-#: Characters of a loss, and of a machine's number, that evidence keeps.
-_LONGEST: Final = 2000
-_LONGEST_ID: Final = 64
 #: What ends the name of a distribution in a requirement.
 _NAME: Final = re.compile(r"[^A-Za-z0-9._-]")
 
@@ -187,14 +185,14 @@ def make_evidence_log(
         begins=_format_begin(about.t0_unix_ns),
         duration_s=float(t_ns[-1] - t_ns[0]) / 1e9 if t_ns.len() else 0.0,
         speed_range_m_s=None if speed.is_empty() else _min_and_max(speed),
-        losses=tuple(str(loss)[:_LONGEST] for loss in about.losses),
-        notes=tuple(note[:_LONGEST] for note in about.notes),
+        losses=tuple(str(loss)[: LIMITS.loss_characters] for loss in about.losses),
+        notes=tuple(note[: LIMITS.loss_characters] for note in about.notes),
         can_weigh=said.verdict.can_weigh,
         failed_checks=tuple(check.check for check in said.verdict.withholding_checks("mass")),
         settings_fingerprint=taken.settings,
         results_fingerprint=taken.results,
         recording=recording,
-        machine_id=about.logged_machine_id[:_LONGEST_ID],
+        machine_id=about.logged_machine_id[: LIMITS.machine_id_characters],
     )
 
 

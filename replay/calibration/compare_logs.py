@@ -16,13 +16,8 @@ from recordings.calibration.bundle_folder import EVIDENCE, READINGS
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
+from replay.calibration.campaign_limits import LIMITS
 
-#: Files and depth of folders that are searched for logs, and logs that a fault names.
-_MOST_ENTRIES: Final = 100_000
-_DEEPEST: Final = 8
-_MOST_NAMED: Final = 10
-#: Of its prior, by so much a nuisance may come out otherwise elsewhere.
-_TERMS: Final = 1e-6
 #: Numbers of a reading, and the texts that must be equal.
 _NUMBERS: Final = ("start_s", "end_s", "mass_kg", "std_kg", "common_u_kg")
 #: What evidence keeps of a log besides its readings and its verdict.
@@ -38,10 +33,6 @@ _OF_THE_LOG: Final = {
 }
 #: Those that a version puts into words of its own.
 _IN_WORDS: Final = ("losses", "notes")
-#: Relative difference of numbers that differ by rounding alone.
-_LAST_BITS: Final = 1e-9
-#: Characters of a value that a fault quotes.
-_LONGEST: Final = 120
 _TEXTS: Final = ("run_id", "load_id", "day", "log", "reading", "used", "reason")
 
 
@@ -122,7 +113,7 @@ def _compare_replayed_log(
 def are_equal_values(stored: object, replayed: object) -> bool:
     """Whether two values are equal; seconds and speeds may differ in their last bits."""
     if isinstance(stored, float) and isinstance(replayed, float):
-        return abs(stored - replayed) <= _LAST_BITS * max(abs(stored), abs(replayed))
+        return abs(stored - replayed) <= LIMITS.last_bits_1 * max(abs(stored), abs(replayed))
     if isinstance(stored, tuple) and isinstance(replayed, tuple):
         return len(stored) == len(replayed) and all(map(are_equal_values, stored, replayed))
     return stored == replayed
@@ -132,7 +123,7 @@ def _format_compared_value(value: object) -> str:
     if value in ((), ""):
         return "none"
     text = "; ".join(map(_format_compared_value, value)) if isinstance(value, tuple) else str(value)
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
+    return text if len(text) <= LIMITS.quoted_characters else f"{text[: LIMITS.quoted_characters]}…"
 
 
 def _check_learnt_terms(
@@ -145,7 +136,7 @@ def _check_learnt_terms(
         for each in stored
         if not do_learnt_terms_agree(each, by_name.get((each.log, each.term)))
     ]
-    for each in wrong[:_MOST_NAMED]:
+    for each in wrong[: LIMITS.max_logs]:
         item = f"{EVIDENCE}: learnt: {each.log}, {each.term}"
         bundle.add_finding(
             BundleOutcome.IRREPRODUCIBLE, item, "its replay gives different estimates"
@@ -161,7 +152,7 @@ def do_learnt_terms_agree(evidence_term: TermOfLog, replayed_term: TermOfLog | N
     """Whether a replayed term equals that of the evidence within tolerance."""
     if replayed_term is None:
         return False
-    tolerance = _TERMS * evidence_term.prior_std
+    tolerance = LIMITS.term_tolerance_1 * evidence_term.prior_std
     names = ("prior_mean", "prior_std", "posterior", "posterior_std")
     return all(
         abs(getattr(evidence_term, name) - getattr(replayed_term, name)) <= tolerance
@@ -188,13 +179,13 @@ def compare_readings(
         ]
         if differing:
             wrong += 1
-            if wrong <= _MOST_NAMED:
+            if wrong <= LIMITS.max_logs:
                 item = f"{READINGS}: run '{kept['run_id']}', reading {kept['reading']}"
                 what = f"the replay gives a different {', '.join(differing)}"
                 bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, item, what)
-    if wrong > _MOST_NAMED:
+    if wrong > LIMITS.max_logs:
         bundle.add_finding(
-            BundleOutcome.IRREPRODUCIBLE, READINGS, f"and {wrong - _MOST_NAMED} more readings"
+            BundleOutcome.IRREPRODUCIBLE, READINGS, f"and {wrong - LIMITS.max_logs} more readings"
         )
 
 
@@ -237,8 +228,10 @@ def _files_by_name(folder: Path, names: set[str]) -> dict[str, list[Path]]:
     """Regular files with these names in a folder tree; links are not followed."""
     found: dict[str, list[Path]] = {}
     for number, entry in enumerate(_walk_folder(folder, 0)):
-        if number >= _MOST_ENTRIES:
-            raise EvidenceError(f"{folder}: more than {_MOST_ENTRIES} entries; give a smaller one")
+        if number >= LIMITS.searched_files:
+            raise EvidenceError(
+                f"{folder}: more than {LIMITS.searched_files} entries; give a smaller one"
+            )
         if entry.name in names and stat.S_ISREG(entry.stat(follow_symlinks=False).st_mode):
             found.setdefault(entry.name, []).append(Path(entry.path))
     return found
@@ -248,5 +241,5 @@ def _walk_folder(folder: Path, depth: int) -> "Iterator[os.DirEntry[str]]":
     with os.scandir(folder) as entries:
         for entry in sorted(entries, key=lambda each: each.name):
             yield entry
-            if depth < _DEEPEST and entry.is_dir(follow_symlinks=False):
+            if depth < LIMITS.searched_depth and entry.is_dir(follow_symlinks=False):
                 yield from _walk_folder(Path(entry.path), depth + 1)

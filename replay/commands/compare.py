@@ -12,19 +12,13 @@ from replay.commands.common_options import (
     SignerKey,
     calibration_request_from_options,
 )
+from replay.commands.screen_limits import LIMITS
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
     from analysis.compare.stage_change import ColumnChange
-
-#: Tables as wide as this run over on a narrower screen, since a name that is cut is no name.
-_WIDEST: Final = 120
-#: Rows of a table that a person reads at a glance; --json gives all.
-_SHOWN: Final = 12
-#: Columns of a stage that are shown: what differs in one column mostly differs in its neighbours.
-_COLUMNS_SHOWN: Final = 4
 
 
 def command(
@@ -88,9 +82,9 @@ def _print_differences(comparison: "Comparison", a: Path, b: Path, rtol: float) 
         screen.print(f"\n{title}", markup=False)
         for column in table.columns:
             column.no_wrap = column.overflow != "fold"
-        print_table(screen, table, _WIDEST)
-        if rows > _SHOWN:
-            screen.print(f"… and {rows - _SHOWN} more: --json gives all")
+        print_table(screen, table, LIMITS.compared_width)
+        if rows > LIMITS.compared_rows:
+            screen.print(f"… and {rows - LIMITS.compared_rows} more: --json gives all")
 
     print_line(screen, f"A  {a}")
     print_line(screen, f"B  {b}")
@@ -138,7 +132,7 @@ def _values_table(changes: Iterable["ValueChange"]) -> "Table":
     table = make_plain_table("", "A", "B")
     for column in table.columns[1:]:
         column.justify, column.overflow = "left", "fold"
-    for change in list(changes)[:_SHOWN]:
+    for change in list(changes)[: LIMITS.compared_rows]:
         table.add_row(
             *(
                 escape(text)
@@ -166,7 +160,7 @@ def _estimate_table(first_heading: str, changes: Iterable["EstimateChange"]) -> 
 
     table = make_plain_table(first_heading, "", "A", "B", "change", "in std")
     table.columns[1].justify = "left"
-    for each in list(changes)[:_SHOWN]:
+    for each in list(changes)[: LIMITS.compared_rows]:
         table.add_row(
             each.about,
             _UNITS.get(each.quantity, each.quantity),
@@ -217,13 +211,13 @@ def _column_table(comparison: "Comparison") -> "Table":
             key=lambda column: (column.largest_relative or 0.0, column.rows),
             reverse=True,
         )
-        for column in by_change[:_COLUMNS_SHOWN]:
+        for column in by_change[: LIMITS.compared_columns]:
             table.add_row(
                 escape(about), escape(column.name), *_column_change_cells(column, stage.common)
             )
             about = ""
-        if len(by_change) > _COLUMNS_SHOWN:
-            table.add_row("", f"… and {len(by_change) - _COLUMNS_SHOWN} more")
+        if len(by_change) > LIMITS.compared_columns:
+            table.add_row("", f"… and {len(by_change) - LIMITS.compared_columns} more")
     return table
 
 

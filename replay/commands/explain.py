@@ -1,9 +1,11 @@
 """`payscope explain`: why an estimate is bad, and what would correct it."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from replay.commands.screen_limits import LIMITS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -13,10 +15,6 @@ if TYPE_CHECKING:
     from analysis.explain import Explanation
     from analysis.model.answer import Answer
     from replay.explain.try_proposals import CorrectedMachine
-
-
-#: Of a replay, for a bar: a recording is explained without the pipeline, which is slow to load.
-_STAGES: Final = 14
 
 
 def command(
@@ -66,7 +64,7 @@ def command(
     asked = ExplainRequest(
         recording, machine, tuple(overrides or ()), at_s, picture, corrected_file, force=force
     )
-    with StageProgress(_STAGES) as stages:
+    with StageProgress(LIMITS.replay_stages) as stages:
         explained, corrected = explain_run(asked, stages.begin)
     if as_json:
         told = {} if corrected is None else {"mended": _corrected_machine_as_dict(corrected)}

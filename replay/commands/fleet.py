@@ -3,11 +3,12 @@
 import datetime as dt
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from replay.commands.common_options import FormatOption, FrictionLimit, OutputFile
+from replay.commands.screen_limits import LIMITS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,8 +42,6 @@ First = Annotated[
     str | None, typer.Option("--from", metavar="DAY", help="First day, such as 2026-10-01.")
 ]
 Last = Annotated[str | None, typer.Option("--to", metavar="DAY", help="Last day.")]
-#: Rows that are printed unless more are asked for.
-_SHOWN: Final = 20
 
 
 @app.callback(invoke_without_command=True)
@@ -208,7 +207,7 @@ def compare_command(
         typer.Option(
             "-n", min=0, help="Number of recordings to list, those that differ most first."
         ),
-    ] = _SHOWN,
+    ] = LIMITS.fleet_rows,
     as_json: AsJson = False,
 ) -> None:
     """Show whether other settings would have changed the tonnes, where, and by how much.

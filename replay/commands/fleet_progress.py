@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING, Final, Self
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from replay.commands.screen_limits import LIMITS
+
 if TYPE_CHECKING:
     from replay.fleet.log_sources import FleetLog
     from replay.fleet.recording_task import TaskOutcome
     from replay.fleet.task_engine import TaskEngine
 
-#: Bytes that take as long as whatever a recording takes besides its size.
-_BASE_BYTES: Final = 2_000_000
-#: Before so many are done, nothing is said.
-_FEWEST: Final = 5
 #: Of an interval of 95 %.
 _K: Final = 2.0
 
@@ -89,7 +87,7 @@ class TimeLeft:
 
         Seconds are a rate times a weight, with a scatter that grows with the weight.
         """
-        if len(self._done) < _FEWEST:
+        if len(self._done) < LIMITS.forecast_min_recordings:
             return None
         weight = sum(w for w, _ in self._done)
         rate = sum(s for _, s in self._done) / weight
@@ -103,7 +101,7 @@ class TimeLeft:
 
 def _progress_weight(size_bytes: int) -> float:
     """Weight of a recording in the progress: its size plus a constant."""
-    return float(size_bytes + _BASE_BYTES)
+    return float(size_bytes + LIMITS.base_bytes)
 
 
 def time_left_text(interval_s: tuple[float, float] | None) -> str:

@@ -19,6 +19,7 @@ from analysis.online.follower import FollowedRow
 from analysis.online.online_report import OnlineReport
 from analysis.online.replay_report import ReplayReport
 from estimators.errors import counted
+from replay.commands.screen_limits import LIMITS
 from replay.follow.background_replay import BackgroundReplays
 from replay.follow.follow_logs import Following
 from replay.follow.followed_outputs import FollowedOutputs
@@ -33,10 +34,6 @@ from replay.follow.report_file import (
     utc_time_text,
 )
 
-#: Manoeuvres that are shown.
-_SHOWN: Final = 5
-#: The panel is drawn anew so often a second: what changes faster cannot be read.
-_DRAWN_HZ: Final = 4.0
 _GATE_COLOURS: Final = {"accepted": "green", "warming_up": "dim", "gap": "red"}
 
 
@@ -48,11 +45,11 @@ class FollowPanel:
         if sys.stderr.isatty():
             self._live = Live(
                 console=Console(stderr=True),
-                refresh_per_second=_DRAWN_HZ,
+                refresh_per_second=LIMITS.drawn_hz,
                 # lines of data go above the panel, but into a pipe where stdout is one
                 redirect_stdout=sys.stdout.isatty(),
             )
-        self._masses: deque[OnlineReport] = deque(maxlen=_SHOWN)
+        self._masses: deque[OnlineReport] = deque(maxlen=LIMITS.followed_manoeuvres)
         self._last: OnlineReport | None = None
         self._replay: ReplayReport | None = None
 
@@ -231,5 +228,5 @@ def _format_replay(report: ReplayReport) -> list[Text]:
     style = "bold green" if report.validity == "valid" else "yellow"
     return [
         Text(f"joint fit, u of all effects: {replay_text(report)}", style=style),
-        *map(Text, map(load_text, report.loads[-_SHOWN:])),
+        *map(Text, map(load_text, report.loads[-LIMITS.followed_manoeuvres :])),
     ]

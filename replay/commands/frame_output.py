@@ -14,15 +14,12 @@ from rich.cells import cell_len
 from estimators.errors import OutputError
 from recordings.report.atomic_output import atomic_file
 from replay.commands.print_tables import json_text
+from replay.commands.screen_limits import LIMITS
 
 #: What `-o` may end in.
 _WRITTEN: Final = ("csv", "json", "parquet", "arrow")
 #: Bytes that no screen shows.
 _BINARY: Final = ("parquet", "arrow")
-#: A table on a screen shows its ends.
-_ROWS_SHOWN: Final = 40
-#: Characters of a line of a table.
-_NO_LIMIT = 10_000
 
 
 def choose_output_format(requested: str | None, output: Path | None) -> str:
@@ -113,9 +110,9 @@ def print_frame(frame: pl.DataFrame, choice: str = "") -> None:
         choice: options that choose rows, for the note on those that are not shown.
     """
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    typer.echo(frame_as_text_table(frame, _ROWS_SHOWN, width), nl=False)
-    if frame.height > _ROWS_SHOWN:
-        note = f"{frame.height} rows, {_ROWS_SHOWN} shown; {choice}--format csv gives all"
+    typer.echo(frame_as_text_table(frame, LIMITS.frame_rows, width), nl=False)
+    if frame.height > LIMITS.frame_rows:
+        note = f"{frame.height} rows, {LIMITS.frame_rows} shown; {choice}--format csv gives all"
         typer.echo(note, err=True)
 
 
@@ -150,7 +147,7 @@ def _render_frame(frame: pl.DataFrame, rows: int) -> str:
     with pl.Config(
         tbl_rows=rows,
         tbl_cols=-1,
-        tbl_width_chars=_NO_LIMIT,
+        tbl_width_chars=LIMITS.text_table_characters,
         fmt_str_lengths=80,
         tbl_hide_column_data_types=True,
         tbl_formatting="NOTHING",

@@ -13,19 +13,13 @@ from rich.table import Table
 from rich.text import Text
 
 from estimators.errors import one_line
-
-#: Whoever pipes a table has no screen to keep to.
-_PIPED_WIDTH = 160
-#: Characters that a column of many rows is widened to at most.
-_LONGEST = 60
-#: Below it, a table has no room left for its numbers.
-_NARROWEST = 80
+from replay.commands.screen_limits import LIMITS
 
 
 def stdout_console() -> Console:
     """Console of stdout: as wide as the terminal, or wide enough without one."""
     screen = Console(highlight=False)
-    return screen if screen.is_terminal else Console(highlight=False, width=_PIPED_WIDTH)
+    return screen if screen.is_terminal else Console(highlight=False, width=LIMITS.piped_width)
 
 
 def make_plain_table(*titles: str) -> Table:
@@ -43,7 +37,7 @@ def print_line(screen: Console, line: str, mark: str = "") -> None:
     screen.print(text, soft_wrap=not screen.is_terminal)
 
 
-def print_table(screen: Console, table: Table, min_columns: int = _NARROWEST) -> None:
+def print_table(screen: Console, table: Table, min_columns: int = LIMITS.narrowest_width) -> None:
     """Print a table; rows wrap on a screen of less than `min_columns` columns, nothing is cut."""
     roomy = screen.options.update(max_width=min_columns)
     width = screen.width
@@ -67,7 +61,10 @@ def print_rows(
         left_aligned: columns that begin at the left; the others end at the right.
     """
     lines = [tuple(titles), *map(tuple, rows)]
-    widths = [min(max(map(cell_len, column)), _LONGEST) for column in zip(*lines, strict=True)]
+    widths = [
+        min(max(map(cell_len, column)), LIMITS.column_characters)
+        for column in zip(*lines, strict=True)
+    ]
     for line in lines:
         blanks = [" " * (width - cell_len(cell)) for cell, width in zip(line, widths, strict=True)]
         cells = [

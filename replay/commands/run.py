@@ -16,6 +16,7 @@ from replay.commands.common_options import (
 )
 from replay.commands.print_checks import make_check_table, print_remedies_with_checks
 from replay.commands.print_tables import make_plain_table, print_line, print_table
+from replay.commands.screen_limits import LIMITS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -28,10 +29,6 @@ if TYPE_CHECKING:
     from analysis.model.verdict import Verdict
     from replay.runs.run_logs import RecordTo
 
-#: Findings, losses and notes that are printed without -v; the others are counted.
-_MOST_LINES: Final = 3
-#: Rows of the table of loads: those of a campaign, not those of a shift.
-_MOST_LOADS: Final = 24
 _OF_MASS: Final = {
     "mass kg": ("mass_kg", "mass_std_kg"),
     "payload kg": ("payload_kg", None),
@@ -229,7 +226,7 @@ def _print_masses_with_uncertainty(screen: "Console", answer: "Answer", verbose:
         loads = make_plain_table(*heads[:-1])
         loads.add_column(heads[-1], overflow="fold")
         rows = load_table_rows(answer)
-        shown = rows if verbose else rows[:_MOST_LOADS]
+        shown = rows if verbose else rows[: LIMITS.answer_loads]
         for load in shown:
             loads.add_row(*load)
         print_table(screen, loads)
@@ -251,7 +248,7 @@ def further_lines(answer: "Answer", goal_u_kg: float | None, verbose: int) -> "I
         yield from _yaw_inertia_line(answer)
     yield from shift_total_lines(answer)
     yield from planar_fit_lines(answer.planar, answer.planar_budget)
-    most_lines = len(answer.losses) + len(answer.notes) if verbose else _MOST_LINES
+    most_lines = len(answer.losses) + len(answer.notes) if verbose else LIMITS.answer_lines
     yield from first_lines_and_count_of_rest(
         [f"lost: {loss}" for loss in answer.losses], most_lines, "loss", "losses"
     )
@@ -269,7 +266,11 @@ def _describe_findings(answer: "Answer", verbose: int) -> "Iterator[str]":
     )
 
     found = findings_of_rows(answer.findings)
-    shown = found if verbose else [each for each in found if may_change_mass(each)][:_MOST_LINES]
+    shown = (
+        found
+        if verbose
+        else [each for each in found if may_change_mass(each)][: LIMITS.answer_lines]
+    )
     yield from (f"finding: {finding_line(each)}" for each in shown)
     left = len(found) - len(shown)
     if left:

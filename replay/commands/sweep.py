@@ -18,6 +18,7 @@ from replay.commands.common_options import (
     SignerKey,
     calibration_request_from_options,
 )
+from replay.commands.screen_limits import LIMITS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
     from replay.calibration.apply_evidence import CalibrationRequest
     from replay.runs.sweep_settings import SweepRow
 
-#: Whoever reads a file can scroll.
-_FILE_WIDTH: Final = 400
 #: The same on an axis.
 _DRAWN: Final = {
     "error_kg": "mass less the\nreference (kg)",
@@ -349,5 +348,5 @@ def _format_shown_value(value: RenderableType) -> str:
     from rich.console import Console
 
     text = StringIO()
-    Console(file=text, width=_FILE_WIDTH, highlight=False).print(value)
+    Console(file=text, width=LIMITS.file_width, highlight=False).print(value)
     return "".join(f"{line.rstrip()}\n" for line in text.getvalue().splitlines())

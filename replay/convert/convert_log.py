@@ -16,6 +16,7 @@ import polars as pl
 from analysis.model.loss import Loss
 from estimators.errors import LogError, OutputError, nearest
 from recordings.report.atomic_output import refuse_input_as_output, require_writable_folder
+from replay.convert.convert_limits import LIMITS
 from replay.convert.unfinished_folder import (
     ConversionPlan,
     PartWriter,
@@ -38,10 +39,6 @@ from replay.logs.converted.description import (
 if TYPE_CHECKING:
     import pyarrow as pa
 
-#: What is done again at most after a cut; a part holds no more messages.
-SPAN_MESSAGES: Final = 2_000_000
-#: Likewise, of the log's files.
-_SPAN_BYTES: Final = 512 << 20
 _STAMP: Final = "header_stamp_ns"
 
 
@@ -102,7 +99,7 @@ def convert_log(
     *,
     force: bool = False,
     on_span: Callable[[str], None] = lambda _: None,
-    span_messages: int = SPAN_MESSAGES,
+    span_messages: int = LIMITS.span_messages,
 ) -> Conversion:
     """Write every topic of a log as Parquet, in bounded memory.
 
@@ -215,7 +212,7 @@ class RunningConversion:
         start, end = min(starts), max(row["end_ns"] for row in rows if row["end_ns"] is not None)
         size = sum(file.size_bytes for file in self._files)
         messages = sum(row["messages"] for row in rows)
-        spans = max(ceil(messages / span_messages), ceil(size / _SPAN_BYTES))
+        spans = max(ceil(messages / span_messages), ceil(size / LIMITS.span_bytes))
         found = {start + (end - start) * k // spans for k in range(1, spans)}
         return tuple(sorted(found - {start}))
 

@@ -21,16 +21,13 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from estimators.errors import OutputError
 from estimators.file_digest import file_sha256
+from replay.convert.convert_limits import LIMITS
 from replay.logs.converted.description import LOG_TIME, ConvertedPart, SourceFile
 
 _SUFFIX: Final = ".unfinished"
 _PLAN: Final = "plan.json"
 _LOCK: Final = ".lock"
 _Model = TypeVar("_Model", bound=BaseModel)
-#: A reader of some rows unpacks whole row groups; smaller ones are larger on the disk.
-_GROUP_ROWS: Final = 1 << 17
-#: Of rows that are large by themselves, such as images.
-_GROUP_BYTES: Final = 32 << 20
 
 
 class PartWriter:
@@ -61,7 +58,7 @@ class PartWriter:
         self._waiting.append(rows)
         self._waiting_rows += rows.height
         self._waiting_bytes += int(rows.estimated_size())
-        if self._waiting_rows >= _GROUP_ROWS or self._waiting_bytes >= _GROUP_BYTES:
+        if self._waiting_rows >= LIMITS.group_rows or self._waiting_bytes >= LIMITS.group_bytes:
             self._flush()
 
     def _flush(self) -> None:
@@ -74,7 +71,7 @@ class PartWriter:
         self._last = last if self._last is None else max(last, self._last)
         self._rows += rows.height
         table = rows.to_arrow(compat_level=pl.CompatLevel.oldest()).cast(self._schema)
-        self._writer.write_table(table, row_group_size=_GROUP_ROWS)
+        self._writer.write_table(table, row_group_size=LIMITS.group_rows)
 
     def close(self) -> ConvertedPart:
         """Finish the file and describe its content."""

@@ -7,7 +7,6 @@ first half, and tested on the second half.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -18,19 +17,7 @@ from analysis.model.schema import column_values
 from estimators.errors import DataError, MachineError
 from recordings.report.finding_text import findings_of_run
 from replay.explain.proposal_edits import Proposal, split_into_proposals
-
-#: By how much the uncertainty may grow for a cause that hardly moves the mass.
-_WIDER: Final = 1.05
-#: A mass moved as claimed is so many standard uncertainties from that, and a claim so many from 0.
-_COVERAGE: Final = 2.0
-#: What a proposal leaves of a cause is a remainder from this share of its strength on down.
-_REMAINDER: Final = 0.5
-#: The accelerometer's scale is right where z reads gravity at rest within this share.
-_GRAVITY_1: Final = 0.01
-#: No machine weighs less than it does empty, by more than this share and its uncertainty.
-_LIGHTER_1: Final = 0.01
-#: Starts of a log with two halves to try a proposal on.
-_FEWEST_STARTS: Final = 4
+from replay.explain.proposal_limits import LIMITS
 
 #: First and last log time of a stretch; None: the log's own.
 Stretch = tuple[int | None, int | None]
@@ -69,7 +56,9 @@ class ProposalTrial:
         worse = sorted(names_of_failed_checks(now) - names_of_failed_checks(was))
         if worse:
             return f"the log would fail {', '.join(worse)}"
-        if self.finding.severity == "tell" and _best_load_u_kg(now) > _WIDER * _best_load_u_kg(was):
+        if self.finding.severity == "tell" and _best_load_u_kg(
+            now
+        ) > LIMITS.max_u_growth * _best_load_u_kg(was):
             return "the uncertainty would grow"
         return ""
 
@@ -81,10 +70,14 @@ class ProposalTrial:
         if empty_kg and one is not None and other is not None:
             off, now_off = abs(one[0] - empty_kg), abs(other[0] - empty_kg)
             nearer = now_off < off
-            if off <= _COVERAGE * one[1] and now_off > max(off, _COVERAGE * other[1]):
+            if off <= LIMITS.coverage_factor * one[1] and now_off > max(
+                off, LIMITS.coverage_factor * other[1]
+            ):
                 return "the mass agrees with the empty machine's, but would not with this proposal"
         if empty_kg and other is not None and self.finding.cause == "wrong_unit":
-            below_kg = max(_COVERAGE * other[1], _LIGHTER_1 * empty_kg)
+            below_kg = max(
+                LIMITS.coverage_factor * other[1], LIMITS.lighter_than_empty_1 * empty_kg
+            )
             if empty_kg - other[0] > below_kg:
                 return "the machine would weigh less than when empty: the wrong factor is elsewhere"
         if self.finding.cause != "wheel_radius" or nearer:
@@ -149,7 +142,7 @@ def find_middle_between_starts_ns(run: Run, begin_ns: int, end_ns: int) -> int |
     The middle of the log if it has no starts; None if it has too few of them.
     """
     t_ns, starts = run.frames["excitation"]["t_ns"], run.frames["manoeuvres"]
-    if t_ns.is_empty() or 0 < starts.height < _FEWEST_STARTS:
+    if t_ns.is_empty() or 0 < starts.height < LIMITS.min_starts:
         return None
     middle = 0.5
     if starts.height:  # nothing may have been weighed, as of a force of the wrong sign
@@ -182,25 +175,25 @@ def _reads_gravity(run: Run) -> bool:
     stands = (frame["phase"] == "standstill").fill_null(value=False).to_numpy()
     z = column_values(frame, "specific_force_z_m_s2")[stands]
     pull = float(run.provenance.machine["machine"].get("gravity_m_s2", 9.80665))
-    return bool(z.size) and abs(float(np.nanmedian(z)) / pull - 1.0) < _GRAVITY_1
+    return bool(z.size) and abs(float(np.nanmedian(z)) / pull - 1.0) < LIMITS.gravity_tolerance_1
 
 
 def is_cause_reduced(remaining: Finding, finding: Finding, *, as_claimed: bool) -> bool:
     """Whether a cause has nearly vanished, or is weaker and the mass changed as claimed."""
     left = remaining.strength_1 / finding.strength_1
-    return left < _REMAINDER or (left < 1.0 and as_claimed)
+    return left < LIMITS.remaining_strength or (left < 1.0 and as_claimed)
 
 
 def is_change_as_claimed(before: Answer, after: Answer, finding: Finding) -> bool:
     """Whether the masses changed significantly and as the finding claims."""
     claimed, u_kg = finding.mass_change_kg, finding.mass_change_u_kg
-    if claimed is None or u_kg is None or abs(claimed) <= _COVERAGE * u_kg:
+    if claimed is None or u_kg is None or abs(claimed) <= LIMITS.coverage_factor * u_kg:
         return False
     if len(before.loads) != len(after.loads):
         return False
     masses = [(a["mass_kg"], b["mass_kg"]) for a, b in zip(before.loads, after.loads, strict=True)]
     moved = [b - a for a, b in masses if a is not None and b is not None]
-    return bool(moved) and abs(sum(moved) / len(moved) - claimed) <= _COVERAGE * u_kg
+    return bool(moved) and abs(sum(moved) / len(moved) - claimed) <= LIMITS.coverage_factor * u_kg
 
 
 def _best_load_u_kg(answer: Answer) -> float:

@@ -26,6 +26,7 @@ from recordings.report.atomic_output import atomic_file
 from recordings.report.finding_text import cause_name, findings_of_run
 from replay.explain.judge_proposal import ProposalTrial, Stretch, held_out_objection_text
 from replay.explain.proposal_edits import Proposal, insert_proposals, split_into_proposals
+from replay.explain.proposal_limits import LIMITS
 from replay.inputs.channel_inputs import channel_fields
 from replay.inputs.derived_logs import CachedLog, LogPart
 from replay.logs import Log, open_log
@@ -34,8 +35,6 @@ from replay.pipeline import run
 
 #: Causes that say of the answer how poor it is.
 _POOR: Final = ("too_little_excitation", "collinear", "coloured_residuals", "heteroscedastic")
-#: More causes at once are no log to mend.
-_MOST: Final = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +200,7 @@ def try_all_proposals(run_without_proposals: Run, replays: ProposalReplays) -> P
         replays: replays of the log.
     """
     tried = ProposalProgress(run_without_proposals)
-    for _ in range(_MOST):
+    for _ in range(LIMITS.max_proposals):
         finding = _find_next_proposal(tried)
         if finding is None:
             break

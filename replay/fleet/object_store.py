@@ -13,14 +13,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from estimators.errors import OutputError, PayscopeError
+from replay.fleet.engine_limits import LIMITS
 
 S3: Final = "s3://"
 _ENDPOINTS: Final = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
 #: A server may be away for so long.
 _AWAY: Final = timedelta(minutes=5)
-#: Objects that are fetched at once.
-_AT_ONCE: Final = 16
-_CHUNK: Final = 8 * 2**20
 #: In the name of a file that is being written to a folder.
 _WRITING: Final = "#"
 
@@ -100,7 +98,7 @@ class ObjectStore:
 
     def read_all(self, names: Iterable[str]) -> Iterator[bytes]:
         """Contents of several objects, in order."""
-        with ThreadPoolExecutor(_AT_ONCE) as pool:
+        with ThreadPoolExecutor(LIMITS.objects_at_once) as pool:
             yield from pool.map(self.read, names)
 
     def read_existing_or_none(self, names: Iterable[str]) -> Iterator[bytes | None]:
@@ -112,7 +110,7 @@ class ObjectStore:
             except FileNotFoundError:
                 return None
 
-        with ThreadPoolExecutor(_AT_ONCE) as pool:
+        with ThreadPoolExecutor(LIMITS.objects_at_once) as pool:
             yield from pool.map(read_if_present, names)
 
     def write(self, name: str, data: bytes) -> None:
@@ -128,7 +126,7 @@ class ObjectStore:
 
         def copy_parts() -> None:
             with target.open("wb") as file:
-                for part in self._opened_store.get(name).stream(min_chunk_size=_CHUNK):
+                for part in self._opened_store.get(name).stream(min_chunk_size=LIMITS.chunk_bytes):
                     file.write(part)
 
         self._run_operation(name, copy_parts)

@@ -14,19 +14,10 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from typing import Any, Final
 
 from estimators.errors import FleetError
+from replay.fleet.engine_limits import LIMITS
 from replay.fleet.task_engine import LostTask, Result, Task, TaskWork
 
-#: Ray starts a task of a lost worker or node anew so many times.
-_RETRIES: Final = 3
-#: Tasks of a worker before another takes its place: Rerun keeps two threads and some 130 MB of
-#: address space of each recording that a process has written (rerun-io/rerun#2116).
-_TASKS_A_WORKER: Final = 200
-#: Tasks that are handed to Ray beyond those that run: enough that no slot waits.
-_AHEAD: Final = 2
-#: Results go through storage, not through Ray's.
-_OBJECTS_BYTES: Final = 100 * 2**20
-_WAIT_S: Final = 1.0
-_ANSWER_S: Final = 10.0
+#: Bytes of a GiB.
 _GIB: Final = 2**30
 #: A task has one thread, whichever library would start more.
 _LIBRARIES: Final = ("OPENBLAS", "OMP", "MKL", "NUMBA", "RAYON")
@@ -67,7 +58,7 @@ def ray_engine(address: str | None, workers: int | None) -> Generator["RayEngine
             "address": "local",
             "num_cpus": workers,
             "include_dashboard": False,
-            "object_store_memory": _OBJECTS_BYTES,
+            "object_store_memory": LIMITS.ray_storage_bytes,
         }
     )
     handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
@@ -99,7 +90,7 @@ def refuse_dead_address(address: str) -> None:
     if not host or not port.isdigit():
         raise FleetError(f"--address {address}: give the cluster's head as host:port")
     try:
-        socket.create_connection((host, int(port)), timeout=_ANSWER_S).close()
+        socket.create_connection((host, int(port)), timeout=LIMITS.answer_s).close()
     except (OSError, OverflowError) as error:
         raise FleetError(f"--address {address}: no cluster answers ({error})") from None
 
@@ -133,14 +124,14 @@ class RayEngine:
         self, function: Callable[[Task], Result], work: Sequence[TaskWork[Task]]
     ) -> Iterator[tuple[Task, Result | LostTask]]:
         """Yield each task with its result as it finishes; nodes import the function."""
-        remote = self._ray.remote(num_cpus=1, max_retries=_RETRIES, max_calls=_TASKS_A_WORKER)(
-            function
-        )
+        remote = self._ray.remote(
+            num_cpus=1, max_retries=LIMITS.max_retries, max_calls=LIMITS.tasks_per_worker
+        )(function)
         waiting = deque(work)
         running: dict[Any, TaskWork[Task]] = {}
         try:
             while waiting or running:
-                most = (1 + _AHEAD) * self.slots()
+                most = (1 + LIMITS.tasks_ahead) * self.slots()
                 while waiting and len(running) < most:
                     each = waiting.popleft()
                     too_large = self._find_memory_error(each.memory_bytes)
@@ -150,7 +141,7 @@ class RayEngine:
                     placed = remote.options(memory=each.memory_bytes)
                     running[placed.remote(each.task)] = each
                 if running:
-                    ready, _ = self._ray.wait(list(running), timeout=_WAIT_S)
+                    ready, _ = self._ray.wait(list(running), timeout=LIMITS.wait_s)
                     for reference in ready:
                         yield running.pop(reference).task, self._fetch_result(reference)
         finally:
@@ -178,8 +169,8 @@ class RayEngine:
             return LostTask("its node ran out of memory, and Ray ended it")
         except (exceptions.WorkerCrashedError, exceptions.NodeDiedError):
             return LostTask(
-                f"its worker ended {_RETRIES + 1} times without a message: it crashed, was "
-                "killed, or hung"
+                f"its worker ended {LIMITS.max_retries + 1} times without a message: it crashed, "
+                "was killed, or hung"
             )
         except exceptions.RayTaskError as error:
             cause = getattr(error, "cause", None) or error

@@ -33,6 +33,7 @@ from estimators.errors import DataError, FleetError, LogError, PayscopeError
 from estimators.file_digest import file_sha256
 from recordings import write_recording
 from recordings.review.review_state import collect_review_state
+from replay.fleet.engine_limits import LIMITS
 from replay.fleet.gathered_tables import FleetResults
 from replay.fleet.log_sources import FleetLog, list_fleet_logs
 from replay.fleet.machine_setups import MachineSetup, make_machine_setups, setup_of_day
@@ -44,10 +45,6 @@ from replay.machines.machine_file import time_axis_of_machine
 from replay.pipeline import run
 
 Status = Literal["made", "there", "refused", "failed"]
-#: Seconds between two looks at the memory and the clock.
-_LOOK_S: Final = 0.05
-#: Time to come back from a library before the process is ended.
-_GRACE_S: Final = 20.0
 _STATM: Final = Path("/proc/self/statm")
 #: Bytes of a GiB.
 _GIB: Final = 2**30
@@ -70,14 +67,14 @@ class _LimitWatch(threading.Thread):
         self._reason = ""
 
     def run(self) -> None:
-        while not self.done.wait(_LOOK_S):
+        while not self.done.wait(LIMITS.look_s):
             self._reason = self._describe_exceeded_limit()
             if self._reason:
                 break
         if not self._reason or self.done.is_set():
             return
         signal.pthread_kill(self._watched, signal.SIGALRM)
-        if not self.done.wait(_GRACE_S):
+        if not self.done.wait(LIMITS.grace_s):
             os._exit(1)
 
     def interrupt(self, _number: int, _frame: FrameType | None) -> None:
@@ -316,7 +313,7 @@ def interrupt_over_limits(seconds: float, memory_bytes: int) -> Generator[None]:
     before = signal.signal(signal.SIGALRM, watch.interrupt)
     if sys.stderr is not None and _has_file_descriptor(sys.stderr):
         # also where the interpreter's lock is held for ever
-        faulthandler.dump_traceback_later(seconds + 2 * _GRACE_S, exit=True)
+        faulthandler.dump_traceback_later(seconds + 2 * LIMITS.grace_s, exit=True)
     watch.start()
     try:
         yield

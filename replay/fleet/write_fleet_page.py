@@ -23,10 +23,9 @@ from analysis.fleet.machine_drifts import MachineChart, make_machine_charts
 from recordings.fleet.fleet_page import FleetPage, render_fleet_html
 from recordings.report.atomic_output import atomic_file
 from recordings.review.week_page import trend_sentences
+from replay.fleet.engine_limits import LIMITS
 from replay.fleet.gathered_tables import FleetResults
 
-#: Hexadecimal digits of a key that the page shows, enough to name a recording.
-_ABOUT: Final = 12
 #: Nanoseconds of a day.
 _DAY_NS: Final = 86_400 * 10**9
 
@@ -118,7 +117,7 @@ def add_opening_commands(recordings: pl.DataFrame, destination: str) -> pl.DataF
     """With the command that opens each recording at its place."""
     where = shlex.quote(destination)
     commands = [
-        f"payscope fleet open {where} {key[:_ABOUT]} --at {max(at, 0.0):.1f}"
+        f"payscope fleet open {where} {key[: LIMITS.shown_key_digits]} --at {max(at, 0.0):.1f}"
         for key, at in recordings.select("key", "at_s").iter_rows()
     ]
     return recordings.with_columns(pl.Series("command", commands, dtype=pl.String))

@@ -31,11 +31,11 @@ from estimators.errors import DataError
 from recordings import read_recording, write_recording
 from recordings.report.atomic_output import refuse_input_as_output
 from replay.follow.background_replay import find_log_name, run_log_so_far
+from replay.follow.follow_limits import LIMITS
 
 GATE: Final = "gate"
+#: Nanoseconds of a minute.
 _MINUTE_NS: Final = 60 * 10**9
-#: Sums that differ by a smaller share differ by rounding: nine digits.
-_ROUNDING_1: Final = 1e-9
 _OF_SPINS: Final = " of spins"
 #: Why what was followed differs from the replay, where it must.
 _NOISE: Final = (
@@ -83,7 +83,9 @@ class _MinuteDigest:
 
     def is_near(self, other: "_MinuteDigest") -> bool:
         """Whether both have as many rows with nearly equal means."""
-        return self.rows == other.rows and np.allclose(self.sums, other.sums, _ROUNDING_1, 0.0)
+        return self.rows == other.rows and np.allclose(
+            self.sums, other.sums, LIMITS.same_sum_1, 0.0
+        )
 
 
 @dataclass(slots=True)

@@ -25,26 +25,16 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.online.replay_report import ReplayReport, ReplayValidity, report_replay
 from estimators.errors import DataError, PayscopeError, one_line
+from replay.follow.follow_limits import LIMITS
 from replay.logs import ACTIVE, open_log
 from replay.machines.machine_file import time_axis_of_machine
 
-#: Share of one core that replays may take unless the caller says otherwise.
-REPLAY_SHARE: Final = 0.1
 #: Threads of libraries: the share is one of one core.
 _ONE_THREAD: Final = dict.fromkeys(
     ("POLARS_MAX_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"
 )
-#: Lowest priority: whatever else the machine computes goes first.
-_NICE: Final = 19
-#: Processes that may end without a result before no more are started while the log grows.
-_MOST_ENDED: Final = 3
-#: Replays of the whole log that are begun: the process of one may end without a result.
-_MOST_LAST: Final = 2
 #: Seconds between two looks for the last replay, and until somebody is told that it is awaited.
 _LOOK_S, _PATIENCE_S = 0.02, 2.0
-_READ_BYTES: Final = 1 << 20
-#: Bytes of a log that are more than its first seconds.
-_WORTH_BYTES: Final = 1 << 20
 #: File beside a database in which SQLite keeps the newest rows.
 _NEWEST_ROWS: Final = "-wal"
 #: Files beside it that readers change, or that have no rows.
@@ -70,7 +60,7 @@ class BackgroundReplays:
         machine: Machine,
         tell: Callable[[str], None],
         *,
-        share: float = REPLAY_SHARE,
+        share: float = LIMITS.replay_share_1,
     ) -> None:
         """Initialise: the first replay starts the process.
 
@@ -94,7 +84,10 @@ class BackgroundReplays:
 
     def __enter__(self) -> Self:
         """Begin with what is recorded already, which is sooner replayed than followed."""
-        if sum(size for size, _ in find_signature(self._logs).values()) >= _WORTH_BYTES:
+        if (
+            sum(size for size, _ in find_signature(self._logs).values())
+            >= LIMITS.worth_replaying_bytes
+        ):
             self.request()
             self.poll()
         return self
@@ -120,7 +113,7 @@ class BackgroundReplays:
         """Take the result of a replay, or None; start the next if it is due. Never waits."""
         report = self._take_result() if self._is_underway else None
         is_due = self._is_wanted and self._share > 0.0 and time.monotonic() >= self._next_s
-        if is_due and not self._is_underway and self._ended < _MOST_ENDED:
+        if is_due and not self._is_underway and self._ended < LIMITS.max_ended_processes:
             self._is_wanted = False
             if self._signature != find_signature(self._logs) or not self._signature:
                 self._begin_replay(is_last=False)
@@ -151,7 +144,7 @@ class BackgroundReplays:
             if self._is_underway:
                 self.end_process()  # half of it would have to be done again
         began, is_told = time.monotonic(), False
-        for _ in range(_MOST_LAST):
+        for _ in range(LIMITS.max_last_replays):
             if not self._is_underway and self._newest is None:
                 self._begin_replay(is_last=True, is_growing=is_growing)
             while self._is_underway:
@@ -203,7 +196,7 @@ class BackgroundReplays:
         assert process is not None
         assert process.stdout is not None
         with contextlib.suppress(BlockingIOError):
-            while part := os.read(process.stdout.fileno(), _READ_BYTES):
+            while part := os.read(process.stdout.fileno(), LIMITS.read_bytes):
                 self._output += part
                 if part.endswith(b"\n"):
                     return self._finish_replay(ReplayReport.from_dict(json.loads(self._output)))
@@ -230,7 +223,11 @@ class BackgroundReplays:
         if self._is_last:
             self._tell(f"the process of the last replay {how}")
             return
-        more = "the next replay starts another" if self._ended < _MOST_ENDED else "no more start"
+        more = (
+            "the next replay starts another"
+            if self._ended < LIMITS.max_ended_processes
+            else "no more start"
+        )
         self._tell(f"the process of the replay {how}; following goes on, {more}")
 
     def _close_account(self, processor_s: float) -> None:
@@ -318,7 +315,7 @@ def copy_complete_lines(path: Path, folder: Path) -> Path:
 def answer_requests() -> None:
     """Replay as asked by lines of JSON on stdin, until its end, and print each report as a line."""
     with contextlib.suppress(AttributeError, OSError):  # not every system has it
-        os.nice(_NICE)
+        os.nice(LIMITS.replay_niceness)
     requests: queue.Queue[Mapping[str, Any]] = queue.Queue()
 
     def read_requests() -> None:

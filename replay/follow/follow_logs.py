@@ -14,12 +14,13 @@ from analysis.model.loss import Loss
 from analysis.model.machine import Machine
 from analysis.online.follower import FollowedRow, Follower
 from analysis.online.growing_log import causal_machine
-from analysis.online.online_report import VALID_S
+from analysis.online.online_limits import LIMITS as ONLINE_LIMITS
 from analysis.online.rehearsal import rehearse
 from estimators.errors import DataError, LogError
 from estimators.interpreted import compile_at_once
 from estimators.threads import one_blas_thread
 from replay.follow.background_replay import find_log_name, is_text_table
+from replay.follow.follow_limits import LIMITS
 from replay.follow.interrupts import Interrupts
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import GrowingLogFile, follow_log
@@ -29,11 +30,6 @@ from replay.machines.machine_file import (
     time_axis_of_machine,
 )
 
-#: Seconds between two looks at the log: a row is at most as late as this and a look take, 50 ms in
-#: all, and each look at something new costs some milliseconds of the processor.
-LOOK_S: Final = 0.04
-#: Seconds without growth after which a log counts as ended, unless the caller says otherwise.
-IDLE_S: Final = 10.0
 _INTERRUPTED: Final = "interrupted"
 
 
@@ -84,8 +80,8 @@ def follow_logs(
     on_rows: Callable[[Following, list[FollowedRow]], None],
     *,
     noise: pl.DataFrame | None = None,
-    idle_s: float = IDLE_S,
-    valid_s: float = VALID_S,
+    idle_s: float = LIMITS.idle_s,
+    valid_s: float = ONLINE_LIMITS.valid_s,
     until_u_kg: float | None = None,
     interrupts: Interrupts | None = None,
 ) -> Following:
@@ -167,7 +163,7 @@ def follow_until_end(
             return "the recorder has closed the log"
         elif began - grew > idle_s:
             return f"the log has not grown for {idle_s:g} s"
-        time.sleep(max(0.0, began + LOOK_S - time.monotonic()))
+        time.sleep(max(0.0, began + LIMITS.look_s - time.monotonic()))
 
 
 def find_sizes(paths: Sequence[Path]) -> dict[Path, int]:

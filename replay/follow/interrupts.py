@@ -3,10 +3,9 @@
 import signal
 import threading
 from types import FrameType, TracebackType
-from typing import Final, Self
+from typing import Self
 
-#: The interrupt that is raised after all, for a process that hangs where nobody looks.
-_RAISED: Final = 4
+from replay.follow.follow_limits import LIMITS
 
 
 class Interrupts:
@@ -38,5 +37,5 @@ class Interrupts:
 
     def _note(self, _number: int, _frame: FrameType | None) -> None:
         self.count += 1
-        if self.is_raised or self.count >= _RAISED:
+        if self.is_raised or self.count >= LIMITS.raised_interrupt:
             raise KeyboardInterrupt

@@ -13,15 +13,12 @@ from polars.io.plugins import register_io_source
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
+from replay.frames.frame_limits import LIMITS
 from replay.frames.shape import LOG_TIME, LOG_TIME_NS, FrameOptions
 from replay.frames.topic_source import SOURCE, TopicSource
 from replay.logs import TimeAxis, expand_log_folders
 
 Logs = str | Path | Sequence[str | Path]
-
-#: How long the end waits for a chunk that is being read, and for what polars does with it, in s.
-_READS_S: Final = 30.0
-_CLOSES_S: Final = 0.5
 
 
 def scan_log(  # noqa: PLR0913 - each names one choice
@@ -103,13 +100,12 @@ class _OpenReaders:
     def _wait_for_readers(self) -> None:
         with self._changed:
             self._ends = True
-            if self._changed.wait_for(lambda: not self._reading, _READS_S):
+            if self._changed.wait_for(lambda: not self._reading, LIMITS.scan_read_s):
                 # a reader that nobody asks for more is not closed, and does no harm
-                self._changed.wait_for(lambda: not self._open, _CLOSES_S)
+                self._changed.wait_for(lambda: not self._open, LIMITS.scan_close_s)
 
 
 _READERS: Final = _OpenReaders()
-
 
 #: Columns, predicate and number of rows that are wanted, to batches of them.
 Batches = Callable[[list[str] | None, pl.Expr | None, int | None], Iterator[pl.DataFrame]]

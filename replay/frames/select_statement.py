@@ -7,6 +7,7 @@ from typing import Final
 import polars as pl
 
 from estimators.errors import QueryError, list_some, nearest
+from replay.frames.frame_limits import LIMITS
 
 #: A table is made when a statement names it.
 Tables = Mapping[str, Callable[[], pl.LazyFrame]]
@@ -23,8 +24,6 @@ _FILE_FUNCTION: Final = re.compile(r"\b((?:read|scan)_\w+)[\"`\]]?\s*(?:\(|/\*|-
 #: Words behind which polars does not keep the order of rows.
 _REORDERING: Final = ("JOIN", "GROUP", "DISTINCT", "UNION", "INTERSECT", "EXCEPT", "ORDER")
 _UNSORTABLE: Final = pl.Object, pl.Struct, pl.List, pl.Array
-#: Names that an error lists.
-_MOST_LISTED: Final = 40
 
 
 def run_select_in_stable_order(
@@ -119,7 +118,7 @@ def suggest_tables(name: str, tables: Tables) -> str:
 
 
 def _list_tables(tables: Tables) -> str:
-    return list_some(list(tables), _MOST_LISTED)
+    return list_some(list(tables), LIMITS.max_names)
 
 
 def order_by_all_columns(query: str, columns: Sequence[str]) -> str:

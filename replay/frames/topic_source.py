@@ -16,6 +16,7 @@ import polars as pl
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError, PayscopeError, nearest
+from replay.frames.frame_limits import LIMITS
 from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, time_range_of_predicate
 from replay.frames.shape import FrameOptions, TopicShape
 from replay.logs import Log, TimeAxis, open_log
@@ -23,8 +24,6 @@ from replay.logs.messages.message_types import LeafField
 
 #: Which log a row is of, where there are several.
 SOURCE: Final = "source"
-#: Each holds a file open and the log times of its messages.
-_MOST_OPEN: Final = 8
 _Key = tuple[str, tuple[tuple[str, int, int], ...], TimeAxis | None]
 _opened: OrderedDict[_Key, Log] = OrderedDict()
 _one_at_a_time: Final = Lock()
@@ -254,7 +253,7 @@ def open_or_reuse_log(path: Path, time: TimeAxis | None = None) -> Log:
             log = open_log(path, time=time)
         _opened[key] = log
         # one that is still read closes when that is over: nothing else holds it
-        while len(_opened) > _MOST_OPEN:
+        while len(_opened) > LIMITS.max_open_logs:
             _opened.popitem(last=False)
         return log
 

@@ -11,6 +11,7 @@ from analysis.model.verdict import Verdict
 from estimators.errors import PayscopeError
 from recordings.report.number_text import format_unit_suffix
 from replay.init.guess_machine import BRAKES_QUESTION
+from replay.init.init_limits import LIMITS
 from replay.logs import Log
 from replay.pipeline import run
 
@@ -31,8 +32,6 @@ BRAKING: Final = (
     "brakes",
     "",
 )
-#: A log is rich in a term when it would narrow its prior to this share.
-_RICH: Final = 0.5
 
 
 def propose_lines_from_replay(log: Log, text: str) -> list[str]:
@@ -100,7 +99,7 @@ def _format_prior_proposals(replayed: Run) -> list[str]:
         setting = _SETTINGS.get(row["term"])
         found = float((row["posterior"] ** 2 + row["posterior_std"] ** 2) ** 0.5)
         narrowed = found / row["prior_std"]
-        if setting is None or narrowed > _RICH:
+        if setting is None or narrowed > LIMITS.narrowed_prior_fraction:
             continue
         value = f"# {setting} = {priors[setting] * narrowed:.2g}"
         unit = format_unit_suffix(row["unit"])

@@ -17,6 +17,7 @@ from analysis.stages.signals.mounting_guess import MountingGuess, guess_mounting
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.arrays import Floats, Ints
 from estimators.errors import LogError
+from replay.init.init_limits import LIMITS
 from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
 from replay.machines.toml_file import toml_text
@@ -53,7 +54,6 @@ _SHORT = {
     "acceleration_m_s2": "acc_x_m_s2",
 }
 
-
 #: What every answer rests on and has a default: asked behind what is missing. The second is asked
 #: where a replay of the draft does not answer it.
 _TO_ANSWER = (
@@ -67,9 +67,6 @@ Source = tuple[str | None, str]
 
 _AXES: Final = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
 _SIDES: Final = ("speed_left_m_s", "speed_right_m_s")
-#: So much of a log is looked at.
-_LOOK_NS: Final = 600 * 10**9
-_LARGEST: Final = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -388,11 +385,11 @@ def read_fields(log: Log, sources: list[Source]) -> tuple[Ints, Floats]:
     topic = sources[0][0] or "table"
     fields = [field for _, field in sources]
     start_ns = log.topics().filter(pl.col("topic") == topic)["start_ns"][0]
-    read = log.read(topic, fields, end_ns=start_ns + _LOOK_NS)
+    read = log.read(topic, fields, end_ns=start_ns + LIMITS.look_ns)
     placed = assign_timestamps({topic: read})[0][topic].unique(
         "unix_ns", keep="last", maintain_order=True
     )
     x = np.stack([placed[field].cast(pl.Float64).to_numpy() for field in fields], axis=1)
     # not finite, or no reading of a machine in any unit
-    finite = (np.abs(x) < _LARGEST).all(axis=1)
+    finite = (np.abs(x) < LIMITS.max_reading).all(axis=1)
     return placed["unix_ns"].to_numpy()[finite], x[finite]

@@ -15,19 +15,13 @@ from analysis.model.run_record import InputFile, Provenance
 from analysis.model.schema import HINTS
 from analysis.stages.signals.derive import unit_of_name
 from estimators.errors import LogError, MachineError, nearest
+from replay.inputs.input_limits import LIMITS
 from replay.inputs.time_line import shift_times, time_line_offsets_ns
 from replay.logs import TABLE, Log
 
-#: Parts of one recording reach into each other by no more; what they reach further in is there
-#: twice, or of another recording.
-_OVERLAP_NS: Final = 1_000_000_000
-#: Of the messages in such a stretch, at least so many are in both.
-_MOSTLY: Final = 0.5
 _STAMP: Final = "same_ns"
 #: A field picked by name, `effort[left]`, beside the list of names that picks it.
 _BY_NAME = re.compile(r"(?P<parent>(?:.*\.)?)[^.\[\]]+\[(?P<name>[^\[\]]*[^\[\]\d][^\[\]]*)\]")
-#: Names of a message's list that are read to find an element.
-_MOST_NAMES = 32
 #: Whatever of these changes may change a number or a recording.
 _VERSIONS = ("payscope", "numpy", "scipy", "numba", "polars", "rosbags", "mcap", "rerun-sdk")
 
@@ -175,7 +169,7 @@ def _refuse_unknown_element_names(log: Log, topic: str, frame: pl.DataFrame) -> 
         named = _BY_NAME.fullmatch(field)
         if named is None or frame[field].null_count() < frame.height:
             continue
-        listed = [f"{named['parent']}name[{i}]" for i in range(_MOST_NAMES)]
+        listed = [f"{named['parent']}name[{i}]" for i in range(LIMITS.max_names)]
         begins = int(frame["log_time_ns"].to_numpy().min())
         first = log.read(topic, listed, end_ns=begins).select(listed)
         known = [name for name in first.row(0) if name] if first.height else []
@@ -283,8 +277,8 @@ def drop_repeated_samples(
         return frame
     time = pl.col("log_time_ns")
     # two recorders may each be late by a moment
-    shared = frame.filter(time <= end + _OVERLAP_NS)
-    theirs = before.filter(time >= start - _OVERLAP_NS)
+    shared = frame.filter(time <= end + LIMITS.overlap_ns)
+    theirs = before.filter(time >= start - LIMITS.overlap_ns)
     keys = [name for name in frame.columns if name not in ("log_time_ns", "header_stamp_ns")]
     new = _add_stamp_column(shared).join(
         _add_stamp_column(theirs),
@@ -295,13 +289,16 @@ def drop_repeated_samples(
     )
     overlap_ns = min(end, frame["log_time_ns"][-1]) - start
     inside = shared.filter(time <= end).height
-    if overlap_ns > _OVERLAP_NS and shared.height - new.height < _MOSTLY * inside:
+    if (
+        overlap_ns > LIMITS.overlap_ns
+        and shared.height - new.height < LIMITS.repeated_min_fraction * inside
+    ):
         raise LogError(
             f"{later}: topic '{topic}' begins {(end - start) / 1e9:.3f} s before its end in "
             f"{earlier}, with different messages; logs replayed together must not overlap, so "
             "replay these separately"
         )
-    return pl.concat([new.drop(_STAMP), frame.filter(time > end + _OVERLAP_NS)])
+    return pl.concat([new.drop(_STAMP), frame.filter(time > end + LIMITS.overlap_ns)])
 
 
 def _add_stamp_column(frame: pl.DataFrame) -> pl.DataFrame:

@@ -3,22 +3,13 @@
 import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import Final, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import polars as pl
 
 from estimators.errors import LogError
+from replay.inputs.input_limits import LIMITS
 from replay.logs import TABLE, Log
-
-#: A time that begins so near to 0 is counted from the file's own begin, in ns.
-_FROM_ZERO_NS: Final = 1_000_000_000
-#: Between two logs that follow one another: nobody knows how long it was. Longer than a gap, in s
-#: and in periods of the slowest topic.
-_BETWEEN_S: Final = 10.0
-_BETWEEN_PERIODS: Final = 10.0
-
-#: Stamps so near to one another have one phase, in periods.
-_SAME_PHASE: Final = 1e-6
 
 #: A topic and its fields that channels name.
 _Has = frozenset[tuple[str, str]]
@@ -47,7 +38,7 @@ def time_line_offsets_ns(
     if any(table.is_empty() for table in tables.values()):
         return none
     if any(
-        not 0 <= int(table["start_ns"].to_numpy().min()) < _FROM_ZERO_NS
+        not 0 <= int(table["start_ns"].to_numpy().min()) < LIMITS.from_zero_ns
         for table in tables.values()
     ):
         return none
@@ -67,9 +58,11 @@ def time_line_offsets_ns(
     at_ns, lattice = 0, _SampleLattice.from_table(next(iter(tables.values())))
     for log, table in tables.items():
         found[log] = lattice.next_offset_on_lattice(at_ns, table)
-        slowest_s = _BETWEEN_PERIODS / float(table["rate_hz"].fill_null(1.0).to_numpy().min())
+        slowest_s = LIMITS.between_logs_periods / float(
+            table["rate_hz"].fill_null(1.0).to_numpy().min()
+        )
         at_ns = found[log] + int(table["end_ns"].to_numpy().max())
-        at_ns += round(max(_BETWEEN_S, slowest_s) * 1e9)
+        at_ns += round(max(LIMITS.between_logs_s, slowest_s) * 1e9)
     return found
 
 
@@ -95,7 +88,7 @@ class _SampleLattice(NamedTuple):
         """First offset from `at_ns` on that puts a log's first stamp on the lattice."""
         (start_ns,) = table.filter(pl.col("topic") == self.topic)["start_ns"]
         between_ns = int(start_ns) - self.start_ns
-        periods = math.ceil((at_ns + between_ns) / self.period_ns - _SAME_PHASE)
+        periods = math.ceil((at_ns + between_ns) / self.period_ns - LIMITS.same_phase_periods)
         return round(periods * self.period_ns) - between_ns
 
 

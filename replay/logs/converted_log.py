@@ -21,13 +21,12 @@ from replay.logs.converted.description import (
     ConvertedTopic,
 )
 from replay.logs.log import Log, LogCheck
+from replay.logs.log_limits import LIMITS
 from replay.logs.messages.message_fields import OWN_COLUMNS
 from replay.logs.messages.message_types import LeafField
 from replay.logs.storage import LossList
 
 _ELEMENT: Final = re.compile(r"\[([^\]]*)\]")
-#: Digits of an index: lists count in 32 bits.
-_MOST_DIGITS: Final = 9
 
 
 class ConvertedFieldError(Exception):
@@ -134,7 +133,7 @@ class ConvertedTopics:
         """Index of a list element, given directly or by its name in the list `name`."""
         element = elements[element_position]
         if element.isascii() and element.isdigit():
-            index = int(element) if len(element) <= _MOST_DIGITS else 10**_MOST_DIGITS
+            index = int(element) if len(element) <= LIMITS.index_digits else 10**LIMITS.index_digits
             length = self._fixed_length(name, element_position)
             if length is not None and index >= length:
                 raise ConvertedFieldError(f"'{name}' is out of range; it has {length} elements")

@@ -8,6 +8,7 @@ import json
 from collections.abc import Sequence
 from typing import Any, Final
 
+from replay.logs.log_limits import LIMITS
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.messages.decoding_libraries import CONVERT, Library, require_int64
 from replay.logs.messages.message_types import FieldType, ListOf, MessageType, RecordType, Scalar
@@ -20,9 +21,6 @@ _KINDS: Final = {
 }
 #: how times and durations are written
 _STAMPS: Final = ({"sec", "nsec"}, {"sec", "nanosec"})
-#: Depth of nested objects, and fields of a schema: beyond, it is refused.
-_DEEPEST: Final = 32
-_MOST_FIELDS: Final = 20_000
 
 
 def message_type_from_json_schema(name: str, schema: str) -> MessageType:
@@ -56,14 +54,16 @@ class _Schema:
 
     def __init__(self, root: Any) -> None:
         self._root = root
-        self._left = _MOST_FIELDS
+        self._left = LIMITS.json_fields
 
     def type_of_value(self, schema: Any, depth: int) -> FieldType | None:
         """Type of a value; None for a value of several types, which is left out."""
         schema = self._resolve_reference(schema)
         self._left -= 1
-        if self._left < 0 or depth > _DEEPEST:
-            raise BrokenBytesError(f"it has more than {_MOST_FIELDS} fields, or {_DEEPEST} levels")
+        if self._left < 0 or depth > LIMITS.json_depth:
+            raise BrokenBytesError(
+                f"it has more than {LIMITS.json_fields} fields, or {LIMITS.json_depth} levels"
+            )
         kind = sole_type_or_none(schema)
         if kind == "array":
             element = self.type_of_value(schema.get("items", {}), depth + 1)
@@ -87,7 +87,7 @@ class _Schema:
         )
 
     def _resolve_reference(self, schema: Any) -> dict[str, Any]:
-        for _ in range(_DEEPEST):
+        for _ in range(LIMITS.json_depth):
             if not isinstance(schema, dict):
                 return {}
             reference = schema.get("$ref")

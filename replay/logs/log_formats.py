@@ -7,6 +7,7 @@ from typing import Final
 from estimators.errors import LogError, list_some
 from replay.logs.converted import DESCRIPTION
 from replay.logs.log import Log, TimeAxis
+from replay.logs.log_limits import LIMITS
 
 # The libraries behind the formats are imported when a log of theirs is opened: they are slow to
 # import, and `payscope --help` needs none of them.
@@ -58,7 +59,7 @@ def _open_directory(path: Path) -> Log:
     if not (path / METADATA).exists() and not list_storage_files(path):
         logs = sorted(each.name for each in path.iterdir() if may_be_log(each))
         if logs:
-            named = list_some(logs, _MOST_NAMED)
+            named = list_some(logs, LIMITS.max_logs)
             raise LogError(f"{path}: is a folder of logs; give one of them: {named}")
         raise LogError(
             f"{path}: no bag in this directory; a rosbag2 directory holds metadata.yaml "
@@ -75,8 +76,6 @@ def may_be_log(path: Path) -> bool:
     return path.suffix.lower() in OPENERS or is_directory_log
 
 
-#: Logs of a folder that an error names.
-_MOST_NAMED: Final = 8
 #: Suffixes of tables. A folder of logs is searched for the first two alone: the others are of notes
 #: as well.
 TABLES: Final = (

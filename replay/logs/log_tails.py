@@ -4,7 +4,6 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final
 
 import polars as pl
 
@@ -13,16 +12,11 @@ from estimators.errors import LogError
 from replay.logs.decoding.decoder import Decoder, submit_at_once
 from replay.logs.decoding.decoder_choice import make_decoder
 from replay.logs.log import TABLE, TimeAxis
+from replay.logs.log_limits import LIMITS
 from replay.logs.message_definitions import DefinitionError, compile_message_type
 from replay.logs.messages.message_fields import FieldError, resolve_field
 from replay.logs.storage import Connection, FileBytes, LossList, Tail
 from replay.logs.table_log import TableLog
-
-#: Rows from which a head is recognised.
-_HEAD_ROWS: Final = 20
-#: Rows that stand before the new ones, so that the spacing of times tells their unit.
-_ROWS_BEFORE: Final = 50
-_POLL_BYTES: Final = 16 * 2**20
 
 
 class TableTail:
@@ -48,7 +42,7 @@ class TableTail:
         #: the lines above the first row; None before they are recognised
         self._head: bytes | None = None
         self._waiting: list[bytes] = []
-        self._before: deque[bytes] = deque(maxlen=_ROWS_BEFORE)
+        self._before: deque[bytes] = deque(maxlen=LIMITS.rows_before)
         self._last_ns: int | None = None
 
     @property
@@ -59,13 +53,13 @@ class TableTail:
     def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:
         """Rows completed since the last poll; at the file's end also a row without a newline."""
         new = self._file.update_size() - self._at
-        data = self._file.read(self._at, min(new, _POLL_BYTES))
+        data = self._file.read(self._at, min(new, LIMITS.poll_bytes))
         end = len(data) if is_whole and len(data) == new else data.rfind(b"\n") + 1
         self._at += end
         self._waiting += data[:end].splitlines(keepends=True)
         if not self._waiting:
             return {}
-        if self._head is None and len(self._waiting) < _HEAD_ROWS and not is_whole:
+        if self._head is None and len(self._waiting) < LIMITS.head_rows and not is_whole:
             return {}
         frame = self._read(b"".join([self._head or b"", *self._before, *self._waiting]))
         if self._head is None:

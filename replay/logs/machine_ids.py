@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from estimators.errors import one_line
+from replay.logs.log_limits import LIMITS
 
 #: What recorders call it, with anything but letters and digits read as `_`.
 KEYS: Final = frozenset(
@@ -18,8 +19,6 @@ KEYS: Final = frozenset(
         "vin",
     }
 )
-#: Characters of a machine's number.
-_LONGEST: Final = 64
 _SEPARATORS: Final = re.compile(r"[^a-z0-9]+")
 #: Of a preamble's line: "# Machine ID: CAT262C-0042", "machine_id;CAT262C-0042;;".
 _NAMED_LINE: Final = re.compile(r'^[\s#%/"]*([^:=,;\t"]{1,60}?)"?\s*[:=,;\t]\s*(.+)$')
@@ -39,7 +38,7 @@ def iter_serial_numbers(texts: Mapping[str, str], record: str = "") -> Iterator[
         names = (key, f"{record}_{key}") if record else (key,)
         said = " ".join(one_line(text).split())
         if said and any(_SEPARATORS.sub("_", name.lower()).strip("_") in KEYS for name in names):
-            yield said[:_LONGEST]
+            yield said[: LIMITS.machine_id_characters]
 
 
 def ids_in_preamble(lines: Iterable[str]) -> Iterator[str]:

@@ -24,6 +24,7 @@ from rosbags.typesys import (
 from rosbags.typesys.store import Typestore
 
 from estimators.errors import one_line
+from replay.logs.log_limits import LIMITS
 from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
 from replay.logs.messages.message_types import (
     COLUMN_DTYPES,
@@ -61,12 +62,6 @@ _SERVICE_RULE: Final = "---"
 #: rosbags gives an empty ROS 2 message the byte that DDS sends for it
 _PLACEHOLDER: Final = "structure_needs_at_least_one_member"
 _EMPTY_STRUCT: Final = re.compile(r"(struct\s+\w+\s*\{)\s*\}")
-#: Far beyond any type that a robot sends; a few lines of a definition can ask for much more.
-_MOST_FIELDS: Final = 20_000
-_DEEPEST: Final = 64
-_LARGEST_ARRAY: Final = 2**30
-#: rosbags writes code for each element of an array of messages or strings
-_MOST_ELEMENTS: Final = 2**16
 
 
 class DefinitionError(Exception):
@@ -180,7 +175,7 @@ class _Records:
     def __init__(self, store: Typestore, *, ros1: bool) -> None:
         self._store = store
         self._byte = Scalar("int8" if ros1 else "uint8")
-        self._left = _MOST_FIELDS
+        self._left = LIMITS.definition_fields
 
     def make_record_type(
         self, name: str, above: tuple[str, ...] = (), repeated: int = 1
@@ -189,14 +184,18 @@ class _Records:
             raise DefinitionError(f"the definition of {name} contains itself")
         if name not in self._store.fielddefs:
             raise DefinitionError(f"the definition of {above[0] if above else name} lacks {name}")
-        if len(above) == _DEEPEST:
-            raise DefinitionError(f"the definition of {above[0]} is deeper than {_DEEPEST} levels")
+        if len(above) == LIMITS.definition_depth:
+            raise DefinitionError(
+                f"the definition of {above[0]} is deeper than {LIMITS.definition_depth} levels"
+            )
         within = (*above, name)
         fields: list[tuple[str, FieldType]] = []
         for field, description in self._store.fielddefs[name][1]:
             self._left -= 1
             if self._left < 0:
-                raise DefinitionError(f"{within[0]} has more than {_MOST_FIELDS} fields")
+                raise DefinitionError(
+                    f"{within[0]} has more than {LIMITS.definition_fields} fields"
+                )
             if field != _PLACEHOLDER:
                 fields.append((field, self._make_field(description, within, repeated)))
         return RecordType(name, tuple(fields), enumerated_value_names(self._store.fielddefs[name]))
@@ -220,7 +219,7 @@ class _Records:
         assert not isinstance(element, ListOf), "ROS has no lists of lists"
         if length is not None:
             numbers = isinstance(element, Scalar) and element.kind != "string"
-            most = _LARGEST_ARRAY if numbers else _MOST_ELEMENTS // repeated
+            most = LIMITS.array_elements if numbers else LIMITS.object_array_elements // repeated
             if length > most:
                 raise DefinitionError(
                     f"{above[-1]} has an array of {length} elements, which is not supported"

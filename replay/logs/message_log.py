@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
@@ -15,6 +15,7 @@ from estimators.errors import LogError, nearest
 from replay.logs.decoding.decoder import DecodeTally, frame_schema_of_fields
 from replay.logs.decoding.decoder_choice import decoder_name, make_decoder
 from replay.logs.log import Log, LogCheck
+from replay.logs.log_limits import LIMITS
 from replay.logs.machine_ids import machine_ids_in_files
 from replay.logs.message_definitions import DefinitionError, compile_message_type
 from replay.logs.messages.message_fields import OWN_COLUMNS, Field, FieldError, resolve_field
@@ -29,9 +30,6 @@ from replay.logs.storage import Connection, Container, LossList, make_empty_time
 
 if TYPE_CHECKING:
     from replay.logs.decoding.batch_stream import TopicStream
-
-#: Recorders write messages a little out of order; when they fall back further, a clock was set.
-_CLOCK_JUMP_NS: Final = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +221,7 @@ class MessageLog(Log):
                 f"{tally.first_fault}",
                 topic,
             )
-        if tally.back_ns > _CLOCK_JUMP_NS:
+        if tally.back_ns > LIMITS.clock_jump_ns:
             self._read_losses.note(
                 self.path,
                 f"log times jump back, by up to {tally.back_ns / 1e9:.3f} s: messages were sorted "

@@ -8,6 +8,7 @@ from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message import DecodeError
 from google.protobuf.message_factory import GetMessageClass
 
+from replay.logs.log_limits import LIMITS
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.messages.decoding_libraries import Library, require_int64
 from replay.logs.messages.message_types import FieldType, ListOf, MessageType, RecordType, Scalar
@@ -24,8 +25,6 @@ _KINDS: Final = {
     FieldDescriptor.CPPTYPE_STRING: "string",
 }
 _STAMPS: Final = ("google.protobuf.Timestamp", "google.protobuf.Duration")
-#: Fields of a schema: beyond, it is refused.
-_MOST_FIELDS: Final = 20_000
 
 
 def message_type_from_protobuf(name: str, descriptors: bytes) -> MessageType:
@@ -82,7 +81,7 @@ class _Types:
     """Converts descriptors with their references into records."""
 
     def __init__(self) -> None:
-        self._left = _MOST_FIELDS
+        self._left = LIMITS.protobuf_fields
 
     def record(self, descriptor: Descriptor, above: tuple[str, ...]) -> RecordType:
         """Message type, without maps and fields that contain the type itself."""
@@ -102,7 +101,7 @@ class _Types:
     def _make_field(self, field: FieldDescriptor, above: tuple[str, ...]) -> FieldType | None:
         self._left -= 1
         if self._left < 0:
-            raise BrokenBytesError(f"it has more than {_MOST_FIELDS} fields")
+            raise BrokenBytesError(f"it has more than {LIMITS.protobuf_fields} fields")
         inner = field.message_type
         if inner is None:
             is_bytes = field.type == FieldDescriptor.TYPE_BYTES

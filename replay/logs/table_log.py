@@ -11,6 +11,7 @@ import polars as pl
 from analysis.model.loss import Loss
 from estimators.errors import LogError, counted, list_some, nearest
 from replay.logs.log import TABLE, Log, LogCheck, TimeAxis
+from replay.logs.log_limits import LIMITS
 from replay.logs.machine_ids import ids_in_preamble, iter_serial_numbers
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.storage import LossList
@@ -33,21 +34,9 @@ _FORMATS: Final = {
     "xlsx": "Excel table",
     "csv": "CSV table",
 }
-#: Columns that an error names.
-_NAMED: Final = 20
-#: Cells of a column that are compared with its time.
-_FIRST: Final = 400
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 _TRUTHS: Final = ["true", "false"]
 _WHERE: Final = "in the machine file, or by --set log.KEY=VALUE"
-#: Rows that may share a time: more that all do have none.
-_FEW: Final = 2
-#: A table is sorted by time without a question where so small a share of its rows is late, or where
-#: of those that are late so many fall back: rows in any order, not one record behind another.
-_FEW_LATE: Final = 0.01
-_FALLS: Final = 0.05
-#: Characters of a cell that a loss quotes.
-_LONGEST: Final = 40
 
 
 class TableLog(Log):
@@ -144,7 +133,7 @@ class TableLog(Log):
         except DialectError as error:
             raise LogError(f"{self.path}: {error} {_WHERE}") from error
         if found is None:
-            named = list_some([*map(repr, columns)], _NAMED)
+            named = list_some([*map(repr, columns)], LIMITS.max_columns)
             raise LogError(
                 f"{self.path}: no time column among {named}; "
                 'name it in the machine file: [log] time = "COLUMN", time_unit = "s", or where '
@@ -216,7 +205,7 @@ class TableLog(Log):
         is_unambiguous = self._is_time_given or axis.time is None or len(self._parts) > 1
         if is_unambiguous or not isinstance(columns, CsvColumns):
             return
-        first = partial(columns.first_text_cells, count=_FIRST)
+        first = partial(columns.first_text_cells, count=LIMITS.compared_cells)
         said = describe_disagreement(
             columns.columns, first, axis.columns[-1], times.head(columns.first)
         )
@@ -230,7 +219,10 @@ class TableLog(Log):
     ) -> None:
         """Raise an error if most rows share their time with the previous one: too coarse."""
         shared = int((steps == 0).sum())
-        if known_times.len() <= _FEW or 2 * (known_times.len() - shared) >= known_times.len():
+        if (
+            known_times.len() <= LIMITS.same_time_rows
+            or 2 * (known_times.len() - shared) >= known_times.len()
+        ):
             return
         if shared == known_times.len() - 1:
             said = "all rows have the same; set another column: [log] time"
@@ -260,7 +252,10 @@ class TableLog(Log):
     def _are_rows_shuffled(self, known_times: pl.Series, backwards: int) -> bool:
         """Whether few rows are late, or so many fall back that none continues from there."""
         late = int((known_times < known_times.cum_max()).sum())
-        return late < _FEW_LATE * known_times.len() or backwards > _FALLS * late
+        return (
+            late < LIMITS.late_row_fraction * known_times.len()
+            or backwards > LIMITS.falling_row_fraction * late
+        )
 
     def _cells_of_columns(self, names: Sequence[str]) -> dict[str, pl.Series]:
         try:
@@ -384,4 +379,4 @@ class TableLog(Log):
 
 
 def _shorten(text: str) -> str:
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
+    return text if len(text) <= LIMITS.quoted_characters else f"{text[: LIMITS.quoted_characters]}…"

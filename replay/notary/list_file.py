@@ -23,8 +23,8 @@ from recordings.calibration.check_outcomes import (
     verdict_text,
 )
 from recordings.notary.notary_check import check_notary_list
+from recordings.notary.notary_limits import LIMITS as NOTARY_LIMITS
 from recordings.notary.notary_list import (
-    MOST_LIST_BYTES,
     NotaryEntry,
     NotaryHead,
     NotaryLine,
@@ -147,8 +147,10 @@ def open_list(path: Path) -> Generator[OpenList]:
                 f"{path}: another process is writing this list; only one notary may write it"
             ) from None
         size = os.fstat(number).st_size
-        if size > MOST_LIST_BYTES:
-            raise EvidenceError(f"{path}: is larger than the {MOST_LIST_BYTES} bytes of a list")
+        if size > NOTARY_LIMITS.list_bytes:
+            raise EvidenceError(
+                f"{path}: is larger than the {NOTARY_LIMITS.list_bytes} bytes of a list"
+            )
         whole, tail = split_whole_lines(_read_descriptor(number, size))
         lines = [parse_line(line, f"{path}: line {k}") for k, line in enumerate(whole, start=1)]
         second = second_copy_path(path)
@@ -295,7 +297,7 @@ def verify_notary_list(
     key = None if key_file is None else read_public_key(key_file)
     try:
         with path.open("rb") as file:
-            data = file.read(MOST_LIST_BYTES + 1)
+            data = file.read(NOTARY_LIMITS.list_bytes + 1)
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
     kept = check_notary_list(data, dt.datetime.now(dt.UTC))

@@ -13,7 +13,7 @@ from typing import Any, Final
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import EvidenceError, PayscopeError
 from estimators.file_digest import file_sha256
-from recordings.notary.notary_check import CLOCK_S
+from recordings.notary.notary_limits import LIMITS as NOTARY_LIMITS
 from recordings.notary.notary_list import (
     FORMAT,
     NotaryEntry,
@@ -133,7 +133,7 @@ def notarise_folder(
             if before is not None and _is_unchanged(before, log):
                 continue
             age_s = time.time() - log.written_s  # a log of the future has a wrong clock
-            is_quiet = age_s >= quiet_s or age_s < -CLOCK_S
+            is_quiet = age_s >= quiet_s or age_s < -NOTARY_LIMITS.clock_difference_s
             entry = make_entry_of_unchanging_log(held, log, before) if is_quiet else None
             if entry is None:
                 waiting.append(log.name)
@@ -280,6 +280,8 @@ def _clock_notes(open_list: OpenList, entry: NotaryEntry) -> Iterator[str]:
             f"number {entry.counter}: the clock was set back: number {last.counter} was listed "
             f"{last.listed}, and now it is {entry.listed}"
         )
-    late = dt.datetime.fromisoformat(entry.listed) + dt.timedelta(seconds=CLOCK_S)
+    late = dt.datetime.fromisoformat(entry.listed) + dt.timedelta(
+        seconds=NOTARY_LIMITS.clock_difference_s
+    )
     if entry.ends and dt.datetime.fromisoformat(entry.ends) > late:
         yield f"number {entry.counter}: '{entry.log}' ends {entry.ends}, after it is listed"

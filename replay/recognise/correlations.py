@@ -12,27 +12,8 @@ from estimators.arrays import Floats
 from estimators.errors import LogError
 from replay.logs import TABLE, Log
 from replay.recognise.proposals import ChannelProposal, LogColumn, Recognition
+from replay.recognise.recognise_limits import LIMITS
 
-#: Rows that correlations are taken over, at most, and the span of a slope, in s.
-_ROWS: Final = 200_000
-_SPAN_S: Final = 0.2
-#: A correlation is of so many rows at least.
-_FEWEST: Final = 100
-#: Readings of one and the same differ by less than so much of what they vary by: a GPS and a wheel.
-_SAME: Final = 0.1
-#: A correlation that says something.
-_CLEAR: Final = 0.5
-#: A force and a speed of one machine show more than this, whatever the ground and the driver do.
-_NOTHING: Final = 0.1
-#: How many times as large the change of one may be as another's readings, where their units hold.
-_UNITS_HOLD: Final = (0.6, 1.7)
-#: Readings that tell that: those of a position change with the speed, not with noise.
-_ALIKE: Final = 0.9
-#: Gravity on an axis of an accelerometer, in m/s²: what it shows on a machine that may stand on a
-#: slope of 15 degrees, with the gain errors of a cheap one.
-_GRAVITY_M_S2: Final = (9.3, 10.2)
-#: What the same is where the unit is g.
-_GRAVITY_G: Final = (0.95, 1.04)
 _AXES: Final = frozenset({"x", "y", "z"})
 _SIGN: Final = (
     "which direction of {} is positive: it correlates negatively with the change of speed ({:.2f});"
@@ -62,13 +43,6 @@ _WRAPPED: Final = (
     "which numbers of '{0}' are negative: it jumps by 2^{1}; if those of the upper half are, "
     "where(x > {2}, x - {3}, x)"
 )
-#: Bits of integers whose sign is lost.
-_BITS: Final = (16, 32)
-#: Share of its size at starts that a force without a sign has where the machine brakes, at least;
-#: what brakes by friction shows none there.
-_BRAKING: Final = 0.25
-#: Share of its largest that noise takes a force without a sign below 0.
-_NOISE: Final = 0.05
 #: Both sides of a machine, in m/s or as turns.
 _OF_SIDES: Final = ("speed_{}_m_s", "wheel_{}_rpm")
 
@@ -94,7 +68,10 @@ def accelerometer_units_by_gravity(
     axes = [column for column in accelerometer_axes(columns) if column.unit is None]
     for column in axes if len(axes) == len(_AXES) else ():
         middle = abs(_median_of_column(log, column))
-        for unit, (low, high) in (("m/s**2", _GRAVITY_M_S2), ("standard_gravity", _GRAVITY_G)):
+        for unit, (low, high) in (
+            ("m/s**2", LIMITS.gravity_m_s2),
+            ("standard_gravity", LIMITS.gravity_g),
+        ):
             if low <= middle <= high:
                 reason = f"gravity is on '{column.field}' ({middle:.2f}): in {unit}"
                 return {each.field: (unit, reason) for each in axes}
@@ -114,7 +91,7 @@ def fields_without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
         total += (
             _median_of_column(log, column) * gain_and_offset_to_si(column.unit, "m/s²")[0]
         ) ** 2
-    return {column.field for column in axes} if total < (_GRAVITY_M_S2[0] / 2) ** 2 else set()
+    return {column.field for column in axes} if total < (LIMITS.gravity_m_s2[0] / 2) ** 2 else set()
 
 
 def are_same_readings(log: Log, column: LogColumn, other_column: LogColumn) -> bool:
@@ -123,10 +100,14 @@ def are_same_readings(log: Log, column: LogColumn, other_column: LogColumn) -> b
         (t, x), (at, y) = (read_series(log, c.topic, c.field) for c in (column, other_column))
     except (LogError, pl.exceptions.PolarsError):
         return False
-    if min(t.size, at.size) < _FEWEST or column.unit is None or other_column.unit is None:
+    if (
+        min(t.size, at.size) < LIMITS.correlation_min_rows
+        or column.unit is None
+        or other_column.unit is None
+    ):
         return False
     y = y * gain_and_offset_to_si(other_column.unit, column.unit)[0]
-    return float(np.std(x - np.interp(t, at, y))) < _SAME * float(np.std(x))
+    return float(np.std(x - np.interp(t, at, y))) < LIMITS.same_reading_fraction * float(np.std(x))
 
 
 def _median_of_column(log: Log, column: LogColumn) -> float:
@@ -162,9 +143,9 @@ def add_correlations(
             goes = slope_correlation(log, each, speed)
             if goes is not None:
                 reason += f"; correlates with the change of {speed.field}, {goes:.2f}"
-                if goes < -_CLEAR:
+                if goes < -LIMITS.clear_correlation:
                     recognition.ask_question("sign", _SIGN.format(f"'{each.field}'", goes))
-                if is_force and abs(goes) < _NOTHING:
+                if is_force and abs(goes) < LIMITS.absent_correlation:
                     recognition.ask_question("column", _APART.format(each.field, speed.field, goes))
             if is_acceleration:
                 ask_about_units(log, each, speed, recognition)
@@ -173,11 +154,11 @@ def add_correlations(
         if each is speed and place is not None:
             ask_about_units(log, each, place, recognition)
             goes = slope_correlation(log, each, place)
-            if goes is not None and goes < -_CLEAR:
+            if goes is not None and goes < -LIMITS.clear_correlation:
                 recognition.ask_question(
                     "sign", _AGAINST_PLACE.format(each.field, place.field, goes)
                 )
-            if goes is not None and abs(goes) > _CLEAR:
+            if goes is not None and abs(goes) > LIMITS.clear_correlation:
                 reason += f"; correlates with the change of {place.field}, {goes:.2f}"
         channels.append(replace(each, reason=reason))
     recognition.channels = channels
@@ -197,9 +178,11 @@ def ask_about_mirrored_side(
             continue
         (t, x), (at, y) = read_series_of_proposal(log, left), read_series_of_proposal(log, right)
         goes = (
-            correlation_or_none(x, np.interp(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
+            correlation_or_none(x, np.interp(t, at, y))
+            if min(t.size, at.size) >= LIMITS.correlation_min_rows
+            else None
         )
-        if goes is not None and goes < -_CLEAR:
+        if goes is not None and goes < -LIMITS.clear_correlation:
             recognition.ask_question("sign", _MIRRORED.format(left.field, right.field, goes))
 
 
@@ -210,18 +193,18 @@ def ask_about_units(
     if "?" in (rate.unit, other.unit) or not (rate.column in _SI and other.column in _SI):
         return
     (t, x), (at, y) = read_series_of_proposal(log, rate), read_series_of_proposal(log, other)
-    if min(t.size, at.size) < _FEWEST:
+    if min(t.size, at.size) < LIMITS.correlation_min_rows:
         return
     gains = [
         gain_and_offset_to_si(each.unit, _SI[each.column])[0] if each.unit else 1.0
         for each in (rate, other)
     ]
-    x, change = x * gains[0], slope_at_times(t, at, y * gains[1]) / _SPAN_S
+    x, change = x * gains[0], slope_at_times(t, at, y * gains[1]) / LIMITS.slope_span_s
     goes = correlation_or_none(x, change)
-    if goes is None or goes < _ALIKE:
+    if goes is None or goes < LIMITS.unit_min_correlation:
         return
     times = float(change.std() / x.std())
-    if not _UNITS_HOLD[0] < times < _UNITS_HOLD[1]:
+    if not LIMITS.unit_ratio_range[0] < times < LIMITS.unit_ratio_range[1]:
         recognition.ask_question("unit", _UNITS_APART.format(rate.field, other.field, times))
 
 
@@ -237,10 +220,10 @@ _SI: Final = {
 def ask_about_wrapped_sign(log: Log, proposal: ChannelProposal, recognition: Recognition) -> None:
     """Ask which values are negative if integers jump between the ends of their range."""
     x = read_series_of_proposal(log, proposal)[1]
-    if x.size < _FEWEST or x.min() < 0 or (x != np.rint(x)).any():
+    if x.size < LIMITS.correlation_min_rows or x.min() < 0 or (x != np.rint(x)).any():
         return
     largest, jump = float(x.max()), float(np.abs(np.diff(x)).max())
-    for bits in _BITS:
+    for bits in LIMITS.wrapped_bits:
         half = 2 ** (bits - 1)
         if half < jump and half < largest < 2 * half:
             recognition.ask_question(
@@ -253,11 +236,17 @@ def _ask_about_unsigned_force(
 ) -> None:
     """Ask for the sign of a force that is never negative although the machine brakes with it."""
     (t, x), (at, y) = read_series_of_proposal(log, proposal), read_series_of_proposal(log, speed)
-    if min(t.size, at.size) < _FEWEST or x.min() < -_NOISE * x.max():
+    if (
+        min(t.size, at.size) < LIMITS.correlation_min_rows
+        or x.min() < -LIMITS.unsigned_noise_fraction * x.max()
+    ):
         return
     slope = slope_at_times(t, at, y)
     starts, stops = x[slope > slope.max() / 2], x[slope < slope.min() / 2]
-    if slope.min() < 0 < slope.max() and stops.mean() > _BRAKING * starts.mean() > 0:
+    if (
+        slope.min() < 0 < slope.max()
+        and stops.mean() > LIMITS.unsigned_braking_fraction * starts.mean() > 0
+    ):
         recognition.ask_question("sign", _WITHOUT_SIGN.format(proposal.field))
 
 
@@ -273,7 +262,7 @@ def read_series_of_proposal(log: Log, proposal: ChannelProposal) -> tuple[Floats
 
 def slope_at_times(t: Floats, at: Floats, y: Floats) -> Floats:
     """Slope of `y`, sampled at `at`, about each of the times `t`."""
-    half = _SPAN_S / 2
+    half = LIMITS.slope_span_s / 2
     return np.interp(t + half, at, y) - np.interp(t - half, at, y)
 
 
@@ -282,7 +271,7 @@ def slope_correlation(log: Log, proposal: ChannelProposal, sloped: ChannelPropos
     (t, x), (at, y) = read_series_of_proposal(log, proposal), read_series_of_proposal(log, sloped)
     return (
         correlation_or_none(x, slope_at_times(t, at, y))
-        if min(t.size, at.size) >= _FEWEST
+        if min(t.size, at.size) >= LIMITS.correlation_min_rows
         else None
     )
 
@@ -298,7 +287,7 @@ def correlation_or_none(x: Floats, y: Floats) -> float | None:
 
 def read_series(log: Log, topic: str | None, name: str) -> tuple[Floats, Floats]:
     """Times in seconds from the first row, and numeric readings, of a column."""
-    frame = log.read(topic or TABLE, [name]).head(_ROWS)
+    frame = log.read(topic or TABLE, [name]).head(LIMITS.correlation_max_rows)
     x = frame[name].cast(pl.Float64).to_numpy()
     t = (frame["log_time_ns"] - frame["log_time_ns"].min()).to_numpy() / 1e9
     known = np.isfinite(x)

@@ -5,12 +5,11 @@ from itertools import pairwise
 from typing import Final
 
 from replay.recognise.proposals import LogColumn, Recognition
+from replay.recognise.recognise_limits import LIMITS
 
 _GEAR: Final = "the gear ratio between motor and wheel: GEAR in channels.{}.derive"
 _RADIUS: Final = "machine.wheel_radius_m"
 _SIDES: Final = ("left", "right")
-#: m/s: below it, power over speed is the losses of a drive that hardly moves.
-_SLOWEST: Final = 0.3
 #: Units of revolutions.
 _TURNS: Final = ("rpm", "rad/s", "Hz")
 
@@ -189,7 +188,7 @@ def _propose_force_of_power(columns: Sequence[LogColumn], recognition: Recogniti
         recognition.sketch_source(current, "supply_A", current.unit, reason)
         recognition.sketch_source(voltage, "supply_V", voltage.unit, reason)
         watts = "supply_A * supply_V"
-    moving = f"abs(speed_x_m_s) > {_SLOWEST} [m/s]"
+    moving = f"abs(speed_x_m_s) > {LIMITS.power_min_speed_m_s} [m/s]"
     recognition.propose_as_comment(
         "force_x_N", f"where({moving}, {watts} * EFFICIENCY / speed_x_m_s)", reason
     )

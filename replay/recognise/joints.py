@@ -10,10 +10,9 @@ from typing import Any, Final
 
 from replay.logs import Log
 from replay.recognise.proposals import ChannelProposal, Recognition
+from replay.recognise.recognise_limits import LIMITS
 from replay.recognise.words import ColumnMeaning, read_column_name
 
-#: Joints of a message that are looked at.
-_MOST_JOINTS: Final = 64
 _SIDES: Final = ("left", "right")
 
 
@@ -28,7 +27,7 @@ def recognise_joints(log: Log, topic: str, start_ns: int, recognition: Recogniti
         start_ns: time of its first message.
         recognition: recognition to add to.
     """
-    places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
+    places = [f"name[{place}]" for place in range(LIMITS.max_joints)]
     names = list(
         dict.fromkeys(str(n) for n in read_first_message(log, topic, places, start_ns) if n)
     )
@@ -46,7 +45,7 @@ def recognise_joints(log: Log, topic: str, start_ns: int, recognition: Recogniti
 
 def fields_of_joints_with_values(log: Log, topic: str, start_ns: int) -> list[str]:
     """Fields such as `effort[left]` of all readings in the first message."""
-    places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
+    places = [f"name[{place}]" for place in range(LIMITS.max_joints)]
     names = list(
         dict.fromkeys(str(n) for n in read_first_message(log, topic, places, start_ns) if n)
     )

@@ -13,14 +13,9 @@ from estimators.arrays import Floats
 from estimators.errors import LogError
 from replay.logs import Log
 from replay.recognise.joints import fields_of_joints_with_values
+from replay.recognise.recognise_limits import LIMITS
 
-#: Characters of a course, and the bars it is drawn with.
-_CELLS: Final = 16
 _BARS: Final = "▁▂▃▄▅▆▇█"
-#: Values that are read in one pass, 64 MB of them: bounds the memory of a table of thousands of
-#: columns; and fields at least, which bounds the passes of a long one.
-_AT_ONCE: Final = 8_000_000
-_FEWEST_AT_ONCE: Final = 16
 #: Names of stamps, which are no readings.
 _NO_READINGS: Final = ("header.stamp", "header.seq", "header.frame_id")
 _EFFORT_UNIT: Final = (
@@ -84,7 +79,7 @@ def profile_fields(log: Log, topics: Sequence[str] | None = None) -> list[FieldP
         if row["type"].rpartition("/")[2] == "JointState":
             fields += fields_of_joints_with_values(log, row["topic"], row["start_ns"])
         units = log.units(row["topic"])
-        at_once = max(_AT_ONCE // row["messages"], _FEWEST_AT_ONCE)
+        at_once = max(LIMITS.values_per_pass // row["messages"], LIMITS.fields_per_pass)
         for begin in range(0, len(fields), at_once):
             part = fields[begin : begin + at_once]
             try:
@@ -120,7 +115,7 @@ def profile_columns_without_gaps(x: Floats) -> list[tuple[float, float, float, s
     if not x.size:
         return []
     low, high, middle = x.min(axis=0), x.max(axis=0), np.median(x, axis=0)
-    parts = np.array_split(x, min(_CELLS, x.shape[0]))
+    parts = np.array_split(x, min(LIMITS.sparkline_characters, x.shape[0]))
     with np.errstate(all="ignore"):
         width = high - low
         shares = np.stack([part.mean(axis=0) for part in parts]) - low
@@ -159,7 +154,7 @@ def profile_column_with_gaps(
 def make_sparkline(x: Floats, low: float, high: float) -> str:
     """Sparkline: the mean of each sixteenth of the log as a bar between `low` and `high`."""
     drawn = ""
-    for part in np.array_split(x, min(_CELLS, x.size)):
+    for part in np.array_split(x, min(LIMITS.sparkline_characters, x.size)):
         known = part[np.isfinite(part)]
         if not known.size:
             drawn += " "

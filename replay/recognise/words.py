@@ -7,6 +7,8 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import Final
 
+from replay.recognise.recognise_limits import LIMITS
+
 #: Beginnings of words of a name, by quantity; the first that fits.
 _QUANTITIES: Final = (
     ("erpm", ("erpm",)),
@@ -46,7 +48,6 @@ _SUPPLY: Final = ("battery", "batt", "input", "in", "supply", "bus", "dc", "pack
 _WITHOUT_GRAVITY: Final = ("linear", "gps", "calculated", "calc", "derived", "without", "kinematic")
 _WHEEL: Final = ("wheel", "rad", "hub", "axle", "tire", "tyre", "wheels")
 
-
 #: What was wanted or allowed, or an end of an interval: no reading of a sensor.
 _NO_READING: Final = frozenset((
     "setpoint", "setpt", "soll", "sollwert", "target", "demand", "demanded", "desired", "wanted",
@@ -61,20 +62,17 @@ _ELSEWHERE: Final = re.compile(
     r"|valve|spool|piston|cylinder|zylinder|hubkraft|hubwerk|hoist|winch|crane|mast\b|belt|conveyor"
     r"|grip|clamp|drum|roller|auger|cutter|pto\b)"
 )
-#: A long one may be a part of a compound: Zugkraft, Motordrehzahl.
-_LONG: Final = 4
 
 
 def _compile_words(words: tuple[str, ...]) -> re.Pattern[str] | None:
     """Pattern of the long words; None without any."""
-    long = [word for word in words if len(word) > _LONG]
+    long = [word for word in words if len(word) > LIMITS.part_word_min_letters]
     return re.compile("|".join(long)) if long else None
 
 
 _KNOWN: Final = tuple(
     (name, frozenset(words), _compile_words(words)) for name, words in _QUANTITIES
 )
-
 
 #: A letter before a capital: the type of a variable (rSpeed is a REAL) more often than a side.
 _PREFIX: Final = re.compile(r"(?:(?<=[^A-Za-z])|^)[lr](?=[A-Z])")

@@ -10,7 +10,8 @@ from typing import Final
 from estimators.errors import OutputError, RecordingError
 from recordings import plot_run, read_provenance, write_recording
 from recordings.report.picture import require_writable_picture
-from recordings.rrd.recording_window import LATEST_S, read_window
+from recordings.rrd.recording_limits import LIMITS as RECORDING_LIMITS
+from recordings.rrd.recording_window import read_window
 from recordings.rrd.viewer import open_viewer, take_screenshots_of_recording
 from recordings.rrd.writer import SUFFIX
 
@@ -71,7 +72,7 @@ def view_recording(
     """
     if tab is not None and screenshot is None:
         raise OutputError(f"--tab {tab}: selects pictures; add --screenshot FOLDER")
-    if at_s is not None and not abs(at_s) <= LATEST_S:
+    if at_s is not None and not abs(at_s) <= RECORDING_LIMITS.latest_s:
         raise RecordingError(f"--at {at_s}: is not a time; name seconds since the start")
     if screenshot is not None and screenshot.exists() and not screenshot.is_dir():
         raise OutputError(f"{screenshot}: is a file; give a folder for the pictures")

@@ -21,6 +21,7 @@ from replay.machines.machine_file import (
     time_axis_of_machine,
 )
 from replay.pipeline import STAGES, run
+from replay.runs.run_limits import LIMITS
 
 if TYPE_CHECKING:
     from recordings.rrd.writer import LiveView
@@ -47,14 +48,7 @@ class RecordTo:
 #: Stages of a recorded replay, in the order in which `on_stage` is called.
 STEPS: Final = ("open", *STAGES, "record")
 
-
 _NOWHERE: Final = RecordTo()
-
-#: Interval in s between checks of the file, within which an editor writes it.
-_CHECK_INTERVAL_S: Final = 0.2
-
-#: Checks after which a missing file counts as removed; an editor replaces a file faster.
-_CHECKS_UNTIL_REMOVED: Final = 10
 
 
 def replay_logs(
@@ -187,16 +181,16 @@ def machine_file_changes(path: Path) -> Iterator[None]:
     seen, missed = find_file_signature(path), 0
     yield
     while True:
-        time.sleep(_CHECK_INTERVAL_S)
+        time.sleep(LIMITS.check_interval_s)
         now = find_file_signature(path)
         missed = missed + 1 if now is None else 0
-        if missed == _CHECKS_UNTIL_REMOVED:
+        if missed == LIMITS.checks_until_removed:
             seen = None  # the same file again is a change
             yield
         if now in (None, seen):
             continue
         while True:
-            time.sleep(_CHECK_INTERVAL_S)
+            time.sleep(LIMITS.check_interval_s)
             settled = find_file_signature(path)
             if settled == now:
                 break

@@ -21,16 +21,13 @@ from replay.inputs.derived_logs import CachedLog
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, time_axis_of_machine
 from replay.pipeline import run
+from replay.runs.run_limits import LIMITS
 from replay.simulation.log_truth import has_truth, read_true_trials
 
 if TYPE_CHECKING:
     from replay.calibration.apply_evidence import CalibrationRequest, MachineCalibration
 
-#: A grid larger than this is a slip of the pen: days of replays.
-_LARGEST = 10_000
 _HOW = "write it as KEY=FROM:TO:STEP or KEY=A,B,C, as settings.gate.threshold_nat=0.5:1.5:0.2"
-#: Fewer loads are no calibration campaign: then raw masses are held against the truth.
-_LOADS_MIN = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +140,7 @@ def rms_errors_by_truth(
         raw_kg=pl.col("mass_kg") - pl.col("reference_kg"),
     )
     names = {"rmse_kg": "raw_kg"}
-    if truth["load_kg"].n_unique() >= _LOADS_MIN:
+    if truth["load_kg"].n_unique() >= LIMITS.calibration_min_loads:
         names |= {"calibrated_rmse_kg": "error_kg", "left_out_rmse_kg": "error_left_out_kg"}
     by_method = {str(method): part for (method,), part in errors.group_by("method")}
     return {
@@ -183,10 +180,10 @@ def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
     size = 1
     for axis in axes:
         size *= len(axis)
-    if size > _LARGEST:
+    if size > LIMITS.max_grid_points:
         raise MachineError(
-            f"--over: makes {size:,} replays, but at most {_LARGEST:,} are allowed; use larger "
-            "steps"
+            f"--over: makes {size:,} replays, but at most {LIMITS.max_grid_points:,} are allowed; "
+            "use larger steps"
         )
     return list(product(*axes))
 
@@ -213,9 +210,9 @@ def parse_range(option: str, text: str) -> list[str]:
         raise MachineError(
             f"--over {option}: no whole number of steps of {step} leads from {first} to {last}"
         )
-    if steps >= _LARGEST:
+    if steps >= LIMITS.max_grid_points:
         raise MachineError(
-            f"--over {option}: makes more than {_LARGEST:,} values; use a larger step"
+            f"--over {option}: makes more than {LIMITS.max_grid_points:,} values; use a larger step"
         )
     return [f"{first + k * step:f}" for k in range(int(steps) + 1)]
 

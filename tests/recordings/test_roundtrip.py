@@ -20,7 +20,8 @@ from recordings import (
     read_recording,
     write_recording,
 )
-from recordings.rrd.stored_frames import BLOCK_ROWS, StoredFrame
+from recordings.rrd.recording_limits import LIMITS
+from recordings.rrd.stored_frames import StoredFrame
 from recordings.rrd.viewer import viewer_executable
 from tests.one_line import assert_one_line
 
@@ -121,7 +122,7 @@ def test_a_run_with_every_frame_comes_back_equal_and_the_recorder_verifies_the_f
 def test_rows_of_many_blocks_keep_their_order_also_after_the_recorder_rearranged_them(
     tmp_path: Path,
 ):
-    n = 3 * BLOCK_ROWS + 7
+    n = 3 * LIMITS.stored_block_rows + 7
     frame = pl.DataFrame(
         {"t_ns": pl.int_range(n, eager=True), "value": pl.int_range(n, 0, -1, eager=True)}
     )
@@ -147,11 +148,13 @@ def test_what_the_recorder_put_apart_is_put_together_again(drives, tmp_path: Pat
 def test_a_block_that_lost_a_column_is_no_row():
     import pyarrow as pa
 
-    frame = pl.DataFrame({"a": pl.int_range(BLOCK_ROWS + 5, eager=True), "b": "b"})
+    frame = pl.DataFrame({"a": pl.int_range(LIMITS.stored_block_rows + 5, eager=True), "b": "b"})
     stored = StoredFrame.from_frame("stage", frame)
     first, second = stored.to_batches(frame)
     torn = pa.record_batch({name: second.column(name) for name in ("row", "payscope:a")})
-    assert stored.from_batches([torn, first], stored.columns).equals(frame.head(BLOCK_ROWS))
+    assert stored.from_batches([torn, first], stored.columns).equals(
+        frame.head(LIMITS.stored_block_rows)
+    )
 
 
 def _drawn(run: Run, path: Path, frame: str) -> "pa.RecordBatch":
@@ -273,7 +276,7 @@ def test_a_recording_of_another_program_is_said_in_one_line(tmp_path: Path):
 def test_a_truncated_recording_names_the_remedy_and_the_remedy_saves_its_complete_rows(
     tmp_path: Path,
 ):
-    rows_written = 3 * BLOCK_ROWS
+    rows_written = 3 * LIMITS.stored_block_rows
     run = Run({"stage": pl.DataFrame({"t_ns": pl.int_range(rows_written, eager=True)})})
     path = write_recording(run, tmp_path / "shift.rrd")
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])

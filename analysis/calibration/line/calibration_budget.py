@@ -14,9 +14,9 @@ from analysis.calibration.line.calibration import (
     StatedPart,
 )
 from analysis.calibration.line.line_inversion import Inversion
+from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.line_model import (
     DAY,
-    DAYS_ENOUGH,
     LACK_OF_FIT,
     REFERENCES,
     REPEATABILITY,
@@ -255,7 +255,7 @@ def inversion_with_points(calibration: Calibration, points: list[Point]) -> Inve
     covariance = np.asarray(np.linalg.pinv(information, hermitian=True), np.float64)
     variances = Variances(mean_squares, covariance).combine_linearly(scatter.squares)
     effects = scatter.effects_on_line(variances, design, slope, x_cov)
-    several_days = DAY in names and len(days) < DAYS_ENOUGH
+    several_days = DAY in names and len(days) < LIMITS.enough_days
     return replace(
         calibration.inversion,
         on_line=np.array([effect.on_line for effect in effects]),

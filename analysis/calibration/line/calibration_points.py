@@ -1,18 +1,15 @@
 """Points of a campaign: the mean of each run's readings."""
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 import polars as pl
 
+from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.line_model import Points
 from analysis.calibration.line.variance_components import WithinRunVariance
 from estimators.arrays import Floats
 from estimators.errors import DataError, counted
-
-#: Fewest loads that show whether a line is straight: one more than it has parameters.
-LOADS_MIN: Final = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,10 +111,11 @@ def _check_frames(readings: pl.DataFrame, references: pl.DataFrame, covariance_k
 def _check_points(points: Points) -> None:
     """Raise an error if the points cannot determine a line."""
     loads = np.unique(points.x_kg).size
-    if loads < LOADS_MIN:
+    if loads < LIMITS.min_loads:
         raise DataError(
             f"calibration: readings of {counted(loads, 'different load')} only; at least "
-            f"{LOADS_MIN} are needed to check that the line is straight; add runs with other loads"
+            f"{LIMITS.min_loads} are needed to check that the line is straight; add runs with "
+            "other loads"
         )
     if np.ptp(points.y_kg) <= 1e-9 * np.abs(points.y_kg).max():
         raise DataError(

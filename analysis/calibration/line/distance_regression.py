@@ -5,14 +5,11 @@ from typing import Final
 
 import numpy as np
 
+from analysis.calibration.line.line_limits import LIMITS
 from estimators.arrays import Floats
 from estimators.errors import DataError
 
-#: Iterations at most.
-_ITERATIONS: Final = 100
-#: Steps below this share of the parameters' own deviations change nothing that is printed,
-_SMALL_STEP: Final = 1e-8
-#: and below so many units in the last place of the ordinates they are rounding.
+#: Steps below so many units in the last place of the ordinates are rounding.
 _ROUNDING: Final = 16 * float(np.finfo(np.float64).eps)
 
 
@@ -75,7 +72,7 @@ def distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> S
     slope = float(x @ y / (x @ x))
     level = 0.0
     design = np.ones((x.size, 2))
-    for _ in range(_ITERATIONS):
+    for _ in range(LIMITS.distance_max_iterations):
         residual = y - level - slope * x
         weight = _invert_covariance(y_cov + slope**2 * x_cov)
         adjusted = x + slope * (x_cov @ (weight @ residual))
@@ -84,7 +81,10 @@ def distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> S
         covariance = np.linalg.inv(design.T @ weighted)
         step = covariance @ (weighted.T @ residual)
         level, slope = level + float(step[0]), slope + float(step[1])
-        if (np.abs(step) <= np.maximum(_SMALL_STEP * np.sqrt(np.diag(covariance)), rounding)).all():
+        if (
+            np.abs(step)
+            <= np.maximum(LIMITS.distance_step_std * np.sqrt(np.diag(covariance)), rounding)
+        ).all():
             break
     else:
         raise DataError(

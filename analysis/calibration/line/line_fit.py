@@ -20,6 +20,7 @@ from analysis.calibration.line.calibration_budget import calibration_budget_rows
 from analysis.calibration.line.calibration_points import Campaign, average_runs
 from analysis.calibration.line.distance_regression import distance_regression
 from analysis.calibration.line.line_inversion import Inversion
+from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.line_model import (
     DAY,
     REPEATABILITY,
@@ -42,8 +43,6 @@ from analysis.calibration.line.variance_components import estimate_variances_by_
 from estimators.arrays import Floats
 from estimators.errors import DataError
 
-#: A ratio less likely than this is taken for a lack of fit.
-LEVEL: Final = 0.05
 _NEEDED: Final = ("run_id", "load_id", "day", "mass_kg", "used")
 
 
@@ -205,7 +204,7 @@ def fit_line_and_test(points: Points, day_known_kg: float | None) -> tuple[Fitte
         day_known_kg: known deviation between days, in kg of m̂; None if unknown.
     """
     test = test_lack_of_fit(points, day_known_kg)
-    lacking = test.separate and test.p_1 is not None and test.p_1 < LEVEL
+    lacking = test.separate and test.p_1 is not None and test.p_1 < LIMITS.lack_of_fit_probability
     line = fit_line(points, day_known_kg=day_known_kg, lack_of_fit=lacking)
     if line.slope_1 == 0.0:
         raise DataError(
@@ -324,7 +323,7 @@ def _notes_on_line(calibration: Calibration) -> list[str]:
     if None in calibration.alpha_interval_1:
         found.append("the slope cannot be told from 0: no mass has an interval")
     test = calibration.lack_of_fit
-    if test.p_1 is not None and test.p_1 < LEVEL:
+    if test.p_1 is not None and test.p_1 < LIMITS.lack_of_fit_probability:
         found.append(
             f"lack of fit: the loads' means are not on a line within their scatter (p = "
             f"{test.p_1:.2g}, against {test.against})"

@@ -8,12 +8,11 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ndtri, stdtrit
 
+from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.line_model import DAY, REPEATABILITY, RUN, FittedLine
 from analysis.calibration.line.variance_components import Variances
 from estimators.arrays import Floats, Ints
 
-#: Rarer events are not told apart.
-_TAIL_MIN: Final = 1e-9
 _UNBOUNDED: Final = float("nan")
 
 
@@ -159,10 +158,10 @@ class Inversion:
             confidence_1 = 1.0 - 2.0 * tail
             return self.half_interval_kg(mass_kg, confidence_1, readings, u_random_kg) - distance_kg
 
-        if half_interval_excess_kg(_TAIL_MIN) <= 0.0:
-            return _TAIL_MIN
+        if half_interval_excess_kg(LIMITS.min_tail_probability) <= 0.0:
+            return LIMITS.min_tail_probability
         return (
-            float(brentq(half_interval_excess_kg, _TAIL_MIN, 0.5, xtol=1e-12))
+            float(brentq(half_interval_excess_kg, LIMITS.min_tail_probability, 0.5, xtol=1e-12))
             if distance_kg
             else 0.5
         )

@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 
 from analysis.calibration.line.distance_regression import distance_regression
+from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.variance_components import (
     Variances,
     WithinRunVariance,
@@ -13,15 +14,6 @@ from analysis.calibration.line.variance_components import (
 )
 from estimators.arrays import Floats, Ints
 
-#: Rounds of line and variances at most.
-_ROUNDS: Final = 20
-#: A slope that moves by less than this share of its own deviation has settled.
-_SETTLED: Final = 1e-4
-#: Variance of rounding, as a share of the largest mass: keeps exact points from having none.
-_ROUNDING: Final = 1e-10
-
-#: With fewer days their scatter has a Student factor of its own.
-DAYS_ENOUGH: Final = 5
 #: The effects that scatter points, in their order.
 REPEATABILITY: Final = "repeatability"
 RUN: Final = "run to run"
@@ -202,7 +194,9 @@ class Scatter:
 def make_scatter(points: Points, names: tuple[str, ...], day_known_kg: float | None) -> Scatter:
     """Covariance structure of the points for these effects."""
     day = points.effect_covariance(DAY)
-    known = np.eye(points.y_kg.size) * (_ROUNDING * np.abs(points.y_kg).max()) ** 2
+    known = (
+        np.eye(points.y_kg.size) * (LIMITS.rounding_mass_fraction * np.abs(points.y_kg).max()) ** 2
+    )
     if day_known_kg is not None:
         known = known + day_known_kg**2 * day
     each = np.array([points.effect_covariance(name) for name in names])
@@ -245,8 +239,8 @@ def fit_line(
         design = np.column_stack([np.ones_like(x), line.x])
         residual = line.residual
         rounds += 1
-        settled = moved <= _SETTLED * np.sqrt(line.covariance[1, 1])
-        if settled or rounds == _ROUNDS or not x_cov.any():
+        settled = moved <= LIMITS.line_step_std * np.sqrt(line.covariance[1, 1])
+        if settled or rounds == LIMITS.line_max_rounds or not x_cov.any():
             break
     return FittedLine(
         centre_kg=centre_kg,
@@ -259,6 +253,8 @@ def fit_line(
         residual_kg=line.residual,
         point_covariance_kg2=scatter.covariance_for_variances(variances.value) + slope**2 * x_cov,
         adjusted_kg=line.x + centre_kg,
-        few_days=points.day_count - 1 if DAY in names and points.day_count < DAYS_ENOUGH else None,
+        few_days=points.day_count - 1
+        if DAY in names and points.day_count < LIMITS.enough_days
+        else None,
         most_readings=int(points.readings.max()),
     )

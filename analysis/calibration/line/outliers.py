@@ -1,19 +1,13 @@
 """Readings and runs that a test finds unlikely. They are named, and stay in the fit."""
 
-from typing import Final
-
 import numpy as np
 from scipy.special import stdtr
 
 from analysis.calibration.line.calibration import Outlier
 from analysis.calibration.line.calibration_points import Campaign
+from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.line_model import FittedLine
 from estimators.arrays import Floats
-
-#: Values less likely than this are named.
-_LEVEL: Final = 0.05
-#: Fewer readings of a run tell no outlier.
-_READINGS_MIN: Final = 3
 
 
 def grubbs_test(values: Floats) -> tuple[int, float, float]:
@@ -60,7 +54,7 @@ def find_outliers(campaign: Campaign, line: FittedLine) -> tuple[Outlier, ...]:
     runs = campaign.runs["run_id"]
     tested = 0
     for (run_id,), part in campaign.readings.group_by("run_id", maintain_order=True):
-        if part.height < _READINGS_MIN:
+        if part.height < LIMITS.outlier_min_readings:
             continue
         tested += 1
         place, distance, p = grubbs_test(part["mass_kg"].to_numpy())
@@ -75,4 +69,4 @@ def find_outliers(campaign: Campaign, line: FittedLine) -> tuple[Outlier, ...]:
             p = min(2.0 * line.residual_kg.size * float(stdtr(freedom - 1, -t)), 1.0)
             about = f"run '{runs[int(place)]}'"
             found.append(Outlier("studentised residual", about, float(residual), p))
-    return tuple(one for one in found if one.p_1 < _LEVEL)
+    return tuple(one for one in found if one.p_1 < LIMITS.outlier_probability)

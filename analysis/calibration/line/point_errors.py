@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 from analysis.calibration.line.calibration import Point
 from analysis.calibration.line.calibration_points import Campaign
 from analysis.calibration.line.distance_regression import StraightLine, distance_regression
+from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.line_model import FittedLine, Points
 from analysis.calibration.line.outliers import studentised_residuals
 from estimators.arrays import Floats
 
-#: A spread of estimates below this share of their size is rounding, not information.
-_SPREAD_MIN: Final = 1e-9
 #: What (19) goes from, and to.
 _OF_19: Final = ("mass_kg", "reference_kg")
 
@@ -134,7 +133,7 @@ def fit_error_line(
     """
     x0, y0 = estimate_kg.mean(), reference_kg.mean()
     x, y = estimate_kg - x0, reference_kg - y0
-    if np.abs(x).max() <= _SPREAD_MIN * np.abs(estimate_kg).max():
+    if np.abs(x).max() <= LIMITS.min_spread_fraction * np.abs(estimate_kg).max():
         return None
     alpha = float(x @ y / (x @ x))
     return alpha, float(y0 - alpha * x0)

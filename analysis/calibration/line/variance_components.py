@@ -1,20 +1,11 @@
 """Variances of several random effects by restricted maximum likelihood (REML)."""
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
+from analysis.calibration.line.line_limits import LIMITS
 from estimators.arrays import Floats
-
-#: Scoring steps at most.
-_ITERATIONS: Final = 60
-#: A change of every variance below this share of their sum ends the iteration.
-_SMALL: Final = 1e-7
-#: A step leaves at least this share of a variance,
-_SHRINK: Final = 0.1
-#: and none falls below this share of the largest at the start: without any a point has no weight.
-_FLOOR: Final = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,15 +74,17 @@ def estimate_variances_by_reml(
         Variance Components, 6.6.
     """
     value = starting_variances(residual, design, effects, within_run) if start is None else start
-    floor = _FLOOR * max(float(value.max()), float(known.diagonal().min()))
+    floor = LIMITS.scoring_floor * max(float(value.max()), float(known.diagonal().min()))
     value = np.maximum(value, floor)
     information = np.eye(value.size)
-    for _ in range(_ITERATIONS):
+    for _ in range(LIMITS.scoring_max_steps):
         score, information = reml_score_and_information(
             residual, design, effects, known, within_run, value
         )
         stepped = scoring_step(value, score, information, floor)
-        settled = np.abs(stepped - value).max() <= _SMALL * max(stepped.sum(), 1e-300)
+        settled = np.abs(stepped - value).max() <= LIMITS.scoring_tolerance * max(
+            stepped.sum(), 1e-300
+        )
         value = stepped
         if settled:
             break
@@ -169,4 +162,4 @@ def scoring_step(value: Floats, score: Floats, information: Floats, floor: float
         step = np.linalg.solve(information, score)
     except np.linalg.LinAlgError:
         step = np.linalg.lstsq(information, score, rcond=None)[0]
-    return np.maximum(np.maximum(value + step, _SHRINK * value), floor)
+    return np.maximum(np.maximum(value + step, LIMITS.scoring_min_shrink * value), floor)

@@ -19,6 +19,7 @@ from analysis.calibration.use.learnt_priors import (
     describe_undetectable_changes,
 )
 from analysis.calibration.use.mass_differences import NORMAL, calibrate_payloads_by_line
+from analysis.calibration.use.use_limits import LIMITS
 from analysis.model.machine_body import Body
 from analysis.model.schema import CALIBRATED, conform_to_schema
 from estimators.errors import DataError, nearest
@@ -28,9 +29,6 @@ ESTIMATORS: Final[Mapping[str, tuple[str, str]]] = {
     "joint_mass": ("mass_kg", "u_random_kg"),
     "joint_payload": ("own_payload_kg", "own_payload_u_random_kg"),
 }
-#: An empty machine that is as far off by chance with less than this probability (three deviations)
-#: is no longer the one that was calibrated: 0.3 % of good logs are refused.
-_RARE: Final = 0.0027
 #: Frames of a replay for `describe_later_log`; the last two a replay under learnt priors has.
 LATER_LOG_FRAMES: Final = ("loads", "nuisances", "responses", "learnt_errors")
 
@@ -231,7 +229,12 @@ def check_empty_machine_drift(
 
 def machine_change_text(check: DriftCheck | None, log: LaterLog) -> str:
     """Why the calibration no longer applies to this machine; "" if it does."""
-    if check is None or check.p_1 is None or check.p_1 > _RARE or log.empty_kg is None:
+    if (
+        check is None
+        or check.p_1 is None
+        or check.p_1 > LIMITS.moved_machine_probability
+        or log.empty_kg is None
+    ):
         return ""
     assert check.mass_kg is not None
     return (

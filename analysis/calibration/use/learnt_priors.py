@@ -15,21 +15,11 @@ from scipy.special import chdtrc
 
 from analysis.calibration.line.procedure import PRESENT_PROCEDURE, Procedure
 from analysis.calibration.line.shared_errors import RunResponse, SharedErrors
+from analysis.calibration.use.use_limits import LIMITS
 from analysis.model.machine import Machine
 from analysis.model.prior_settings import LearnableTerm, LearntTerm
 from analysis.model.strict_config import STRICT
 
-#: With fewer logs nothing tells what differs between them.
-LOGS_MIN: Final = 3
-#: Logs differ where chance makes them differ as much with a smaller probability, in any term: with
-#: 5 % of each of eight terms a third of all campaigns had a variation that was none.
-_LEVEL: Final = 0.05
-#: Of its prior, at least so much is left: a term stays in the fit.
-_LEAST_SHARE: Final = 0.01
-#: A log tells of a term where its prior is not nearly all that is known of it.
-_TELLS: Final = 0.995
-#: A later log contradicts from so many deviations on.
-CONTRADICTS: Final = 4.0
 #: Of the terms, what another ground, mounting or warmth changes from day to day.
 _CHANGES: Final = ("const", "direction")
 _ONE_DAY: Final = (
@@ -104,9 +94,13 @@ def pool_terms_of_logs(
     for each in log_terms:
         by_term.setdefault(each.term, []).append(each)
     pooled: list[LearnableTerm] = [
-        term for term in sorted(by_term) if len(by_term[term]) >= LOGS_MIN
+        term for term in sorted(by_term) if len(by_term[term]) >= LIMITS.min_logs
     ]
-    level = _LEVEL if procedure.terms_tested_singly else _LEVEL / max(len(pooled), 1)
+    level = (
+        LIMITS.variation_probability
+        if procedure.terms_tested_singly
+        else LIMITS.variation_probability / max(len(pooled), 1)
+    )
     return {term: pool_term(by_term[term], level) for term in pooled}
 
 
@@ -116,13 +110,13 @@ def pool_term(log_terms: Sequence[TermOfLog], level: float) -> LearntTerm:
     prior = float(max(each.prior_std for each in log_terms))
     told = [own for each in log_terms if (own := estimate_and_std_without_prior(each)) is not None]
     value, variance = np.array([v for v, _ in told]), np.array([s**2 for _, s in told])
-    between = between_log_variance(value, variance, level) if len(told) >= LOGS_MIN else 0.0
+    between = between_log_variance(value, variance, level) if len(told) >= LIMITS.min_logs else 0.0
     weight = 1.0 / (variance + between)
     # the prior counts once, not once a log
     total = float(weight.sum()) + prior**-2
     return LearntTerm(
         mean=float(weight @ value) / total,
-        std=float(max(np.sqrt(between), _LEAST_SHARE * prior)),
+        std=float(max(np.sqrt(between), LIMITS.min_prior_fraction * prior)),
         mean_u=total**-0.5,
     )
 
@@ -138,7 +132,7 @@ def remove_prior(
 ) -> tuple[float, float] | None:
     """Remove a prior from a posterior (mean and deviation each); None if the log adds little."""
     (value, std), (mean, width) = posterior, prior
-    if std > _TELLS * width:
+    if std > LIMITS.informative_posterior_fraction * width:
         return None
     information = std**-2 - width**-2
     return (value * std**-2 - mean * width**-2) / information, float(information**-0.5)
@@ -181,7 +175,7 @@ def describe_contradicted_priors(nuisances: pl.DataFrame) -> str:
     Args:
         nuisances: the frame `nuisances`.
     """
-    worst, said = CONTRADICTS, ""
+    worst, said = LIMITS.contradicting_std, ""
     for row, own, std in estimates_of_log(nuisances):
         deviations = abs(own - row["prior_mean"]) / std
         if deviations > worst:
@@ -222,7 +216,7 @@ def describe_undetectable_changes(
     times = np.zeros(len(place))
     for row, _, std in estimates_of_log(nuisances):
         if row["term"] in place and row["term"] in _CHANGES:
-            times[place[row["term"]]] = CONTRADICTS * std / row["prior_mean_u"]
+            times[place[row["term"]]] = LIMITS.contradicting_std * std / row["prior_mean_u"]
     return {
         number: _ONE_DAY.format(float(np.max(np.abs(moved_kg) * times, initial=0.0)))
         for (of, number), moved_kg in shared_errors.moved_kg.items()

@@ -19,14 +19,9 @@ import numpy as np
 
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.shared_errors import SharedErrors
+from analysis.calibration.use.use_limits import LIMITS
 from estimators.arrays import Floats
 
-#: What grows with the load makes of a slope beside the gain, as a standard deviation: rolling
-#: resistance of 1.5 % made 5 % of it, and so does a bias of 0.05 m/s²; priors allow for twice that.
-_BY_LOAD_1: Final = 0.1
-#: A slope that is farther from the gain by so many deviations is the machine's own (a measured axle
-#: that carries another share of the force under load): no ratio of masses says it then.
-_APART: Final = 3.0
 #: A normal distribution's 95 %.
 NORMAL: Final = 1.96
 
@@ -143,8 +138,10 @@ def combine_gains(calibration: Calibration, shared_errors: SharedErrors | None) 
     own = level_variance + 2.0 * both * at_kg + slope_variance * at_kg**2
     means_kg = shared_errors.u_kg(shared_errors.line_shifts(calibration.responses, 1.0, 0.0))
     by_level, by_level_kg2 = calibration.level_kg / at_kg, max(own, 0.0) + means_kg**2
-    variances = np.array([by_level_kg2 / at_kg**2, slope_variance + (_BY_LOAD_1 * slope) ** 2])
-    if abs(by_level - slope) > _APART * float(np.sqrt(variances.sum())):
+    variances = np.array(
+        [by_level_kg2 / at_kg**2, slope_variance + (LIMITS.slope_by_load_std_1 * slope) ** 2]
+    )
+    if abs(by_level - slope) > LIMITS.slope_gain_max_std * float(np.sqrt(variances.sum())):
         return slope_gain(calibration)
     share = float(variances[1] / variances.sum())
     variance = share**2 * max(own, 0.0) / at_kg**2 + (1.0 - share) ** 2 * float(variances[1])

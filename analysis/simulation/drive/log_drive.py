@@ -3,11 +3,11 @@
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from analysis.simulation.drive.machine_driver import STEP_S, WAVE_STEP_S, MachineDriver, StartOrder
+from analysis.simulation.drive.machine_driver import MachineDriver, StartOrder
 from analysis.simulation.motion.body import RigidBody
 from analysis.simulation.motion.solved_motion import ManoeuvreTimes
 from analysis.simulation.motion.timeline import DrivenManoeuvre
@@ -16,11 +16,9 @@ from analysis.simulation.plant.integrated_motion import FREE, IntegratedLog
 from analysis.simulation.plant.plant import DriveStage
 from analysis.simulation.scenario.manoeuvres import Excite, Manoeuvre, Rest, Start, Travel
 from analysis.simulation.scenario.scenario import Scenario
+from analysis.simulation.scenario.simulation_limits import LIMITS
 from estimators.arrays import Floats
 from estimators.errors import ScenarioError
-
-#: Steps in the lag of a drive that a pedal follows; forces interpolated in one are 0.1 % off.
-_PEDAL_STEPS_A_LAG: Final = 80
 
 
 def integrate_trials_of_log(scenario: Scenario, load_kg: float, load_index: int) -> IntegratedLog:
@@ -136,7 +134,11 @@ class TrialDriver(MachineDriver):
         """Drive with a waveform of the force, then brake."""
         begin_s, force = self.time_s, excite.force
         assert force is not None
-        since_s = np.arange(0.0, excite.duration_s + 2.0 * WAVE_STEP_S, WAVE_STEP_S)
+        since_s = np.arange(
+            0.0,
+            excite.duration_s + 2.0 * LIMITS.wave_step_s,
+            LIMITS.wave_step_s,
+        )
         wave = np.array(
             [
                 self.scenario.force_and_torque_through_valves(float(value), 0.0)[0]
@@ -160,7 +162,9 @@ class TrialDriver(MachineDriver):
         full_N = self.scenario.campaign.throttle_force_N
         stopping_N = body.mass_kg * self.scenario.campaign.braking_m_s2
         self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
-        for leg in draw_travel_legs(travel, self._make_random_generator("travel"), WAVE_STEP_S):
+        for leg in draw_travel_legs(
+            travel, self._make_random_generator("travel"), LIMITS.wave_step_s
+        ):
             stage = DriveStage(
                 self.time_s,
                 body.mass_kg,
@@ -176,7 +180,7 @@ class TrialDriver(MachineDriver):
             if travel.in_motion and self.time_s == begin_s:
                 self.state[[plant.WHEEL, plant.BODY]] = leg.wanted_m_s[0]
                 self.state[plant.DRIVE] = self._cruise_force(stage, full_N)
-            duration_s = (leg.wanted_m_s.size - 1) * WAVE_STEP_S
+            duration_s = (leg.wanted_m_s.size - 1) * LIMITS.wave_step_s
             self.integrate_stage(
                 FREE,
                 stage,
@@ -199,18 +203,18 @@ class TrialDriver(MachineDriver):
 
     def _count_pedal_steps(self, duration_s: float) -> int | None:
         """Number of integration steps of a travel; slow driving allows longer ones."""
-        slow_s = self.scenario.campaign.valve_lag_s / _PEDAL_STEPS_A_LAG
+        slow_s = self.scenario.campaign.valve_lag_s / LIMITS.pedal_steps_per_lag
         return None if self._swings or slow_s <= self._step_s else math.ceil(duration_s / slow_s)
 
     def end_log(self) -> None:
         """End the log with a rest or, in motion, just after its last sample."""
         rest_s = self.scenario.campaign.rest_s
         if self.state[plant.WHEEL] == 0.0:
-            self.stand_still(rest_s + STEP_S, self.mass_kg)
+            self.stand_still(rest_s + LIMITS.step_s, self.mass_kg)
         else:
             drive_N = float(self.state[plant.DRIVE])
             stage = DriveStage(self.time_s, self.mass_kg, drive_N=drive_N, facing=self.facing)
-            self.integrate_stage(FREE, stage, STEP_S)
+            self.integrate_stage(FREE, stage, LIMITS.step_s)
 
     def _direction_of_start(self, start: Start) -> float:
         sign = 1.0 if start.direction == "forward" else -1.0

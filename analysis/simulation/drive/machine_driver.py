@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
@@ -21,21 +20,10 @@ from analysis.simulation.plant.integrated_motion import (
 from analysis.simulation.plant.plant_inputs import DriveStage, make_plant
 from analysis.simulation.plant.resistance import cold_friction_share, rolling_resistance
 from analysis.simulation.scenario.scenario import Scenario
+from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.sensors.random_streams import make_generator
 from estimators.arrays import Floats
 from estimators.errors import ScenarioError
-
-#: One step: a hundredth of the lag of the paper's machine; forces interpolated in it are 0.2 N off.
-STEP_S: Final = 0.001
-#: Steps in a period of the fastest thing that swings, and in the lag of the valves.
-_STEPS_A_SWING: Final = 40
-_STEPS_A_LAG: Final = 4
-_LONGEST_STOP_S: Final = 120.0
-_TOP_SPEED_M_S: Final = 50.0
-WAVE_STEP_S: Final = 0.001
-#: Steps of a half turn.
-_TURN_STEPS: Final = 1000
-_LEAST_CRUISE_S: Final = 0.2
 
 
 @dataclass(frozen=True)
@@ -92,7 +80,11 @@ class MachineDriver:
         #: Whether anything goes on in a machine that stands.
         drivetrain, chassis = scenario.drivetrain, scenario.chassis
         self._swings = bool(drivetrain.resonance_hz or chassis.squat_hz or chassis.boom_kg)
-        self._step_s = min(STEP_S, 1.0 / (_STEPS_A_SWING * fastest), lag_s / _STEPS_A_LAG)
+        self._step_s = min(
+            LIMITS.step_s,
+            1.0 / (LIMITS.steps_per_swing * fastest),
+            lag_s / LIMITS.steps_per_lag,
+        )
 
     @property
     def position_m(self) -> float:
@@ -101,7 +93,9 @@ class MachineDriver:
 
     def reserve_rows(self, duration_s: float) -> None:
         """Reserve memory for a drive of this duration."""
-        self.kept.reserve_rows(math.ceil((duration_s + 2.0 * _LONGEST_STOP_S) / self._step_s))
+        self.kept.reserve_rows(
+            math.ceil((duration_s + 2.0 * LIMITS.driver_max_stop_s) / self._step_s)
+        )
 
     def stand_still(self, duration_s: float, mass_kg: float) -> ManoeuvreTimes:
         """Stand with the brakes on."""
@@ -116,8 +110,14 @@ class MachineDriver:
         begin_s, duration_s = self.time_s, 2.0 * math.pi / abs(rate_rad_s)
         self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
         stage = DriveStage(self.time_s, mass_kg, holds=1.0, facing=self.facing)
-        steps = max(_TURN_STEPS, math.ceil(duration_s / self._step_s)) if self._swings else None
-        rows = self.integrate_stage(TURNING, stage, duration_s, steps=steps or _TURN_STEPS)
+        steps = (
+            max(LIMITS.half_turn_steps, math.ceil(duration_s / self._step_s))
+            if self._swings
+            else None
+        )
+        rows = self.integrate_stage(
+            TURNING, stage, duration_s, steps=steps or LIMITS.half_turn_steps
+        )
         phase = (rows[:, plant.TIME] - begin_s) / duration_s * 2.0 * math.pi
         turned = (phase - np.sin(phase)) / 2.0
         rows[:, plant.YAW_RATE] = rate_rad_s * (1.0 - np.cos(phase)) / 2.0
@@ -234,7 +234,12 @@ class MachineDriver:
             stage = stage._replace(gentle_m_s2=gentle_m_s2, gentle_from_s=stage.begin_s)
         braking_m_s2 = 0.0 if gentle_m_s2 else self.scenario.campaign.braking_m_s2
         brake_N = math.copysign(stage.mass_kg * braking_m_s2, speed)
-        self.integrate_stage(BRAKING, stage._replace(brake_N=brake_N), _LONGEST_STOP_S, stops=True)
+        self.integrate_stage(
+            BRAKING,
+            stage._replace(brake_N=brake_N),
+            LIMITS.driver_max_stop_s,
+            stops=True,
+        )
         if self.state[plant.WHEEL] != 0.0:
             raise ScenarioError(
                 "campaign.braking_m_s2: does not stop the machine on this slope; give a larger "
@@ -266,12 +271,12 @@ class MachineDriver:
             self._plant,
             stage,
             np.empty(0) if wave is None else wave,
-            WAVE_STEP_S,
+            LIMITS.wave_step_s,
             rows,
         )
-        if np.abs(rows[:kept, 1 + plant.WHEEL]).max() > _TOP_SPEED_M_S:
+        if np.abs(rows[:kept, 1 + plant.WHEEL]).max() > LIMITS.top_speed_m_s:
             raise ScenarioError(
-                f"campaign.throttle_force_N: drives the machine beyond {_TOP_SPEED_M_S:g} m/s"
+                f"campaign.throttle_force_N: drives the machine beyond {LIMITS.top_speed_m_s:g} m/s"
             )
         self.kept.commit_rows(kept, kind)
         return rows[:kept]
@@ -323,7 +328,7 @@ class MachineDriver:
         stop_m = speed * (campaign.valve_lag_s + 0.5 * speed / campaign.braking_m_s2)
         if self.scenario.brakes.gentle_m_s2:
             stop_m = self._gentle_stopping_distance_m(speed, body)
-        return max((distance_m - gone_m - stop_m) / max(speed, 0.05), _LEAST_CRUISE_S)
+        return max((distance_m - gone_m - stop_m) / max(speed, 0.05), LIMITS.min_cruise_s)
 
     def _gentle_stopping_distance_m(self, speed_m_s: float, body: RigidBody) -> float:
         """Stopping distance under gentle brakes and friction, in m."""

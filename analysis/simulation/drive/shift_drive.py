@@ -7,7 +7,7 @@ do without the turns.
 
 import math
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,20 +17,11 @@ from analysis.simulation.motion.solved_motion import ManoeuvreTimes
 from analysis.simulation.motion.timeline import DrivenManoeuvre
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
+from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.sensors.random_streams import make_generator
 
-#: Where the machine stops before the pile and before the dump.
-_REACH_M: Final = 1.0
-#: Throttle open in a start of a haul, and on a short way.
-_OPEN_S: Final = 3.0
-_SHORT_OPEN_S: Final = 1.5
-#: Digging takes full throttle; the pile's resistance grows from the first contact on.
-_DIGGING_CRUISE_S: Final = 0.3
-_SHORTEST_IDLE_S: Final = 10.0
-#: Angles of boom and bucket, positive up: to drive, dig, carry, dump, and pour a part.
+#: Angles of boom and bucket, positive up: to drive, dig, carry and dump.
 _DRIVE, _DIG, _CARRY, _DUMP = (0.15, -0.3), (0.0, 0.0), (0.25, -0.6), (0.95, 0.8)
-_POUR = (0.6, 0.1)
-_LIFT_S: Final = 2.0
 
 
 class Cycle(NamedTuple):
@@ -125,7 +116,7 @@ class ShiftDriver(MachineDriver):
         operator = self._make_cycle_random_generator("shift_operator")
         self._rest_between_cycles(operator)
         pours = bool(self._make_cycle_random_generator("shift_pour").random() < shift.pour_cycles)
-        self._drive_legs(1.0, shift.haul_m - _REACH_M, shift.empty_starts_most, operator)
+        self._drive_legs(1.0, shift.haul_m - LIMITS.pile_reach_m, shift.empty_starts_most, operator)
         dig_s = self.time_s
         self._dig_into_pile(operator)
         load_kg, machine_kg = self._load_kg, self.scenario.machine.mass_kg - self._burnt_kg
@@ -134,7 +125,7 @@ class ShiftDriver(MachineDriver):
         self._drive_start_and_stand(-1.0, shift.back_m, operator)
         if not reverse:
             self._turn_machine(operator)
-        self._drive_legs(-1.0, _REACH_M, shift.haul_starts_most, operator, pours=pours)
+        self._drive_legs(-1.0, LIMITS.pile_reach_m, shift.haul_starts_most, operator, pours=pours)
         dump_s = self._dump_load()
         if not reverse:
             self._drive_start_and_stand(1.0, shift.back_m, operator)
@@ -203,7 +194,11 @@ class ShiftDriver(MachineDriver):
         sign = direction * self.facing
         body = replace(self._body_with_load(), coulomb_x_N=self.draw_coulomb())
         throttle = self.draw_throttle()
-        open_s = _OPEN_S if distance_m > 2.0 * self.shift.back_m else _SHORT_OPEN_S
+        open_s = (
+            LIMITS.haul_throttle_s
+            if distance_m > 2.0 * self.shift.back_m
+            else LIMITS.short_throttle_s
+        )
         # what is carried back sticks
         spill_1_s = self.shift.spill_1_s if self._load_kg > self._carried_kg else 0.0
         order = StartOrder(
@@ -232,7 +227,7 @@ class ShiftDriver(MachineDriver):
         half_s, loaded = self.shift.dump_s / 2.0, self._body_with_load()
         times = self.stand_still(half_s, loaded.mass_kg)
         self._record_boom_angles(_CARRY, at_s=times.start_s)
-        self._record_boom_angles(_POUR, at_s=self.time_s)
+        self._record_boom_angles(LIMITS.pour_angles_rad, at_s=self.time_s)
         self._record_manoeuvre(times, loaded)
         poured_kg = self._load_kg * self.shift.pour_share
         self._load_kg -= poured_kg
@@ -250,12 +245,12 @@ class ShiftDriver(MachineDriver):
         wanted_kg = float(np.clip(drawn, shift.load_least_kg, shift.load_most_kg))
         body = replace(self._body_with_load(), coulomb_x_N=self.draw_coulomb())
         self._record_boom_angles(_DIG, at_s=self.time_s)
-        digging_s = shift.dig_s + _DIGGING_CRUISE_S
+        digging_s = shift.dig_s + LIMITS.digging_cruise_s
         order = StartOrder(
             1.0,
             1.0,
             shift.dig_s,
-            _DIGGING_CRUISE_S,
+            LIMITS.digging_cruise_s,
             digging_N=shift.digging_N,
             digging_s=digging_s,
             fill_kg_s=(wanted_kg - self._carried_kg) / digging_s,
@@ -263,7 +258,7 @@ class ShiftDriver(MachineDriver):
         times, filled_kg, _ = self.drive_one_start(order, body)
         begin_kg, self._load_kg = self._load_kg, self._load_kg + filled_kg
         self._record_manoeuvre(times, body, 1.0, 1.0, begin_kg)
-        self._record_boom_angles(_CARRY, at_s=self.time_s + _LIFT_S)
+        self._record_boom_angles(_CARRY, at_s=self.time_s + LIMITS.lift_s)
         self._rest_between_cycles(operator)
 
     def _turn_machine(self, operator: np.random.Generator) -> None:
@@ -305,7 +300,7 @@ class ShiftDriver(MachineDriver):
         self._burn_fuel()
         if idles.random() < shift.idle_share:
             self._stand_and_record(
-                "idle", max(float(idles.exponential(shift.idle_s)), _SHORTEST_IDLE_S)
+                "idle", max(float(idles.exponential(shift.idle_s)), LIMITS.min_idle_s)
             )
         if not self._had_break and self.time_s >= shift.break_after_h * 3600.0:
             self._had_break = True

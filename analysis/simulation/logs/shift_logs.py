@@ -3,7 +3,7 @@
 from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -17,18 +17,12 @@ from analysis.simulation.plant import plant
 from analysis.simulation.plant.integrated_motion import IntegratedLog
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
+from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.sensors.random_streams import make_generator
 from analysis.simulation.sensors.recorder import phase_s, recorded_topics
 from analysis.simulation.sensors.sensors import measure_topics
 from analysis.simulation.trials.trial_limits import check_shift_can_be_driven
 from estimators.arrays import Floats
-
-#: Sensors look back so far at most.
-_LOOK_BACK_S: Final = 60.0
-#: Where logs part, at most so far from the even places, in lengths of a log.
-_UNEVEN: Final = 0.1
-#: Of what a torn log loses at most.
-_LEAST_DAMAGE: Final = 0.05
 
 
 class LogSpan(NamedTuple):
@@ -86,7 +80,9 @@ class ShiftSimulation:
                 self._driver.drive_cycle()
             end_s = self._driver.time_s if is_last else min(span.end_s, self._driver.time_s)
             self._spans.append(span._replace(end_s=end_s))
-            heading_rad += self._driver.kept.drop_rows_before(span.start_s - _LOOK_BACK_S)
+            heading_rad += self._driver.kept.drop_rows_before(
+                span.start_s - LIMITS.sensor_look_back_s
+            )
             yield self._simulate_log(index, self._spans[-1], heading_rad, start_ns)
 
     def collect_truth(self) -> ShiftTruth:
@@ -196,12 +192,14 @@ def _plan_log_spans(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
     spans: list[LogSpan] = []
     begin_s = 0.0
     for number in range(1, shift.logs + 1):
-        end_s = length_s * (number + float(drawn.uniform(-_UNEVEN, _UNEVEN)))
+        end_s = length_s * (
+            number + float(drawn.uniform(-LIMITS.log_unevenness, LIMITS.log_unevenness))
+        )
         spans.append(LogSpan(begin_s, end_s, 0.0))
         begin_s = end_s + float(drawn.uniform(0.0, shift.restart_s))
     damage = make_generator(scenario.sensors.seed, 0, 0, "shift_damage")
     for number in damage.choice(shift.logs, shift.damaged_logs, replace=False).tolist():
-        share = shift.damage_share * float(damage.uniform(_LEAST_DAMAGE, 1.0))
+        share = shift.damage_share * float(damage.uniform(LIMITS.min_damage_fraction, 1.0))
         spans[number] = spans[number]._replace(torn_share=share)
     return spans
 

@@ -16,6 +16,7 @@ from analysis.simulation.motion.solved_motion import Channels
 from analysis.simulation.motion.timeline import Hints, Timeline
 from analysis.simulation.scenario.instruments import TopicName
 from analysis.simulation.scenario.scenario import Scenario
+from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.sensors.random_streams import Streams
 from analysis.simulation.sensors.recorder import (
     phase_s,
@@ -27,9 +28,6 @@ from analysis.simulation.sensors.recorder import (
 from estimators.arrays import Floats
 from estimators.numerics.play import follow_with_play
 
-#: Between two steps of the filter a signal is taken for a straight line.
-_STEP_S: Final = 0.001
-_STEPS_A_LAG: Final = 10
 _SIDES: Final = (("left", -1.0), ("right", 1.0))
 #: Mean radius of the earth (IUGG).
 _EARTH_M: Final = 6_371_008.8
@@ -293,7 +291,10 @@ def low_pass_signals(
         return signals(at_ns)
     from scipy.signal import lfilter
 
-    step_ns = max(round(min(_STEP_S, lag_s / _STEPS_A_LAG) * 1e9), 1)
+    step_ns = max(
+        round(min(LIMITS.filter_step_s, lag_s / LIMITS.filter_steps_per_lag) * 1e9),
+        1,
+    )
     grid_ns = np.arange(at_ns[0], at_ns[-1] + 2 * step_ns, step_ns)
     keeps = math.exp(-step_ns * 1e-9 / lag_s)
     # exact for a signal that is a straight line from step to step

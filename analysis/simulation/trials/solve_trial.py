@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Final
 
 import numpy as np
 
@@ -25,18 +24,15 @@ from analysis.simulation.scenario.manoeuvres import (
     Travel,
 )
 from analysis.simulation.scenario.scenario import Scenario
+from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 from analysis.simulation.trials.arc import arc_phases_and_times
-from analysis.simulation.trials.stiction import LEAST_GRIP, RATES, Commands, Stiction
+from analysis.simulation.trials.stiction import RATES, Commands, Stiction
 from analysis.simulation.trials.switches import key_that_needs_integration
 from analysis.simulation.trials.trial_limits import check_scenario_can_be_driven
 from estimators.arrays import Floats
 from estimators.errors import DataError, ScenarioError
 
-#: Far beyond any stop: a scenario keeps below 50 m/s and brakes with at least 0.1 m/s².
-_LONGEST_STOP_S: Final = 86_400.0
-#: Friction that changes so often in no time has no motion that obeys it.
-_MOST_CHANGES_AT_ONCE: Final = 20
 _STILL = AxisPair(0.0, 0.0)
 
 
@@ -267,7 +263,7 @@ class DrivenMotion:
         moving = [axis for axis in (0, 1) if self.free[axis] and state[RATES[axis]] != 0.0]
         while moving:
             machine = self._find_consistent_stiction(state, free=(0 in moving, 1 in moving))
-            last_s = start_s + _LONGEST_STOP_S
+            last_s = start_s + LIMITS.trial_max_stop_s
             phase, state, stood = machine.integrate(
                 name, start_s, last_s, state, commands, stop=True
             )
@@ -284,7 +280,7 @@ class DrivenMotion:
         choices: list[tuple[float | None, ...]] = []
         for axis in (0, 1):
             rate = float(state[RATES[axis]])
-            if not free[axis] or rate != 0.0 or self.body.standstill_grip[axis] <= LEAST_GRIP:
+            if not free[axis] or rate != 0.0 or self.body.standstill_grip[axis] <= LIMITS.min_grip:
                 choices.append((float(np.sign(rate)),))
             else:
                 choices.append((1.0, -1.0) if axis in loose else (None, 1.0, -1.0))
@@ -295,8 +291,8 @@ class DrivenMotion:
 
 def _check_progress(phases: Sequence[MotionPhase]) -> None:
     """Raise an error if friction sticks and slips without advancing."""
-    recent = phases[-_MOST_CHANGES_AT_ONCE:]
-    if len(recent) == _MOST_CHANGES_AT_ONCE and recent[-1].end_s - recent[0].start_s < 1e-9:
+    recent = phases[-LIMITS.max_changes_at_once :]
+    if len(recent) == LIMITS.max_changes_at_once and recent[-1].end_s - recent[0].start_s < 1e-9:
         raise DataError(
             f"Coulomb friction finds no grip at {recent[-1].end_s:g} s of the run; "
             "change machine.coulomb_N or machine.coulomb_z_N_m a little"

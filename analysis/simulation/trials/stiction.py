@@ -8,10 +8,9 @@ import numpy as np
 
 from analysis.simulation.motion.body import AxisPair, RigidBody
 from analysis.simulation.motion.solved_motion import MotionPhase, MotionState
+from analysis.simulation.scenario.simulation_limits import LIMITS
 from estimators.arrays import Floats
 
-#: Less friction, in N or N·m, is lost in rounding before it holds anything.
-LEAST_GRIP: Final = 1e-6
 #: Of the state v, drive, brake; ω, drive, brake, heading: what belongs to x and what to z.
 _ROWS: Final = (slice(0, 3), slice(3, 7))
 #: Places of the two rates in the state.
@@ -122,7 +121,7 @@ class Stiction:
         changes = [
             axis
             for axis in (0, 1)
-            if self.free[axis] and (stop or self.body.standstill_grip[axis] > LEAST_GRIP)
+            if self.free[axis] and (stop or self.body.standstill_grip[axis] > LIMITS.min_grip)
         ]
         solution = solve_ivp(
             self._make_state_rates(state, commands),

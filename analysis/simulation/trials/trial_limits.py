@@ -12,15 +12,12 @@ from analysis.simulation.motion.body import RigidBody
 from analysis.simulation.scenario.manoeuvres import Arc, Excite, Manoeuvre, Spin, Start, Travel
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
+from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.sensors.recorder import rate_hz, recorded_topics
 from analysis.simulation.trials.arc import arc_phases_and_times
 from analysis.simulation.trials.switches import check_plant_supports_settings
 from estimators.errors import ScenarioError
 
-#: No loader is faster: beyond it a scenario is a slip of the pen, and a stop takes forever.
-_TOP_SPEED_M_S: Final = 50.0
-_TOP_YAW_RATE_RAD_S: Final = 10.0
-_LEAST_BRAKING_M_S2: Final = 0.1
 #: What of `[starts]` holds for the starts of a shift too.
 _HABITS: Final = {"throttle_least", "throttle_most", "coulomb_std_N", "stick_share", "stick_hz"}
 
@@ -157,10 +154,12 @@ class _TrialLimits:
         light = self.lightest
         downhill = self._largest_uphill_deceleration_m_s2(sign)
         push_N = full_N - coulomb_N - light.mass_kg * downhill
-        if push_N > _TOP_SPEED_M_S * max(light.friction_x_N_s_m, light.mass_kg / start.start_s):
+        if push_N > LIMITS.top_speed_m_s * max(
+            light.friction_x_N_s_m, light.mass_kg / start.start_s
+        ):
             raise ScenarioError(
                 f"{key or 'campaign.throttle_force_N'}: drives the machine beyond "
-                f"{_TOP_SPEED_M_S:g} m/s in {key or 'campaign'}.start_s"
+                f"{LIMITS.top_speed_m_s:g} m/s in {key or 'campaign'}.start_s"
             )
         self._check_brakes(downhill)
 
@@ -177,9 +176,9 @@ class _TrialLimits:
                 f"hold it with {resistance_N_m:.0f} N·m"
             )
         slowest = max(self.lightest.friction_z_N_m_s, self.lightest.inertia_z_kg_m2 / spin.start_s)
-        if full_N_m > _TOP_YAW_RATE_RAD_S * slowest:
+        if full_N_m > LIMITS.top_yaw_rate_rad_s * slowest:
             raise ScenarioError(
-                f"{key}: turns faster than {_TOP_YAW_RATE_RAD_S:g} rad/s in start_s"
+                f"{key}: turns faster than {LIMITS.top_yaw_rate_rad_s:g} rad/s in start_s"
             )
         self._check_brakes(0.0)
 
@@ -190,11 +189,15 @@ class _TrialLimits:
         self._check_full_throttle(highest_N, highest_N_m, key)
         push_N = highest_N + light.mass_kg * abs(light.uphill_m_s2)
         slow = max(light.friction_x_N_s_m, light.mass_kg / excite.duration_s)
-        if force and push_N > _TOP_SPEED_M_S * slow:
-            raise ScenarioError(f"{key}.force: drives the machine beyond {_TOP_SPEED_M_S:g} m/s")
+        if force and push_N > LIMITS.top_speed_m_s * slow:
+            raise ScenarioError(
+                f"{key}.force: drives the machine beyond {LIMITS.top_speed_m_s:g} m/s"
+            )
         slow = max(light.friction_z_N_m_s, light.inertia_z_kg_m2 / excite.duration_s)
-        if highest_N_m > _TOP_YAW_RATE_RAD_S * slow:
-            raise ScenarioError(f"{key}.torque: turns faster than {_TOP_YAW_RATE_RAD_S:g} rad/s")
+        if highest_N_m > LIMITS.top_yaw_rate_rad_s * slow:
+            raise ScenarioError(
+                f"{key}.torque: turns faster than {LIMITS.top_yaw_rate_rad_s:g} rad/s"
+            )
         self._check_brakes(-abs(light.uphill_m_s2))
 
     def _check_travel(self, travel: Travel, key: str) -> None:
@@ -228,12 +231,12 @@ class _TrialLimits:
 
     def _check_brakes(self, downhill_m_s2: float) -> None:
         braking = self.scenario.campaign.braking_m_s2
-        if braking + downhill_m_s2 < _LEAST_BRAKING_M_S2:
+        if braking + downhill_m_s2 < LIMITS.min_braking_m_s2:
             raise ScenarioError(
                 f"campaign.braking_m_s2: {braking:g} does not stop the machine on this slope; "
-                f"give at least {_LEAST_BRAKING_M_S2 - downhill_m_s2:.2f}"
+                f"give at least {LIMITS.min_braking_m_s2 - downhill_m_s2:.2f}"
             )
-        spin_N_m = (braking - _LEAST_BRAKING_M_S2) * 2.0 / self.scenario.machine.track_width_m
+        spin_N_m = (braking - LIMITS.min_braking_m_s2) * 2.0 / self.scenario.machine.track_width_m
         if self.lightest.inertia_z_kg_m2 * spin_N_m < self._largest_slope_torque():
             raise ScenarioError(
                 f"campaign.braking_m_s2: {braking:g} does not stop a spin on this slope"

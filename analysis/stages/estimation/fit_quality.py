@@ -2,26 +2,14 @@
 
 import numpy as np
 
+from analysis.stages.stage_limits import LIMITS
 from estimators.arrays import Bools, Floats
 from estimators.methods import pooled
-
-#: Fewer samples than parameters times this decide nothing.
-ENOUGH = 10
-#: Noise is taken off what varies down to this share of it: a variance is not known better.
-_LEAST_TOLD = 0.1
-#: A force below this share of the 95 % quantile of those that drive has a sign that offset, losses
-#: and hysteresis decide: torque sensors and drivelines have 1 to 5 % of them.
-_LEAST_SIGNED_1 = 0.15
-#: A model that leaves more of the variance of what drives says nothing of braking.
-_EXPLAINED_1 = 0.5
-#: No sensor sees the brakes where no larger share of braking has such a force: a drive that lets go
-#: as they grip still pushes for a third of it.
-_FEWEST_SIGNED_1 = 0.5
 
 
 def has_enough_samples(A: Floats, moving: Bools) -> bool:
     """Whether enough samples move for a decision."""
-    return bool(moving.sum() >= ENOUGH * A.shape[1])
+    return bool(moving.sum() >= LIMITS.samples_per_parameter * A.shape[1])
 
 
 def fit_ungated(A: Floats, f: Floats, moving: Bools) -> tuple[float, float, float]:
@@ -77,12 +65,14 @@ def share_against_motion(
         return 1.0 - share_along_motion(A[:, 1], judged, braking)
     own = f[speeding]
     expected = A @ np.linalg.lstsq(A[speeding], own, rcond=None)[0]
-    least = _LEAST_SIGNED_1 * float(np.quantile(np.abs(own), 0.95))
+    least = LIMITS.signed_force_fraction * float(np.quantile(np.abs(own), 0.95))
     braked = braking
-    if float(np.var(own - expected[speeding])) < _EXPLAINED_1 * float(np.var(own)):
+    if float(np.var(own - expected[speeding])) < LIMITS.explained_variance_fraction * float(
+        np.var(own)
+    ):
         braked = braking & (-np.sign(A[:, 1]) * expected > least)
     seen = braked & (np.abs(judged) > least)
-    if np.count_nonzero(seen) <= _FEWEST_SIGNED_1 * np.count_nonzero(braked):
+    if np.count_nonzero(seen) <= LIMITS.signed_braking_fraction * np.count_nonzero(braked):
         return float("nan")
     return 1.0 - share_along_motion(A[:, 1], judged, seen)
 
@@ -97,11 +87,11 @@ def regression_slope(x: Floats, y: Floats, used: Bools, x_noise: float = 0.0) ->
         x_noise: noise variance of x, whose attenuation is corrected.
     """
     used = used & np.isfinite(x) & np.isfinite(y)
-    if used.sum() < ENOUGH:
+    if used.sum() < LIMITS.samples_per_parameter:
         return float("nan")
     x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
     squares = float(x @ x)
-    told = max(squares - x_noise * x.size, _LEAST_TOLD * squares)
+    told = max(squares - x_noise * x.size, LIMITS.min_variance_fraction * squares)
     return float(x @ y) / told if told else float("nan")
 
 
@@ -117,7 +107,7 @@ def spin_centre_offset_m(
     row_x = np.column_stack([-(yaw_rate**2), -yaw_acceleration, one, zero])
     row_y = np.column_stack([yaw_acceleration, -(yaw_rate**2), zero, one])
     used = used & np.isfinite(row_x).all(axis=1) & np.isfinite(force_x) & np.isfinite(force_y)
-    if used.sum() < ENOUGH * row_x.shape[1]:
+    if used.sum() < LIMITS.samples_per_parameter * row_x.shape[1]:
         return float("nan")
     rows = np.concatenate([row_x[used], row_y[used]])
     r = np.linalg.lstsq(rows, np.concatenate([force_x[used], force_y[used]]), rcond=None)[0]

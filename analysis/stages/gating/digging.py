@@ -11,7 +11,6 @@ bucket say `machine.digs = false`.
 """
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 import polars as pl
@@ -22,47 +21,8 @@ from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import refuse_windows
 from analysis.stages.motion.phases import speed_rate_span_rows
+from analysis.stages.stage_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
-
-#: A resistance that grows by this share of the force that the log drives with, over one start,
-_GROWS: Final = 0.2
-#: and by so many of its deviations, is no ground.
-SURELY: Final = 4.0
-#: It begins after one of these shares of the start.
-_MET_AFTER: Final = (0.0, 0.15, 0.3, 0.45, 0.6)
-#: What a signal reaches: this quantile of it.
-_REACHES: Final = 0.95
-#: Driving that pauses for less is one start.
-_MOMENT_S: Final = 0.25
-#: A machine that slows down is still driving against something while its force is above this share
-#: of what the log drives with; brakes come with the throttle shut.
-_STILL_DRIVES: Final = 0.4
-#: Who drives for longer is on the way somewhere.
-_LONGEST_S: Final = 15.0
-#: A start of fewer samples tells nothing,
-_FEWEST: Final = 60
-#: and one of less, in s, is a move of a moment: no bucket fills in it.
-_SHORTEST_S: Final = 1.2
-#: Only the machine's momentum lets a resistance grow by more than the force that the log drives
-#: with: the largest growth of a start that digs, as a share of that force. Piles that stop a fast
-#: machine reach 2.1.
-_GROWS_MOST: Final = 2.5
-#: For each start that may dig, so many whose resistance falls as surely, grows the other way, or
-#: after which the machine drives on: then resistances change by themselves, and none is a pile. In
-#: shifts with a pile there was not one such start; cars, carts, racks and arms have about one each.
-_CONTRADICTS: Final = 0.34
-#: Nobody drives into a pile faster, in m/s: loaders come with 4 at most.
-_FASTEST_M_S: Final = 8.0
-#: The mass of machine and load is this times the empty machine's, within this share of it,
-_HEAVIER: Final = 1.1
-_MASS_WIDTH: Final = 0.15
-#: friction at full speed and a constant force within these shares of the driving force: friction
-#: may take nearly all of it.
-_FRICTION_WIDTH: Final = 1.0
-_CONSTANT_WIDTH: Final = 0.3
-#: Noise and what the model misses, as a share of that force, and the samples that it lasts.
-_MISFIT: Final = 0.015
-_LASTS: Final = 10.0
 
 
 def find_digging_starts(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
@@ -115,17 +75,22 @@ def _find_resistance_changes(excitation: pl.DataFrame, machine: Machine) -> list
     t_ns = excitation["t_ns"].to_numpy()
     found: list[_PileContact] = []
     # a force that reads zero throughout digs nowhere
-    if np.count_nonzero(driving) >= _FEWEST and (largest_N := robust_largest(force[driving])) > 0.0:
+    if (
+        np.count_nonzero(driving) >= LIMITS.start_min_samples
+        and (largest_N := robust_largest(force[driving])) > 0.0
+    ):
         fastest = robust_largest(speed[driving])
-        against = slowing & whole & (np.sign(speed) * force > _STILL_DRIVES * largest_N)
+        against = (
+            slowing & whole & (np.sign(speed) * force > LIMITS.slowing_drive_fraction * largest_N)
+        )
         mass_kg = machine.machine.empty_mass_kg or largest_N / max(
             robust_largest(acceleration[driving]), 1e-3
         )
         widths = np.array(
             [
-                _MASS_WIDTH * mass_kg,
-                _FRICTION_WIDTH * largest_N / max(fastest, 1e-3),
-                _CONSTANT_WIDTH * largest_N,
+                LIMITS.digging_mass_std_1 * mass_kg,
+                LIMITS.digging_friction_std_1 * largest_N / max(fastest, 1e-3),
+                LIMITS.digging_constant_std_1 * largest_N,
             ]
         )
         drives = driving | against
@@ -140,17 +105,20 @@ def _find_resistance_changes(excitation: pl.DataFrame, machine: Machine) -> list
                 np.column_stack([way * acceleration[rows], way * speed[rows]]),
                 way * force[rows],
                 (t_ns[rows] - t_ns[rows[0]]) / max(t_ns[rows[-1]] - t_ns[rows[0]], 1),
-                _HEAVIER * mass_kg,
+                LIMITS.digging_mass_ratio * mass_kg,
                 widths,
-                _MISFIT * largest_N,
+                LIMITS.digging_misfit_fraction * largest_N,
             )
-            least_N = max(_GROWS * largest_N, SURELY * std_N)
-            if least_N < abs(grown_N) < _GROWS_MOST * largest_N:
+            least_N = max(
+                LIMITS.pile_min_growth_fraction * largest_N,
+                LIMITS.pile_min_growth_std * std_N,
+            )
+            if least_N < abs(grown_N) < LIMITS.pile_max_growth_fraction * largest_N:
                 row = int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N
                 stops = first_row_after(ends[way], int(rows[-1])) <= first_row_after(
                     goes_on, int(rows[-1])
                 )
-                stops &= float(np.abs(speed[rows]).max()) <= _FASTEST_M_S
+                stops &= float(np.abs(speed[rows]).max()) <= LIMITS.pile_max_speed_m_s
                 found.append(_PileContact(row, way, stops))
     return found
 
@@ -164,7 +132,7 @@ def select_pile_contacts(contacts: list[_PileContact]) -> list[_PileContact]:
     # backwards out of a pile, what holds the bucket lets go
     let_go = sum(each.way != bucket and each.row[2] < 0.0 for each in contacts)
     against = len(contacts) - len(piles) - let_go
-    return piles if against < _CONTRADICTS * len(piles) else []
+    return piles if against < LIMITS.pile_contradiction_fraction * len(piles) else []
 
 
 def first_row_after(rows: Ints, row: int) -> float:
@@ -211,17 +179,17 @@ def mark_digging_samples(t_ns: Ints, digs: pl.DataFrame, margin: int = 0) -> Boo
 
 def robust_largest(values: Floats) -> float:
     """Largest value without outliers."""
-    return float(np.quantile(np.abs(values), _REACHES))
+    return float(np.quantile(np.abs(values), LIMITS.reached_quantile))
 
 
 def split_drive_stretches(driving: Bools, speed: Floats, settings: Settings) -> list[Ints]:
     """Row numbers of each short enough stretch of driving one way, across short holes."""
     rows = np.flatnonzero(driving)
-    hole = max(1, round(_MOMENT_S * settings.align.rate_hz))
+    hole = max(1, round(LIMITS.start_pause_s * settings.align.rate_hz))
     turns = np.diff(np.sign(speed[rows])) != 0
     parts = np.split(rows, np.flatnonzero((np.diff(rows) > hole) | turns) + 1)
-    longest = round(_LONGEST_S * settings.align.rate_hz)
-    fewest = max(_FEWEST, round(_SHORTEST_S * settings.align.rate_hz))
+    longest = round(LIMITS.start_max_s * settings.align.rate_hz)
+    fewest = max(LIMITS.start_min_samples, round(LIMITS.start_min_s * settings.align.rate_hz))
     return [part for part in parts if fewest <= part.size <= longest]
 
 
@@ -240,10 +208,10 @@ def resistance_growth_and_std(
         widths: (3,) prior standard deviations of mass, viscous friction and constant.
         noise_N: standard deviation of the force residual.
     """
-    weight = 1.0 / (noise_N**2 * _LASTS)
+    weight = 1.0 / (noise_N**2 * LIMITS.digging_misfit_samples)
     known = np.append(widths**-2.0, 0.0)
     likeliest, growth, variance = -np.inf, 0.0, np.inf
-    for met in _MET_AFTER:
+    for met in LIMITS.pile_contact_fractions:
         ramp = np.maximum(progress - met, 0.0) / (1.0 - met)
         design = np.column_stack([motion, np.ones(force.size), ramp])
         information = weight * design.T @ design + np.diag(known)

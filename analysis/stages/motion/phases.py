@@ -16,13 +16,9 @@ from analysis.model.schema import PHASE, column_values
 from analysis.model.settings import Settings
 from analysis.model.windows import flag_windows
 from analysis.stages.motion.smooth import trailing_mean
+from analysis.stages.stage_limits import LIMITS
 from estimators.arrays import Bools, Floats
 
-#: Over so long, in s, a stop takes off more speed than its noise; a cruise before it does not.
-_STOP_SPAN_S: Final = 1.0
-#: A fall of the speed is told from noise by so many standard deviations: of 10 000 rows of a cruise
-#: a few fall so by chance.
-_FALL_STD: Final = 3.0
 #: The phases in which the machine turns: straight motion has none of them.
 TURNS: Final = ("spinning", "arc", "turning")
 
@@ -81,7 +77,7 @@ def mark_stopping_samples(
     phases = settings.phases
     fall_m_s = max(noise_m_s, phases.steady_acc_m_s2 * phases.speed_rate_span_s)
     size = np.nan_to_num(np.abs(speed))
-    span = max(1, round(_STOP_SPAN_S * settings.align.rate_hz))
+    span = max(1, round(LIMITS.stop_span_s * settings.align.rate_hz))
     found = np.zeros(speed.size, np.bool_)
     ends = np.flatnonzero(stands & ~np.append(True, stands[:-1]))
     begins = np.flatnonzero(~stands & np.append(True, stands[:-1]))
@@ -106,7 +102,7 @@ def mark_falls_beyond_noise(speed: Floats, noise_m_s: float, settings: Settings)
         settings: settings with grid rate and braking threshold.
     """
     steady_m_s2, rate_hz = settings.phases.steady_acc_m_s2, settings.align.rate_hz
-    span_s = min(_FALL_STD * np.sqrt(2.0) * noise_m_s / steady_m_s2, _STOP_SPAN_S)
+    span_s = min(LIMITS.fall_min_std * np.sqrt(2.0) * noise_m_s / steady_m_s2, LIMITS.stop_span_s)
     span = math.ceil(span_s * rate_hz)
     if span <= speed_rate_span_rows(settings) or span >= speed.size:
         return np.ones(speed.size, np.bool_)

@@ -25,7 +25,8 @@ from analysis.stages.noise.grid_noise import (
     response_of_each_column,
     simulate_grid_noise_covariances,
 )
-from analysis.stages.noise.noise_limits import RESIDUALS, SPREAD, clip_to_limits
+from analysis.stages.noise.noise_bounds import RESIDUALS, SPREAD, clip_to_limits
+from analysis.stages.noise.noise_limits import LIMITS
 from analysis.stages.noise.noise_spectra import (
     LAGS,
     average_over_neighbours,
@@ -54,20 +55,6 @@ _INSTEAD: Final[Mapping[str, str]] = {
     "motion",
     SPREAD: "limited to the variation of the whole column, because its fast changes exceed that",
 }
-
-#: The machine rocks after it has stopped, and its torque rises before it starts.
-_AFTER_STOP_S: Final = 0.6
-_BEFORE_START_S: Final = 0.3
-#: A ratio of two powers exceeds 1 when it does by so many of its standard errors.
-_MORE: Final = 3.0
-#: A variance below the square of this share of a column's range is rounding.
-_ROUNDING: Final = 1e-9
-#: Below this share of the largest power a spectrum is a filter's stop band.
-_STOPPED: Final = 1e-3
-#: More stretches of standstill than this say nothing new.
-_MOST_STRETCHES: Final = 100
-#: A column that has at most so many values in a piece of standstill reads a constant.
-_FEW_VALUES: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,9 +213,12 @@ def _select_standing_and_moving_samples(
     x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: float
 ) -> NoiseSamples:
     """Settled standstills and moving samples, for the noise."""
-    after, before = round(_AFTER_STOP_S * rate_hz), round(_BEFORE_START_S * rate_hz)
+    after, before = (
+        round(LIMITS.settle_after_stop_s * rate_hz),
+        round(LIMITS.settle_before_start_s * rate_hz),
+    )
     quiet = [(a + after, b - before) for a, b in find_true_runs(stands) if b - before > a + after]
-    quiet = quiet[:: max(len(quiet) // _MOST_STRETCHES, 1)]
+    quiet = quiet[:: max(len(quiet) // LIMITS.max_standstills, 1)]
     quiet = [trim_to_settled(x, begin, end) for begin, end in quiet]
     still = np.zeros(stands.size, np.bool_)
     for begin, end in quiet:
@@ -309,7 +299,9 @@ def covariances_and_noise_sources(
 
 def estimate_rounding_variance(samples: NoiseSamples, column: int) -> float:
     """Variance below which a column's changes are rounding."""
-    return (_ROUNDING * float(np.nanmax(np.abs(samples.x[:, column]), initial=0.0))) ** 2
+    return (
+        LIMITS.rounding_range_fraction * float(np.nanmax(np.abs(samples.x[:, column]), initial=0.0))
+    ) ** 2
 
 
 def shows_noise_at_standstill(samples: NoiseSamples, cut: list[Floats], column: int) -> bool:
@@ -317,7 +309,8 @@ def shows_noise_at_standstill(samples: NoiseSamples, cut: list[Floats], column: 
     least = estimate_rounding_variance(samples, column)
     noisy = [float((part[:, column] ** 2).mean()) > least for part in cut]
     many = [
-        np.unique(samples.x[begin : min(end, begin + LAGS), column]).size > _FEW_VALUES
+        np.unique(samples.x[begin : min(end, begin + LAGS), column]).size
+        > LIMITS.constant_max_values
         for begin, end in samples.quiet
         if end > begin
     ]
@@ -351,15 +344,21 @@ def noise_growth_in_motion(
     if moving is None or resting is None:
         return np.ones(wanted.size)
     still = resting[0]
-    told = (at >= samples.lowest_noise_frequency) & (still > _STOPPED * np.nanmax(still))
+    told = (at >= samples.lowest_noise_frequency) & (
+        still > LIMITS.growth_stop_band_fraction * np.nanmax(still)
+    )
     ratio = np.where(told, moving[0] / np.where(told, still, 1.0), np.nan)
     # half-overlapping blocks are worth three quarters; so are neighbouring frequencies two thirds
     error = np.sqrt((1.0 / moving[1] + 1.0 / resting[1]) / 0.75)
     band = told & (at <= samples.noise_band_top)
     below = float(np.median(ratio[band])) if band.any() else 1.0
-    below = below if below > 1.0 + _MORE * error * np.sqrt(1.5 / max(band.sum(), 1)) else 1.0
+    below = (
+        below
+        if below > 1.0 + LIMITS.growth_min_std * error * np.sqrt(1.5 / max(band.sum(), 1))
+        else 1.0
+    )
     near = np.where(told, average_over_neighbours(ratio, 2), 1.0)
-    near = np.where(near > 1.0 + _MORE * error * np.sqrt(1.5 / 5.0), near, 1.0)
+    near = np.where(near > 1.0 + LIMITS.growth_min_std * error * np.sqrt(1.5 / 5.0), near, 1.0)
     return np.where(wanted < samples.lowest_noise_frequency, below, np.interp(wanted, at, near))
 
 

@@ -11,9 +11,11 @@ from analysis.model.axes import Axis, X, Z
 from analysis.model.methods import AxisNoise, Method
 from analysis.model.schema import NOISE_COLUMNS
 from analysis.model.settings import NoiseSettings, Settings
+from analysis.stages.noise.noise_limits import LIMITS
 from estimators.arrays import Floats, Ints
-from estimators.methods.attenuation import DOUBT, window_attenuations
+from estimators.methods.attenuation import window_attenuations
 from estimators.methods.ls import residual_noise, solve_windows
+from estimators.methods.method_limits import LIMITS as METHOD_LIMITS
 from estimators.methods.tls import TlsOptions
 from estimators.numerics.small_systems import factor, invert
 
@@ -22,8 +24,6 @@ _USUAL: Final[Mapping[str, TlsOptions]] = {
     "x": TlsOptions((0.01, 0.005, 0.001), 60.0),
     "z": TlsOptions((0.026, 0.001), 45.0),
 }
-#: Coulomb's sign is nearly exact.
-_SIGN: Final = 0.001
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ def collect_axis_noise(
     std = np.sqrt(np.diagonal(mean))
     *of_A, of_f = (float(each) for each in std)
     if axis is X:
-        of_A.append(_SIGN / np.sqrt(settings.smooth.samples))
+        of_A.append(LIMITS.sign_noise_std_1 / np.sqrt(settings.smooth.samples))
     if axis is X and settings.forces.coulomb:
         mean, lasting = (
             np.insert(np.insert(each, 2, 0.0, 0), 2, 0.0, 1) for each in (mean, lasting)
@@ -170,7 +170,7 @@ def attenuation_errors(
     if noise.mean is None:
         return np.zeros_like(theta)
     drawn = window_attenuations(A, f, settings.gate.window_samples, index, theta, noise.mean)
-    return DOUBT * drawn if method.takes_noise_off else drawn
+    return METHOD_LIMITS.uncertain_correction_fraction * drawn if method.takes_noise_off else drawn
 
 
 def stds_by_column_noise_alone(

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
 from analysis.model.machine import Machine
+from analysis.stages.noise.noise_limits import LIMITS
 from analysis.stages.noise.noise_spectra import (
     LAGS,
     block_ends,
@@ -29,19 +30,10 @@ from analysis.stages.signals import filters, mounting, rates
 from analysis.stages.signals.align import align
 from analysis.stages.signals.derive import UNFILTERED, derive
 from analysis.stages.signals.grid_rate import PAPER_HZ
+from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 from estimators.arrays import Floats, Ints
 from estimators.errors import DataError
 
-#: Rows of noise that covariances are taken from: sums over all lags are right to 5 %.
-_ROWS: Final = 65_536
-#: A short log is repeated, so often at most.
-_MOST_TIMES: Final = 64
-#: Begins the series of random numbers: a replay gives the same noise each time.
-_SEED: Final = 2026
-#: The filter of a column hides its noise where it leaves less of its power in the fast band.
-_SHOWS: Final = 0.01
-#: Rates that differ by less are one: a derivative taken at the other has the same response.
-_SAME_RATE: Final = 0.02
 #: The variance of second differences of white noise of variance 1.
 _SECOND_DIFFERENCES: Final = 6.0
 Complexes = NDArray[np.complex128]
@@ -114,13 +106,15 @@ def is_each_column_hidden_by_grid(
             found.append(False)
             continue
         # taken at the slowest one's stamps, averaged over its steps
-        mixed = min(beside) * filters.OTHER_RATE < min(max(beside), max(rate_hz, PAPER_HZ))
-        slow = min(beside) * filters.OTHER_RATE < (PAPER_HZ if derived else rate_hz)
-        filtered = derived and cutoff_hz < filters.HIGHEST_CUTOFF * min(mine)
+        mixed = min(beside) * SIGNAL_LIMITS.other_rate_ratio < min(
+            max(beside), max(rate_hz, PAPER_HZ)
+        )
+        slow = min(beside) * SIGNAL_LIMITS.other_rate_ratio < (PAPER_HZ if derived else rate_hz)
+        filtered = derived and cutoff_hz < SIGNAL_LIMITS.cutoff_max_rate_fraction * min(mine)
         top_hz = fast_band(rate_hz)[1] * rate_hz
         left = filters.low_pass_power_gain(np.array(top_hz / cutoff_hz), causal=causal)
-        stopped = filtered and float(left) < _SHOWS
-        other = derived and abs(min(mine) / rate_hz - 1.0) > _SAME_RATE
+        stopped = filtered and float(left) < LIMITS.hidden_power_fraction
+        other = derived and abs(min(mine) / rate_hz - 1.0) > LIMITS.same_rate_1
         found.append(mixed or slow or stopped or other)
     return found
 
@@ -150,7 +144,7 @@ def simulate_grid_noise_covariances(
     part = repeat_stamps(
         row_stamps_to_analyse(read, settings.rate_hz), settings.rate_hz, longest_ns
     )
-    rng = np.random.default_rng(_SEED)
+    rng = np.random.default_rng(LIMITS.simulation_seed)
     noise = {
         name: (t, std.get(name, 0.0) * rng.standard_normal(t.size)) for name, t in part.items()
     }
@@ -163,9 +157,9 @@ def simulate_grid_noise_covariances(
 
 
 def row_stamps_to_analyse(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str, Ints]:
-    """Stamps of each channel, up to `_ROWS` rows of the grid after the last one has begun."""
+    """Stamps of each channel, up to the simulated rows after the last one has begun."""
     begin = max(int(t[0]) for t, _ in read.values())
-    end = begin + math.ceil(_ROWS / rate_hz * 1e9)
+    end = begin + math.ceil(LIMITS.simulated_rows / rate_hz * 1e9)
     return {name: t[: max(int(np.searchsorted(t, end)), 2)] for name, (t, _) in read.items()}
 
 
@@ -175,7 +169,11 @@ def repeat_stamps(stamps: Mapping[str, Ints], rate_hz: float, longest_ns: float)
     lasts_ns = last - min(int(t[0]) for t in stamps.values())
     every_ns = lasts_ns + math.ceil(2.0 * longest_ns)
     room = 1 + (np.iinfo(np.int64).max - last) // max(every_ns, 1)
-    times = min(math.ceil(_ROWS / rate_hz * 1e9 / max(lasts_ns, 1)), _MOST_TIMES, room)
+    times = min(
+        math.ceil(LIMITS.simulated_rows / rate_hz * 1e9 / max(lasts_ns, 1)),
+        LIMITS.max_repetitions,
+        room,
+    )
     later_ns = np.arange(times) * every_ns
     return {name: (later_ns[:, None] + t).ravel() for name, t in stamps.items()}
 
@@ -251,7 +249,7 @@ def response_of_each_column(axis: tuple[str, ...], machine: Machine) -> list[Col
             ColumnResponse(
                 depth,
                 names.index(parent) if parent in names else -1,
-                filtered and cutoff < filters.HIGHEST_CUTOFF,
+                filtered and cutoff < SIGNAL_LIMITS.cutoff_max_rate_fraction,
                 cutoff,
                 machine.settings.filter.causal,
                 machine.settings.align.rate_hz,

@@ -6,58 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.model.windows import runs_of_flagged_samples
+from analysis.stages.noise.noise_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
 #: Covariances are given for lags below this.
 LAGS: Final = 64
-#: A stretch is cut into pieces of at most this many samples, each with its own straight line.
-_PIECE: Final = 192
-#: Shorter stretches tell too little.
-_SHORTEST_PIECE: Final = 40
-#: More pieces and blocks than these say nothing new.
-_MOST_PIECES: Final = 100
-_MOST_BLOCKS: Final = 1000
-#: A mean of so many samples has left its level when it is so many median distances off.
-_SHORT_MEAN: Final = 10
-_AWAY: Final = 7.0
-_TRIMS: Final = 3
-#: A piece with this many times the median's variance holds an event (a bucket set down).
-_EVENT: Final = 4.0
-#: Samples of a block whose power at each frequency is looked at; every half of it one begins.
-_BLOCK: Final = 48
-#: A block with this many times the median's fast power holds a step.
-_STEP: Final = 2.0
-#: What it may have beyond that, over the number of blocks.
-_SCATTER: Final = 10.0
-#: Below this share of the largest power a spectrum is a filter's stop band.
-_STOPPED: Final = 1e-4
-#: Fewer blocks have no median worth the name.
-_FEWEST_BLOCKS: Final = 3
-#: Readings that are looked at for a step.
-_LOOKED_AT: Final = 4096
-#: A reading that occurs so often is a multiple of it, when so many samples are such.
-_OFTEN: Final = 3
-_MANY: Final = 0.3
-#: What a multiple may miss a whole number by.
-_WHOLE: Final = 1e-3
-#: Samples over which the slope of a quantised column is taken.
-_SPAN: Final = 10
-#: Faster changes than this are noise, not driving; at most this share of the rate.
-_FAST_HZ: Final = 10.0
-_FAST_SHARE: Final = 0.25
-#: Periods in a block below which white noise comes out too large: by half at one, a tenth at two.
-_LEAKS: Final = 3.0
-#: The band above that which tells how much there is below it, as a multiple.
-_BAND: Final = 2.5
-#: Lags that count as correlated where the power at zero frequency is asked for.
-_CORRELATED: Final = 24
 
 
 def fast_band(rate_hz: float) -> tuple[float, float]:
     """Lowest frequency that is all noise, and top of the band above it, over the rate."""
     # faster noise leaks into the lowest frequencies of a block
-    fast = min(max(_FAST_HZ / rate_hz, _LEAKS / _BLOCK), _FAST_SHARE)
-    return fast, min(_BAND * fast, 0.5)
+    fast = min(
+        max(LIMITS.fast_hz / rate_hz, LIMITS.leak_periods / LIMITS.block_samples),
+        LIMITS.fast_max_rate_fraction,
+    )
+    return fast, min(LIMITS.fast_band_ratio * fast, 0.5)
 
 
 def find_true_runs(flags: Bools) -> list[tuple[int, int]]:
@@ -76,21 +39,25 @@ def trim_to_settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
         begin: first row.
         end: end row.
     """
-    for _ in range(_TRIMS):
-        if end - begin < _SHORTEST_PIECE:
+    for _ in range(LIMITS.trim_rounds):
+        if end - begin < LIMITS.piece_min_samples:
             break
         sums = np.cumsum(x[begin:end] - x[begin], axis=0)
-        means = (sums[_SHORT_MEAN:] - sums[:-_SHORT_MEAN]) / _SHORT_MEAN
+        means = (
+            sums[LIMITS.short_mean_samples :] - sums[: -LIMITS.short_mean_samples]
+        ) / LIMITS.short_mean_samples
         off = np.abs(means - np.median(means, axis=0))
         usual = np.median(off, axis=0)
-        away = np.flatnonzero(((off > _AWAY * usual) & (usual > 0.0)).any(axis=1))
+        away = np.flatnonzero(
+            ((off > LIMITS.unsettled_median_distances * usual) & (usual > 0.0)).any(axis=1)
+        )
         if away.size == 0:
             break
         middle = len(off) // 2
         late = away[away >= middle]
         last = end if late.size == 0 else begin + int(late[0])
         early = away[away < middle]
-        first = begin if early.size == 0 else begin + int(early[-1]) + _SHORT_MEAN
+        first = begin if early.size == 0 else begin + int(early[-1]) + LIMITS.short_mean_samples
         begin, end = first, last
     return begin, max(end, begin)
 
@@ -103,12 +70,12 @@ def cut_pieces(x: Floats, quiet: list[tuple[int, int]]) -> list[Floats]:
         quiet: stretches that contain only noise.
     """
     cut: list[Floats] = []
-    long = [stretch for stretch in quiet if stretch[1] - stretch[0] >= _SHORTEST_PIECE]
-    pieces_in_all = sum(-(-(end - begin) // _PIECE) for begin, end in long)
-    for begin, end in long[:: max(pieces_in_all // _MOST_PIECES, 1)]:
-        parts = np.array_split(x[begin:end], -(-(end - begin) // _PIECE))
+    long = [stretch for stretch in quiet if stretch[1] - stretch[0] >= LIMITS.piece_min_samples]
+    pieces_in_all = sum(-(-(end - begin) // LIMITS.piece_max_samples) for begin, end in long)
+    for begin, end in long[:: max(pieces_in_all // LIMITS.max_pieces, 1)]:
+        parts = np.array_split(x[begin:end], -(-(end - begin) // LIMITS.piece_max_samples))
         cut.extend(detrend_piece(part) for part in parts)
-    return cut[:: max(len(cut) // _MOST_PIECES, 1)]
+    return cut[:: max(len(cut) // LIMITS.max_pieces, 1)]
 
 
 def detrend_piece(part: Floats) -> Floats:
@@ -126,16 +93,20 @@ def lag_covariances(cut: list[Floats]) -> Floats:
     """
     power = np.array([(part**2).mean(axis=0) for part in cut])
     usual = np.median(power, axis=0)
-    cut = [part for part, own in zip(cut, power, strict=True) if (own <= _EVENT * usual).all()]
+    cut = [
+        part
+        for part, own in zip(cut, power, strict=True)
+        if (own <= LIMITS.event_variance_ratio * usual).all()
+    ]
     if not cut:
         return np.zeros((power.shape[1], power.shape[1], LAGS))
     lengths = np.array([len(part) for part in cut])
-    padded = np.zeros((len(cut), cut[0].shape[1], _PIECE + LAGS))
+    padded = np.zeros((len(cut), cut[0].shape[1], LIMITS.piece_max_samples + LAGS))
     for row, part in enumerate(cut):
         padded[row, :, : len(part)] = part.T
     spectra = np.fft.rfft(padded)
     cross = np.einsum("kif,kjf->ijf", spectra.conj(), spectra)
-    sums = np.fft.irfft(cross, _PIECE + LAGS)[:, :, :LAGS]
+    sums = np.fft.irfft(cross, LIMITS.piece_max_samples + LAGS)[:, :, :LAGS]
     pairs = np.maximum(lengths[:, None] - np.arange(LAGS), 0).sum(axis=0)
     found = sums / np.maximum(pairs, 1)
     lost = spectral_density_at_zero(found) * (2.0 * len(cut) / lengths.sum())
@@ -144,8 +115,8 @@ def lag_covariances(cut: list[Floats]) -> Floats:
 
 def spectral_density_at_zero(found: Floats) -> Floats:
     """Sum of the covariances over all lags, tapered, (columns, columns), no variance negative."""
-    taper = 1.0 - np.arange(1, _CORRELATED) / _CORRELATED
-    later = found[:, :, 1:_CORRELATED] @ taper
+    taper = 1.0 - np.arange(1, LIMITS.correlated_lags) / LIMITS.correlated_lags
+    later = found[:, :, 1 : LIMITS.correlated_lags] @ taper
     total = found[:, :, 0] + later + later.T
     own = np.sqrt(np.maximum(np.diag(total), 0.0))
     limit = np.outer(own, own)
@@ -158,9 +129,9 @@ def block_ends(flags: Bools) -> Ints:
     # the last row before the run
     begun = np.maximum.accumulate(np.where(flags, -1, rows))
     run = rows - begun
-    length = _BLOCK + 2
-    ends = rows[flags & (run >= length) & ((run - length) % (_BLOCK // 2) == 0)]
-    return ends[:: max(ends.size // _MOST_BLOCKS, 1)]
+    length = LIMITS.block_samples + 2
+    ends = rows[flags & (run >= length) & ((run - length) % (LIMITS.block_samples // 2) == 0)]
+    return ends[:: max(ends.size // LIMITS.max_blocks, 1)]
 
 
 def block_power(x: Floats, ends: Ints, fast: float) -> tuple[Floats, int] | None:
@@ -175,19 +146,26 @@ def block_power(x: Floats, ends: Ints, fast: float) -> tuple[Floats, int] | None
         ends: `block_ends`.
         fast: lowest frequency over the rate at which blocks are judged.
     """
-    if ends.size < _FEWEST_BLOCKS:
+    if ends.size < LIMITS.min_blocks:
         return None
-    taper = np.hanning(_BLOCK + 2)[1:-1]
-    blocks = np.diff(np.lib.stride_tricks.sliding_window_view(x, _BLOCK + 2)[ends - _BLOCK - 1], 2)
+    taper = np.hanning(LIMITS.block_samples + 2)[1:-1]
+    blocks = np.diff(
+        np.lib.stride_tricks.sliding_window_view(x, LIMITS.block_samples + 2)[
+            ends - LIMITS.block_samples - 1
+        ],
+        2,
+    )
     power = np.abs(np.fft.rfft(blocks * taper)) ** 2 / (taper**2).sum()
     usual = np.median(power, axis=0)
     at = block_frequencies()
-    told = (at >= fast) & (usual > _STOPPED * usual.max())
+    told = (at >= fast) & (usual > LIMITS.stop_band_fraction * usual.max())
     if told.any():
         ratio = (power[:, told] / usual[told]).mean(axis=1)
         for _ in range(2):
             # the power of one block scatters, and of a few their median does as well
-            keep = ratio <= (_STEP + _SCATTER / ratio.size) * np.median(ratio)
+            keep = ratio <= (
+                LIMITS.step_power_ratio + LIMITS.step_power_scatter / ratio.size
+            ) * np.median(ratio)
             power, ratio = power[keep], ratio[keep]
     mean = power.mean(axis=0)
     mean[1:] /= (2.0 * np.sin(np.pi * at[1:])) ** 4
@@ -197,7 +175,7 @@ def block_power(x: Floats, ends: Ints, fast: float) -> tuple[Floats, int] | None
 
 def block_frequencies() -> Floats:
     """Frequencies of `block_power`, over the rate."""
-    return np.arange(_BLOCK // 2 + 1) / _BLOCK
+    return np.arange(LIMITS.block_samples // 2 + 1) / LIMITS.block_samples
 
 
 def average_over_neighbours(power: Floats, reach: int) -> Floats:
@@ -241,16 +219,16 @@ def reading_step(x: Floats, chosen_rows: Bools) -> float | None:
 
 def quantisation_step(readings: Floats, total_readings: int) -> float | None:
     """Step that frequently repeated readings are multiples of."""
-    every = max(readings.size // _LOOKED_AT, 1)
+    every = max(readings.size // LIMITS.quantisation_samples, 1)
     readings, total_readings = readings[::every], total_readings // every
     reading, times = np.unique(readings, return_counts=True)
-    often = times >= _OFTEN
-    if often.sum() < 2 or times[often].sum() < _MANY * total_readings:
+    often = times >= LIMITS.multiple_min_times
+    if often.sum() < 2 or times[often].sum() < LIMITS.multiple_min_fraction * total_readings:
         return None
     gaps = np.diff(reading[often])
     step = float(gaps.min())
     whole = gaps / step
-    return step if (np.abs(whole - np.round(whole)) < _WHOLE).all() else None
+    return step if (np.abs(whole - np.round(whole)) < LIMITS.multiple_tolerance_1).all() else None
 
 
 def quantisation_covariances(x: Floats, flags: Bools, step: float) -> Floats:
@@ -259,9 +237,9 @@ def quantisation_covariances(x: Floats, flags: Bools, step: float) -> Floats:
     On a ramp the error is a sawtooth of variance step²/12, and at a lag in which x changes by φ
     steps its covariance is 1 - 6φ(1 - φ) of that.
     """
-    span = _SPAN
+    span = LIMITS.slope_samples
     rows = np.flatnonzero(flags[span:] & flags[:-span])
-    rows = rows[:: max(rows.size // _LOOKED_AT, 1)]
+    rows = rows[:: max(rows.size // LIMITS.quantisation_samples, 1)]
     slopes = np.abs(x[rows + span] - x[rows]) / span
     if slopes.size == 0:
         slopes = np.zeros(1)

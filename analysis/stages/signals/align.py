@@ -12,13 +12,9 @@ from analysis.model.machine import Machine
 from analysis.model.schema import HINTS, build_frame
 from analysis.stages.signals import filters, mounting, rates
 from analysis.stages.signals.rates import ChannelSeries
+from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Ints
 from estimators.errors import DataError
-
-#: Longer holes keep only their first and last row: a clock jump must not make a billion rows.
-_LONGEST_HOLE_S = 60.0
-#: Rows of the longest grid: eighty hours at 100 Hz, a quarter of a gigabyte a column.
-_MOST_ROWS = 30_000_000
 
 
 def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.DataFrame, int]:
@@ -238,7 +234,7 @@ def make_grid_without_holes(
         # in integers: a float holds unix time to a quarter of a microsecond only
         (int(each.t_ns[i]) + round(each.longest_ns), int(each.t_ns[i + 1]))
         for each in needed.values()
-        for i in np.flatnonzero(np.diff(each.t_ns) > each.longest_ns + _LONGEST_HOLE_S * 1e9)
+        for i in np.flatnonzero(np.diff(each.t_ns) > each.longest_ns + LIMITS.longest_hole_s * 1e9)
     ]
     pieces: list[tuple[int, int]] = []
     for opened, closed in sorted(holes):
@@ -253,10 +249,10 @@ def make_grid_without_holes(
     # the slack keeps a last row that rounding would put just after the end
     pieces.append((first, int((end - start) / step_ns + 1e-9) + 1))
     count = sum(stop - begin for begin, stop in pieces)
-    if count > _MOST_ROWS:
+    if count > LIMITS.grid_max_rows:
         raise DataError(
             f"{(end - start) / 1e9:,.0f} s at {1e9 / step_ns:g} Hz are {count:,} rows, more than "
-            f"{_MOST_ROWS:,}: check the unit of the time, or lower settings.align.rate_hz"
+            f"{LIMITS.grid_max_rows:,}: check the unit of the time, or lower settings.align.rate_hz"
         )
     rows = np.concatenate([np.arange(*piece) for piece in pieces])
     if step_ns.is_integer():

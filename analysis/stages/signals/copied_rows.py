@@ -14,26 +14,11 @@ import polars as pl
 
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.windows import runs_of_flagged_samples
+from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Floats, Ints
 
 Hashes = npt.NDArray[np.uint64]
 
-#: A copy has at least so many rows, over so long.
-_FEWEST_ROWS: Final = 50
-SHORTEST_COPY_S: Final = 2.0
-#: Of which a channel has so many readings that differ; a coarse one repeats itself.
-_FEWEST_READINGS: Final = 20
-#: Noise turns back in this share of the steps that change it; a smooth channel does not.
-_TURNS_BACK: Final = 0.25
-#: Noise is judged by so many blocks of so many rows.
-_BLOCKS: Final = 32
-_BLOCK_ROWS: Final = 4096
-#: Rows of a window, the rows in it that differ from the one before, and one of so many begins one.
-_WINDOW: Final = 32
-_CHANGES: Final = 8
-_BEGINS: Final = 8
-#: Distances between copy and original that are compared row by row.
-_MOST_DISTANCES: Final = 8
 #: Columns of a topic that are no readings.
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 _ODD: Final = np.uint64(0x9E3779B97F4A7C15)
@@ -77,20 +62,20 @@ def list_copied_stretches(t: Ints, columns: list[Floats]) -> list[tuple[int, int
     Returns:
         First and last row of each copy, and the first row of its original.
     """
-    if not columns or t.size < 2 * _FEWEST_ROWS:
+    if not columns or t.size < 2 * LIMITS.copy_min_rows:
         return []
     rows = _hash_rows(columns)
     found: list[tuple[int, int, int]] = []
     for distance in _distances_of_equal_windows(rows):
         begins, ends = runs_of_flagged_samples(rows[distance:] == rows[:-distance])
-        long = ends - begins + 1 >= _FEWEST_ROWS
+        long = ends - begins + 1 >= LIMITS.copy_min_rows
         for begin, end in zip(begins[long].tolist(), ends[long].tolist(), strict=True):
             first, last = begin + distance, end + distance
-            if t[last] - t[first] < SHORTEST_COPY_S * NS_PER_S or t[first] <= t[end]:
+            if t[last] - t[first] < LIMITS.copy_min_s * NS_PER_S or t[first] <= t[end]:
                 continue
             readings = max(np.unique(x[first : last + 1]).size for x in columns)
             apart = all(last < b or first > e for b, e, _ in found)
-            if readings >= _FEWEST_READINGS and apart:
+            if readings >= LIMITS.copy_min_readings and apart:
                 found.append((first, last, begin))
     return sorted(found)
 
@@ -109,12 +94,17 @@ def select_noisy_columns(frame: pl.DataFrame) -> list[Floats]:
 
 def _is_noisy(x: Floats) -> bool:
     """Whether readings turn back as often as noise does."""
-    if x.size > _BLOCKS * _BLOCK_ROWS:
-        blocks = x[: x.size // _BLOCK_ROWS * _BLOCK_ROWS].reshape(-1, _BLOCK_ROWS)
-        x = blocks[:: -(-len(blocks) // _BLOCKS)].ravel()
+    if x.size > LIMITS.noise_blocks * LIMITS.noise_block_rows:
+        blocks = x[: x.size // LIMITS.noise_block_rows * LIMITS.noise_block_rows].reshape(
+            -1, LIMITS.noise_block_rows
+        )
+        x = blocks[:: -(-len(blocks) // LIMITS.noise_blocks)].ravel()
     step = np.sign(np.diff(x))
     turns = step[1:] * step[:-1]
-    return bool((turns < 0.0).sum() > _TURNS_BACK * max(int((turns != 0.0).sum()), _FEWEST_ROWS))
+    return bool(
+        (turns < 0.0).sum()
+        > LIMITS.noise_turn_fraction * max(int((turns != 0.0).sum()), LIMITS.copy_min_rows)
+    )
 
 
 def _hash_rows(columns: list[Floats]) -> Hashes:
@@ -132,15 +122,20 @@ def _hash_rows(columns: list[Floats]) -> Hashes:
 def _distances_of_equal_windows(rows: Hashes) -> list[int]:
     """Distances in rows between windows with equal hashes, the most frequent first."""
     differs = np.concatenate([[0], np.cumsum(rows[1:] != rows[:-1])])
-    count = rows.size - _WINDOW + 1
-    begins = np.flatnonzero(rows[:count] % np.uint64(_BEGINS) == 0)
-    begins = begins[differs[begins + _WINDOW - 1] - differs[begins] >= _CHANGES]
+    count = rows.size - LIMITS.copy_window_rows + 1
+    begins = np.flatnonzero(rows[:count] % np.uint64(LIMITS.copy_window_spacing_rows) == 0)
+    begins = begins[
+        differs[begins + LIMITS.copy_window_rows - 1] - differs[begins]
+        >= LIMITS.copy_window_min_changes
+    ]
     windows = np.zeros(begins.size, np.uint64)
-    for k in range(_WINDOW):
+    for k in range(LIMITS.copy_window_rows):
         windows *= _ODD
         windows += rows[begins + k]
     order = np.argsort(windows, kind="stable")
     same = windows[order[1:]] == windows[order[:-1]]
     distances = begins[order[1:][same]] - begins[order[:-1][same]]
     values, times = np.unique(distances, return_counts=True)
-    return [int(each) for each in values[np.argsort(-times, kind="stable")][:_MOST_DISTANCES]]
+    return [
+        int(each) for each in values[np.argsort(-times, kind="stable")][: LIMITS.copy_max_distances]
+    ]

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 
+from analysis.expressions.expression_limits import LIMITS as EXPRESSION_LIMITS
 from analysis.expressions.parse import (
     SLOPE,
     Expression,
@@ -15,7 +16,7 @@ from analysis.expressions.parse import (
     iter_channel_names,
     iter_differentiated_channels,
 )
-from analysis.expressions.values import NEAR_ZERO, evaluate_and_count_near_zero
+from analysis.expressions.values import evaluate_and_count_near_zero
 from analysis.model.loss import Loss
 from analysis.model.machine import Channel, Machine
 from analysis.model.machine_body import BODY_NUMBERS
@@ -27,16 +28,12 @@ from analysis.model.physical_units import (
 from analysis.model.schema import CHANNEL_COLUMNS, HINTS
 from analysis.model.settings import AlignSettings, Settings
 from analysis.stages.signals import filters, mounting
+from analysis.stages.signals.signal_limits import LIMITS
 from estimators.errors import DataError, MachineError
 
 _SI = {column.name: column.unit for column in CHANNEL_COLUMNS}
 #: Angles and places are not in the regressor, so they are not filtered with it.
 UNFILTERED = frozenset({"pitch_rad", "roll_rad"}) | HINTS
-#: In SI units no channel of a machine comes near it: what does stands for no reading (a logger's
-#: largest float, say), and its powers would leave the range of numbers in every fit.
-_LARGEST_SI = 1e15
-#: and no sensor resolves this: what is smaller is 0, as its powers would be without saying so.
-_SMALLEST_SI = 1e-30
 
 
 def derive(
@@ -160,7 +157,7 @@ def _evaluate_arithmetic(
     if near_zero:
         notes.append(
             f"{name}: {near_zero:,} of {at.size:,} samples divide by nearly zero (below "
-            f"{NEAR_ZERO:.0%} of the divisor's range): they are excluded"
+            f"{EXPRESSION_LIMITS.near_zero_fraction:.0%} of the divisor's range): they are excluded"
         )
     known = np.isfinite(x)
     return at[known], x[known]
@@ -208,7 +205,11 @@ def _low_pass_channel(
     """
     cutoff_hz, causal = settings.filter.cutoff_hz, settings.filter.causal
     rates_hz = {n: 1e9 / filters.period_ns(t) for n, (t, _) in read.items() if n not in UNFILTERED}
-    slow = {name: hz for name, hz in rates_hz.items() if cutoff_hz > filters.HIGHEST_CUTOFF * hz}
+    slow = {
+        name: hz
+        for name, hz in rates_hz.items()
+        if cutoff_hz > LIMITS.cutoff_max_rate_fraction * hz
+    }
     notes += [
         f"{name}: low-pass of {cutoff_hz:g} Hz not applied, its topic has only {hz:.4g} Hz"
         for name, hz in slow.items()
@@ -275,14 +276,14 @@ def usable_readings(
     where = f"{field} of {channel.topic or 'the table'}"
     t = frame["unix_ns"].to_numpy()
     delay_ns = round(channel.delay_s * 1e9)
-    if t.size > 1 and (np.abs(x) <= _LARGEST_SI).all() and (np.diff(t) > 0).all():
+    if t.size > 1 and (np.abs(x) <= LIMITS.largest_si).all() and (np.diff(t) > 0).all():
         # nothing to leave out: what a follower has at nearly every look
         return t - delay_ns, zero_unresolved(x)
     finite = np.isfinite(x)
     if not finite.any():
         raise DataError(f"{name}: {where} holds no number in {x.size} samples")
-    told = finite & (np.abs(x) <= _LARGEST_SI)
-    limit = f"beyond {_LARGEST_SI:g} {unit_of_name(name)}, which cannot be a reading"
+    told = finite & (np.abs(x) <= LIMITS.largest_si)
+    limit = f"beyond {LIMITS.largest_si:g} {unit_of_name(name)}, which cannot be a reading"
     if not told.any():
         raise DataError(f"{name}: {where} holds only numbers {limit}: check its unit, scale")
     for left_out, why in ((~finite, "missing or not finite"), (finite & ~told, limit)):
@@ -322,7 +323,7 @@ def _fill_gaps(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series
 
 def zero_unresolved(x: filters.Floats) -> filters.Floats:
     """Values (n,) with those below any sensor's resolution set to 0: filters ring down long."""
-    return np.where(np.abs(x) < _SMALLEST_SI, 0.0, x)
+    return np.where(np.abs(x) < LIMITS.smallest_si, 0.0, x)
 
 
 def mean_of_channels(
@@ -332,7 +333,7 @@ def mean_of_channels(
 
     The slower one's stamps are used if interpolation would low-pass it, else the first one's.
     """
-    if filters.period_ns(b[0]) > filters.OTHER_RATE * filters.period_ns(a[0]):
+    if filters.period_ns(b[0]) > LIMITS.other_rate_ratio * filters.period_ns(a[0]):
         a, b = b, a
     t, other = filters.interpolate_linearly(*b, a[0], filters.longest_step_ns(b[0], settings))
     return t, (a[1][np.searchsorted(a[0], t)] + other) / 2.0

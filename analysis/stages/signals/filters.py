@@ -1,22 +1,13 @@
 """Low-pass and derivative at a topic's own rate, within gap-free stretches."""
 
-from typing import Final, cast
+from typing import cast
 
 import numpy as np
 
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals.resample import interpolate_in_stretches
+from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Floats, Ints
-
-#: Rates that differ by less are one rate.
-OTHER_RATE: Final = 1.5
-#: A cut-off above this share of a topic's rate leaves too few samples to filter.
-HIGHEST_CUTOFF: Final = 0.45
-_ORDER: Final = 4
-#: Stamps that stray less than this share of a period count as uniform.
-_UNIFORM = 0.01
-#: Steps that are looked at for the one that most others equal: enough that a majority shows.
-_FEW_STEPS: Final = 101
 
 
 def period_ns(t_ns: Ints) -> float:
@@ -25,7 +16,7 @@ def period_ns(t_ns: Ints) -> float:
         return float("nan")
     steps = np.diff(t_ns)
     # of steps that are mostly equal, as a grid's, `np.median` takes fifteen times as long
-    few = np.sort(steps[:_FEW_STEPS])
+    few = np.sort(steps[: LIMITS.common_step_steps])
     usual = few[few.size // 2]
     below, equal = np.count_nonzero(steps < usual), np.count_nonzero(steps == usual)
     is_median = below <= (steps.size - 1) // 2 and steps.size // 2 < below + equal
@@ -68,7 +59,7 @@ def low_pass(
     from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
     period = period_ns(t_ns)
-    sos = cast("Floats", butter(_ORDER, cutoff_hz, fs=1e9 / period, output="sos"))
+    sos = cast("Floats", butter(LIMITS.low_pass_order, cutoff_hz, fs=1e9 / period, output="sos"))
     settle = 3 * (2 * sos.shape[0] + 1)
     times: list[Ints] = []
     outputs: list[Floats] = []
@@ -93,7 +84,7 @@ def low_pass_power_gain(at: Floats, *, causal: bool) -> Floats:
 
     It holds well below half the rate.
     """
-    one_pass = 1.0 / (1.0 + at ** (2 * _ORDER))
+    one_pass = 1.0 / (1.0 + at ** (2 * LIMITS.low_pass_order))
     return one_pass if causal else one_pass**2
 
 
@@ -153,7 +144,10 @@ def interpolation_ready_ns(t_ns: Ints, known_ns: Ints, at_ns: Ints) -> Ints:
 
 
 def _resample_uniformly(t_ns: Ints, x: Floats, period: float) -> tuple[Ints, Floats]:
-    if t_ns.size < 2 or np.abs(np.diff(t_ns) - period).max() <= _UNIFORM * period:
+    if (
+        t_ns.size < 2
+        or np.abs(np.diff(t_ns) - period).max() <= LIMITS.uniform_step_fraction * period
+    ):
         return t_ns, x
     count = int((t_ns[-1] - t_ns[0]) // period) + 1
     t = t_ns[0] + np.round(np.arange(count) * period).astype(np.int64)

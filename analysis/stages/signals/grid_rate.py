@@ -11,16 +11,14 @@ from typing import Final
 
 from analysis.model.machine import Machine
 from analysis.model.settings import AlignSettings, GateSettings, SmoothSettings
-from analysis.stages.signals import filters, mounting, rates
+from analysis.stages.signals import mounting, rates
+from analysis.stages.signals.signal_limits import LIMITS
 
 #: The paper's rate, in Hz: the highest that is chosen, and that of a log that is not much slower.
 PAPER_HZ: Final[float] = AlignSettings.model_fields["rate_hz"].default
 #: The paper's window and moving mean, in s.
 _WINDOW_S: Final[float] = GateSettings.model_fields["window_samples"].default / PAPER_HZ
 _MEAN_S: Final[float] = SmoothSettings.model_fields["samples"].default / PAPER_HZ
-#: A window holds so many readings of the slowest channel at least: mass, friction and how they
-#: scatter are told from them.
-FEWEST_READINGS: Final = 20
 
 
 def machine_at_rate_of_log(
@@ -40,10 +38,10 @@ def machine_at_rate_of_log(
     rate_hz = settings.align.rate_hz
     chosen: dict[str, float] = {}
     if "rate_hz" not in settings.align.model_fields_set:
-        rate_hz = PAPER_HZ if own_hz * filters.OTHER_RATE > PAPER_HZ else own_hz
+        rate_hz = PAPER_HZ if own_hz * LIMITS.other_rate_ratio > PAPER_HZ else own_hz
         chosen["align.rate_hz"] = rate_hz
     if "window_samples" not in settings.gate.model_fields_set:
-        readings = math.ceil(FEWEST_READINGS * rate_hz / own_hz)
+        readings = math.ceil(LIMITS.window_min_readings * rate_hz / own_hz)
         chosen["gate.window_samples"] = rows_in_duration(_WINDOW_S, rate_hz, readings)
     if "samples" not in settings.smooth.model_fields_set:
         chosen["smooth.samples"] = rows_in_duration(_MEAN_S, rate_hz)

@@ -7,32 +7,14 @@ of its resolution at once, neither does: a run of equal readings is then one rea
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Self
 
 import numpy as np
 
 from analysis.model.schema import HINTS
 from analysis.stages.signals import filters, mounting
+from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Floats, Ints
-
-#: The resolution is the change between runs that this share of the changes are below.
-_RESOLUTION_QUANTILE: Final = 0.1
-#: A channel changes fast where it does by so many steps of its resolution, before a run and after.
-_FAST_STEPS: Final = 1.5
-#: So many runs between fast changes tell how long a reading is held.
-_FEWEST_RUNS: Final = 12
-#: A reading is held if no more than this share of such runs are single rows: they are a half where
-#: a topic is as much slower than its table as `OTHER_RATE` says, and nearly all where noise repeats
-#: itself.
-_MOST_SINGLE: Final = 0.4
-#: Whatever jitters, readings are held for at least half as long as the median one and for less than
-#: twice as long, but for this share of them; what reads pulses is held for any time.
-_SHORTER: Final = 0.05
-#: A run so many readings long repeats a reading, as at a stand; in shorter ones one was late, or
-#: lost.
-_REPEATED: Final = 2
-#: A sensor slower than this weighs nothing, and a force that a program sets stays as long.
-_LONGEST_S: Final = 1.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,16 +32,23 @@ class HeldReadings:
         """Find how long readings (n,) in rows at a rate are held; None if they are not."""
         first = first_rows_of_runs(x)
         changes = np.abs(np.diff(x[first]))
-        if changes.size <= _FEWEST_RUNS or x.size < filters.OTHER_RATE * first.size:
+        if changes.size <= LIMITS.held_min_runs or x.size < LIMITS.other_rate_ratio * first.size:
             return None
-        fast = changes > _FAST_STEPS * float(np.quantile(changes, _RESOLUTION_QUANTILE))
+        fast = changes > LIMITS.fast_change_steps * float(
+            np.quantile(changes, LIMITS.resolution_quantile)
+        )
         length = np.diff(first)[1:][fast[:-1] & fast[1:]]
-        if length.size < _FEWEST_RUNS or float((length == 1).mean()) > _MOST_SINGLE:
+        if (
+            length.size < LIMITS.held_min_runs
+            or float((length == 1).mean()) > LIMITS.held_max_single_fraction
+        ):
             return None
-        shortest, median = np.quantile(length, (_SHORTER, 0.5), method="nearest").tolist()
+        shortest, median = np.quantile(
+            length, (LIMITS.held_shorter_fraction, 0.5), method="nearest"
+        ).tolist()
         rows = float(length[length < 2 * median].mean())
         is_even = 2 * shortest >= median - 1
-        is_slow = filters.OTHER_RATE < rows < _LONGEST_S * rate_hz
+        is_slow = LIMITS.other_rate_ratio < rows < LIMITS.held_max_s * rate_hz
         return cls(rows) if is_even and is_slow else None
 
     def select_readings(self, x: Floats) -> Ints:
@@ -71,7 +60,7 @@ class HeldReadings:
         first = first_rows_of_runs(x)
         since = np.arange(x.size) - np.repeat(first, np.diff(np.append(first, x.size)))
         number = since // self.rows
-        repeats = (number >= _REPEATED) & (number > (since - 1) // self.rows)
+        repeats = (number >= LIMITS.repeated_min_readings) & (number > (since - 1) // self.rows)
         return np.flatnonzero((since == 0) | repeats)
 
 

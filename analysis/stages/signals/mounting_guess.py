@@ -16,25 +16,10 @@ from analysis.model.schema import column_values
 from analysis.stages.signals.filters import slices_between_gaps
 from analysis.stages.signals.mounting import rotation_to_machine_axes
 from analysis.stages.signals.resample import average_about_instants
+from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
 _AXES: Final = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
-#: Where a mean specific force is no gravity: other units, or gravity taken off already.
-_GRAVITY_M_S2: Final = (9.3, 10.3)
-#: A tilt up to this may be the ground's.
-_SLOPE_DEG: Final = 10.0
-#: Roll and pitch are rounded to so much: a level place is level to two degrees.
-_TILT_STEP_DEG: Final = 5.0
-#: Yaw is rounded to the first of these that two standard deviations fit into.
-_YAW_STEPS_DEG: Final = (1.0, 5.0, 10.0, 30.0, 90.0)
-#: Wheels that turn slower than this share of their usual speed stand.
-_STANDING_SHARE: Final = 0.02
-_STANDING_NS: Final = 500_000_000
-#: Wheel acceleration is taken over so long a time, and so is the specific force.
-_SPAN_NS: Final = 300_000_000
-_FEWEST_SPANS: Final = 20
-#: Less correlation of specific force with wheel acceleration tells no direction.
-_CORRELATION: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +45,7 @@ class MountingGuess:
     @property
     def is_tilt_sure(self) -> bool:
         """Whether the tilt is larger than sloping ground could explain."""
-        return self.tilt_deg > _SLOPE_DEG
+        return self.tilt_deg > LIMITS.max_ground_slope_deg
 
     @property
     def is_level(self) -> bool:
@@ -85,15 +70,17 @@ def guess_mounting(
     stood = bool(still.any())
     gravity = np.median(specific_force[still], axis=0) if stood else specific_force.mean(axis=0)
     size = float(np.linalg.norm(gravity))
-    if not _GRAVITY_M_S2[0] < size < _GRAVITY_M_S2[1]:
+    if not LIMITS.gravity_range_m_s2[0] < size < LIMITS.gravity_range_m_s2[1]:
         return None
     x, y, z = gravity / size
     tilt_deg = float(np.degrees(np.arccos(np.clip(z, -1.0, 1.0))))
     # with the x axis upright, roll is the yaw's business
-    upright = np.hypot(y, z) < np.sin(np.deg2rad(_TILT_STEP_DEG / 2))
+    upright = np.hypot(y, z) < np.sin(np.deg2rad(LIMITS.tilt_step_deg / 2))
     roll_deg = 0.0 if upright else float(np.degrees(np.arctan2(y, z)))
     pitch_deg = float(np.degrees(np.arctan2(-x, z if upright else np.hypot(y, z))))
-    roll_deg, pitch_deg = (round_angle(angle, _TILT_STEP_DEG) for angle in (roll_deg, pitch_deg))
+    roll_deg, pitch_deg = (
+        round_angle(angle, LIMITS.tilt_step_deg) for angle in (roll_deg, pitch_deg)
+    )
     levelled = (
         specific_force
         @ rotation_to_machine_axes(ImuMounting(roll_deg=roll_deg, pitch_deg=pitch_deg)).T
@@ -101,7 +88,7 @@ def guess_mounting(
     yaw_deg, std_deg = (
         guess_yaw_and_std_deg(t_ns, levelled, speed) if speed is not None else (np.nan, np.nan)
     )
-    step_deg = next((step for step in _YAW_STEPS_DEG if 2 * std_deg <= step), None)
+    step_deg = next((step for step in LIMITS.yaw_steps_deg if 2 * std_deg <= step), None)
     return MountingGuess(
         roll_deg=roll_deg,
         pitch_deg=pitch_deg,
@@ -156,7 +143,7 @@ def round_angle(angle_deg: float, step_deg: float) -> float:
 def standstill_samples(t_ns: Ints, speed: tuple[Ints, Floats]) -> Bools:
     """Mask (n,) of samples at standstill, without those just before and after motion."""
     stamps, v = speed
-    slow = np.abs(v) <= _STANDING_SHARE * np.quantile(np.abs(v), 0.99)
+    slow = np.abs(v) <= LIMITS.standing_speed_fraction * np.quantile(np.abs(v), 0.99)
     still = long_standstills(stamps, slow)
     if not still.any() or still.all():
         return np.full(t_ns.size, bool(still.all()) and v.size > 0)
@@ -174,9 +161,9 @@ def long_standstills(t_ns: Ints, still: Bools) -> Bools:
     # a moving sample between two standing ones ends a stretch
     edges = np.flatnonzero(np.diff(index) > 1) + 1
     for run in np.split(index, edges):
-        for part in slices_between_gaps(t_ns[run], _STANDING_NS):
+        for part in slices_between_gaps(t_ns[run], LIMITS.standing_min_ns):
             each = run[part]
-            if t_ns[each[-1]] - t_ns[each[0]] >= _STANDING_NS:
+            if t_ns[each[-1]] - t_ns[each[0]] >= LIMITS.standing_min_ns:
                 kept[each] = True
     return kept
 
@@ -191,16 +178,24 @@ def guess_yaw_and_std_deg(
     """
     stamps, v = speed
     first = max(int(t_ns[0]), int(stamps[0]))
-    count = int(min(int(t_ns[-1]), int(stamps[-1])) - first) // _SPAN_NS
-    if count < _FEWEST_SPANS:
+    count = int(min(int(t_ns[-1]), int(stamps[-1])) - first) // LIMITS.yaw_span_ns
+    if count < LIMITS.yaw_min_spans:
         return np.nan, np.nan
-    edges = first + np.arange(count + 1) * _SPAN_NS
-    wheels = np.diff(np.interp((edges - first) / 1e9, (stamps - first) / 1e9, v)) * 1e9 / _SPAN_NS
-    longest_ns = float(_SPAN_NS)
+    edges = first + np.arange(count + 1) * LIMITS.yaw_span_ns
+    wheels = (
+        np.diff(np.interp((edges - first) / 1e9, (stamps - first) / 1e9, v))
+        * 1e9
+        / LIMITS.yaw_span_ns
+    )
+    longest_ns = float(LIMITS.yaw_span_ns)
     seen = np.stack(
         [
             average_about_instants(
-                t_ns, levelled[:, axis], edges[:-1] + _SPAN_NS // 2, _SPAN_NS, longest_ns
+                t_ns,
+                levelled[:, axis],
+                edges[:-1] + LIMITS.yaw_span_ns // 2,
+                LIMITS.yaw_span_ns,
+                longest_ns,
             )
             for axis in (0, 1)
         ],
@@ -208,7 +203,7 @@ def guess_yaw_and_std_deg(
     )
     kept = ~np.isnan(seen).any(axis=1)
     wheels, seen = wheels[kept], seen[kept]
-    if wheels.size < _FEWEST_SPANS or not np.ptp(wheels) > 0:
+    if wheels.size < LIMITS.yaw_min_spans or not np.ptp(wheels) > 0:
         return np.nan, np.nan
     wheels = wheels - wheels.mean()
     seen = seen - seen.mean(axis=0)
@@ -217,7 +212,7 @@ def guess_yaw_and_std_deg(
     size = float(np.hypot(*slope))
     forward = slope / size
     along = seen @ forward
-    if float(along @ wheels) < _CORRELATION * float(np.sqrt((along @ along) * power)):
+    if float(along @ wheels) < LIMITS.yaw_min_correlation * float(np.sqrt((along @ along) * power)):
         return np.nan, np.nan
     across = seen @ np.array([-forward[1], forward[0]])
     std = float(np.sqrt(across @ across / (wheels.size - 2) / power)) / size

@@ -11,11 +11,10 @@ from analysis.model.machine import Machine
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals import filters
 from analysis.stages.signals.resample import average_about_instants, interpolate_in_stretches
+from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Floats, Ints
 
 _TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")
-#: Steps of so many ns are short beside all that a machine does.
-_FINE_NS: Final = 1e7
 _WHOLE_TURN: Final = {"longitude_deg": 360.0, "roll_rad": 2 * np.pi}
 
 
@@ -75,7 +74,7 @@ def make_channel_series(name: str, frame: pl.DataFrame, settings: AlignSettings)
     step_ns = 1e9 / settings.rate_hz
     longest_ns = filters.longest_step_ns(t_ns, settings)
     period_ns = mean_step_ns(t_ns, longest_ns, step_ns)
-    faster = period_ns * filters.OTHER_RATE < step_ns
+    faster = period_ns * LIMITS.other_rate_ratio < step_ns
     return ChannelSeries(t_ns, x, known_ns, longest_ns, period_ns, round(step_ns) if faster else 0)
 
 
@@ -168,8 +167,8 @@ def find_rate_limited_regressors(
         # the sign of the speed comes with the speed
         own = sorted((names & set(series)) - {"direction_x_1"})
         least_ns = step_ns
-        if max(series[name].period_ns for name in own) * filters.OTHER_RATE >= step_ns:
-            least_ns = min(step_ns, _FINE_NS)
+        if max(series[name].period_ns for name in own) * LIMITS.other_rate_ratio >= step_ns:
+            least_ns = min(step_ns, LIMITS.fine_step_ns)
         periods = {name: max(series[name].period_ns, least_ns) for name in own}
         slowest = max(periods, key=lambda name: periods[name])
         derived = frozenset(
@@ -177,9 +176,9 @@ def find_rate_limited_regressors(
             for name in own
             if (channel := machine.channels.get(name))
             and channel.derivative_of
-            and periods[name] > filters.OTHER_RATE * least_ns
+            and periods[name] > LIMITS.other_rate_ratio * least_ns
         )
-        if derived or periods[slowest] > filters.OTHER_RATE * min(periods.values()):
+        if derived or periods[slowest] > LIMITS.other_rate_ratio * min(periods.values()):
             # without a derived one, as long as no sample of a faster channel is left out
             span_ns = max((2 * periods[name] for name in derived), default=periods[slowest])
             rate_hz = 1e9 / periods[slowest]

@@ -12,28 +12,10 @@ import numpy as np
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.windows import runs_of_flagged_samples
 from analysis.stages.signals import filters, mounting
+from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Floats, Ints
 
 SPEEDS: Final = ("speed_x_m_s", "speed_left_m_s", "speed_right_m_s")
-#: Of the readings beside those of 0, this share is below what the threshold is taken for,
-_EDGE_QUANTILE: Final = 0.25
-#: and of all in motion no more than this.
-_BELOW_SHARE: Final = 0.005
-#: Above so much, in m/s, it is no threshold: wheel pulses and GNSS have 0.1 to 0.8.
-_LARGEST_M_S: Final = 1.0
-#: A speed without a threshold begins with a usual step of its readings: no more than so many of
-#: that which this share of the steps are below.
-_STEPS: Final = 3.0
-_STEP_QUANTILE: Final = 0.9
-#: So many starts or stops tell a threshold.
-_FEWEST_EDGES: Final = 4
-#: Median duration of the drives, in s: a gate's window (3.2 s at 50 Hz) begins after the gap, and
-#: shorter drives, as of a loader, would be lost.
-_SHORTEST_DRIVE_S: Final = 9.0
-#: Readings of 0 so long before and after a reading in motion, in s, and so many of them at least:
-#: more than a gap that would be interpolated.
-_BESIDE_S: Final = 0.1
-_BESIDE_READINGS: Final = 4
 
 
 def estimate_speed_threshold_m_s(speed_m_s: Floats) -> float:
@@ -42,13 +24,16 @@ def estimate_speed_threshold_m_s(speed_m_s: Floats) -> float:
     steps_m_s = np.abs(np.diff(speed_m_s))
     at_edges = moves[1:] != moves[:-1]
     inside = moves[1:] & moves[:-1]
-    if np.count_nonzero(at_edges) < _FEWEST_EDGES or not inside.any():
+    if np.count_nonzero(at_edges) < LIMITS.threshold_min_edges or not inside.any():
         return 0.0
     # beside a reading of 0 the step is the reading
-    least_m_s = float(np.quantile(steps_m_s[at_edges], _EDGE_QUANTILE))
-    usual_m_s = float(np.quantile(steps_m_s[inside], _STEP_QUANTILE))
+    least_m_s = float(np.quantile(steps_m_s[at_edges], LIMITS.threshold_edge_quantile))
+    usual_m_s = float(np.quantile(steps_m_s[inside], LIMITS.threshold_step_quantile))
     below = float(np.mean(np.abs(speed_m_s[moves]) < least_m_s - usual_m_s))
-    is_threshold = _STEPS * usual_m_s < least_m_s <= _LARGEST_M_S and below <= _BELOW_SHARE
+    is_threshold = (
+        LIMITS.threshold_min_steps * usual_m_s < least_m_s <= LIMITS.threshold_max_m_s
+        and below <= LIMITS.threshold_max_below_fraction
+    )
     return least_m_s if is_threshold else 0.0
 
 
@@ -61,7 +46,7 @@ def find_speed_thresholds(read: Mapping[str, mounting.Series]) -> dict[str, floa
     found = {
         name: estimate_speed_threshold_m_s(x)
         for name, (t, x) in read.items()
-        if name in SPEEDS and _median_drive_s(t, x) >= _SHORTEST_DRIVE_S
+        if name in SPEEDS and _median_drive_s(t, x) >= LIMITS.threshold_min_drive_s
     }
     return {name: threshold_m_s for name, threshold_m_s in found.items() if threshold_m_s}
 
@@ -79,7 +64,9 @@ def drop_readings_below_threshold(
     out = dict(read)
     for name in thresholds:
         t, x = read[name]
-        beside_ns = max(_BESIDE_S * NS_PER_S, _BESIDE_READINGS * filters.period_ns(t))
+        beside_ns = max(
+            LIMITS.threshold_gap_s * NS_PER_S, LIMITS.threshold_gap_readings * filters.period_ns(t)
+        )
         kept = (x != 0.0) | (_distance_to_motion_ns(t, x) > beside_ns)
         out[name] = t[kept], x[kept]
     return out

@@ -17,28 +17,11 @@ from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
 from analysis.model.uncertainty_sources import STD_OF_MAD
+from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Floats
 
 #: Clocks that start at boot count from 0: what lies before 1990 is no date.
 FIRST_DATE_NS: Final = 20 * 365 * 86_400 * 10**9
-#: A header stamp may not fall back by more than this, nor may two topics' stamps lie further apart
-#: when they are compared by log time: then it is another clock.
-_CLOCK_JUMP_NS = 1_000_000_000
-_MOSTLY = 0.99
-#: Header stamps scatter by this share of their period, and log time by so much less.
-_SCATTER = 0.5
-_EVENER = 0.25
-#: Fewer stamps do not show it.
-_FEWEST = 100
-#: Parts of a log, each of which gives the line one point.
-_PARTS: Final = 24
-#: With fewer parts, or samples in one, no standard deviation can be stated.
-_FEWEST_PARTS: Final = 6
-_FEWEST_IN_PART: Final = 8
-#: A part's point is this quantile of its latencies: low, but no single sample decides it.
-_QUANTILE: Final = 0.1
-#: No recorder's stamps are finer, whatever their digits.
-_RESOLUTION_S: Final = 1e-6
 _SCHEMA: Final = {
     "topic": pl.String,
     "drift_ppm": pl.Float64,
@@ -63,9 +46,9 @@ def assign_timestamps(
     headers = {topic: check_header_stamps(topic, frame, losses) for topic, frame in raw.items()}
     # how far log time lies after the stamps that would place each topic
     behind_ns = {t: median_log_delay_ns(frame) if headers[t] else 0.0 for t, frame in raw.items()}
-    if max(behind_ns.values()) - min(behind_ns.values()) > _CLOCK_JUMP_NS:
+    if max(behind_ns.values()) - min(behind_ns.values()) > LIMITS.clock_jump_ns:
         for topic in raw:
-            if abs(behind_ns[topic]) > _CLOCK_JUMP_NS:
+            if abs(behind_ns[topic]) > LIMITS.clock_jump_ns:
                 headers[topic] = False
                 losses.append(
                     Loss(
@@ -135,7 +118,7 @@ def relative_step_scatter(frame: pl.DataFrame) -> tuple[float, float] | None:
         None if header stamps are regular enough, or log time is hardly more regular.
     """
     both = frame.select("log_time_ns", "header_stamp_ns").drop_nulls()
-    if both.height < _FEWEST:
+    if both.height < LIMITS.scatter_min_stamps:
         return None
     steps_ns = [both[name].sort().diff().drop_nulls().to_numpy() for name in both.columns]
     log, header = (steps.astype(np.float64) for steps in steps_ns)
@@ -147,7 +130,10 @@ def relative_step_scatter(frame: pl.DataFrame) -> tuple[float, float] | None:
     if header.size < log.size / 2:  # what is delivered in bursts has another period in the log
         return None
     of_log, of_header = float(np.std(usual)), float(np.std(header))
-    if of_header < _SCATTER * period_ns or of_log > _EVENER * of_header:
+    if (
+        of_header < LIMITS.header_scatter_fraction * period_ns
+        or of_log > LIMITS.log_scatter_ratio * of_header
+    ):
         return None
     return of_header / period_ns, of_log / period_ns
 
@@ -156,7 +142,7 @@ def check_header_stamps(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> 
     """Whether nearly all header stamps are set and none jumps back by a second."""
     stamps = frame["header_stamp_ns"].drop_nulls()
     stamps = stamps.filter(stamps != 0)
-    if frame.height == 0 or stamps.len() < _MOSTLY * frame.height:
+    if frame.height == 0 or stamps.len() < LIMITS.stamped_min_fraction * frame.height:
         if stamps.len() or frame["header_stamp_ns"].null_count() < frame.height:
             losses.append(
                 Loss(
@@ -168,7 +154,7 @@ def check_header_stamps(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> 
             )
         return False
     steps = np.diff(stamps.to_numpy())
-    if steps.size and steps.min() < -_CLOCK_JUMP_NS:
+    if steps.size and steps.min() < -LIMITS.clock_jump_ns:
         losses.append(
             Loss(
                 source="stamps",
@@ -212,7 +198,7 @@ def measure_clock_drifts(raw: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
     rows: list[tuple[str, float, float, float]] = []
     for topic, frame in raw.items():
         stamped = frame.filter(pl.col("header_stamp_ns").fill_null(0) != 0)
-        if stamped.height < _FEWEST_PARTS * _FEWEST_IN_PART:
+        if stamped.height < LIMITS.drift_min_parts * LIMITS.drift_part_min_samples:
             continue
         log = stamped["log_time_ns"].to_numpy()
         # integers until differences are small: a float holds unix time to 0.25 µs
@@ -254,14 +240,16 @@ def fit_line_below_latencies(time_s: Floats, latency_s: Floats) -> tuple[float, 
     span_s = float(time_s.max())
     if not span_s > 0:
         return None
-    part = np.minimum((time_s / span_s * _PARTS).astype(int), _PARTS - 1)
-    members = [np.flatnonzero(part == i) for i in range(_PARTS)]
-    members = [each for each in members if each.size >= _FEWEST_IN_PART]
-    if len(members) < _FEWEST_PARTS:
+    part = np.minimum((time_s / span_s * LIMITS.drift_parts).astype(int), LIMITS.drift_parts - 1)
+    members = [np.flatnonzero(part == i) for i in range(LIMITS.drift_parts)]
+    members = [each for each in members if each.size >= LIMITS.drift_part_min_samples]
+    if len(members) < LIMITS.drift_min_parts:
         return None
     slope = median_slope(*middles_and_quantiles_of_parts(time_s, latency_s, members, 0.5, 0.0))
     # anew without the slope: within a part it would choose the early or the late ones
-    t, y = middles_and_quantiles_of_parts(time_s, latency_s, members, _QUANTILE, slope)
+    t, y = middles_and_quantiles_of_parts(
+        time_s, latency_s, members, LIMITS.drift_latency_quantile, slope
+    )
     slope = median_slope(t, y)
     residual = y - slope * t
     residual -= np.median(residual)
@@ -269,7 +257,7 @@ def fit_line_below_latencies(time_s: Floats, latency_s: Floats) -> tuple[float, 
     scatter_s = STD_OF_MAD * float(np.median(np.abs(residual))) * np.sqrt(t.size / (t.size - 2))
     # the median of slopes is less precise than least squares by π/3 in variance
     std = scatter_s / float(np.sqrt(np.sum((t - t.mean()) ** 2))) * np.sqrt(np.pi / 3)
-    return slope, max(float(std), _RESOLUTION_S / span_s)
+    return slope, max(float(std), LIMITS.stamp_resolution_s / span_s)
 
 
 def middles_and_quantiles_of_parts(

@@ -29,6 +29,7 @@ from replay.logs.tables.header import (
 )
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 from replay.logs.tables.only_time import only_time_column_or_empty
+from replay.logs.tables.table_limits import LIMITS
 from replay.logs.tables.times import (
     NS_PER_UNIT,
     TimeError,
@@ -36,15 +37,6 @@ from replay.logs.tables.times import (
     find_plausible_epoch_or_none,
     times_in_ns,
 )
-
-#: A log of a machine has from one row in two seconds to 2,500 a second, in s from row to row:
-#: slower shows no start, and faster is a scope's, which states its unit.
-_STEPS_S: Final = (0.4e-3, 2.0)
-#: It lasts so long at least, in s: a shorter one holds no start and stop.
-_SHORTEST_S: Final = 1.0
-#: Seconds since 1970 of a log: from 2000 to 2100.
-_EPOCH_S: Final = (946_684_800.0, 4_102_444_800.0)
-_ROUND: Final = 1e-6
 
 #: Names of a time column without what is no letter, in the order they are looked for.
 _NAMES: Final = (
@@ -350,7 +342,7 @@ def recognise_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
     if not steps.size:
         raise TimeError("all its cells hold the same number; set another column")
     step, span = float(np.median(steps)), float(x[-1] - x[0])
-    if epoch := find_plausible_epoch_or_none(float(x[0]), float(x[-1]), step, _STEPS_S):
+    if epoch := find_plausible_epoch_or_none(float(x[0]), float(x[-1]), step, LIMITS.row_steps_s):
         integers = stripped.cast(pl.Int64, strict=False)
         exact = not stripped.dtype.is_float() and integers.count() == numbers.count()
         return epoch.to_unix_ns(integers if exact else numbers), (f"its times are {epoch.name}",)
@@ -369,16 +361,16 @@ def guess_time_unit(x: Floats, step: float, span: float) -> str:
     possible = [
         unit
         for unit, ns in NS_PER_UNIT.items()
-        if _STEPS_S[0] <= step * ns / 1e9 <= _STEPS_S[1]
-        and (span * ns / 1e9 >= _SHORTEST_S or x.size < 3)
+        if LIMITS.row_steps_s[0] <= step * ns / 1e9 <= LIMITS.row_steps_s[1]
+        and (span * ns / 1e9 >= LIMITS.shortest_log_s or x.size < 3)
     ]
     if len(possible) == 1:
         return possible[0]
     since_1970 = [
         unit
         for unit in possible
-        if _EPOCH_S[0] <= x[0] * NS_PER_UNIT[unit] / 1e9
-        and x[-1] * NS_PER_UNIT[unit] / 1e9 <= _EPOCH_S[1]
+        if LIMITS.epoch_s[0] <= x[0] * NS_PER_UNIT[unit] / 1e9
+        and x[-1] * NS_PER_UNIT[unit] / 1e9 <= LIMITS.epoch_s[1]
     ]
     if len(since_1970) == 1:
         return since_1970[0]
@@ -391,9 +383,12 @@ def guess_time_unit(x: Floats, step: float, span: float) -> str:
 
 def is_hhmmss_number(x: Floats, step: float) -> bool:
     """Whether numbers are hhmmss.s: at most 59 s and min, with a jump of 40 at each minute."""
-    if x.min() < 0 or x.max() >= 240_000 or step > _STEPS_S[1]:
+    if x.min() < 0 or x.max() >= 240_000 or step > LIMITS.row_steps_s[1]:
         return False
     if (x % 100 >= 60).any() or (x // 100 % 100 >= 60).any():
         return False
     jumps = np.abs(np.diff(x))
-    return bool((np.abs(jumps - 40.0 - step) < step + _ROUND * 40).any()) and x.max() - x.min() > 40
+    return (
+        bool((np.abs(jumps - 40.0 - step) < step + LIMITS.minute_jump_tolerance * 40).any())
+        and x.max() - x.min() > 40
+    )

@@ -8,6 +8,7 @@ from typing import Final
 import polars as pl
 
 from analysis.model.physical_units import pint_name_of_unit
+from replay.logs.tables.table_limits import LIMITS
 
 _EXPONENT: Final = r"(?:[eEdD][+-]?\d+)?"
 #: What may stand between thousands, by the decimal sign; no-break and narrow blanks too.
@@ -41,8 +42,6 @@ _TRUTHS: Final = frozenset({"true", "false"})
 _MEASURE: Final = re.compile(
     r"(?P<number>[+-]?[\d.,]*\d(?:[eE][+-]?\d+)?)(?P<unit>\s*[^\d\s.,+-]\S*)"
 )
-#: A column's kind is that of so large a share of its cells.
-_MOSTLY: Final = 0.8
 
 
 def classify_cell(cell: str, decimal: str, *, is_grouped: bool = False) -> str:
@@ -84,7 +83,7 @@ def is_numeric(kinds: Sequence[str], *, empty: bool = False) -> bool:
     present = [each for each in kinds if each != "empty"]
     if not present:
         return empty
-    return sum(each in NUMERIC for each in present) >= _MOSTLY * len(present)
+    return sum(each in NUMERIC for each in present) >= LIMITS.kind_min_fraction * len(present)
 
 
 def matches_decimal_sign_and_may_group(cell: str, decimal: str) -> tuple[bool, bool]:

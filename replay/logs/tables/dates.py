@@ -8,6 +8,7 @@ import polars as pl
 
 from analysis.model.physical_units import NS
 from replay.logs.tables.header import ColumnName
+from replay.logs.tables.table_limits import LIMITS
 from replay.logs.tables.times import NS_PER_UNIT, TimeError
 
 #: Beginnings of the names of the months, in the languages of Western Europe.
@@ -50,11 +51,7 @@ _YEAR_BEHIND: Final = (
 )
 #: Nanoseconds of a day.
 DAY_NS: Final = 86_400 * 10**9
-#: Years that a clock may show, one that was never set included; beyond, another calendar counts.
-_YEARS: Final = (1900, 2200)
 _HALF_DAY_NS: Final = DAY_NS // 2
-#: A jump back over midnight by the clock of twelve hours.
-_TWELVE_NS: Final = (10 * 3600 * 10**9, 12 * 3600 * 10**9)
 #: Times of day that run over the hour: minutes and seconds.
 _MINUTES: Final = r"(?P<min>\d{1,3}):(?P<s>\d{2})[.,](?P<frac>\d{1,9})"
 #: Time since the beginning, as pandas and Python write it: 0 days 00:00:12.5.
@@ -209,7 +206,7 @@ def count_days_since_1970(
         number = pl.coalesce(pl.when(fits).then(month) for fits, month in months)
         part = part.with_columns(number.cast(pl.String).alias("m"))
     years = part.get_column("y").cast(pl.Int64, strict=False).drop_nulls()
-    odd = years.filter((years < _YEARS[0]) | (years > _YEARS[1]))
+    odd = years.filter((years < LIMITS.years[0]) | (years > LIMITS.years[1]))
     if odd.len():
         raise TimeError(
             f"'{odd[0]}' is not a plausible year of the Gregorian calendar; set [log] rate_hz = "
@@ -292,7 +289,7 @@ def parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[st
     step = pl.col("t").forward_fill().diff()
     has_halves = part.get_column("half").drop_nulls().len() > 0
     back = frame.select(step).to_series()
-    twelve = ((back < -_TWELVE_NS[0]) & (back > -_TWELVE_NS[1])).any()
+    twelve = ((back < -LIMITS.twelve_hours_ns[0]) & (back > -LIMITS.twelve_hours_ns[1])).any()
     if twelve and not has_halves:
         raise TimeError(
             "it jumps back by twelve hours, as a 12-hour clock without AM and PM does; export "

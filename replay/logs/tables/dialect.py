@@ -29,21 +29,11 @@ from replay.logs.tables.header import (
     strip_comment_and_join_brackets,
 )
 from replay.logs.tables.hints import DialectError, TableHints
+from replay.logs.tables.table_limits import LIMITS
 
 SEPARATORS: Final = (",", ";", "\t", "|")
 BLANKS: Final = " "
 _NAMED: Final = {",": "a comma", ";": "a semicolon", "\t": "a tab", "|": "|", " ": "blanks"}
-#: Rows that a column's kind is judged by, and the share of them that must agree.
-_ROWS: Final = 400
-#: A reading with fewer faults than this share has none: a torn cell, a stray word.
-_FEW_FAULTS: Final = 0.02
-#: A short table is judged by so many rows.
-_FEW: Final = 8
-#: Data begin at a row of data of which so large a share of the next rows are data.
-_NEXT: Final = 9
-#: Rows of a preamble above the names that may look like data.
-_FEW_ABOVE: Final = 2
-_NEXT_SHARE: Final = 2 / 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +192,12 @@ def _iter_separator_trials(
     if not data:
         return
     # of the later half, or of what there is: preambles are at the beginning
-    later = data[-max(len(data) // 2, min(len(data) - 1, _FEW)) :][:_ROWS] or data
+    later = (
+        data[-max(len(data) // 2, min(len(data) - 1, LIMITS.short_table_rows)) :][
+            : LIMITS.judged_rows
+        ]
+        or data
+    )
     width = Counter(len(row.cells) for row in later).most_common(1)[0][0]
     if width < 2:
         # short rows below a longer header
@@ -243,17 +238,21 @@ def _try_separators(
         row.line >= below
         and (len(row.cells) > 1 or row is rows[-1])
         and _is_data(row.cells, numeric, width, decimal)
-        for row in rows[:_ROWS]
+        for row in rows[: LIMITS.judged_rows]
     ]
     first = next(
         (
             k
             for k, yes in enumerate(is_data)
             if yes
-            and sum(n := is_data[k : k + _NEXT]) >= _NEXT_SHARE * len(n)
+            and sum(n := is_data[k : k + LIMITS.next_rows]) >= LIMITS.next_data_fraction * len(n)
             # a row that is short of cells may be one of a long preamble
             and not _has_names_below(
-                rows[k + 1 : k + 1 + (_FEW_ABOVE if len(rows[k].cells) == width else _NEXT)],
+                rows[
+                    k + 1 : k
+                    + 1
+                    + (LIMITS.names_max_rows if len(rows[k].cells) == width else LIMITS.next_rows)
+                ],
                 is_data[k + 1 :],
                 numeric,
                 width,
@@ -264,7 +263,7 @@ def _try_separators(
     )
     if first is None:
         return None
-    some = rows[first : first + _ROWS]
+    some = rows[first : first + LIMITS.judged_rows]
     cells = [row.cells[k] for row in some for k in numeric if k < len(row.cells)]
     with_sign = [matches_decimal_sign_and_may_group(cell, decimal) for cell in cells]
     return _DialectTrial(
@@ -273,7 +272,7 @@ def _try_separators(
         rows,
         first,
         width,
-        0.0 if faults < _FEW_FAULTS else faults,
+        0.0 if faults < LIMITS.max_fault_fraction else faults,
         sum(x for x, _ in with_sign),
         sum(y for _, y in with_sign),
         grouped,
@@ -353,7 +352,8 @@ def _find_head_rows(reading: _DialectTrial, lines: Sequence[str], hints: TableHi
         refuse_two_units(cells, units.cells, units.line + 1)
     cell_units = tuple(
         common_unit_or_none(
-            [row[k] for row in data[:_ROWS] if k < len(row) and row[k]], reading.decimal
+            [row[k] for row in data[: LIMITS.judged_rows] if k < len(row) and row[k]],
+            reading.decimal,
         )
         for k in range(width)
     )
@@ -363,7 +363,7 @@ def _find_head_rows(reading: _DialectTrial, lines: Sequence[str], hints: TableHi
         reading.decimal,
         tuple(column_names(cells, stated)),
         rows[reading.first].line if reading.first < len(rows) else rows[-1].after,
-        tuple(data[:_ROWS]),
+        tuple(data[: LIMITS.judged_rows]),
         has_tail,
         reading.is_grouped,
         cell_units,

@@ -11,19 +11,11 @@ from zipfile import BadZipFile, ZipFile
 
 from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
 from replay.logs.tables.hints import DialectError
+from replay.logs.tables.table_limits import LIMITS
 
-#: A workbook is packed: so many bytes at most when unpacked.
-_LARGEST: Final = 1 << 30
-_PIECE: Final = 1 << 20
 _SHEETS: Final = "xl/worksheets/"
-#: Cells of a sheet, empty ones too: some 30 bytes each while it is read.
-_MOST_CELLS: Final = 20_000_000
 #: Where a cell or a row is, in a sheet's XML.
 _PLACE: Final = re.compile(rb"\br=[\"']([A-Z]{0,3})(\d{1,7})[\"']")
-#: Bytes in which the longest reference of a cell fits.
-_LONGEST_PLACE: Final = 16
-#: A table has so many rows at least.
-_FEWEST_ROWS: Final = 2
 
 
 def write_sheet_as_csv(path: Path, sheet: str | None, copies: ExitStack) -> Path:
@@ -67,7 +59,7 @@ def _choose_sheet(book: Any, sheet: str | None) -> str:
         if sheet not in names:
             raise DialectError(f"no sheet '{sheet}'; it has {', '.join(names)}; set [log] sheet")
         return sheet
-    full = [name for name in names if book.get_sheet_by_name(name).height >= _FEWEST_ROWS]
+    full = [name for name in names if book.get_sheet_by_name(name).height >= LIMITS.sheet_min_rows]
     if len(full) != 1:
         raise DialectError(f"{len(full)} sheets hold rows ({', '.join(names)}); set [log] sheet")
     return full[0]
@@ -106,7 +98,7 @@ class _SheetExtent:
                 number = number * 26 + letter - ord("A") + 1
             self._row = max(self._row, int(row))
             self._column = max(self._column, number)
-        if self._row * self._column > _MOST_CELLS:
+        if self._row * self._column > LIMITS.sheet_cells:
             raise BrokenBytesError(
                 f"a sheet of {self._row:,} rows and {self._column:,} columns is too large; save it "
                 "as CSV"
@@ -117,18 +109,19 @@ def _check_size(path: Path) -> None:
     """Unpack the file once without storing it, since the declared size of a bomb may be false."""
     try:
         with ZipFile(path) as archive:
-            left = _LARGEST
+            left = LIMITS.workbook_bytes
             for member in archive.infolist():
                 corner, tail = _SheetExtent(), b""
                 with archive.open(member) as file:
-                    while piece := file.read(_PIECE):
+                    while piece := file.read(LIMITS.workbook_piece_bytes):
                         left -= len(piece)
                         if member.filename.startswith(_SHEETS):
                             corner.add(tail + piece)
-                            tail = piece[-_LONGEST_PLACE:]
+                            tail = piece[-LIMITS.place_bytes :]
                         if left < 0:
                             raise BrokenBytesError(
-                                f"it unpacks to more than {_LARGEST >> 30} GiB; save it as CSV"
+                                f"it unpacks to more than {LIMITS.workbook_bytes >> 30} GiB; save "
+                                "it as CSV"
                             )
     except (BadZipFile, NotImplementedError, RuntimeError, OSError, *BROKEN_BYTES) as error:
         if isinstance(error, BrokenBytesError):

@@ -14,6 +14,7 @@ from analysis.model.physical_units import (
 )
 from estimators.errors import MachineError
 from replay.logs.tables.hints import DialectError, TableHints
+from replay.logs.tables.table_limits import LIMITS
 
 _BRACKETS: Final = re.compile(r"(?s)(?P<name>.*?)[\s_]*[\[({<](?P<unit>[^\[\](){}<>]*)[\])}>]\s*")
 #: A form of times, not a unit: (hh:mm:ss.sss), [dd/mm/yyyy].
@@ -38,8 +39,6 @@ _REMARK: Final = re.compile(r"(?s)(?P<name>.+?)\s*\([^()]*\)\s*")
 _ZONE: Final = re.compile(
     r"[\s,(\[]*\b(?:GMT|UTC)\s*(?P<sign>[+-])(?P<h>\d{1,2})(?::?(?P<min>\d{2}))?[\])]?"
 )
-#: Characters: "unix time" is one as well.
-_LONGEST_UNIT: Final = 12
 #: A cell of a row that says one thing of each column: "Unit: m/s", "Type: double".
 _ATTRIBUTE: Final = re.compile(r"(?P<key>[A-Za-z][A-Za-z ]*):\s*(?P<value>.*)")
 _NUMBER: Final = re.compile(r"[+-]?[\d.,]+(?:[eE][+-]?\d+)?")
@@ -157,7 +156,7 @@ def is_row_of_units(cells: Sequence[str], *, half: bool = False) -> bool:
     known = sum(pint_name_of_unit(cell) is not None for cell in said)
     blank = sum(cell.strip("[]() ") in ("", "-", "–", "1", "bool", "none") for cell in said)
     # a unit that is not known is still short, or in brackets
-    short = sum(len(cell) <= _LONGEST_UNIT or cell[0] in "[(" for cell in said)
+    short = sum(len(cell) <= LIMITS.unit_characters or cell[0] in "[(" for cell in said)
     enough = 2 * (known + blank) + half > len(said)
     return known > 0 and short == len(said) and enough
 

@@ -1,20 +1,13 @@
 """Time columns without a telling name, and contradictions between time columns."""
 
 from collections.abc import Callable, Sequence
-from typing import Final
 
 import polars as pl
 
 from replay.logs.tables.dates import is_time_of_day, stamps_of_clock_times
 from replay.logs.tables.header import ColumnName
+from replay.logs.tables.table_limits import LIMITS
 from replay.logs.tables.times import NS_PER_UNIT, TimeError, times_in_ns
-
-#: Rows that tell whether a column rises, at least.
-_FEWEST: Final = 3
-#: Seconds that two clocks of one table may drift apart, beside a tenth of what they count: what a
-#: clock to the second and one that is late by a row show.
-_APART_S: Final = 2.5
-_APART: Final = 0.1
 
 
 def only_time_column_or_empty(
@@ -46,7 +39,11 @@ def is_rising(cells: list[str]) -> bool:
     """Whether the cells are strictly increasing numbers."""
     numbers = pl.Series(cells, dtype=pl.String).str.replace(",", ".").cast(pl.Float64, strict=False)
     steps = numbers.diff().drop_nulls()
-    return numbers.len() >= _FEWEST and steps.len() == numbers.len() - 1 and bool((steps > 0).all())
+    return (
+        numbers.len() >= LIMITS.rising_min_rows
+        and steps.len() == numbers.len() - 1
+        and bool((steps > 0).all())
+    )
 
 
 def describe_disagreement(
@@ -76,7 +73,9 @@ def describe_disagreement(
         other_s = _rising_span_of_column_s(column, own)
         if other_s is None:
             continue
-        if abs(other_s - taken_s) > _APART_S + _APART * max(other_s, taken_s):
+        if abs(other_s - taken_s) > LIMITS.clock_drift_s + LIMITS.clock_drift_fraction * max(
+            other_s, taken_s
+        ):
             return (
                 f"its first {stamps.len()} rows last {taken_s:.3g} s, and {other_s:.3g} s by "
                 f"'{column.name}': set [log] time to the correct one, and time_unit"
@@ -102,7 +101,7 @@ def _rising_span_of_column_s(column: ColumnName, cells: list[str]) -> float | No
 def rising_span_s(stamps: pl.Series) -> float | None:
     """Seconds from first to last stamp; None if they do not increase."""
     there = stamps.drop_nulls()
-    if there.len() < _FEWEST or (there.diff() < 0).any():
+    if there.len() < LIMITS.rising_min_rows or (there.diff() < 0).any():
         return None
     span_s = (int(there[-1]) - int(there[0])) / 1e9
     return span_s if span_s > 0 else None

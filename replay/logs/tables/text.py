@@ -14,24 +14,14 @@ from typing import Final
 
 from replay.logs.messages.broken_bytes import BrokenBytesError, describe_other_file
 from replay.logs.tables.hints import DialectError
+from replay.logs.tables.table_limits import LIMITS
 
-#: So much of a file is looked at for its dialect, in bytes: and more for lines that are longer.
-_HEAD_BYTES: Final = 1 << 19
-_HEAD_LINES: Final = 2_000
-#: Lines that a dialect is told from, at least, where a line is long, and bytes at most for them.
-_FEWEST_LINES: Final = 12
-_LONGEST_HEAD_BYTES: Final = 1 << 24
 _MARKS: Final = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
 _GZIP: Final = b"\x1f\x8b"
-#: A packed table unpacks to so many bytes at most: what is larger may be a bomb.
-_LARGEST_UNPACKED: Final = 4 << 30
-_PIECE: Final = 1 << 20
-#: Share of NUL bytes at even or at odd places of UTF-16 without a mark, of Western text.
-_MOSTLY_NUL: Final = 0.4
 #: The decimal sign, the sign between thousands and the percent of Arabic, and wide points.
 _OTHER_SIGNS: Final = {0x066B: ".", 0x066C: "’", 0x066A: "%", 0xFF0E: ".", 0xFF0D: "-"}
 
@@ -89,11 +79,13 @@ def _unpack_gzip(path: Path, encoding: str | None) -> Utf8Text:
     place = Path(folder.name) / path.name.removesuffix(".gz")
     try:
         with gzip.open(path) as packed, place.open("wb") as file:
-            left = _LARGEST_UNPACKED
-            while piece := packed.read(_PIECE):
+            left = LIMITS.unpacked_bytes
+            while piece := packed.read(LIMITS.piece_bytes):
                 left -= len(piece)
                 if left < 0:
-                    raise BrokenBytesError(f"it unpacks to more than {_LARGEST_UNPACKED >> 30} GiB")
+                    raise BrokenBytesError(
+                        f"it unpacks to more than {LIMITS.unpacked_bytes >> 30} GiB"
+                    )
                 file.write(piece)
         text = convert_file_to_utf8(place, encoding) if place.stat().st_size else None
     except (OSError, EOFError, zlib.error) as error:
@@ -114,7 +106,7 @@ def _unpack_gzip(path: Path, encoding: str | None) -> Utf8Text:
 def _has_cr_line_ends(path: Path) -> bool:
     """Whether lines end in a carriage return alone, as in files of old Macintoshes."""
     with path.open("rb") as file:
-        head = file.read(_HEAD_BYTES)
+        head = file.read(LIMITS.head_bytes)
     return b"\n" not in head and head.count(b"\r") > 1
 
 
@@ -130,7 +122,7 @@ def copy_with_ascii_digits(text: Utf8Text) -> Utf8Text | None:
     None if most digits at its begin are ASCII; others are then in names.
     """
     with text.path.open("rb") as file:
-        head = file.read(_HEAD_BYTES)
+        head = file.read(LIMITS.head_bytes)
     digits = [] if head.isascii() else re.findall(r"\d", head.decode(errors="ignore"))
     if 2 * sum(map(str.isascii, digits)) >= len(digits):
         return None
@@ -149,7 +141,7 @@ def copy_without_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
     """
     with text.path.open("rb") as file:
         size = file.seek(0, 2)
-        file.seek(max(size - _PIECE, 0))
+        file.seek(max(size - LIMITS.piece_bytes, 0))
         tail = file.read()
     if not tail.endswith((b'\n"', separator.encode() + b'"')):
         return None
@@ -157,7 +149,7 @@ def copy_without_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
     folder = tempfile.TemporaryDirectory(prefix="payscope-table-")
     place = Path(folder.name) / text.path.name
     with text.path.open("rb") as file, place.open("wb") as copy:
-        while end > 0 and (piece := file.read(min(_PIECE, end))):
+        while end > 0 and (piece := file.read(min(LIMITS.piece_bytes, end))):
             copy.write(piece)
             end -= len(piece)
     return Utf8Text(place, folder, text.notes)
@@ -178,48 +170,46 @@ def _copy_lines_to_file(path: Path, lines: Iterator[str], notes: tuple[str, ...]
 def _iter_lines(path: Path, encoding: str, *, any_end: bool = False) -> Iterator[str]:
     with path.open(encoding=encoding, errors="replace", newline=None if any_end else "") as file:
         # in pieces: a line of a damaged file may be all of it
-        while piece := file.readline(_PIECE):
+        while piece := file.readline(LIMITS.piece_bytes):
             yield piece
 
 
 def _recognise_encoding(path: Path) -> str:
     with path.open("rb") as file:
-        head = file.read(_HEAD_BYTES)
+        head = file.read(LIMITS.head_bytes)
     if other := describe_other_file(head, ""):
         raise BrokenBytesError(other)
     for mark, name in _MARKS:
         if head.startswith(mark):
             return name
     for places, name in ((head[1::2], "utf-16-le"), (head[::2], "utf-16-be")):
-        if places and places.count(0) > _MOSTLY_NUL * len(places):
+        if places and places.count(0) > LIMITS.utf16_nul_fraction * len(places):
             return name
     with suppress(UnicodeDecodeError):
         codecs.getincrementaldecoder("utf-8")().decode(head)
         return "utf-8"
-    if _OTHER_LETTERS.search(b"\n".join(head.split(b"\n", _NAMES_LINES)[:_NAMES_LINES])):
+    if _OTHER_LETTERS.search(
+        b"\n".join(head.split(b"\n", LIMITS.names_lines)[: LIMITS.names_lines])
+    ):
         raise DialectError(
             "its names are not in Western letters; set [log] encoding, cp1251 or cp932 for example,"
         )
     # bytes that no name has are a fault of a cell, which polars takes as it is
     readable = re.sub(rb"[^\x20-\x7e\t\r\n]", b"", head)
-    return "cp1252" if len(readable) > _MOSTLY_TEXT * len(head) else "utf-8"
+    return "cp1252" if len(readable) > LIMITS.ascii_min_fraction * len(head) else "utf-8"
 
 
 #: Three letters beyond ASCII in a row: no Western language writes them. They are looked for in the
 #: lines where names are, since damaged cells have them too.
 _OTHER_LETTERS: Final = re.compile(rb"[\x80-\xff]{3}")
-#: First lines of a text, where its names are.
-_NAMES_LINES: Final = 3
-#: Of a text in Latin letters so much is ASCII; what has less is no text.
-_MOSTLY_TEXT: Final = 0.7
 
 
 def read_head_lines(path: Path) -> list[str]:
     """First complete lines of a UTF-8 text, to detect its dialect."""
     with path.open("rb") as file:
-        head = file.read(_HEAD_BYTES)
-        while head.count(b"\n") < _FEWEST_LINES and len(head) < _LONGEST_HEAD_BYTES:
-            more = file.read(_HEAD_BYTES)
+        head = file.read(LIMITS.head_bytes)
+        while head.count(b"\n") < LIMITS.head_min_lines and len(head) < LIMITS.head_max_bytes:
+            more = file.read(LIMITS.head_bytes)
             if not more:
                 break
             head += more
@@ -231,4 +221,4 @@ def read_head_lines(path: Path) -> list[str]:
         lines.pop()
     if lines and not lines[-1]:
         lines.pop()
-    return [line.removesuffix("\r") for line in lines[:_HEAD_LINES]]
+    return [line.removesuffix("\r") for line in lines[: LIMITS.head_lines]]

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from analysis.fleet.fleet_limits import LIMITS
 from analysis.fleet.machine_drifts import (
-    ALLOWANCE,
     average_run_length,
     cusum_limit,
     make_control_chart,
@@ -24,12 +24,12 @@ FINITE = st.floats(-1e3, 1e3)
 def test_the_run_length_is_that_of_the_literature(limit: float, run_length: float) -> None:
     """Of both sums together, with the allowance ¼ (Montgomery, Statistical Quality Control)."""
     if limit == 8.01:
-        assert ALLOWANCE == 0.25
+        assert LIMITS.cusum_allowance_std == 0.25
         assert average_run_length(limit) / 2.0 == pytest.approx(run_length, rel=0.01)
     else:
         # Siegmund's approximation
         b = limit + 1.166
-        known = (np.exp(0.5 * b) - 0.5 * b - 1.0) / (2.0 * ALLOWANCE**2)
+        known = (np.exp(0.5 * b) - 0.5 * b - 1.0) / (2.0 * LIMITS.cusum_allowance_std**2)
         assert average_run_length(limit) == pytest.approx(known, rel=0.02)
 
 
@@ -47,7 +47,7 @@ def test_a_simulated_run_length_is_the_computed_one() -> None:
     for _ in range(1500):
         total, n = 0.0, 0
         while total <= limit:
-            total = max(total + draw.normal() - ALLOWANCE, 0.0)
+            total = max(total + draw.normal() - LIMITS.cusum_allowance_std, 0.0)
             n += 1
         lengths.append(n)
     assert np.mean(lengths) == pytest.approx(average_run_length(limit), rel=0.1)

@@ -11,6 +11,7 @@ from analysis.simulation import Scenario, simulate_campaign
 from analysis.weighing import joint_fit
 from analysis.weighing.load_states import AlternativePartition, LoadStates, load_change_kinds
 from analysis.weighing.weigh import weigh
+from analysis.weighing.weighing_limits import LIMITS
 from benchmarks.honesty_rows import LOADER, Task, row_log
 from benchmarks.load_states import ONE_LOAD, whole_states
 from benchmarks.weighed import machine
@@ -108,7 +109,7 @@ def test_loads_that_are_as_near_as_the_mass_is_uncertain_are_not_taken_for_empty
 
 def test_the_load_with_most_manoeuvres_may_be_the_last(monkeypatch):
     """The mean's length is chosen on the first stretches, which need not have that load."""
-    monkeypatch.setattr(joint_fit, "_TRIED", 3)
+    monkeypatch.setattr(joint_fit, "LIMITS", replace(LIMITS, pilot_stretches=3))
     loads = loaded([0.0, 250.0], [3, 6]).frames["loads"]
     assert loads["manoeuvres"].to_list() == [3, 6]
     assert abs(loads["payload_kg"][1] - 250.0) < 3.0 * loads["payload_u_kg"][1]

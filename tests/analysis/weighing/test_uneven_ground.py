@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import MotionSamples
 from analysis.weighing.nuisances import ColumnInputs
-from analysis.weighing.uneven_ground import FEWEST, GROUND
+from analysis.weighing.uneven_ground import GROUND
 
 SAMPLES = 200
 PLACES_M = np.linspace(0.0, 80.0, SAMPLES)
@@ -73,16 +74,23 @@ def test_loaded_starts_and_empty_ones_are_on_ground_of_their_own():
 
 
 def test_few_manoeuvres_have_none_and_those_one_way_none_of_the_other():
-    assert not [term for term in GROUND if term.applies(motion(FEWEST - 1))]
-    one_way = [term.name for term in GROUND if term.applies(motion(FEWEST, reverse=False))]
-    both_ways = [term.name for term in GROUND if term.applies(motion(FEWEST))]
+    assert not [term for term in GROUND if term.applies(motion(LIMITS.ground_min_manoeuvres - 1))]
+    one_way = [
+        term.name
+        for term in GROUND
+        if term.applies(motion(LIMITS.ground_min_manoeuvres, reverse=False))
+    ]
+    both_ways = [term.name for term in GROUND if term.applies(motion(LIMITS.ground_min_manoeuvres))]
     assert [name for name in both_ways if "reverse" not in name] == one_way
     assert sum("forward" in name for name in one_way) == len(both_ways) - len(one_way) > 0
 
 
 def test_every_term_needs_load_states_and_is_wider_over_a_longer_way():
     assert all(term.by_load for term in GROUND)
-    widths = {term.name: term.width(motion(FEWEST), PriorSettings()) for term in GROUND}
+    widths = {
+        term.name: term.width(motion(LIMITS.ground_min_manoeuvres), PriorSettings())
+        for term in GROUND
+    }
     assert widths["ground_forward_0_2m"] < widths["ground_forward_2_6m"]
     # half a percent of the weight over ten metres
     assert widths["ground_forward_2_6m"] == pytest.approx(0.005 * 40_000.0 * np.sqrt(0.4))

@@ -1,9 +1,12 @@
 """Levels eliminated one by one: the same fit as by dense matrices."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from estimators.joint import gain_matrix
+from estimators.joint.joint_limits import LIMITS
 from estimators.joint.map_fit import MapFit
 from estimators.joint.prior_fit import Grouping, fit
 from estimators.joint.random_intercepts import RandomIntercepts
@@ -53,7 +56,7 @@ def test_a_fit_of_many_levels_is_that_by_dense_matrices(
     seed: int, shape: tuple[float, ...], monkeypatch: pytest.MonkeyPatch, *, noisy: bool
 ) -> None:
     found = fitted(seed, noisy=noisy, shape=shape)
-    monkeypatch.setattr(gain_matrix, "_MANY_LEVELS", 10_000)
+    monkeypatch.setattr(gain_matrix, "LIMITS", replace(LIMITS, eliminated_levels=10_000))
     dense = fitted(seed, noisy=noisy, shape=shape)
     for name in ("theta", "noise", "responses", "scatter", "misfit", "doubt"):
         assert near(getattr(found, name), getattr(dense, name)), name

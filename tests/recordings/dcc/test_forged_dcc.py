@@ -6,10 +6,12 @@ from collections.abc import Callable
 
 import pytest
 
+from recordings.dcc.dcc_limits import LIMITS
+
 pytest.importorskip("signxml", reason="signxml is not installed (pip install 'payscope[dcc]')")
 
 from estimators.errors import EvidenceError
-from recordings.dcc.dcc_document import MOST_BYTES, parse_dcc
+from recordings.dcc.dcc_document import parse_dcc
 from recordings.dcc.dcc_masses import CertifiedMass, read_certified_masses
 from recordings.dcc.dcc_signature import check_signature
 from tests.recordings.dcc.certificates import (
@@ -69,7 +71,7 @@ FORGED: dict[str, tuple[Forge, str]] = {
     "empty": (lambda _: b"", "is not XML"),
     "cut off": (lambda data: data[:-40], "is not XML"),
     "two roots": (lambda data: data + data, "is not XML"),
-    "too large": (lambda data: data + b" " * MOST_BYTES, "MiB"),
+    "too large": (lambda data: data + b" " * LIMITS.certificate_bytes, "MiB"),
     "external entity": (
         lambda data: DTD + data.replace(b">Example Masses<", b">&x;<"),
         "DTD",

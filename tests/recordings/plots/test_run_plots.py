@@ -1,5 +1,6 @@
 """The one page: written whole, without warnings, for every kind of run."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from estimators.errors import OutputError
 from recordings import plot_run
 from recordings.plots.convergence_plot import draw_convergence
 from recordings.plots.run_plots import FIGURES, draw_run
+from recordings.report.report_limits import LIMITS
 
 DRAWN_S = (36.0, 60.0)
 SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
@@ -22,7 +24,7 @@ SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 @pytest.fixture(autouse=True)
 def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody looks at the pixels, of which each takes its time."""
-    monkeypatch.setattr("recordings.report.picture._DPI", 40)
+    monkeypatch.setattr("recordings.report.picture.LIMITS", replace(LIMITS, picture_dpi=40))
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,8 @@ import pytest
 
 from analysis import Run
 from recordings import read_recording, write_recording
-from recordings.rrd.plane_pictures import BOUNDS, make_plane_pictures
+from recordings.rrd.plane_pictures import make_plane_pictures
+from recordings.rrd.recording_limits import LIMITS
 from tests.recordings.conftest import MASS_KG, METHODS
 
 
@@ -85,7 +86,7 @@ def test_everything_is_in_view_and_the_run_is_read_back_unchanged(drives, tmp_pa
 
     run = drives(60.0)
     path = write_recording(run, tmp_path / "shift.rrd")
-    left, top, right, bottom = BOUNDS
+    left, top, right, bottom = LIMITS.plane_bounds
     seen: set[str] = set()
     for chunk in rr.chunk.RrdReader(path).store().stream():
         if not chunk.entity_path.startswith("/display/picture/"):

@@ -4,6 +4,7 @@ import io
 import subprocess
 import sys
 import zipfile
+from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import xlsxwriter
 from estimators.errors import LogError
 from replay.commands.common_options import time_axis_from_options
 from replay.logs import open_log
+from replay.logs.tables.table_limits import LIMITS
 from tests.one_line import assert_one_line
 
 BEGIN = datetime(2026, 11, 13, 8, 15, 30)
@@ -67,7 +69,8 @@ def test_what_is_no_workbook_is_one_line(tmp_path: Path) -> None:
 
 
 def test_a_bomb_is_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("replay.logs.tables.excel._LARGEST", 1 << 24)
+    small = replace(LIMITS, workbook_bytes=1 << 24)
+    monkeypatch.setattr("replay.logs.tables.excel.LIMITS", small)
     path = tmp_path / "bomb.xlsx"
     data = io.BytesIO(write(tmp_path / "run.xlsx").read_bytes())
     with zipfile.ZipFile(data, "a", zipfile.ZIP_DEFLATED) as archive:

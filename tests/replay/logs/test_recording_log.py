@@ -9,7 +9,7 @@ import pytest
 from analysis import Run
 from estimators.errors import LogError
 from recordings import read_recording, write_recording
-from recordings.rrd.stored_frames import BLOCK_ROWS
+from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.viewer import viewer_executable
 from replay import load_machine, open_log
 from replay.logs import Log
@@ -79,7 +79,7 @@ def test_a_field_that_was_not_recorded_and_a_recording_without_channels_are_one_
 
 
 def test_rows_that_a_recovered_recording_lost_are_losses_of_the_log(tmp_path: Path) -> None:
-    rows = 3 * BLOCK_ROWS
+    rows = 3 * LIMITS.stored_block_rows
     count = pl.int_range(rows, eager=True)
     imu = pl.DataFrame({"log_time_ns": count, "header_stamp_ns": count, "x": count})
     path = write_recording(Run({"raw/imu": imu}), tmp_path / "shift.rrd")

@@ -1,0 +1,29 @@
+"""Sizes of the parts of a converted log."""
+
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True)
+class ConvertLimits:
+    """Sizes of the parts of a converted log.
+
+    One section per file; a comment says what a value limits, in which unit, and how it was chosen.
+    """
+
+    # convert_log
+    #: Messages of a part at most, which are converted again after a cut,
+    span_messages: int = 2_000_000
+    #: and bytes of the log's files.
+    span_bytes: int = 512 << 20
+
+    # unfinished_folder
+    #: Rows of a row group: a reader of some rows unpacks whole groups; smaller ones are larger on
+    #: the disk,
+    group_rows: int = 1 << 17
+    #: and bytes of one, for rows that are large by themselves, such as images.
+    group_bytes: int = 32 << 20
+
+
+#: The values in use.
+LIMITS: Final = ConvertLimits()

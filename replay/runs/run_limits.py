@@ -1,0 +1,28 @@
+"""Limits of replays of several logs or settings."""
+
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True)
+class RunLimits:
+    """Limits of replays of several logs or settings.
+
+    One section per file; a comment says what a value limits, in which unit, and how it was chosen.
+    """
+
+    # run_logs
+    #: Interval in s between checks of the file, within which an editor writes it.
+    check_interval_s: float = 0.2
+    #: Checks after which a missing file counts as removed; an editor replaces a file faster.
+    checks_until_removed: int = 10
+
+    # sweep_settings
+    #: Points beyond which a grid is a slip of the pen: days of replays.
+    max_grid_points: int = 10_000
+    #: Fewest loads of a calibration campaign: with fewer, raw masses are held against the truth.
+    calibration_min_loads: int = 3
+
+
+#: The values in use.
+LIMITS: Final = RunLimits()
