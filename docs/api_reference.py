@@ -17,6 +17,8 @@ REPO: Final = Path(__file__).resolve().parent.parent
 FOLDER: Final = REPO / "docs" / "api"
 #: Characters of a line.
 _WIDTH: Final = 98
+#: Characters of a line of code, as the formatter has it.
+_CODE_WIDTH: Final = 100
 #: Pages of the public modules: their title and first sentence.
 _MODULES: Final = {
     "payscope": ("payscope", "What `import payscope` gives: scripts and notebooks."),
@@ -140,6 +142,16 @@ def _entry(defined: _Definition, prefix: str, level: int = 2) -> Iterator[str]:
                     yield from _entry(method, defined.name, level + 1)
 
 
+def _field(field: ast.AnnAssign) -> str:
+    """A field of a class; a tuple with a value a line where it is long."""
+    line = "    " + ast.unparse(field).replace("'", '"')
+    if len(line) <= _CODE_WIDTH or not isinstance(field.value, ast.Tuple):
+        return line
+    values = [f"        {ast.unparse(each)}," for each in field.value.elts]
+    begin = line[: line.index(" = ")]
+    return "\n".join([f"{begin} = (", *values, "    )"])
+
+
 def _signature(defined: _Definition) -> str:
     """As Python has it, an argument a line where it is long."""
     if isinstance(defined, ast.ClassDef):
@@ -148,7 +160,7 @@ def _signature(defined: _Definition) -> str:
         make = next((each for each in made if each.name == "__init__"), None)
         head = f"class {defined.name}" + (f"({bases})" if bases else "")
         fields = [
-            "    " + ast.unparse(each).replace("'", '"')
+            _field(each)
             for each in defined.body
             if isinstance(each, ast.AnnAssign) and not ast.unparse(each.target).startswith("_")
         ]
