@@ -142,7 +142,8 @@ CAUSES: Final = (
         "the logger wrote a stretch twice",
         "readings with noise that is resolved, and a copy of two seconds and fifty rows",
         sampling_causes.find_repeated_rows,
-        explains=_OF_FIT,
+        # what is left out is a gap
+        explains=("gaps", *_OF_FIT),
     ),
     Cause(
         "irregular_sampling",
