@@ -47,7 +47,12 @@ from analysis.stages.noise.channel_noise import estimate_channel_noise
 from analysis.stages.noise.channel_noise import noise_source_notes as noise_notes
 from analysis.stages.signals.align import align
 from analysis.stages.signals.align import alignment_notes as grid_notes
-from analysis.stages.signals.copied_rows import drop_copied_rows
+from analysis.stages.signals.copied_rows import (
+    Copy,
+    copied_row_notes,
+    drop_copied_rows,
+    find_copied_rows,
+)
 from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.grid_rate import machine_at_rate_of_log
 from analysis.stages.signals.held_readings import (
@@ -101,30 +106,30 @@ class _TopicChannels:
         read: channel readings at their own rates, by channel.
         stamps: kind of stamp that times each topic.
         doubts: data whose loss cannot be proven.
-        notes: notes on readings that a logger held.
+        notes: notes on rows and readings that are left out.
+        copied: rows of topics that repeat earlier ones, by topic.
     """
 
     read: dict[str, Series]
     stamps: dict[str, str]
     doubts: list[Loss]
     notes: list[str]
+    copied: dict[str, list[Copy]]
 
     @classmethod
     def from_topics(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_TopicChannels":
         """Assign a time to every sample, and read the channels that the machine file names."""
-        once, copied = drop_copied_rows(raw)  # of a buffer that a logger wrote twice
-        placed, stamps, doubts = assign_timestamps(once)
+        copied = find_copied_rows(raw)  # of a buffer that a logger wrote twice
+        placed, stamps, doubts = assign_timestamps(drop_copied_rows(raw, copied))
         read, missing = read_measured_channels(placed, machine)
         held = find_held_channels(read)  # rows between a slow sensor's readings say nothing new
+        notes = [*copied_row_notes(copied), *held_reading_notes(read, held)]
+        read = drop_repeated_rows(read, held)
         # an accelerometer sees a start that its speed does not
         thresholds_m_s = find_speed_thresholds(read) if machine.differentiates_speed else {}
-        notes = [
-            *copied,
-            *held_reading_notes(read, held),
-            *speed_threshold_notes(thresholds_m_s),
-        ]
-        read = drop_readings_below_threshold(drop_repeated_rows(read, held), thresholds_m_s)
-        return cls(read, stamps, [*doubts, *missing], notes)
+        read = drop_readings_below_threshold(read, thresholds_m_s)
+        notes += speed_threshold_notes(thresholds_m_s)
+        return cls(read, stamps, [*doubts, *missing], notes, copied)
 
 
 @dataclass(frozen=True)
@@ -305,7 +310,7 @@ def _run_stages(
             "segments": table,
         },
         weighing,
-        FindingInputs(evidence, aligned, noise, raw, digs, judged, estimates),
+        FindingInputs(evidence, aligned, noise, raw, digs, judged, placed.copied, estimates),
         everything,
         contradicted,
         placed.stamps,

@@ -171,7 +171,7 @@ def _list_cycle_times(cycle: CycleParts, ready_ns: int) -> dict[str, object]:
     seen = [span for span in (dig, haul, dump) if span]
     return {
         "start_t_ns": min(ready_ns, seen[0][0]),
-        "end_t_ns": seen[-1][1] if dump is None else cycle.bucket_emptied_ns,
+        "end_t_ns": cycle.completed_ns if dump is None else cycle.bucket_emptied_ns,
         "dig_t_ns": dig and dig[0],
         "dump_t_ns": cycle.bucket_emptied_ns,
         "return_s": None if dig is None else max(dig[0] - ready_ns, 0) / NS_PER_S,

@@ -17,6 +17,7 @@ from analysis.model.schema import column_values
 from analysis.model.verdict import Verdict
 from analysis.model.windows import flag_windows
 from analysis.stages.noise.column_noise import ColumnNoise
+from analysis.stages.signals.copied_rows import Copy
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.missing_terms import MissingTerm
 from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, MotionSamples
@@ -40,6 +41,7 @@ class FindingInputs:
         raw: frames with stamps, by topic.
         digs: stretches in which an external force opposes the machine.
         judged: the frame `verdict`.
+        copied: rows of topics that repeat earlier ones, by topic.
         estimates: estimates by method.
         cache: results that one cause computes and another uses.
     """
@@ -50,6 +52,7 @@ class FindingInputs:
     raw: Mapping[str, pl.DataFrame]
     digs: pl.DataFrame
     judged: pl.DataFrame
+    copied: Mapping[str, list[Copy]]
     estimates: Mapping[str, pl.DataFrame] = field(default_factory=dict)
     cache: dict[str, object] = field(default_factory=dict)
 

@@ -7,7 +7,6 @@ from analysis.findings.channel_limits import LIMITS
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.stages.signals.copied_rows import list_copied_stretches, select_noisy_columns
 from analysis.stages.signals.filters import period_ns
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 from analysis.stages.signals.timestamps import FIRST_DATE_NS, relative_step_scatter
@@ -56,11 +55,8 @@ def _are_recorder_pauses(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
 def find_repeated_rows(inputs: FindingInputs) -> list[Symptom]:
     """Find stretches of a topic that repeat an earlier one exactly."""
     found: list[Symptom] = []
-    for topic, frame in inputs.raw.items():
-        t = frame["log_time_ns"].to_numpy()
-        copies = list_copied_stretches(t, select_noisy_columns(frame))
-        if not copies:
-            continue
+    for topic, copies in inputs.copied.items():
+        t = inputs.raw[topic]["log_time_ns"].to_numpy()
         begin, end, source = max(copies, key=lambda each: t[each[1]] - t[each[0]])
         total_s = sum(float(t[e] - t[b]) for b, e, _ in copies) / NS_PER_S
         start_s, again_s = (

@@ -18,6 +18,8 @@ from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Floats, Ints
 
 Hashes = npt.NDArray[np.uint64]
+#: First and last row of a copy, and the first row of its original.
+Copy = tuple[int, int, int]
 
 #: Columns of a topic that are no readings.
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
@@ -25,34 +27,42 @@ _ODD: Final = np.uint64(0x9E3779B97F4A7C15)
 _SHIFT: Final = np.uint64(29)
 
 
-def drop_copied_rows(
-    raw: Mapping[str, pl.DataFrame],
-) -> tuple[dict[str, pl.DataFrame], list[str]]:
-    """Drop the rows of each topic that repeat earlier ones: what they replaced was not recorded.
+def find_copied_rows(raw: Mapping[str, pl.DataFrame]) -> dict[str, list[Copy]]:
+    """Find the rows of each topic that repeat earlier ones; topics without any are absent.
 
     Args:
         raw: frames by topic, with log times.
-
-    Returns:
-        The frames, and a note on each that has fewer rows.
     """
-    found: dict[str, pl.DataFrame] = {}
-    notes: list[str] = []
-    for topic, frame in raw.items():
-        kept = np.ones(frame.height, np.bool_)
-        times_ns = frame["log_time_ns"].to_numpy()
-        for begin, end, _ in list_copied_stretches(times_ns, select_noisy_columns(frame)):
+    found = {
+        topic: list_copied_stretches(frame["log_time_ns"].to_numpy(), select_noisy_columns(frame))
+        for topic, frame in raw.items()
+    }
+    return {topic: copies for topic, copies in found.items() if copies}
+
+
+def drop_copied_rows(
+    raw: Mapping[str, pl.DataFrame], copied: Mapping[str, list[Copy]]
+) -> dict[str, pl.DataFrame]:
+    """Drop the rows of each topic that repeat earlier ones: what they replaced was not recorded."""
+    found = dict(raw)
+    for topic, copies in copied.items():
+        kept = np.ones(raw[topic].height, np.bool_)
+        for begin, end, _ in copies:
             kept[begin : end + 1] = False
-        found[topic] = frame if kept.all() else frame.filter(kept)
-        if not kept.all():
-            notes.append(
-                f"{topic}: {np.count_nonzero(~kept):,} rows repeat earlier ones to the last digit "
-                "and are left out, as rows that were not recorded"
-            )
-    return found, notes
+        found[topic] = raw[topic].filter(kept)
+    return found
 
 
-def list_copied_stretches(t: Ints, columns: list[Floats]) -> list[tuple[int, int, int]]:
+def copied_row_notes(copied: Mapping[str, list[Copy]]) -> list[str]:
+    """Notes on topics with rows that are left out."""
+    return [
+        f"{topic}: {sum(end - begin + 1 for begin, end, _ in copies):,} rows repeat earlier ones "
+        "to the last digit and are left out, as rows that were not recorded"
+        for topic, copies in copied.items()
+    ]
+
+
+def list_copied_stretches(t: Ints, columns: list[Floats]) -> list[Copy]:
     """Stretches whose rows equal earlier ones.
 
     Args:
@@ -65,7 +75,7 @@ def list_copied_stretches(t: Ints, columns: list[Floats]) -> list[tuple[int, int
     if not columns or t.size < 2 * LIMITS.copy_min_rows:
         return []
     rows = _hash_rows(columns)
-    found: list[tuple[int, int, int]] = []
+    found: list[Copy] = []
     for distance in _distances_of_equal_windows(rows):
         begins, ends = runs_of_flagged_samples(rows[distance:] == rows[:-distance])
         long = ends - begins + 1 >= LIMITS.copy_min_rows

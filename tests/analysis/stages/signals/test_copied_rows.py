@@ -5,7 +5,9 @@ import polars as pl
 import pytest
 
 from analysis.stages.signals.copied_rows import (
+    copied_row_notes,
     drop_copied_rows,
+    find_copied_rows,
     list_copied_stretches,
     select_noisy_columns,
 )
@@ -45,7 +47,9 @@ def test_a_copy_is_found_to_its_rows(begin: int, again: int, rows: int) -> None:
 def test_copied_rows_are_dropped_and_other_topics_kept() -> None:
     torque = pl.DataFrame({"log_time_ns": stamps(), "x": copied(pressure(), 1000, 9000, 500)})
     imu = pl.DataFrame({"log_time_ns": stamps(), "x": pressure(2)})
-    found, notes = drop_copied_rows({"torque": torque, "imu": imu})
+    raw = {"torque": torque, "imu": imu}
+    copies = find_copied_rows(raw)
+    found, notes = drop_copied_rows(raw, copies), copied_row_notes(copies)
     assert found["torque"].equals(torque[np.delete(np.arange(ROWS), np.arange(9000, 9500))])
     assert found["imu"].equals(imu)
     assert notes == [
