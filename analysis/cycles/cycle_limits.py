@@ -161,8 +161,11 @@ class CycleLimits:
     min_acceleration_square: float = 1e-12
 
     # load_passes
-    #: A haul that lasts less than this fraction of the usual one hauls nothing, unless it digs.
+    #: A haul that lasts less than this fraction of the usual one hauls nothing, unless it digs,
     short_haul_fraction: float = 0.3
+    #: if the empty manoeuvres beside it are closer than this fraction of the usual: those beside a
+    #: haul of which only a part was weighed are as far apart as ever.
+    short_between_fraction: float = 0.5
     #: Distance of the means of loaded and empty, in standard deviations of a state,
     class_distance_std: float = 4.0
     #: and of means of classes that digging or taking turns separates, in their own.

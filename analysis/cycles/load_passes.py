@@ -150,7 +150,8 @@ def find_short_hauls(
     """Mark very short hauls of a load without a filling, (manoeuvres,).
 
     A machine that backs out after a dump may look loaded: a short manoeuvre determines its mass
-    poorly, and a lowered boom looks like a dump.
+    poorly, and a lowered boom looks like a dump. Empty manoeuvres lie close on both sides of it;
+    where they do not, the rest of a haul was not weighed.
 
     Args:
         loaded: (manoeuvres,) whether each is loaded.
@@ -162,16 +163,18 @@ def find_short_hauls(
     found = np.zeros(loaded.size, np.bool_)
     first = np.flatnonzero(np.append(True, borders))
     last = np.append(first[1:] - 1, loaded.size - 1)
-    spans_ns = (end_ns[last] - begin_ns[first])[loaded[first]]
-    if spans_ns.size < LIMITS.filling_min_cycles:
-        return found
-    least_ns = LIMITS.short_haul_fraction * float(np.median(spans_ns))
-    dug_ns = digs["start_t_ns"].to_numpy()
     # the first and the last load of a log may be cut off
-    for from_, to in zip(first[1:-1].tolist(), last[1:-1].tolist(), strict=True):
-        if loaded[from_] and end_ns[to] - begin_ns[from_] < least_ns:
-            dug = (dug_ns >= begin_ns[from_ - 1]) & (dug_ns < end_ns[to])
-            found[from_ : to + 1] = not dug.any()
+    inner = np.flatnonzero(loaded[first[1:-1]]) + 1
+    first, last = first[inner], last[inner]
+    if first.size < LIMITS.filling_min_cycles:
+        return found
+    spans_ns = end_ns[last] - begin_ns[first]
+    between_ns = begin_ns[last + 1] - end_ns[first - 1]
+    is_short = spans_ns < LIMITS.short_haul_fraction * np.median(spans_ns)
+    is_short &= between_ns < LIMITS.short_between_fraction * np.median(between_ns)
+    dug_ns = digs["start_t_ns"].to_numpy()
+    for k, to in zip(first[is_short].tolist(), last[is_short].tolist(), strict=True):
+        found[k : to + 1] = not np.any((dug_ns >= begin_ns[k - 1]) & (dug_ns < end_ns[to]))
     return found
 
 

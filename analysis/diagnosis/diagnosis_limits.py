@@ -56,6 +56,13 @@ class DiagnosisLimits:
     stand_edge_threshold_ratio: float = 2.0
     #: Fewest readings of a run: of a slow channel two equal readings are none.
     run_min_readings: int = 5
+    #: Largest step beside a run, over the smallest there, that is one step of the resolution.
+    single_step_ratio: float = 1.5
+    #: Readings on either side of a run that show whether the channel has noise,
+    smooth_readings: int = 20
+    #: and the largest fraction of them that turns back by more than such a step if it has none:
+    #: white noise of two steps turns at a fifth of its readings.
+    smooth_max_turns: float = 0.1
     #: Readings at an extreme, over those of the next value, from which they are clipped,
     clipped_count_ratio: int = 4
     #: and their least number.

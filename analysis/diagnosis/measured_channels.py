@@ -171,7 +171,7 @@ def find_equal_runs(x: Floats) -> tuple[Ints, Ints]:
 
 
 def find_long_runs_of_one_reading(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
-    """Find long runs of one reading.
+    """Find long runs of one reading that the channel's resolution does not explain.
 
     Returns:
         The runs, and whether the channel hardly ever repeats a reading elsewhere.
@@ -180,15 +180,43 @@ def find_long_runs_of_one_reading(t: Ints, x: Floats) -> tuple[list[RepeatedRead
     long = ((t[last] - t[first]) > LIMITS.frozen_s * 1e9) & (
         last - first >= LIMITS.run_min_readings - 1
     )
-    runs = zip(t[first[long]], t[last[long]], x[first[long]], strict=True)
     others = int((last - first + 1)[~long].sum())
     never = (
         others > LIMITS.repeating_min_fraction * x.size
         and int((last - first)[~long].sum()) <= LIMITS.repeating_max_fraction * others
     )
     return [
-        RepeatedReading(int(begin), int(end), float(value)) for begin, end, value in runs
+        RepeatedReading(int(t[begin]), int(t[end]), float(x[begin]))
+        for begin, end in zip(first[long], last[long], strict=True)
+        if not _is_below_resolution(x, int(begin), int(end))
     ], never
+
+
+def _is_below_resolution(x: Floats, first: int, last: int) -> bool:
+    """Whether a smooth signal at rest, or at an extremum, moves too little to show in a run.
+
+    It leaves the run by a step of its resolution, or as fast as it goes on, and shows no noise
+    beside it; a sensor that froze jumps to what it missed.
+    """
+    reach = LIMITS.smooth_readings
+    steps = [
+        np.diff(x[max(first - reach, 0) : first + 1][::-1]),
+        np.diff(x[last : last + reach + 1]),
+    ]
+    sizes = np.abs(np.concatenate(steps))
+    if min(side.size for side in steps) < LIMITS.run_min_readings or not sizes.any():
+        return False  # too little beside the run
+    # a table's decimals round the steps, and not all alike
+    one_step = LIMITS.single_step_ratio * float(sizes[sizes > 0.0].min())
+    for side in np.abs(steps[0]), np.abs(steps[1]):
+        if side[0] > max(one_step, LIMITS.single_step_ratio * side[1]):
+            return False
+    # noise goes up and down by more than a step
+    turns = [
+        (side[1:] * side[:-1] < 0.0) & (np.minimum(abs(side[1:]), abs(side[:-1])) > one_step)
+        for side in steps
+    ]
+    return float(np.mean(np.concatenate(turns))) <= LIMITS.smooth_max_turns
 
 
 def find_zero_speed_spans(t: Ints, x: Floats) -> Spans:

@@ -51,6 +51,10 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     for begin, end in (span for spans in of_channel.values() for span in spans):
         holds |= (t >= begin) & (t <= end)
     found = inputs.check_inputs.left_out.get("frozen_s")
+    change = refit_without_rows(inputs, holds)
+    harmless = _is_harmless(inputs, found)
+    if harmless is None and change is not None and inputs.own_fit is not None:
+        harmless = abs(change.kg) <= DIAGNOSIS_LIMITS.harmless_change_u * inputs.own_fit.u_kg
     times = "for" if len(spans) == 1 else f"{len(spans)} times, for"
     return [
         Symptom(
@@ -59,8 +63,8 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
             f"change{_refit_suffix_text(found)}",
             channel=name,
             span_ns=inputs.since_first_sample_ns(*spans[0]),
-            change=lambda: refit_without_rows(inputs, holds),
-            harmless=_is_harmless(inputs, found),
+            change=lambda: change,
+            harmless=harmless,
             explains=_OF_DEAD
             if 1e9 * total_s[name] > LIMITS.dead_fraction * (t[-1] - t[0])
             else (),

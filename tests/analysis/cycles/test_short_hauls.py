@@ -16,6 +16,7 @@ def passes_of_shift(
     heavy_back_outs: tuple[int, ...],
     dug_before: tuple[int, ...] = (),
     back_out_s: float = BACK_OUT_S,
+    weighed_in_part: tuple[int, ...] = (),
 ) -> Passes:
     """A shift that hauls, backs out of the dump and goes back empty, some back-outs too heavy.
 
@@ -23,12 +24,13 @@ def passes_of_shift(
         heavy_back_outs: cycles in which backing out has the mass of a load and more.
         dug_before: those of them that dug before they backed out.
         back_out_s: how long it backs out.
+        weighed_in_part: hauls of which only a short first manoeuvre is weighed.
     """
     rows: list[tuple[float, float, bool]] = []
     digs: list[tuple[float, float]] = []
     t_s = 0.0
     for cycle in range(CYCLES):
-        rows.append((t_s, t_s + HAUL_S, True))
+        rows.append((t_s, t_s + (6.0 if cycle in weighed_in_part else HAUL_S), True))
         t_s += HAUL_S + 5.0
         # a short empty manoeuvre between the dump and what is too heavy
         rows.append((t_s, t_s + 3.0, False))
@@ -80,3 +82,7 @@ def test_a_short_haul_of_what_was_dug_is_a_load() -> None:
 
 def test_a_haul_of_usual_length_is_a_load() -> None:
     assert int(passes_of_shift((2, 5), back_out_s=0.6 * HAUL_S).loaded.sum()) == CYCLES + 2
+
+
+def test_a_haul_of_which_a_part_is_weighed_is_a_load() -> None:
+    assert int(passes_of_shift((2, 5), weighed_in_part=(1, 4)).loaded.sum()) == CYCLES
