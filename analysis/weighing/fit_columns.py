@@ -63,11 +63,7 @@ class RelativeLoads:
         reference_kg = float(np.mean(mass_kg))
         if not reference_kg > 0.0:
             return None
-        value = np.clip(
-            mass_kg / reference_kg - 1.0,
-            -LIMITS.largest_relative_load,
-            LIMITS.largest_relative_load,
-        )
+        value = np.maximum(mass_kg / reference_kg - 1.0, LIMITS.least_relative_load)
         return cls(unit, value, weight_shares)
 
     @property

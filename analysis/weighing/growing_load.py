@@ -69,21 +69,34 @@ class LoadFilling:
         deviations: z-score of the growth, including the residual common to all starts; NaN if
             undetermined.
         moves_u: largest change of a mass or of the mean payload, in its standard uncertainties.
+        effect_kg: (masses,) change of each mass.
+        is_possible: whether the machine may fill itself while it drives. If not, the log shows
+            something else that changes evenly over every start: a force that is late, or an
+            efficiency that changes with the torque; the masses are wider by the effect.
     """
 
     kg_s: float
     deviations: float
     moves_u: float = 0.0
+    effect_kg: Floats | float = 0.0
+    is_possible: bool = True
 
     @property
     def evidence(self) -> float:
         """The deviations; 0 if the growth changes no mass and no payload by its uncertainty.
 
-        Long logs make a misfit significant even if it changes no mass.
+        Long logs make a misfit significant even if it changes no mass. 0 also if nothing fills the
+        machine.
         """
         if np.isnan(self.moves_u):
             return float("nan")
-        return self.deviations * float(self.moves_u > 1.0)
+        return self.deviations * float(self.moves_u > 1.0 and self.is_possible)
+
+    @property
+    def widening_effect_kg(self) -> Floats | float:
+        """Change of each mass, (masses,), by which it is wider; 0 if it is not significant."""
+        shown = not self.is_possible and self.deviations > LIMITS.impossible_filling_std
+        return self.effect_kg if shown else 0.0
 
 
 def fit_filling(
@@ -122,7 +135,7 @@ def fit_filling(
     of_sums = chain(map(fit.weights_of_state, range(fit.count)), mean_payload_weights(fit))
     moves_u = [abs(float(each @ moved)) / max(fit.sum_u_kg(each), 1e-9) for each in of_sums]
     return LoadFilling(
-        float(best[0] * std[0]), float(np.sqrt(better)), float(np.max(np.array(moves_u)))
+        float(best[0] * std[0]), float(np.sqrt(better)), float(np.max(np.array(moves_u))), moved
     )
 
 

@@ -37,8 +37,12 @@ class LoadLimits:
     row_clip_std: float = 4.0
     #: Probability that any manoeuvre of a log is reported by chance.
     growth_false_alarm_probability: float = 0.01
-    #: A mass of so many times the median is none: 76 t hid the border between 2.2 and 2.7 t.
-    max_mass_over_median: float = 2.0
+    #: Standard deviations from which a growth in every start widens the masses of a machine that
+    #: nothing fills: of 400 clean starts one has more.
+    impossible_filling_std: float = 3.0
+    #: A mass of so many times the median is none: 76 t hid the border between 2.2 and 2.7 t. A
+    #: truck weighs three times its tare when loaded, a shunter with wagons five times.
+    max_mass_over_median: float = 10.0
     #: Largest change of a load over the machine's mass: no loader carries its own mass.
     max_growth_fraction: float = 1.0
     #: Rounds of reweighting for least absolute deviations.

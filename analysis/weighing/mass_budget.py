@@ -246,7 +246,11 @@ def _widening_by_checks(
     )
     # which of them is the true one is not known, and one fault shows in several
     missing_kg = max(
-        (abs(float(weights @ each.effect_kg)) for each in weighing.missing_terms), default=0.0
+        abs(float(np.sum(weights * effect_kg)))
+        for effect_kg in (
+            weighing.filling.widening_effect_kg,
+            *(each.effect_kg for each in weighing.missing_terms),
+        )
     )
     if missing_kg > curved_kg:
         found["missing_term"] = missing_kg

@@ -255,7 +255,10 @@ def _weigh_with_priors(
         left_out,
         doubted,
         fit_force_curvature(fit, columns, priors, rows),
-        fit_filling(own, columns, own_priors, rows if own is fit else None),
+        replace(
+            fit_filling(own, columns, own_priors, rows if own is fit else None),
+            is_possible=machine.machine.digs,
+        ),
         grown,
         find_missing_terms(fit, candidates, columns, priors, rows),
         find_direction_gain(fit, columns, priors, machine.machine),

@@ -53,8 +53,8 @@ class WeighingLimits:
     force_rate_min_std: float = 4.0
     #: Smallest share of the force that load transfer leaves.
     load_transfer_min_gain: float = 0.5
-    #: Largest load, as a share of the mass that it is related to.
-    largest_relative_load: float = 0.9
+    #: Least relative load: no state is lighter than a tenth of the mean.
+    least_relative_load: float = -0.9
     #: Quantiles of the manoeuvres' masses between which the middle of empty and loaded lies.
     load_contrast_quantiles: tuple[float, float] = (0.1, 0.9)
     #: R.m.s. of a derivative of more than two rows, in standard deviations, from which it is clear:

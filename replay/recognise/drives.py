@@ -9,6 +9,7 @@ from replay.recognise.recognise_limits import LIMITS
 
 _GEAR: Final = "the gear ratio between motor and wheel: GEAR in channels.{}.derive"
 _RADIUS: Final = "machine.wheel_radius_m"
+_EFFICIENCY: Final = "the EFFICIENCY from there to the wheels, in channels.force_x_N.derive"
 _SIDES: Final = ("left", "right")
 #: Units of revolutions.
 _TURNS: Final = ("rpm", "rad/s", "Hz")
@@ -21,6 +22,7 @@ def propose_drives(columns: Sequence[LogColumn], recognition: Recognition) -> No
     ):
         sketches = (
             propose_force_of_unnamed_sides,
+            _propose_force_of_engine,
             propose_force_of_motor,
             _propose_force_of_pressures,
             _propose_force_of_power,
@@ -117,6 +119,26 @@ def propose_force_of_motor(columns: Sequence[LogColumn], recognition: Recognitio
     return False
 
 
+def _propose_force_of_engine(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+    """Propose a force from an engine's power over the speed, whatever its gear, if any."""
+    engine = [c for c in columns if c.name_meaning.part == "motor"]
+    torque = next((c for c in engine if (c.quantity, c.unit) == ("torque", "percent")), None)
+    turns = next((c for c in engine if c.quantity == "speed" and c.unit in _TURNS), None)
+    if torque is None or turns is None:
+        return False
+    reason = (
+        f"{torque.field}, {turns.field}: the engine's power; over the speed it is a force, in any "
+        "gear; a converter that is open leaves little of it"
+    )
+    recognition.sketch_source(torque, "torque_percent", torque.unit, reason)
+    recognition.sketch_source(turns, "engine_rpm", turns.unit, reason)
+    watts = "torque_percent * REFERENCE_TORQUE [N*m] * engine_rpm"
+    recognition.propose_as_comment("force_x_N", _force_of_power(watts), reason)
+    recognition.ask_question("gear", _EFFICIENCY)
+    recognition.ask_question("gear", "the engine's REFERENCE_TORQUE in N*m, in the same line")
+    return True
+
+
 def _propose_force_of_pressures(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose a force from a hydrostatic drive's pressures, not boom's or bucket's, if any."""
     drive = [
@@ -188,14 +210,15 @@ def _propose_force_of_power(columns: Sequence[LogColumn], recognition: Recogniti
         recognition.sketch_source(current, "supply_A", current.unit, reason)
         recognition.sketch_source(voltage, "supply_V", voltage.unit, reason)
         watts = "supply_A * supply_V"
-    moving = f"abs(speed_x_m_s) > {LIMITS.power_min_speed_m_s} [m/s]"
-    recognition.propose_as_comment(
-        "force_x_N", f"where({moving}, {watts} * EFFICIENCY / speed_x_m_s)", reason
-    )
-    recognition.ask_question(
-        "gear", "the EFFICIENCY from there to the wheels, in channels.force_x_N.derive"
-    )
+    recognition.propose_as_comment("force_x_N", _force_of_power(watts), reason)
+    recognition.ask_question("gear", _EFFICIENCY)
     return True
+
+
+def _force_of_power(watts: str) -> str:
+    """Formula of the force of a power that reaches the wheels."""
+    moving = f"abs(speed_x_m_s) > {LIMITS.power_min_speed_m_s} [m/s]"
+    return f"where({moving}, {watts} * EFFICIENCY / speed_x_m_s)"
 
 
 def propose_speed_of_wheels(columns: Sequence[LogColumn], recognition: Recognition) -> bool:

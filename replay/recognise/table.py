@@ -41,6 +41,16 @@ _CALLED_BY_UNIT: Final = {
     "rpm": "rpm", "drehzahl": "rpm", "kph": "km/h", "kmh": "km/h", "mph": "mph", "watts": "W",
     "amps": "A", "nm": "N*m",
 }  # fmt: skip
+#: Units of signals that SAE J1939-71 and ISO 11783-7 define, by name in small letters: a decoded
+#: CAN log seldom states them.
+_UNIT_OF_SIGNAL: Final = {
+    "wheelbasedvehiclespeed": "km/h", "navigationbasedvehiclespeed": "km/h",
+    "tachographvehiclespeed": "km/h", "frontaxlespeed": "km/h",
+    "wheelbasedmachinespeed": "m/s", "groundbasedmachinespeed": "m/s",
+    "enginespeed": "rpm", "engspeed": "rpm",
+    "transmissionoutputshaftspeed": "rpm", "transoutputshaftspeed": "rpm",
+    "actualenginepercenttorque": "percent", "actualengpercenttorque": "percent",
+}  # fmt: skip
 
 
 def recognise_channels_of_table(log: Log) -> Recognition:
@@ -135,7 +145,7 @@ def _list_columns(log: Log) -> list[LogColumn]:
         for name in row["fields"]:
             said, unit = (
                 read_column_name(name_without_unit(name)),
-                units.get(name) or _CALLED_BY_UNIT.get(name.lower()),
+                units.get(name) or _unit_of_known_name(name),
             )
             if said.side and not has_real_side_prefix(name, names):
                 said = replace(said, side=None)
@@ -149,6 +159,12 @@ def _list_columns(log: Log) -> list[LogColumn]:
                 LogColumn(topic, name, unit, said, find_quantity_of_name(said.quantity, unit))
             )
     return found
+
+
+def _unit_of_known_name(name: str) -> str | None:
+    """Unit of a column that is called by it, or that a standard defines."""
+    signal = "".join(letter for letter in name.lower() if letter.isalnum())
+    return _CALLED_BY_UNIT.get(name.lower()) or _UNIT_OF_SIGNAL.get(signal)
 
 
 def name_without_unit(name: str) -> str:

@@ -12,6 +12,7 @@ from replay.recognise.recognise_limits import LIMITS
 #: Beginnings of words of a name, by quantity; the first that fits.
 _QUANTITIES: Final = (
     ("erpm", ("erpm",)),
+    ("gear", ("gear", "gears", "currentgear", "selectedgear", "gang")),
     ("force", ("force", "kraft", "drawbar", "pull", "traction", "drawbarpull", "fuerza", "thrust",
                "loadcell", "усилие", "сила", "тяга", "kuvvet", "força", "forza", "siła", "kracht",
                "voima", "forță", "vonóerő", "lựckéo", "gaya", "δύναμη", "牵引力", "견인력",
@@ -43,7 +44,7 @@ _SIDES: Final = {
 }
 _AXES: Final = {"x": ("x", "longitudinal", "long", "längs", "laengs"), "y": ("y", "lateral", "lat"),
                 "z": ("z", "vertical", "vert")}  # fmt: skip
-_MOTOR: Final = ("motor", "engine", "drive", "mot", "shaft", "input", "spindle")
+_MOTOR: Final = ("motor", "engine", "eng", "drive", "mot", "shaft", "input", "spindle")
 _SUPPLY: Final = ("battery", "batt", "input", "in", "supply", "bus", "dc", "pack", "batterie")
 _WITHOUT_GRAVITY: Final = ("linear", "gps", "calculated", "calc", "derived", "without", "kinematic")
 _WHEEL: Final = ("wheel", "rad", "hub", "axle", "tire", "tyre", "wheels")

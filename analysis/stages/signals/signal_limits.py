@@ -41,6 +41,8 @@ class SignalLimits:
     copy_max_distances: int = 8
 
     # derive
+    #: Step between two readings of a channel, in its median steps, that lacks none: stamps jitter.
+    reading_gap_periods: float = 1.5
     #: Largest reading in SI units: no channel of a machine comes near it. What exceeds it stands
     #: for no reading (a logger's largest float, say), and its powers would leave the range of
     #: numbers in every fit.

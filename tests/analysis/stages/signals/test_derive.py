@@ -73,6 +73,22 @@ def test_samples_that_are_no_number_are_left_out_and_counted(raw_topic, machine)
     ]
 
 
+def test_empty_cells_of_a_table_that_merges_two_rates_are_no_loss(raw_topic, machine):
+    force = np.where(np.arange(500) % 5 == 2, np.arange(500.0), np.nan)
+    channels, losses, _ = derived(loader(raw_topic, force=force), machine())
+    assert channels["force_x_N"].height == 100
+    assert losses == []
+
+
+def test_of_those_of_a_slow_channel_the_readings_that_lack_are_counted(raw_topic, machine):
+    force = np.where(np.arange(500) % 5 == 2, np.arange(500.0), np.nan)
+    force[[102, 107]] = np.nan
+    _, losses, _ = derived(loader(raw_topic, force=force), machine())
+    assert [loss.what for loss in losses] == [
+        "2 of 500 samples of force are missing or not finite; they were excluded"
+    ]
+
+
 def test_of_samples_that_share_a_stamp_the_last_is_kept_and_the_others_counted(raw_topic, machine):
     t = T.copy()
     t[100] = t[101]
