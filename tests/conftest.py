@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.made_once import make_folder_once
 from tests.processor_times import ProcessorTimes
 from tests.twins import mark_slow_after
 
@@ -117,7 +118,7 @@ def own_data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Logs of our own making, laid out like those of others."""
     from tests.own_logs import make
 
-    return make(tmp_path_factory.mktemp("own", numbered=False))
+    return make_folder_once(tmp_path_factory, "own", make)
 
 
 def folder_of_others() -> Path | None:

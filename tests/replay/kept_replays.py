@@ -1,4 +1,4 @@
-"""A log is replayed once by a worker, for all evidence and reviews that are made of it.
+"""A log is replayed once a session, for all evidence and reviews that are made of it.
 
 Evidence is made and verified in a dozen files, of the same four logs with the same machine, and one
 shift is reviewed in five; a replay takes longer than what is tested. The same bytes give the same
@@ -8,6 +8,9 @@ tampered with, or a machine of other settings, is replayed as ever.
 
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
+from functools import partial
+from hashlib import sha256
+from pathlib import Path
 
 import pytest
 
@@ -16,30 +19,45 @@ from analysis.model.run_record import Run
 from replay import pipeline
 from replay.inputs.channel_inputs import input_files
 from replay.logs import Log
+from tests.made_once import make_value_once
 
 #: By the names and digests of a log's files, and the machine.
 _KEPT: dict[str, Run] = {}
+#: Where campaigns and reviews find what replays a log.
+_PLACES = ("replay.calibration.campaign_runs.run", "replay.review.review_shift.run")
 
 
 @contextmanager
-def kept_replays() -> Generator[None]:
-    """Context in which campaigns and reviews take the replay that is kept of a log."""
+def kept_replays(folder: Path) -> Generator[None]:
+    """Context in which campaigns and reviews take the replay that is kept of a log.
+
+    Args:
+        folder: of what all workers find.
+    """
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("replay.calibration.campaign_runs.run", _replay_once)
-        patched.setattr("replay.review.review_shift.run", _replay_once)
+        for place in _PLACES:
+            patched.setattr(place, partial(_replay_once, folder))
         yield
 
 
-def forget_replays() -> None:
-    """Replay anew whatever comes, where that replays agree is the statement."""
-    _KEPT.clear()
+@contextmanager
+def replays_anew() -> Generator[None]:
+    """Context of a replay for each, where that replays agree is the statement."""
+    with pytest.MonkeyPatch.context() as patched:
+        for place in _PLACES:
+            patched.setattr(place, pipeline.run)
+        yield
 
 
 def _replay_once(
-    logs: Log | Sequence[Log], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
+    folder: Path,
+    logs: Log | Sequence[Log],
+    machine: Machine,
+    on_stage: Callable[[str], None] = lambda _: None,
 ) -> Run:
     every = logs if isinstance(logs, Sequence) else [logs]
     key = f"{[input_files(log) for log in every]} {machine.model_dump_json()}"
     if key not in _KEPT:
-        _KEPT[key] = pipeline.run(logs, machine, on_stage)
+        file = folder / f"{sha256(key.encode()).hexdigest()}.run"
+        _KEPT[key] = make_value_once(file, lambda: pipeline.run(logs, machine, on_stage))
     return _KEPT[key]
