@@ -3,19 +3,25 @@
 Evidence is made and verified in a dozen files, of the same four logs with the same machine, and one
 shift is reviewed in five; a replay takes longer than what is tested. The same bytes give the same
 frames (`tests/golden/test_golden.py`, `tests/replay/test_fingerprint.py`), so that a log that was
-tampered with, or a machine of other settings, is replayed as ever.
+tampered with, or a machine of other settings, is replayed as ever. Likewise evidence is recomputed
+once by a worker: each attack on it brings the evidence before, which nobody touched.
 """
 
+import pickle
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
 
+import polars as pl
 import pytest
 
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
+from recordings.calibration.check_outcomes import BundleFinding
+from recordings.calibration.evidence_document import EvidenceDocument
+from recordings.calibration.recomputation import compare_bundle_with_recomputed
 from replay import pipeline
 from replay.inputs.channel_inputs import input_files
 from replay.logs import Log
@@ -25,6 +31,10 @@ from tests.made_once import make_value_once
 _KEPT: dict[str, Run] = {}
 #: Where campaigns and reviews find what replays a log.
 _PLACES = ("replay.calibration.campaign_runs.run", "replay.review.review_shift.run")
+#: Where a check of evidence finds what recomputes it.
+_RECOMPUTES = "recordings.calibration.bundle_checks.compare_bundle_with_recomputed"
+#: By all that it is recomputed from: what was found, and notes.
+_RECOMPUTED: dict[str, tuple[list[BundleFinding], list[str]]] = {}
 
 
 @contextmanager
@@ -37,6 +47,7 @@ def kept_replays(folder: Path) -> Generator[None]:
     with pytest.MonkeyPatch.context() as patched:
         for place in _PLACES:
             patched.setattr(place, partial(_replay_once, folder))
+        patched.setattr(_RECOMPUTES, _recompute_once)
         yield
 
 
@@ -46,6 +57,7 @@ def replays_anew() -> Generator[None]:
     with pytest.MonkeyPatch.context() as patched:
         for place in _PLACES:
             patched.setattr(place, pipeline.run)
+        patched.setattr(_RECOMPUTES, compare_bundle_with_recomputed)
         yield
 
 
@@ -61,3 +73,16 @@ def _replay_once(
         file = folder / f"{sha256(key.encode()).hexdigest()}.run"
         _KEPT[key] = make_value_once(file, lambda: pipeline.run(logs, machine, on_stage))
     return _KEPT[key]
+
+
+def _recompute_once(
+    document: EvidenceDocument,
+    readings: pl.DataFrame,
+    points: pl.DataFrame | None,
+    report: bytes | None,
+) -> tuple[list[BundleFinding], list[str]]:
+    key = sha256(pickle.dumps((document, readings, points, report))).hexdigest()
+    if key not in _RECOMPUTED:
+        _RECOMPUTED[key] = compare_bundle_with_recomputed(document, readings, points, report)
+    found, notes = _RECOMPUTED[key]
+    return [*found], [*notes]

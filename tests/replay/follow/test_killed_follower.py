@@ -182,9 +182,7 @@ def test_after_ctrl_c_a_log_that_has_grown_is_followed_on(
     data = sources[".mcap"].read_bytes()
     target = tmp_path / "drive.mcap"
     target.write_bytes(data[: 2 * len(data) // 3])
-    first = started(
-        *("drive.mcap", "-o", "out.rrd", "--json", "--idle-s", "60"), machine=MACHINE
-    )
+    first = started(*("drive.mcap", "-o", "out.rrd", "--json", "--idle-s", "60"), machine=MACHINE)
     assert first.stdout is not None
     for line in first.stdout:
         if json.loads(line)["t_s"] > 15:
