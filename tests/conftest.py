@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from tests.made_once import make_folder_once
+from tests.made_once import make_folder_once, share_folder
 from tests.processor_times import ProcessorTimes
 from tests.twins import mark_slow_after
 
@@ -113,12 +113,19 @@ def small_viewer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("recordings.rrd.viewer._WINDOW", "800x500")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def folder_of_workers(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """What one of them made, the others find."""
+    own = tmp_path_factory.getbasetemp()
+    share_folder((own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "made-once")
+
+
 @pytest.fixture(scope="session")
 def own_data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Logs of our own making, laid out like those of others."""
     from tests.own_logs import make
 
-    return make_folder_once(tmp_path_factory, "own", make)
+    return make_folder_once(tmp_path_factory.getbasetemp() / "own", make)
 
 
 def folder_of_others() -> Path | None:

@@ -1,60 +1,60 @@
-"""What several workers need, of seconds each, is made by the first that asks."""
+"""What several tests need, of seconds each, is made by the first that asks in any worker."""
 
 import fcntl
-import os
 import pickle
 import shutil
 import tempfile
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from hashlib import sha256
 from pathlib import Path
-from typing import TypeVar
-
-import pytest
+from typing import Any, TypeVar
 
 T = TypeVar("T")
+#: Where each worker finds what others made.
+_FOLDER: list[Path] = []
+#: By what they are made of.
+_VALUES: dict[str, Any] = {}
 
 
-def make_folder_once(
-    factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]
-) -> Path:
+def share_folder(folder: Path) -> None:
+    """Find in a folder what others made, which they find there as well."""
+    folder.mkdir(exist_ok=True)
+    _FOLDER[:] = [folder]
+
+
+def make_folder_once(own: Path, make: Callable[[Path], object]) -> Path:
     """A folder of this worker, which may be written to.
 
     Args:
-        factory: of the session.
-        name: of the folder.
+        own: which does not exist.
         make: writes into a folder that is empty, and no path of it into a file.
     """
-    shared = folder_of_workers(factory) / name
+    shared = _FOLDER[0] / own.name
     with _locked(shared):
         if not shared.exists():
             begun = Path(tempfile.mkdtemp(dir=shared.parent))
             make(begun)
             begun.rename(shared)
-    return Path(shutil.copytree(shared, factory.getbasetemp() / name))
+    return Path(shutil.copytree(shared, own))
 
 
-def make_value_once(file: Path, make: Callable[[], T]) -> T:
-    """A value that is kept in a file as soon as it is made.
+def make_value_once(made_of: str, make: Callable[[], T]) -> T:
+    """A value that can be pickled.
 
     Args:
-        file: which all workers find, by what the value is made of.
-        make: gives the value.
+        made_of: all that decides on it.
+        make: gives it.
     """
-    with _locked(file):
-        if file.exists():
-            return pickle.loads(file.read_bytes())
-        value = make()
-        file.write_bytes(pickle.dumps(value))
-        return value
-
-
-def folder_of_workers(factory: pytest.TempPathFactory) -> Path:
-    """The folder of a session in which each worker finds what others made."""
-    own = factory.getbasetemp()
-    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "of-workers"
-    folder.mkdir(exist_ok=True)
-    return folder
+    if made_of not in _VALUES:
+        file = _FOLDER[0] / sha256(made_of.encode()).hexdigest()
+        with _locked(file):
+            if file.exists():
+                _VALUES[made_of] = pickle.loads(file.read_bytes())
+            else:
+                _VALUES[made_of] = make()
+                file.write_bytes(pickle.dumps(_VALUES[made_of]))
+    return _VALUES[made_of]
 
 
 @contextmanager

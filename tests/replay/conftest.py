@@ -11,7 +11,7 @@ import typer
 
 from replay.commands import progress_bar
 from replay.commands.cli import app, main
-from tests.made_once import folder_of_workers, make_folder_once
+from tests.made_once import make_folder_once
 from tests.replay.kept_replays import kept_replays
 from tests.replay.made_evidence import Made, write_evidence
 from tests.replay.sledge import MACHINE, Payscope, Said, sledge
@@ -70,8 +70,8 @@ def log(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    with kept_replays(folder_of_workers(tmp_path_factory)):
-        return Made(make_folder_once(tmp_path_factory, "evidence", write_evidence))
+    with kept_replays():
+        return Made(make_folder_once(tmp_path_factory.getbasetemp() / "evidence", write_evidence))
 
 
 @pytest.fixture(scope="module")
@@ -83,8 +83,8 @@ def without_pdf() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module", name="kept_replays")
-def kept_replays_of_module(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with kept_replays(folder_of_workers(tmp_path_factory)):
+def kept_replays_of_module() -> Iterator[None]:
+    with kept_replays():
         yield
 
 

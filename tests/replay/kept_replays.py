@@ -10,9 +10,7 @@ once by a worker: each attack on it brings the evidence before, which nobody tou
 import pickle
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from hashlib import sha256
-from pathlib import Path
 
 import polars as pl
 import pytest
@@ -27,8 +25,6 @@ from replay.inputs.channel_inputs import input_files
 from replay.logs import Log
 from tests.made_once import make_value_once
 
-#: By the names and digests of a log's files, and the machine.
-_KEPT: dict[str, Run] = {}
 #: Where campaigns and reviews find what replays a log.
 _PLACES = ("replay.calibration.campaign_runs.run", "replay.review.review_shift.run")
 #: Where a check of evidence finds what recomputes it.
@@ -38,15 +34,11 @@ _RECOMPUTED: dict[str, tuple[list[BundleFinding], list[str]]] = {}
 
 
 @contextmanager
-def kept_replays(folder: Path) -> Generator[None]:
-    """Context in which campaigns and reviews take the replay that is kept of a log.
-
-    Args:
-        folder: of what all workers find.
-    """
+def kept_replays() -> Generator[None]:
+    """Context in which campaigns and reviews take the replay that is kept of a log."""
     with pytest.MonkeyPatch.context() as patched:
         for place in _PLACES:
-            patched.setattr(place, partial(_replay_once, folder))
+            patched.setattr(place, _replay_once)
         patched.setattr(_RECOMPUTES, _recompute_once)
         yield
 
@@ -62,17 +54,11 @@ def replays_anew() -> Generator[None]:
 
 
 def _replay_once(
-    folder: Path,
-    logs: Log | Sequence[Log],
-    machine: Machine,
-    on_stage: Callable[[str], None] = lambda _: None,
+    logs: Log | Sequence[Log], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
 ) -> Run:
     every = logs if isinstance(logs, Sequence) else [logs]
-    key = f"{[input_files(log) for log in every]} {machine.model_dump_json()}"
-    if key not in _KEPT:
-        file = folder / f"{sha256(key.encode()).hexdigest()}.run"
-        _KEPT[key] = make_value_once(file, lambda: pipeline.run(logs, machine, on_stage))
-    return _KEPT[key]
+    made_of = f"replay {[input_files(log) for log in every]} {machine.model_dump_json()}"
+    return make_value_once(made_of, lambda: pipeline.run(logs, machine, on_stage))
 
 
 def _recompute_once(

@@ -19,9 +19,18 @@ from tests.replay.sledge import MACHINE, Payscope, one_line, sledge
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A replayed log, to be looked at."""
-    folder = tmp_path_factory.mktemp("shown")
+    return recorded(sledge(), tmp_path_factory.mktemp("shown"))
+
+
+@pytest.fixture(scope="module")
+def short_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of one start: what takes its time with each row."""
+    return recorded(sledge(seconds=10.0), tmp_path_factory.mktemp("shown"))
+
+
+def recorded(table: pl.DataFrame, folder: Path) -> Path:
     log, machine_file = folder / "sledge.csv", folder / "sledge.toml"
-    sledge().write_csv(log)
+    table.write_csv(log)
     machine_file.write_text(MACHINE)
     machine = load_machine(machine_file)
     with open_log(log, time=time_axis_of_machine(machine)) as opened:
@@ -46,8 +55,9 @@ def test_on_a_narrow_screen_a_wide_frame_stands_in_parts() -> None:
 
 class TestShow:
     def test_lists_the_stages_and_prints_each_of_them_in_each_format(
-        self, payscope: Payscope, recording: Path, tmp_path: Path
+        self, payscope: Payscope, short_recording: Path, tmp_path: Path
     ) -> None:
+        recording = short_recording
         run = read_recording(recording)
         listed = json.loads(payscope("show", recording, "--format", "json").out)
         assert list(listed) == list(run.frames)
