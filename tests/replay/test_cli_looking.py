@@ -14,6 +14,7 @@ from replay.machines.machine_file import time_axis_of_machine
 from tests.replay.logs.damaged import chunks, overwrite
 from tests.replay.logs.written_logs import Joints, write_mcap
 from tests.replay.sledge import MACHINE, Payscope, one_line, sledge
+from tests.twins import mark_slow_after
 
 
 @pytest.fixture(scope="module")
@@ -179,7 +180,10 @@ class TestInit:
         assert answer["mass_kg"]["pooled"] == pytest.approx(120.0, rel=0.02)
 
     @pytest.mark.parametrize(
-        "name", ["logs/linear_axis.bag", "logs/linear_axis_ros2", "logs/linear_axis.csv"]
+        "name",
+        mark_slow_after(
+            2, ["logs/linear_axis.bag", "logs/linear_axis.csv", "logs/linear_axis_ros2"]
+        ),
     )
     def test_the_linear_axis_runs_from_its_first_machine_file(
         self, payscope: Payscope, data: Path, tmp_path: Path, name: str
