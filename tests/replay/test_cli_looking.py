@@ -16,6 +16,8 @@ from tests.replay.logs.written_logs import Joints, write_mcap
 from tests.replay.sledge import MACHINE, Payscope, one_line, sledge
 from tests.twins import mark_slow_after
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
