@@ -12,7 +12,7 @@ import typer
 from replay.commands import progress_bar
 from replay.commands.cli import app, main
 from tests.made_once import make_folder_once
-from tests.replay.kept_replays import kept_replays
+from tests.replay.kept_replays import kept_replays, replays_anew
 from tests.replay.made_evidence import Made, write_evidence
 from tests.replay.sledge import MACHINE, Payscope, Said, sledge
 
@@ -85,6 +85,13 @@ def without_pdf() -> Iterator[None]:
 @pytest.fixture(scope="module", name="kept_replays")
 def kept_replays_of_module() -> Iterator[None]:
     with kept_replays():
+        yield
+
+
+@pytest.fixture
+def not_kept() -> Iterator[None]:
+    """Replays of a test whose stages are the statement, where others of the module are kept."""
+    with replays_anew():
         yield
 
 
