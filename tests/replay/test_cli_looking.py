@@ -22,18 +22,9 @@ pytestmark = pytest.mark.usefixtures("kept_replays")
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A replayed log, to be looked at."""
-    return recorded(sledge(), tmp_path_factory.mktemp("shown"))
-
-
-@pytest.fixture(scope="module")
-def short_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of one start: what takes its time with each row."""
-    return recorded(sledge(seconds=10.0), tmp_path_factory.mktemp("shown"))
-
-
-def recorded(table: pl.DataFrame, folder: Path) -> Path:
+    folder = tmp_path_factory.mktemp("shown")
     log, machine_file = folder / "sledge.csv", folder / "sledge.toml"
-    table.write_csv(log)
+    sledge().write_csv(log)
     machine_file.write_text(MACHINE)
     machine = load_machine(machine_file)
     with open_log(log, time=time_axis_of_machine(machine)) as opened:
@@ -57,23 +48,26 @@ def test_on_a_narrow_screen_a_wide_frame_stands_in_parts() -> None:
 
 
 class TestShow:
+    # a stage in one of the formats in turn, and each in every one
+    @pytest.mark.parametrize("turns", mark_slow_after(1, [1, 3]))
     def test_lists_the_stages_and_prints_each_of_them_in_each_format(
-        self, payscope: Payscope, short_recording: Path, tmp_path: Path
+        self, payscope: Payscope, recording: Path, tmp_path: Path, turns: int
     ) -> None:
-        recording = short_recording
         run = read_recording(recording)
         listed = json.loads(payscope("show", recording, "--format", "json").out)
         assert list(listed) == list(run.frames)
-        for stage, frame in run.frames.items():
-            assert payscope("show", recording, stage).status == 0
-            as_json = json.loads(payscope("show", recording, stage, "--format", "json").out)
-            assert len(as_json) == frame.height
-            parquet = tmp_path / "stage.parquet"
-            said = payscope(
-                "show", recording, stage, "--format", "parquet", "-o", parquet, "--force"
-            )
-            assert said.status == 0
-            assert pl.read_parquet(parquet).equals(frame)
+        for place, (stage, frame) in enumerate(run.frames.items()):
+            formats = [("text", "json", "parquet")[(place + turn) % 3] for turn in range(turns)]
+            if "text" in formats:
+                assert payscope("show", recording, stage).status == 0
+            if "json" in formats:
+                as_json = json.loads(payscope("show", recording, stage, "--format", "json").out)
+                assert len(as_json) == frame.height
+            if "parquet" in formats:
+                parquet = tmp_path / "stage.parquet"
+                words = ("--format", "parquet", "-o", parquet, "--force")
+                assert payscope("show", recording, stage, *words).status == 0
+                assert pl.read_parquet(parquet).equals(frame)
 
     def test_the_suffix_of_the_output_says_the_format(
         self, payscope: Payscope, recording: Path, tmp_path: Path
