@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.made_once import make_folder_once, share_folder
 from tests.processor_times import ProcessorTimes
 from tests.twins import mark_slow_after
 
@@ -53,44 +54,46 @@ def pytest_collection_finish() -> None:
 #: would wait for the other at the end. xdist would begin with those of the most tests, but for
 #: `--no-loadscope-reorder`.
 LONG_FILES = (
-    "test_killed_follower.py",
     "test_documentation.py",
+    "test_killed_follower.py",
     "test_background_replay.py",
-    "test_reproduce_paper.py",
     "test_degenerate_tables.py",
-    "test_attack_list.py",
-    "test_compare_files.py",
-    "test_verify_bundle.py",
-    "test_kept.py",
+    "test_reproduce_paper.py",
+    "test_named.py",
+    "test_other_machines.py",
     "test_leaving.py",
-    "test_on_board_page.py",
+    "test_run_plots.py",
+    "test_attack_list.py",
     "test_import_log.py",
     "test_real_logs.py",
-    "test_on_board.py",
-    "test_run_plots.py",
-    "test_follow_recorders.py",
-    "test_other_machines.py",
-    "test_apply_evidence.py",
-    "test_real_findings.py",
-    "test_cli_looking.py",
-    "test_faults.py",
+    "test_kept.py",
+    "test_compare_files.py",
     "test_excitation_design.py",
-    "test_shared_logs.py",
-    "test_ends_of_following.py",
-    "test_named.py",
-    "test_sweep_settings.py",
-    "test_review_shift.py",
-    "test_reviewers_questions.py",
-    "test_viewer.py",
+    "test_on_board.py",
     "test_independent_simulator.py",
-    "test_calibrate_campaign.py",
+    "test_viewer.py",
+    "test_follow_recorders.py",
+    "test_sweep_settings.py",
+    "test_apply_evidence.py",
+    "test_verify_bundle.py",
+    "test_missing_terms.py",
+    "test_overlay_recording.py",
+    "test_cli_looking.py",
+    "test_page.py",
     "test_load_states.py",
-    "test_unlisted.py",
-    "test_empty_machine.py",
+    "test_faults.py",
+    "test_shared_logs.py",
+    "test_review_shift.py",
+    "test_ends_of_following.py",
     "test_compare_recordings.py",
-    "test_explain_run.py",
-    "test_verifier_page.py",
-    "test_evidence_machine.py",
+    "test_real_findings.py",
+    "test_on_board_page.py",
+    "test_calibrate_campaign.py",
+    "test_fuzz.py",
+    "test_live_browser.py",
+    "test_equality.py",
+    "test_results.py",
+    "test_hysteresis.py",
 )
 
 
@@ -112,12 +115,19 @@ def small_viewer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("recordings.rrd.viewer._WINDOW", "800x500")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def folder_of_workers(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """What one of them made, the others find."""
+    own = tmp_path_factory.getbasetemp()
+    share_folder((own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "made-once")
+
+
 @pytest.fixture(scope="session")
 def own_data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Logs of our own making, laid out like those of others."""
     from tests.own_logs import make
 
-    return make(tmp_path_factory.mktemp("own", numbered=False))
+    return make_folder_once(tmp_path_factory.getbasetemp() / "own", make)
 
 
 def folder_of_others() -> Path | None:

@@ -168,3 +168,11 @@ def channels_of():
 @pytest.fixture(scope="session")
 def excitation_of():
     return make_excitation
+
+
+@pytest.fixture(scope="module", autouse=True)
+def without_fingerprint():
+    """Nobody asks for it, and it takes a twentieth of a replay."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("analysis.model.run_record.Run.with_fingerprint", lambda run: run)
+        yield

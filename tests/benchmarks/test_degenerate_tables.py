@@ -1,6 +1,7 @@
 """The campaign of tables that no machine would record, in small; and what it drives."""
 
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from benchmarks.degenerate_tables import (
 )
 from benchmarks.drawn_tables import DrawnTable, draw
 from replay.commands.cli import app
+from tests.replay.kept_replays import kept_replays
 from tests.replay.sledge import MACHINE, sledge
 
 #: Tables of the small campaign, some seconds each, and of the slow one.
@@ -38,6 +40,13 @@ def whatever_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     from replay.commands import progress_bar
 
     monkeypatch.setattr(progress_bar, "LONG_S", float("inf"))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_replay_of_a_table() -> Iterator[None]:
+    """Commands are driven with a table one after the other; the first replays it."""
+    with kept_replays():
+        yield
 
 
 def examples(count: int) -> settings:

@@ -11,8 +11,9 @@ import typer
 
 from replay.commands import progress_bar
 from replay.commands.cli import app, main
-from tests.replay.kept_replays import kept_replays
-from tests.replay.made_evidence import Made
+from tests.made_once import make_folder_once
+from tests.replay.kept_replays import kept_replays, replays_anew
+from tests.replay.made_evidence import Made, write_evidence
 from tests.replay.sledge import MACHINE, Payscope, Said, sledge
 
 
@@ -70,7 +71,7 @@ def log(tmp_path: Path) -> Path:
 @pytest.fixture(scope="session")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     with kept_replays():
-        return Made(tmp_path_factory.mktemp("evidence"))
+        return Made(make_folder_once(tmp_path_factory.getbasetemp() / "evidence", write_evidence))
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +85,13 @@ def without_pdf() -> Iterator[None]:
 @pytest.fixture(scope="module", name="kept_replays")
 def kept_replays_of_module() -> Iterator[None]:
     with kept_replays():
+        yield
+
+
+@pytest.fixture
+def not_kept() -> Iterator[None]:
+    """Replays of a test whose stages are the statement, where others of the module are kept."""
+    with replays_anew():
         yield
 
 

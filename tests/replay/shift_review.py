@@ -1,13 +1,13 @@
 """A short simulated shift for the tests of its review: logs, a machine file, the truth."""
 
 import json
-from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from analysis.simulation import Scenario
 from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate_scenario
+from tests.made_once import make_value_once
 
 SCENARIO = Scenario.model_validate(
     {
@@ -45,9 +45,8 @@ HOSTILE = "<script>alert(1)</script>"
 _SHIPPED = Path(__file__).resolve().parents[2] / "replay/machines/cat262c.toml"
 
 
-@cache
-def _simulated_files() -> dict[str, bytes]:
-    """The logs and the truth by their names, simulated once a worker."""
+def _simulate_files() -> dict[str, bytes]:
+    """The logs and the truth by their names."""
     with TemporaryDirectory(prefix="shift-") as place:
         simulate_scenario(SCENARIO, Path(place, "shift.mcap"))
         return {path.name: path.read_bytes() for path in Path(place).iterdir()}
@@ -55,7 +54,7 @@ def _simulated_files() -> dict[str, bytes]:
 
 def shift_folder(folder: Path) -> tuple[list[Path], Path, dict[str, Any]]:
     """The logs, the machine file and what is true."""
-    for name, data in _simulated_files().items():
+    for name, data in make_value_once("the shift that is reviewed", _simulate_files).items():
         (folder / name).write_bytes(data)
     machine = folder / "yard.toml"
     shipped = _SHIPPED.read_text(encoding="utf-8")

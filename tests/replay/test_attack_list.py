@@ -11,6 +11,8 @@ from tests.replay.attack_list import ATTACKS, Attack
 from tests.replay.made_evidence import Made
 from tests.replay.sledge import Payscope
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 #: Where a signature may be there that holds, by whomever.
 SIGNED_ANEW = ("signature", "own key", "chain")
 

@@ -14,6 +14,9 @@ from replay.machines.machine_file import time_axis_of_machine
 from tests.replay.logs.damaged import chunks, overwrite
 from tests.replay.logs.written_logs import Joints, write_mcap
 from tests.replay.sledge import MACHINE, Payscope, one_line, sledge
+from tests.twins import mark_slow_after
+
+pytestmark = pytest.mark.usefixtures("kept_replays")
 
 
 @pytest.fixture(scope="module")
@@ -45,22 +48,26 @@ def test_on_a_narrow_screen_a_wide_frame_stands_in_parts() -> None:
 
 
 class TestShow:
+    # a stage in one of the formats in turn, and each in every one
+    @pytest.mark.parametrize("turns", mark_slow_after(1, [1, 3]))
     def test_lists_the_stages_and_prints_each_of_them_in_each_format(
-        self, payscope: Payscope, recording: Path, tmp_path: Path
+        self, payscope: Payscope, recording: Path, tmp_path: Path, turns: int
     ) -> None:
         run = read_recording(recording)
         listed = json.loads(payscope("show", recording, "--format", "json").out)
         assert list(listed) == list(run.frames)
-        for stage, frame in run.frames.items():
-            assert payscope("show", recording, stage).status == 0
-            as_json = json.loads(payscope("show", recording, stage, "--format", "json").out)
-            assert len(as_json) == frame.height
-            parquet = tmp_path / "stage.parquet"
-            said = payscope(
-                "show", recording, stage, "--format", "parquet", "-o", parquet, "--force"
-            )
-            assert said.status == 0
-            assert pl.read_parquet(parquet).equals(frame)
+        for place, (stage, frame) in enumerate(run.frames.items()):
+            formats = [("text", "json", "parquet")[(place + turn) % 3] for turn in range(turns)]
+            if "text" in formats:
+                assert payscope("show", recording, stage).status == 0
+            if "json" in formats:
+                as_json = json.loads(payscope("show", recording, stage, "--format", "json").out)
+                assert len(as_json) == frame.height
+            if "parquet" in formats:
+                parquet = tmp_path / "stage.parquet"
+                words = ("--format", "parquet", "-o", parquet, "--force")
+                assert payscope("show", recording, stage, *words).status == 0
+                assert pl.read_parquet(parquet).equals(frame)
 
     def test_the_suffix_of_the_output_says_the_format(
         self, payscope: Payscope, recording: Path, tmp_path: Path
@@ -169,7 +176,10 @@ class TestInit:
         assert answer["mass_kg"]["pooled"] == pytest.approx(120.0, rel=0.02)
 
     @pytest.mark.parametrize(
-        "name", ["logs/linear_axis.bag", "logs/linear_axis_ros2", "logs/linear_axis.csv"]
+        "name",
+        mark_slow_after(
+            2, ["logs/linear_axis.bag", "logs/linear_axis.csv", "logs/linear_axis_ros2"]
+        ),
     )
     def test_the_linear_axis_runs_from_its_first_machine_file(
         self, payscope: Payscope, data: Path, tmp_path: Path, name: str

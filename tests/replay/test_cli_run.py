@@ -20,6 +20,8 @@ from replay.runs.run_logs import STEPS
 from tests.analysis.plane_drives import NOISE, arcs, sensors, spins, starts
 from tests.replay.sledge import Payscope, one_line, sledge
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 
 class TestRun:
     def test_prints_the_answer_and_writes_the_recording(
@@ -188,6 +190,7 @@ class TestRun:
         print_answer(Answer((row,), [], [], [], [], 0.1, Verdict()), verbose=1)
         assert "120.00  " in capsys.readouterr().out
 
+    @pytest.mark.usefixtures("not_kept")
     def test_timing_splits_the_seconds_by_stage(
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
@@ -210,6 +213,7 @@ class TestRun:
         assert float(total[1]) >= 0.0
         assert float(total[2]) >= 1.0
 
+    @pytest.mark.usefixtures("not_kept")
     def test_the_bar_is_as_long_as_a_replay_with_its_recording_has_stages(
         self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
     ) -> None:

@@ -27,6 +27,8 @@ from recordings.signatures.keyring import Keyring
 from recordings.signatures.signing import read_public_key
 from tests.replay.made_evidence import Made
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 TAMPERED = BundleOutcome.TAMPERED
 #: Of each file, so many flips go through the whole of `verify`.
 WHOLE = 20

@@ -29,7 +29,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize(
     "words",
-    [[], ["gate"], ["gate", "--format", "csv"], ["gate", "--format", "json"]],
+    mark_slow_after(2, [[], ["gate", "--format", "csv"], ["gate"], ["gate", "--format", "json"]]),
     ids=lambda words: " ".join(words) or "stages",
 )
 def test_a_reader_that_closes_the_pipe_is_no_fault(recording: Path, words: list[str]) -> None:
@@ -44,7 +44,7 @@ def test_a_reader_that_closes_the_pipe_is_no_fault(recording: Path, words: list[
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
-@pytest.mark.parametrize("words", [["gate", "--format", "csv"], ["masses"], []])
+@pytest.mark.parametrize("words", mark_slow_after(2, [["gate", "--format", "csv"], [], ["masses"]]))
 def test_a_full_disk_behind_stdout_is_one_line(recording: Path, words: list[str]) -> None:
     with Path("/dev/full").open("w") as full:
         left = subprocess.run(
@@ -86,7 +86,7 @@ def test_a_disk_that_fills_up_under_a_recording_is_one_line_and_leaves_nothing(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="files have no limit there")
-@pytest.mark.parametrize("suffix", [".csv", ".json", ".parquet"])
+@pytest.mark.parametrize("suffix", mark_slow_after(2, [".csv", ".parquet", ".json"]))
 def test_a_disk_that_fills_up_under_a_table_is_one_line_and_leaves_nothing(
     recording: Path, tmp_path: Path, suffix: str
 ) -> None:

@@ -9,6 +9,7 @@ import pytest
 from benchmarks.real_faults import FAULTS, trial
 from replay import load_machine, open_log, run
 from replay.machines.machine_file import time_axis_of_machine
+from tests.twins import mark_slow_after
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -57,10 +58,8 @@ class TestLinearAxis:
 INJECTED = (
     ("force times {:g}", -1.0, 1, True),
     ("position times {:g}", -1.0, 1, True),
-    ("force {:g} ms late", 5.0, 1, False),
     # mended, a force by the place could be, and the uncertainty would grow
     ("force {:g} ms late", 20.0, 1, False),
-    ("force {:g} ms early", 10.0, 1, False),
     ("force {:g} ms early", 40.0, 1, False),
     ("force times {:g}", 0.001, 2, False),
     ("position times {:g}", 1000.0, 1, False),
@@ -71,13 +70,20 @@ INJECTED = (
     ("force in steps of {:g} N", 10.0, 1, False),
     ("position in steps of {:g} m", 1e-3, 1, False),
     ("clock jumps by {:g} ms", 20.0, 1, False),
+    # a smaller size of what is above
+    ("force {:g} ms late", 5.0, 1, False),
+    ("force {:g} ms early", 10.0, 1, False),
 )
+#: Sizes of the same fault that `make slow` has as well.
+SMALLER = 2
 
 
 class TestFaultsPutIntoTheLinearAxis:
     """A small twin of the table in docs/explaining.md."""
 
-    @pytest.mark.parametrize(("name", "size", "place", "mends"), INJECTED)
+    @pytest.mark.parametrize(
+        ("name", "size", "place", "mends"), mark_slow_after(len(INJECTED) - SMALLER, INJECTED)
+    )
     def test_it_is_named_and_mended_where_a_machine_file_can(
         self, data: Path, name: str, size: float, place: int, mends: bool
     ) -> None:

@@ -1,7 +1,9 @@
 """The main job on logs of our own and of others: what can be weighed, and what must be refused."""
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import product
 from pathlib import Path
+from typing import ClassVar
 
 import polars as pl
 import pytest
@@ -12,6 +14,7 @@ from analysis.model.run_record import Run
 from analysis.stages.estimation.masses import summarise_masses
 from replay import load_machine, open_log, run
 from replay.machines.machine_file import time_axis_of_machine
+from tests.twins import mark_slow_after
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 REFERENCE_KG = 95.11
@@ -59,8 +62,11 @@ class TestLinearAxis:
         ("linear_axis_ros2", "linear_axis_ros.toml"),
     )
 
-    @pytest.mark.parametrize("coulomb", ["true", "false"])
-    @pytest.mark.parametrize(("log", "machine_file"), LOGS)
+    # with the friction, the three formats give the same mass (below)
+    @pytest.mark.parametrize(
+        ("coulomb", "log", "machine_file"),
+        mark_slow_after(4, [("true", *log) for log in LOGS] + [("false", *log) for log in LOGS]),
+    )
     def test_pooled_mass_is_within_two_percent(
         self, replay: Replay, data: Path, log: str, machine_file: str, coulomb: str
     ) -> None:
@@ -97,7 +103,7 @@ class TestLinearAxis:
         assert found["friction_x_N_s_m"] == pytest.approx(REFERENCE_N_S_M, rel=0.05)
         assert found["coulomb_x_N"] == pytest.approx(20.4, abs=1.5)
 
-    @pytest.mark.parametrize("window", [100, 200], ids=["1 s", "2 s"])
+    @pytest.mark.parametrize("window", mark_slow_after(1, [100, 200]), ids=["1 s", "2 s"])
     def test_with_the_file_as_shipped_windows_with_braking_are_within_six_percent_of_the_reference(
         self, replay: Replay, data: Path, window: int
     ) -> None:
@@ -116,8 +122,16 @@ class TestLinearAxis:
             relative = [masses.quantile(q) / REFERENCE_KG - 1.0 for q in (0.1, 0.9)]
             assert max(map(abs, relative)) < 0.06, method
 
-    @pytest.mark.parametrize("coulomb", ["true", "false"])
-    @pytest.mark.parametrize("window", [100, 200, 320])
+    @pytest.mark.parametrize(
+        ("window", "coulomb"),
+        mark_slow_after(
+            3,
+            [
+                *((320, "true"), (320, "false"), (100, "true")),
+                *((100, "false"), (200, "true"), (200, "false")),
+            ],
+        ),
+    )
     def test_the_reference_is_within_2_2_standard_deviations_of_the_pooled_mass(
         self, replay: Replay, data: Path, window: int, coulomb: str
     ) -> None:
@@ -191,31 +205,36 @@ def failed_checks(replayed: Run) -> set[str]:
     return set(replayed.frames["verdict"].filter(~pl.col("passed").fill_null(True))["check"])
 
 
+STRAIGHT = "settings.phases.turning_rate_rad_s=10.0"
+
+
 class TestHusky:
     """Unsigned motor currents and an IMU that shows a fraction of the motion: no answer in it."""
 
-    @pytest.mark.parametrize("log", ["husky_asphalt.bag", "husky_asphalt_ros2"])
+    #: What is asked of the machine files, by its name.
+    ASKED: ClassVar = {
+        "as shipped": (),
+        "turns taken as straight": (STRAIGHT,),
+        "turns taken as straight and the gate wide open": (
+            *(STRAIGHT, "settings.gate.threshold_nat=0.05"),
+        ),
+        "turns taken as straight and braking as driving": (
+            *(STRAIGHT, "settings.gate.exclude_braking=false"),
+        ),
+    }
+
     @pytest.mark.parametrize("machine_file", ["husky_imu.toml", "husky_wheels.toml"])
     @pytest.mark.parametrize(
-        "overrides",
+        ("log", "asked"),
         [
-            pytest.param((), id="as shipped"),
-            pytest.param(
-                ("settings.phases.turning_rate_rad_s=10.0",), id="turns taken as straight"
-            ),
-            pytest.param(
-                ("settings.phases.turning_rate_rad_s=10.0", "settings.gate.threshold_nat=0.05"),
-                id="turns taken as straight and the gate wide open",
-            ),
-            pytest.param(
-                ("settings.phases.turning_rate_rad_s=10.0", "settings.gate.exclude_braking=false"),
-                id="turns taken as straight and braking as driving",
-            ),
+            *product(["husky_asphalt.bag"], ASKED),
+            *mark_slow_after(1, product(["husky_asphalt_ros2"], ASKED)),
         ],
     )
     def test_the_mass_is_withheld_by_general_checks(
-        self, replay: Replay, data: Path, log: str, machine_file: str, overrides: tuple[str, ...]
+        self, replay: Replay, data: Path, log: str, machine_file: str, asked: str
     ) -> None:
+        overrides = self.ASKED[asked]
         refused = replay(data / "logs" / log, machine_file, overrides)
         failed = failed_checks(refused)
         assert {"r_squared", "relative_std"} <= failed

@@ -38,6 +38,8 @@ from tests.replay.attacker import Bundle, key_files, sign_with_own_key, tampered
 from tests.replay.made_evidence import Made, items
 from tests.replay.sledge import Payscope, one_line
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 PTB = "PTB Braunschweig, K-1.24"
 P = 2**255 - 19
 

@@ -36,6 +36,8 @@ from tests.replay.sledge import Payscope
 from tests.replay.sledge_campaign import campaign_folder
 from tests.replay.tamperings import edited_report, of_bytes
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 OTHER_VERSION, TAMPERED = BundleOutcome.OTHER_VERSION, BundleOutcome.TAMPERED
 
 

@@ -50,7 +50,7 @@ def summary(made: Run):
     return made.frames["shift"].row(0, named=True)
 
 
-@pytest.mark.parametrize("gain", [0.9, 1.1])
+@pytest.mark.parametrize("gain", mark_slow_after(1, [1.1, 0.9]))
 class TestAGainThatNoOneKnows:
     def test_leaves_payloads_as_they_are_with_a_ticket(self, gain: float):
         right = payloads(replayed(1.0, TICKET))

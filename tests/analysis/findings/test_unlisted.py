@@ -4,6 +4,7 @@ import pytest
 
 from benchmarks.unlisted_faults import try_fault
 from benchmarks.unlisted_rows import UNLISTED
+from tests.twins import mark_slow_after
 
 BY_NAME = {fault.name: fault for fault in UNLISTED}
 #: An even seed is driven by the simulator, an odd one by the independent plant.
@@ -38,11 +39,15 @@ def test_an_unlisted_fault_is_named_first_and_shows_no_wrong_mass(
 
 @pytest.mark.parametrize(
     "seed",
-    [
-        *(3_300_001, 3_300_002, 3_300_010),
-        pytest.param(3_320_181, id="both ways on a cross slope"),
-        pytest.param(3_320_017, id="sampled unevenly and stamped right"),
-    ],
+    mark_slow_after(
+        3,
+        [
+            3_300_001,
+            pytest.param(3_320_181, id="both ways on a cross slope"),
+            pytest.param(3_320_017, id="sampled unevenly and stamped right"),
+            *(3_300_002, 3_300_010),
+        ],
+    ),
 )
 def test_a_sound_machine_on_a_cross_slope_in_curves_has_no_finding(seed: int) -> None:
     found = try_fault(None, 0.0, seed)

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from analysis.model.prior_settings import PriorSettings
-from tests.analysis.weighing.weighed import FRICTION_N_S_M, RICH, Weighed, merged, weighed
+from tests.analysis.weighing.weighed import (
+    FRICTION_N_S_M,
+    RICH,
+    Weighed,
+    merged,
+    simulate_and_weigh,
+    weighed,
+)
 from tests.trials.situations import SITUATIONS
 
 BRAKING_AS_DRIVING = "settings.gate.exclude_braking=false"
@@ -193,5 +200,5 @@ class TestPriors:
 
 
 def test_the_same_log_has_the_same_answer():
-    first, again = clean(rich=True), weighed(RICH)
+    first, again = clean(rich=True), simulate_and_weigh(RICH)
     assert first.replayed.frames["loads"].equals(again.replayed.frames["loads"])

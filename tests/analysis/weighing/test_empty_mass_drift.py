@@ -15,6 +15,7 @@ from analysis.weighing.empty_mass_drift import (
     is_lightest_nearby,
 )
 from tests.analysis.weighing.weighed import RICH, Weighed, merged, weighed
+from tests.twins import mark_slow_after
 
 CHANGE_KG = 900.0
 SHIFT = merged(
@@ -28,7 +29,7 @@ def shift(drift_1: float) -> Weighed:
     return weighed(merged(SHIFT, {"defects": {"force_gain_drift": drift_1}}))
 
 
-@pytest.mark.parametrize("drift_1", [-0.08, 0.08])
+@pytest.mark.parametrize("drift_1", mark_slow_after(1, [-0.08, 0.08]))
 def test_a_gain_that_drifts_is_found_named_and_in_the_budget(drift_1: float) -> None:
     log = shift(drift_1)
     drift = estimate_empty_mass_drift(log.weighing.fit)
@@ -40,7 +41,7 @@ def test_a_gain_that_drifts_is_found_named_and_in_the_budget(drift_1: float) -> 
     assert (log.causes["drifted_gain"] or 0.0) > 0.5 * abs(drift.change_1) * log.true_kg
 
 
-@pytest.mark.parametrize("drift_1", [-0.08, 0.08])
+@pytest.mark.parametrize("drift_1", mark_slow_after(1, [-0.08, 0.08]))
 def test_payloads_under_a_drifting_gain_are_differences_to_the_empty_machine_nearby(
     drift_1: float,
 ) -> None:

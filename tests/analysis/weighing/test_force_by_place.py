@@ -9,10 +9,11 @@ from replay.logs import TimeAxis
 from tests.analysis.other_machine_logs import replayed
 from tests.analysis.without_bucket import arm
 from tests.trials.other_machines import electric_car, rack
+from tests.twins import mark_slow_after
 
 
 #: Racks whose springs take a mass of 13 to 41 % less where the fit has none.
-@pytest.mark.parametrize("seed", [101, 102, 104, 106])
+@pytest.mark.parametrize("seed", mark_slow_after(1, [101, 102, 104, 106]))
 def test_a_rack_is_weighed_beside_its_spring(seed: int, tmp_path: Path) -> None:
     scenario = rack(seed)
     made = replayed(scenario, tmp_path)
@@ -23,7 +24,7 @@ def test_a_rack_is_weighed_beside_its_spring(seed: int, tmp_path: Path) -> None:
     assert "place" in set(made.frames["budget"]["cause"])
 
 
-@pytest.mark.parametrize("seed", [0, 6, 10])
+@pytest.mark.parametrize("seed", mark_slow_after(1, [0, 6, 10]))
 def test_an_arm_whose_weight_pulls_by_its_place_has_one_load(seed: int, tmp_path: Path) -> None:
     drawn = arm(seed)
     path = tmp_path / "arm.parquet"

@@ -51,7 +51,7 @@ def findings(log: Weighed) -> dict[str, str]:
     return {row["cause"]: row["evidence"] for row in log.replayed.frames["findings"].to_dicts()}
 
 
-@pytest.mark.parametrize("by_1", mark_slow_after(2, [0.05, 0.02, 0.1]))
+@pytest.mark.parametrize("by_1", mark_slow_after(1, [0.05, 0.02, 0.1]))
 def test_a_constant_load_whose_force_has_another_gain_in_reverse_counts_no_cycle(
     by_1: float,
 ) -> None:

@@ -1,6 +1,7 @@
 """Simulated logs, weighed: nine starts without load unless the scenario says otherwise."""
 
-from collections.abc import Callable, Mapping
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -15,6 +16,7 @@ from analysis.weighing.weigh import Weighing, weigh
 from replay import load_machine
 from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
 from replay.pipeline import run
+from tests.made_once import make_value_once
 
 TRUE_KG = 3614.0
 FRICTION_N_S_M = 2891.0
@@ -94,7 +96,7 @@ def weighed(
     body: dict[str, Any] | None = None,
     changed: Callable[[Mapping[str, pl.DataFrame]], dict[str, pl.DataFrame]] | None = None,
 ) -> Weighed:
-    """Simulate and replay.
+    """Simulate and replay; what is as it was simulated, once a session.
 
     Args:
         scenario: sections, over nine starts without load; a log a load, in one time line.
@@ -102,6 +104,19 @@ def weighed(
         body: what is known of the machine.
         changed: makes other topics of those simulated.
     """
+    if changed is None:
+        made_of = f"weighed {json.dumps([scenario, overrides, body], sort_keys=True)}"
+        return make_value_once(made_of, lambda: simulate_and_weigh(scenario, overrides, body, None))
+    return simulate_and_weigh(scenario, overrides, body, changed)
+
+
+def simulate_and_weigh(
+    scenario: dict[str, Any],
+    overrides: Sequence[str] = (),
+    body: dict[str, Any] | None = None,
+    changed: Callable[[Mapping[str, pl.DataFrame]], dict[str, pl.DataFrame]] | None = None,
+) -> Weighed:
+    """The same, whatever was made before."""
     logs = list(simulate_campaign(Scenario.model_validate(merged(RUNS, scenario))))
     body_of = logs[0].scenario.machine
     machine = load_machine("cat262c.toml", ['settings.trace.methods=["pooled", "ls"]', *overrides])

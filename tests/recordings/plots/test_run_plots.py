@@ -1,6 +1,7 @@
 """The one page: written whole, without warnings, for every kind of run."""
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from recordings import plot_run
 from recordings.plots.convergence_plot import draw_convergence
 from recordings.plots.run_plots import FIGURES, draw_run
 from recordings.report.report_limits import LIMITS
+from tests.twins import mark_slow_after
 
 DRAWN_S = (36.0, 60.0)
 SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
@@ -244,11 +246,13 @@ def test_a_run_without_a_calibration_has_no_third_part(drives):
     assert len(draw_run(drives(60.0, calibration=False)).subfigs) == 2
 
 
-@pytest.mark.parametrize("figure", FIGURES)
+#: Of the last, the page is drawn where no legend covers a panel.
+KINDS = ({}, {"accepted": False}, {"passed": False}, {"duration_s": 700.0})
+PAIRS = sorted(product(KINDS, FIGURES), key=lambda pair: pair == (KINDS[-1], "page"))
+
+
 @pytest.mark.parametrize(
-    "options",
-    [{}, {"accepted": False}, {"passed": False}, {"duration_s": 700.0}],
-    ids=lambda each: str(each),
+    ("options", "figure"), mark_slow_after(len(PAIRS) - 1, PAIRS), ids=lambda each: str(each)
 )
 def test_every_figure_draws_every_kind_of_run(drives, tmp_path: Path, figure: str, options: dict):
     run = drives(**{"duration_s": 60.0, **options})

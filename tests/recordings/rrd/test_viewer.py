@@ -16,6 +16,7 @@ from recordings.report import colours
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.viewer import run_headless_viewer, take_screenshots_of_recording
 from tests.recordings.conftest import METHODS
+from tests.twins import mark_slow_after
 from tests.viewer_needed import VIEWER
 
 #: Tabs of what these runs do not have; they have no cycles at all.
@@ -52,7 +53,7 @@ class TestViewer:
         assert min(sizes) > 20_000
         assert len({each.png.read_bytes() for each in drawn}) == len(drawn)
 
-    @pytest.mark.parametrize("tab", ["Estimates", "Calibration"])
+    @pytest.mark.parametrize("tab", mark_slow_after(1, ["Estimates", "Calibration"]))
     def test_each_of_five_methods_is_seen(self, drives, tmp_path: Path, tab: str):
         path = write_recording(drives(60.0), tmp_path / "shift.rrd")
         (shot,) = take_screenshots_of_recording(path, tmp_path, tab)

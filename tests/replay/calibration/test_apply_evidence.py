@@ -22,7 +22,7 @@ from replay.calibration.check_mass import KnownMassOnBoard, check_mass
 from replay.calibration.verify_bundle import verify_bundle
 from replay.machines.machine_file import load_machine
 from tests.replay.attacker import Bundle, key_files, tampered
-from tests.replay.kept_replays import forget_replays
+from tests.replay.kept_replays import replays_anew
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.sledge_campaign import campaign_folder
 
@@ -56,8 +56,8 @@ def test_evidence_has_what_its_logs_said_and_what_came_of_it(made: CalibrationOu
 
 
 def test_its_logs_are_replayed_twice_to_verify_it(folder: Path, made: CalibrationOutcome) -> None:
-    forget_replays()
-    assert not verify_bundle(made.folder, logs=folder).findings
+    with replays_anew():
+        assert not verify_bundle(made.folder, logs=folder).findings
 
 
 def test_evidence_that_counts_gain_as_a_common_error_is_replayed_as_it_was_made(

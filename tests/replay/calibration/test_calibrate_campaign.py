@@ -18,6 +18,7 @@ from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_
 from replay.calibration.check_mass import KnownMassOnBoard, check_mass
 from replay.calibration.verify_bundle import verify_bundle
 from tests.replay.attacker import key_files
+from tests.replay.kept_replays import replays_anew
 from tests.replay.sledge import Payscope, one_line, sledge
 from tests.replay.sledge_campaign import campaign_folder
 
@@ -189,8 +190,9 @@ def test_nothing_is_chained_to_tampered_evidence_or_another_machine(
 
 def test_evidence_is_checked_within_seconds_without_its_logs(made: CalibrationOutcome) -> None:
     verify_bundle(made.folder)
-    began = time.process_time()
-    verify_bundle(made.folder)
+    with replays_anew():
+        began = time.process_time()
+        verify_bundle(made.folder)
     assert time.process_time() - began < 1.5
 
 

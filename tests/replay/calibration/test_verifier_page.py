@@ -27,6 +27,8 @@ from tests.replay.released_evidence import FORMAT_2, FORMAT_3, unpacked
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.tamperings import TAMPERINGS, in_evidence
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 #: α, β, c0, … of two programs that iterate to their own last digit.
 TOLERANCE = 1e-6
 RESULTS = ("α", "β", "valid for", "expanded uncertainty")

@@ -24,6 +24,7 @@ from tests.replay.fewer_rights import obeying_modes, of_another_user, readable_f
 from tests.replay.made_evidence import Made, items
 from tests.replay.sledge_campaign import campaign_folder
 from tests.replay.tamperings import TAMPERINGS
+from tests.twins import mark_slow_after
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
 
@@ -110,8 +111,11 @@ def test_with_its_logs_every_reading_is_replayed(made: Made, tmp_path: Path) -> 
     assert "logs: load-2.csv" in items(found)
 
 
-def test_readings_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_path: Path) -> None:
+def test_readings_that_the_logs_do_not_give_are_irreproducible(
+    made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Even where whoever holds the key made the fit of them."""
+    monkeypatch.setitem(sys.modules, "weasyprint", None)  # no PDF
     private, public = made.private, made.public
     forged = campaign_folder(tmp_path / "campaign")
     table = pl.read_csv(forged.parent / "load-2.csv")
@@ -160,7 +164,10 @@ def verified_elsewhere(
 
 
 @pytest.mark.parametrize(
-    "variables", [{"TZ": "Pacific/Apia", "LC_ALL": "tr_TR.UTF-8"}, {"LC_ALL": "C", "TZ": "UTC"}]
+    "variables",
+    mark_slow_after(
+        1, [{"TZ": "Pacific/Apia", "LC_ALL": "tr_TR.UTF-8"}, {"LC_ALL": "C", "TZ": "UTC"}]
+    ),
 )
 def test_it_verifies_in_another_folder_time_zone_and_locale(
     made: Made, tmp_path: Path, variables: dict[str, str]

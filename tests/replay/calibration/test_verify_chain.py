@@ -17,6 +17,8 @@ from tests.replay.attacker import Bundle, sign_with, sign_with_own_key, tampered
 from tests.replay.made_evidence import Made, items
 from tests.replay.sledge import Payscope
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 TAMPERED, INCOMPLETE = BundleOutcome.TAMPERED, BundleOutcome.INCOMPLETE
 
 

@@ -7,7 +7,10 @@ import polars as pl
 import pytest
 
 from recordings import read_recording
+from tests.replay.kept_replays import replays_anew
 from tests.replay.sledge import Payscope, Said, one_line, sledge
+
+pytestmark = pytest.mark.usefixtures("kept_replays")
 
 THRESHOLD = "settings.gate.threshold_nat=1.0"
 
@@ -38,7 +41,8 @@ def parts(said: Said) -> list[str]:
 
 
 def test_two_replays_with_the_same_settings_are_equal(payscope: Payscope, recorded) -> None:
-    said = payscope("compare", recorded("a.rrd"), recorded("again.rrd"))
+    with replays_anew():
+        said = payscope("compare", recorded("a.rrd"), recorded("again.rrd"))
     assert said.status == 0, said
     assert said.out.splitlines()[-1].startswith("Equal: ")
     assert parts(said) == []

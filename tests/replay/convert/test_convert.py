@@ -23,7 +23,6 @@ from replay.logs import expand_log_folders
 from replay.logs.converted import DESCRIPTION
 from replay.simulation.simulate_logs import simulate_scenario
 from tests.one_line import assert_one_line
-from tests.own_logs import make
 from tests.replay.logs.written_logs import Joints, write_bag, write_mcap
 from tests.replay.sledge import Payscope, one_line
 
@@ -31,9 +30,8 @@ START_NS = 1_700_000_000_000_000_000
 
 
 @pytest.fixture(scope="module")
-def own_logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    folder = make(tmp_path_factory.mktemp("own") / "made")
-    return sorted([*folder.glob("logs/*"), *folder.glob("bags/*")])
+def own_logs(own_data: Path) -> list[Path]:
+    return sorted([*own_data.glob("logs/*"), *own_data.glob("bags/*")])
 
 
 def joints(count: int, topic: str = "/joints") -> list[Joints]:

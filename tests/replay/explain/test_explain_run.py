@@ -14,6 +14,8 @@ from recordings.rrd.viewer import viewer_executable
 from replay.explain.proposal_edits import Proposal, insert_proposals
 from tests.replay.sledge import MACHINE, Payscope, one_line
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 LATE = MACHINE.replace('field = "force_N"', 'field = "force_N"  # of the motor\ndelay_s = 0.05')
 
 FLIPPED = MACHINE.replace(

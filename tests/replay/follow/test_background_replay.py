@@ -36,6 +36,7 @@ from replay.follow.report_file import (
 from replay.simulation.simulate_logs import simulate_scenario
 from tests.replay.follow.recorders import Recording, bag_recorder, csv_recorder, mcap_recorder
 from tests.replay.sledge import MACHINE, Payscope, sledge
+from tests.twins import mark_slow_after
 
 REPO = Path(__file__).resolve().parents[3]
 THREE_STARTS = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": 3}})
@@ -92,6 +93,13 @@ def replays_of(out: str) -> list[dict[str, Any]]:
     return [report for report in reports if report["event"] == "replay"]
 
 
+def replays_in(reports: Path) -> list[dict[str, Any]]:
+    """As a topic has them."""
+    with reports.open("rb") as file:
+        messages = make_reader(file).iter_messages([REPLAY_TOPIC])
+        return [json.loads(each.data) for *_, each in messages]
+
+
 def children_of(process: int) -> list[int]:
     return [
         int(word) for word in Path(f"/proc/{process}/task/{process}/children").read_text().split()
@@ -124,13 +132,13 @@ def assert_no_number_without_validity(report: dict[str, Any]) -> None:
 
 
 # a log of messages and a table; a bag is another log of messages
-@pytest.mark.parametrize("suffix", [".mcap", ".csv", ".bag"])
+@pytest.mark.parametrize("suffix", mark_slow_after(2, [".mcap", ".csv", ".bag"]))
 def test_the_last_replay_of_a_recorded_log_is_what_run_says(
     suffix: str, logs: dict[str, Path], tmp_path: Path, payscope: Payscope
 ) -> None:
     target = tmp_path / f"growing{suffix}"
     with Recording(RECORDERS[suffix](logs[suffix], target), target):
-        following = started(target, "--idle-s", "5", "--replay-share", "1")
+        following = started(target, "--idle-s", "5", "--replay-share", "0.5")
         out, err = following.communicate()
     assert following.returncode == 0, err
     *before, last = replays_of(out)
@@ -149,7 +157,9 @@ def test_the_last_replay_of_a_recorded_log_is_what_run_says(
     assert last["loads"][0]["mass_kg"] is not None
 
 
-def test_load_states_are_there_while_the_log_grows(logs: dict[str, Path], tmp_path: Path) -> None:
+def test_load_states_are_there_while_the_log_grows(
+    logs: dict[str, Path], tmp_path: Path, payscope: Payscope
+) -> None:
     """Half of a log, of which no more comes for now; then the rest."""
     data = logs[".mcap"].read_bytes()
     target = tmp_path / "growing.mcap"
@@ -167,22 +177,21 @@ def test_load_states_are_there_while_the_log_grows(logs: dict[str, Path], tmp_pa
     assert last["is_whole"]
     assert last["t_s"] > first["t_s"] + 5.0
     assert last["loads"][0]["manoeuvres"] > first["loads"][0]["manoeuvres"]
-    with Path("mass.mcap").open("rb") as file:
-        topic = [json.loads(m.data) for *_, m in make_reader(file).iter_messages([REPLAY_TOPIC])]
-    assert topic == replays_of(early + out)
-    again = started(target, "--reports", "mass.mcap")
-    assert again.communicate()[0] == "", "what is on disc is not said again"
+    assert replays_in(Path("mass.mcap")) == replays_of(early + out)
+    again = payscope("follow", target, "-m", "cat262c.toml", "--json", "--reports", "mass.mcap")
+    assert again.out == "", "what is on disc is not said again"
 
 
 def test_a_log_that_cannot_weigh_names_the_check_that_withholds(payscope: Payscope) -> None:
     table = sledge()
     table.with_columns(force_N=-table["force_N"]).write_csv("inverted.csv")
     words = ("follow", "inverted.csv", "-m", "sledge.toml", "--idle-s", "0.2")
-    last = replays_of(payscope(*words, "--json").out)[-1]
+    said = payscope(*words, "--reports", "mass.mcap")
+    last = replays_in(Path("mass.mcap"))[-1]
     assert last["validity"] == "withheld"
     assert "force_sign" in last["withheld_by"]
     assert_no_number_without_validity(last)
-    assert "no mass, withheld by force_sign" in payscope(*words).out
+    assert "no mass, withheld by force_sign" in said.out
 
 
 def test_a_replay_is_told_with_its_age_and_loads_with_their_validity() -> None:

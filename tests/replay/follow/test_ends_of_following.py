@@ -15,6 +15,8 @@ from replay.follow.follow_logs import Following, MachineFileChange, follow_logs
 from tests.replay.sledge import MACHINE, Payscope, sledge
 
 IDLE_S = 0.3
+#: Of replays in the background nothing is said here.
+FOLLOW = ("follow", "drive.csv", "-m", "sledge.toml", "--replay-share", "0")
 NOISE = [f"settings.noise.{each}" for each in ("force_N=1.0", "acc_m_s2=0.01", "speed_m_s=0.001")]
 
 
@@ -81,7 +83,7 @@ def test_half_a_line_of_a_table_that_is_recorded_is_no_row_after_ctrl_c(
     Path("drive.csv").write_bytes(data[:-7])
     after_rows(monkeypatch, 1000, interrupt)
     words = [word for each in NOISE for word in ("--set", each)]
-    said = payscope("follow", "drive.csv", "-m", "sledge.toml", *words, "-o", "out.rrd")
+    said = payscope(*FOLLOW, *words, "-o", "out.rrd")
     assert said.status == 0, said.err
     assert "interrupted: " in said.err
     assert "differ" not in said.err
@@ -91,7 +93,7 @@ def test_half_a_line_of_a_table_that_is_recorded_is_no_row_after_ctrl_c(
 def test_one_run_has_one_machine_file(monkeypatch: pytest.MonkeyPatch, payscope: Payscope) -> None:
     other = MACHINE.replace("empty_mass_kg = 100.0", "empty_mass_kg = 50.0")
     after_rows(monkeypatch, 1000, lambda: void(Path("sledge.toml").write_text(other)))
-    words = ("follow", "drive.csv", "-m", "sledge.toml", "--idle-s", IDLE_S, "-o", "out.rrd")
+    words = (*FOLLOW, "--idle-s", IDLE_S, "-o", "out.rrd")
     said = payscope(*words, "--json")
     assert said.status == 0, said.err
     assert said.err.count("sledge.toml: has changed") == 1
@@ -146,7 +148,7 @@ def test_a_log_that_is_lost_leaves_what_was_recorded(
 ) -> None:
     """It is not replaced by the replay of what is left of the log."""
     after_rows(monkeypatch, 1000, lambda: spoil(Path("drive.csv"), becomes))
-    words = ("follow", "drive.csv", "-m", "sledge.toml", "--idle-s", IDLE_S, "-o", "out.rrd")
+    words = (*FOLLOW, "--idle-s", IDLE_S, "-o", "out.rrd")
     said = payscope(*words)
     assert said.status == 2
     assert "whole log" not in said.out

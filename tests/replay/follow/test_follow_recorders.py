@@ -231,11 +231,14 @@ def test_holes_of_a_log_are_as_in_the_replay(logs: dict[str, Path], tmp_path: Pa
 
 @pytest.mark.parametrize(
     ("log", "machine_file"),
-    [
-        ("linear_axis.csv", "linear_axis.toml"),
-        ("linear_axis.bag", "linear_axis_ros.toml"),
-        ("husky_asphalt.bag", "husky_imu.toml"),
-    ],
+    mark_slow_after(
+        2,
+        [
+            ("linear_axis.csv", "linear_axis.toml"),
+            ("husky_asphalt.bag", "husky_imu.toml"),
+            ("linear_axis.bag", "linear_axis_ros.toml"),
+        ],
+    ),
 )
 def test_logs_of_others_are_followed_as_replayed(
     shared_data: Path, tmp_path: Path, log: str, machine_file: str

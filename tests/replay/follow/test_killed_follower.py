@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, TextIO
@@ -39,6 +39,9 @@ NOISE = [
 #: Seconds between two looks of a slow recorder: it writes for half a minute.
 SLOW_S = 0.06
 MACHINE = ("-m", "cat262c.toml", *NOISE)
+#: Replays in the background are the statement of `test_background_replay.py`, and beside a kill of
+#: that by ctrl-C; here each would take longer than what is followed.
+ALONE = (*MACHINE, "--replay-share", "0")
 
 
 @pytest.fixture(scope="module")
@@ -58,12 +61,13 @@ def _in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def started(
     log: str,
     *words: str,
+    machine: Sequence[str] = ALONE,
     limit: Callable[[], None] | None = None,
     out: TextIO | int = subprocess.PIPE,
 ) -> subprocess.Popen[str]:
     """`payscope follow` in a process of its own."""
     return subprocess.Popen(
-        [sys.executable, "-P", str(REPO / "payscope.py"), "follow", log, *MACHINE, *words],
+        [sys.executable, "-P", str(REPO / "payscope.py"), "follow", log, *machine, *words],
         stdout=out,
         stderr=subprocess.PIPE,
         text=True,
@@ -140,7 +144,7 @@ def assert_goes_on(
     assert resumed
     assert "gate: " in err
     assert "differ" not in err
-    whole = payscope("follow", log, *MACHINE, "--json")
+    whole = payscope("follow", log, *ALONE, "--json")
     reference = printed_reports(whole.out)
     assert reports_of(Path("mass.mcap")) == reference
     # a kill between disc and line costs the line
@@ -178,7 +182,7 @@ def test_after_ctrl_c_a_log_that_has_grown_is_followed_on(
     data = sources[".mcap"].read_bytes()
     target = tmp_path / "drive.mcap"
     target.write_bytes(data[: 2 * len(data) // 3])
-    first = started("drive.mcap", "-o", "out.rrd", "--json", "--idle-s", "60")
+    first = started(*("drive.mcap", "-o", "out.rrd", "--json", "--idle-s", "60"), machine=MACHINE)
     assert first.stdout is not None
     for line in first.stdout:
         if json.loads(line)["t_s"] > 15:
@@ -189,10 +193,10 @@ def test_after_ctrl_c_a_log_that_has_grown_is_followed_on(
     assert "interrupted" in err
     assert not is_unfinished_recording(Path("out.rrd"))
     until_s = json.loads(out.splitlines()[-1])["t_s"]
-    refused = payscope("follow", "drive.mcap", *MACHINE, "-o", "out.rrd")
+    refused = payscope("follow", "drive.mcap", *ALONE, "-o", "out.rrd")
     assert "exists already" in refused.err, "nothing has come since"
     target.write_bytes(data)
-    again = payscope("follow", "drive.mcap", *MACHINE, "-o", "out.rrd", "--json")
+    again = payscope("follow", "drive.mcap", *ALONE, "-o", "out.rrd", "--json")
     assert again.status == 0, again.err
     assert "without repeating what is on disc" in again.err
     assert "differ" not in again.err
@@ -207,7 +211,7 @@ def test_a_recording_of_another_log_or_of_other_settings_is_not_continued(
     (tmp_path / "drive.mcap").write_bytes(sources[".mcap"].read_bytes()[:-200_000])
     kill_at("drive.mcap", 5.0)
     for words in (["--set", "settings.gate.threshold_nat=0.5"], ["--set", "machine.name=other"]):
-        said = payscope("follow", "drive.mcap", *MACHINE, *words, "-o", "out.rrd")
+        said = payscope("follow", "drive.mcap", *ALONE, *words, "-o", "out.rrd")
         assert said.status == 2
         assert "out.rrd: follows drive.mcap" in said.err
         assert said.error is not None
@@ -227,7 +231,7 @@ def test_a_recording_cut_anywhere_goes_on_behind_its_last_whole_second(
     rows = rows_of_cut(data, end.size)
     assert rows[-1] == end.until_ns
     (tmp_path / "drive.mcap").write_bytes(sources[".mcap"].read_bytes())
-    said = payscope("follow", "drive.mcap", *MACHINE, "-o", "out.rrd", "--json")
+    said = payscope("follow", "drive.mcap", *ALONE, "-o", "out.rrd", "--json")
     assert said.status == 0
     assert "differ" not in said.err
     assert min(json.loads(line)["t_s"] for line in said.out.splitlines()) > end.until_ns / 1e9
@@ -259,7 +263,7 @@ def test_a_disc_that_fills_ends_the_outputs_and_not_the_following(
     data = Path("out.rrd").read_bytes()
     assert 300_000 < len(data) == [*iter_whole_messages(data)][-1].end
     rows = rows_of(Path("out.rrd"))
-    again = payscope("follow", "drive.mcap", *MACHINE, "-o", "out.rrd", "--json")
+    again = payscope("follow", "drive.mcap", *ALONE, "-o", "out.rrd", "--json")
     assert again.status == 0, again.err
     assert min(json.loads(line)["unix_ns"] for line in again.out.splitlines()) > 0
     assert json.loads(again.out.splitlines()[0])["t_s"] > rows[-1] / 1e9
@@ -279,7 +283,7 @@ def test_reports_that_do_not_fit_are_given_up_whole(
     out, err = process.communicate()
     assert process.returncode == 0
     assert len([line for line in err.splitlines() if "not continued" in line]) == 1
-    rest = payscope("follow", "drive.mcap", *MACHINE, "--reports", "mass.mcap", "--json").out
+    rest = payscope("follow", "drive.mcap", *ALONE, "--reports", "mass.mcap", "--json").out
     everything = printed_reports(out)
     assert reports_of(Path("mass.mcap")) == everything
     assert 0 < len(printed_reports(rest)) < len(everything)
@@ -293,7 +297,7 @@ def test_a_recorder_that_is_killed_loses_its_torn_chunk_and_the_next_file_goes_o
     data = sources[".mcap"].read_bytes()
     (folder / "shift_0.mcap").write_bytes(data[: len(data) // 2])
     (folder / "shift_1.mcap").write_bytes(later(tmp_path).read_bytes())
-    said = payscope("follow", "shift", *MACHINE, "--json", "--idle-s", "0.3")
+    said = payscope("follow", "shift", *ALONE, "--json", "--idle-s", "0.3")
     assert said.status == 0
     torn = [line for line in said.err.splitlines() if "ends inside a record" in line]
     assert len(torn) == 1
@@ -313,7 +317,7 @@ def test_a_clock_that_is_set_costs_no_row_twice(
     (folder / "shift_0.mcap").write_bytes(sources[".mcap"].read_bytes())
     after = later(tmp_path, 27.0 + step_s)
     (folder / "shift_1.mcap").write_bytes(after.read_bytes())
-    said = payscope("follow", "shift", *MACHINE, "--json", "--idle-s", "0.3")
+    said = payscope("follow", "shift", *ALONE, "--json", "--idle-s", "0.3")
     assert said.status == 0
     seconds = [
         r["unix_ns"] for r in map(json.loads, said.out.splitlines()) if r["event"] == "second"

@@ -26,6 +26,8 @@ from tests.replay.follow.test_killed_follower import printed_reports
 from tests.replay.sledge import Payscope
 
 REPO = Path(__file__).resolve().parents[3]
+#: Of replays in the background nothing is said here; `test_background_replay.py` does.
+ALONE = ("--replay-share", "0")
 TWO_STARTS = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": 2}})
 
 
@@ -56,7 +58,9 @@ def test_the_example_weighs_in_a_loop(capsys: pytest.CaptureFixture[str]) -> Non
 
 @pytest.mark.usefixtures("demo")
 def test_json_lines_give_no_number_without_validity(payscope: Payscope) -> None:
-    said = payscope("follow", "demo/campaign_150kg.bag", "-m", "demo/cat262c.toml", "--json")
+    said = payscope(
+        *("follow", "demo/campaign_150kg.bag", "-m", "demo/cat262c.toml", "--json"), *ALONE
+    )
     assert said.status == 0
     reports = printed_reports(said.out)
     assert [report["event"] for report in reports].count("manoeuvre") == 2
@@ -83,7 +87,7 @@ def test_reports_are_a_topic_that_others_read(payscope: Payscope) -> None:
         frame = log.read("/payscope/mass", ["validity", "mass_kg", "age_s", "manoeuvres"])
     assert frame["mass_kg"].to_list() == [report["mass_kg"] for report in printed]
     assert frame["validity"].to_list() == [report["validity"] for report in printed]
-    again = payscope("follow", *words, "--reports", "mass.mcap")
+    again = payscope("follow", *words, *ALONE, "--reports", "mass.mcap")
     assert (again.status, again.out) == (0, "")
     assert "without repeating what is on disc" in again.err
     with Path("mass.mcap").open("rb") as file:
@@ -113,7 +117,7 @@ def test_the_topic_of_a_follower_that_was_killed_has_every_report(tmp_path: Path
 
 @pytest.mark.usefixtures("demo")
 def test_a_mass_grows_old(payscope: Payscope) -> None:
-    words = ("-m", "demo/cat262c.toml", "--json", "--valid-s", "1")
+    words = ("-m", "demo/cat262c.toml", "--json", "--valid-s", "1", *ALONE)
     said = payscope("follow", "demo/campaign_150kg.bag", *words)
     last = printed_reports(said.out)[-1]
     assert last["validity"] == "old"
@@ -181,7 +185,7 @@ def test_the_recording_is_the_causal_replays_and_agrees(payscope: Payscope) -> N
     noise = ("force_N=60", "acc_m_s2=0.01", "speed_m_s=0.005")
     words = [word for each in noise for word in ("--set", f"settings.noise.{each}")]
     bag = "demo/campaign_150kg.bag"
-    said = payscope("follow", bag, "-m", "demo/cat262c.toml", *words, "-o", "followed.rrd")
+    said = payscope("follow", bag, "-m", "demo/cat262c.toml", *words, *ALONE, "-o", "followed.rrd")
     assert said.status == 0
     agreed = [line for line in said.err.splitlines() if "bit for bit" in line]
     assert [line.partition(":")[0] for line in agreed] == [
@@ -196,7 +200,7 @@ def test_the_recording_is_the_causal_replays_and_agrees(payscope: Payscope) -> N
 def test_json_lines_go_to_stdout_also_where_a_panel_is_drawn() -> None:
     """On a terminal, `follow --json > FILE` draws on stderr and writes lines into the file."""
     master, terminal = pty.openpty()
-    words = ["follow", "demo/campaign_150kg.bag", "-m", "demo/cat262c.toml", "--json"]
+    words = ["follow", "demo/campaign_150kg.bag", "-m", "demo/cat262c.toml", "--json", *ALONE]
     with subprocess.Popen(
         [sys.executable, "-P", str(REPO / "payscope.py"), *words],
         stdout=subprocess.PIPE,

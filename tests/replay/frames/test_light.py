@@ -13,7 +13,6 @@ import pytest
 from estimators import interpreted
 from estimators.errors import LogError
 from replay import open_log
-from tests.own_logs import make
 from tests.replay.logs.conftest import write_log  # noqa: F401 - a fixture
 from tests.replay.logs.written_logs import Joints, write_bag, write_mcap
 
@@ -74,10 +73,10 @@ def assert_alike(compiled: list[Any], by_python: list[Any], path: Path) -> None:
 
 
 def test_both_ways_give_the_same_rows_and_losses_of_every_log(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    own_data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    logs = make(tmp_path / "made")
-    for path in sorted([*logs.glob("bags/*"), *sorted(logs.glob("mcap_conformance/*"))[::6]]):
+    conformance = sorted(own_data.glob("mcap_conformance/*"))[::6]
+    for path in sorted([*own_data.glob("bags/*"), *conformance]):
         assert_alike(*both_ways(path, monkeypatch), path)
 
 

@@ -15,7 +15,6 @@ from estimators.errors import LogError
 from replay import open_log
 from replay.frames.scan import log_paths_and_is_pattern
 from replay.logs.blocks.block import Block
-from tests.own_logs import make
 from tests.replay.logs.conftest import write_log  # noqa: F401 - a fixture
 from tests.replay.logs.written_logs import Joints, write_bag, write_mcap
 
@@ -25,9 +24,8 @@ STEP_NS = 10_000_000
 
 
 @pytest.fixture(scope="module")
-def own_logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    folder = make(tmp_path_factory.mktemp("own") / "made").parent / "made"
-    return sorted([*folder.glob("logs/*"), *folder.glob("bags/*")])
+def own_logs(own_data: Path) -> list[Path]:
+    return sorted([*own_data.glob("logs/*"), *own_data.glob("bags/*")])
 
 
 def joints(count: int, topic: str = "/joints", start_ns: int = START_NS) -> list[Joints]:

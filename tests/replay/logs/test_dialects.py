@@ -7,13 +7,12 @@ import pytest
 
 from analysis.model.physical_units import pint_name_of_unit
 from benchmarks.dialects.dialect_file import DRIVE, RATE_HZ, DialectFile
-from benchmarks.dialects.every_file import every_file
+from benchmarks.dialects.every_file import SETS, readable_files_of_set
 from estimators.errors import LogError
 from replay.commands.common_options import time_axis_from_options
 from replay.logs import open_log
 from tests.one_line import assert_one_line
 
-FILES = every_file()
 #: What is lost or moved in them is declared.
 DECLARED = (
     "Siemens S7 data log: UTC Time to the second, //END",
@@ -34,8 +33,17 @@ def written(tmp_path: Path, file: DialectFile) -> Path:
     return path
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
-def test_a_dialect_is_read_as_it_was_driven(tmp_path: Path, file: DialectFile) -> None:
+@pytest.mark.parametrize("name", SETS)
+def test_a_dialect_is_read_as_it_was_driven(
+    tmp_path: Path, name: str, subtests: pytest.Subtests
+) -> None:
+    """A set in one test: it is written where it is read, and not by each worker."""
+    for file in readable_files_of_set(name):
+        with subtests.test(file.name):
+            assert_read_as_driven(tmp_path, file)
+
+
+def assert_read_as_driven(tmp_path: Path, file: DialectFile) -> None:
     path = written(tmp_path, file)
     if file.keys and not file.name.startswith(ASKED_BY_THE_DRAFT):
         with pytest.raises(LogError, match=r"\[log\]") as asked:

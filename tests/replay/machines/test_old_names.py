@@ -15,6 +15,8 @@ from replay.machines.machine_file import load_machine
 from replay.machines.old_names import OLD_NAMES, OldNameWarning, migrate_file, migrate_text
 from tests.replay.sledge import MACHINE, Payscope, one_line
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 OLD = MACHINE.replace("[settings.forces]\n", "[settings]  # of 2025\n# by the wheels\n")
 assert "[settings]" in OLD
 

@@ -8,6 +8,8 @@ from recordings.plots.run_plots import FIGURES
 from replay.commands.plot import FigureName
 from tests.replay.sledge import Payscope, one_line
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 
 @pytest.fixture
 def recording(payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path) -> Path:

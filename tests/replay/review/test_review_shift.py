@@ -22,7 +22,10 @@ from recordings import read_frame
 from recordings.review.review_state import RECORDING, STATE
 from replay.review.review_shift import ReviewOptions, review_shift
 from replay.review.write_review import ShiftReview
+from tests.replay.kept_replays import replays_anew
 from tests.replay.shift_review import SCENARIO, shift_folder, verdict
+
+pytestmark = pytest.mark.usefixtures("kept_replays")
 
 OUTPUTS = {
     *("ledger.csv", "ledger.parquet", "ledger.xlsx", "ledger_table.csv"),
@@ -200,7 +203,8 @@ def test_a_review_that_is_killed_leaves_no_half_file_and_the_next_gives_the_same
         assert shown <= OUTPUTS
         if STATE in shown:
             json.loads((folder / STATE).read_text(encoding="utf-8"))
-    again = review_shift(logs, machine, folder, ReviewOptions())
+    with replays_anew():
+        again = review_shift(logs, machine, folder, ReviewOptions())
     assert again.ledger.equals(reviewed.ledger)
     assert not list(folder.glob(".payscope-*"))
 
@@ -226,6 +230,7 @@ def test_ten_reviews_that_are_killed_at_any_moment_leave_no_half_file(
             left.kill()
         shown = {each.name for each in folder.iterdir() if not each.name.startswith(".")}
         assert shown <= OUTPUTS
-        again = review_shift(logs, machine, folder, ReviewOptions())
+        with replays_anew():
+            again = review_shift(logs, machine, folder, ReviewOptions())
         assert again.ledger.equals(reviewed.ledger)
         assert not list(folder.glob(".payscope-*"))

@@ -1,5 +1,6 @@
 """A reviewer's questions, each answered on the page with two clicks at most."""
 
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -8,6 +9,7 @@ import pytest
 from replay.review.give_verdicts import GivenVerdicts, recount_review
 from replay.review.review_shift import ReviewOptions, review_shift
 from tests.replay.shift_review import shift_folder
+from tests.twins import mark_slow_after
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
 
@@ -62,8 +64,21 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made.folder / "review.html"
 
 
-@pytest.mark.parametrize("opened", [(1280, "light"), (380, "dark")], indirect=True)
-@pytest.mark.parametrize("question", QUESTIONS, ids=lambda question: question.asked)
+DESK, PHONE = (1280, "light"), (380, "dark")
+#: Of a phone, what is clicked and typed; to scroll shows it the rest of the page.
+ASKED = sorted(
+    product(QUESTIONS, (DESK, PHONE)),
+    key=lambda asked: asked[1] == PHONE and not asked[0].clicks,
+)
+SOON = len(QUESTIONS) + sum(bool(question.clicks) for question in QUESTIONS)
+
+
+@pytest.mark.parametrize(
+    ("question", "opened"),
+    mark_slow_after(SOON, ASKED),
+    indirect=["opened"],
+    ids=lambda each: each.asked if isinstance(each, Question) else f"{each[0]}",
+)
 def test_it_is_answered(opened: Any, question: Question) -> None:
     assert len(question.clicks) <= MOST_CLICKS
     for place in question.clicks:
