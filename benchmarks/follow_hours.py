@@ -21,8 +21,8 @@ from analysis.online.growing_log import causal_machine
 from analysis.simulation import Scenario
 from benchmarks.follow_live import NOISE
 from benchmarks.page import markdown
-from estimators.interpreted import compile_at_once
-from estimators.threads import one_blas_thread
+from estimators.interpreted import force_compilation
+from estimators.threads import limit_blas_to_one_thread
 from replay import load_machine, open_log
 from replay.follow.agreement import FollowedDigests
 from replay.inputs.channel_inputs import channel_fields
@@ -49,10 +49,10 @@ def resident_mb() -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
-@one_blas_thread()
+@limit_blas_to_one_thread()
 def main(hours: float = 8.0, rate: float = 20.0) -> None:
     rows: list[list[str]] = []
-    with TemporaryDirectory() as name, compile_at_once():
+    with TemporaryDirectory() as name, force_compilation():
         machine = load_machine("cat262c.toml", [*NOISE, f"settings.align.rate_hz={rate}"])
         window = round(machine.settings.gate.window_samples * rate / 100.0)
         changed = machine.settings.with_changes({"gate.window_samples": window})

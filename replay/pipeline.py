@@ -7,7 +7,7 @@ from typing import Final
 import polars as pl
 
 from analysis.cycles.cycles import weigh_cycles
-from analysis.cycles.shift_totals import sum_shift
+from analysis.cycles.shift_totals import make_shift_totals
 from analysis.diagnosis import (
     CheckInputs,
     collect_raw_signals,
@@ -20,7 +20,7 @@ from analysis.findings import (
     FindingInputs,
     add_masked_findings,
     cut_to_first_hour,
-    drop_findings_of_work,
+    drop_findings_explained_by_work,
     find_causes,
 )
 from analysis.model.loss import Loss
@@ -67,9 +67,9 @@ from analysis.stages.signals.speed_threshold import (
     speed_threshold_notes,
 )
 from analysis.stages.signals.timestamps import assign_timestamps
-from analysis.weighing.empty_mass_datum import weighbridge_ticket_notes
+from analysis.weighing.empty_mass_datum import note_outdated_weighbridge_ticket
 from analysis.weighing.fuel_on_board import FuelOnBoard
-from analysis.weighing.learnt_means import make_learnt_mean_responses
+from analysis.weighing.learnt_means import make_learnt_mean_frames
 from analysis.weighing.load_frames import (
     find_load_change_rows,
     make_load_frame,
@@ -78,7 +78,7 @@ from analysis.weighing.load_frames import (
 from analysis.weighing.nuisance_frames import make_budget_frame, make_nuisance_frame
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
-from estimators.threads import one_blas_thread, release_freed_memory
+from estimators.threads import limit_blas_to_one_thread, release_freed_memory
 from replay.inputs.channel_inputs import (
     channel_fields,
     frames_by_raw_name,
@@ -157,7 +157,7 @@ class _Stages:
     notes: list[str]
 
 
-@one_blas_thread()  # or the last bits depend on the number of cores
+@limit_blas_to_one_thread()  # or the last bits depend on the number of cores
 def run(
     logs: Log | Sequence[Log], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
 ) -> Run:
@@ -212,13 +212,15 @@ def run(
             "planar_budget": plane_budget,
             **answer,
             "cycles": hauled.cycles,
-            "shift": sum_shift(hauled.cycles, excitation, seen.frames["aligned"], hauled.scale),
+            "shift": make_shift_totals(
+                hauled.cycles, excitation, seen.frames["aligned"], hauled.scale
+            ),
             "nuisances": make_nuisance_frame(weighing),
-            **make_learnt_mean_responses(weighing, machine, answer["loads"], hauled.sums),
+            **make_learnt_mean_frames(weighing, machine, answer["loads"], hauled.sums),
             "budget": make_budget_frame(weighing, machine),
             "masses": withhold_masses(seen.totals, opinion, seen.contradicted),
             "verdict": judged,
-            "findings": drop_findings_of_work(causes, hauled.cycles),
+            "findings": drop_findings_explained_by_work(causes, hauled.cycles),
         },
         provenance=make_provenance(
             logs,
@@ -233,7 +235,9 @@ def run(
                 *order_note(time_line_offsets_ns(logs, channel_fields(machine))),
                 *chosen,
                 *seen.notes,
-                *weighbridge_ticket_notes(machine.machine, seen.case.check_inputs.t0_unix_ns),
+                *note_outdated_weighbridge_ticket(
+                    machine.machine, seen.case.check_inputs.t0_unix_ns
+                ),
                 *why,
             ],
         ),

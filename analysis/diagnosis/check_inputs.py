@@ -27,8 +27,8 @@ from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import combined_u
 from analysis.stages.estimation import fit_quality
 from analysis.stages.motion.phases import yaw_speeding_sign
-from analysis.weighing.empty_mass_datum import names_of_factors_without_u
-from analysis.weighing.mass_budget import budget_of_mass
+from analysis.weighing.empty_mass_datum import factor_names_without_uncertainty
+from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from estimators.arrays import Bools, Floats
@@ -197,7 +197,7 @@ class CheckInputs:
     @cached_property
     def position_dependent_force(self) -> Floats | None:
         """Position-dependent force of the joint fit, such as a spring, (n,) in N; None without."""
-        return None if self.weighing is None else self.weighing.fit.position_dependent_force
+        return None if self.weighing is None else self.weighing.fit.force_by_position
 
     @cached_property
     def empty_mass(self) -> EmptyMassDifference | None:
@@ -259,21 +259,21 @@ def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMass
         return None
     fit = weighing.fit
     lightest = int(np.argmin(fit.masses_kg))
-    sources = budget_of_mass(weighing, machine, fit.weights_of_state(lightest))
+    sources = make_mass_budget(weighing, machine, fit.weights_of_state(lightest))
     mass_kg = float(fit.masses_kg[lightest])
-    unknown = bool(names_of_factors_without_u(sources))
+    unknown = bool(factor_names_without_uncertainty(sources))
     scale_kg = WEIGHING_LIMITS.unknown_scale_u * abs(mass_kg) if unknown else 0.0
     u_kg = float(np.linalg.norm([combined_u(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
     if not np.isfinite([mass_kg, u_kg]).all() or u_kg == 0.0:
         return None
     # the lightest of several is light by chance as well
-    by_chance_kg = combined_u(sources, "random") * float(np.sqrt(2.0 * np.log(fit.count)))
+    by_chance_kg = combined_u(sources, "random") * float(np.sqrt(2.0 * np.log(fit.mass_count)))
     named = machine.settings.loads.empty_from_s is not None
     return EmptyMassDifference(
         mass_kg + by_chance_kg - body.rotating_mass_kg,
         body.empty_mass_kg,
         u_kg,
         not unknown,
-        named or fit.count > 1,
+        named or fit.mass_count > 1,
         machine,
     )

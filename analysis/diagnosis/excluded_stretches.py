@@ -122,7 +122,7 @@ def _stretches_of_failing_checks(
 def mark_weighed_samples(weighing: Weighing) -> Bools:
     """Samples of the fit and of manoeuvres whose load appears to change, (n,)."""
     motion = weighing.fit.motion
-    return motion.used | np.isin(motion.unit, [each.unit for each in weighing.growing])
+    return motion.is_fittable | np.isin(motion.unit, [each.unit for each in weighing.growing])
 
 
 def mass_shift_in_u(all_samples: Weighing, without: Weighing | None) -> float:

@@ -52,7 +52,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
         if not np.isfinite(mass_kg):
             continue
         difference_kg = mass_kg - fit.mass_kg
-        if fit.count > 1 or not np.isfinite(std_kg):
+        if fit.mass_count > 1 or not np.isfinite(std_kg):
             out.append(Disagreement(method, np.inf, contradicted=True))
             continue
         deviations = difference_kg / float(np.hypot(std_kg, fit.u_kg))
@@ -107,7 +107,7 @@ def main_load_relative_u(inputs: CheckInputs, _: AxisMotion) -> float:
     weighing = inputs.weighing
     if weighing is None:
         return np.nan
-    return relative_mass_uncertainty(weighing, inputs.machine, weighing.fit.main_state)
+    return relative_mass_uncertainty(weighing, inputs.machine, weighing.fit.most_frequent_state)
 
 
 def is_answer_expected(inputs: CheckInputs, _: AxisMotion) -> bool:
@@ -120,15 +120,15 @@ def _reason_for_no_answer(inputs: CheckInputs, _: AxisMotion) -> str:
 
 
 def _name_farthest_term(inputs: CheckInputs, _: AxisMotion) -> str:
-    widths = {} if inputs.weighing is None else inputs.weighing.own_fit.distances_from_priors
+    widths = {} if inputs.weighing is None else inputs.weighing.own_fit.prior_deviations_by_term
     return max(widths, key=widths.__getitem__, default="")
 
 
 def _friction_t_value(weighing: Weighing) -> float:
     """Viscous friction over its standard deviation; at least 0 if friction may fall so far."""
     fit = weighing.fit
-    value, std = fit.friction
-    share = value * fit.motion.largest_speed / fit.motion.largest_force
+    value, std = fit.viscous_friction_and_std
+    share = value * fit.motion.speed_95_percent / fit.motion.force_95_percent
     return value / std if share < -WEIGHING_LIMITS.falling_friction_1 else max(value / std, 0.0)
 
 
@@ -147,7 +147,7 @@ def _mass_shift_by_other_motion_in_u(inputs: CheckInputs, _: AxisMotion) -> floa
     """Mass change if wheels and accelerometer swap roles, in u."""
     weighing = inputs.weighing
     other = None if weighing is None else weighing.other_motion
-    return None if other is None else other.mass_shift_in_u
+    return None if other is None else other.mass_shift_over_u
 
 
 def _describe_other_motion(inputs: CheckInputs, _: AxisMotion) -> str:
@@ -156,7 +156,9 @@ def _describe_other_motion(inputs: CheckInputs, _: AxisMotion) -> str:
         return ""
     one = "wheels" if weighing.fit.motion.by_accelerometer else "accelerometer"
     other = weighing.other_motion
-    return f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.mass_shift_in_u:.1f} u"
+    return (
+        f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.mass_shift_over_u:.1f} u"
+    )
 
 
 def _count_contradicted_methods(inputs: CheckInputs, _: AxisMotion) -> float:
@@ -212,7 +214,9 @@ FIT_CHECKS: Final = (
     CheckRow(
         "term_beyond_prior",
         "mass",
-        _make_weighing_value(lambda weighing: max(weighing.own_fit.distances_from_priors.values())),
+        _make_weighing_value(
+            lambda weighing: max(weighing.own_fit.prior_deviations_by_term.values())
+        ),
         "term farthest from its prior, in prior standard deviations; above the limit it "
         "absorbs a model error",
         maximum="beyond_prior_max",
@@ -223,7 +227,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "filling",
         "mass",
-        _make_weighing_value(lambda weighing: weighing.filling.evidence),
+        _make_weighing_value(lambda weighing: weighing.filling.significance),
         "evidence for a load that grows during every start, in standard deviations; 0 where it "
         "moves neither a mass nor the mean payload by its uncertainty",
         maximum="filling_max",
@@ -342,7 +346,7 @@ FIT_CHECKS: Final = (
         applies=lambda inputs, _: (
             inputs.totals is not None
             and inputs.weighing is not None
-            and inputs.weighing.fit.count == 1
+            and inputs.weighing.fit.mass_count == 1
         ),
         consequence="method",
         remedy="none: those methods have no nuisance terms, and are not shown",

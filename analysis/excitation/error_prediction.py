@@ -106,7 +106,9 @@ class Filters:
             apply_filter_without_ends(each, self.mean) for each in raw
         )
         turn = apply_filter_without_ends(raw.yaw_rate_rad_s, self.difference)
-        return planar_rows.regressor(s_x, s_y, speed, yaw_rate, turn), np.stack([force, torque], -1)
+        return planar_rows.make_planar_regressor(s_x, s_y, speed, yaw_rate, turn), np.stack(
+            [force, torque], -1
+        )
 
 
 def apply_filter_without_ends(channel: Floats, weights: Floats) -> Floats:

@@ -26,7 +26,7 @@ from analysis.simulation.scenario.manoeuvres import Excite, Rest
 from analysis.simulation.scenario.waveforms import ForceWave, Shape, TorqueWave
 from estimators.errors import DataError
 from estimators.planar import planar_rows
-from estimators.planar.identifiability import identify
+from estimators.planar.identifiability import find_identifiable_parameters
 
 Axis: TypeAlias = Literal["force", "torque"]
 Ways: TypeAlias = Literal["one way", "both ways"]
@@ -350,7 +350,7 @@ def score_waveform(
 
 def determined_parameter_count(driven: Channels) -> int:
     """Number of the six parameters that a noise-free motion determines."""
-    A = planar_rows.regressor(
+    A = planar_rows.make_planar_regressor(
         driven.specific_force_x_m_s2,
         driven.specific_force_y_m_s2,
         driven.speed_x_m_s,
@@ -358,4 +358,6 @@ def determined_parameter_count(driven: Channels) -> int:
         driven.yaw_acc_rad_s2,
     )
     solved = _SOLVED_TO * np.sqrt(np.mean(A**2, axis=(0, 1)))
-    return identify(A, planar_rows.PARAMETERS, np.maximum(solved, np.finfo(float).tiny)).rank
+    return find_identifiable_parameters(
+        A, planar_rows.PARAMETERS, np.maximum(solved, np.finfo(float).tiny)
+    ).rank

@@ -12,7 +12,7 @@ from analysis.model.schema import column_values
 from analysis.model.settings import Settings
 from analysis.stages.noise.column_noise import ColumnNoise
 from estimators.arrays import Bools, Floats
-from estimators.planar.identifiability import identify
+from estimators.planar.identifiability import find_identifiable_parameters
 
 #: The parameters of the x row, with a constant force beside them.
 _MASS, _FRICTION, _COULOMB, _CONSTANT = (
@@ -70,13 +70,18 @@ def find_determined_parameters(
         return None
     # neighbours share the moving mean: what lies between says nothing more
     A = A[:: max(min(settings.smooth.samples, samples // LIMITS.determined_min_rows), 1)]
-    found = identify(A, _NAMES, std)
+    found = find_identifiable_parameters(A, _NAMES, std)
     named = [name for name, alone in zip(_NAMES, found.identifiable, strict=True) if alone]
-    joined = [name for row in found.combinations for name, c in zip(_NAMES, row, strict=True) if c]
+    joined = [
+        name
+        for row in found.find_determined_combinations
+        for name, c in zip(_NAMES, row, strict=True)
+        if c
+    ]
     return DeterminedParameters(
         samples=samples,
         alone=tuple(named),
-        combinations=tuple(found.combination_texts()),
+        combinations=tuple(found.format_combinations()),
         lost=tuple(name for name in _NAMES if name not in (*named, *joined)),
         trade_offs=find_trade_offs(A),
     )

@@ -93,7 +93,7 @@ def straight_regressor_and_force(
     accelerometer's 9.81 m/s² in a_z.
     """
     direction = column_values(excitation, "direction_x_1") if settings.forces.coulomb else None
-    A = planar_rows.straight_regressor(
+    A = planar_rows.make_straight_regressor(
         column_values(excitation, "regressor_acc_x_m_s2"),
         column_values(excitation, "speed_x_m_s"),
         direction,
@@ -103,7 +103,7 @@ def straight_regressor_and_force(
 
 def spin_regressor_and_torque(excitation: pl.DataFrame) -> tuple[Floats, Floats]:
     """A (rows, 2) and τ (rows,) of the yaw row of (8); NaN if a sample is missing."""
-    A = planar_rows.spin_regressor(
+    A = planar_rows.make_spin_regressor(
         column_values(excitation, "yaw_acc_rad_s2"), column_values(excitation, "yaw_rate_rad_s")
     )
     return np.ascontiguousarray(A), column_values(excitation, "torque_z_N_m")

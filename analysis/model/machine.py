@@ -24,7 +24,7 @@ from analysis.model.model_limits import LIMITS
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.model.settings import Settings
 from analysis.model.strict_config import STRICT
-from estimators.errors import nearest
+from estimators.errors import suggest_choice
 
 # TOML can write nan and inf, which are no scale, delay or length
 _DERIVATIVE = re.compile(r"d/dt\s+(\w+)")
@@ -193,7 +193,7 @@ class Machine(BaseModel):
                 if source not in self.channels and channel.expression is not None:
                     raise ValueError(
                         f"channels.{name}: '{source}' is neither a channel nor a key of [machine]; "
-                        f"{nearest(source, (*self.channels, *BODY_NUMBERS))}"
+                        f"{suggest_choice(source, (*self.channels, *BODY_NUMBERS))}"
                     )
         # what arithmetic alone needs has a name of its own: current_A
         known |= {
@@ -204,7 +204,7 @@ class Machine(BaseModel):
         }
         for name, channel in self.channels.items():
             if name not in known:
-                raise ValueError(f"channels.{name}: no such column; {nearest(name, known)}")
+                raise ValueError(f"channels.{name}: no such column; {suggest_choice(name, known)}")
             if channel.angle_of and name != f"{channel.angle_of[0]}_rad":
                 raise ValueError(f"channels.{name}: '{channel.derive}' does not compute {name}")
             for source in channel.direct_source_channels:

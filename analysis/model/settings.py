@@ -10,12 +10,12 @@ from analysis.model.methods import METHODS, MethodOptions
 from analysis.model.prior_settings import PriorSettings
 from analysis.model.strict_config import STRICT
 from analysis.model.verdict_limits import VerdictLimits
-from estimators.errors import nearest
+from estimators.errors import suggest_choice
 
 
 def _check_method(name: str) -> str:
     if name not in METHODS:
-        raise ValueError(f"no method '{name}'; {nearest(name, METHODS)}")
+        raise ValueError(f"no method '{name}'; {suggest_choice(name, METHODS)}")
     return name
 
 

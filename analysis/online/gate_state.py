@@ -22,7 +22,7 @@ from analysis.stages.gating.gate_rules import (
 )
 from analysis.stages.motion.phases import TURNS, speed_rate_span_rows, yaw_speeding_sign
 from estimators.arrays import Bools, Floats, Ints
-from estimators.methods.incremental import WindowState, window_statistics
+from estimators.methods.incremental import WindowState, compute_gate_statistics
 from estimators.methods.ls import WindowStatistics
 from estimators.numerics import nearest_neighbours
 
@@ -145,7 +145,7 @@ def step_gate(
     complete = now.row >= samples - 1 and not holds["gap"][0]
 
     def estimate_window_information(_: Ints) -> Floats:
-        return nearest_neighbours.window_mutual_information(
+        return nearest_neighbours.estimate_window_mutual_information(
             window.z[0].copy(),
             window.z[-1].copy(),
             samples,
@@ -155,7 +155,7 @@ def step_gate(
 
     decided = decide_windows(
         now.axis,
-        window_statistics(window, noise) if complete else _INCOMPLETE,
+        compute_gate_statistics(window, noise) if complete else _INCOMPLETE,
         np.array([now.first_whole is None or now.row < now.first_whole + samples - 1]),
         holds,
         estimate_window_information,

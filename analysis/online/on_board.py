@@ -183,9 +183,9 @@ def _start_axes(state: OnlineState, row: Mapping[str, Any]) -> tuple[AxisState, 
                 settings,
                 axis,
                 collect_axis_noise(axis, settings, state.noise),
-                incremental.start_window(parameters, window),
+                incremental.make_empty_window(parameters, window),
                 start_gate(axis, settings),
-                incremental.start_pool(parameters),
+                incremental.make_empty_pool(parameters),
                 (-1,) * window,
                 (False,) * window,
             )
@@ -197,7 +197,7 @@ def _step_axis(state: AxisState, row: Mapping[str, Any]) -> tuple[AxisState, Axi
     settings = state.settings
     names = regressor_columns(state.axis, settings)
     sample = np.array([cell_as_float(row.get(name)) for name in names])
-    window = incremental.step_window(state.window, sample)
+    window = incremental.advance_window(state.window, sample)
     gate_row, gate = step_gate(state.gate, window, row, settings, state.noise.mean)
     state = replace(
         state,
@@ -332,7 +332,7 @@ def pool_sample(state: AxisState, pending: PendingSample) -> AxisState:
 
 
 def _start_empty_pool(state: AxisState) -> AxisState:
-    return replace(state, pool=incremental.start_pool(len(state.window.z) - 1), pooled_id=-1)
+    return replace(state, pool=incremental.make_empty_pool(len(state.window.z) - 1), pooled_id=-1)
 
 
 def _pooled_estimates(state: AxisState) -> Mapping[str, TimedEstimate]:

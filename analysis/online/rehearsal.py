@@ -13,7 +13,7 @@ import polars as pl
 from analysis.model.settings import Settings
 from analysis.online.on_board import finish, start, step
 from analysis.online.online_limits import LIMITS
-from estimators.interpreted import compile_at_once
+from estimators.interpreted import force_compilation
 
 
 def rehearse(settings: Settings, noise: pl.DataFrame | None = None) -> None:
@@ -23,7 +23,7 @@ def rehearse(settings: Settings, noise: pl.DataFrame | None = None) -> None:
         settings: settings of the follower.
         noise: noise of the follower.
     """
-    with compile_at_once():
+    with force_compilation():
         state = start(settings, noise)
         for row in rehearsal_rows(settings):
             state = step(state, row).state

@@ -7,7 +7,7 @@ from typing import Final
 import polars as pl
 
 from analysis.calibration.campaign.by_method import calibrate_methods
-from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs
+from analysis.calibration.campaign.method_errors import compute_start_errors
 from analysis.paper import printed_numbers
 from analysis.paper.confidence_intervals import mean_intervals
 from analysis.paper.paper_limits import LIMITS
@@ -56,7 +56,7 @@ def masses_by_method_and_load(campaign: ReplayedCampaign) -> pl.DataFrame:
         fitted to all loads) and `rms_left_out_kg` (line fitted without that load).
     """
     estimates = campaign.estimate_by_method_and_trial()
-    errors = calibrated_errors_of_runs(estimates).group_by("method", "load_kg").agg(
+    errors = compute_start_errors(estimates).group_by("method", "load_kg").agg(
         rms_kg=(pl.col("error_kg") ** 2).mean().sqrt(),
         rms_left_out_kg=(pl.col("error_left_out_kg") ** 2).mean().sqrt(),
     )  # fmt: skip

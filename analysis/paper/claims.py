@@ -11,7 +11,7 @@ from typing import Any, Final, Literal, TypeAlias
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs
+from analysis.calibration.campaign.method_errors import compute_start_errors
 from analysis.model.settings import Settings
 from analysis.paper import printed_numbers
 from analysis.paper.campaign_tables import OVER_WINDOWS, WINDOW
@@ -92,7 +92,7 @@ def errors_for_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
         for how in without
     }
     return pl.concat(
-        calibrated_errors_of_runs(masses)
+        compute_start_errors(masses)
         .group_by("method", maintain_order=True)
         .agg(
             pl.lit(how).alias("fed"),

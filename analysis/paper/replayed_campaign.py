@@ -11,8 +11,8 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.campaign.by_method import calibrate_methods
-from analysis.calibration.campaign.campaign_readings import masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs, rms_errors
+from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
+from analysis.calibration.campaign.method_errors import compute_rms_errors, compute_start_errors
 from analysis.model.run_record import Run
 from analysis.model.settings import Settings
 from analysis.paper.cramer_rao import equation_noise, mass_bounds_kg
@@ -47,7 +47,7 @@ class ReplayedCampaign:
 
     def estimate_by_method_and_trial(self) -> pl.DataFrame:
         """One mass per method and trial."""
-        return masses_by_method_and_run(self.replayed, self.trials)
+        return average_masses_by_method_and_run(self.replayed, self.trials)
 
 
 def replay_with_gate(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
@@ -82,12 +82,12 @@ def calibrated_mass_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
         and `run_left_out_kg` of single trials, `mean_kg` and `mean_left_out_kg` of load means.
     """
     estimates = campaign.estimate_by_method_and_trial()
-    single = calibrated_errors_of_runs(estimates).group_by("method", maintain_order=True).agg(
+    single = compute_start_errors(estimates).group_by("method", maintain_order=True).agg(
         pl.col("mass_kg").count().alias("runs"),
         (pl.col("error_kg") ** 2).mean().sqrt().alias("run_kg"),
         (pl.col("error_left_out_kg") ** 2).mean().sqrt().alias("run_left_out_kg"),
     )  # fmt: skip
-    means = rms_errors(calibrate_methods(estimates)).select(
+    means = compute_rms_errors(calibrate_methods(estimates)).select(
         "method", mean_kg="rmse_kg", mean_left_out_kg="rmse_left_out_kg"
     )
     return single.join(means, "method", "left", maintain_order="left")

@@ -123,10 +123,10 @@ def fit_arcs(
     # an arc is one stretch of the log
     rows = np.flatnonzero(steady)
     firsts, lasts = rows[begins[lasting]], rows[(begins + counts - 1)[lasting]]
-    known = Prior.around_zero({}, 2)
+    known = Prior.make_zero_mean({}, 2)
     for stage, told in zip(_STAGES, (verdict.can_weigh, verdict.can_tell_inertia), strict=True):
         if told:
-            known = known.joined_with(prior_from_axis(log, gated, start, *stage))
+            known = known.combine_with(prior_from_axis(log, gated, start, *stage))
     # a yaw torque counts once spins have vouched for it
     both = "friction_z_N_m_s" in known.names
     parts = [("arc", slice(first, last + 1)) for first, last in zip(firsts, lasts, strict=True)]
@@ -154,7 +154,7 @@ def prior_from_axis(
     columns: tuple[int, ...],
 ) -> Prior:
     """Prior for an arc by straight motion or spins, with the terms that only these have."""
-    nothing = Prior.around_zero({}, 2)
+    nothing = Prior.make_zero_mean({}, 2)
     if axis is Z and not log.plane.has_torque:
         return nothing
     used = mark_samples_to_pool(log.excitation, gated, log.machine.settings, axis)
@@ -188,7 +188,7 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
     start = base_parameters.fit(
         plane.motion, plane.f, PARAMETERS, of, noise=planar_noise(plane, used)
     ).coefficients
-    fitted = fit_in_rounds(log, of, start, Prior.around_zero({}, 2), _BOTH)
+    fitted = fit_in_rounds(log, of, start, Prior.make_zero_mean({}, 2), _BOTH)
     row = _make_fit_row("joint", log, used, fitted, ())
     estimate = fitted.estimate
     variance = np.var(plane.f, axis=0, where=used[:, None])
@@ -279,7 +279,9 @@ def fit_with_coefficients(
     regressor = Regressor.from_drive(drive.cut(part), of_columns, [term for term, _ in terms], rows)
     used, arm_y_m = segment_id >= 0, regressor.imu_position_m[1]
     noise = planar_noise(log.plane, used, arm_y_m)[rows][:, of_columns]
-    prior = prior_for_rows(known, rows, names).joined_with(Prior.around_zero(width, noise.shape[0]))
+    prior = prior_for_rows(known, rows, names).combine_with(
+        Prior.make_zero_mean(width, noise.shape[0])
+    )
     fitted = base_parameters.fit(
         regressor,
         log.plane.f[part, rows],
@@ -292,7 +294,7 @@ def fit_with_coefficients(
     names = prior.names
     for term, _ in terms:
         if term.least_u and term.name in width:
-            fitted = fitted.with_uncertainty_of(term.name, term.least_u)
+            fitted = fitted.add_parameter_uncertainty(term.name, term.least_u)
             names = (*names, term.name)
     return PlanarFit(fitted, names)
 
@@ -328,7 +330,7 @@ def _make_fit_row(
             for name, single in zip(found.parameters, found.identifiable, strict=True)
             if single
         ),
-        "combinations": "; ".join(found.combination_texts()),
+        "combinations": "; ".join(found.format_combinations()),
     }
 
     def u_of(gradient: Floats) -> float:

@@ -51,7 +51,7 @@ class PlanarSamples:
         """Slice of the samples, sharing their memory."""
         return PlanarSamples(
             t_ns=self.t_ns[part],
-            motion=self.motion.cut(part),
+            motion=self.motion.slice_samples(part),
             f=self.f[part],
             known=self.known[part],
             usable=self.usable[part],
@@ -82,7 +82,7 @@ def collect_planar_samples(
     )
     torque = column_values(excitation, "torque_z_N_m") if has_torque else zero
     f = np.column_stack([column_values(excitation, "force_x_N"), torque])
-    known = motion.complete_samples() & np.isfinite(f).all(axis=1)
+    known = motion.mark_complete_samples() & np.isfinite(f).all(axis=1)
     known &= phase.is_not_null().to_numpy()
     turning = phase.is_in(TURNS).fill_null(False).to_numpy()
     rate = column_values(excitation, "speed_rate_x_m_s2")
@@ -144,4 +144,6 @@ def planar_noise(plane: PlanarSamples, used: Bools, arm_y_m: float = 0.0) -> Flo
         acc = float(np.sqrt(max(acc**2 - (arm_y_m * yaw_acc) ** 2, 0.0)))
     # of ω v, or of an accelerometer, whichever is more
     sideways = float(np.hypot(speed_rms * yaw_rate, yaw_rate_rms * speed))
-    return planar_rows.column_noise(yaw_rate_rms, acc, max(acc, sideways), speed, yaw_rate, yaw_acc)
+    return planar_rows.compute_column_noise_rms(
+        yaw_rate_rms, acc, max(acc, sideways), speed, yaw_rate, yaw_acc
+    )

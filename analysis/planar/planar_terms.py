@@ -17,7 +17,7 @@ from analysis.model.prior_settings import PriorSettings
 from analysis.model.uncertainty_sources import IMU_POSITION, SCALES, Scale, has_torque_of_sides
 from analysis.planar.planar_limits import LIMITS
 from analysis.planar.planar_motion import PlanarDrive, TurningSamples
-from analysis.weighing.nuisances import constant_force_std, coulomb_std
+from analysis.weighing.nuisances import constant_force_prior_std, friction_force_prior_std
 from estimators.arrays import Floats
 
 #: Column of the force and of the yaw torque; None: nothing.
@@ -146,7 +146,7 @@ def _imu_y_mixture(drive: PlanarDrive) -> Mixture:
 
 
 def _coulomb_prior_std(drive: PlanarDrive, priors: PriorSettings) -> float:
-    return coulomb_std(drive.peak_force_N, drive.machine_weight, priors)
+    return friction_force_prior_std(drive.peak_force_N, drive.machine_weight, priors)
 
 
 def _imu_position_prior_std(drive: PlanarDrive, _: PriorSettings) -> float:
@@ -158,7 +158,7 @@ TERMS: Final = (
     Term(
         "const",
         lambda m: (m.one, None),
-        lambda d, s: constant_force_std(d.peak_force_N, d.machine_weight, s),
+        lambda d, s: constant_force_prior_std(d.peak_force_N, d.machine_weight, s),
         "a constant force: offset of the force, tilt or bias of the accelerometer",
         "starts in both directions, or at different throttles",
         "x",

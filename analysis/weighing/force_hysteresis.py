@@ -21,7 +21,7 @@ from estimators.numerics.play import follow_with_play
 
 def _hysteresis_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
     """Prior standard deviation of half the loop, in N."""
-    return (priors.hysteresis_share or LIMITS.hysteresis_prior_share) * motion.largest_force
+    return (priors.hysteresis_share or LIMITS.hysteresis_prior_share) * motion.force_95_percent
 
 
 #: Added to a fit whose log shows hysteresis, or whose machine file expects it.
@@ -52,7 +52,7 @@ class Play(NamedTuple):
     by_force_1_N: float
 
 
-def choose_play(motion: MotionSamples, noise: ColumnNoiseModel, samples: int) -> Play:
+def choose_hysteresis_play(motion: MotionSamples, noise: ColumnNoiseModel, samples: int) -> Play:
     """Choose a share of the largest force, and the shortest mean whose noise is well below it.
 
     Args:
@@ -61,7 +61,7 @@ def choose_play(motion: MotionSamples, noise: ColumnNoiseModel, samples: int) ->
         samples: length of the fitted means.
     """
     longest = rows_in_duration(LIMITS.hysteresis_mean_s, motion.rate_hz)
-    half_N = LIMITS.hysteresis_turn_share * motion.largest_force
+    half_N = LIMITS.hysteresis_turn_share * motion.force_95_percent
     noise_N, mean = 0.0, longest
     for mean in (*(1 << k for k in range(longest.bit_length() - 1)), longest):
         noise_N = LIMITS.hysteresis_turn_std * float(np.sqrt(noise.covariance(mean)[2, 2]))
@@ -71,7 +71,7 @@ def choose_play(motion: MotionSamples, noise: ColumnNoiseModel, samples: int) ->
     return Play(half_N, mean, min(samples / mean, 1.0) / half_N)
 
 
-def force_direction(force: Floats, play: Play) -> Floats:
+def trace_force_direction(force: Floats, play: Play) -> Floats:
     """Whether the force (n,) rises (1), falls (-1) or has just turned (between), (n,)."""
     before = play.mean // 2
     padded = np.pad(force, (before, play.mean - 1 - before), mode="edge")

@@ -176,7 +176,7 @@ def _describe_learnt_priors(document: EvidenceDocument) -> list[str]:
 def limits_of_one_day_evidence(document: EvidenceDocument) -> list[str]:
     """Sentence on the limits of evidence from one day; none for format 1."""
     fitted = document.calibration
-    if fitted is None or not fitted.responses or not fitted.is_of_one_day:
+    if fitted is None or not fitted.responses or not fitted.has_single_day:
         return []
     return [
         "Evidence of one day: its intervals do not include changes from day to day. Runs of "

@@ -62,7 +62,7 @@ def conditions_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
         "fuel": ("fuel", "{}"),
     }
     campaign = document.campaign
-    runs = [campaign.conditions_of_run(run) for run in campaign.runs]
+    runs = [campaign.find_run_conditions(run) for run in campaign.runs]
     found: list[tuple[str, str]] = []
     for key, (name, form) in shown.items():
         said = [each[key] for each in runs]
@@ -73,13 +73,13 @@ def conditions_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
 
 def traceability_warnings(document: EvidenceDocument) -> list[str]:
     """Warnings about references that are not traceable."""
-    untraceable = document.campaign.untraceable_references
+    untraceable = document.campaign.describe_untraceable_references
     return [f"NOT TRACEABLE: {'; '.join(untraceable)}."] if untraceable else []
 
 
 def list_missing_certificate_statements(document: EvidenceDocument) -> list[str]:
     """Sentence that lists the statements of a certificate that the campaign file lacks, if any."""
-    keys = document.campaign.missing_statements
+    keys = document.campaign.missing_certificate_keys
     if not keys:
         return []
     return [f"Not stated, and ISO/IEC 17025, 7.8 asks for it: {', '.join(keys)}."]

@@ -55,7 +55,7 @@ def check_notary_stretch(
         return
     kept = check_notary_list(data, dt.datetime.now(dt.UTC), stretch.first)
     bundle.findings += find_stretch_faults(document, stretch, kept)
-    reasons = stretch.omission_reasons
+    reasons = stretch.omission_reasons_by_log
     bundle.notes += [
         f"{NOTARY}: {each.what} (left out: {reasons[each.counter]})"
         for each in kept.faults
@@ -72,7 +72,7 @@ def find_stretch_faults(
     for fault in checked_list.faults:
         if fault.forged:
             yield BundleFinding(BundleOutcome.TAMPERED, NOTARY, fault.what)
-        elif fault.counter not in stretch.omission_reasons:
+        elif fault.counter not in stretch.omission_reasons_by_log:
             yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, fault.what)
     if checked_list.head is None:
         return
@@ -98,7 +98,7 @@ def find_unaccounted_logs(
     for entry in entries:
         if not stretch.first <= entry.counter <= stretch.last:
             yield f"number {entry.counter} is not among the numbers that the campaign names"
-        elif entry.counter not in stretch.omission_reasons and not any(
+        elif entry.counter not in stretch.omission_reasons_by_log and not any(
             _is_entry_of_log(log, entry) for log in logs
         ):
             yield (
@@ -128,7 +128,7 @@ def find_notary_contradictions(
         said = ""
         if listed > made + _CLOCK:
             said = f"number {number} was listed {entry.listed}, after the evidence was made"
-        elif own is not None and number in stretch.omission_reasons:
+        elif own is not None and number in stretch.omission_reasons_by_log:
             said = f"number {number} is left out, although {own.log} is a log of the campaign"
         elif own is not None and entry.machine_id not in ("", machine):
             said = f"number {number} names machine '{entry.machine_id}', the campaign '{machine}'"

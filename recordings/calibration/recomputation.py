@@ -10,14 +10,14 @@ from pydantic_core import to_jsonable_python
 
 from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
-    compare_known_mass,
+    compare_with_known_mass,
     fit_campaign,
     make_calibration_options,
 )
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
-from analysis.calibration.use.learnt_priors import pool_terms_of_logs
+from analysis.calibration.use.learnt_priors import pool_terms_over_logs
 from estimators.errors import CampaignError
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REPORT
 from recordings.calibration.bundle_limits import LIMITS
@@ -181,7 +181,7 @@ def check_evidence_against_campaign(document: EvidenceDocument) -> Findings:
     others = tuple(each for each in document.options.stated if each.component not in own)
     if document.options != make_calibration_options(campaign, others):
         yield _irreproducible_finding("options", "are not those of the campaign's method")
-    for overdue in campaign.overdue_certificates():
+    for overdue in campaign.describe_invalid_certificates():
         yield BundleFinding(BundleOutcome.INCOMPLETE, f"{EVIDENCE}: campaign.masses", overdue)
     if tuple(log.log for log in document.logs) != campaign.logs:
         yield BundleFinding(
@@ -194,13 +194,13 @@ def compare_learnt_priors(document: EvidenceDocument) -> Findings:
     learnt, campaign = document.learnt, document.campaign
     if learnt is None:
         return
-    if not campaign.learns_priors:
+    if not campaign.does_learn_priors:
         yield _irreproducible_finding("learnt", "is there, although the campaign learns nothing")
     stored, computed = (
         {name: term.model_dump() for name, term in terms.items()}
         for terms in (
             learnt.terms,
-            pool_terms_of_logs(learnt.logs, document.procedure_rules),
+            pool_terms_over_logs(learnt.logs, document.procedure_rules),
         )
     )
     if not all(near for _, near in find_differences(stored, computed)):
@@ -249,7 +249,7 @@ def _find_run_faults(
             yield "is used, but has no mass"
     elif row["start_s"] is None or row["end_s"] is None or not row["start_s"] < row["end_s"]:
         yield "has no stretch of time"
-    elif not run.covers_middle_of(row["start_s"], row["end_s"]):
+    elif not run.contains_middle_of_stretch(row["start_s"], row["end_s"]):
         yield "is not in the stretch of its run"
     if row["used"] and row["reason"]:
         yield "is used, but has a reason for its exclusion"
@@ -303,7 +303,7 @@ def _refit_campaign_or_check(
     """Refit the readings; for a single-mass check, under the calibration's line."""
     campaign, body = document.campaign, document.machine.machine
     if document.kind == "check" and document.calibration is not None:
-        return compare_known_mass(campaign, body, readings, document.calibration)
+        return compare_with_known_mass(campaign, body, readings, document.calibration)
     responses = () if document.learnt is None else document.learnt.responses
     return fit_campaign(campaign, body, readings, document.options, responses), None
 

@@ -45,8 +45,8 @@ def refuse_incomplete_campaign(campaign: CalibrationCampaign, source: object) ->
         EvidenceError: names every key that is not stated.
     """
     refuse_without_xml_libraries()
-    if campaign.missing_statements:
-        keys = ", ".join(campaign.missing_statements)
+    if campaign.missing_certificate_keys:
+        keys = ", ".join(campaign.missing_certificate_keys)
         raise EvidenceError(f"{source}: a DCC needs {keys}; state them in the campaign")
 
 
@@ -284,7 +284,7 @@ def add_mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -
     assert fitted is not None
     at_kg, readings = fitted.budget_at
     k = fitted.coverage_k_1
-    u_kg = fitted.u_kg if mass_kg == at_kg else fitted.inversion.u_kg(mass_kg, readings)
+    u_kg = fitted.u_kg if mass_kg == at_kg else fitted.make_inversion.u_kg(mass_kg, readings)
     if not (math.isfinite(u_kg) and k >= 1.0):
         raise EvidenceError(f"{document.id}: at {mass_kg:g} kg there is no uncertainty to certify")
     add_real_quantity(quantity, mass_kg, r"\kilogram", expanded=(k * u_kg, k, fitted.confidence_1))
@@ -367,7 +367,7 @@ def _add_known_mass(equipment: "_Element", name: str, value_kg: float, u_kg: flo
 
 def _add_conditions(parent: "_Element", document: EvidenceDocument) -> None:
     campaign = document.campaign
-    runs = [campaign.conditions_of_run(run) for run in campaign.runs]
+    runs = [campaign.find_run_conditions(run) for run in campaign.runs]
     for key, ref, unit, name in _CONDITIONS:
         for value in dict.fromkeys(each[key] for each in runs):
             made = _add_element(parent, "influenceCondition", refType=ref)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import polars as pl
 
 from analysis.model.run_record import Run
-from estimators.errors import OutputError, nearest
+from estimators.errors import OutputError, suggest_choice
 from recordings.plots.convergence_plot import draw_convergence
 from recordings.plots.force_acceleration_plot import draw_force_acceleration
 from recordings.plots.plot_limits import LIMITS
@@ -51,7 +51,7 @@ def plot_run(
     path = Path(path)
     require_writable_picture(path, force=force)
     if figure not in FIGURES:
-        raise OutputError(f"{path}: no figure '{figure}'; {nearest(figure, FIGURES)}")
+        raise OutputError(f"{path}: no figure '{figure}'; {suggest_choice(figure, FIGURES)}")
     return write_picture(FIGURES[figure](run, at_s), path, force=force)
 
 

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck
-from analysis.cycles.shift_totals import LabelTotal, sum_cycles
+from analysis.cycles.shift_totals import LabelTotal, sum_counted_cycles
 from analysis.model.physical_units import NS, NS_PER_S
 from estimators.errors import counted
 from recordings.report.clock_text import ShiftClock, duration_text
@@ -157,7 +157,7 @@ def make_hour_table_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple
 def _make_hour_cells(rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Iterator[str]:
     """Yield the cells of an hour's row, in the order of `HOUR_HEADS`."""
     rejected = rows.filter("rejected")["cycle"].to_list()
-    sums = sum_cycles(cycles_frame_from_ledger(rows, t0_ns), rejected)
+    sums = sum_counted_cycles(cycles_frame_from_ledger(rows, t0_ns), rejected)
     energies = rows["energy_kWh"].drop_nulls()
     rate = sums["payload_kg"] / 1e3 / (recorded_s / _HOUR_S) if recorded_s else 0.0
     yield f"{sums['cycles_counted']}"

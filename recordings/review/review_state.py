@@ -11,12 +11,12 @@ from analysis.cycles.cycle_energy import NO_ENERGY, ShiftEnergy
 from analysis.cycles.cycle_parts import (
     CycleMotion,
     DriveSummary,
-    find_idle_standstills,
+    find_idle_spans_ns,
     summarise_cycle_motion,
     summarise_shift_motion,
 )
 from analysis.cycles.cycles_without_mass import find_channel_gaps_ns
-from analysis.cycles.friction_trend import FrictionPart, fit_friction_of_parts
+from analysis.cycles.friction_trend import FrictionPart, fit_friction_by_shift_part
 from analysis.model.check_names import replace_former_check_names, replace_former_names_in_evidence
 from analysis.model.physical_units import NS
 from analysis.model.run_record import InputFile, Run
@@ -197,7 +197,7 @@ def collect_review_state(
             if name.startswith("raw/")
         ),
         friction=(load["friction_x_N_s_m"], load["friction_x_std_N_s_m"]),
-        friction_parts=fit_friction_of_parts(
+        friction_parts=fit_friction_by_shift_part(
             frames["excitation"], frames["manoeuvres"], frames["nuisances"], about.settings
         ),
         digs=frames["digging"].height,
@@ -211,7 +211,7 @@ def collect_review_state(
         duration_s=duration_s,
         motions=tuple(summarise_cycle_motion(frames["cycles"], frames["excitation"], gaps)),
         motion=summarise_shift_motion(frames["excitation"], gaps),
-        idle_s=tuple((s / NS, e / NS) for s, e in find_idle_standstills(frames["excitation"])),
+        idle_s=tuple((s / NS, e / NS) for s, e in find_idle_spans_ns(frames["excitation"])),
         torn=torn,
         energy=energy,
     )

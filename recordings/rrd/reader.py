@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from analysis.model.check_names import rename_stored_checks
 from analysis.model.loss import Loss
 from analysis.model.run_record import Provenance, Run
-from estimators.errors import RecordingError, nearest
+from estimators.errors import RecordingError, suggest_choice
 from recordings.rrd.stored_frames import Manifest, StoredColumn, StoredFrame
 from recordings.rrd.stored_names import component_name
 
@@ -147,12 +147,14 @@ class OpenRecording:
         """
         stored = self.manifest.frame_by_name(name)
         if stored is None:
-            raise RecordingError(f"{self.path}: no frame '{name}'; {nearest(name, self.stages)}")
+            raise RecordingError(
+                f"{self.path}: no frame '{name}'; {suggest_choice(name, self.stages)}"
+            )
         known = self.stages[name]
         for column in columns or ():
             if column not in known:
                 raise RecordingError(
-                    f"{self.path}: '{name}' has no '{column}'; {nearest(column, known)}"
+                    f"{self.path}: '{name}' has no '{column}'; {suggest_choice(column, known)}"
                 )
         wanted = stored.columns if columns is None else stored.select(columns)
         with _raise_one_line_errors(self.path):

@@ -17,7 +17,7 @@ from typing import IO, TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from estimators.errors import OutputError, RecordingError, nearest
+from estimators.errors import OutputError, RecordingError, suggest_choice
 from recordings.rrd.reader import read_provenance
 from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.stored_names import TIME
@@ -164,7 +164,7 @@ def take_screenshots_of_file(
         tabs = _find_tabs_container(whole)
         names = [_tab_title(whole, entity) for entity in _list_children(tabs)]
         if tab is not None and tab.casefold() not in map(str.casefold, names):
-            raise RecordingError(f"{path}: shows no tab '{tab}'; {nearest(tab, names)}")
+            raise RecordingError(f"{path}: shows no tab '{tab}'; {suggest_choice(tab, names)}")
         return list(_take_pictures_of_tabs(client, folder, whole, tabs, tab))
 
 

@@ -14,7 +14,10 @@ from analysis.calibration.use.apply_calibration import (
     calibrate_loads,
     describe_later_log,
 )
-from analysis.calibration.use.learnt_priors import machine_for_later_log, machine_with_learnt_priors
+from analysis.calibration.use.learnt_priors import (
+    apply_learnt_priors_to_machine,
+    prepare_machine_for_later_log,
+)
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
@@ -90,9 +93,9 @@ class MachineCalibration:
         document = self.document
         machine = with_empty_mass_of_campaign(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
-        weighing = machine_with_learnt_priors(machine, terms)
+        weighing = apply_learnt_priors_to_machine(machine, terms)
         if self.calibration.responses:
-            weighing = machine_for_later_log(weighing)
+            weighing = prepare_machine_for_later_log(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
         return Machine.model_validate_json(canonical_json_bytes(weighing.model_dump(mode="json")))
 

@@ -12,14 +12,14 @@ from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
     fit_campaign,
     make_calibration_options,
-    stated_force_scale_parts,
+    make_force_scale_parts,
 )
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.procedure import PRESENT_NUMBER
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
-from analysis.calibration.use.learnt_priors import LearntPriors, machine_with_learnt_priors
+from analysis.calibration.use.learnt_priors import LearntPriors, apply_learnt_priors_to_machine
 from analysis.calibration.use.use_limits import LIMITS as USE_LIMITS
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
@@ -188,13 +188,15 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             return campaign_file.parent / log
 
         learnt = None
-        if campaign.learns_priors and len(campaign.logs) >= USE_LIMITS.min_logs:
+        if campaign.does_learn_priors and len(campaign.logs) >= USE_LIMITS.min_logs:
             # under the machine's own priors: what they say of the nuisances together
             first = replay_logs_of_campaign(campaign, machine, path_of_log, None, on_log)
             refuse_contradicted_days(campaign_file, campaign, first, machine)
             refuse_unaccounted_logs(campaign_file, campaign, first, stretch)
             learnt = first.learnt
-        weighing = machine if learnt is None else machine_with_learnt_priors(machine, learnt.terms)
+        weighing = (
+            machine if learnt is None else apply_learnt_priors_to_machine(machine, learnt.terms)
+        )
         replayed = replay_logs_of_campaign(
             campaign, weighing, path_of_log, made if recordings else None, on_log
         )
@@ -205,7 +207,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")
         options = make_calibration_options(
-            campaign, stated_force_scale_parts(campaign, replayed.budgets)
+            campaign, make_force_scale_parts(campaign, replayed.budgets)
         )
         fitted = fit_campaign(
             campaign, machine.machine, replayed.readings, options, replayed.responses
@@ -335,7 +337,7 @@ def _make_evidence_document(
     campaign, machine, fitted = evidence.campaign, evidence.machine, evidence.fitted
     loads, covariance = reference_loads_and_covariance(campaign, machine)
     learnt = evidence.learnt
-    weighing = machine if learnt is None else machine_with_learnt_priors(machine, learnt.terms)
+    weighing = machine if learnt is None else apply_learnt_priors_to_machine(machine, learnt.terms)
     estimator = estimator_with_digest(campaign, weighing)
     last = None if previous is None else previous.document
     document = EvidenceDocument(

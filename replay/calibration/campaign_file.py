@@ -6,7 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from analysis.calibration.campaign.campaign_fit import make_decision_rule, references_and_covariance
+from analysis.calibration.campaign.campaign_fit import (
+    make_decision_rule,
+    make_references_and_covariance,
+)
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, DataError, EvidenceError
@@ -46,10 +49,11 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
         raise CampaignError(f"{path}: {place}: is not filled in yet ('{text}')")
     content = add_certified_masses(path, content)
     campaign = validate_toml_content(path, content, CalibrationCampaign, CampaignError)
-    if campaign.laboratory is not None and campaign.missing_statements:
+    if campaign.laboratory is not None and campaign.missing_certificate_keys:
         raise CampaignError(
             f"{path}: [laboratory] makes this a certificate by ISO/IEC 17025, 7.8, which also "
-            f"needs {', '.join(campaign.missing_statements)}; add them, or leave out [laboratory]"
+            f"needs {', '.join(campaign.missing_certificate_keys)}; add them, or leave out "
+            "[laboratory]"
         )
     beside = path.parent / campaign.machine.file
     shipped = machine_file_or_shipped(Path(campaign.machine.file))
@@ -58,11 +62,11 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
         with_empty_mass_of_campaign(campaign, machine), campaign.machine.id, path
     )
     try:
-        known, _ = references_and_covariance(campaign, machine.machine)
+        known, _ = make_references_and_covariance(campaign, machine.machine)
         make_decision_rule(campaign, known)
     except (CampaignError, DataError) as fault:
         raise CampaignError(f"{path}: {fault}") from None
-    overdue = campaign.overdue_certificates()
+    overdue = campaign.describe_invalid_certificates()
     if overdue:
         more = f" (and {len(overdue) - 1} more)" if len(overdue) > 1 else ""
         raise CampaignError(

@@ -15,16 +15,16 @@ import polars as pl
 
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.campaign.campaign_readings import (
+    make_run_responses,
     read_campaign_runs,
-    responses_of_runs_to_learnt_means,
 )
 from analysis.calibration.line.procedure import PRESENT_PROCEDURE, Procedure
 from analysis.calibration.line.shared_errors import RunResponse
 from analysis.calibration.use.learnt_priors import (
     LearntPriors,
     TermOfLog,
-    learnable_terms,
-    pool_terms_of_logs,
+    pool_terms_over_logs,
+    select_learnable_terms,
 )
 from analysis.model.answer import answer
 from analysis.model.machine import Machine
@@ -69,7 +69,7 @@ class CampaignReplay:
     @property
     def learnt(self) -> LearntPriors | None:
         """Priors learnt from all logs; None if there are too few."""
-        terms = pool_terms_of_logs(self.terms)
+        terms = pool_terms_over_logs(self.terms)
         return LearntPriors(terms=terms, logs=self.terms) if terms else None
 
 
@@ -115,10 +115,12 @@ def replay_logs_of_campaign(
             write_recording(replayed, recordings / recording)
         runs = [each for each in campaign.runs if each.log == name]
         frames.append(read_campaign_runs(replayed, runs, campaign.method.estimator, procedure))
-        responses += responses_of_runs_to_learnt_means(replayed, runs, campaign.method.estimator)
+        responses += make_run_responses(replayed, runs, campaign.method.estimator)
         logs.append(make_evidence_log(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])
-        terms += learnable_terms(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
+        terms += (
+            select_learnable_terms(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
+        )
     return CampaignReplay(
         pl.concat(frames), tuple(logs), tuple(budgets), tuple(terms), tuple(responses)
     )

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import polars as pl
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, OutputError, nearest
+from estimators.errors import LogError, OutputError, suggest_choice
 from recordings.report.atomic_output import refuse_input_as_output, require_writable_folder
 from replay.convert.convert_limits import LIMITS
 from replay.convert.unfinished_folder import (
@@ -155,7 +155,9 @@ class RunningConversion:
         self._summaries = {row["topic"]: row for row in log.topics().iter_rows(named=True)}
         for topic in topics or ():
             if topic not in self._summaries:
-                raise LogError(f"{log.path}: no topic '{topic}'; {nearest(topic, self._summaries)}")
+                raise LogError(
+                    f"{log.path}: no topic '{topic}'; {suggest_choice(topic, self._summaries)}"
+                )
         chosen = dict.fromkeys(topics or self._summaries)
         self._summaries = {t: row for t, row in self._summaries.items() if t in chosen}
         decoded = [t for t, row in self._summaries.items() if row["problem"] is None]

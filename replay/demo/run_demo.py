@@ -14,11 +14,11 @@ import polars as pl
 from analysis import Machine, Run
 from analysis.calibration.campaign.by_method import (
     calibrate_methods,
-    calibration_frame,
-    method_rows,
+    make_calibration_frame,
+    make_method_rows,
 )
-from analysis.calibration.campaign.campaign_readings import masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import rms_errors
+from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
+from analysis.calibration.campaign.method_errors import compute_rms_errors
 from analysis.model.answer import JOINT, Answer, answer
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
@@ -202,7 +202,7 @@ def run_demo(
         calibrated,
         verified,
         replayed.frames["calibration"],
-        rms_errors(replayed.frames["calibration"]),
+        compute_rms_errors(replayed.frames["calibration"]),
         answer(replayed, str(recording)),
         reviewed,
         (
@@ -218,8 +218,8 @@ def add_calibration_line_of_evidence(
     """The run with the evidence's line before those of the methods."""
     document = calibrated.document
     points = () if document.calibration is None else document.calibration.points
-    first = calibration_frame(
-        method_rows(JOINT, points, document.calibration, lambda at: at.reference_kg - empty_kg)
+    first = make_calibration_frame(
+        make_method_rows(JOINT, points, document.calibration, lambda at: at.reference_kg - empty_kg)
     )
     both = pl.concat([first, replayed.frames["calibration"]])
     return replace(replayed, frames={**replayed.frames, "calibration": both}).with_fingerprint()
@@ -234,7 +234,9 @@ def replay_campaign(
             stack.enter_context(open_log(path, time=time_axis_of_machine(machine))) for path in logs
         ]
         replayed = run(opened, machine, on_stage)
-    calibration = calibrate_methods(masses_by_method_and_run(replayed, read_true_trials(logs)))
+    calibration = calibrate_methods(
+        average_masses_by_method_and_run(replayed, read_true_trials(logs))
+    )
     frames = {**replayed.frames, "calibration": calibration}
     return replace(replayed, frames=frames).with_fingerprint()
 

@@ -25,7 +25,7 @@ import polars as pl
 from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.learnt_priors import describe_contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
-from analysis.cycles.shift_totals import recount_shift
+from analysis.cycles.shift_totals import recompute_shift_totals
 from analysis.fleet.daily_figures import UNDATED
 from analysis.fleet.fleet_tables import GATE_SHARES, QUALITY, result_row, tables_of_run
 from analysis.model.run_record import Run
@@ -250,7 +250,7 @@ def replay_log_with_setup(log: Log, setup: MachineSetup, source: str) -> Run:
     if not against:
         shared_errors = SharedErrors.from_frames(frames)
         frames["cycles"] = calibrate_cycles(frames["cycles"], setup.by.calibration, shared_errors)
-        frames["shift"] = recount_shift(frames["shift"], frames["cycles"])
+        frames["shift"] = recompute_shift_totals(frames["shift"], frames["cycles"])
     return setup.by.calibrate_run(Run(frames, made.provenance))
 
 

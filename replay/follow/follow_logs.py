@@ -17,8 +17,8 @@ from analysis.online.growing_log import causal_machine
 from analysis.online.online_limits import LIMITS as ONLINE_LIMITS
 from analysis.online.rehearsal import rehearse
 from estimators.errors import DataError, LogError
-from estimators.interpreted import compile_at_once
-from estimators.threads import one_blas_thread
+from estimators.interpreted import force_compilation
+from estimators.threads import limit_blas_to_one_thread
 from replay.follow.background_replay import find_log_name, is_text_table
 from replay.follow.follow_limits import LIMITS
 from replay.follow.interrupts import Interrupts
@@ -73,7 +73,7 @@ class Following:
         return f"; {has}. Set the topic of the channel in the machine file"
 
 
-@one_blas_thread()  # or the last bits depend on the number of cores
+@limit_blas_to_one_thread()  # or the last bits depend on the number of cores
 def follow_logs(
     paths: Sequence[Path],
     machine: Machine,
@@ -112,7 +112,7 @@ def follow_logs(
         log = opened.enter_context(
             closing(follow_log(paths, fields, time_axis_of_machine(machine)))
         )
-        opened.enter_context(compile_at_once())
+        opened.enter_context(force_compilation())
         rehearse(follower.log.machine.settings, noise)
         # what libraries hold is for ever: looking through it takes 0.1 s, and rows would wait;
         # a caller who has frozen it keeps it frozen

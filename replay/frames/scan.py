@@ -12,7 +12,7 @@ import polars as pl
 from polars.io.plugins import register_io_source
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, nearest
+from estimators.errors import LogError, suggest_choice
 from replay.frames.frame_limits import LIMITS
 from replay.frames.shape import LOG_TIME, LOG_TIME_NS, FrameOptions
 from replay.frames.topic_source import SOURCE, TopicSource
@@ -149,7 +149,8 @@ class LogStream:
         for name in names:
             if name not in source.schema:
                 raise LogError(
-                    f"no column '{name}' in topic '{source.topic}'; {nearest(name, source.schema)}"
+                    f"no column '{name}' in topic '{source.topic}'; "
+                    f"{suggest_choice(name, source.schema)}"
                 )
         self.schema = pl.Schema({name: source.schema[name] for name in names})
         self.losses = source.losses

@@ -6,7 +6,7 @@ from typing import Final
 
 import polars as pl
 
-from estimators.errors import QueryError, list_some, nearest
+from estimators.errors import QueryError, list_some, suggest_choice
 from replay.frames.frame_limits import LIMITS
 
 #: A table is made when a statement names it.
@@ -112,7 +112,7 @@ def _names_of_used_tables(query: str, tables: Tables) -> list[str]:
 
 def suggest_tables(name: str, tables: Tables) -> str:
     """Text with the nearest table name, if any, and the list of tables."""
-    meant = nearest(name, tables)
+    meant = suggest_choice(name, tables)
     listed = f"tables: {_list_tables(tables)}"
     return f"{meant} {listed}" if meant.endswith("?") else listed
 

@@ -15,7 +15,7 @@ from typing import Final
 import polars as pl
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, PayscopeError, nearest
+from estimators.errors import LogError, PayscopeError, suggest_choice
 from replay.frames.frame_limits import LIMITS
 from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, time_range_of_predicate
 from replay.frames.shape import FrameOptions, TopicShape
@@ -209,7 +209,7 @@ class TopicSource:
                 return TopicShape(self._list_leaf_fields(log), self._options)
             named |= dict.fromkeys(topics)
         logs = ", ".join(map(str, self._paths[:3])) + (" …" if len(self._paths) > 3 else "")
-        raise LogError(f"{logs}: no topic '{self.topic}'; {nearest(self.topic, named)}")
+        raise LogError(f"{logs}: no topic '{self.topic}'; {suggest_choice(self.topic, named)}")
 
     def _list_leaf_fields(self, log: Log) -> tuple[LeafField, ...]:
         return log.leaf_fields(self.topic, self._field_names)

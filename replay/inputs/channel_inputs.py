@@ -14,7 +14,7 @@ from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.run_record import InputFile, Provenance
 from analysis.model.schema import HINTS
 from analysis.stages.signals.derive import unit_of_name
-from estimators.errors import LogError, MachineError, nearest
+from estimators.errors import LogError, MachineError, suggest_choice
 from replay.inputs.input_limits import LIMITS
 from replay.inputs.time_line import shift_times, time_line_offsets_ns
 from replay.logs import TABLE, Log
@@ -156,7 +156,7 @@ def _unknown_topic_message(
     topic: str, topics_of_logs: Mapping[Log, set[str]], machine: Machine
 ) -> str:
     """Error message with the unknown topic, the choices and the remedy."""
-    meant = nearest(topic, set().union(*topics_of_logs.values()))
+    meant = suggest_choice(topic, set().union(*topics_of_logs.values()))
     return (
         f"no topic '{topic}'; {meant}{'' if meant.endswith('?') else '.'} "
         f"Set channels.{channels_of_topic(topic, machine)[0]}.topic in the machine file."
@@ -176,7 +176,7 @@ def _refuse_unknown_element_names(log: Log, topic: str, frame: pl.DataFrame) -> 
         if named["name"] not in known:
             raise LogError(
                 f"{log.path}: topic '{topic}' has no '{named['name']}' for the field '{field}'; "
-                f"{nearest(named['name'], known)}"
+                f"{suggest_choice(named['name'], known)}"
             )
 
 

@@ -9,7 +9,7 @@ import polars as pl
 
 from analysis.model.loss import Loss
 from analysis.model.machine import Channel, Machine
-from estimators.errors import LogError, nearest
+from estimators.errors import LogError, suggest_choice
 from replay.logs import TABLE, Log, LogCheck
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ def join_parallel_tables(logs: Sequence[Log], machine: Machine) -> tuple[Sequenc
         (field, *_) = channel.fields
         if field not in by_field:
             paths = ", ".join(str(log.path) for log in logs)
-            choices = nearest(field, set().union(*columns.values()))
+            choices = suggest_choice(field, set().union(*columns.values()))
             raise LogError(f"{paths}: no column '{field}'; {choices}")
         channels[name] = channel.model_copy(update={"topic": by_field[field]})
     return logs, machine.model_copy(update={"channels": channels})
@@ -249,11 +249,15 @@ class MemoryLog(Log):
         self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> pl.DataFrame:
         if topic not in self._frames:
-            raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._frames)}")
+            raise LogError(
+                f"{self.path}: no topic '{topic}'; {suggest_choice(topic, self._frames)}"
+            )
         frame = self._frames[topic]
         for field in fields:
             if field not in frame.columns:
-                raise LogError(f"{self.path}: no field '{field}'; {nearest(field, frame.columns)}")
+                raise LogError(
+                    f"{self.path}: no field '{field}'; {suggest_choice(field, frame.columns)}"
+                )
         time = pl.col("log_time_ns")
         if start_ns is not None:
             frame = frame.filter(time >= start_ns)

@@ -10,7 +10,7 @@ import polars as pl
 from pydantic import ValidationError
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, list_some, nearest
+from estimators.errors import LogError, list_some, suggest_choice
 from estimators.file_digest import file_sha256
 from replay.logs.converted import DESCRIPTION
 from replay.logs.converted.description import (
@@ -107,7 +107,7 @@ class ConvertedTopics:
         whole = _ELEMENT.sub("[]", name)
         if whole not in self.leaf_fields_by_name:
             raise ConvertedFieldError(
-                f"no field {name!r}; {nearest(name, self.leaf_fields_by_name)}"
+                f"no field {name!r}; {suggest_choice(name, self.leaf_fields_by_name)}"
             )
         elements = _ELEMENT.findall(name)
         values, depth = pl.col(whole), 0
@@ -221,7 +221,9 @@ class ConvertedLog(Log):
     def _require_topic(self, topic: str) -> ConvertedTopics:
         found = self._columns.get(topic)
         if found is None:
-            raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._columns)}")
+            raise LogError(
+                f"{self.path}: no topic '{topic}'; {suggest_choice(topic, self._columns)}"
+            )
         fault = found.topic.fault or str(found.topic.summary["problem"] or "")
         if fault:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {fault}")

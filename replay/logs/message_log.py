@@ -11,7 +11,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, nearest
+from estimators.errors import LogError, suggest_choice
 from replay.logs.decoding.decoder import DecodeTally, frame_schema_of_fields
 from replay.logs.decoding.decoder_choice import decoder_name, make_decoder
 from replay.logs.log import Log, LogCheck
@@ -161,7 +161,9 @@ class MessageLog(Log):
         """The topic; raises an error if it cannot be decoded."""
         found = self._topics.get(topic)
         if found is None:
-            raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._topics)}")
+            raise LogError(
+                f"{self.path}: no topic '{topic}'; {suggest_choice(topic, self._topics)}"
+            )
         if found.kind is None:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {found.problem}")
         return found

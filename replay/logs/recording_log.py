@@ -7,7 +7,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, nearest
+from estimators.errors import LogError, suggest_choice
 from recordings.rrd.reader import open_recording
 from recordings.rrd.stored_frames import StoredFrame
 from replay.logs.log import Log, LogCheck
@@ -82,13 +82,15 @@ class RecordingLog(Log):
         found: dict[str, pl.DataFrame] = {}
         for topic, names in fields.items():
             if topic not in self._stage:
-                raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._stage)}")
+                raise LogError(
+                    f"{self.path}: no topic '{topic}'; {suggest_choice(topic, self._stage)}"
+                )
             has = self._fields[topic]
             for name in names:
                 if name not in has:
                     raise LogError(
                         f"{self.path}: topic '{topic}' was recorded without field '{name}'; "
-                        f"{nearest(name, has)}, or replay the log itself"
+                        f"{suggest_choice(name, has)}, or replay the log itself"
                     )
         with open_recording(self.path) as held:
             for topic, names in fields.items():

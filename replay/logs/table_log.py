@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import polars as pl
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, counted, list_some, nearest
+from estimators.errors import LogError, counted, list_some, suggest_choice
 from replay.logs.log import TABLE, Log, LogCheck, TimeAxis
 from replay.logs.log_limits import LIMITS
 from replay.logs.machine_ids import ids_in_preamble, iter_serial_numbers
@@ -121,7 +121,7 @@ class TableLog(Log):
             and time_axis.column is not None
             and time_axis.column not in columns
         ):
-            meant = nearest(time_axis.column, columns)
+            meant = suggest_choice(time_axis.column, columns)
             raise LogError(
                 f"{self.path}: no column '{time_axis.column}' for the time; "
                 f"{meant}{'' if meant.endswith('?') else '.'} Set [log] time in the machine file"
@@ -301,7 +301,9 @@ class TableLog(Log):
         inside = frozenset(choices)
         for field in fields:
             if field not in inside:
-                raise LogError(f"{self.path}: no column '{field}'; {nearest(field, choices)}")
+                raise LogError(
+                    f"{self.path}: no column '{field}'; {suggest_choice(field, choices)}"
+                )
         self._find_losses_of_all_rows(fields)
         cells = self._cells_of_columns(list(dict.fromkeys(fields)))
         columns = [self._values_of_cells(cells.pop(field)) for field in dict.fromkeys(fields)]

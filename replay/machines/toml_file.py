@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from estimators.errors import PayscopeError, counted, nearest
+from estimators.errors import PayscopeError, counted, suggest_choice
 from replay.machines.old_names import (
     OLD_NAMES,
     BothNamesError,
@@ -158,10 +158,11 @@ def explain_validation_fault(fault: ValidationError, model: type[BaseModel]) -> 
     key = ".".join(steps)
     if kind == "extra_forbidden":
         key, last = ".".join([*steps, str(location[-1])]), str(location[-1])
-        text = f"unknown key '{key}'; {nearest(last, table.model_fields if table else ())}"
+        text = f"unknown key '{key}'; {suggest_choice(last, table.model_fields if table else ())}"
     elif kind == "union_tag_invalid":
         known = str(why["expected_tags"]).replace("'", "").split(", ")
-        text = f"{key}: unknown {why['discriminator']} '{why['tag']}'; {nearest(why['tag'], known)}"
+        choice = suggest_choice(why["tag"], known)
+        text = f"{key}: unknown {why['discriminator']} '{why['tag']}'; {choice}"
     elif kind == "union_tag_not_found":
         text = f"{key}: {why['discriminator']} is missing"
     elif kind == "value_error":

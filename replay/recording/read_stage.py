@@ -9,7 +9,7 @@ import polars as pl
 
 from analysis.model.schema import FRAMES, Frame
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
-from estimators.errors import RecordingError, nearest
+from estimators.errors import RecordingError, suggest_choice
 from recordings import columns_by_frame, read_frame, read_provenance
 from recordings.rrd.recording_window import refuse_invalid_time_range
 
@@ -44,7 +44,7 @@ class RecordedStage:
         """
         held = columns_by_frame(recording)
         if name not in held:
-            raise RecordingError(f"{recording}: no frame '{name}'; {nearest(name, held)}")
+            raise RecordingError(f"{recording}: no frame '{name}'; {suggest_choice(name, held)}")
         about = read_provenance(recording)
         zone = str(about.machine.get("machine", {}).get("timezone", "UTC"))
         return cls(recording, name, read_frame(recording, name), about.t0_unix_ns, zone)

@@ -8,7 +8,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck, judge_payload_target
-from analysis.cycles.shift_totals import LabelTotal, recount_shift, sum_by_label
+from analysis.cycles.shift_totals import LabelTotal, recompute_shift_totals, sum_cycles_by_label
 from recordings.review.energy_columns import energy_as_dict
 from recordings.review.ledger_table import TABLE_CSV, XLSX, write_table_csv, write_xlsx
 from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, render_review_html
@@ -127,10 +127,12 @@ class ShiftCount:
         by_row = verdicts_by_row(verdicts, make_cycle_ids(cycles, t0_unix_ns), folder)
         rejected = [int(cycles["cycle"][row]) for row, each in by_row.items() if each.reject]
         rows = make_ledger(cycles, t0_unix_ns, by_row, verdicts.labels_at_dump_time)
-        totals = {name: sum_by_label(cycles, rows[name].to_list(), rejected) for name in LABELS}
+        totals = {
+            name: sum_cycles_by_label(cycles, rows[name].to_list(), rejected) for name in LABELS
+        }
         return cls(
             rows,
-            recount_shift(summary, cycles, rejected).row(0, named=True),
+            recompute_shift_totals(summary, cycles, rejected).row(0, named=True),
             text,
             by_row,
             {name: sums for name, sums in totals.items() if sums},

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.campaign_readings import masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs
+from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
+from analysis.calibration.campaign.method_errors import compute_start_errors
 from analysis.model.answer import Answer, answer
 from analysis.model.machine import LogSection, Machine
 from analysis.model.run_record import Run
@@ -135,8 +135,8 @@ def rms_errors_by_truth(
     replayed: Run, truth: pl.DataFrame, *, weighs: bool
 ) -> dict[str, dict[str, float | None]]:
     """Root mean square errors of the runs' masses, by name and method."""
-    estimates = masses_by_method_and_run(replayed, truth)
-    errors = calibrated_errors_of_runs(estimates).with_columns(
+    estimates = average_masses_by_method_and_run(replayed, truth)
+    errors = compute_start_errors(estimates).with_columns(
         raw_kg=pl.col("mass_kg") - pl.col("reference_kg"),
     )
     names = {"rmse_kg": "raw_kg"}

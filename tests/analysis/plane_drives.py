@@ -128,7 +128,7 @@ def sensors(drive, seed=1, noise=1.0, parameters=LOADER, origin_x_m=0.0, imu=Non
     acc, alpha = np.gradient(v) * RATE_HZ, np.gradient(omega) * RATE_HZ
     zero = np.zeros(v.size)
     seen = np.stack([acc - omega**2 * origin_x_m, omega * v + alpha * origin_x_m, zero + 9.80665])
-    exact = model.regressor(seen[0], seen[1], v, omega, alpha) @ parameters
+    exact = model.make_planar_regressor(seen[0], seen[1], v, omega, alpha) @ parameters
     turn = np.stack([zero, zero, omega])
     if imu is not None:
         seen, turn = rotation_to_machine_axes(imu).T @ seen, rotation_to_machine_axes(imu).T @ turn

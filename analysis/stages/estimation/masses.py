@@ -26,7 +26,7 @@ from analysis.stages.gating.gate import mark_samples_to_pool
 from analysis.stages.motion.phases import TURNS
 from analysis.stages.noise.column_noise import attenuation_errors, collect_axis_noise
 from estimators.arrays import Floats
-from estimators.methods.ls import mean_estimate
+from estimators.methods.ls import average_estimates
 
 
 def summarise_masses(
@@ -140,7 +140,7 @@ def estimate_whole_log_by_method(
                 index = np.searchsorted(t_ns, frame["t_ns"].to_numpy()).astype(np.int64)
                 windows = read_parameters_and_stds(axis, frame)
                 unseen = attenuation_errors(method, A, f, index, windows[0], settings, noise)
-                theta[row], std[row] = mean_estimate(
+                theta[row], std[row] = average_estimates(
                     A, f, settings.gate.window_samples, index, *windows, unseen
                 )
     return theta, std

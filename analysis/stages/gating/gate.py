@@ -67,7 +67,9 @@ def _make_gate_columns(
     rows = np.flatnonzero(complete).astype(np.int64)
     seen = ls.WindowStatistics(*(np.full(n, np.nan) for _ in ls.WindowStatistics._fields))
     known = collect_axis_noise(axis, settings, noise).mean
-    for whole, part in zip(seen, ls.window_statistics(A, f, window, rows, known), strict=True):
+    for whole, part in zip(
+        seen, ls.compute_window_statistics(A, f, window, rows, known), strict=True
+    ):
         whole[rows] = part
 
     first = int(np.argmin(missing)) if n and not missing.all() else n
@@ -78,7 +80,7 @@ def _make_gate_columns(
     flags = {"gap": missing, **flag_rows_by_reason(axis, phase, f, brakes, slips, settings.gate)}
 
     def estimate_window_information(window_ends: Ints) -> Floats:
-        return nearest_neighbours.window_mutual_information(
+        return nearest_neighbours.estimate_window_mutual_information(
             A[:, 0].copy(), f, window, window_ends, settings.gate.ksg_neighbours
         )
 

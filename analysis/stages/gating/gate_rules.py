@@ -15,7 +15,10 @@ from analysis.model.settings import GateSettings
 from analysis.stages.motion.phases import TURNS, number_first_condition
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods.ls import WindowStatistics
-from estimators.numerics.mutual_information import gaussian_information, information_index
+from estimators.numerics.mutual_information import (
+    correlation_to_gaussian_information,
+    correlation_to_information_index,
+)
 
 Codes = NDArray[np.uint8]
 
@@ -121,7 +124,7 @@ def decide_windows(
         settings: the index and its threshold.
     """
     rho, spread, predicted_std, condition, _, noise_share = statistics
-    index = information_index(rho)
+    index = correlation_to_information_index(rho)
     refusals = {
         "warming_up": warming_up,
         **{why: ~held if why == "standstill" else held for why, held in holds.items()},
@@ -134,7 +137,7 @@ def decide_windows(
         case "information":
             poor = index < settings.threshold_nat
         case "gaussian":
-            poor = gaussian_information(rho) < settings.threshold_nat
+            poor = correlation_to_gaussian_information(rho) < settings.threshold_nat
         case "variance":
             std_max = settings.threshold_std_kg if axis is X else settings.threshold_std_kg_m2
             poor = ~(predicted_std <= std_max)

@@ -13,11 +13,11 @@ from analysis.model.schema import NOISE_COLUMNS
 from analysis.model.settings import NoiseSettings, Settings
 from analysis.stages.noise.noise_limits import LIMITS
 from estimators.arrays import Floats, Ints
-from estimators.methods.attenuation import window_attenuations
-from estimators.methods.ls import residual_noise, solve_windows
+from estimators.methods.attenuation import compute_window_attenuations
+from estimators.methods.ls import residual_noise_variance, solve_windows
 from estimators.methods.method_limits import LIMITS as METHOD_LIMITS
 from estimators.methods.tls import TlsOptions
-from estimators.numerics.small_systems import factor, invert
+from estimators.numerics.small_systems import factor_packed_ldl, invert
 
 #: Ratios for TLS where neither log nor settings tell the noise: what the paper's sensors have.
 _USUAL: Final[Mapping[str, TlsOptions]] = {
@@ -169,7 +169,9 @@ def attenuation_errors(
     """
     if noise.mean is None:
         return np.zeros_like(theta)
-    drawn = window_attenuations(A, f, settings.gate.window_samples, index, theta, noise.mean)
+    drawn = compute_window_attenuations(
+        A, f, settings.gate.window_samples, index, theta, noise.mean
+    )
     return METHOD_LIMITS.uncertain_correction_fraction * drawn if method.takes_noise_off else drawn
 
 
@@ -184,8 +186,10 @@ def stds_by_column_noise_alone(
         return np.zeros_like(theta)
     p = A.shape[1]
     grams = np.ascontiguousarray(solve_windows(A, f, window, index).grams.T)
-    bread = invert(*factor(grams, p, p))
+    bread = invert(*factor_packed_ldl(grams, p, p))
     each = np.ascontiguousarray(theta.T)
     # slow columns add up what lasts; no sample has less than its own
-    variance = np.maximum(residual_noise(each, noise.mean), residual_noise(each, noise.lasting))
+    variance = np.maximum(
+        residual_noise_variance(each, noise.mean), residual_noise_variance(each, noise.lasting)
+    )
     return np.sqrt(np.array([bread[i, i] for i in range(p)]) * variance).T

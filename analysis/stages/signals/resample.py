@@ -6,7 +6,7 @@ Stamps are integer nanoseconds throughout: a float holds unix time to a quarter 
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_unless_short_log
 
 
 def interpolate_in_stretches(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> Floats:
@@ -46,7 +46,7 @@ def average_about_instants(
     return out
 
 
-@compiled_ahead
+@compiled_unless_short_log
 def _fill_interpolated(t: Ints, x: Floats, at: Ints, longest: int, out: Floats) -> None:
     last = t.size - 1
     i = 0
@@ -60,7 +60,7 @@ def _fill_interpolated(t: Ints, x: Floats, at: Ints, longest: int, out: Floats) 
             out[k] = x[i] + (x[i + 1] - x[i]) * (since / (t[i + 1] - t[i]))
 
 
-@compiled_ahead
+@compiled_unless_short_log
 def _fill_averages(t: Ints, x: Floats, at: Ints, half: int, longest: int, out: Floats) -> None:
     last = t.size - 1
     i = 0

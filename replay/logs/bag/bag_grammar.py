@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.interpreted import compiled, compiled_unless_few_turns
+from estimators.interpreted import compiled, compiled_for_many_iterations
 from replay.logs.bag.bag_records import CONNECTION, LONGEST_HEADER, MESSAGE
 from replay.logs.blocks import RecordGrammar
 from replay.logs.decoding.bytes_at import count_scan_turns, load32, load64
@@ -53,7 +53,7 @@ def parse_record(
     return op, connection, time, body, body + load32(data, fields_end)
 
 
-@compiled_unless_few_turns(count_scan_turns)
+@compiled_for_many_iterations(count_scan_turns)
 def _scan_records(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
@@ -79,7 +79,7 @@ def _scan_records(
     return found, at
 
 
-@compiled_unless_few_turns(count_scan_turns)
+@compiled_for_many_iterations(count_scan_turns)
 def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     """Offset from which several records follow each other; -1 if none."""
     for first in range(begin, end - 7):

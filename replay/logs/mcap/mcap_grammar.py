@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.interpreted import compiled, compiled_unless_few_turns
+from estimators.interpreted import compiled, compiled_for_many_iterations
 from replay.logs.blocks import RecordGrammar
 from replay.logs.decoding.bytes_at import count_scan_turns, load16, load32, load64
 from replay.logs.mcap.mcap_records import CHANNEL, CHUNK, DATA_END, MESSAGE, RECORD_HEAD, SCHEMA
@@ -22,7 +22,7 @@ _LONGEST_NAME: Final = 32
 _PROVEN: Final = 4
 
 
-@compiled_unless_few_turns(count_scan_turns)
+@compiled_for_many_iterations(count_scan_turns)
 def _scan_records(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
@@ -86,7 +86,7 @@ def _link_records(data: NDArray[np.uint8], at: int, end: int, limit: int) -> tup
     return at + _HEAD + length, proof
 
 
-@compiled_unless_few_turns(count_scan_turns)
+@compiled_for_many_iterations(count_scan_turns)
 def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     """Offset from which plausible records follow each other; -1 if none."""
     for first in range(begin, end - _HEAD + 1):

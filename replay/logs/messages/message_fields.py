@@ -6,7 +6,7 @@ from typing import Final
 
 import polars as pl
 
-from estimators.errors import nearest
+from estimators.errors import suggest_choice
 from replay.logs.messages.message_types import (
     COLUMN_DTYPES,
     ELEMENT_DTYPES,
@@ -78,7 +78,7 @@ def resolve_field(name: str, record: RecordType) -> Field:
     for step in steps:
         kind = here.type_of_field(step.name) if isinstance(here, RecordType) else None
         if kind is None:
-            raise FieldError(f"no field {name!r}; {nearest(name, iter_leaf_names(record))}")
+            raise FieldError(f"no field {name!r}; {suggest_choice(name, iter_leaf_names(record))}")
         walked = f"{walked}.{step.name}".lstrip(".")
         if isinstance(kind, ListOf):
             assert isinstance(here, RecordType)

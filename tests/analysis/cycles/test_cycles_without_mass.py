@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.cycles.cycles_without_mass import unweighed_load_and_u_kg
+from analysis.cycles.cycles_without_mass import estimate_unweighed_load_and_u_kg
 from recordings.report.shift_text import shift_payload_sentence
 from recordings.review.shift_facts import missing_load_sentences
 from tests.analysis.cycles.drawn import NS, drawn_shift
@@ -127,10 +127,12 @@ def test_of_such_loads_those_that_are_not_seen_to_be_dug_are_told_by_their_mass(
 
 
 def test_one_load_that_is_weighed_is_no_price_for_all_others() -> None:
-    few, many = (unweighed_load_and_u_kg(30.0, 0.0, 300.0, 60.0, counted) for counted in (2, 60))
+    few, many = (
+        estimate_unweighed_load_and_u_kg(30.0, 0.0, 300.0, 60.0, counted) for counted in (2, 60)
+    )
     assert few[0] == many[0] == 9000.0
     assert few[1] > 1000.0 > 2.0 * many[1]
-    assert unweighed_load_and_u_kg(30.0, 0.0, 300.0, None, 1)[1] > 0.5 * 9000.0
+    assert estimate_unweighed_load_and_u_kg(30.0, 0.0, 300.0, None, 1)[1] > 0.5 * 9000.0
 
 
 def test_idle_hours_invent_nothing() -> None:

@@ -14,7 +14,7 @@ import gc
 from analysis.model.methods import METHODS
 from analysis.online import on_board
 from analysis.online.rehearsal import rehearse
-from estimators.interpreted import Loop, compile_at_once
+from estimators.interpreted import Loop, force_compilation
 from tests.analysis import plane_drives as plane
 from tests.analysis.settings_by_name import settings_of
 
@@ -32,7 +32,7 @@ def loaded():
     }}
 
 before = loaded()
-with compile_at_once():
+with force_compilation():
     state = on_board.start(settings)
     for row in rows:
         step = on_board.step(state, row)
@@ -56,4 +56,4 @@ def first_loaded_by_a_drive(*, rehearsed):
 
 def test_a_drive_loads_nothing_that_was_not_rehearsed():
     assert first_loaded_by_a_drive(rehearsed=True) == "[]"
-    assert "step_window" in first_loaded_by_a_drive(rehearsed=False)
+    assert "advance_window" in first_loaded_by_a_drive(rehearsed=False)

@@ -28,7 +28,7 @@ def noise(log):
 
 def test_samples_around_the_fitted_ones_make_the_same_columns(log, noise):
     fit = log.weighing.fit
-    near = fit.motion.keep_near_fitted(REACH_S)
+    near = fit.motion.drop_samples_far_from_fitted(REACH_S)
     assert near.force.size < fit.motion.force.size
     for found in (PreviousEstimates(), FOUND):
         whole, part = (

@@ -120,7 +120,7 @@ def test_masses_in_are_masses_out(tmp_path: Path) -> None:
     first = campaign.masses[0]
     assert (first.certificate, first.certificate_issuer) == ("EXAMPLE-1", "Example Masses")
     assert first.certificate_signature.startswith("signed by a key of dcc_keys, ")
-    assert campaign.untraceable_references == ()
+    assert campaign.describe_untraceable_references == ()
 
 
 def test_weights_of_a_set_are_picked_from_a_list(tmp_path: Path) -> None:
@@ -137,10 +137,13 @@ def test_a_signature_by_another_key_is_said(tmp_path: Path) -> None:
     path = certified_campaign(tmp_path)
     path.write_text(path.read_text().replace('dcc_keys = ["masses.pub.pem"]\n', ""))
     campaign, _ = load_campaign(path)
-    assert "signed by an unknown key" in campaign.untraceable_references[0]
+    assert "signed by an unknown key" in campaign.describe_untraceable_references[0]
     (tmp_path / "weights.xml").write_bytes(weights_xml())
     campaign, _ = load_campaign(path)
-    assert campaign.untraceable_references[0] == "the certificate of mass 'weight-1' is unsigned"
+    assert (
+        campaign.describe_untraceable_references[0]
+        == "the certificate of mass 'weight-1' is unsigned"
+    )
 
 
 @pytest.mark.parametrize(
