@@ -25,7 +25,7 @@ from estimators.interpreted import force_compilation
 from estimators.threads import limit_blas_to_one_thread
 from replay import load_machine, open_log
 from replay.follow.agreement import FollowedDigests
-from replay.inputs.channel_inputs import channel_fields
+from replay.inputs.channel_inputs import list_channel_fields
 from replay.simulation.simulate_logs import simulate_scenario
 
 SECOND_NS = 10**9
@@ -36,7 +36,7 @@ def driven(folder: Path, machine: Machine, rate_hz: float) -> dict[str, pl.DataF
     plan = {"campaign": {"loads_kg": [150], "runs": 4}, "sensors": {"rate_hz": rate_hz}}
     (log,) = simulate_scenario(Scenario.model_validate(plan), folder / "starts.mcap")
     with open_log(log) as opened:
-        return opened.read_many(channel_fields(causal_machine(machine)))
+        return opened.read_many(list_channel_fields(causal_machine(machine)))
 
 
 def later(samples: pl.DataFrame, by_ns: int) -> pl.DataFrame:

@@ -24,7 +24,7 @@ from estimators.errors import DataError
 from recordings.report.finding_text import cause_name, findings_of_run
 from replay.explain.try_proposals import MachineText, write_corrected_machine_file
 from replay.logs import open_log
-from replay.machines.machine_file import load_machine, time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine, load_machine
 from replay.pipeline import run
 
 REPO: Final = Path(__file__).resolve().parent.parent
@@ -166,7 +166,7 @@ def trial(fault: RealFault, size: float, table: Path, bag: Path, seed: int = 1) 
             log, file = Path(name) / "axis.csv", REPO / "examples/linear_axis.toml"
             fault.made(pl.read_csv(table), size, dice).write_csv(log)
         machine = load_machine(file)
-        with open_log(log, time=time_axis_of_machine(machine)) as opened:
+        with open_log(log, time=find_time_axis_of_machine(machine)) as opened:
             before = run(opened, machine)
         output = Path(name) / "mended.toml"
         after = write_corrected_machine_file(log, MachineText(file), before, (output, False))

@@ -20,7 +20,7 @@ from analysis.simulation.trials.trial_limits import check_shift_can_be_driven
 from estimators.errors import ScenarioError
 from replay import load_machine, open_log
 from replay.pipeline import run
-from replay.simulation.simulate_logs import shift_truth_path, simulate_scenario
+from replay.simulation.simulate_logs import make_shift_truth_path, simulate_scenario
 from tests.trials.drawn_designs import (
     LOADER_KG,
     Sections,
@@ -271,7 +271,7 @@ def reviewed_shift(
     """
     scenario, machine = drawn_shift(seed, hours, break_s, physics=physics)
     logs = simulate_scenario(scenario, folder / "shift.mcap", force=True)
-    truth = json.loads(shift_truth_path(folder / "shift.mcap").read_text(encoding="utf-8"))
+    truth = json.loads(make_shift_truth_path(folder / "shift.mcap").read_text(encoding="utf-8"))
     with ExitStack() as stack:
         made = run([stack.enter_context(open_log(path)) for path in logs], machine)
     assert scenario.shift is not None

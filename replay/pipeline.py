@@ -80,15 +80,15 @@ from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
 from estimators.threads import limit_blas_to_one_thread, release_freed_memory
 from replay.inputs.channel_inputs import (
-    channel_fields,
-    frames_by_raw_name,
+    list_channel_fields,
     make_provenance,
     read_channels,
+    rename_raw_frames,
 )
-from replay.inputs.derived_logs import join_parallel_tables
-from replay.inputs.machine_identity import machine_with_id_and_logged_id
-from replay.inputs.time_line import note_on_order_of_logs as order_note
-from replay.inputs.time_line import time_line_offsets_ns
+from replay.inputs.derived_logs import separate_parallel_tables
+from replay.inputs.machine_identity import identify_machine
+from replay.inputs.time_line import compute_log_offsets_ns
+from replay.inputs.time_line import describe_log_order as order_note
 from replay.logs import Log
 
 #: What `on_stage` is told, in order.
@@ -171,8 +171,10 @@ def run(
     Returns:
         Every intermediate frame, with the provenance.
     """
-    logs, machine = join_parallel_tables(logs if isinstance(logs, Sequence) else [logs], machine)
-    machine, logged_id = machine_with_id_and_logged_id(logs, machine)  # a sister's log is refused
+    logs, machine = separate_parallel_tables(
+        logs if isinstance(logs, Sequence) else [logs], machine
+    )
+    machine, logged_id = identify_machine(logs, machine)  # a sister's log is refused
 
     on_stage("read")  # the channels in use, at their own rates
     raw, losses = read_channels(logs, machine)
@@ -206,7 +208,7 @@ def run(
     why = reasons_for_no_answer(excitation, seen.frames["gate"], machine.settings)
     return Run(
         frames={
-            **frames_by_raw_name(raw),
+            **rename_raw_frames(raw),
             **seen.frames,
             "planar": plane,
             "planar_budget": plane_budget,
@@ -232,7 +234,7 @@ def run(
             losses=list(dict.fromkeys([*losses, *seen.doubts])),
             notes=[
                 *(note for log in logs for note in log.notes()),
-                *order_note(time_line_offsets_ns(logs, channel_fields(machine))),
+                *order_note(compute_log_offsets_ns(logs, list_channel_fields(machine))),
                 *chosen,
                 *seen.notes,
                 *note_outdated_weighbridge_ticket(

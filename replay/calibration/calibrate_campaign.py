@@ -57,12 +57,12 @@ from replay.calibration.campaign_file import load_campaign
 from replay.calibration.campaign_limits import LIMITS
 from replay.calibration.campaign_runs import (
     CampaignReplay,
-    current_time_of_evidence,
-    draw_evidence_id,
-    replay_logs_of_campaign,
-    software_versions,
+    collect_software_versions,
+    format_current_time,
+    generate_evidence_id,
+    replay_campaign_logs,
 )
-from replay.calibration.dcc_output import DccOutput, require_dcc_ready, write_and_verify_dcc
+from replay.calibration.dcc_output import DccOutput, require_dcc_inputs, write_and_verify_dcc
 from replay.calibration.refuse_campaign import (
     load_notary_stretch,
     refuse_contradicted_days,
@@ -95,7 +95,7 @@ class CalibrationOutcome:
         return self.readings.filter(~pl.col("used"))
 
     @property
-    def is_good(self) -> bool:
+    def is_within_limits(self) -> bool:
         """Whether there is a line within its limits and without drift."""
         said = self.document
         limits = said.limits is None or said.limits.verdict == WITHIN
@@ -172,14 +172,14 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
     machine = Machine.model_validate_json(canonical_json_bytes(machine.model_dump(mode="json")))
     key = read_signing_key(key_file)
-    xml_key = None if dcc is None else require_dcc_ready(campaign_file, campaign, dcc, force=force)
+    xml_key = None if dcc is None else require_dcc_inputs(campaign_file, campaign, dcc, force=force)
     before = (
         None if previous is None else read_previous_evidence(previous, campaign.machine.id, key)
     )
     require_writable_folder(folder, force=force)
     stretch = load_notary_stretch(campaign_file, campaign)
     if timestamp_request_file is not None:
-        refuse_impossible_timestamp_request(timestamp_request_file, key, force=force)
+        refuse_timestamp_request_early(timestamp_request_file, key, force=force)
     with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
@@ -190,14 +190,14 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         learnt = None
         if campaign.does_learn_priors and len(campaign.logs) >= USE_LIMITS.min_logs:
             # under the machine's own priors: what they say of the nuisances together
-            first = replay_logs_of_campaign(campaign, machine, path_of_log, None, on_log)
+            first = replay_campaign_logs(campaign, machine, path_of_log, None, on_log)
             refuse_contradicted_days(campaign_file, campaign, first, machine)
             refuse_unaccounted_logs(campaign_file, campaign, first, stretch)
-            learnt = first.learnt
+            learnt = first.pool_learnt_priors
         weighing = (
             machine if learnt is None else apply_learnt_priors_to_machine(machine, learnt.terms)
         )
-        replayed = replay_logs_of_campaign(
+        replayed = replay_campaign_logs(
             campaign, weighing, path_of_log, made if recordings else None, on_log
         )
         refuse_contradicted_days(campaign_file, campaign, replayed, machine)
@@ -224,7 +224,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     return replace(calibrated, remarks=(*calibrated.remarks, remark))
 
 
-def refuse_impossible_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) -> None:
+def refuse_timestamp_request_early(file: Path, key: SigningKey | None, *, force: bool) -> None:
     """Raise an error before the work begins if a time stamp cannot be requested.
 
     Raises:
@@ -289,7 +289,7 @@ def write_verified_evidence(
     staging: Path,
     folder: Path,
     key: SigningKey | None,
-    before: CheckedBundle | None,
+    earlier_bundle: CheckedBundle | None,
     previous: Path | None,
     stretch: bytes | None = None,
 ) -> CalibrationOutcome:
@@ -300,7 +300,7 @@ def write_verified_evidence(
         staging: temporary folder, which already contains the recordings.
         folder: final folder.
         key: signing key; None leaves it unsigned.
-        before: the machine's previous evidence.
+        earlier_bundle: the machine's previous evidence.
         previous: folder of that evidence.
         stretch: part of the recorder's notary list, if the campaign names one.
 
@@ -315,7 +315,7 @@ def write_verified_evidence(
             "on each log to see why"
         )
     tables, digests = encode_tables(readings, points)
-    document = _make_evidence_document(evidence, digests, key, before)
+    document = _make_evidence_document(evidence, digests, key, earlier_bundle)
     write_calibration(staging, document, readings, points)
     remarks = write_bundle(staging, document, readings, points, tables, key, stretch)
     checked = check_bundle(staging, None if key is None else key.public, previous)
@@ -343,8 +343,8 @@ def _make_evidence_document(
     document = EvidenceDocument(
         format=FORMAT,
         kind=evidence.kind,
-        id=draw_evidence_id(),
-        made=current_time_of_evidence(),
+        id=generate_evidence_id(),
+        made=format_current_time(),
         notice=NOTICE,
         campaign=campaign,
         # a check does not prolong what it checks
@@ -361,17 +361,19 @@ def _make_evidence_document(
         no_fit=fitted.no_fit,
         limits=fitted.limits,
         drift=evidence.drift,
-        as_found=evaluate_previous_line(last, redigest_estimator(last), estimator, fitted.frame),
+        as_found=evaluate_previous_line(
+            last, recompute_estimator_digest(last), estimator, fitted.frame
+        ),
         replay_tolerance_kg=LIMITS.replay_tolerance_kg,
         procedure=last.procedure if last and evidence.kind == "check" else PRESENT_NUMBER,
-        chain=_make_next_link(previous),
+        chain=_make_chain_link(previous),
         signer=None if key is None else _make_signer(campaign, key),
-        software=software_versions(),
+        software=collect_software_versions(),
     )
     return document.with_all_settings
 
 
-def redigest_estimator(previous: EvidenceDocument | None) -> Estimator | None:
+def recompute_estimator_digest(previous: EvidenceDocument | None) -> Estimator | None:
     """Estimator of the previous evidence, with its digest by this version."""
     if previous is None:
         return None
@@ -383,7 +385,7 @@ def _make_signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
     return Signer(name=name, key_id=key.public.key_id, public_key=key.public.text)
 
 
-def _make_next_link(previous: CheckedBundle | None) -> Chain:
+def _make_chain_link(previous: CheckedBundle | None) -> Chain:
     """Place of new evidence in the machine's chain."""
     if previous is None or previous.document is None:
         return Chain(counter=1, previous=None)

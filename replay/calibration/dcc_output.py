@@ -30,7 +30,7 @@ class DccOutput:
     certificate_file: Path | None = None
 
 
-def require_dcc_ready(
+def require_dcc_inputs(
     source: Path, campaign: CalibrationCampaign, dcc: DccOutput, *, force: bool
 ) -> "DccKey | None":
     """Raise an error before the work begins if no certificate can be made.

@@ -131,10 +131,10 @@ def verify_bundle(
         what = f"is {keeper}, but a signature by a key of the keyring is required"
         bundle.add_finding(BundleOutcome.INCOMPLETE, NOTARY, what)
     document = bundle.document
-    done = list_checks_done(bundle, previous is not None)
+    done = describe_checks_done(bundle, previous is not None)
     files = FilesCheck()
     if document is not None:
-        files = compare_with_fingerprints(
+        files = compare_recordings_with_fingerprints(
             bundle, document, folder, compare_calibration_too=logs is not None
         )
     if logs is not None and document is not None and bundle.readings is not None:
@@ -157,13 +157,17 @@ def verify_bundle(
         tuple(done),
         ()
         if document is None
-        else (*undetectable_faults(document), *files.unseen, *iter_unverifiable_claims(document)),
+        else (
+            *undetectable_faults(document),
+            *files.unseen,
+            *iter_unverifiable_statements(document),
+        ),
         bundle.signed_by,
         bundle,
     )
 
 
-def iter_unverifiable_claims(document: EvidenceDocument) -> Iterator[str]:
+def iter_unverifiable_statements(document: EvidenceDocument) -> Iterator[str]:
     """Claims that `verify` cannot check, whatever files it has."""
     yield (
         "Whether what the campaign file states about people, place, conditions, sensors and "
@@ -186,7 +190,7 @@ def _check_expiry(bundle: CheckedBundle, document: EvidenceDocument, on: dt.date
         bundle.add_finding(BundleOutcome.EXPIRED, f"{EVIDENCE}: expires", what)
 
 
-def list_checks_done(bundle: CheckedBundle, is_chain_checked: bool) -> list[str]:
+def describe_checks_done(bundle: CheckedBundle, is_chain_checked: bool) -> list[str]:
     """Checks of the folder itself that were made, in words."""
     done = ["names and digests of every file; nothing in the folder was run"]
     if bundle.document is not None:
@@ -218,7 +222,7 @@ class FilesCheck:
     unseen: tuple[str, ...] = ()
 
 
-def compare_with_fingerprints(
+def compare_recordings_with_fingerprints(
     bundle: CheckedBundle,
     document: EvidenceDocument,
     folder: Path,

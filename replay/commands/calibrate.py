@@ -68,7 +68,7 @@ def command(
     from replay.calibration.calibrate_campaign import calibrate_from_campaign
     from replay.calibration.check_mass import KnownMassOnBoard, check_mass
     from replay.calibration.dcc_output import DccOutput
-    from replay.commands.print_tables import print_json, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_json
     from replay.commands.progress_bar import StageProgress
 
     if check is None and (check_u or certificate or day):
@@ -100,8 +100,8 @@ def command(
     if as_json:
         print_json(made.to_dict())
     else:
-        _print_evidence(stdout_console(), made)
-    if not made.is_good:
+        _print_evidence(make_stdout_console(), made)
+    if not made.is_within_limits:
         raise typer.Exit(1)
 
 

@@ -58,7 +58,7 @@ def command(
     from replay.commands.progress_bar import StageProgress
     from replay.explain.explain_run import ExplainRequest, explain_run
 
-    picture, corrected_file = split_picture_and_machine_outputs(output or [], apply=apply)
+    picture, corrected_file = split_outputs_by_suffix(output or [], apply=apply)
     if overrides and machine is None:
         raise typer.BadParameter("--set changes a machine file; give the file with -m")
     asked = ExplainRequest(
@@ -75,9 +75,7 @@ def command(
         raise typer.Exit(1)
 
 
-def split_picture_and_machine_outputs(
-    paths: list[Path], *, apply: bool
-) -> tuple[Path | None, Path | None]:
+def split_outputs_by_suffix(paths: list[Path], *, apply: bool) -> tuple[Path | None, Path | None]:
     """Split the outputs into picture and machine file.
 
     Raises:
@@ -122,9 +120,9 @@ def _print_explanation(
         manoeuvre_line,
     )
     from replay.commands.print_checks import print_failed_checks
-    from replay.commands.print_tables import print_line, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_line
 
-    screen = stdout_console()
+    screen = make_stdout_console()
 
     def print_part(title: str, lines: "Iterable[str]") -> None:
         listed = list(lines)
@@ -143,7 +141,7 @@ def _print_explanation(
     print_part("causes, the likeliest first:", iter_finding_lines(explanation))
     if explanation.manoeuvre is not None:
         print_part("its manoeuvre:", [manoeuvre_line(explanation.manoeuvre)])
-    print_part(_worst_manoeuvres_title(explanation), map(manoeuvre_line, explanation.worst))
+    print_part(_format_worst_manoeuvres_title(explanation), map(manoeuvre_line, explanation.worst))
     around = (
         "the gate around it:" if explanation.at_s is not None else "the gate, by share of time:"
     )
@@ -156,7 +154,7 @@ def _print_explanation(
         print_line(screen, f"picture: {picture}")
 
 
-def _worst_manoeuvres_title(explanation: "Explanation") -> str:
+def _format_worst_manoeuvres_title(explanation: "Explanation") -> str:
     if any(each.deviations is not None for each in explanation.worst):
         return "manoeuvres farthest from their load:"
     if any(each.mass_kg is not None for each in explanation.worst):
@@ -166,14 +164,14 @@ def _worst_manoeuvres_title(explanation: "Explanation") -> str:
 
 def _print_corrected_machine(screen: "Console", corrected: "CorrectedMachine") -> None:
     from recordings.report.finding_text import cause_name
-    from replay.commands.print_tables import print_line, setting_value_text
+    from replay.commands.print_tables import format_setting_value, print_line
 
     screen.print("\nproposed corrections, each tested by a replay:", markup=False)
     for each in corrected.changes:
         claim = ""
         if each.change_kg is not None:
             claim = f", claimed {each.change_kg:+,.2f} ± {each.change_u_kg or 0.0:,.2f} kg"
-        said = f"{each.key} = {setting_value_text(each.value)} ({cause_name(each.cause)}{claim})"
+        said = f"{each.key} = {format_setting_value(each.value)} ({cause_name(each.cause)}{claim})"
         print_line(screen, said)
     for tried in corrected.rejected:
         key, cause = tried.proposal.key, cause_name(tried.proposal.cause)

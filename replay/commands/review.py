@@ -11,7 +11,7 @@ from replay.commands.common_options import (
     FrictionLimit,
     RequireSigned,
     SignerKey,
-    calibration_request_from_options,
+    make_calibration_request,
 )
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ _VERDICT: Final = "Verdict"
 _WEEK_OPTIONS: Final = ("logs", "output", "week", "friction_limit", "as_json")
 
 
-def _make_label_option(name: str) -> Any:
+def _make_payload_label_option(name: str) -> Any:
     return typer.Option(
         f"--{name}",
         help=f"The {name} of the named cycles, or of the whole shift.",
@@ -35,11 +35,11 @@ def _make_label_option(name: str) -> Any:
     )
 
 
-def _make_cycles_option(name: str, does: str) -> Any:
+def _make_cycles_option(name: str, effect: str) -> Any:
     return typer.Option(
         f"--{name}",
         metavar=_WHEN,
-        help=f"{does}: a number (14), an id, or a local time (14:32:10).",
+        help=f"{effect}: a number (14), an id, or a local time (14:32:10).",
         rich_help_panel=_VERDICT,
     )
 
@@ -81,11 +81,11 @@ def command(
     note: Annotated[
         str, typer.Option(help="A note on the named cycles.", rich_help_panel=_VERDICT)
     ] = "",
-    product: Annotated[str, _make_label_option("product")] = "",
-    operator: Annotated[str, _make_label_option("operator")] = "",
-    truck: Annotated[str, _make_label_option("truck")] = "",
-    customer: Annotated[str, _make_label_option("customer")] = "",
-    stockpile: Annotated[str, _make_label_option("stockpile")] = "",
+    product: Annotated[str, _make_payload_label_option("product")] = "",
+    operator: Annotated[str, _make_payload_label_option("operator")] = "",
+    truck: Annotated[str, _make_payload_label_option("truck")] = "",
+    customer: Annotated[str, _make_payload_label_option("customer")] = "",
+    stockpile: Annotated[str, _make_payload_label_option("stockpile")] = "",
     label: Annotated[
         list[str] | None,
         typer.Option(
@@ -142,7 +142,7 @@ def command(
     """
     from estimators.errors import one_line
     from recordings.review.shift_facts import summarise_shift
-    from replay.commands.print_tables import print_json, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_json
     from replay.commands.progress_bar import StageProgress
     from replay.machines.machine_file import load_machine
     from replay.pipeline import STAGES
@@ -164,9 +164,9 @@ def command(
         "stockpile": stockpile,
     }
     given = GivenVerdicts(reject or (), accept or (), cycle or (), note, labels, author, begin, end)
-    given.refuse_incomplete()
+    given.refuse_incomplete_verdicts()
     channels = [parse_label_channel(each) for each in label or ()]
-    asked = calibration_request_from_options(calibration, key, signed=require_signed)
+    asked = make_calibration_request(calibration, key, signed=require_signed)
     if machine is None and output is None and len(logs) == 1 and is_review_folder(logs[0]):
         needs_logs = (asked is not None, target is not None, overrides, full, decimal_comma, label)
         if any(needs_logs):
@@ -192,9 +192,11 @@ def command(
     if as_json:
         print_json(made.to_dict())
     else:
-        print_review(stdout_console(), made)
-    if made.no_tonnes:
-        typer.echo(one_line(summarise_shift(made.shift, made.no_tonnes, made.state)), err=True)
+        print_review(make_stdout_console(), made)
+    if made.missing_tonnes_reason:
+        typer.echo(
+            one_line(summarise_shift(made.shift, made.missing_tonnes_reason, made.state)), err=True
+        )
         raise typer.Exit(1)
 
 
@@ -229,7 +231,7 @@ def print_week(
         write_week_page,
     )
     from recordings.review.week_totals import GROUPS, read_week, total_of_week, totals_by_group
-    from replay.commands.print_tables import print_json, print_line, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_json, print_line
 
     parts, shifts = read_week(folders), read_shifts_of_reviews(folders)
     sums = {by: totals_by_group(parts, by) for by in GROUPS}
@@ -244,7 +246,7 @@ def print_week(
             | {"friction": {name: trend._asdict() for name, trend in trends.items()}}
         )
         return
-    screen = stdout_console()
+    screen = make_stdout_console()
     for by, totals in sums.items():
         for each in totals:
             t, u_t = each.payload_kg / 1e3, K * each.payload_u_kg / 1e3
@@ -281,7 +283,7 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
     from replay.commands.print_tables import print_line
 
     state = review.state
-    if not review.no_tonnes:
+    if not review.missing_tonnes_reason:
         print_line(screen, summarise_shift(review.shift, "", state))
     if state.mixed_machines:
         print_line(screen, f"warning: {two_machines_warning(state)}")

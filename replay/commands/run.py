@@ -12,7 +12,7 @@ from replay.commands.common_options import (
     Calibration,
     RequireSigned,
     SignerKey,
-    calibration_request_from_options,
+    make_calibration_request,
 )
 from replay.commands.print_checks import make_check_table, print_remedies_with_checks
 from replay.commands.print_tables import make_plain_table, print_line, print_table
@@ -102,8 +102,8 @@ def command(
         raise typer.BadParameter("--live shows the recording while it is written; name it with -o")
     if goal is not None and as_json:
         raise typer.BadParameter("--goal prints text only; leave out --json")
-    settings = [*(overrides or []), *_overrides_for_empty_span(empty)]
-    asked = calibration_request_from_options(calibration, key, signed=require_signed)
+    settings = [*(overrides or []), *_make_empty_span_overrides(empty)]
+    asked = make_calibration_request(calibration, key, signed=require_signed)
 
     def replay_to(to: RecordTo) -> "Answer":
         with StageProgress(len(STEPS), timing=timing) as stages:
@@ -135,20 +135,20 @@ def command(
 
 def _watch_machine_file(
     machine: Path,
-    to: "RecordTo",
+    output: "RecordTo",
     settings: list[str],
     replay: "Callable[[RecordTo], Answer]",
     show: "Callable[[Answer], None]",
 ) -> None:
     """Replay after each change of the machine file and print the change, until interrupted."""
     from estimators.errors import PayscopeError, one_line
-    from replay.commands.print_tables import setting_value_text
+    from replay.commands.print_tables import format_setting_value
     from replay.runs.run_logs import watch_machine_file
 
     def print_changed_answer(answer: "Answer", changed: "list[ValueChange]") -> None:
         if changed:
             said = ", ".join(
-                f"{each.name} {setting_value_text(each.a)} → {setting_value_text(each.b)}"
+                f"{each.name} {format_setting_value(each.a)} → {format_setting_value(each.b)}"
                 for each in changed
             )
             typer.echo(one_line(f"{machine} changed: {said}"), err=True)
@@ -161,10 +161,10 @@ def _watch_machine_file(
 
     # interrupted is how it ends
     with suppress(KeyboardInterrupt):
-        watch_machine_file(machine, to, settings, replay, print_changed_answer, print_error)
+        watch_machine_file(machine, output, settings, replay, print_changed_answer, print_error)
 
 
-def _overrides_for_empty_span(span: str | None) -> list[str]:
+def _make_empty_span_overrides(span: str | None) -> list[str]:
     """Overrides for an empty span given as `FROM:TO`."""
     if span is None:
         return []
@@ -189,12 +189,12 @@ def print_answer(answer: "Answer", goal_u_kg: float | None = None, verbose: int 
         goal_u_kg: standard uncertainty in kg; prints how many more starts would reach it.
         verbose: 1 adds budget, methods and omitted lines; 2 adds every check.
     """
-    screen = print_tables.stdout_console()
+    screen = print_tables.make_stdout_console()
     if answer.verdict.can_weigh:
         _print_masses_with_uncertainty(screen, answer, verbose)
     else:
         _print_verdict(screen, answer, verbose)
-    for line in further_lines(answer, goal_u_kg, verbose):
+    for line in iter_answer_notes(answer, goal_u_kg, verbose):
         print_line(screen, line)
     if verbose:
         _print_budget(screen, answer)
@@ -230,14 +230,14 @@ def _print_masses_with_uncertainty(screen: "Console", answer: "Answer", verbose:
         for load in shown:
             loads.add_row(*load)
         print_table(screen, loads)
-        for line in _omitted_count_line(len(rows) - len(shown), "load", "loads"):
+        for line in _iter_omitted_count_line(len(rows) - len(shown), "load", "loads"):
             print_line(screen, line)
     most = advice_to_reduce_uncertainty(answer)
     if most:
         print_line(screen, most)
 
 
-def further_lines(answer: "Answer", goal_u_kg: float | None, verbose: int) -> "Iterator[str]":
+def iter_answer_notes(answer: "Answer", goal_u_kg: float | None, verbose: int) -> "Iterator[str]":
     """Further lines about the answer, the most important first."""
     from recordings.report.planar_text import planar_fit_lines
     from recordings.report.worth_text import shift_total_lines, starts_to_goal_lines
@@ -245,16 +245,14 @@ def further_lines(answer: "Answer", goal_u_kg: float | None, verbose: int) -> "I
     if goal_u_kg is not None:
         yield from starts_to_goal_lines(answer, goal_u_kg)
     if answer.verdict.can_tell_inertia and not verbose:
-        yield from _yaw_inertia_line(answer)
+        yield from _iter_yaw_inertia_line(answer)
     yield from shift_total_lines(answer)
     yield from planar_fit_lines(answer.planar, answer.planar_budget)
     most_lines = len(answer.losses) + len(answer.notes) if verbose else LIMITS.answer_lines
-    yield from first_lines_and_count_of_rest(
+    yield from limit_lines(
         [f"lost: {loss}" for loss in answer.losses], most_lines, "loss", "losses"
     )
-    yield from first_lines_and_count_of_rest(
-        [f"note: {note}" for note in answer.notes], most_lines, "note", "notes"
-    )
+    yield from limit_lines([f"note: {note}" for note in answer.notes], most_lines, "note", "notes")
     yield from _describe_findings(answer, verbose)
 
 
@@ -277,21 +275,21 @@ def _describe_findings(answer: "Answer", verbose: int) -> "Iterator[str]":
         yield f"{left} {'other finding' if left == 1 else 'other findings'} (-v)"
 
 
-def first_lines_and_count_of_rest(
+def limit_lines(
     lines: "Sequence[str]", max_lines: int, singular: str, plural: str
 ) -> "Iterator[str]":
     """The first `max_lines` lines, and a line that counts the others."""
     yield from lines[:max_lines]
-    yield from _omitted_count_line(len(lines) - max_lines, singular, plural)
+    yield from _iter_omitted_count_line(len(lines) - max_lines, singular, plural)
 
 
-def _omitted_count_line(count: int, singular: str, plural: str) -> "Iterator[str]":
+def _iter_omitted_count_line(count: int, singular: str, plural: str) -> "Iterator[str]":
     """Yield one line with the number of lines that -v would add; nothing if it is 0."""
     if count > 0:
         yield f"{count} more {singular if count == 1 else plural} (-v)"
 
 
-def _yaw_inertia_line(answer: "Answer") -> "Iterator[str]":
+def _iter_yaw_inertia_line(answer: "Answer") -> "Iterator[str]":
     """Line with the yaw inertia of the joint fit, or else of the first method that has one."""
     from recordings.report.number_text import format_plus_minus
 

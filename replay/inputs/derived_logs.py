@@ -153,7 +153,9 @@ class _NamedTable(DerivedLog):
         return self._log.machine_ids()
 
 
-def join_parallel_tables(logs: Sequence[Log], machine: Machine) -> tuple[Sequence[Log], Machine]:
+def separate_parallel_tables(
+    logs: Sequence[Log], machine: Machine
+) -> tuple[Sequence[Log], Machine]:
     """Give tables that share no column of the channels topics of their own.
 
     Args:
@@ -170,7 +172,7 @@ def join_parallel_tables(logs: Sequence[Log], machine: Machine) -> tuple[Sequenc
     wanted = {field for channel in machine.channels.values() for field in channel.fields}
     for log in logs:
         log.expect({TABLE: sorted(wanted)})
-    logs = _tables_with_own_topics(logs, wanted)
+    logs = _give_tables_own_topics(logs, wanted)
     columns = {
         topic: set[str](fields or [])
         for log in logs
@@ -194,7 +196,7 @@ def join_parallel_tables(logs: Sequence[Log], machine: Machine) -> tuple[Sequenc
     return logs, machine.model_copy(update={"channels": channels})
 
 
-def _tables_with_own_topics(logs: Sequence[Log], wanted_columns: set[str]) -> Sequence[Log]:
+def _give_tables_own_topics(logs: Sequence[Log], wanted_columns: set[str]) -> Sequence[Log]:
     """Tables with topics of their own, unless two share wanted columns."""
     if len(logs) < 2 or len({log.digests for log in logs}) < len(logs):
         return logs
@@ -274,7 +276,7 @@ class MemoryLog(Log):
         return ()
 
 
-def machine_with_memory_channels(machine: Machine, simulated: "SimulatedLog") -> Machine:
+def read_channels_from_memory(machine: Machine, simulated: "SimulatedLog") -> Machine:
     """The machine with its channels read from the topics of a simulation."""
     topic_of = {
         name: topic

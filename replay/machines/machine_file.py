@@ -32,7 +32,7 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
     Raises:
         MachineError: one line with the file, the fault, the choices and the remedy.
     """
-    path = machine_file_or_shipped(Path(path))
+    path = find_machine_file(Path(path))
     if not path.exists():
         shipped = ", ".join(sorted(each.name for each in _SHIPPED.glob("*.toml")))
         raise MachineError(
@@ -72,12 +72,12 @@ def refuse_setting_without_prefix(override: str) -> None:
         raise MachineError(f"--set {override}: no such key; did you mean 'settings.{meant[0]}'?")
 
 
-def time_axis_of_machine(machine: Machine) -> TimeAxis | None:
+def find_time_axis_of_machine(machine: Machine) -> TimeAxis | None:
     """Time axis of tables according to the machine file; None if it gives none."""
-    return time_axis_of_log_section(machine.log)
+    return find_time_axis_of_section(machine.log)
 
 
-def time_axis_of_log_section(section: LogSection) -> TimeAxis | None:
+def find_time_axis_of_section(section: LogSection) -> TimeAxis | None:
     """Time column and dialect of tables by the keys of `[log]`; None if none is given."""
     given = section.model_dump()
     time, unit = given.pop("time", None), given.pop("time_unit", None)
@@ -86,13 +86,13 @@ def time_axis_of_log_section(section: LogSection) -> TimeAxis | None:
     return TimeAxis(time, unit, TableHints(**given))
 
 
-def machine_file_or_shipped(path: Path) -> Path:
+def find_machine_file(path: Path) -> Path:
     """Path of a machine file, or of the shipped one with that name if no such file exists."""
     shipped = _SHIPPED / path.name
     return shipped if not path.exists() and path == Path(path.name) and shipped.exists() else path
 
 
-def find_file_signature(path: Path) -> tuple[int, int, int] | None:
+def read_file_signature(path: Path) -> tuple[int, int, int] | None:
     """Time, size and inode, by which a changed or replaced file is recognised; None if absent."""
     try:
         about = path.stat()

@@ -153,7 +153,7 @@ def open_list(path: Path) -> Generator[OpenList]:
             )
         whole, tail = split_whole_lines(_read_descriptor(number, size))
         lines = [parse_line(line, f"{path}: line {k}") for k, line in enumerate(whole, start=1)]
-        second = second_copy_path(path)
+        second = find_second_copy_path(path)
         refuse_altered_list(path, lines, read_kept_end(second))
         if tail:
             os.ftruncate(number, size - len(tail))
@@ -206,7 +206,7 @@ def refuse_altered_list(path: Path, lines: list[NotaryLine], end: ListEnd | None
         )
 
 
-def second_copy_path(path: Path) -> Path | None:
+def find_second_copy_path(path: Path) -> Path | None:
     """Path of the second copy of a list's end; None if it cannot be written."""
     named = os.environ.get(STATE_VARIABLE)
     base = os.environ.get("XDG_STATE_HOME")
@@ -220,21 +220,21 @@ def second_copy_path(path: Path) -> Path | None:
     return folder / f"{name}.json" if os.access(folder, os.W_OK) else None
 
 
-def read_kept_end(second: Path | None) -> ListEnd | None:
+def read_kept_end(second_copy: Path | None) -> ListEnd | None:
     """Read the kept end of a list; None if there is none.
 
     Raises:
         EvidenceError: it is damaged.
     """
-    if second is None or not second.exists():
+    if second_copy is None or not second_copy.exists():
         return None
     try:
-        held = json.loads(second.read_bytes())
+        held = json.loads(second_copy.read_bytes())
         return ListEnd(str(held["head"]), int(held["counter"]), str(held["digest"]))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise EvidenceError(
-            f"{second}: does not contain the end of the list ({type(error).__name__}); remove this "
-            "file if you know that the list is complete"
+            f"{second_copy}: does not contain the end of the list ({type(error).__name__}); remove "
+            "this file if you know that the list is complete"
         ) from None
 
 

@@ -16,7 +16,7 @@ from analysis.paper.simulated_sources import (
 )
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from recordings.paper.paper_items import Item, ItemResult, compute_item
-from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import MemoryLog, read_channels_from_memory
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 
@@ -77,7 +77,7 @@ def replay_simulated(
         chain: applied to the signals before they are recorded.
     """
     logs = [chain(log) for log in simulate_campaign(scenario)]
-    replayed = run([MemoryLog(log) for log in logs], machine_with_memory_channels(machine, logs[0]))
+    replayed = run([MemoryLog(log) for log in logs], read_channels_from_memory(machine, logs[0]))
     return ReplayedCampaign(
         scenario,
         replayed,

@@ -102,22 +102,24 @@ class Recognition:
         """Fill a channel unless an earlier column has filled it."""
         if channel in self.filled_channels:
             return
-        stated = _unit_unless_si(unit or column.unit, channel)
+        stated = _find_unit_if_not_si(unit or column.unit, channel)
         self.channels.append(ChannelProposal(channel, column.topic, column.field, stated, reason))
 
-    def propose_as_comment(self, channel: str, derive: str, reason: str) -> None:
+    def propose_as_comment(self, channel: str, derivation: str, reason: str) -> None:
         """Propose a derived channel that needs an answer, as a comment."""
-        proposal = ChannelProposal(channel, None, None, None, reason, derive, is_comment=True)
+        proposal = ChannelProposal(channel, None, None, None, reason, derivation, is_comment=True)
         self.channels.append(proposal)
 
-    def sketch_source(self, column: LogColumn, channel: str, unit: str | None, reason: str) -> None:
+    def propose_source_channel(
+        self, column: LogColumn, channel: str, unit: str | None, reason: str
+    ) -> None:
         """Add the source channel of a proposed derivation."""
         self.channels.append(
             ChannelProposal(channel, column.topic, column.field, unit, reason, is_comment=True)
         )
 
 
-def _unit_unless_si(unit: str | None, channel: str) -> str | None:
+def _find_unit_if_not_si(unit: str | None, channel: str) -> str | None:
     """Unit that a channel must state; None if it is SI."""
     if unit is None:
         return None

@@ -87,7 +87,7 @@ class RecordedStage:
             return self
         refuse_invalid_time_range(self.recording, start_s, end_s)
         column = self._require_time_column()
-        seconds = self._since_start_ns(column) / 1e9
+        seconds = self._time_since_start_ns(column) / 1e9
         rows = self.rows
         if start_s is not None:
             rows = rows.filter(seconds >= start_s)
@@ -104,7 +104,7 @@ class RecordedStage:
         if not math.isfinite(second):
             raise RecordingError(f"--at {second}: is not a time; name seconds since the start")
         column = self._require_time_column()
-        begin = self._since_start_ns(column) / 1e9
+        begin = self._time_since_start_ns(column) / 1e9
         if "end_t_ns" in self.rows.columns:
             # without a begin or an end it is of the whole log
             inside = (begin <= second).fill_null(True) & (
@@ -116,12 +116,12 @@ class RecordedStage:
             return replace(self, rows=held.group_by("axis", maintain_order=True).tail(1))
         return replace(self, rows=held.tail(1))
 
-    def make_readable(self) -> pl.DataFrame:
+    def format_times_for_reading(self) -> pl.DataFrame:
         """Rows with readable times: seconds, and local time if they are dates."""
         column = self.time_column
         if column is None:
             return self.rows
-        since_ns = self._since_start_ns(column)
+        since_ns = self._time_since_start_ns(column)
         seconds = (since_ns / 1e9).alias("t_s")
         rest = pl.exclude(column, "header_stamp_ns")
         if self.t0_unix_ns < FIRST_DATE_NS:
@@ -139,6 +139,6 @@ class RecordedStage:
             )
         return column
 
-    def _since_start_ns(self, column: str) -> pl.Expr:
+    def _time_since_start_ns(self, column: str) -> pl.Expr:
         """Time since the first sample, from a stamp or a grid time."""
         return pl.col(column) - (self.t0_unix_ns if column == "log_time_ns" else 0)

@@ -15,7 +15,7 @@ from estimators.errors import LogError, ReviewError, suggest_choice
 from recordings.review.reviewer_verdicts import LABELS, ShiftVerdict
 from replay.inputs.channel_inputs import merge_messages_of_logs
 from replay.logs import expand_log_folders, open_log
-from replay.machines.machine_file import time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine
 
 _CHANNEL: Final = re.compile(r"(?P<label>\w+)=(?P<topic>.+):(?P<field>[^:]+)")
 #: Author of what the logs say.
@@ -63,7 +63,7 @@ def read_label_spans(
     found: list[ShiftVerdict] = []
     with ExitStack() as stack:
         logs = [
-            stack.enter_context(open_log(path, time=time_axis_of_machine(machine)))
+            stack.enter_context(open_log(path, time=find_time_axis_of_machine(machine)))
             for path in expand_log_folders(paths)
         ]
         for channel in channels:

@@ -58,7 +58,7 @@ class ShiftReview:
     replayed: bool
 
     @property
-    def no_tonnes(self) -> str:
+    def missing_tonnes_reason(self) -> str:
         """Why no cycle counts; empty if one does."""
         return reason_for_no_tonnes(self.state, self.ledger)
 
@@ -68,7 +68,7 @@ class ShiftReview:
             "folder": str(self.folder),
             "shift": self.shift,
             "target": None if self.target is None else self.target._asdict(),
-            "no_tonnes": self.no_tonnes,
+            "no_tonnes": self.missing_tonnes_reason,
             "can_weigh": self.state.can_weigh,
             "losses": list(self.state.losses),
             "warnings": [self.state.mixed_machines] if self.state.mixed_machines else [],
@@ -103,7 +103,7 @@ class ShiftCount:
     totals: Mapping[str, list[LabelTotal]]
 
     @classmethod
-    def from_cycles(
+    def count_cycles(
         cls,
         cycles: pl.DataFrame,
         summary: pl.DataFrame,
@@ -172,7 +172,7 @@ def write_review(page: ReviewPage, folder: Path) -> None:
     (folder / STATE).write_text(page.state.model_dump_json(indent=1) + "\n", encoding="utf-8")
 
 
-def thinned_track_or_none(aligned: pl.DataFrame) -> pl.DataFrame | None:
+def make_thinned_track(aligned: pl.DataFrame) -> pl.DataFrame | None:
     """Thinned positions of the frame `aligned`; None if it has none."""
     names = ("latitude_deg", "longitude_deg")
     if not set(names) <= set(aligned.columns):

@@ -12,10 +12,10 @@ from analysis.simulation.trials.trial_limits import (
 from estimators.errors import ScenarioError
 from recordings.report.atomic_output import atomic_file
 from replay.machines.toml_file import (
+    format_toml,
     read_toml,
     refuse_other_kind_of_file,
     set_dotted_key,
-    toml_text,
     validate_toml_content,
 )
 
@@ -75,5 +75,5 @@ def write_scenario(scenario: Scenario, path: Path, *, force: bool = False) -> No
 
 def _format_toml_block(title: str, values: Mapping[str, Any]) -> str:
     return "".join(
-        [f"{title}\n", *(f"{key} = {toml_text(value)}\n" for key, value in values.items())]
+        [f"{title}\n", *(f"{key} = {format_toml(value)}\n" for key, value in values.items())]
     )

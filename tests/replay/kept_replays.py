@@ -14,7 +14,7 @@ import pytest
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from replay import pipeline
-from replay.inputs.channel_inputs import input_files
+from replay.inputs.channel_inputs import list_input_files
 from replay.logs import Log
 
 #: By the names and digests of a log's files, and the machine.
@@ -39,7 +39,7 @@ def _replay_once(
     logs: Log | Sequence[Log], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
 ) -> Run:
     every = logs if isinstance(logs, Sequence) else [logs]
-    key = f"{[input_files(log) for log in every]} {machine.model_dump_json()}"
+    key = f"{[list_input_files(log) for log in every]} {machine.model_dump_json()}"
     if key not in _KEPT:
         _KEPT[key] = pipeline.run(logs, machine, on_stage)
     return _KEPT[key]

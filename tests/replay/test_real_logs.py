@@ -11,7 +11,7 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.stages.estimation.masses import summarise_masses
 from replay import load_machine, open_log, run
-from replay.machines.machine_file import time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 REFERENCE_KG = 95.11
@@ -28,7 +28,7 @@ def replay() -> Iterator[Replay]:
         machine = load_machine(EXAMPLES / machine_file, overrides)
         asked = log, machine.model_dump_json()
         if asked not in kept:
-            with open_log(log, time=time_axis_of_machine(machine)) as opened:
+            with open_log(log, time=find_time_axis_of_machine(machine)) as opened:
                 kept[asked] = run(opened, machine)
         return kept[asked]
 

@@ -121,9 +121,9 @@ def test_the_first_use_of_a_key_is_asked_on_a_terminal_and_remembered(
     """Test: the owner typed at a terminal. Expected Result: kept, and not asked again."""
     code = (
         "from pathlib import Path\n"
-        "from replay.commands.common_options import calibration_request_from_options\n"
+        "from replay.commands.common_options import make_calibration_request\n"
         "from replay.calibration.apply_evidence import load_calibration\n"
-        f"asked = calibration_request_from_options(Path({str(made.bundle)!r}), None, signed=True)\n"
+        f"asked = make_calibration_request(Path({str(made.bundle)!r}), None, signed=True)\n"
         "print('FOUND', load_calibration(asked).signed_by)\n"
     )
     first = at_a_terminal(code, "Test lab\n")

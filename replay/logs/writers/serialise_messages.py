@@ -14,7 +14,7 @@ from rosbags.interfaces import Nodetype
 
 from estimators.arrays import Bytes, Ints
 from replay.logs.decoding.wire import Wire
-from replay.logs.writers.message_columns import Column, RaggedColumn, number_message_shapes
+from replay.logs.writers.message_columns import Column, RaggedColumn, number_messages_by_shape
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -56,7 +56,7 @@ def serialise_messages(
     Returns:
         Messages by layout, each preceded by its envelope.
     """
-    found = number_message_shapes(column)
+    found = number_messages_by_shape(column)
     numbers = np.empty(0, np.int64) if found is None else np.unique(found)
     if found is None or numbers.size == 1:
         return [

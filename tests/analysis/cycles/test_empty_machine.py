@@ -19,7 +19,7 @@ from analysis.weighing.fuel_on_board import FuelOnBoard
 from estimators.errors import MachineError
 from replay import load_machine
 from replay.logs.log_formats import open_log
-from replay.machines.machine_file import time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine
 from replay.pipeline import run
 from tests.replay.sledge import MACHINE
 from tests.replay.sledge_shift import EMPTY_KG, PAYLOADS_KG, sledge_shift
@@ -38,7 +38,7 @@ def replayed(gain: float, *overrides: str) -> Run:
         sledge_shift().write_csv(log)
         scaled = f"channels.force_x_N.scale={gain}"
         known = load_machine(machine, [scaled, *overrides])
-        with open_log(log, time=time_axis_of_machine(known)) as opened:
+        with open_log(log, time=find_time_axis_of_machine(known)) as opened:
             return run(opened, known)
 
 

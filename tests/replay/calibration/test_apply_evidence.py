@@ -17,7 +17,7 @@ from recordings.calibration.evidence_document import parse_evidence
 from recordings.signatures.canonical_json import canonical_json_bytes
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
-from replay.calibration.campaign_runs import replay_logs_of_campaign
+from replay.calibration.campaign_runs import replay_campaign_logs
 from replay.calibration.check_mass import KnownMassOnBoard, check_mass
 from replay.calibration.verify_bundle import verify_bundle
 from replay.machines.machine_file import load_machine
@@ -69,8 +69,8 @@ def test_evidence_that_counts_gain_as_a_common_error_is_replayed_as_it_was_made(
     file.write_text(file.read_text().replace("[machine]", "[machine]\nforce_gain_u = 0.02", 1))
     now = calibrate_from_campaign(campaign, tmp_path / "now")
     with monkeypatch.context() as earlier:
-        counted = partial(replay_logs_of_campaign, procedure=PROCEDURES[1])
-        earlier.setattr("replay.calibration.calibrate_campaign.replay_logs_of_campaign", counted)
+        counted = partial(replay_campaign_logs, procedure=PROCEDURES[1])
+        earlier.setattr("replay.calibration.calibrate_campaign.replay_campaign_logs", counted)
         made = calibrate_from_campaign(campaign, tmp_path / "made")
     assert now.document.calibration is not None
     assert made.document.calibration is not None

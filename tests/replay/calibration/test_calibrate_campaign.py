@@ -56,7 +56,7 @@ def test_the_line_is_that_of_the_loads(made: CalibrationOutcome) -> None:
     assert line is not None
     assert line.alpha_1 == pytest.approx(1.0, abs=0.02)
     assert max(abs(point.error_kg or 0.0) for point in line.points) < 1.0
-    assert made.is_good
+    assert made.is_within_limits
 
 
 def test_an_excluded_run_is_kept_with_its_reason(made: CalibrationOutcome) -> None:
@@ -166,7 +166,7 @@ def test_a_known_mass_shows_drift_or_none(
         drift = checked.document.drift
         assert drift is not None
         assert drift.drifted is drifted
-        assert checked.is_good is not drifted
+        assert checked.is_within_limits is not drifted
         assert checked.document.expires == made.document.expires
         found = verify_bundle(checked.folder, key_file=keys[1], previous=made.folder, logs=tmp_path)
         assert [int(each.outcome) for each in found.findings] == ([6] if drifted else [])
@@ -220,7 +220,7 @@ def test_a_real_axis_with_one_load_says_what_that_cannot_show(
     made = calibrate_from_campaign(tmp_path / "campaign.toml", tmp_path / "evidence")
     document = made.document
     assert document.calibration is None
-    assert not made.is_good
+    assert not made.is_within_limits
     (reference,) = document.references
     assert reference.reference_kg == 95.11
     assert made.points["mean_kg"].item() == pytest.approx(95.11, abs=3.0)

@@ -9,7 +9,7 @@ from analysis.model.physical_units import pint_name_of_unit
 from benchmarks.dialects.dialect_file import DRIVE, RATE_HZ, DialectFile
 from benchmarks.dialects.every_file import every_file
 from estimators.errors import LogError
-from replay.commands.common_options import time_axis_from_options
+from replay.commands.common_options import make_time_axis_from_options
 from replay.logs import open_log
 from tests.one_line import assert_one_line
 
@@ -41,7 +41,7 @@ def test_a_dialect_is_read_as_it_was_driven(tmp_path: Path, file: DialectFile) -
         with pytest.raises(LogError, match=r"\[log\]") as asked:
             open_log(path).topics()
         assert_one_line(asked.value)
-    log = open_log(path, time=time_axis_from_options(None, None, list(file.keys)))
+    log = open_log(path, time=make_time_axis_from_options(None, None, list(file.keys)))
     step_ns = STEP_NS.get(file.name, round(1e9 / RATE_HZ))
     for quantity, (name, factor) in file.fields.items():
         frame = log.read(file.topic.get(quantity, "table"), [name])
