@@ -24,9 +24,9 @@ from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import EvidenceError, list_some
 from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.derived_values import settings_that_define_mass
+from recordings.calibration.derived_values import select_mass_defining_settings
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.signatures.canonical_json import canonical_json_bytes
+from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import Keyring, KnownKey, add_key, load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import read_public_key
@@ -97,7 +97,7 @@ class MachineCalibration:
         if self.calibration.responses:
             weighing = prepare_machine_for_later_log(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
-        return Machine.model_validate_json(canonical_json_bytes(weighing.model_dump(mode="json")))
+        return Machine.model_validate_json(encode_canonical_json(weighing.model_dump(mode="json")))
 
     def differing_settings_text(self, weighing: Machine) -> str:
         """Settings that differ from the calibration's; "" if none.
@@ -110,10 +110,10 @@ class MachineCalibration:
             return f"belongs to machine '{self.machine_id}', not to '{mine_id}'"
         kept = dict(
             _flatten_settings(
-                settings_that_define_mass(self.weighing_machine(self.document.machine))
+                select_mass_defining_settings(self.weighing_machine(self.document.machine))
             )
         )
-        mine = dict(_flatten_settings(settings_that_define_mass(weighing)))
+        mine = dict(_flatten_settings(select_mass_defining_settings(weighing)))
         name = "machine.name"
         if mine_id is None and kept[name] != mine[name]:
             return f"belongs to machine '{kept[name]}', not to '{mine[name]}'"
@@ -273,7 +273,7 @@ def accept_signature_if_key_known(
     if not owner:
         raise EvidenceError(
             f"{request.folder}: is {signature}; get the key from the signer, and give it with "
-            f"--key KEY or keep it: {signature.command_to_add_key}"
+            f"--key KEY or keep it: {signature.make_add_key_command}"
         )
     add_key(keyring, KnownKey(key=signature.public_key, owner=owner))
     return replace(signature, how="known", owner=owner)

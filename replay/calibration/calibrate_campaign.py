@@ -28,9 +28,9 @@ from recordings.calibration.bundle_folder import STATEMENT
 from recordings.calibration.calibration_recording import write_calibration
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.derived_values import (
-    estimator_with_digest,
     evaluate_previous_line,
-    reference_loads_and_covariance,
+    make_estimator_with_digest,
+    make_reference_loads_and_covariance,
 )
 from recordings.calibration.evidence_document import (
     FORMAT,
@@ -50,7 +50,7 @@ from recordings.report.atomic_output import (
     require_writable_folder,
     require_writable_output,
 )
-from recordings.signatures.canonical_json import canonical_json_bytes
+from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signing import SigningKey, read_signing_key
 from replay.calibration.campaign_file import load_campaign
@@ -170,7 +170,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     """
     campaign, machine = load_campaign(campaign_file)
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
-    machine = Machine.model_validate_json(canonical_json_bytes(machine.model_dump(mode="json")))
+    machine = Machine.model_validate_json(encode_canonical_json(machine.model_dump(mode="json")))
     key = read_signing_key(key_file)
     xml_key = None if dcc is None else require_dcc_inputs(campaign_file, campaign, dcc, force=force)
     before = (
@@ -279,7 +279,7 @@ def read_previous_evidence(
     if by.how == "unknown" and not own:
         raise EvidenceError(
             f"{previous}: is {by}, so its signature cannot be verified; if the signer gave you "
-            f"this key in person, keep it with {by.command_to_add_key}"
+            f"this key in person, keep it with {by.make_add_key_command}"
         )
     return checked
 
@@ -335,10 +335,10 @@ def _make_evidence_document(
     previous: CheckedBundle | None,
 ) -> EvidenceDocument:
     campaign, machine, fitted = evidence.campaign, evidence.machine, evidence.fitted
-    loads, covariance = reference_loads_and_covariance(campaign, machine)
+    loads, covariance = make_reference_loads_and_covariance(campaign, machine)
     learnt = evidence.learnt
     weighing = machine if learnt is None else apply_learnt_priors_to_machine(machine, learnt.terms)
-    estimator = estimator_with_digest(campaign, weighing)
+    estimator = make_estimator_with_digest(campaign, weighing)
     last = None if previous is None else previous.document
     document = EvidenceDocument(
         format=FORMAT,
@@ -370,14 +370,14 @@ def _make_evidence_document(
         signer=None if key is None else _make_signer(campaign, key),
         software=collect_software_versions(),
     )
-    return document.with_all_settings
+    return document.write_out_all_settings
 
 
 def recompute_estimator_digest(previous: EvidenceDocument | None) -> Estimator | None:
     """Estimator of the previous evidence, with its digest by this version."""
     if previous is None:
         return None
-    return estimator_with_digest(previous.campaign, previous.weighing_machine)
+    return make_estimator_with_digest(previous.campaign, previous.weighing_machine)
 
 
 def _make_signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:

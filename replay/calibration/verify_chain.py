@@ -8,7 +8,11 @@ from typing import Any
 
 from estimators.errors import counted
 from recordings.calibration.chain_check import check_chains_of_bundles
-from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, most_severe_outcome
+from recordings.calibration.check_outcomes import (
+    BundleFinding,
+    BundleOutcome,
+    find_most_severe_outcome,
+)
 from recordings.calibration.checked_bundle import CheckedBundle
 from replay.calibration.verify_bundle import Verification, verify_bundle
 
@@ -30,7 +34,7 @@ class VerifiedChain:
     @property
     def outcome(self) -> BundleOutcome | None:
         """Exit status for all bundles; None if nothing is wrong."""
-        return most_severe_outcome(
+        return find_most_severe_outcome(
             [*self.findings, *(each for made in self.bundles for each in made.findings)]
         )
 

@@ -224,19 +224,19 @@ def print_week(
     """
     from recordings.report.shift_text import K
     from recordings.review.week_page import (
-        friction_trend_by_machine,
+        describe_friction_trends,
+        describe_week_tonnes,
+        fit_friction_trends,
         read_shifts_of_reviews,
-        trend_sentences,
-        week_tonnes_sentence,
         write_week_page,
     )
-    from recordings.review.week_totals import GROUPS, read_week, total_of_week, totals_by_group
+    from recordings.review.week_totals import GROUPS, read_week, sum_by_group, sum_week
     from replay.commands.print_tables import make_stdout_console, print_json, print_line
 
     parts, shifts = read_week(folders), read_shifts_of_reviews(folders)
-    sums = {by: totals_by_group(parts, by) for by in GROUPS}
-    whole = total_of_week(parts)
-    trends = {} if friction_limit is None else friction_trend_by_machine(shifts, friction_limit)
+    sums = {by: sum_by_group(parts, by) for by in GROUPS}
+    whole = sum_week(parts)
+    trends = {} if friction_limit is None else fit_friction_trends(shifts, friction_limit)
     if page is not None:
         write_week_page(parts, shifts, friction_limit, page)
     if as_json:
@@ -253,8 +253,8 @@ def print_week(
             name = f"{by} {each.name or 'not named'}"
             rejected = f", {each.rejected} rejected" if each.rejected else ""
             print_line(screen, f"{name}: {each.loads} loads, {t:,.3f} ± {u_t:.3f} t{rejected}")
-    print_line(screen, f"all: {week_tonnes_sentence(parts)}")
-    for sentence in trend_sentences(trends):
+    print_line(screen, f"all: {describe_week_tonnes(parts)}")
+    for sentence in describe_friction_trends(trends):
         print_line(screen, sentence)
     for shift in shifts:
         for sentence in shift.missing:
@@ -272,13 +272,13 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
     from recordings.report.number_text import REMARKED
     from recordings.review.review_page import NOT_CALIBRATED, PAGE
     from recordings.review.shift_facts import (
+        describe_long_gaps,
+        describe_missing_loads,
+        describe_torn_logs,
+        list_losses_besides_torn_ends,
         list_shift_facts,
-        long_gap_sentence,
-        loss_texts_besides_torn_ends,
-        missing_load_sentences,
         summarise_shift,
-        torn_log_sentences,
-        two_machines_warning,
+        warn_of_two_machines,
     )
     from replay.commands.print_tables import print_line
 
@@ -286,12 +286,12 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
     if not review.missing_tonnes_reason:
         print_line(screen, summarise_shift(review.shift, "", state))
     if state.mixed_machines:
-        print_line(screen, f"warning: {two_machines_warning(state)}")
-    holes = long_gap_sentence(review.shift, state)
+        print_line(screen, f"warning: {warn_of_two_machines(state)}")
+    holes = describe_long_gaps(review.shift, state)
     for sentence in (
         *filter(None, [holes]),
-        *missing_load_sentences(review.shift),
-        *torn_log_sentences(state),
+        *describe_missing_loads(review.shift),
+        *describe_torn_logs(state),
     ):
         print_line(screen, sentence)
     for name, value in list_shift_facts(review.shift, review.ledger, state, review.target):
@@ -304,7 +304,7 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
         print_line(screen, f"checks that failed: {', '.join(failed)}")
     if remarks := [f"{each.check} ({REMARKED[each.consequence]})" for each in state.remarks]:
         print_line(screen, f"checks with a remark: {', '.join(remarks)}")
-    for loss in loss_texts_besides_torn_ends(state):
+    for loss in list_losses_besides_torn_ends(state):
         print_line(screen, f"lost: {loss}")
     if not review.replayed:
         print_line(screen, "not replayed: logs, machine and settings are those of the last review")

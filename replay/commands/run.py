@@ -213,41 +213,41 @@ def print_answer(answer: "Answer", goal_u_kg: float | None = None, verbose: int 
 def _print_masses_with_uncertainty(screen: "Console", answer: "Answer", verbose: int) -> None:
     """Print masses and payloads, and the largest part of their uncertainty."""
     from recordings.report.worth_text import (
-        advice_to_reduce_uncertainty,
-        answer_lines,
-        load_table_heads,
-        load_table_rows,
+        advise_to_reduce_uncertainty,
+        describe_answer,
+        make_load_table_heads,
+        make_load_table_rows,
     )
 
-    for line in answer_lines(answer, brief=not verbose):
+    for line in describe_answer(answer, brief=not verbose):
         print_line(screen, line)
     if len(answer.loads) > 1:
-        heads = load_table_heads(answer)
+        heads = make_load_table_heads(answer)
         loads = make_plain_table(*heads[:-1])
         loads.add_column(heads[-1], overflow="fold")
-        rows = load_table_rows(answer)
+        rows = make_load_table_rows(answer)
         shown = rows if verbose else rows[: LIMITS.answer_loads]
         for load in shown:
             loads.add_row(*load)
         print_table(screen, loads)
         for line in _iter_omitted_count_line(len(rows) - len(shown), "load", "loads"):
             print_line(screen, line)
-    most = advice_to_reduce_uncertainty(answer)
+    most = advise_to_reduce_uncertainty(answer)
     if most:
         print_line(screen, most)
 
 
 def iter_answer_notes(answer: "Answer", goal_u_kg: float | None, verbose: int) -> "Iterator[str]":
     """Further lines about the answer, the most important first."""
-    from recordings.report.planar_text import planar_fit_lines
-    from recordings.report.worth_text import shift_total_lines, starts_to_goal_lines
+    from recordings.report.planar_text import describe_planar_fits
+    from recordings.report.worth_text import describe_shift_total, describe_starts_to_goal
 
     if goal_u_kg is not None:
-        yield from starts_to_goal_lines(answer, goal_u_kg)
+        yield from describe_starts_to_goal(answer, goal_u_kg)
     if answer.verdict.can_tell_inertia and not verbose:
         yield from _iter_yaw_inertia_line(answer)
-    yield from shift_total_lines(answer)
-    yield from planar_fit_lines(answer.planar, answer.planar_budget)
+    yield from describe_shift_total(answer)
+    yield from describe_planar_fits(answer.planar, answer.planar_budget)
     most_lines = len(answer.losses) + len(answer.notes) if verbose else LIMITS.answer_lines
     yield from limit_lines(
         [f"lost: {loss}" for loss in answer.losses], most_lines, "loss", "losses"
@@ -258,18 +258,18 @@ def iter_answer_notes(answer: "Answer", goal_u_kg: float | None, verbose: int) -
 
 def _describe_findings(answer: "Answer", verbose: int) -> "Iterator[str]":
     from recordings.report.finding_text import (
-        finding_line,
-        findings_of_rows,
+        format_finding,
+        make_findings,
         may_change_mass,
     )
 
-    found = findings_of_rows(answer.findings)
+    found = make_findings(answer.findings)
     shown = (
         found
         if verbose
         else [each for each in found if may_change_mass(each)][: LIMITS.answer_lines]
     )
-    yield from (f"finding: {finding_line(each)}" for each in shown)
+    yield from (f"finding: {format_finding(each)}" for each in shown)
     left = len(found) - len(shown)
     if left:
         yield f"{left} {'other finding' if left == 1 else 'other findings'} (-v)"
@@ -304,11 +304,11 @@ def _iter_yaw_inertia_line(answer: "Answer") -> "Iterator[str]":
 
 def _print_budget(screen: "Console", answer: "Answer") -> None:
     """Print a row for each source of uncertainty."""
-    from recordings.report.worth_text import budget_rows, number_of_best_known_load
+    from recordings.report.worth_text import find_best_known_load, make_budget_table_rows
 
-    rows = budget_rows(answer) if answer.verdict.can_weigh else []
+    rows = make_budget_table_rows(answer) if answer.verdict.can_weigh else []
     if rows:
-        of = f" (mass of load {number_of_best_known_load(answer)})" if len(answer.loads) > 1 else ""
+        of = f" (mass of load {find_best_known_load(answer)})" if len(answer.loads) > 1 else ""
         table = make_plain_table(f"uncertainty from{of}", "kind", "u kg")
         table.add_column("fraction of the variance")
         table.add_column("to reduce", overflow="fold")

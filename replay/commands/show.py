@@ -69,7 +69,7 @@ def _list_frames(recording: Path, *, as_json: bool) -> None:
     """Print the recording's frames with their columns, and its losses."""
     from rich.markup import escape
 
-    from recordings import columns_by_frame, read_provenance
+    from recordings import list_columns_by_frame, read_provenance
     from replay.commands.print_tables import (
         make_plain_table,
         make_stdout_console,
@@ -78,7 +78,7 @@ def _list_frames(recording: Path, *, as_json: bool) -> None:
         print_table,
     )
 
-    held = columns_by_frame(recording)
+    held = list_columns_by_frame(recording)
     if as_json:
         print_json(held)
         return

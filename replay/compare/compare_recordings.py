@@ -14,7 +14,7 @@ from estimators.file_digest import file_sha256
 from recordings import require_writable_recording
 from recordings.report.atomic_output import refuse_input_as_output
 from recordings.rrd.reader import OpenRecording, open_recording
-from recordings.rrd.recording_table import drawn_column_names
+from recordings.rrd.recording_table import list_drawn_columns
 
 if TYPE_CHECKING:
     from replay.calibration.apply_evidence import CalibrationRequest
@@ -58,7 +58,7 @@ class RecordedRun:
 
     def read_displayed_run(self) -> Run:
         """The columns that views draw."""
-        wanted = {stage: drawn_column_names(stage, names) for stage, names in self.stages.items()}
+        wanted = {stage: list_drawn_columns(stage, names) for stage, names in self.stages.items()}
         frames = {stage: self.read(stage, names) for stage, names in wanted.items() if names}
         return Run(frames, self.provenance)
 
@@ -126,7 +126,7 @@ def compare_recordings(
         found = compare_runs(mine, theirs, rtol=rtol, rows=not other_logs)
         if output.path is not None:
             from recordings.compare.overlay_recording import (
-                comparison_markdown,
+                format_comparison_markdown,
                 write_overlay_recording,
             )
 
@@ -134,7 +134,7 @@ def compare_recordings(
                 mine.read_displayed_run(),
                 theirs.read_displayed_run(),
                 output.path,
-                comparison_markdown(found, a.name, b.name),
+                format_comparison_markdown(found, a.name, b.name),
                 one_log=not other_logs,
                 force=output.force,
             )

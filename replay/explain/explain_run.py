@@ -16,7 +16,7 @@ from estimators.errors import DataError, MachineError, RecordingError
 from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
 from recordings.report.picture import require_writable_picture
 from recordings.rrd.reader import OpenRecording, open_recording
-from recordings.rrd.recording_table import drawn_column_names
+from recordings.rrd.recording_table import list_drawn_columns
 from recordings.rrd.writer import SUFFIX
 from replay.logs import open_log
 from replay.machines.machine_file import find_time_axis_of_machine, load_machine
@@ -151,7 +151,7 @@ def read_frames_for_explanation(recording: OpenRecording, *, pictured: bool) -> 
         if name in SMALL:
             wanted[name] = columns
         elif name in COLUMNS:
-            kept = {*COLUMNS[name], *(drawn_column_names(name, columns) if pictured else ())}
+            kept = {*COLUMNS[name], *(list_drawn_columns(name, columns) if pictured else ())}
             wanted[name] = [column for column in columns if column in kept]
         elif pictured and name in _RECURSIVE:
             wanted[name] = [column for column in columns if column in _SETTLING]

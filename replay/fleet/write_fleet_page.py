@@ -22,7 +22,7 @@ from analysis.fleet.daily_figures import (
 from analysis.fleet.machine_drifts import MachineChart, make_machine_charts
 from recordings.fleet.fleet_page import FleetPage, render_fleet_html
 from recordings.report.atomic_output import atomic_file
-from recordings.review.week_page import trend_sentences
+from recordings.review.week_page import describe_friction_trends
 from replay.fleet.engine_limits import LIMITS
 from replay.fleet.gathered_tables import FleetResults
 
@@ -88,7 +88,7 @@ def write_fleet_report(
         trends: dict[str, FrictionTrend] = {}
         if friction_limit_N_s_m is not None:
             trends = estimate_fleet_friction_trends(shown.results, friction_limit_N_s_m)
-            shown = replace(shown, friction=trend_sentences(trends))
+            shown = replace(shown, friction=describe_friction_trends(trends))
         written.write_text(render_fleet_html(shown), encoding="utf-8")
     return FleetReport(shown, page, trends)
 

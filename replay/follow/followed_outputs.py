@@ -171,7 +171,7 @@ class FollowedOutputs:
         except OSError as error:
             self._tell(f"{self._output}: {_describe_write_error(error)}")
             if self._recording is not None:
-                self._recording.give_up_file()
+                self._recording.stop_writing_file()
             self._begins = self._server is not None and self._recording is not None
 
     def _begin_recording(self, following: Following) -> GrowingRecording:

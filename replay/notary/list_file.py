@@ -19,8 +19,8 @@ from estimators.errors import EvidenceError, OutputError, counted
 from recordings.calibration.check_outcomes import (
     BundleFinding,
     BundleOutcome,
-    most_severe_outcome,
-    verdict_text,
+    find_most_severe_outcome,
+    format_verdict,
 )
 from recordings.notary.notary_check import check_notary_list
 from recordings.notary.notary_limits import LIMITS as NOTARY_LIMITS
@@ -31,7 +31,7 @@ from recordings.notary.notary_list import (
     parse_line,
     split_whole_lines,
 )
-from recordings.signatures.canonical_json import canonical_json_bytes
+from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import read_public_key
@@ -114,7 +114,7 @@ class OpenList:
         partial = self.second.with_suffix(f".{os.getpid()}")
         try:
             with partial.open("wb") as file:
-                file.write(canonical_json_bytes(end))
+                file.write(encode_canonical_json(end))
                 file.flush()
                 os.fsync(file.fileno())
             partial.replace(self.second)
@@ -259,13 +259,13 @@ class VerifiedList:
     @property
     def outcome(self) -> BundleOutcome | None:
         """Exit status; None if nothing is wrong."""
-        return most_severe_outcome(self.findings)
+        return find_most_severe_outcome(self.findings)
 
     @property
     def verdict(self) -> str:
         """Outcome in one sentence."""
         holds = f"{counted(self.logs, 'log')} verified; {self.kept_by}"
-        return verdict_text(self.path, self.findings, holds)
+        return format_verdict(self.path, self.findings, holds)
 
     def to_dict(self) -> dict[str, Any]:
         """The fields as plain values."""
@@ -312,7 +312,7 @@ def verify_notary_list(
     own = kept.key
     by = SignedBy("broken")
     if own is not None and not any(fault.forged for fault in kept.faults):
-        known = load_keyring().find_key_or_none(own.key_id)
+        known = load_keyring().find_key(own.key_id)
         how = "known" if known is not None else "unknown"
         by = SignedBy(how, "", "" if known is None else known.owner, own.key_id, own.text)
         if key is not None and key.key_id == own.key_id:

@@ -10,7 +10,7 @@ import polars as pl
 from analysis.model.schema import FRAMES, Frame
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import RecordingError, suggest_choice
-from recordings import columns_by_frame, read_frame, read_provenance
+from recordings import list_columns_by_frame, read_frame, read_provenance
 from recordings.rrd.recording_window import refuse_invalid_time_range
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class RecordedStage:
         Raises:
             RecordingError: no recording, or it has no such frame.
         """
-        held = columns_by_frame(recording)
+        held = list_columns_by_frame(recording)
         if name not in held:
             raise RecordingError(f"{recording}: no frame '{name}'; {suggest_choice(name, held)}")
         about = read_provenance(recording)
@@ -71,7 +71,7 @@ class RecordedStage:
         from analysis.calibration.use.apply_calibration import LATER_LOG_FRAMES
         from replay.calibration.apply_evidence import calibrate_recorded_loads
 
-        about, there = read_provenance(self.recording), columns_by_frame(self.recording)
+        about, there = read_provenance(self.recording), list_columns_by_frame(self.recording)
         frames = {
             name: read_frame(self.recording, name) for name in LATER_LOG_FRAMES if name in there
         }

@@ -20,16 +20,16 @@ from recordings.review.reviewer_verdicts import (
     CycleVerdict,
     ShiftVerdict,
     VerdictFile,
+    assign_verdicts_to_rows,
     format_verdicts_as_toml,
     parse_verdicts,
     read_verdict_text,
-    verdicts_by_row,
 )
 from recordings.review.shift_ledger import (
     PARQUET,
-    cycles_frame_from_ledger,
     find_cycle_row,
-    find_instant,
+    make_cycles_frame,
+    parse_local_instant,
 )
 from replay.review.review_folder import lock_folder
 from replay.review.write_review import (
@@ -135,7 +135,7 @@ class GivenVerdicts:
         signed = {"author": self.author.strip() or None, "time": now}
         if self.begin or self.end:
             span = {
-                name: find_instant(text, state.clock)
+                name: parse_local_instant(text, state.clock)
                 for name, text in (("begin", self.begin), ("end", self.end))
                 if text
             }
@@ -159,7 +159,7 @@ class GivenVerdicts:
                 if in_parts or getattr(earlier.shift_labels, name) != text
             }
             return [ShiftVerdict.model_validate(said | signed)] if said else []
-        standing = verdicts_by_row(earlier, rows["id"], folder)
+        standing = assign_verdicts_to_rows(earlier, rows["id"], folder)
         found: dict[int, CycleVerdict] = {}
         for when, reject in self.list_named_cycles:
             row = find_cycle_row(when, rows, state.clock)
@@ -203,7 +203,7 @@ def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
             summary = read_frame(recording, "shift")
             track = make_thinned_track(read_frame(recording, "aligned"))
             rows = pl.read_parquet(folder / PARQUET)
-            cycles = cycles_frame_from_ledger(rows, state.t0_unix_ns)
+            cycles = make_cycles_frame(rows, state.t0_unix_ns)
         except (OSError, RecordingError, pl.exceptions.PolarsError) as error:
             raise ReviewError(
                 f"{folder}: its loads cannot be recounted ({error}); review its logs again"

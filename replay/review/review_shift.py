@@ -23,14 +23,14 @@ from analysis.model.run_record import Provenance, Run
 from estimators.errors import DataError, RecordingError
 from estimators.file_digest import file_sha256
 from estimators.threads import map_in_threads
-from recordings import columns_by_frame, read_frame, write_recording
+from recordings import list_columns_by_frame, read_frame, write_recording
 from recordings.report.atomic_output import atomic_files
 from recordings.review.review_state import (
     FORMAT,
     RECORDING,
     ReviewState,
-    changed_settings_of_review,
     collect_review_state,
+    list_changed_settings,
     read_review_state,
 )
 from recordings.review.reviewer_verdicts import parse_verdicts, read_verdict_text
@@ -272,7 +272,7 @@ def read_frames_for_calibration(shift: ReplayedShift, folder: Path) -> Mapping[s
     """Frames needed for calibration, from the replay or its recording."""
     if shift.run is not None:
         return shift.run.frames
-    there = columns_by_frame(folder / RECORDING)
+    there = list_columns_by_frame(folder / RECORDING)
     return {
         name: read_frame(folder / RECORDING, name) for name in LATER_LOG_FRAMES if name in there
     }
@@ -310,7 +310,7 @@ def _list_input_changes(earlier: ReviewState, state: ReviewState) -> list[tuple[
     was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (earlier, state))
     logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]
     logs += [(f"log {name}", "–", "there") for name in sorted(now - was)]
-    return [*logs, *changed_settings_of_review(earlier, state.resolved)]
+    return [*logs, *list_changed_settings(earlier, state.resolved)]
 
 
 def find_torn_logs(

@@ -21,11 +21,11 @@ from cryptography.hazmat.primitives.serialization import (
 
 from estimators.errors import EvidenceError
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.signatures.canonical_json import canonical_json_bytes
+from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
 from recordings.signatures.signing import (
     PublicKey,
-    key_weakness_text,
+    describe_key_weakness,
     read_public_key,
     read_signing_key,
 )
@@ -297,7 +297,7 @@ def test_a_published_key_neither_signs_nor_verifies(seed: bytes, tmp_path: Path)
 def test_a_key_as_it_should_be_has_no_weakness() -> None:
     for _ in range(20):
         raw = Ed25519PrivateKey.generate().public_key().public_bytes_raw()
-        assert key_weakness_text(raw) == ""
+        assert describe_key_weakness(raw) == ""
 
 
 def test_evidence_that_names_a_weak_key_is_tampered(made: Made, tmp_path: Path) -> None:
@@ -313,7 +313,7 @@ def test_evidence_that_names_a_weak_key_is_tampered(made: Made, tmp_path: Path) 
             held["signatures"] = [
                 {"keyid": weak.key_id, "sig": base64.b64encode(signature).decode()}
             ]
-            (folder / "statement.dsse.json").write_bytes(canonical_json_bytes(held))
+            (folder / "statement.dsse.json").write_bytes(encode_canonical_json(held))
 
         bundle.last.append(sign)
 

@@ -12,9 +12,9 @@ from analysis.calibration.line.procedure import PROCEDURES
 from analysis.calibration.use.learnt_priors import prepare_machine_for_later_log
 from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
-from recordings.calibration.derived_values import estimator_with_digest
+from recordings.calibration.derived_values import make_estimator_with_digest
 from recordings.calibration.evidence_document import parse_evidence
-from recordings.signatures.canonical_json import canonical_json_bytes
+from recordings.signatures.canonical_json import encode_canonical_json
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.campaign_runs import replay_campaign_logs
@@ -214,7 +214,9 @@ def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
         for log in bundle.evidence["logs"]:
             del log["machine_id"]
         document = made.document
-        estimator = estimator_with_digest(document.campaign, document.weighing_machine, (), form)
+        estimator = make_estimator_with_digest(
+            document.campaign, document.weighing_machine, (), form
+        )
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
         del bundle.evidence["learnt"]["responses"], bundle.evidence["calibration"]["responses"]
 
@@ -231,9 +233,9 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
 ) -> None:
     def before(bundle: Bundle) -> None:
         del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]
-        document = parse_evidence(canonical_json_bytes(bundle.evidence), "evidence.json")
-        estimator = estimator_with_digest(
-            document.campaign, document.weighing_machine, document.settings_at_default
+        document = parse_evidence(encode_canonical_json(bundle.evidence), "evidence.json")
+        estimator = make_estimator_with_digest(
+            document.campaign, document.weighing_machine, document.list_settings_at_default
         )
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 

@@ -12,7 +12,7 @@ import pytest
 from estimators.errors import EvidenceError
 from recordings import read_frame
 from recordings.calibration.bundle_folder import EVIDENCE, RECORDING, REPORT, STATEMENT
-from recordings.calibration.evidence_document import SCHEMA, evidence_schema_text
+from recordings.calibration.evidence_document import SCHEMA, format_evidence_schema
 from recordings.signatures.signing import KEY_VARIABLE
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.check_mass import KnownMassOnBoard, check_mass
@@ -83,7 +83,7 @@ def test_evidence_is_canonical_json_of_the_published_schema(made: CalibrationOut
     from jsonschema import Draft202012Validator
 
     published = (REPO / "recordings/calibration" / SCHEMA).read_text(encoding="utf-8")
-    assert published == evidence_schema_text(), (
+    assert published == format_evidence_schema(), (
         "python -m recordings.calibration.evidence_document prints it"
     )
     data = (made.folder / EVIDENCE).read_bytes()

@@ -16,8 +16,8 @@ from lxml import etree
 from estimators.errors import CampaignError
 from recordings.calibration.certificate_text import (
     list_missing_certificate_statements,
-    traceability_warnings,
-    weighing_rows_by_load,
+    make_traceability_warnings,
+    make_weighing_rows,
 )
 from recordings.calibration.evidence_document import Chain, Link
 from recordings.dcc.dcc_document import DCC, parse_dcc
@@ -230,7 +230,7 @@ def test_the_page_has_the_weighings_max_and_min_of_r_51(made: CalibrationOutcome
     page = (made.folder / "report.html").read_text()
     assert "Min of OIML R 51 Y(b), 10 e: 30.0 kg. Below it: 20.0005 kg." in page
     assert "the heaviest load that was judged: 40.0 kg" in page
-    rows = weighing_rows_by_load(made.document, made.readings)
+    rows = make_weighing_rows(made.document, made.readings)
     fitted = made.document.calibration
     assert fitted is not None
     used = made.readings.filter(pl.col("used") & (pl.col("load_id") == "weight-1"))
@@ -331,11 +331,11 @@ def test_a_key_that_signs_no_xml_is_refused(
 
 
 def test_the_report_says_loudly_what_is_not_traceable(made: CalibrationOutcome) -> None:
-    values = json.loads(made.document.data)
+    values = json.loads(made.document.encode_json)
     values["campaign"]["masses"][0]["u_kg"] = 0.0
     values["campaign"]["machine"]["make"] = ""
     changed = type(made.document).model_validate_json(json.dumps(values))
-    assert traceability_warnings(changed) == [
+    assert make_traceability_warnings(changed) == [
         "NOT TRACEABLE: mass 'weight-1' has a standard uncertainty of 0."
     ]
     assert list_missing_certificate_statements(changed) == [
