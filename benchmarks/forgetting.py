@@ -14,7 +14,7 @@ import typer
 from analysis.calibration.campaign.by_method import calibrate_methods
 from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
 from analysis.calibration.campaign.method_errors import compute_rms_errors
-from analysis.model.axes import straight_regressor_and_force
+from analysis.model.axes import make_straight_regressor_and_force
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.stages.estimation.trace import trace_estimates
@@ -85,7 +85,7 @@ def cruise(seeds: int) -> tuple[Found, Found]:
         plan = scenario(seed, runs=1, cruise_s=90.0)
         log = next(iter(simulate_campaign(plan)))
         frame = excitation(log, MACHINE)
-        A, f = straight_regressor_and_force(frame, MACHINE.settings)
+        A, f = make_straight_regressor_and_force(frame, MACHINE.settings)
         # until the brakes act: 0.1 s before, the mean looks back only
         driven = frame["t_ns"].to_numpy() < log.trials["braking_ns"][0] - log.trials["start_ns"][0]
         complete = np.arange(f.size) >= window - 1 + np.argmax(np.isfinite(A).all(axis=1))

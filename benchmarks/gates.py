@@ -17,7 +17,7 @@ import typer
 from analysis.calibration.campaign.by_method import calibrate_methods
 from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
 from analysis.calibration.campaign.method_errors import compute_rms_errors
-from analysis.model.axes import straight_regressor_and_force
+from analysis.model.axes import make_straight_regressor_and_force
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario
 from analysis.stages.estimation.trace import trace_estimates
@@ -160,7 +160,7 @@ def cost() -> str:
     """Microseconds a window, on the same windows in one process."""
     replayed, _ = joined(scenario(1, runs=3), machine=MACHINE)
     frame = replayed.frames["excitation"]
-    A, f = straight_regressor_and_force(frame, MACHINE.settings)
+    A, f = make_straight_regressor_and_force(frame, MACHINE.settings)
     window = MACHINE.settings.gate.window_samples
     complete = np.convolve(np.isfinite(A).all(axis=1) & np.isfinite(f), np.ones(window))[: f.size]
     index = np.flatnonzero(complete > window - 0.5).astype(np.int64)

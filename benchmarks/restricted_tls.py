@@ -15,7 +15,7 @@ import polars as pl
 import typer
 from scipy.linalg import eigh
 
-from analysis.model.axes import X, straight_regressor_and_force
+from analysis.model.axes import X, make_straight_regressor_and_force
 from analysis.model.machine import Channel, Machine
 from analysis.model.windows import mark_samples_in_windows
 from analysis.simulation import simulate_campaign
@@ -48,7 +48,7 @@ def restricted(
     excitation: pl.DataFrame, samples: np.ndarray, machine: Machine, noise: pl.DataFrame
 ) -> float:
     """The mass of the last state: the smallest generalised eigenvector of the discounted Gram."""
-    A, f = straight_regressor_and_force(excitation, machine.settings)
+    A, f = make_straight_regressor_and_force(excitation, machine.settings)
     z = np.column_stack([A, f])[samples]
     weights = FORGETTING ** np.arange(len(z))[::-1]
     covariance = collect_axis_noise(X, machine.settings, noise).mean

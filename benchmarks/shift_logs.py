@@ -16,7 +16,7 @@ from analysis.model.machine import Machine
 from analysis.model.prior_settings import PriorSettings
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario
-from analysis.simulation.trials.trial_limits import check_shift_can_be_driven
+from analysis.simulation.trials.trial_limits import refuse_undrivable_shift
 from estimators.errors import ScenarioError
 from replay import load_machine, open_log
 from replay.pipeline import run
@@ -163,10 +163,10 @@ def drawn_shift(
         scenario = Scenario.model_validate(sections)
         assert scenario.shift is not None
         try:
-            check_shift_can_be_driven(scenario, scenario.shift)
+            refuse_undrivable_shift(scenario, scenario.shift)
             if physics:
                 steepest = _at_its_steepest(scenario)
-                check_shift_can_be_driven(steepest, scenario.shift)
+                refuse_undrivable_shift(steepest, scenario.shift)
         except ScenarioError:
             continue
         stated = {

@@ -29,7 +29,7 @@ from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import make_planar_frames
 from analysis.stages.estimation.masses import (
-    reasons_for_no_answer,
+    list_reasons_for_no_answer,
     summarise_masses,
     withhold_masses,
 )
@@ -44,27 +44,27 @@ from analysis.stages.gating.segments import pool_by_manoeuvre
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import estimate_channel_noise
-from analysis.stages.noise.channel_noise import noise_source_notes as noise_notes
+from analysis.stages.noise.channel_noise import write_noise_source_notes as noise_notes
 from analysis.stages.signals.align import align
-from analysis.stages.signals.align import alignment_notes as grid_notes
+from analysis.stages.signals.align import write_alignment_notes as grid_notes
 from analysis.stages.signals.copied_rows import (
     Copy,
-    copied_row_notes,
     drop_copied_rows,
     find_copied_rows,
+    write_copied_row_notes,
 )
 from analysis.stages.signals.derive import derive, read_measured_channels
-from analysis.stages.signals.grid_rate import machine_at_rate_of_log
+from analysis.stages.signals.grid_rate import set_rate_from_log
 from analysis.stages.signals.held_readings import (
     drop_repeated_rows,
     find_held_channels,
-    held_reading_notes,
+    write_held_reading_notes,
 )
 from analysis.stages.signals.mounting import Series
 from analysis.stages.signals.speed_threshold import (
     drop_readings_below_threshold,
     find_speed_thresholds,
-    speed_threshold_notes,
+    write_speed_threshold_notes,
 )
 from analysis.stages.signals.timestamps import assign_timestamps
 from analysis.weighing.empty_mass_datum import note_outdated_weighbridge_ticket
@@ -123,12 +123,12 @@ class _TopicChannels:
         placed, stamps, doubts = assign_timestamps(drop_copied_rows(raw, copied))
         read, missing = read_measured_channels(placed, machine)
         held = find_held_channels(read)  # rows between a slow sensor's readings say nothing new
-        notes = [*copied_row_notes(copied), *held_reading_notes(read, held)]
+        notes = [*write_copied_row_notes(copied), *write_held_reading_notes(read, held)]
         read = drop_repeated_rows(read, held)
         # an accelerometer sees a start that its speed does not
         thresholds_m_s = find_speed_thresholds(read) if machine.differentiates_speed else {}
         read = drop_readings_below_threshold(read, thresholds_m_s)
-        notes += speed_threshold_notes(thresholds_m_s)
+        notes += write_speed_threshold_notes(thresholds_m_s)
         return cls(read, stamps, [*doubts, *missing], notes, copied)
 
 
@@ -179,7 +179,7 @@ def run(
     on_stage("read")  # the channels in use, at their own rates
     raw, losses = read_channels(logs, machine)
     placed = _TopicChannels.from_topics(raw, machine)
-    machine, chosen = machine_at_rate_of_log(placed.read, machine)  # what no setting gives
+    machine, chosen = set_rate_from_log(placed.read, machine)  # what no setting gives
     chosen = [*placed.notes, *chosen]
     seen = _run_stages(raw, placed, machine, on_stage)
     del placed  # of a shift it is half a gigabyte
@@ -205,7 +205,7 @@ def run(
     }
     hauled = weigh_cycles(weighing, {**seen.frames, **answer}, machine, opinion)
 
-    why = reasons_for_no_answer(excitation, seen.frames["gate"], machine.settings)
+    why = list_reasons_for_no_answer(excitation, seen.frames["gate"], machine.settings)
     return Run(
         frames={
             **rename_raw_frames(raw),

@@ -13,7 +13,7 @@ from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.load_passes import Passes
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import column_values
-from analysis.model.windows import runs_of_flagged_samples
+from analysis.model.windows import find_flagged_runs
 from estimators.arrays import Bools, Floats, Ints
 
 
@@ -288,7 +288,7 @@ def find_longest_data_gap(t_ns: Ints) -> tuple[int, int] | None:
 
 def find_longest_standstill(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
     """Longest standstill or creep, without idling; None if there is none."""
-    begins, ends = runs_of_flagged_samples(stops)
+    begins, ends = find_flagged_runs(stops)
     length = t_ns[ends] - t_ns[begins]
     length[length > LIMITS.idle_s * NS_PER_S] = 0
     if not length.any():
@@ -310,7 +310,7 @@ def choose_dump_standstill(
     Returns:
         Begin and end in ns, and whether the boom moves during it; None without a standstill.
     """
-    begins, ends = runs_of_flagged_samples(standstills)
+    begins, ends = find_flagged_runs(standstills)
     if not begins.size:
         return None
     moves = np.array(
@@ -385,7 +385,7 @@ def find_idle_spans_ns(excitation: pl.DataFrame) -> list[tuple[int, int]]:
     if excitation.is_empty():
         return []
     t_ns = excitation["t_ns"].to_numpy()
-    begins, ends = runs_of_flagged_samples(mark_standing_samples(excitation))
+    begins, ends = find_flagged_runs(mark_standing_samples(excitation))
     return [
         (int(t_ns[b]), int(t_ns[e]))
         for b, e in zip(begins, ends, strict=True)

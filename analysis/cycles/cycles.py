@@ -31,7 +31,7 @@ from analysis.cycles.load_passes import NO_PASSES, Passes, find_load_passes
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build_frame
-from analysis.model.uncertainty_sources import combined_u, names_of_unknown_scale_sources
+from analysis.model.uncertainty_sources import combine_u, unknown_scale_source_names
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine, payload_uncertainty_sources
 from analysis.weighing.fuel_on_board import FuelOnBoard
@@ -345,7 +345,7 @@ def compute_shared_payload_uncertainty(
     own = compute_common_payload_uncertainty(weighing, machine, passes, weights, None)
     gain_1, gain_u_1 = empty.weighed_to_stated_ratio_and_u or (None, None)
     sources = payload_uncertainty_sources(weighing, machine, datum, empty.weights)
-    unknown = names_of_unknown_scale_sources(sources)
+    unknown = unknown_scale_source_names(sources)
     told_by = "" if unknown else BY_MACHINE_FILE if datum is None else BY_EMPTY_MACHINE
     scale = ShiftScale(told_by, ", ".join(unknown), gain_1, gain_u_1)
     if datum is None:
@@ -372,8 +372,8 @@ def compute_common_payload_uncertainty(
     sources = payload_uncertainty_sources(weighing, machine, datum, summed)
     by_1 = 1.0 if datum is None else datum.scale_1
     total_kg = max(abs(float(weights @ passes.mass_kg)), 1e-9)
-    kept = (combined_u(sources, "random") / by_1) ** 2 - float(weights**2 @ passes.u_kg**2)
-    common = combined_u(sources, "common", "scale") / by_1
+    kept = (combine_u(sources, "random") / by_1) ** 2 - float(weights**2 @ passes.u_kg**2)
+    common = combine_u(sources, "common", "scale") / by_1
     names = {term.source or term.name for term in fit.terms}
     responses_kg, drift = fit.term_responses, weighing.significant_empty_mass_drift
     if drift is not None:
@@ -389,7 +389,7 @@ def compute_common_payload_uncertainty(
         empty = -datum.by_kg * share / share.sum()
     return _CommonUncertainty(
         float(np.sqrt(common**2 + max(kept, 0.0))) / total_kg,
-        combined_u(other) / by_1 / total_kg,
+        combine_u(other) / by_1 / total_kg,
         responses_kg @ of_states,
         covariance - np.diag(passes.u_kg**2),
         empty,

@@ -17,7 +17,7 @@ from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.load_passes import Passes
 from analysis.model.physical_units import NS_PER_S
-from analysis.model.windows import runs_of_flagged_samples
+from analysis.model.windows import find_flagged_runs
 from estimators.arrays import Ints
 
 
@@ -279,7 +279,7 @@ def missed_cycle_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list
     step_s = np.diff(t_ns, prepend=t_ns[0]) / NS_PER_S
     # cycles of a hole are priced apart
     step_s[step_s > LIMITS.cycle_hole_s] = 0.0
-    for begin, end in zip(*runs_of_flagged_samples(stands), strict=True):
+    for begin, end in zip(*find_flagged_runs(stands), strict=True):
         if t_ns[end] - t_ns[begin] > LIMITS.idle_s * NS_PER_S:
             step_s[begin : end + 1] = 0.0
     worked_s = np.diff(np.interp(dumps_ns, t_ns, np.cumsum(step_s)))

@@ -15,7 +15,11 @@ from analysis.model.machine import Machine
 from analysis.model.machine_body import Body
 from analysis.model.physical_units import NS_PER_S, SECONDS_PER_HOUR
 from analysis.model.schema import column_values
-from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque
+from analysis.stages.motion.forces import (
+    compute_longitudinal_force,
+    compute_regressor_acceleration,
+    compute_yaw_torque,
+)
 from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.motion_samples import ground_to_wheel_speed_ratio
 from estimators.arrays import Bools, Floats, Ints
@@ -99,8 +103,8 @@ def collect_energy_samples(
     step_s = np.diff(t_ns, append=t_ns[-1:]) / NS_PER_S
     step_s = np.where(step_s > LIMITS.longest_sample_s, 0.0, step_s)
     speed = column_values(aligned, "speed_x_m_s")
-    force = longitudinal_force(aligned, machine.machine)
-    acceleration = regressor_acceleration(aligned, machine)
+    force = compute_longitudinal_force(aligned, machine.machine)
+    acceleration = compute_regressor_acceleration(aligned, machine)
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
     smooth_N, smooth_m_s = (
@@ -230,7 +234,7 @@ def excitation_delay_rows(machine: Machine) -> int:
 
 def compute_turning_power(aligned: pl.DataFrame, body: Body) -> Floats:
     """Power of the yaw torque, (n,) in W, if both sides are measured."""
-    torque = yaw_torque(aligned, body)
+    torque = compute_yaw_torque(aligned, body)
     if torque is None or "yaw_rate_rad_s" not in aligned.columns:
         return np.zeros(aligned.height)
     return np.nan_to_num(torque * column_values(aligned, "yaw_rate_rad_s"))

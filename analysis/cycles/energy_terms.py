@@ -13,7 +13,7 @@ from analysis.cycles.energy_integrals import MotionErrors
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
 from analysis.model.settings import PriorSettings
-from analysis.model.windows import runs_of_flagged_samples
+from analysis.model.windows import find_flagged_runs
 from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.nuisances import friction_force_prior_std
 from estimators.arrays import Floats
@@ -160,7 +160,7 @@ def measure_standstill_force_offset_and_u(
         column_values(excitation, name) for name in ("force_x_N", "regressor_acc_x_m_s2")
     )
     means: list[tuple[float, float]] = []
-    for begin, end in zip(*runs_of_flagged_samples(mark_standing_samples(excitation)), strict=True):
+    for begin, end in zip(*find_flagged_runs(mark_standing_samples(excitation)), strict=True):
         # neither a motor that lets go nor one that is about to push
         quarter = (end - begin) // 4
         quiet = slice(begin + quarter, end - quarter + 1)

@@ -19,7 +19,7 @@ import polars as pl
 from scipy.stats import t as student
 
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.model.axes import X, regressor_and_force
+from analysis.model.axes import X, make_regressor_and_force
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.settings import Settings
 from analysis.weighing.load_states import weighted_means_by_state
@@ -127,7 +127,7 @@ def sum_friction_products(
     excitation: pl.DataFrame, manoeuvres: pl.DataFrame, nuisances: pl.DataFrame, settings: Settings
 ) -> tuple[Floats, Floats]:
     """Sums of speed times remaining force, and of squared speed, (manoeuvres,) each."""
-    A, force = regressor_and_force(X, excitation, settings)
+    A, force = make_regressor_and_force(X, excitation, settings)
     acceleration, speed = A[:, 0], A[:, 1]
     by_term: dict[str, float] = dict(nuisances.select("term", "posterior").iter_rows())
     way = np.sign(speed)

@@ -21,7 +21,7 @@ from analysis.cycles.cycles_without_mass import (
 from analysis.cycles.empty_machine import BY_CALIBRATION, ShiftScale
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build_frame
-from analysis.model.windows import runs_of_flagged_samples
+from analysis.model.windows import find_flagged_runs
 
 _NO_SCALE: Final = ShiftScale()
 
@@ -208,7 +208,7 @@ def idle_time_s(excitation: pl.DataFrame) -> float:
         return 0.0
     stands = mark_standing_samples(excitation)
     t_ns = excitation["t_ns"].to_numpy()
-    begins, ends = runs_of_flagged_samples(stands)
+    begins, ends = find_flagged_runs(stands)
     lengths = (t_ns[ends] - t_ns[begins]) / NS_PER_S
     return float(lengths[lengths > LIMITS.idle_s].sum())
 

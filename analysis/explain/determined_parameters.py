@@ -64,7 +64,7 @@ def find_determined_parameters(
         direction = np.sign(speed)
     A = np.column_stack([acceleration, speed, direction, np.ones(speed.size)])
     A = A[rows & np.isfinite(A).all(1)]
-    std = column_noise_stds(noise, settings)
+    std = find_column_noise_stds(noise, settings)
     samples = A.shape[0]
     if samples < LIMITS.determined_min_rows or std is None:
         return None
@@ -87,9 +87,9 @@ def find_determined_parameters(
     )
 
 
-def column_noise_stds(noise: pl.DataFrame | None, settings: Settings) -> Floats | None:
+def find_column_noise_stds(noise: pl.DataFrame | None, settings: Settings) -> Floats | None:
     """Noise (4,) of acceleration, speed, sign and constant after the mean, if known."""
-    known = ColumnNoise.of_axis(X, noise, settings.noise)
+    known = ColumnNoise.select_axis_noise(X, noise, settings.noise)
     if known is None:
         return None
     std = np.sqrt(np.maximum(np.diagonal(known.covariance(settings.smooth.samples)), 0.0))

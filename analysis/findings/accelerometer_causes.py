@@ -24,9 +24,9 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_corrected
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import column_values
-from analysis.stages.motion.forces import longitudinal_force
-from analysis.stages.motion.phases import average_like_speed_rate
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.motion.forces import compute_longitudinal_force
+from analysis.stages.motion.phases import average_over_speed_rate_span
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
 
@@ -159,14 +159,14 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     settings = inputs.machine.settings
     rate = column_values(inputs.check_inputs.excitation, "speed_rate_x_m_s2")
     ahead, left = (
-        average_like_speed_rate(column_values(inputs.check_inputs.excitation, name), settings)
+        average_over_speed_rate_span(column_values(inputs.check_inputs.excitation, name), settings)
         for name in (ACC, _Y)
     )
     used = inputs.check_inputs.is_phase("accelerating", "braking", "cruising")
     used &= np.isfinite(rate) & np.isfinite(ahead) & np.isfinite(left)
     if used.sum() < 200:
         return []
-    step = rows_in_duration(LIMITS.independent_rows_s, settings.align.rate_hz)
+    step = count_rows_in_duration(LIMITS.independent_rows_s, settings.align.rate_hz)
     x, a, y = (each[used][::step] for each in (rate, ahead, left))
     x, a, y = x - x.mean(), a - a.mean(), y - y.mean()
     power = float(x @ x)
@@ -329,12 +329,12 @@ def compute_start_and_rest_spectra(
         of starts; None if there are too few.
     """
     rate_hz = inputs.machine.settings.align.rate_hz
-    size = rows_in_duration(LIMITS.start_window_s, rate_hz)
+    size = count_rows_in_duration(LIMITS.start_window_s, rate_hz)
     if not inputs.select_measured_channels(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
         return None
     reads = column_values(inputs.aligned, ACC)
     speed = column_values(inputs.aligned, "speed_x_m_s")
-    force = longitudinal_force(inputs.aligned, inputs.machine.machine)
+    force = compute_longitudinal_force(inputs.aligned, inputs.machine.machine)
     ramp = np.linspace(-1.0, 1.0, size)
     window = np.hanning(size)
 
@@ -369,11 +369,11 @@ def find_force_rise_ends(inputs: FindingInputs, force: Floats, held_samples: int
     )
     rises = np.flatnonzero(pushes[1:] & ~pushes[:-1]) + 1
     stood, behind = (
-        rows_in_duration(LIMITS.start_stand_s, rate_hz),
-        rows_in_duration(LIMITS.start_rise_s, rate_hz),
+        count_rows_in_duration(LIMITS.start_stand_s, rate_hz),
+        count_rows_in_duration(LIMITS.start_rise_s, rate_hz),
     )
     # the moving mean and the phases see a start late
-    clear = rows_in_duration(0.2, rate_hz)
+    clear = count_rows_in_duration(0.2, rate_hz)
     return [
         int(k) + behind
         for k in rises

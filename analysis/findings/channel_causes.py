@@ -10,7 +10,7 @@ import numpy as np
 
 from analysis.diagnosis.diagnosis_limits import LIMITS as DIAGNOSIS_LIMITS
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
-from analysis.diagnosis.measured_channels import find_long_runs_of_one_reading
+from analysis.diagnosis.measured_channels import find_longest_equal_runs
 from analysis.diagnosis.side_comparison import SPEEDS, TORQUES, SideDifference
 from analysis.findings.cause import MassChange, Symptom, keep_strongest_symptom
 from analysis.findings.channel_limits import LIMITS
@@ -18,7 +18,7 @@ from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.refit import refit_without_samples
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.model.windows import flag_windows
-from analysis.stages.signals.filters import period_ns
+from analysis.stages.signals.filters import median_period_ns
 from estimators.arrays import Bools, Floats, Ints
 
 #: Force and acceleration, which a stop or a knock moves at once.
@@ -83,7 +83,7 @@ def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[in
     if signals is None:
         return []
     limits = signals.force_limits.get(name, {})
-    runs, never = find_long_runs_of_one_reading(*inputs.series[name])
+    runs, never = find_longest_equal_runs(*inputs.series[name])
     # the last readings of a stand are of a slower channel beyond it, or the speed's first ones
     return [
         (run.begin_ns, run.end_ns)
@@ -101,7 +101,7 @@ def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[in
 def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     """Find force readings that accumulate at an extreme value."""
     signals = inputs.check_inputs.signals
-    if signals is None or not (clipped := signals.clipped_share_and_limit):
+    if signals is None or not (clipped := signals.clipped_fraction_and_limit):
         return []
     name = max(clipped, key=lambda each: clipped[each][0])
     share, extreme = clipped[name]
@@ -260,7 +260,7 @@ def mark_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: Floats) ->
         ):
             continue
         scale = estimate_local_stds(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
-        near_ns = LIMITS.jolt_periods * max(period_ns(t), period_ns(inputs.series[name][0]))
+        near_ns = LIMITS.jolt_periods * max(map(median_period_ns, (t, inputs.series[name][0])))
         ends = np.searchsorted(t, unix_ns[:, None] + np.array([-near_ns, near_ns], np.int64))
         around = np.searchsorted(
             t, unix_ns[:, None] + np.array([-LIMITS.jolt_around_ns, LIMITS.jolt_around_ns])
@@ -325,7 +325,7 @@ def _make_side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
         return Symptom(
             strength,
             f"on straight drives the {sides.smaller_side} torque is "
-            f"{sides.smaller_over_larger_1:.1%} (± {sides.std_1:.1%}) of the {other} one: "
+            f"{sides.side_ratio_1:.1%} (± {sides.std_1:.1%}) of the {other} one: "
             "one of the two is wrong",
             channel=smaller,
             change=lambda: mass_change_if_smaller_side_wrong(inputs, sides),
@@ -385,9 +385,9 @@ def mass_change_if_smaller_side_wrong(
     inputs: FindingInputs, sides: SideDifference
 ) -> MassChange | None:
     """Mass change if the smaller side is wrong; as uncertain, since the larger may be."""
-    if inputs.own_fit is None or sides.smaller_over_larger_1 <= -1.0:
+    if inputs.own_fit is None or sides.side_ratio_1 <= -1.0:
         return None
-    kg = abs(inputs.own_fit.mass_kg) * (2.0 / (1.0 + max(sides.smaller_over_larger_1, 0.0)) - 1.0)
+    kg = abs(inputs.own_fit.mass_kg) * (2.0 / (1.0 + max(sides.side_ratio_1, 0.0)) - 1.0)
     return MassChange(kg, kg)
 
 

@@ -17,7 +17,7 @@ from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.whitened_rows import ProjectedEquation, build_whitened_force_rows
 from analysis.model.schema import column_values
-from analysis.stages.motion.forces import longitudinal_force
+from analysis.stages.motion.forces import compute_longitudinal_force
 from analysis.weighing.motion_samples import MotionSamples
 
 #: One that pitch vouches for is there whether driving sees it or not.
@@ -71,7 +71,7 @@ def explain_constant_force(inputs: FindingInputs) -> ConstantForces:
 def _compute_constant_forces(inputs: FindingInputs) -> ConstantForces:
     """Constant forces at rest, and which causes explain that in motion."""
     rest = inputs.mean_and_std_at_standstill(
-        longitudinal_force(inputs.aligned, inputs.machine.machine)
+        compute_longitudinal_force(inputs.aligned, inputs.machine.machine)
     )
     error = np.nan, np.nan
     if ACC in inputs.aligned.columns:

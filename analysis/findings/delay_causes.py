@@ -20,8 +20,8 @@ from analysis.findings.refit import refit_corrected
 from analysis.findings.unsigned_channels import find_unsigned_speed
 from analysis.model.schema import column_values
 from analysis.model.windows import flag_windows
-from analysis.stages.motion.forces import longitudinal_force
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.motion.forces import compute_longitudinal_force
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.friction_warming import WARMING
 from estimators.arrays import Bools, Floats
 
@@ -144,7 +144,7 @@ def acceleration_signals_and_step(inputs: FindingInputs) -> tuple[float, dict[st
         Sampling step in s, and by channel the mean-free signal (n,).
     """
     rate_hz = inputs.machine.settings.align.rate_hz
-    size = rows_in_duration(LIMITS.delay_mean_s, rate_hz)
+    size = count_rows_in_duration(LIMITS.delay_mean_s, rate_hz)
     count = min(inputs.aligned.height, round(LIMITS.delay_search_span_s * rate_hz)) // size
 
     def block_means(x: Floats) -> Floats:
@@ -157,7 +157,7 @@ def acceleration_signals_and_step(inputs: FindingInputs) -> tuple[float, dict[st
     if count < max(2 * round(LIMITS.longest_delay_s * rate_hz / size), 2):
         return size / rate_hz, {}
     speed = block_means(column_values(inputs.aligned, "speed_x_m_s"))
-    force = block_means(longitudinal_force(inputs.aligned, inputs.machine.machine))
+    force = block_means(compute_longitudinal_force(inputs.aligned, inputs.machine.machine))
     if not (np.isfinite(speed).any() and np.isfinite(force).any()):
         return size / rate_hz, {}
     # a central difference has the time of its middle

@@ -21,7 +21,7 @@ from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.unexplained import MATTERING, SHOWN
 from analysis.model.machine import Machine
-from analysis.model.schema import build_frame, frame_schema
+from analysis.model.schema import build_frame, find_frame_declaration
 
 _MASKS_OTHERS: Final = [cause.key for cause in CAUSES if cause.masks_others]
 #: Keys of a channel that mend one.
@@ -59,7 +59,7 @@ def find_causes(inputs: FindingInputs) -> pl.DataFrame:
     )
     for rank, sign in enumerate(UNKNOWN.find(inputs), len(rows) + 1):
         rows.append(_make_finding_row(rank, UNKNOWN, sign, inputs))
-    columns = frame_schema("findings").columns
+    columns = find_frame_declaration("findings").columns
     return build_frame(
         "findings",
         {c.name: pl.Series([row[c.name] for row in rows], dtype=c.dtype) for c in columns},

@@ -88,7 +88,7 @@ class FindingInputs:
     @cached_property
     def column_noise(self) -> ColumnNoiseModel | None:
         """Noise of acceleration, speed and force; None if it is not known."""
-        found = ColumnNoise.of_axis(X, self.noise, self.machine.settings.noise)
+        found = ColumnNoise.select_axis_noise(X, self.noise, self.machine.settings.noise)
         return None if found is None else CachedNoise(found)
 
     @cached_property

@@ -12,7 +12,7 @@ from analysis.findings.cause import MassChange, Symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.schema import column_values
-from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
+from analysis.stages.motion.forces import compute_longitudinal_force, compute_regressor_acceleration
 from analysis.weighing.force_hysteresis import HYSTERESIS
 from estimators.arrays import Bools, Floats
 
@@ -44,10 +44,10 @@ def _compute_residual_spectra(inputs: FindingInputs) -> Spectra | None:
     lag = fit.lag_s if fit is not None and fit.shifted else 0.0
     used = straight.moving if fit is None else fit.motion.is_fittable
     rows = np.arange(aligned.height, dtype=np.float64)
-    force = longitudinal_force(aligned, machine.machine)
+    force = compute_longitudinal_force(aligned, machine.machine)
     force = np.interp(rows + lag * rate_hz, rows, force)
     A = np.column_stack(
-        [regressor_acceleration(aligned, machine), column_values(aligned, "speed_x_m_s")]
+        [compute_regressor_acceleration(aligned, machine), column_values(aligned, "speed_x_m_s")]
     )
     left = force - A @ np.array([mass_kg, viscous])
     known = np.isfinite(left)

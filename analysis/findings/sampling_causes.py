@@ -7,9 +7,9 @@ from analysis.findings.channel_limits import LIMITS
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.stages.signals.filters import period_ns
+from analysis.stages.signals.filters import median_period_ns
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
-from analysis.stages.signals.timestamps import FIRST_DATE_NS, relative_step_scatter
+from analysis.stages.signals.timestamps import FIRST_DATE_NS, measure_relative_step_scatter
 from estimators.arrays import Bools, Floats, Ints
 from estimators.errors import counted
 
@@ -21,7 +21,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
     topics = select_one_series_per_topic(inputs)
     others = {name: [t for n, (t, _) in topics.items() if n != name] for name in topics}
     for name, (t, _) in topics.items():
-        period = float(period_ns(t))
+        period = float(median_period_ns(t))
         steps = np.diff(t)
         holes = np.flatnonzero(steps > settings.gap_periods * period)
         holes = holes[~_mark_recorder_pauses(t[holes], t[holes + 1], others[name])]
@@ -80,7 +80,9 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
     """Find topics whose time steps scatter, apart from gaps."""
     found: list[Symptom] = []
     for name, (t, _) in select_one_series_per_topic(inputs).items():
-        uneven = relative_step_scatter(inputs.raw[inputs.machine.channels[name].topic or "table"])
+        uneven = measure_relative_step_scatter(
+            inputs.raw[inputs.machine.channels[name].topic or "table"]
+        )
         if uneven is not None:
             found.append(
                 Symptom(
@@ -91,7 +93,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
                 )
             )
             continue
-        period = float(period_ns(t))
+        period = float(median_period_ns(t))
         steps = np.diff(t) / period
         steps = steps[steps < inputs.machine.settings.align.gap_periods]
         if steps.size < 100:

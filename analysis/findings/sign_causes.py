@@ -12,7 +12,7 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_corrected, refit_with_answer_u
 from analysis.findings.unsigned_channels import find_unsigned_speed, is_never_negative
 from analysis.model.schema import column_values
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
 
@@ -134,7 +134,7 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
     used = np.isfinite(turns) & np.isfinite(rate) & ~inputs.standing_samples
     if used.sum() < 200:
         return []
-    step = rows_in_duration(LIMITS.independent_rows_s, inputs.machine.settings.align.rate_hz)
+    step = count_rows_in_duration(LIMITS.independent_rows_s, inputs.machine.settings.align.rate_hz)
     x, y = rate[used][::step], turns[used][::step]
     if float(np.sqrt((x**2).mean())) < LIMITS.turn_rad_s or not y.any():
         return []
@@ -328,7 +328,7 @@ def find_wrong_mass_scale(inputs: FindingInputs) -> list[Symptom]:
         return []
     return [
         Symptom(
-            abs(found.difference_in_u) / LIMITS.wrong_scale_u,
+            abs(found.difference_over_u) / LIMITS.wrong_scale_u,
             found.text,
             channel=inputs.force_channel,
         )

@@ -191,7 +191,7 @@ class PlanarSettings(BaseModel):
     )
 
 
-def nearest_setting(key: str, parts: Mapping[str, type[BaseModel]]) -> str | None:
+def suggest_setting(key: str, parts: Mapping[str, type[BaseModel]]) -> str | None:
     """The setting, with its stage, whose name is most like a key that is none."""
     stages = {name: stage for stage, part in parts.items() for name in part.model_fields}
     close = get_close_matches(key, stages, n=1)
@@ -229,12 +229,12 @@ class Settings(BaseModel):
         for key, value in content.items():
             if key in cls.model_fields or isinstance(value, Mapping | BaseModel):
                 continue
-            if meant := nearest_setting(key, cls.stage_models()):
+            if meant := suggest_setting(key, cls.list_stage_models()):
                 raise ValueError(f"unknown key '{key}'; did you mean 'settings.{meant}'?")
         return content
 
     @classmethod
-    def stage_models(cls) -> dict[str, type[BaseModel]]:
+    def list_stage_models(cls) -> dict[str, type[BaseModel]]:
         """The model of each part, by its name."""
         return {
             name: field.annotation

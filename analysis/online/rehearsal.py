@@ -25,13 +25,13 @@ def rehearse(settings: Settings, noise: pl.DataFrame | None = None) -> None:
     """
     with force_compilation():
         state = start(settings, noise)
-        for row in rehearsal_rows(settings):
+        for row in iter_rehearsal_rows(settings):
             state = step(state, row).state
         for _ in finish(state):
             pass
 
 
-def rehearsal_rows(settings: Settings) -> Iterator[Mapping[str, Any]]:
+def iter_rehearsal_rows(settings: Settings) -> Iterator[Mapping[str, Any]]:
     """Rows of `excitation`: standstill for half a window, then acceleration."""
     window = settings.gate.window_samples
     speed = 0.0

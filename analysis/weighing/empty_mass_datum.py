@@ -21,7 +21,7 @@ from analysis.model.machine_body import Body
 from analysis.model.uncertainty_sources import (
     SCALES,
     UncertaintySource,
-    combined_u,
+    combine_u,
     sort_largest_first,
 )
 from analysis.weighing.mass_budget import make_mass_budget
@@ -133,7 +133,7 @@ class EmptyMachine:
             if factor_names_without_uncertainty(self.uncertainty_sources)
             else 0.0
         )
-        u_kg = float(np.hypot(combined_u(self.uncertainty_sources), scale_kg))
+        u_kg = float(np.hypot(combine_u(self.uncertainty_sources), scale_kg))
         allowed_kg = LIMITS.empty_mass_agreement_u * float(
             np.hypot(u_kg, self._stated_empty_mass_u_kg or 0.0)
         )
@@ -151,7 +151,7 @@ class EmptyMachine:
         stated_kg, stated_u_kg = self._stated_empty_mass_kg, self._stated_empty_mass_u_kg
         if stated_kg is None or stated_u_kg is None:
             return None
-        u_kg = combined_u(self.uncertainty_sources, "random", "common")
+        u_kg = combine_u(self.uncertainty_sources, "random", "common")
         turns_u_kg = self._body.rotating_mass_u_kg
         u_1 = float(np.linalg.norm([u_kg, stated_u_kg, turns_u_kg])) / stated_kg
         return self.mass_with_rotating_parts_kg / stated_kg, u_1
@@ -186,7 +186,7 @@ class EmptyMachine:
             # of masses so far apart that rounding leaves no ratio
             return found if found.scale_1 > 0.0 else None
         own_kg2 = self._variance_of_weighted_sum(payload_weights)
-        empty_kg2 = combined_u(self.uncertainty_sources) ** 2
+        empty_kg2 = combine_u(self.uncertainty_sources) ** 2
         ratio_kg2 = self._variance_of_weighted_sum(
             payload_weights - in_ratio * sum_kg * self.weights
         )
@@ -200,14 +200,14 @@ class EmptyMachine:
         found = make_datum(float(np.clip(by_kg, 0.0, in_ratio)))
         if (
             found.scale_1 <= 0.0
-            or combined_u(found.payload_uncertainty_sources(payload_weights)) ** 2 >= own_kg2
+            or combine_u(found.payload_uncertainty_sources(payload_weights)) ** 2 >= own_kg2
         ):
             return None
         return found
 
     def _variance_of_weighted_sum(self, weights: Floats) -> float:
         """Variance of a weighted sum of masses, in kg²."""
-        return combined_u(make_mass_budget(self.weighing, self.machine, weights)) ** 2
+        return combine_u(make_mass_budget(self.weighing, self.machine, weights)) ** 2
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Self
 
 import numpy as np
 
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import count_samples_since_start, is_last_of_stretch
 from analysis.weighing.force_hysteresis import Play, trace_force_direction
 from analysis.weighing.haul_route import Route
@@ -294,7 +294,7 @@ def _average_all_pieces(
         group,
         np.concatenate([raw.direction for _, raw in pieces]),
         NoiseMoments(*(np.concatenate(each) for each in zip(*added, strict=True))),
-        max(rows_in_duration(LIMITS.shortest_stretch_s, rate_hz) // stride, 6),
+        max(count_rows_in_duration(LIMITS.shortest_stretch_s, rate_hz) // stride, 6),
         terms,
     )
 
@@ -432,7 +432,7 @@ def derive_force_rate(force: Floats, rate_hz: float, noise_N: float, *, keep_sma
             Slip needs them: without them masses were 0.3 % off where wheels slip by 2 %, and slip
             of 4 to 10 % looked like a load that grows at every start.
     """
-    halves = sorted({rows_in_duration(s, rate_hz) for s in LIMITS.force_rate_half_widths_s})
+    halves = sorted({count_rows_in_duration(s, rate_hz) for s in LIMITS.force_rate_half_widths_s})
     for half in halves if keep_small else ():
         rate, std = _derive_by_parabola(force, half, rate_hz, noise_N)
         clear = LIMITS.force_rate_min_std if half == 1 else LIMITS.clear_force_rate_std

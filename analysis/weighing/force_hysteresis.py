@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.weighing_limits import LIMITS
@@ -60,7 +60,7 @@ def choose_hysteresis_play(motion: MotionSamples, noise: ColumnNoiseModel, sampl
         noise: noise of acceleration, speed and force.
         samples: length of the fitted means.
     """
-    longest = rows_in_duration(LIMITS.hysteresis_mean_s, motion.rate_hz)
+    longest = count_rows_in_duration(LIMITS.hysteresis_mean_s, motion.rate_hz)
     half_N = LIMITS.hysteresis_turn_share * motion.force_95_percent
     noise_N, mean = 0.0, longest
     for mean in (*(1 << k for k in range(longest.bit_length() - 1)), longest):

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from analysis.model.settings import PriorSettings
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.body_squat import estimate_load_squat
 from analysis.weighing.fit_columns import (
     FitColumns,
@@ -86,7 +86,7 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
         int(np.median(np.bincount(motion.group[motion.is_fittable])))
         / LIMITS.disjoint_means_per_stretch
     )
-    means = {rows_in_duration(mean_s, motion.rate_hz) for mean_s in LIMITS.means_s}
+    means = {count_rows_in_duration(mean_s, motion.rate_hz) for mean_s in LIMITS.means_s}
     means = sorted(means | {*LIMITS.slow_grid_mean_rows} if 1 in means else means)
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
     columns = FitColumns.from_motion(part.motion, inputs.noise, terms, part.initial_estimates)
@@ -115,7 +115,7 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
     share = _relative_effect_of_mean_length(
         first, next(k for k, found in enumerate(first) if found is best)
     )
-    transient = rows_in_duration(LIMITS.transient_mean_s, motion.rate_hz)
+    transient = count_rows_in_duration(LIMITS.transient_mean_s, motion.rate_hz)
     misfit = chosen.solution.misfit_ratio
     swings = several and motion.by_accelerometer and misfit > LIMITS.max_misfit_ratio
     if swings and transient > best.mean_samples:

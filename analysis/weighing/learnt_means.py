@@ -13,7 +13,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import MOVED, SCALE, build_frame
-from analysis.model.uncertainty_sources import combined_u
+from analysis.model.uncertainty_sources import combine_u
 from analysis.weighing.load_frames import payload_weights
 from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.motion_samples import Floats
@@ -142,7 +142,7 @@ def _make_mass_response_rows(
     total_kg = abs(float(total @ fit.masses_kg))
     # the same share of all
     scale_1 = (
-        combined_u(make_mass_budget(weighing, machine, total), "scale") / total_kg
+        combine_u(make_mass_budget(weighing, machine, total), "scale") / total_kg
         if total_kg
         else 0.0
     )

@@ -23,7 +23,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import stretch_spans
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from analysis.weighing.pitch_squat import fit_instrumental_variables
@@ -173,7 +173,7 @@ class _WheelComparison:
         """Prepare the stretches that are long enough; None if there are too few."""
         if motion.rate_hz < LIMITS.lever_min_rate_hz:
             return None
-        lag = max(rows_in_duration(LIMITS.lever_lag_s, motion.rate_hz) // EVERY, 1)
+        lag = max(count_rows_in_duration(LIMITS.lever_lag_s, motion.rate_hz) // EVERY, 1)
         shortest = MEAN + EVERY * max(2 * lag, LIMITS.lever_min_rows)
         bounds = stretch_spans(motion.group)
         spans = bounds[np.diff(bounds)[:, 0] >= shortest]

@@ -7,7 +7,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import CALIBRATED, FRAMES, build_frame
-from analysis.model.uncertainty_sources import combined_u, names_of_unknown_scale_sources
+from analysis.model.uncertainty_sources import combine_u, unknown_scale_source_names
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
 from analysis.weighing.fuel_on_board import FuelOnBoard
@@ -124,7 +124,7 @@ def find_empty_states(
         return []
     lightest = int(np.argmin(fit.masses_kg))
     difference_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
-    u_kg = combined_u(make_mass_budget(weighing, machine, fit.weights_of_state(lightest)))
+    u_kg = combine_u(make_mass_budget(weighing, machine, fit.weights_of_state(lightest)))
     u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
     carried_kg = float(np.ptp(fit.masses_kg))
     if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
@@ -143,7 +143,7 @@ def _find_equally_light_states(weighing: Weighing, lightest: int, machine: Machi
         if state == lightest:
             continue
         weights = payload_weights(weighing, state, found)
-        random_kg = combined_u(make_mass_budget(weighing, machine, weights), "random")
+        random_kg = combine_u(make_mass_budget(weighing, machine, weights), "random")
         if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
             break
         found.append(state)
@@ -219,7 +219,7 @@ def _make_load_row(
     assert states is not None
     sources = make_mass_budget(weighing, machine, fit.weights_of_state(state))
     mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
-    u_kg = combined_u(sources)
+    u_kg = combine_u(sources)
     withheld = [check.check for check in verdict.withholding_checks("mass")]
     # as the check of that name judges the load that most manoeuvres are of
     known = (
@@ -233,8 +233,8 @@ def _make_load_row(
     numbers = {
         "mass_kg": mass_kg,
         "u_kg": u_kg,
-        "u_random_kg": combined_u(sources, "random"),
-        "u_common_kg": combined_u(sources, "common", "scale"),
+        "u_random_kg": combine_u(sources, "random"),
+        "u_common_kg": combine_u(sources, "common", "scale"),
         **payload,
         "friction_x_N_s_m": friction[0],
         "friction_x_std_N_s_m": friction[1],
@@ -253,7 +253,7 @@ def _make_load_row(
         "scatter_known": states.scatter_known,
         "mean_samples": fit.mean_samples,
         "braking_left_out": weighing.braking_left_out,
-        "scale_unknown": ", ".join(names_of_unknown_scale_sources(sources)),
+        "scale_unknown": ", ".join(unknown_scale_source_names(sources)),
         "payload_scale_unknown": ", ".join(unknown),
         "withheld": bool(withheld),
         "withheld_for": ", ".join(withheld),
@@ -275,20 +275,20 @@ def _payload_with_uncertainty(
     weights = payload_weights(weighing, state, empty)
     sources = make_mass_budget(weighing, machine, weights)
     own_kg = float(weights @ fit.masses_kg)
-    u_kg = combined_u(sources)
+    u_kg = combine_u(sources)
     if not empty:
         own_kg -= body.rotating_mass_kg + (body.empty_mass_kg or 0.0)
         u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
-    own = (own_kg, u_kg, combined_u(sources, "random"))
+    own = (own_kg, u_kg, combine_u(sources, "random"))
     told = own
     if datum is not None:
         sources = datum.payload_uncertainty_sources(weights)
-        told = (datum.scale_1 * own_kg, combined_u(sources), combined_u(sources, "random"))
+        told = (datum.scale_1 * own_kg, combine_u(sources), combine_u(sources, "random"))
     found: dict[str, float | None] = {
         f"payload_{n}": value for n, value in zip(names, told, strict=True)
     }
     found |= {f"own_payload_{n}": value for n, value in zip(names, own, strict=True)}
-    return found, names_of_unknown_scale_sources(sources)
+    return found, unknown_scale_source_names(sources)
 
 
 def _load_states_note(fit: JointFit, machine: Machine) -> str:

@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fit_columns import fitted_mean_stride
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.haul_patterns import propose_hauling_partitions
@@ -51,7 +51,7 @@ def fit_with_load_search(
         return settled
     inputs = _add_uneven_ground(first_fit, inputs)
     # over short means the residual is noise and transients, which no loads explain
-    transient = rows_in_duration(LIMITS.transient_mean_s, first_fit.motion.rate_hz)
+    transient = count_rows_in_duration(LIMITS.transient_mean_s, first_fit.motion.rate_hz)
     samples = max(first_fit.mean_samples, settled.mean_samples, transient)
     alike = _PartitionComparison.from_fit(first_fit, inputs, samples)
     fits = list[JointFit]()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import is_first_of_stretch, is_last_of_stretch, memoise
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
@@ -154,7 +154,7 @@ def units_of_stretches(motion: MotionSamples) -> Ints:
     number, of = np.unique(unit, return_inverse=True)
     samples = np.bincount(of, weights=np.bincount(motion.group[motion.is_fittable]))
     tells = samples >= min(
-        rows_in_duration(
+        count_rows_in_duration(
             LIMITS.informative_manoeuvre_s, motion.rate_hz, LIMITS.informative_manoeuvre_samples
         ),
         samples.max(),

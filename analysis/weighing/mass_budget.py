@@ -9,7 +9,7 @@ from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import (
     SCALES,
     UncertaintySource,
-    combined_u,
+    combine_u,
     root_sum_of_squares,
     sort_largest_first,
 )
@@ -176,7 +176,9 @@ def make_mass_budget(
     for scale in SCALES:
         if scale.applies(machine):
             relative, of_kg = scale.u(machine), loaded_kg if scale.by_load else sum_kg
-            sources.append(scale.to_source(None if relative is None else relative * of_kg))
+            sources.append(
+                scale.make_uncertainty_source(None if relative is None else relative * of_kg)
+            )
     # of a difference it cancels
     rotating_u_kg = body.rotating_mass_u_kg * abs(float(weights.sum()))
     if rotating_u_kg:
@@ -200,9 +202,9 @@ def relative_mass_uncertainty(weighing: Weighing, machine: Machine, state: int) 
     """
     sources = make_mass_budget(weighing, machine, weighing.fit.weights_of_state(state))
     mass_kg = float(weighing.fit.masses_kg[state]) - machine.machine.rotating_mass_kg
-    if not np.isfinite([mass_kg, combined_u(sources)]).all():
+    if not np.isfinite([mass_kg, combine_u(sources)]).all():
         return float("nan")
-    return combined_u(sources, "random", "common") / mass_kg if mass_kg > 0.0 else float("inf")
+    return combine_u(sources, "random", "common") / mass_kg if mass_kg > 0.0 else float("inf")
 
 
 def _change_without_friction_kg(fit: JointFit, weights: Floats) -> float:

@@ -16,8 +16,8 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
 from analysis.model.windows import flag_windows
-from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.motion.forces import compute_longitudinal_force, compute_regressor_acceleration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import (
     advance_in_stretches,
     count_samples_since_start,
@@ -298,8 +298,8 @@ def collect_motion_samples(
     """
     settings = machine.settings
     speed = column_values(aligned, "speed_x_m_s")
-    force = longitudinal_force(aligned, machine.machine)
-    acceleration = regressor_acceleration(aligned, machine)
+    force = compute_longitudinal_force(aligned, machine.machine)
+    acceleration = compute_regressor_acceleration(aligned, machine)
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
     noise_m_s = LIMITS.moving_speed_std * float(np.sqrt(noise.covariance(3)[1, 1]))
@@ -319,7 +319,7 @@ def collect_motion_samples(
         settled,
     )
     # a lag moves the force, and its derivative looks to both sides: neither into a gap
-    clear = rows_in_duration(LIMITS.gap_margin_s, settings.align.rate_hz)
+    clear = count_rows_in_duration(LIMITS.gap_margin_s, settings.align.rate_hz)
     silent = ~known | mark_rows_without_data(aligned)
     near_gap = flag_windows(silent, clear) | flag_windows(silent[::-1], clear)[::-1]
     group = number_one_way_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
@@ -331,9 +331,9 @@ def collect_motion_samples(
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
     stood = running_standstill_count(excitation)
     unit = number_drives(
-        stood, rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz)
+        stood, count_rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz)
     )
-    longest_hole = rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
+    longest_hole = count_rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
     silences = running_gap_count(known, longest_hole)
     group = split_stretches_at_units(group, unit)
     return MotionSamples(

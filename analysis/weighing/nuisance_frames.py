@@ -7,7 +7,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import FRAMES, build_frame
-from analysis.model.uncertainty_sources import combined_u
+from analysis.model.uncertainty_sources import combine_u
 from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.wheel_kinematics import TERMS
@@ -103,7 +103,7 @@ def make_budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFra
 def _make_source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
     """Uncertainty budget of a load, one row per source."""
     sources = make_mass_budget(weighing, machine, weighing.fit.weights_of_state(state))
-    total = combined_u(sources)
+    total = combine_u(sources)
     u_kg = np.array([np.nan if source.u is None else source.u for source in sources])
     return pl.DataFrame(
         {

@@ -12,7 +12,7 @@ from analysis.model.axes import X
 from analysis.model.machine import Machine
 from analysis.model.prior_settings import LearntTerm, PriorSettings
 from analysis.stages.noise.column_noise import ColumnNoise
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 from analysis.weighing.empty_mass_drift import EmptyMassDrift, estimate_empty_mass_drift
 from analysis.weighing.gain_by_direction import DirectionGain, find_direction_gain
@@ -179,7 +179,7 @@ def _weigh_with_priors(
 ) -> Weighing | None:
     """Weigh with the given priors instead of the machine's."""
     settings = machine.settings
-    known = ColumnNoise.of_axis(X, noise, settings.noise)
+    known = ColumnNoise.select_axis_noise(X, noise, settings.noise)
     if known is None or excitation.height < SIGNAL_LIMITS.window_min_readings:
         return None
     rate_hz = settings.align.rate_hz
@@ -274,7 +274,7 @@ def _weigh_with_priors(
 
 def _has_enough_samples(motion: MotionSamples) -> bool:
     """Whether enough samples may be fitted."""
-    fewest = rows_in_duration(
+    fewest = count_rows_in_duration(
         LIMITS.shortest_log_s, motion.rate_hz, SIGNAL_LIMITS.window_min_readings
     )
     return int(motion.is_fittable.sum()) >= fewest and motion.has_enough_motion

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from analysis.fleet.calibration_steps import FleetCalibration, LineChange
-from analysis.fleet.daily_figures import sum_machines, sum_results
+from analysis.fleet.daily_figures import sum_machines, sum_results_by_group
 from analysis.fleet.machine_drifts import SIGNALS, MachineChart
 from estimators.errors import counted
 from recordings.report.number_text import SCALE_NOT_KNOWN
@@ -47,7 +47,7 @@ class FleetPage:
         name: name of the fleet.
         results: table `results`.
         days: frame of `make_daily_figures`.
-        weeks: frame of `weekly_tonnes`.
+        weeks: frame of `sum_weekly_tonnes`.
         charts: charts of `make_machine_charts`.
         calibrations: calibrations of all machines.
         changes: changes between successive calibrations.
@@ -72,7 +72,7 @@ class FleetPage:
 
 def render_fleet_html(page: FleetPage) -> str:
     """HTML of the page, with all texts escaped and no external requests."""
-    machines = sum_results(page.results, ["machine"])
+    machines = sum_results_by_group(page.results, ["machine"])
     total = sum_machines(machines)
     flagged = sorted(
         (chart for chart in page.charts if chart.chart.flagged is not None),
@@ -173,7 +173,7 @@ def _list_warnings(page: FleetPage) -> list[str]:
     undated = page.results.filter(pl.col("day") == "undated").height
     if undated:
         found.append(f"{counted(undated, 'recording')} without a date: not in any week or chart.")
-    scale = int(sum_results(page.results, ["machine"])["without_scale"].sum())
+    scale = int(sum_results_by_group(page.results, ["machine"])["without_scale"].sum())
     if scale:
         found.append(
             f"Scale not known in {counted(scale, 'recording')}: neither the empty machine's "
@@ -261,7 +261,7 @@ def _format_line_change(change: LineChange) -> tuple[str, ...]:
         str(change.after.first),
         f"{change.zero_kg:+,.1f} (± {change.zero_limit_kg:,.1f})",
         f"{change.scale_1:+.2%} (± {change.scale_limit_1:.2%})",
-        "beyond its limit" if change.has_moved else "within",
+        "beyond its limit" if change.has_line_moved else "within",
     )
 
 

@@ -172,7 +172,7 @@ class GrowingRecording:
         assert row.gate is not None
         new, t_ns = self._new, row.t_ns
         new.excitation.append({"t_ns": t_ns, **{name: row.excitation[name] for name in EXCITATION}})
-        numbers = row.gate.gate_columns()
+        numbers = row.gate.make_gate_columns()
         new.gate.append({"t_ns": t_ns, **{name: numbers[name] for name in GATE}})
         for lane, state in zip(STATES, (row.gate.reason, row.phase), strict=True):
             if lane not in self._state or self._state[lane] != state:

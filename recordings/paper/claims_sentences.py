@@ -6,7 +6,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.paper import printed_numbers
-from analysis.paper.claims import Claims, ls_buffer_bytes, rls_state_bytes
+from analysis.paper.claims import Claims, compute_ls_buffer_bytes, compute_rls_state_bytes
 from analysis.paper.paper_limits import LIMITS as PAPER_LIMITS
 from recordings.paper.paper_wording import NAMES, ItemSentences, format_percent
 
@@ -109,8 +109,9 @@ def _write_memory_claim(claims: Claims) -> str:
     buffer, of_ls, of_rls = claims.buffer, claims.buffer.ls_kg, claims.buffer.rls_kg
     windows = len(buffer.windows)
     sentence = (
-        f"RLS keeps {rls_state_bytes()} B where OLS keeps the window, "
-        f"{ls_buffer_bytes(min(buffer.windows)):,} to {ls_buffer_bytes(max(buffer.windows)):,} B. "
+        f"RLS keeps {compute_rls_state_bytes()} B where OLS keeps the window, "
+        f"{compute_ls_buffer_bytes(min(buffer.windows)):,} to "
+        f"{compute_ls_buffer_bytes(max(buffer.windows)):,} B. "
         f"Single runs are {of_rls[0]:.1f} to {of_rls[1]:.1f} kg off with RLS and {of_ls[0]:.1f} to "
         f"{of_ls[1]:.1f} kg with OLS; "
     )

@@ -377,7 +377,7 @@ def _make_verdict_lines(verdict: Verdict) -> list[str]:
         for check in verdict.checks
     ]
     parts = ["## Can this log weigh?", "\n".join(checks)]
-    if verdict.has_spins and not verdict.can_tell_inertia:
+    if verdict.has_spins and not verdict.can_estimate_inertia:
         parts.append(
             "**The yaw inertia is withheld**: the checks of its spins, or of the sign of the "
             "force, failed."

@@ -244,7 +244,7 @@ def iter_answer_notes(answer: "Answer", goal_u_kg: float | None, verbose: int) -
 
     if goal_u_kg is not None:
         yield from describe_starts_to_goal(answer, goal_u_kg)
-    if answer.verdict.can_tell_inertia and not verbose:
+    if answer.verdict.can_estimate_inertia and not verbose:
         yield from _iter_yaw_inertia_line(answer)
     yield from describe_shift_total(answer)
     yield from describe_planar_fits(answer.planar, answer.planar_budget)
@@ -320,9 +320,9 @@ def _print_budget(screen: "Console", answer: "Answer") -> None:
 def _print_methods(screen: "Console", answer: "Answer") -> None:
     """Print the estimate of each method for the whole log."""
     verdict = answer.verdict
-    if len(answer.loads) > 1 and not verdict.can_tell_inertia:
+    if len(answer.loads) > 1 and not verdict.can_estimate_inertia:
         screen.print("Other methods: not shown, since they give one mass per log")
-    elif verdict.can_weigh or verdict.can_tell_inertia:
+    elif verdict.can_weigh or verdict.can_estimate_inertia:
         screen.print("Other methods (statistical ± only; –: withheld)")
         for row in answer.rows:
             print_table(screen, _make_method_table(row, verdict))
@@ -344,7 +344,7 @@ def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
     if shown or verbose > 1:
         print_table(screen, make_check_table(verdict.checks if verbose > 1 else shown))
     print_remedies_with_checks(screen, failed)
-    if verdict.has_spins and not verdict.can_tell_inertia:
+    if verdict.has_spins and not verdict.can_estimate_inertia:
         screen.print(
             "No inertia estimate: the checks of the spins, or of the force's sign, failed."
         )
@@ -353,7 +353,7 @@ def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
 def _make_method_table(row: "AnswerRow", verdict: "Verdict") -> "Table":
     columns = {
         **(_OF_MASS if verdict.can_weigh else {}),
-        **(_OF_INERTIA if verdict.can_tell_inertia else {}),
+        **(_OF_INERTIA if verdict.can_estimate_inertia else {}),
     }
     shown = {title: names for title, names in columns.items() if names[0] in row.quantities}
     table = make_plain_table("method", *shown)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from analysis.compare.run_comparison import changed_settings
+from analysis.compare.run_comparison import list_changed_settings_and_keys
 from analysis.explain import Explanation, explain
 from analysis.explain.explanation import COLUMNS, SMALL
 from analysis.model.machine import Machine
@@ -140,7 +140,7 @@ def _differs_from_recorded_machine(recording: OpenRecording, machine: Machine) -
     """Whether the machine file differs from that of the recording."""
     about = recording.provenance
     recorded = Machine.model_validate({**about.machine, "settings": about.settings})
-    return bool(changed_settings(recorded, machine))
+    return bool(list_changed_settings_and_keys(recorded, machine))
 
 
 def read_frames_for_explanation(recording: OpenRecording, *, pictured: bool) -> Run:

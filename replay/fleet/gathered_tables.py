@@ -19,7 +19,7 @@ import polars as pl
 from pydantic import ValidationError
 
 from analysis.fleet.calibration_steps import FleetCalibration
-from analysis.fleet.fleet_tables import TABLES, table_schema
+from analysis.fleet.fleet_tables import TABLES, make_table_schema
 from analysis.model.check_names import rename_stored_checks
 from estimators.errors import FleetError, OutputError
 from replay.fleet.last_run import CALIBRATIONS, CURRENT, FAILED, LastRun
@@ -93,7 +93,7 @@ class FleetResults:
             if base:
                 frames.insert(0, self._read_table(f"{base}/{table}.parquet"))
             # rows of one result keep their order
-            whole = pl.concat([pl.DataFrame(schema=table_schema(table)), *frames])
+            whole = pl.concat([pl.DataFrame(schema=make_table_schema(table)), *frames])
             ordered = whole.sort(_ORDER, maintain_order=True, nulls_last=True)
             self.store.write(f"{folder}/{table}.parquet", parquet_bytes(ordered))
         self.store.delete([f"{each}/{table}.parquet" for each in old_names for table in TABLES])
@@ -105,7 +105,7 @@ class FleetResults:
         """Table of all results under any settings, ordered by machine and log."""
         files = [f"{folder}/{name}.parquet" for folder in self._gathered_folder_by_machine.values()]
         if not files:
-            return pl.LazyFrame(schema=table_schema(name))
+            return pl.LazyFrame(schema=make_table_schema(name))
         if self.store.folder is not None:
             rows = pl.scan_parquet([Path(self.store.folder, each) for each in files])
             return rename_stored_checks(name, rows)

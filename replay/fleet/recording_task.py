@@ -27,7 +27,7 @@ from analysis.calibration.use.learnt_priors import describe_contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.shift_totals import recompute_shift_totals
 from analysis.fleet.daily_figures import UNDATED
-from analysis.fleet.fleet_tables import GATE_SHARES, QUALITY, result_row, tables_of_run
+from analysis.fleet.fleet_tables import GATE_SHARES, QUALITY, make_result_row, make_tables_of_run
 from analysis.model.run_record import Run
 from estimators.errors import DataError, FleetError, LogError, PayscopeError
 from estimators.file_digest import file_sha256
@@ -270,11 +270,11 @@ def tables_of_replay(
     gaps = sorted(state.gaps_s, key=lambda gap: gap[0] - gap[1])
     against = "" if setup.by is None else describe_contradicted_priors(run.frames["nuisances"])
     said = {
-        **result_row(run),
+        **make_result_row(run),
         "longest_gap_at_s": gaps[0][0] if gaps else None,
         "not_calibrated_for": against,
     }
-    return tables_of_run(run, {"gate_shares": shares, "quality": quality}), said
+    return make_tables_of_run(run, {"gate_shares": shares, "quality": quality}), said
 
 
 @contextmanager

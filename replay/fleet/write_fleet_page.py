@@ -16,8 +16,8 @@ from analysis.fleet.daily_figures import (
     UNDATED,
     make_daily_figures,
     sum_machines,
-    sum_results,
-    weekly_tonnes,
+    sum_results_by_group,
+    sum_weekly_tonnes,
 )
 from analysis.fleet.machine_drifts import MachineChart, make_machine_charts
 from recordings.fleet.fleet_page import FleetPage, render_fleet_html
@@ -47,7 +47,7 @@ class FleetReport:
     def to_dict(self) -> dict[str, Any]:
         """Sums, drifts and recordings that need attention, as plain JSON values."""
         page = self.page
-        machines = sum_results(page.results, ["machine"])
+        machines = sum_results_by_group(page.results, ["machine"])
         return {
             "page": str(self.path),
             "sum": dict(sum_machines(machines)),
@@ -103,7 +103,7 @@ def make_fleet_page(results: FleetResults, destination: str, name: str) -> Fleet
         name=name,
         results=rows,
         days=days,
-        weeks=weekly_tonnes(rows),
+        weeks=sum_weekly_tonnes(rows),
         charts=make_machine_charts(days),
         calibrations=calibrations,
         changes=find_line_changes(calibrations),

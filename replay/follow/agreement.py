@@ -18,7 +18,7 @@ from analysis.model.axes import (
     Axis,
     X,
     Z,
-    available_axes,
+    list_available_axes,
     read_parameters_and_stds,
     select_rows_of_axis,
 )
@@ -148,7 +148,7 @@ class FollowedDigests:
 
 def _digest_replayed_frames(frames: Mapping[str, pl.DataFrame]) -> dict[str, _MinuteDigests]:
     found: dict[str, _MinuteDigests] = {}
-    for axis in available_axes(frames["excitation"]):
+    for axis in list_available_axes(frames["excitation"]):
         gate = frames["gate"]
         codes = gate[f"reason_{axis.letter}"].cast(pl.String)
         codes = codes.replace_strict(_REASONS, return_dtype=pl.Float64)

@@ -13,9 +13,9 @@ from mcap.records import Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
-from analysis.online.answer_progress import missing_manoeuvres_text
-from analysis.online.online_report import OnlineReport, report_schema
-from analysis.online.replay_report import LoadReport, ReplayReport, replay_report_schema
+from analysis.online.answer_progress import describe_missing_manoeuvres
+from analysis.online.online_report import OnlineReport, make_report_schema
+from analysis.online.replay_report import LoadReport, ReplayReport, make_replay_report_schema
 from estimators.errors import counted
 from recordings.report.atomic_output import (
     AppendedFile,
@@ -70,7 +70,7 @@ class ReportFile:
         self._writer.start("", "payscope")
         #: numbers by topic; that of replays is there from the first one on
         self._channels: dict[str, int] = {}
-        self._add_channel(TOPIC, report_schema())
+        self._add_channel(TOPIC, make_report_schema())
         self._writer.add_metadata(_FOLLOWED, {"identity": identity})
         for topic, each in reported:
             self._add_message(topic, each.log_time, each.publish_time, each.data)
@@ -127,7 +127,7 @@ class ReportFile:
     def _add_message(self, topic: str, log_time_ns: int, time_ns: int, data: bytes) -> None:
         # registered where the first one stands: the bytes of a file that is continued are the same
         if topic not in self._channels:
-            self._add_channel(topic, replay_report_schema())
+            self._add_channel(topic, make_replay_report_schema())
         self._writer.add_message(self._channels[topic], log_time_ns, data, time_ns)
 
     def _add_channel(self, topic: str, schema: dict[str, Any]) -> None:
@@ -238,7 +238,7 @@ def describe_progress(report: OnlineReport) -> str:
     """Progress towards an answer and the missing inputs; empty without a target uncertainty."""
     if report.until_u_kg is None or report.percent is None:
         return ""
-    missing = missing_manoeuvres_text(report.starts_missing, report.reverse_missing)
+    missing = describe_missing_manoeuvres(report.starts_missing, report.reverse_missing)
     rest = f"; missing: {missing}" if missing else ""
     if report.load_mass_kg is None or report.load_u_kg is None:
         return f"0 % to ± {report.until_u_kg:,.3g} kg{rest}"
@@ -284,9 +284,9 @@ def iter_closed_load_lines(
     """Yield a line per load that has closed since an earlier replay; of the whole log, per load."""
     if report.is_whole:
         yield describe_replay(report)
-    known = [] if report.is_whole or earlier_report is None else earlier_report.closed_loads
+    known = [] if report.is_whole or earlier_report is None else earlier_report.select_closed_loads
     spans = {(load.start_unix_ns, load.end_unix_ns) for load in known}
-    for load in report.closed_loads:
+    for load in report.select_closed_loads:
         if (load.start_unix_ns, load.end_unix_ns) not in spans:
             yield describe_load_state(load)
 

@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.schema import CHANNEL_COLUMNS
-from analysis.stages.signals.derive import unit_of_name
+from analysis.stages.signals.derive import find_unit_in_name
 from analysis.stages.signals.mounting_guess import MountingGuess, guess_mounting
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.arrays import Floats, Ints
@@ -136,7 +136,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
             lines.append(f"topic = {format_toml(guess.topic)}")
-        unit = unit_of_name(guess.column).replace("*", "·")
+        unit = find_unit_in_name(guess.column).replace("*", "·")
         # a field in another unit wants `unit` or `scale`, so say which one it is taken for
         why = f"; {guess.reason}" if guess.reason else ""
         if guess.unit is not None:

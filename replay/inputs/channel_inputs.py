@@ -13,7 +13,7 @@ from analysis.model.machine import Machine
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.run_record import InputFile, Provenance
 from analysis.model.schema import HINTS
-from analysis.stages.signals.derive import unit_of_name
+from analysis.stages.signals.derive import find_unit_in_name
 from estimators.errors import LogError, MachineError, suggest_choice
 from replay.inputs.input_limits import LIMITS
 from replay.inputs.time_line import compute_log_offsets_ns, shift_times
@@ -122,7 +122,7 @@ def _refuse_contradicting_units(log: Log, machine: Machine) -> None:
         if stated is None or channel.unit is not None or channel.scale != 1.0 or channel.offset:
             continue
         try:
-            gain, offset = gain_and_offset_to_si(stated, unit_of_name(name))
+            gain, offset = gain_and_offset_to_si(stated, find_unit_in_name(name))
         except MachineError:  # of another dimension: it is called after something else
             continue
         if gain != 1.0 or offset:

@@ -6,7 +6,7 @@ from pathlib import Path
 from analysis.model.machine import LogSection, Machine
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.settings import Settings
-from analysis.stages.signals.derive import derivation_in_si, unit_of_name
+from analysis.stages.signals.derive import find_unit_in_name, parse_derivation_in_si
 from estimators.errors import MachineError
 from replay.logs import TableHints, TimeAxis
 from replay.machines.toml_file import (
@@ -48,9 +48,9 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
     for name, channel in machine.channels.items():
         try:
             if channel.expression is not None:
-                derivation_in_si(name, machine)
+                parse_derivation_in_si(name, machine)
             elif channel.unit is not None:
-                gain_and_offset_to_si(channel.unit, unit_of_name(name))
+                gain_and_offset_to_si(channel.unit, find_unit_in_name(name))
         except MachineError as error:
             said = str(error)
             where = "" if said.startswith("channels.") else f"channels.{name}: "
@@ -64,7 +64,7 @@ def refuse_setting_without_prefix(override: str) -> None:
     first, _, rest = key.partition(".")
     if first in Machine.model_fields:
         return
-    parts = Settings.stage_models()
+    parts = Settings.list_stage_models()
     meant = [f"{stage}.{first}" for stage, part in parts.items() if first in part.model_fields]
     if first in parts and rest:
         meant = [key]

@@ -11,8 +11,8 @@ from analysis.paper.simulated_sources import (
     Extracts,
     Repetition,
     StudySettings,
-    machine_with_paper_noise,
     plan_repetitions,
+    set_paper_noise,
 )
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from recordings.paper.paper_items import Item, ItemResult, compute_item
@@ -38,7 +38,7 @@ class Reproduction:
         self._digests = Extracts()
         study = StudySettings(
             scenario=Scenario().with_seed(seed),
-            machine=machine_with_paper_noise(load_machine("cat262c.toml")),
+            machine=set_paper_noise(load_machine("cat262c.toml")),
             windows=windows,
             campaigns=campaigns,
             replay=replay_simulated,
@@ -82,5 +82,5 @@ def replay_simulated(
         scenario,
         replayed,
         pl.concat([log.trials for log in logs]),
-        pl.concat([log.noise_free_motion for log in logs]),
+        pl.concat([log.sample_noise_free_motion for log in logs]),
     )

@@ -5,7 +5,7 @@ from functools import cache
 from typing import Final
 
 from analysis.model.physical_units import gain_and_offset_to_si
-from analysis.stages.signals.derive import unit_of_name
+from analysis.stages.signals.derive import find_unit_in_name
 from estimators.errors import MachineError
 from replay.recognise.words import ColumnMeaning
 
@@ -28,7 +28,7 @@ class LogColumn:
 
     def has_dimension_of_channel(self, channel: str) -> bool:
         """Whether the unit has a channel's dimension; False without a unit."""
-        return self.has_dimension_of_unit(unit_of_name(channel))
+        return self.has_dimension_of_unit(find_unit_in_name(channel))
 
     def has_dimension_of_unit(self, unit: str) -> bool:
         """Whether the unit has the dimension of another; percent is not an angle."""
@@ -123,4 +123,4 @@ def _find_unit_if_not_si(unit: str | None, channel: str) -> str | None:
     """Unit that a channel must state; None if it is SI."""
     if unit is None:
         return None
-    return None if gain_and_offset_to_si(unit, unit_of_name(channel)) == (1.0, 0.0) else unit
+    return None if gain_and_offset_to_si(unit, find_unit_in_name(channel)) == (1.0, 0.0) else unit

@@ -13,7 +13,7 @@ from typing import Final
 
 from analysis.model.physical_units import split_unit_from_name, unit_registry
 from analysis.model.schema import CHANNEL_COLUMNS
-from analysis.stages.signals.derive import unit_of_name
+from analysis.stages.signals.derive import find_unit_in_name
 from replay.logs import TABLE, Log
 from replay.recognise.correlations import (
     add_correlation_remarks,
@@ -53,7 +53,7 @@ def recognise_channels_of_table(log: Log) -> Recognition:
     found = Recognition()
     for column in columns:
         if column.field in _KNOWN:
-            found.fill_channel(column, column.field, "its name", unit_of_name(column.field))
+            found.fill_channel(column, column.field, "its name", find_unit_in_name(column.field))
     by_gravity = find_accelerometer_units(log, columns)
     kinematic = find_fields_without_gravity(log, columns)
     claims: defaultdict[str, list[Claim]] = defaultdict(list)

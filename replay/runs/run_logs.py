@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import recordings  # its names are imported when first used
-from analysis.compare.run_comparison import ValueChange, changed_settings
+from analysis.compare.run_comparison import ValueChange, list_changed_settings_and_keys
 from analysis.model.answer import Answer, answer
 from analysis.model.machine import Machine
 from estimators.errors import DataError, LogError, PayscopeError
@@ -157,7 +157,7 @@ def watch_machine_file(
     for _ in iter_machine_file_changes(path):
         try:
             machine = load_machine(path, overrides)
-            changed = [] if last is None else changed_settings(last, machine)
+            changed = [] if last is None else list_changed_settings_and_keys(last, machine)
             if last is not None and not changed and not failed:
                 continue  # a comment, or the file was touched
             before = list_shown_recordings(view.address) if view else ()

@@ -257,7 +257,7 @@ class TestHusky:
         assert planar.height
         assert planar["withheld"].all()
         assert planar["com_x_m"].null_count() == planar.height
-        assert answer(refused).verdict.can_tell_inertia is False
+        assert answer(refused).verdict.can_estimate_inertia is False
 
     def test_a_cut_off_above_the_topics_rate_is_not_applied_and_reported(
         self, replay: Replay, data: Path

@@ -7,7 +7,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.model.physical_units import pint_name_of_unit
+from analysis.model.physical_units import find_pint_name
 from replay.logs.tables.table_limits import LIMITS
 
 _EXPONENT: Final = r"(?:[eEdD][+-]?\d+)?"
@@ -98,7 +98,7 @@ def find_unit_in_cell(cell: str, decimal: str) -> str | None:
     match = _MEASURE.fullmatch(cell)
     if match is None or not _NUMBERS[decimal].fullmatch(match["number"]):
         return None
-    return match["unit"] if pint_name_of_unit(match["unit"]) else None
+    return match["unit"] if find_pint_name(match["unit"]) else None
 
 
 def find_common_unit(cells: Sequence[str], decimal: str) -> str | None:

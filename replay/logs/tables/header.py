@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from analysis.model.physical_units import (
+    find_pint_name,
     gain_and_offset_to_si,
-    pint_name_of_unit,
     split_unit_from_name,
 )
 from estimators.errors import MachineError
@@ -63,7 +63,7 @@ def make_column_names(cells: Sequence[str], units: Sequence[str] = ()) -> list[C
         units: cells of the row of units; () without one.
     """
     over = [_OVER.fullmatch(cell.strip()) for cell in cells]
-    is_over = len(cells) > 1 and all(match and pint_name_of_unit(match["unit"]) for match in over)
+    is_over = len(cells) > 1 and all(match and find_pint_name(match["unit"]) for match in over)
     found: list[ColumnName] = []
     taken: dict[str, int] = {}
     for number, cell in enumerate(cells, start=1):
@@ -75,9 +75,9 @@ def make_column_names(cells: Sequence[str], units: Sequence[str] = ()) -> list[C
         taken[stated], taken[name] = again, taken.get(name, 0)
         bare, unit = split_column_unit(stated)
         if is_over and (match := over[number - 1]):
-            bare, unit = match["name"], pint_name_of_unit(match["unit"])
+            bare, unit = match["name"], find_pint_name(match["unit"])
         row_unit = units[number - 1] if number <= len(units) else ""
-        found.append(ColumnName(name, bare, pint_name_of_unit(row_unit) or unit))
+        found.append(ColumnName(name, bare, find_pint_name(row_unit) or unit))
     return found
 
 
@@ -90,7 +90,7 @@ def refuse_contradicting_units(cells: Sequence[str], units: Sequence[str], line:
         DialectError: a column has two units.
     """
     for cell, stated in zip(cells, units, strict=False):
-        name, row = split_column_unit(" ".join(cell.split()))[1], pint_name_of_unit(stated)
+        name, row = split_column_unit(" ".join(cell.split()))[1], find_pint_name(stated)
         if name is None or row is None or name == row:
             continue
         with suppress(MachineError):
@@ -113,12 +113,12 @@ def split_column_unit(name: str) -> tuple[str, str | None]:
         return name, None
     for form in (_BRACKETS, _BEHIND, _MIDDLE):
         match = form.fullmatch(name)
-        unit = pint_name_of_unit(match["unit"]) if match and match["name"] else None
+        unit = find_pint_name(match["unit"]) if match and match["name"] else None
         if match and unit:
             rest = match["rest"] if form is _MIDDLE else ""
             return f"{match['name'].strip()} {rest}".strip(), unit
     if (match := _REMARK.fullmatch(name)) and (remarked := _BEHIND.fullmatch(match["name"])):
-        unit = pint_name_of_unit(remarked["unit"])
+        unit = find_pint_name(remarked["unit"])
         if unit:
             return remarked["name"].strip(), unit
     return split_unit_from_name(name)
@@ -138,7 +138,7 @@ def name_column_before_dash(column: ColumnName) -> ColumnName:
 def has_multiple_of_unit(name: str) -> bool:
     """Whether a name states a multiple of a unit: `Time [0.1 ms]`."""
     match = _MULTIPLE.fullmatch(name)
-    return match is not None and pint_name_of_unit(match["unit"]) is not None
+    return match is not None and find_pint_name(match["unit"]) is not None
 
 
 def find_zone_offset_s(name: str) -> int | None:
@@ -153,7 +153,7 @@ def find_zone_offset_s(name: str) -> int | None:
 def is_row_of_units(cells: Sequence[str], *, half: bool = False) -> bool:
     """Whether a row contains only units, most of them known (half with `half`)."""
     said = [cell.strip() for cell in cells if cell.strip()]
-    known = sum(pint_name_of_unit(cell) is not None for cell in said)
+    known = sum(find_pint_name(cell) is not None for cell in said)
     blank = sum(cell.strip("[]() ") in ("", "-", "–", "1", "bool", "none") for cell in said)
     # a unit that is not known is still short, or in brackets
     short = sum(len(cell) <= LIMITS.unit_characters or cell[0] in "[(" for cell in said)

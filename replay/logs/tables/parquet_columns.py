@@ -10,7 +10,7 @@ import polars as pl
 import pyarrow as pa
 from pyarrow.parquet import ParquetFile
 
-from analysis.model.physical_units import pint_name_of_unit
+from analysis.model.physical_units import find_pint_name
 from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
 from replay.logs.tables.header import ColumnName, split_column_unit
 
@@ -141,7 +141,7 @@ def _make_column_name(
     """Column with the unit from its metadata, the schema's metadata, or its name."""
     stated = next((metadata[key] for key in _UNIT_KEYS if key in metadata), b"")
     bare, unit = split_column_unit(name)
-    own = pint_name_of_unit(stated.decode("utf-8", "replace"))
+    own = find_pint_name(stated.decode("utf-8", "replace"))
     return ColumnName(name, bare, own or schema_unit or unit)
 
 
@@ -154,7 +154,7 @@ def find_schema_units(metadata: Mapping[str, str], names: Sequence[str]) -> dict
     """
     found: dict[str, str] = {}
     for name, text in _iter_stated_units(metadata, names):
-        unit = pint_name_of_unit(text)
+        unit = find_pint_name(text)
         if unit is not None:
             found.setdefault(name, unit)
     return found

@@ -23,7 +23,7 @@ def log():
 @pytest.fixture(scope="module")
 def noise(log):
     settings = log.machine.settings.noise
-    return CachedNoise(ColumnNoise.of_axis(X, log.replayed.frames["noise"], settings))
+    return CachedNoise(ColumnNoise.select_axis_noise(X, log.replayed.frames["noise"], settings))
 
 
 def test_samples_around_the_fitted_ones_make_the_same_columns(log, noise):

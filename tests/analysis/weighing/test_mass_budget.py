@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.model.uncertainty_sources import combined_u, names_of_unknown_scale_sources
+from analysis.model.uncertainty_sources import combine_u, unknown_scale_source_names
 from analysis.model.verdict import Verdict
 from analysis.weighing.load_frames import make_load_frame, make_manoeuvre_frame
 from analysis.weighing.mass_budget import make_mass_budget
@@ -87,12 +87,12 @@ class TestScale:
         told |= {"wheel_radius_u_m": 0.001, "wheel_radius_by_load_u": 0.01}
         assert the_load(log, **told)["scale_unknown"] == ""
         some = make_mass_budget(log.weighing, with_body(log, force_gain_u=0.0), ONE)
-        assert "force_gain" not in names_of_unknown_scale_sources(some)
+        assert "force_gain" not in unknown_scale_source_names(some)
 
     def test_a_whole_force_has_no_share_and_no_wheels_that_must_be_known(self, log):
         channels = {"force_x_N": log.machine.channels["torque_left_N_m"], **log.machine.channels}
         machine = with_body(log, force_share=1.0).model_copy(update={"channels": channels})
-        assert names_of_unknown_scale_sources(make_mass_budget(log.weighing, machine, ONE)) == [
+        assert unknown_scale_source_names(make_mass_budget(log.weighing, machine, ONE)) == [
             "force_gain"
         ]
 
@@ -143,7 +143,7 @@ class TestFrames:
         load = log.load
         assert np.hypot(load["u_random_kg"], load["u_common_kg"]) == pytest.approx(load["u_kg"])
         sources = make_mass_budget(log.weighing, log.machine, ONE)
-        assert combined_u(sources) == pytest.approx(load["u_kg"])
+        assert combine_u(sources) == pytest.approx(load["u_kg"])
         assert {each.kind for each in sources} == {"random", "common", "scale"}
 
     def test_every_term_is_a_row_with_prior_and_posterior(self, log):

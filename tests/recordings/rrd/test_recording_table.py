@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.model.schema import FRAMES, frame_schema
+from analysis.model.schema import FRAMES, find_frame_declaration
 from recordings.rrd.recording_table import KEPT, TABS
 from recordings.rrd.recording_views import ViewKind
 from recordings.rrd.stored_names import split_entity_path
@@ -31,17 +31,17 @@ def test_every_declared_column_is_either_drawn_or_listed_as_kept_but_not_drawn(f
 
 @pytest.mark.parametrize(("view", "series"), SERIES, ids=lambda each: getattr(each, "column", ""))
 def test_every_series_is_a_declared_column_of_a_dtype_its_view_can_draw(view, series):
-    column = frame_schema(series.frame).column(series.column)
+    column = find_frame_declaration(series.frame).column(series.column)
     assert column is not None
     numeric = column.dtype.is_float()
     assert numeric != (view.kind is ViewKind.STATES)
     if series.std_column is not None:
-        assert frame_schema(series.frame).column(series.std_column) is not None
+        assert find_frame_declaration(series.frame).column(series.std_column) is not None
 
 
 @pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
 def test_series_of_one_view_share_their_unit_and_the_title_names_it(view):
-    units = {frame_schema(s.frame).column(s.column).unit for s in view.series}
+    units = {find_frame_declaration(s.frame).column(s.column).unit for s in view.series}
     assert units == {view.unit}
     assert view.unit == "1" or view.unit in view.title
 

@@ -18,7 +18,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 
-from analysis.online.replay_report import LoadReport, ReplayReport, find_fit_of_turning
+from analysis.online.replay_report import LoadReport, ReplayReport, find_turning_fit
 from analysis.simulation import Scenario
 from replay import load_machine
 from replay.follow.background_replay import (
@@ -220,10 +220,10 @@ def test_the_inertia_is_of_arcs_where_the_joint_fit_has_none() -> None:
         {"kind": kind, "inertia_z_kg_m2": inertia}
         for kind, inertia in (("arcs", 5.0), ("joint", 4.0), ("joint", None))
     )
-    assert find_fit_of_turning([arcs, joint]) is joint
-    assert find_fit_of_turning([arcs, refused]) is arcs
-    assert find_fit_of_turning([refused]) is refused
-    assert find_fit_of_turning([]) is None
+    assert find_turning_fit([arcs, joint]) is joint
+    assert find_turning_fit([arcs, refused]) is arcs
+    assert find_turning_fit([refused]) is refused
+    assert find_turning_fit([]) is None
 
 
 def test_a_log_that_is_too_short_has_no_load(payscope: Payscope) -> None:

@@ -113,7 +113,7 @@ def assert_as_replayed(rows: list[FollowedRow], replay: Run) -> None:
     assert [t_ns for t_ns, _ in stepped] == gate["t_ns"].to_list()
     assert [seen.reason for _, seen in stepped] == gate["reason_x"].to_list()
     for name in ("corr_x_1", "mi_x_nat", "predicted_std_x", "noise_share_x_1"):
-        numbers = np.array([seen.gate_columns()[name] for _, seen in stepped])
+        numbers = np.array([seen.make_gate_columns()[name] for _, seen in stepped])
         np.testing.assert_array_equal(numbers, gate[name].fill_null(np.nan).to_numpy())
     methods = [name for name in replay.frames if name.startswith("estimates/")]
     assert methods

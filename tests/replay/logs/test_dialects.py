@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.model.physical_units import pint_name_of_unit
+from analysis.model.physical_units import find_pint_name
 from benchmarks.dialects.dialect_file import DRIVE, RATE_HZ, DialectFile
 from benchmarks.dialects.every_file import every_file
 from estimators.errors import LogError
@@ -64,4 +64,4 @@ def test_units_in_names_and_rows_are_known() -> None:
         ("[Nm]", "N*m"), ("km/h", "km/h"), ("(m/s²)", "m/s**2"), ("1/min", "rpm"), ("°/s", "deg/s"),
         ("mN", None), ("banana", None),
     ):  # fmt: skip
-        assert pint_name_of_unit(text) == unit
+        assert find_pint_name(text) == unit

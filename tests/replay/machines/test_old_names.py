@@ -34,7 +34,7 @@ def old_file(tmp_path: Path) -> Path:
 def test_every_old_name_leads_to_a_key_there_is() -> None:
     for old, new in OLD_NAMES.items():
         section, _, key = new.removeprefix("settings.").partition(".")
-        assert key in Settings.stage_models()[section].model_fields, new
+        assert key in Settings.list_stage_models()[section].model_fields, new
         assert new not in OLD_NAMES, f"{old} leads to {new}, which is old itself"
 
 
