@@ -127,9 +127,9 @@ def weigh_cycles(
     fuel = FuelOnBoard.from_channel(machine.machine, motion[0])
     empty = weigh_empty_machine(weighing, machine, found, fuel)
     withheld = withheld or (empty.contradiction_text if empty else "")
-    share = _preceding_tare_weights(found)
+    share = preceding_tare_weights(found)
     worth = compute_shared_payload_uncertainty(
-        weighing, machine, found, _make_payload_sum_weights(found, parts, share), empty
+        weighing, machine, found, make_payload_sum_weights(found, parts, share), empty
     )
     clean = clean_machine_mass_and_u_kg(found)
     rows: list[dict[str, object]] = []
@@ -212,7 +212,7 @@ def _make_payload_row(
             row[f"{name}_u_kg"] = float(passes.u_kg[number])
     weights = cycle.pass_weights(share, passes.mass_kg.size)
     payload_kg = float(weights @ passes.mass_kg)
-    variance_kg2 = weights**2 @ passes.u_kg**2 + _carry_back_variance_kg2(cycle, passes, share)
+    variance_kg2 = weights**2 @ passes.u_kg**2 + carry_back_variance_kg2(cycle, passes, share)
     row |= {
         "tare_before_1": 0.0
         if cycle.empty_pass_before is None
@@ -257,7 +257,7 @@ def _make_payload_uncertainty_columns(
     }
 
 
-def _preceding_tare_weights(passes: Passes) -> Floats:
+def preceding_tare_weights(passes: Passes) -> Floats:
     """Minimum-variance weight of the empty pass before each loaded pass, (passes,)."""
     share = np.full(passes.mass_kg.size, 0.5)
     empties = np.flatnonzero(~passes.loaded)
@@ -270,7 +270,7 @@ def _preceding_tare_weights(passes: Passes) -> Floats:
     return share
 
 
-def _carry_back_variance_kg2(
+def carry_back_variance_kg2(
     cycle: CycleParts, passes: Passes, carry_back_fraction: Floats
 ) -> float:
     """Variance of a payload due to a different carry-back before it, in kg²."""
@@ -290,7 +290,7 @@ def _carry_back_variance_kg2(
     return variance * (before**2 + after**2)
 
 
-def _make_payload_sum_weights(
+def make_payload_sum_weights(
     passes: Passes, cycle_parts: list[CycleParts], tare_weights: Floats
 ) -> Floats:
     """Weights of the passes in the sum of all payloads, (passes,)."""

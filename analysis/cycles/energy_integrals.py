@@ -112,7 +112,7 @@ def collect_energy_samples(
     )
     turning = np.where(known, compute_turning_power(aligned, machine.machine), 0.0)
     stands, turns = (
-        _mark_phase_samples(excitation, name, machine, value_if_unknown=unknown)
+        mark_phase_samples(excitation, name, machine, value_if_unknown=unknown)
         for name, unknown in (("standstill", True), ("spinning", False))
     )
     moves = known & ~stands
@@ -182,7 +182,7 @@ def subtract_braked_drive(
     """
     speed, acceleration = compute_centred_speed_and_acceleration(excitation, machine)
     along = mass_kg * acceleration * np.sign(speed) + viscous_N_s_m * np.abs(speed) + coulomb_N
-    spins = _mark_phase_samples(excitation, "spinning", machine, value_if_unknown=False)
+    spins = mark_phase_samples(excitation, "spinning", machine, value_if_unknown=False)
     braked = samples.drives & ~samples.digs & ~spins & (along < 0.0)
     return replace(samples, drives=samples.drives & ~braked, slows=samples.slows | braked)
 
@@ -219,7 +219,7 @@ def centre_trailing_mean(excitation: pl.DataFrame, name: str, machine: Machine) 
     return np.roll(np.nan_to_num(column_values(excitation, name)), -excitation_delay_rows(machine))
 
 
-def _mark_phase_samples(
+def mark_phase_samples(
     excitation: pl.DataFrame, name: str, machine: Machine, *, value_if_unknown: bool
 ) -> Bools:
     """Samples in a phase, (n,), corrected for the delay of the trailing mean."""

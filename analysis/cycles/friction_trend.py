@@ -140,7 +140,7 @@ def sum_friction_products(
     )
     driving = excitation["phase"].is_in(["accelerating", "cruising"]).fill_null(False).to_numpy()
     driving &= np.isfinite(rest) & np.isfinite(acceleration) & np.isfinite(speed)
-    mass_kg = _state_masses_of_manoeuvres_kg(manoeuvres)
+    mass_kg = state_masses_of_manoeuvres_kg(manoeuvres)
     t_ns = excitation["t_ns"].to_numpy()
     spans = manoeuvres.select("start_t_ns", "end_t_ns").iter_rows()
     crossed, squared = np.zeros(mass_kg.size), np.zeros(mass_kg.size)
@@ -153,7 +153,7 @@ def sum_friction_products(
     return crossed, squared
 
 
-def _state_masses_of_manoeuvres_kg(manoeuvres: pl.DataFrame) -> Floats:
+def state_masses_of_manoeuvres_kg(manoeuvres: pl.DataFrame) -> Floats:
     """Mass of the load state of each manoeuvre, (manoeuvres,)."""
     state = manoeuvres["load_id"].to_numpy()
     weight = manoeuvres["mass_std_kg"].to_numpy() ** -2.0

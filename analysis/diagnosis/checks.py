@@ -155,7 +155,7 @@ def _empty_mass_shortfall_over_u(inputs: CheckInputs, _: AxisMotion) -> float:
     return np.nan if found is None else -found.difference_over_u
 
 
-def _empty_mass_difference_over_u(inputs: CheckInputs, _: AxisMotion) -> float:
+def empty_mass_difference_over_u(inputs: CheckInputs, _: AxisMotion) -> float:
     """Distance from the empty mass in u; NaN if another check covers it."""
     found = inputs.empty_mass
     if found is None or not found.can_test_scale:
@@ -295,7 +295,7 @@ CHECKS: Final = (
     CheckRow(
         "empty_mass",
         "mass",
-        _empty_mass_difference_over_u,
+        empty_mass_difference_over_u,
         "lightest load from the machine's empty mass, likewise; where it may be a payload, "
         "only the part beyond one",
         maximum="empty_mass_max_u",

@@ -165,7 +165,7 @@ def _count_contradicted_methods(inputs: CheckInputs, _: AxisMotion) -> float:
     return float(sum(each.contradicted for each in compare_methods_with_joint_fit(inputs)))
 
 
-def _gating_bias_in_stds(inputs: CheckInputs, motion: AxisMotion) -> float:
+def gating_bias_in_stds(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Gated minus ungated pooled mass, in standard deviations; NaN if a spring biases both."""
     if inputs.totals is None or inputs.position_dependent_force is not None:
         return np.nan
@@ -354,7 +354,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "gating_bias",
         "mass",
-        _gating_bias_in_stds,
+        gating_bias_in_stds,
         "pooled mass with and without gating: difference in standard deviations",
         maximum="gated_max",
         optional=True,

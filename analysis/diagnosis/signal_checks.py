@@ -70,7 +70,7 @@ def _side_difference_1(inputs: CheckInputs, _: AxisMotion) -> float:
     )
 
 
-def _min_torque_difference(inputs: CheckInputs, _: AxisMotion) -> float:
+def min_torque_difference(inputs: CheckInputs, _: AxisMotion) -> float:
     """Lower bound of the sides' torque difference; NaN without two."""
     torque = inputs.side_differences.get("torque")
     return np.nan if torque is None else torque.difference_lower_bound_1
@@ -132,7 +132,7 @@ SIGNAL_CHECKS: Final = (
     CheckRow(
         "one_sided_torque",
         "mass",
-        _min_torque_difference,
+        min_torque_difference,
         "the same of the torques alone: more says that one of them is not measured",
         maximum="one_sided_max",
         optional=True,

@@ -39,7 +39,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
         name: spans
         for name in inputs.equation_channels_in_log
         if not _is_resolution_coarse(inputs, name)
-        and (spans := signals.frozen_spans.get(name) or _find_noiseless_stretches(inputs, name))
+        and (spans := signals.frozen_spans.get(name) or find_noiseless_stretches(inputs, name))
     }
     if not of_channel:
         return []
@@ -77,7 +77,7 @@ def _is_answer_same(inputs: FindingInputs, exclusion: ExcludedStretches | None) 
     return None if exclusion is None or inputs.own_fit is None else exclusion.is_harmless
 
 
-def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, int]]:
+def find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, int]]:
     """Long repeats in motion of a channel that else never repeats; (begin, end) in Unix ns."""
     signals = inputs.check_inputs.signals
     if signals is None:

@@ -183,7 +183,7 @@ def add_masked_findings(
     seen = findings
     for _ in range(LIMITS.masked_rounds):
         first = seen.head(1)
-        changed = _correct_machine(machine, first)
+        changed = correct_machine(machine, first)
         others = None if changed is None else find_with_machine(changed)
         if changed is None or others is None or _has_cause(others, first["cause"][0]):
             break
@@ -227,7 +227,7 @@ def drop_repeated_findings(
     return findings.filter(~pl.col("cause").is_in(known))
 
 
-def _correct_machine(machine: Machine, masking_finding: pl.DataFrame) -> Machine | None:
+def correct_machine(machine: Machine, masking_finding: pl.DataFrame) -> Machine | None:
     """Machine file with the masking cause corrected; None if no channel setting corrects it."""
     if masking_finding.is_empty() or masking_finding["setting"][0] is None:
         return None
@@ -235,12 +235,12 @@ def _correct_machine(machine: Machine, masking_finding: pl.DataFrame) -> Machine
         masking_finding["cause"][0], masking_finding["strength_1"][0]
     ):
         return None
-    return _change_channel_settings(
+    return change_channel_settings(
         machine, masking_finding["setting"][0], masking_finding["value"][0]
     )
 
 
-def _change_channel_settings(machine: Machine, keys: str, values: str) -> Machine | None:
+def change_channel_settings(machine: Machine, keys: str, values: str) -> Machine | None:
     """Machine file with changed channel settings; None if other settings would change as well."""
     channels = dict(machine.channels)
     read = tomllib.loads(f"values = [{values}]")["values"]

@@ -24,7 +24,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
         period = float(median_period_ns(t))
         steps = np.diff(t)
         holes = np.flatnonzero(steps > settings.gap_periods * period)
-        holes = holes[~_mark_recorder_pauses(t[holes], t[holes + 1], others[name])]
+        holes = holes[~mark_recorder_pauses(t[holes], t[holes + 1], others[name])]
         if not holes.size:
             continue
         missing = float(steps[holes].sum()) / float(t[-1] - t[0])
@@ -41,7 +41,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
     return keep_strongest_symptom(found)
 
 
-def _mark_recorder_pauses(begin_ns: Ints, end_ns: Ints, other_topics_ns: list[Ints]) -> Bools:
+def mark_recorder_pauses(begin_ns: Ints, end_ns: Ints, other_topics_ns: list[Ints]) -> Bools:
     """Mark gaps (gaps,) that are pauses of the recorder, in which no topic has a sample."""
     alone = np.zeros(begin_ns.size, np.bool_)
     for t in other_topics_ns:
@@ -175,11 +175,11 @@ def estimate_stamp_fidelity_and_std(t: Ints, x: Floats) -> tuple[float, float]:
 def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
     """Find a step in the latency between header stamps and log times, beyond drift."""
     found: list[Symptom] = []
-    for topic, (log, latency_s) in _latencies_by_topic(inputs).items():
+    for topic, (log, latency_s) in latencies_by_topic(inputs).items():
         level, std_s = estimate_typical_latencies_and_std_s(latency_s)
         if level is None:
             continue
-        at, jump_s, left_s = _find_largest_latency_step(level)
+        at, jump_s, left_s = find_largest_latency_step(level)
         # a clock that drifts has no one step
         if left_s > line_residual_std_s(level):
             continue
@@ -238,7 +238,7 @@ def select_one_series_per_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, 
     return {name: inputs.series[name] for name in topics.values()}
 
 
-def _latencies_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
+def latencies_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     """Log times in ns and latency of the header stamps above its minimum in s, by topic."""
     out: dict[str, tuple[Ints, Floats]] = {}
     for topic, frame in inputs.raw.items():
@@ -260,7 +260,7 @@ def estimate_typical_latencies_and_std_s(latency_s: Floats) -> tuple[Floats | No
     return level, max(float(np.median(changes)) * STD_OF_MAD, 1e-5)
 
 
-def _find_largest_latency_step(latency_s: Floats) -> tuple[int, float, float]:
+def find_largest_latency_step(latency_s: Floats) -> tuple[int, float, float]:
     """Index and height in s of the largest step, and the standard deviation around it in s."""
     count = np.arange(1, latency_s.size)
     before = np.cumsum(latency_s)[:-1] / count

@@ -31,7 +31,7 @@ def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
     reasons = inputs.check_inputs.gated["reason_x"].cast(str)
     told = int((reasons != "warming_up").sum())
     refused = float((reasons == "braking").sum()) / max(told, 1)
-    ratio = _braking_to_driving_mass_ratio(inputs.check_inputs)
+    ratio = braking_to_driving_mass_ratio(inputs.check_inputs)
     if not abs(ratio - 1.0) < LIMITS.braking_mass_tolerance:
         return []
     return [
@@ -46,7 +46,7 @@ def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _braking_to_driving_mass_ratio(evidence: CheckInputs) -> float:
+def braking_to_driving_mass_ratio(evidence: CheckInputs) -> float:
     """Mass from braking over mass from driving, without the gate; NaN if undetermined."""
     motion = evidence.straight_motion
     A = np.column_stack([motion.A[:, :2], np.sign(motion.speed)])

@@ -209,7 +209,7 @@ def compare_claims(extracts: Extracts) -> Claims:
             make_claim_row("experiment", "trial", row, "mean_abs_kg")
             for row in gated.iter_rows(named=True)
         ),
-        *_make_cruise_rows(np.array(extracts.list_results_of_extract(CRUISE_ERRORS))),
+        *make_cruise_rows(np.array(extracts.list_results_of_extract(CRUISE_ERRORS))),
         *_make_campaign_rows(means),
     ]
     frame = pl.DataFrame(rows, infer_schema_length=None).with_columns(
@@ -297,7 +297,7 @@ def _make_window_row(row: Mapping[str, Any]) -> dict[str, Any]:
     return make_claim_row("simulation", "window", {**row, **ends}, "bias_kg")
 
 
-def _make_cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
+def make_cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
     """Rows of findings from errors (cruises, 4), one column for each of `CRUISE_FED`."""
     rng = np.random.default_rng(0)
     found = [bootstrap_rms_interval(errors, rng) for errors in errors_kg.T]

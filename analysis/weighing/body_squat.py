@@ -87,9 +87,9 @@ def estimate_load_squat(
             wheels.squat[0], estimate_squat_by_pitch(motion, loads)
         )
         return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
-    widths = np.empty(0) if route is None else _grade_prior_stds(route)
-    found = _estimate_gain_change_by_wheels(
-        _make_centred_stretch_rows(motion, wheels, loads, route), widths
+    widths = np.empty(0) if route is None else grade_prior_stds(route)
+    found = estimate_gain_change_by_wheels(
+        make_centred_stretch_rows(motion, wheels, loads, route), widths
     )
     if wheels.squat[0] > 0.0:
         seen = None if found is None else (found.gain, found.variance)
@@ -146,7 +146,7 @@ def estimate_gain_change_and_variance(
 _Stretch = tuple[Floats, Floats, Floats, float]
 
 
-def _make_centred_stretch_rows(
+def make_centred_stretch_rows(
     motion: MotionSamples, wheels: WheelKinematics, loads: RelativeLoads, route: Route | None
 ) -> list[_Stretch]:
     """Centred columns (means, 4 and those of the grade), response, time and load of each stretch.
@@ -176,7 +176,7 @@ def _make_centred_stretch_rows(
         )
         if along:
             place, heading = (each[part] for each in along)
-            columns = np.hstack([columns, _integrate_grade(place, heading) / motion.rate_hz])
+            columns = np.hstack([columns, integrate_grade(place, heading) / motion.rate_hz])
         y = ground[part] - gained
         both = (
             np.column_stack([columns, y]).reshape(means, LIMITS.squat_mean_samples, -1).mean(axis=1)
@@ -187,7 +187,7 @@ def _make_centred_stretch_rows(
     return found
 
 
-def _integrate_grade(position_1: Floats, heading: Floats) -> Floats:
+def integrate_grade(position_1: Floats, heading: Floats) -> Floats:
     """Sums over the samples of the grade's level and of its change over each part of the route.
 
     Args:
@@ -262,13 +262,13 @@ def is_explained_by_grades(gain_change: GainChangeByLoad, wheels: WheelKinematic
     return gain_change.gain > 0.0 or not explained
 
 
-def _grade_prior_stds(route: Route) -> Floats:
+def grade_prior_stds(route: Route) -> Floats:
     """Prior standard deviations of the grade's columns, as acceleration of gravity in m/s²."""
     change = LIMITS.grade_change_m_s2 * random_walk_ratio(route.length_m / LIMITS.squat_grade_parts)
     return np.append(LIMITS.grade_m_s2, np.full(LIMITS.squat_grade_parts, change))
 
 
-def _estimate_gain_change_by_wheels(
+def estimate_gain_change_by_wheels(
     rows: list[_Stretch], grade_std: Floats
 ) -> GainChangeByLoad | None:
     """Change of gain with the load from the wheels; None if undetermined.

@@ -86,11 +86,11 @@ def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
         u_1,
         LIMITS.fuel_loss_1_h * hours,
         tuple(states.membership[np.sort(first)].tolist()),
-        _empty_masses_around_states_kg(fit.masses_kg, states.membership, light) / mean_kg - 1.0,
+        empty_masses_around_states_kg(fit.masses_kg, states.membership, light) / mean_kg - 1.0,
     )
 
 
-def _empty_masses_around_states_kg(masses_kg: Floats, membership: Ints, empty: Ints) -> Floats:
+def empty_masses_around_states_kg(masses_kg: Floats, membership: Ints, empty: Ints) -> Floats:
     """(2, states) mass of the empty machine before and after each state, in kg.
 
     Args:

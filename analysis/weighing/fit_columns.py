@@ -259,7 +259,7 @@ def _average_all_pieces(
         rate_hz: rate of the grid.
     """
     stride = fitted_mean_stride(samples)
-    kept = [np.flatnonzero(_select_every_nth_sample(group, stride)) for group in groups]
+    kept = [np.flatnonzero(select_every_nth_sample(group, stride)) for group in groups]
     ends = np.cumsum([each.size for each in kept]).tolist()
     places = [slice(end - each.size, end) for each, end in zip(kept, ends, strict=True)]
     A, f = np.empty((ends[-1], 2 + len(terms))), np.empty(ends[-1])
@@ -276,12 +276,12 @@ def _average_all_pieces(
     occurs = np.bincount(counts) > 0
     lengths, which = np.flatnonzero(occurs), (np.cumsum(occurs) - 1)[counts]
     covariances = np.stack([noise.covariance(int(length)) for length in lengths])
-    weight = _row_weights(A[:, :2], f, covariances, which)
+    weight = row_weights(A[:, :2], f, covariances, which)
 
     def weigh_rows(number: int) -> tuple[Floats, Floats]:
         (group, raw), rows = pieces[number], places[number]
         A[rows] *= weight[rows, None]
-        return _noise_moments(terms, group, raw, covariances, which[rows], weight[rows])
+        return noise_moments(terms, group, raw, covariances, which[rows], weight[rows])
 
     added = map_in_threads(weigh_rows, range(len(places)))
     f *= weight
@@ -365,7 +365,7 @@ def _make_piece_columns(
         relative_load if loads is None else relative_load / loads.rms,
         motion.place_1,
         motion.travelled_m,
-        *_route_positions_and_length_m(motion, previous),
+        *route_positions_and_length_m(motion, previous),
         previous.slip_s_m,
         previous.transfer_s2_m,
         0.0 if previous.play is None else previous.play.by_force_1_N,
@@ -383,7 +383,7 @@ def fitted_mean_stride(samples: int) -> int:
     return max(1, samples // LIMITS.rows_per_mean)
 
 
-def _route_positions_and_length_m(
+def route_positions_and_length_m(
     motion: MotionSamples, previous: PreviousEstimates
 ) -> tuple[Floats, float]:
     """Position of each sample on the route, (n,), and the route's length in m.
@@ -404,14 +404,14 @@ def _find_fitted_samples(motion: MotionSamples, lag_s: float) -> Ints:
     return np.flatnonzero(fitted)
 
 
-def _select_every_nth_sample(group: Ints, stride: int) -> Bools:
+def select_every_nth_sample(group: Ints, stride: int) -> Bools:
     """Select every `stride`-th sample of each stretch, at least its last one, (n,)."""
     since = count_samples_since_start(group)
     short = is_last_of_stretch(group) & (since < stride - 1)
     return (group >= 0) & ((since % stride == stride - 1) | short)
 
 
-def _row_weights(A: Floats, force: Floats, covariances: Floats, row_indices: Ints) -> Floats:
+def row_weights(A: Floats, force: Floats, covariances: Floats, row_indices: Ints) -> Floats:
     """Square root of each row's weight, (rows,); a start's first means hold few samples."""
     mass, friction = np.linalg.lstsq(A, force, rcond=None)[0]
     gradient = np.array([mass, friction, -1.0])
@@ -434,15 +434,15 @@ def derive_force_rate(force: Floats, rate_hz: float, noise_N: float, *, keep_sma
     """
     halves = sorted({count_rows_in_duration(s, rate_hz) for s in LIMITS.force_rate_half_widths_s})
     for half in halves if keep_small else ():
-        rate, std = _derive_by_parabola(force, half, rate_hz, noise_N)
+        rate, std = derive_by_parabola(force, half, rate_hz, noise_N)
         clear = LIMITS.force_rate_min_std if half == 1 else LIMITS.clear_force_rate_std
         if float(np.sqrt(np.mean(rate**2))) > clear * std:
             return rate
-    rate, std = _derive_by_parabola(force, halves[0], rate_hz, noise_N)
+    rate, std = derive_by_parabola(force, halves[0], rate_hz, noise_N)
     return np.where(np.abs(rate) > LIMITS.force_rate_min_std * std, rate, 0.0)
 
 
-def _derive_by_parabola(
+def derive_by_parabola(
     force: Floats, half_width_rows: int, rate_hz: float, noise_N: float
 ) -> tuple[Floats, float]:
     """Slope of a parabola through so many rows to either side, (n,) in N/s, and its noise."""
@@ -456,7 +456,7 @@ def _derive_by_parabola(
     return slope, noise_N * float(np.sqrt(steps @ steps))
 
 
-def _noise_moments(
+def noise_moments(
     terms: tuple[Nuisance, ...],
     group: Ints,
     raw: ColumnInputs,

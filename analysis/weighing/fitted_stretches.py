@@ -147,7 +147,7 @@ def extend_to_break_away(
     group: Ints, speed: Floats, moving_threshold_m_s: float, max_rows: int, phase_start: int
 ) -> Ints:
     """Extend manoeuvres, (n,), back to where their speed leaves the noise, before their phase."""
-    smooth = np.abs(_three_sample_mean(speed)) > moving_threshold_m_s
+    smooth = np.abs(three_sample_mean(speed)) > moving_threshold_m_s
     grown = group.copy()
     for begin in np.flatnonzero(is_first_of_stretch(group)):
         first = int(begin)
@@ -162,7 +162,7 @@ def extend_to_break_away(
 def number_one_way_runs(group: Ints, speed: Floats, has_reversal: int) -> Ints:
     """Number the runs that move one way, (n,), -1 elsewhere: at a reversal friction turns."""
     used = group >= 0
-    forwards = _three_sample_mean(speed) > 0.0
+    forwards = three_sample_mean(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
     near = flag_windows(turns, has_reversal) | flag_windows(turns[::-1], has_reversal + 1)[::-1]
     group = np.where(used & ~near, 2 * group + forwards, -1)
@@ -178,12 +178,12 @@ def drop_stretches_at_noise_speed(group: Ints, speed: Floats, noise_m_s: float) 
     if noise_m_s <= LIMITS.moving_speed_m_s or not used.any():
         return group
     first = np.flatnonzero(is_first_of_stretch(group))
-    fastest = np.maximum.reduceat(np.where(used, np.abs(_three_sample_mean(speed)), 0.0), first)
+    fastest = np.maximum.reduceat(np.where(used, np.abs(three_sample_mean(speed)), 0.0), first)
     moves = fastest > noise_m_s
     return np.where(used & moves[group], group, -1)
 
 
-def _three_sample_mean(speed: Floats) -> Floats:
+def three_sample_mean(speed: Floats) -> Floats:
     """Mean of each sample and its two neighbours, (n,) in m/s."""
     return np.convolve(speed, np.ones(3) / 3.0, "same")
 

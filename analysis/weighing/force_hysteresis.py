@@ -19,7 +19,7 @@ from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics.play import follow_with_play
 
 
-def _hysteresis_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
+def hysteresis_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
     """Prior standard deviation of half the loop, in N."""
     return (priors.hysteresis_share or LIMITS.hysteresis_prior_share) * motion.force_95_percent
 
@@ -29,7 +29,7 @@ HYSTERESIS: Final = Nuisance(
     "hysteresis",
     "N",
     lambda m: -m.force_rises_1,
-    _hysteresis_prior_std,
+    hysteresis_prior_std,
     "a force that reads less while it rises and more while it falls: friction in its sensor or "
     "behind it",
     "a force without hysteresis: a torque at the wheels instead of a pressure or a current",

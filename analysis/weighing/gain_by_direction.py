@@ -96,7 +96,7 @@ def find_direction_gain(
     motion = fit.motion
     if body.force_gain_in_reverse is not None or not motion.drives_both_ways:
         return None
-    turns = int(np.count_nonzero(np.diff(_manoeuvres_forwards(motion))))
+    turns = int(np.count_nonzero(np.diff(manoeuvres_forwards(motion))))
     if fit.states is None or turns < LIMITS.direction_gain_min_turns:
         return None
     several = fit.mass_count > 1
@@ -121,7 +121,7 @@ def find_direction_gain(
     left = fit_with_load_search(fit_jointly(inputs), inputs, body.repeatability_kg)
     if left.mass_count > 1 or left.states is None:
         return None
-    heavy = _are_nearer_to_heavy_mass(fit.states, _manoeuvres_forwards(motion))
+    heavy = are_nearer_to_heavy_mass(fit.states, manoeuvres_forwards(motion))
     return None if heavy_masses_scatter_more(left.states, heavy) else found
 
 
@@ -132,15 +132,15 @@ def _estimate_gain_with_one_load(one_load_fit: JointFit, answer_fit: JointFit) -
     """
     share, std = float(one_load_fit.theta[-1]), float(one_load_fit.fit.std[-1])
     if answer_fit.mass_count == 1:
-        std = max(std, _std_of_difference_kg(answer_fit) / 2.0 / abs(answer_fit.mass_kg))
+        std = max(std, std_of_difference_kg(answer_fit) / 2.0 / abs(answer_fit.mass_kg))
     return DirectionGain((1.0 - share) / (1.0 + share), 2.0 * std, answer_fit.mass_count)
 
 
-def _std_of_difference_kg(fit: JointFit) -> float:
+def std_of_difference_kg(fit: JointFit) -> float:
     """Standard deviation of the difference between the directions' mean masses, in kg."""
     states = fit.states
     assert states is not None
-    forwards = _manoeuvres_forwards(fit.motion)
+    forwards = manoeuvres_forwards(fit.motion)
     variances = [
         max(_variance_to_noise_ratio(states.level_kg[each], states.std_kg[each]), 1.0)
         / float((states.std_kg[each] ** -2.0).sum())
@@ -155,8 +155,8 @@ def loads_follow_direction(fit: JointFit) -> bool:
     assert states is not None
     if motion.empty is not None:
         return False
-    forwards = _manoeuvres_forwards(motion)
-    agree = float(np.mean(_are_nearer_to_heavy_mass(states, forwards) == forwards))
+    forwards = manoeuvres_forwards(motion)
+    agree = float(np.mean(are_nearer_to_heavy_mass(states, forwards) == forwards))
     if max(agree, 1.0 - agree) < LIMITS.loads_by_direction_fraction:
         return False
     changes = np.diff(states.membership) != 0
@@ -164,22 +164,22 @@ def loads_follow_direction(fit: JointFit) -> bool:
     return float(np.mean(hinted)) < LIMITS.hinted_loads_fraction
 
 
-def _manoeuvres_forwards(motion: MotionSamples) -> Bools:
+def manoeuvres_forwards(motion: MotionSamples) -> Bools:
     """Whether each manoeuvre goes forwards, (units,)."""
     first = np.flatnonzero(motion.is_fittable)[is_first_of_stretch(units_of_samples(motion))]
     return motion.direction[first] > 0.0
 
 
-def _masses_by_direction_kg(states: LoadStates, forwards: Bools) -> tuple[float, float]:
+def masses_by_direction_kg(states: LoadStates, forwards: Bools) -> tuple[float, float]:
     """Mean mass of the manoeuvres in reverse and forwards, in kg."""
     each = forwards.astype(np.int64)
     reverse_kg, forwards_kg = weighted_means_by_state(states.level_kg, states.std_kg**-2.0, each)
     return float(reverse_kg), float(forwards_kg)
 
 
-def _are_nearer_to_heavy_mass(states: LoadStates, forwards: Bools) -> Bools:
+def are_nearer_to_heavy_mass(states: LoadStates, forwards: Bools) -> Bools:
     """Whether each manoeuvre is nearer to the heavier direction's mass, (units,)."""
-    return states.level_kg > float(np.mean(_masses_by_direction_kg(states, forwards)))
+    return states.level_kg > float(np.mean(masses_by_direction_kg(states, forwards)))
 
 
 def _does_ticket_confirm_loads(fit: JointFit, body: Body) -> bool:
@@ -187,8 +187,8 @@ def _does_ticket_confirm_loads(fit: JointFit, body: Body) -> bool:
     if body.empty_mass_kg is None:
         return False
     assert fit.states is not None
-    forwards = _manoeuvres_forwards(fit.motion)
-    light_kg, heavy_kg = sorted(_masses_by_direction_kg(fit.states, forwards))
+    forwards = manoeuvres_forwards(fit.motion)
+    light_kg, heavy_kg = sorted(masses_by_direction_kg(fit.states, forwards))
     empty_kg = body.empty_mass_kg + body.rotating_mass_kg
     gain_u_kg = (body.force_gain_u or 0.0) * empty_kg
     u_kg = float(np.linalg.norm([fit.u_kg, body.empty_mass_u_kg or 0.0, gain_u_kg]))

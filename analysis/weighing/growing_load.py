@@ -164,7 +164,7 @@ def find_growing_loads(
     told = [part.size >= LIMITS.growth_min_rows for part in parts]
     if sum(told) < LIMITS.growth_min_manoeuvres:
         return ()
-    left = _residual_force(fit, rows, unit)
+    left = residual_force(fit, rows, unit)
     usual = np.median(np.abs(left[unit >= 0]))
     for part in parts:
         # the jerk of a stop is no load; what lasts for half of a manoeuvre is none
@@ -184,13 +184,13 @@ def find_growing_loads(
     if not (np.isfinite(tied).all() and np.isfinite(left[unit >= 0]).all()):
         return ()  # of a fit that determines nothing
     slopes = np.array(
-        [_regress_mass_growth(rows.A[part], left[part], tied) for part in compress(parts, told)]
+        [regress_mass_growth(rows.A[part], left[part], tied) for part in compress(parts, told)]
     )
     number, slopes = numbers[told][slopes[:, 1] > 0.0], slopes[slopes[:, 1] > 0.0]
     if number.size < LIMITS.growth_min_manoeuvres:
         return ()
     kg, square = slopes.T
-    kg = kg - expected_growth_by_mass(fit.masses_kg[_states_of_units(fit.states, number)], kg)
+    kg = kg - expected_growth_by_mass(fit.masses_kg[states_of_units(fit.states, number)], kg)
     apart = STD_OF_MAD * float(np.median(np.abs(kg)))
     std_kg = np.sqrt(variance / square + apart**2)
     limit = -float(
@@ -198,7 +198,7 @@ def find_growing_loads(
     ) * student_to_normal_ratio(kg.size - 1)
     # what no machine carries is no load, however surely the manoeuvre misses the model
     carried = np.abs(kg) < LIMITS.max_growth_fraction * abs(fit.mass_kg)
-    carried &= kg > -_max_plausible_loss_kg(fit)
+    carried &= kg > -max_plausible_loss_kg(fit)
     used, of_sample = np.flatnonzero(motion.is_fittable), units_of_samples(motion)
     return tuple(
         LoadGrowth(
@@ -212,7 +212,7 @@ def find_growing_loads(
     )
 
 
-def _states_of_units(states: LoadStates, unit: Ints) -> Ints:
+def states_of_units(states: LoadStates, unit: Ints) -> Ints:
     """Index of the load state of manoeuvres by their number, (n,); undefined beyond them."""
     return states.membership[np.searchsorted(states.unit, unit).clip(0, states.unit.size - 1)]
 
@@ -240,7 +240,7 @@ def expected_growth_by_mass(mass_kg: Floats, growth_kg: Floats) -> Floats:
     return common_kg
 
 
-def _max_plausible_loss_kg(fit: JointFit) -> float:
+def max_plausible_loss_kg(fit: JointFit) -> float:
     """Largest plausible loss of a load in kg, by the carried mass if other loads give it."""
     if fit.mass_count == 1:
         return float("inf")
@@ -291,14 +291,14 @@ def find_creeping_load_changes(fit: JointFit) -> Ints:
     return states.unit[between & changes]
 
 
-def _residual_force(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
+def residual_force(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
     """Residual force of the rows, (n,) in N; undefined for rows outside manoeuvres."""
     assert fit.states is not None
-    masses = fit.theta[: fit.mass_count][_states_of_units(fit.states, unit)]
+    masses = fit.theta[: fit.mass_count][states_of_units(fit.states, unit)]
     return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ fit.shared_parameters
 
 
-def _regress_mass_growth(A: Floats, residual: Floats, std_ratios: Floats) -> tuple[float, float]:
+def regress_mass_growth(A: Floats, residual: Floats, std_ratios: Floats) -> tuple[float, float]:
     """Regress a residual on a linearly growing mass; returns the slope and its information.
 
     The manoeuvre's own mass, friction and constant are projected out as far as they may differ:

@@ -31,7 +31,7 @@ def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
         for each in find_visits_of_recurrent_stops(begins_m, forwards)
     ]
     changes = [each & (kind > 0) for each in visits]
-    taking_turns = [_mark_loaded_manoeuvres(on, off) for on, off in combinations(visits, 2)]
+    taking_turns = [mark_loaded_manoeuvres(on, off) for on, off in combinations(visits, 2)]
     changes += [np.diff(loaded) & (kind > 0) for loaded in taking_turns]
     return [
         np.append(0, np.cumsum(each))
@@ -60,7 +60,7 @@ def find_visits_of_recurrent_stops(begins_m: Floats, forwards: Bools) -> list[Bo
     until_m = bounds_m[np.searchsorted(turns_m, here_m, "right") + 1] - here_m
     between = 2 * forwards[:-1] + forwards[1:]
     near = between[:, None] == between
-    tolerance_m = LIMITS.same_place_1 * _medians_by_kind(since_m + until_m, between)
+    tolerance_m = LIMITS.same_place_1 * medians_by_kind(since_m + until_m, between)
     for way_m in (since_m, until_m):
         # before the first turn and behind the last one the other way tells alone
         near &= ~(np.abs(way_m[:, None] - way_m) > tolerance_m)
@@ -77,7 +77,7 @@ def find_visits_of_recurrent_stops(begins_m: Floats, forwards: Bools) -> list[Bo
     return found
 
 
-def _medians_by_kind(values: Floats, kinds: Ints) -> Floats:
+def medians_by_kind(values: Floats, kinds: Ints) -> Floats:
     """Median of the known values of the same kind, for each value, (n,); NaN if none is known."""
     medians = np.full(values.size, np.nan)
     for each in np.unique(kinds):
@@ -87,7 +87,7 @@ def _medians_by_kind(values: Floats, kinds: Ints) -> Floats:
     return medians
 
 
-def _mark_loaded_manoeuvres(loading_stands: Bools, unloading_stands: Bools) -> Bools:
+def mark_loaded_manoeuvres(loading_stands: Bools, unloading_stands: Bools) -> Bools:
     """Manoeuvres between a loading stand and the next unloading stand, (units,)."""
     stand = np.arange(1, loading_stands.size + 1)
     last_on = np.maximum.accumulate(np.where(loading_stands, stand, 0))

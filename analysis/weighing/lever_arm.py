@@ -185,7 +185,7 @@ class _WheelComparison:
             gained[first:end] = (np.cumsum(a) - a / 2.0) / motion.rate_hz
         slipping = np.abs(motion.speed) * motion.force
         columns = (gained, slipping, -measured, motion.speed - gained)
-        return cls(motion, spans, lag, _differences_of_means(columns, spans, lag))
+        return cls(motion, spans, lag, differences_of_means(columns, spans, lag))
 
     def estimate_swing_with_springs(self, springs: BodySwing) -> tuple[BodySwing, float] | None:
         """Lever arm with these springs, and the mean square residual."""
@@ -193,7 +193,7 @@ class _WheelComparison:
         assert motion.specific_force is not None
         swings = springs.pitch_rate_m_s3(motion.specific_force, motion.rate_hz)
         by_force = springs.pitch_rate_m_s3(motion.force, motion.rate_hz)
-        own = _differences_of_means((-swings, -by_force), self.spans, self.lag)
+        own = differences_of_means((-swings, -by_force), self.spans, self.lag)
         parts = [np.column_stack(both) for both in zip(self.shared, own, strict=True)]
         scale = np.sqrt(np.mean([(rows**2).mean(axis=0) for rows in parts], axis=0))
         if not (scale > 0.0).all():
@@ -215,7 +215,7 @@ class _WheelComparison:
         return found, left * float(scale[response]) ** 2
 
 
-def _differences_of_means(columns: tuple[Floats, ...], spans: Ints, lag_means: int) -> list[Floats]:
+def differences_of_means(columns: tuple[Floats, ...], spans: Ints, lag_means: int) -> list[Floats]:
     """Centred differences over `lag_means` means of each column, (means - lag, columns) each."""
     ends = np.cumsum((spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag_means)[:-1]
     rows = np.column_stack([_differences_of_column_means(x, spans, lag_means) for x in columns])

@@ -77,12 +77,12 @@ def _time_spans_of_states(fit: JointFit, excitation: pl.DataFrame) -> list[tuple
     assert states is not None
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.is_fittable)
-    of = states.membership[_manoeuvre_indices(fit, states)]
+    of = states.membership[manoeuvre_indices(fit, states)]
     inside = (used[of == state] for state in range(fit.mass_count))
     return [(int(t_ns[samples[0]]), int(t_ns[samples[-1]])) for samples in inside]
 
 
-def _manoeuvre_indices(fit: JointFit, states: LoadStates) -> Ints:
+def manoeuvre_indices(fit: JointFit, states: LoadStates) -> Ints:
     """Index of each fitted sample's manoeuvre, (n,), among those with a load state."""
     return np.searchsorted(states.unit, units_of_samples(fit.motion))
 
@@ -92,7 +92,7 @@ def find_load_change_rows(weighing: Weighing | None) -> list[int]:
     if weighing is None or weighing.fit.states is None:
         return []
     fit, states = weighing.fit, weighing.fit.states
-    of = states.membership[_manoeuvre_indices(fit, states)]
+    of = states.membership[manoeuvre_indices(fit, states)]
     used = np.flatnonzero(fit.motion.is_fittable)
     return used[np.flatnonzero(np.diff(of) != 0) + 1].tolist()
 
@@ -172,7 +172,7 @@ def _choose_empty_datum_or_reason(
     fit = weighing.fit
     if not empty or len(empty) == fit.mass_count:
         return None, ""
-    weights = _mean_mass_weights(fit, empty)
+    weights = mean_mass_weights(fit, empty)
     found = EmptyMachine(weighing, machine, weights, fuel_kg=fuel_kg)
     if found.contradiction_text:
         return None, f"{found.contradiction_text}: payloads are on the log's own scale"
@@ -189,7 +189,7 @@ def payload_weights(weighing: Weighing, state: int, empty: list[int]) -> Floats:
     weights = weighing.fit.weights_of_state(state)
     if weighing.significant_empty_mass_drift is not None:
         empty = _nearest_empty_states(state, empty)
-    return weights - _mean_mass_weights(weighing.fit, empty) if empty else weights
+    return weights - mean_mass_weights(weighing.fit, empty) if empty else weights
 
 
 def _nearest_empty_states(state: int, empty: list[int]) -> list[int]:
@@ -197,7 +197,7 @@ def _nearest_empty_states(state: int, empty: list[int]) -> list[int]:
     return before[-1:] + after[:1]
 
 
-def _mean_mass_weights(fit: JointFit, states: list[int]) -> Floats:
+def mean_mass_weights(fit: JointFit, states: list[int]) -> Floats:
     """(masses,) weights of the mean mass of states, by number of manoeuvres."""
     assert fit.states is not None
     count = np.bincount(fit.states.membership).astype(np.float64)
@@ -360,7 +360,7 @@ def make_manoeuvre_frame(
     fit, states = weighing.fit, weighing.fit.states
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.is_fittable)
-    place = _manoeuvre_indices(fit, states)
+    place = manoeuvre_indices(fit, states)
     first = np.flatnonzero(np.append(True, np.diff(place) > 0))
     last = np.append(first[1:] - 1, place.size - 1)
     # the nuisances that the answer took off have its bias as well

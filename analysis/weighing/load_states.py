@@ -268,7 +268,7 @@ def find_load_states(
     """
     if not (np.isfinite(units.y).all() and (units.variance > 0.0).all()):
         return make_single_unknown_state(manoeuvre_ids)
-    typical_kg = _median_mass_kg(units)
+    typical_kg = median_mass_kg(units)
     found = find_best_partitions(
         units,
         LIMITS.largest_load_fraction * typical_kg,
@@ -286,7 +286,7 @@ def find_load_states(
     return replace(
         states,
         single_probability=found.single_probability,
-        other=_find_alternative_partition(units, best, other, probability),
+        other=find_alternative_partition(units, best, other, probability),
         log_odds=best.log_posterior - found.single.log_posterior,
     )
 
@@ -302,7 +302,7 @@ def make_states_of_partition(
         membership: (units,) load state of each manoeuvre, numbered by time.
         usual_scatter: whether to assume the usual scatter, if `units` are of other loads.
     """
-    typical_kg = _median_mass_kg(units)
+    typical_kg = median_mass_kg(units)
     posterior = PartitionPosterior(units, LIMITS.largest_load_fraction * typical_kg, 0.0, None)
     partition = posterior.evaluate_partition(Stretches.from_boundaries(membership, units.kind))
     states = _make_load_states(units, manoeuvre_ids, partition)
@@ -324,7 +324,7 @@ def _make_load_states(units: GroupEffects, manoeuvre_ids: Ints, best: Partition)
     )
 
 
-def _median_mass_kg(units: GroupEffects) -> float:
+def median_mass_kg(units: GroupEffects) -> float:
     """Typical mass in kg; the noise level if no manoeuvre has a mass."""
     return float(max(np.median(np.abs(units.y)), np.median(np.sqrt(units.variance))))
 
@@ -335,7 +335,7 @@ def _count_load_reversals(states: Partition) -> int:
     return int(np.count_nonzero(np.diff(rises[rises != 0.0])))
 
 
-def _find_alternative_partition(
+def find_alternative_partition(
     units: GroupEffects, best: Partition, other: Partition | None, probability: float
 ) -> AlternativePartition | None:
     """The alternative partition that the manoeuvres allow; None if the log determines one."""

@@ -19,12 +19,12 @@ from analysis.weighing.weighing_limits import LIMITS
 BY_GEAR: Final = "gears"
 
 
-def _low_gear_fraction(speed: Floats, speed_at_quarter_m_s: float) -> Floats:
+def low_gear_fraction(speed: Floats, speed_at_quarter_m_s: float) -> Floats:
     """Fraction of the first gear's rotating mass at each speed, (n,)."""
     return (1.0 + (speed / speed_at_quarter_m_s) ** 2) ** -2
 
 
-def _low_gear_slope_s_m(speed: Floats, quarter_m_s: float) -> Floats:
+def low_gear_slope_s_m(speed: Floats, quarter_m_s: float) -> Floats:
     """Derivative of the remaining gear inertia by the speed, (n,) in s/m."""
     return -4.0 * speed / quarter_m_s**2 * (1.0 + (speed / quarter_m_s) ** 2) ** -3
 
@@ -43,7 +43,7 @@ def _gear_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
 
 def _make_gear_term(quarter_m_s: float) -> Nuisance:
     def fraction_in_low_gear(m: ColumnInputs) -> Floats:
-        return _low_gear_fraction(m.speed, quarter_m_s)
+        return low_gear_fraction(m.speed, quarter_m_s)
 
     return Nuisance(
         f"low_gears_{quarter_m_s:.0f}_m_s",
@@ -52,7 +52,7 @@ def _make_gear_term(quarter_m_s: float) -> Nuisance:
         _gear_prior_std,
         "rotating mass of low gears, which falls with the speed",
         "starts at different throttles; driving without a change of gear",
-        by_speed=lambda m: m.acceleration * _low_gear_slope_s_m(m.speed, quarter_m_s),
+        by_speed=lambda m: m.acceleration * low_gear_slope_s_m(m.speed, quarter_m_s),
         by_acceleration=fraction_in_low_gear,
         applies=_speeds_span_several_gears,
         source=BY_GEAR,

@@ -158,11 +158,11 @@ def make_mass_budget(
     """
     fit, body = weighing.fit, machine.machine
     sum_kg = abs(float(weights @ fit.masses_kg))
-    loaded_kg = abs(float(weights @ (fit.masses_kg * _relative_loads_of_states(fit, machine))))
+    loaded_kg = abs(float(weights @ (fit.masses_kg * relative_loads_of_states(fit, machine))))
     terms = {term.name: term for term in fit.terms}
     sources: list[UncertaintySource] = []
     parts_kg = fit.u_parts_kg(weights)
-    parts_kg |= _uncertainty_by_failed_checks_kg(weighing, weights, parts_kg)
+    parts_kg |= uncertainty_by_failed_checks_kg(weighing, weights, parts_kg)
     for source in {term.source: None for term in fit.terms if term.source}:
         own_kg = [parts_kg.pop(name) for name, term in terms.items() if term.source == source]
         parts_kg[source] = float(np.linalg.norm(own_kg))
@@ -207,7 +207,7 @@ def relative_mass_uncertainty(weighing: Weighing, machine: Machine, state: int) 
     return combine_u(sources, "random", "common") / mass_kg if mass_kg > 0.0 else float("inf")
 
 
-def _change_without_friction_kg(fit: JointFit, weights: Floats) -> float:
+def change_without_friction_kg(fit: JointFit, weights: Floats) -> float:
     """Change of a sum of masses if viscous friction were known to be zero, in kg."""
     at = fit.mass_count
     responses = fit.fit.responses
@@ -215,7 +215,7 @@ def _change_without_friction_kg(fit: JointFit, weights: Floats) -> float:
     return -fit.viscous_friction * float(weights @ by_friction[:at]) / float(by_friction[at])
 
 
-def _relative_loads_of_states(fit: JointFit, machine: Machine) -> Floats:
+def relative_loads_of_states(fit: JointFit, machine: Machine) -> Floats:
     """(masses,) mass of each state over the empty machine's, or the lightest state's, less 1."""
     body = machine.machine
     empty_kg = float(np.min(fit.masses_kg))
@@ -225,7 +225,7 @@ def _relative_loads_of_states(fit: JointFit, machine: Machine) -> Floats:
     return fit.masses_kg / empty_kg - 1.0 if empty_kg else np.zeros(fit.mass_count)
 
 
-def _uncertainty_by_failed_checks_kg(
+def uncertainty_by_failed_checks_kg(
     weighing: Weighing, weights: Floats, parts_kg: dict[str, float]
 ) -> dict[str, float]:
     """Additional uncertainty of a sum of masses where a check fails, in kg by cause."""
@@ -258,7 +258,7 @@ def _uncertainty_by_failed_checks_kg(
         found["gain_by_direction"] = weighing.by_direction.u_1 * abs(float(weights @ fit.masses_kg))
     viscous, std = fit.viscous_friction_and_std
     if viscous < -LIMITS.falling_friction_std * std:
-        found["falling_friction"] = abs(_change_without_friction_kg(fit, weights))
+        found["falling_friction"] = abs(change_without_friction_kg(fit, weights))
     if weighing.braking_doubted:
         found["braking"] = abs(weighing.braking_kg) / 2.0 * share
     leans_kg = abs(float(weights @ (weighing.doubled_kg - fit.masses_kg)))

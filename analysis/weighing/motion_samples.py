@@ -352,7 +352,7 @@ def collect_motion_samples(
         *path_positions(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
-        _empty_machine_weight(machine, acceleration, force, group >= 0),
+        empty_machine_weight(machine, acceleration, force, group >= 0),
         tuple(column_values(aligned, name) for name in _ARMS if name in aligned.columns),
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
         mark_samples_stated_empty(aligned, machine),
@@ -368,7 +368,7 @@ def ground_to_wheel_speed_ratio(speed: Floats, force: Floats, slip_1_N: float) -
     return 1.0 / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)
 
 
-def _empty_machine_weight(
+def empty_machine_weight(
     machine: Machine, acceleration: Floats, force: Floats, used: Bools
 ) -> float:
     """Weight of the empty machine in N, estimated from force over acceleration if not stated."""

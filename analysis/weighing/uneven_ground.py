@@ -79,7 +79,7 @@ class _DrivingDirection:
         return Nuisance(
             f"ground_{self.name}{name}",
             "N",
-            lambda m: _restrict_to_direction(column(m), m.direction, self.sign),
+            lambda m: restrict_to_direction(column(m), m.direction, self.sign),
             width,
             f"{meaning}, {self.name}",
             "more cycles; a pitch channel; even ground",
@@ -121,9 +121,7 @@ def _linear_ramp_values(positions: Floats, begin: float, end: float) -> Floats:
 
 
 @compiled_unless_short_log
-def _scaled_ramp(
-    scale: Floats, positions: Floats, begin: float, end: float, ratio: float
-) -> Floats:
+def scaled_ramp(scale: Floats, positions: Floats, begin: float, end: float, ratio: float) -> Floats:
     """Ramp at each place in proportion to `ratio` and to a scale (n,)."""
     out = np.empty(positions.size)
     for k in range(out.size):
@@ -132,7 +130,7 @@ def _scaled_ramp(
 
 
 @compiled_unless_short_log
-def _restrict_to_direction(column: Floats, direction: Floats, sign: float) -> Floats:
+def restrict_to_direction(column: Floats, direction: Floats, sign: float) -> Floats:
     """Column (n,) in one driving direction, 0 in the other."""
     out = np.zeros(column.size)
     for k in range(out.size):
@@ -158,7 +156,7 @@ def _make_route_term(part: int) -> Nuisance:
 
     def route_column(m: ColumnInputs) -> Floats:
         ratio = random_walk_ratio(m.route_length_m / LIMITS.route_parts)
-        return _scaled_ramp(m.loaded_direction, m.route_1, begin, end, ratio)
+        return scaled_ramp(m.loaded_direction, m.route_1, begin, end, ratio)
 
     return Nuisance(
         f"ground_route_{part + 1}_of_{LIMITS.route_parts}",

@@ -241,7 +241,7 @@ def _weigh_with_priors(
     fit = add_motion_responses(fit, columns, priors)
     if fit.mass_kg == 0.0:  # of a force that is 0 wherever the machine accelerates
         return None
-    alone = _refit_without_learnt_priors(fit, columns, priors)
+    alone = refit_without_learnt_priors(fit, columns, priors)
     own, own_priors = (fit, priors) if alone is None else (alone, _drop_learnt_priors(priors))
     halved_kg, doubled_kg = (
         refit_with_changes(fit, columns, _multiply_prior_stds(priors, factor), rows=rows).masses_kg
@@ -285,7 +285,7 @@ def _exclude_manoeuvres(motion: MotionSamples, excluded_units: Sequence[int]) ->
     return motion.exclude_samples(np.isin(motion.unit, excluded_units))
 
 
-def _refit_without_learnt_priors(
+def refit_without_learnt_priors(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> JointFit | None:
     """Refit without learnt priors; None if no prior was learnt."""

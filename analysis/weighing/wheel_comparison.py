@@ -230,7 +230,7 @@ def _fit_wheel_comparison(
     std = prior_stds(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
     found = free if counts else solve_rows(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
-    least = _lower_bound_stds(rows, noise, std, 1.0 / motion.rate_hz)
+    least = lower_bound_stds(rows, noise, std, 1.0 / motion.rate_hz)
     widened = np.maximum(least / found.std, 1.0)
     covariance = found.covariance * np.outer(widened, widened)
     values = list(
@@ -263,7 +263,7 @@ def is_gain_significant(fit: MapFit, noise_m_s: float) -> bool:
     return bool(abs(fit.theta[0]) > max(LIMITS.gain_min_1, times * fit.std[0]))
 
 
-def _lower_bound_stds(
+def lower_bound_stds(
     rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float
 ) -> Floats:
     """Lower bound of the standard deviations from instrument noise alone, (4,).

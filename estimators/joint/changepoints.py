@@ -321,11 +321,11 @@ def find_cheapest_partition(values: Floats, weight: Floats, cost: Floats, spread
                 begins[kept] = begins[k]
                 kept += 1
         alive = kept
-    return _number_levels(before)
+    return number_levels(before)
 
 
 @compiled_unless_short_log
-def _number_levels(first_unit_of_level: Ints) -> Ints:
+def number_levels(first_unit_of_level: Ints) -> Ints:
     """Level number of each unit (n,), from the first unit of the level that ends there."""
     end = first_unit_of_level.size - 1
     begins = np.zeros(end, np.int64)

@@ -78,7 +78,7 @@ class Stretches:
         """Number the stretches of units with boundaries of these kinds."""
         return cls(
             state,
-            _list_level_choices(int(state[-1]) + 1),
+            list_level_choices(int(state[-1]) + 1),
             _log_prior_of_changes(kind, np.diff(state) > 0),
         )
 
@@ -122,7 +122,7 @@ class PartitionPosterior:
         by_state = self._sums_by_state(stretches.state)
         best, logs = None, []
         for weight, level in stretches.levels:
-            log, levels, effects = self._integrate_levels(_sum_by_level(by_state, level))
+            log, levels, effects = self._integrate_levels(sum_by_level(by_state, level))
             logs.append(weight + log)
             if best is None or logs[-1] > best[0]:
                 best = logs[-1], levels[level], level, effects
@@ -158,7 +158,7 @@ class PartitionPosterior:
 
 
 @compiled_unless_short_log
-def _sum_by_level(values: Floats, level_index: Ints) -> Floats:
+def sum_by_level(values: Floats, level_index: Ints) -> Floats:
     """Sum (states, columns) by level, (levels, columns)."""
     sums = np.zeros((level_index.max() + 1, values.shape[1]))
     for state in range(level_index.size):
@@ -186,7 +186,7 @@ def solve_with_log_determinant(
     return solution, 2.0 * float(np.log(factor.diagonal()).sum())
 
 
-def _list_level_choices(state_count: int) -> list[tuple[float, Ints]]:
+def list_level_choices(state_count: int) -> list[tuple[float, Ints]]:
     """Possible level indices of the states, (states,), each with its log probability."""
     own = np.arange(state_count)
     if state_count <= 2:
@@ -232,13 +232,13 @@ def _log_prior_of_changes(change_kinds: Ints, changes: Bools) -> float:
     return float(
         np.logaddexp(
             apart,
-            _log_prior_of_work_cycles(change_kinds, changes)
+            log_prior_of_work_cycles(change_kinds, changes)
             + np.log1p(-LIMITS.unrelated_filling_probability),
         )
     )
 
 
-def _log_prior_of_work_cycles(change_kinds: Ints, changes: Bools) -> float:
+def log_prior_of_work_cycles(change_kinds: Ints, changes: Bools) -> float:
     """Log prior probability of changes of the load as work cycles, without its constant.
 
     A cycle has one change at its filling and one, the dump, before the next filling: preferably

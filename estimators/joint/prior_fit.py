@@ -140,7 +140,7 @@ class _SolvedSamples:
         count = shape.levels.level_count
         grown, ratio = estimate_between_group_covariance(gain, spread, covariance + scatter, count)
         scatter = scatter + grown
-        misfit, common = _estimate_common_misfit(
+        misfit, common = estimate_common_misfit(
             gain,
             A,
             self.common_residual(),
@@ -369,7 +369,7 @@ def estimate_between_group_covariance(
     return grown, float(np.sqrt(ratio))
 
 
-def _estimate_common_misfit(
+def estimate_common_misfit(
     gain: Gain,
     A: Floats,
     common_residual: CommonResidual | None,

@@ -281,10 +281,10 @@ def solve_with_priors(
         kept = min(1.0, LIMITS.max_noise_fraction / share) if share > 0 else 1.0
         turned = _weight_units(units, shape, of_units, kept, theta, variance)
         if solved is None:
-            theta = _solve_for_white_noise(turned, (wide_precision, wide_believed), variance)
+            theta = solve_for_white_noise(turned, (wide_precision, wide_believed), variance)
             turned = _weight_units(units, shape, of_units, kept, theta, variance)
         doubted = uncertain_noise_fraction(kept) * turned.taken
-        theta, gain = _solve_with_common_error(
+        theta, gain = solve_with_common_error(
             turned, (wide_precision, wide_believed), variance, doubted
         )
         residual = compute_grouped_residuals(
@@ -299,7 +299,7 @@ def solve_with_priors(
     return solved
 
 
-def _solve_for_white_noise(
+def solve_for_white_noise(
     equations: WeightedNormalEquations, priors: tuple[Floats, Floats], variance: float
 ) -> Floats:
     """Estimates (wide,) for white noise, S = σ² G: where the iteration begins."""
@@ -319,7 +319,7 @@ def _solve_for_white_noise(
     return found @ wanted
 
 
-def _solve_with_common_error(
+def solve_with_common_error(
     equations: WeightedNormalEquations,
     priors: tuple[Floats, Floats],
     variance: float,

@@ -121,7 +121,7 @@ def solve_windows_robustly(
         theta[:, left] = following = np.where(stuck, now, following)
         moved = np.abs(following - now).max(axis=0)
         left = left[stuck | (moved > LIMITS.huber_tolerance * np.abs(following).max(axis=0))]
-    kept, squares = _summarise_clipped_residuals(A, f, window, index, theta, limit)
+    kept, squares = summarise_clipped_residuals(A, f, window, index, theta, limit)
     # without a limit nothing is clipped; one sample at least, where rounding keeps none
     kept = np.where(limit > 0.0, np.maximum(kept, 1.0 / window), 1.0)
     return theta, ResidualStatistics(limit, kept, squares / kept**2)
@@ -194,7 +194,7 @@ def _sum_newton_equations(
 
 
 @compiled_unless_short_log
-def _summarise_clipped_residuals(
+def summarise_clipped_residuals(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats
 ) -> tuple[Floats, Floats]:
     """Fraction of |r| ≤ limit, and sum of clipped r², of each window, (rows,) each."""

@@ -147,39 +147,39 @@ def compute_gate_statistics(state: WindowState, noise: Floats | None = None) -> 
 
 def ls(state: WindowState, mean_samples: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some
     """Ordinary least squares of the current window."""
-    A, f, end = _make_log_of_window(state)
+    A, f, end = make_log_of_window(state)
     theta, _ = solve_least_squares(A, f, f.size, end, state.products)
-    return _make_window_estimate(state, theta, extract_packed_gram(state.products), mean_samples)
+    return make_window_estimate(state, theta, extract_packed_gram(state.products), mean_samples)
 
 
 def fgls(state: WindowState, mean_samples: int, options: FglsOptions) -> Estimate:
     """Feasible generalised least squares of the current window: O(window)."""
-    A, f, end = _make_log_of_window(state)
+    A, f, end = make_log_of_window(state)
     theta = reweight_fgls(A, f, f.size, end, state.products, options)
-    return _make_window_estimate(state, theta, extract_packed_gram(state.products), mean_samples)
+    return make_window_estimate(state, theta, extract_packed_gram(state.products), mean_samples)
 
 
 def tls(state: WindowState, mean_samples: int, options: TlsOptions) -> Estimate:
     """Total least squares of the current window."""
-    return _make_window_estimate(state, *solve_scaled_tls(state.products, options), mean_samples)
+    return make_window_estimate(state, *solve_scaled_tls(state.products, options), mean_samples)
 
 
 def huber(state: WindowState, mean_samples: int, options: HuberOptions) -> Estimate:
     """Huber regression of the current window: at most a hundred steps of O(window)."""
-    A, f, end = _make_log_of_window(state)
+    A, f, end = make_log_of_window(state)
     theta, residuals = reweight_huber(A, f, f.size, end, state.products, options)
-    return _make_window_estimate(
+    return make_window_estimate(
         state, theta, extract_packed_gram(state.products), mean_samples, residuals.squares
     )
 
 
-def _make_log_of_window(state: WindowState) -> tuple[Floats, Floats, Ints]:
+def make_log_of_window(state: WindowState) -> tuple[Floats, Floats, Ints]:
     """The window as a log: A (window, p), f (window,) and its end (1,)."""
     A = np.ascontiguousarray(state.z[:-1].T)
     return A, state.z[-1].copy(), np.array([state.z.shape[1] - 1])
 
 
-def _make_window_estimate(
+def make_window_estimate(
     state: WindowState, theta: Floats, G: Floats, mean_samples: int, squares: Floats | None = None
 ) -> Estimate:
     """Estimate of one window from θ (p, 1), packed AᵀA (entries, 1) and RSS (1,)."""
@@ -224,7 +224,7 @@ def _add_new_samples_to_history(
     state: WindowState, past: WindowHistory, new_samples: int, forgetting: float
 ) -> WindowHistory:
     """Add the newest samples of the window to the history."""
-    A, f, _ = _make_log_of_window(state)
+    A, f, _ = make_log_of_window(state)
     fed = np.arange(f.size - new_samples, f.size)
     products, squares = past.products.copy(), past.squares.copy()
     accumulate_discounted_products(A, f, fed, forgetting, products)
@@ -234,7 +234,7 @@ def _add_new_samples_to_history(
     )
 
 
-def _make_recursive_estimate(
+def make_recursive_estimate(
     theta: Floats, past: WindowHistory, R: Floats, rss: float, mean_samples: int, condition: float
 ) -> Estimate:
     """Estimate from θ = R⁻¹ Aᵀf, whose errors are R⁻¹ (p, p) times the errors of Aᵀf."""
@@ -279,7 +279,7 @@ def _step_exponential_rls(
     p = len(state.z) - 1
     entries = len(state.products)
     if past is None:
-        A, f, _ = _make_log_of_window(state)
+        A, f, _ = make_log_of_window(state)
         begin = recursion.start(A, f, options)
         R, G = (
             np.diag(1.0 / np.diagonal(begin.P)),
@@ -302,7 +302,7 @@ def _step_exponential_rls(
             float(solved.rss[0]),
             compute_scaled_condition(R),
         )
-    return past, _make_recursive_estimate(theta, past, R, rss, mean_samples, condition)
+    return past, make_recursive_estimate(theta, past, R, rss, mean_samples, condition)
 
 
 def _step_directional_rls(
@@ -313,7 +313,7 @@ def _step_directional_rls(
     options: RlsOptions,
 ) -> tuple[RlsState, Estimate]:
     """One step of RLS with directional forgetting; the first starts from the window."""
-    A, f, _ = _make_log_of_window(state)
+    A, f, _ = make_log_of_window(state)
     if past is None:
         past = recursion.start(A, f, options)
         p = past.theta.size
@@ -340,7 +340,7 @@ def rtls(
     """Recursive total least squares; the arguments are those of `rls`."""
     p, entries = len(state.z) - 1, len(state.products)
     if past is None:
-        A, f, _ = _make_log_of_window(state)
+        A, f, _ = make_log_of_window(state)
         begin = total_recursion.start(A, f, options)
         products = pad_entries_to_lanes(
             pack_symmetric_matrix(total_recursion.unscale_gram(begin, options))
@@ -353,7 +353,7 @@ def rtls(
     rss = float(compute_residual_sums_of_squares(products, theta)[0])
     condition = float(compute_condition_numbers(products, p + 1, p)[0])
     R = unpack_leading_block(clean[:, 0], p, p)
-    return past, _make_recursive_estimate(theta[:, 0], past, R, rss, mean_samples, condition)
+    return past, make_recursive_estimate(theta[:, 0], past, R, rss, mean_samples, condition)
 
 
 @dataclass(frozen=True, slots=True)

@@ -215,7 +215,7 @@ def compute_statistics_from_products(
     solve_factored_in_place(solved.L, solved.inverse, unit)
     variance = solved.rss / max(window - p, 1)
     partial, share = np.empty(variance.size), np.zeros(variance.size)
-    _raise_variances_by_noise(
+    raise_variances_by_noise(
         solved.theta,
         unit,
         np.zeros((p + 1, p + 1)) if noise is None else noise,
@@ -233,7 +233,7 @@ def compute_statistics_from_products(
 
 
 @compiled_unless_short_log
-def _raise_variances_by_noise(
+def raise_variances_by_noise(
     theta: Floats,
     unit: Floats,
     noise: Floats,

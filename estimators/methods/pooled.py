@@ -36,7 +36,7 @@ class PooledOptions:
 
 
 @compiled_unless_short_log
-def _add_sample_products(
+def add_sample_products(
     A: Floats, f: Floats, used_samples: Ints, column_of_sample: Ints, products: Floats
 ) -> None:
     """Add the products of sample used[i] to column row_of[i] of packed sums (entries, ids)."""
@@ -89,7 +89,7 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
         return Trace.empty(p)
     row_of = np.searchsorted(ids, segment_id[used])
     products = np.zeros(((p + 1) * (p + 2) // 2, ids.size))
-    _add_sample_products(A, f, used, row_of, products)
+    add_sample_products(A, f, used, row_of, products)
     counts = np.bincount(row_of, minlength=ids.size).astype(float)
     first, last = np.empty(ids.size, np.int64), np.empty(ids.size, np.int64)
     # of several assignments to one place the last one holds

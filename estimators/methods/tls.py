@@ -102,15 +102,15 @@ def solve_scaled_tls(products: Floats, options: TlsOptions) -> tuple[Floats, Flo
     roots = np.zeros((3, m))
     roots[2] = np.inf
     done = np.zeros(m, np.bool_)
-    x = _solve_shifted_system(C, shifted, roots[0])
+    x = solve_shifted_system(C, shifted, roots[0])
     for _ in range(LIMITS.root_max_steps):
-        if _take_newton_step(C, x, roots, done):
+        if take_newton_step(C, x, roots, done):
             break
-        x = _solve_shifted_system(C, shifted, roots[0])
+        x = solve_shifted_system(C, shifted, roots[0])
     return x / scale[:p, None], extract_packed_gram(shifted * units)
 
 
-def _solve_shifted_system(C: Floats, shifted: Floats, eigenvalue: Floats) -> Floats:
+def solve_shifted_system(C: Floats, shifted: Floats, eigenvalue: Floats) -> Floats:
     """Solve (G - λI) x = h for x (p, m) at the current λ (m,); `shifted` receives G - λI."""
     q = count_columns(C)
     rows = make_packed_index_table(q)
@@ -122,7 +122,7 @@ def _solve_shifted_system(C: Floats, shifted: Floats, eigenvalue: Floats) -> Flo
 
 
 @compiled_unless_short_log
-def _take_newton_step(gram: Floats, x: Floats, roots: Floats, done: Bools) -> bool:
+def take_newton_step(gram: Floats, x: Floats, roots: Floats, done: Bools) -> bool:
     """Update λ, low and high (3, m) where not `done` (m,); returns whether all are done.
 
     A step below rounding is skipped, so that x (p, m) stays the solution for λ.

@@ -178,7 +178,7 @@ def compute_condition_numbers(G: Floats, size: int, leading_size: int) -> Floats
     for _ in range(_SWEEPS if leading_size > 2 else 1):
         for i in range(leading_size):
             for j in range(i + 1, leading_size):
-                _rotate_by_jacobi(N, leading_size, i, j, m)
+                rotate_by_jacobi(N, leading_size, i, j, m)
     low = N[0].copy()
     high = N[0].copy()
     for i in range(1, leading_size):
@@ -219,7 +219,7 @@ def _rotate_by_arrays(N: Floats, p: int, i: int, j: int, _: int) -> None:
 
 
 @compiled_with_array_form(_rotate_by_arrays)
-def _rotate_by_jacobi(N: Floats, p: int, i: int, j: int, m: int) -> None:
+def rotate_by_jacobi(N: Floats, p: int, i: int, j: int, m: int) -> None:
     """One rotation of Jacobi that makes entry (i, j) zero."""
     a, b, c = (
         N[find_packed_index(i, i, p)],

@@ -91,7 +91,7 @@ def fit(
     free = np.setdiff1d(np.arange(p), given)
     names = [parameters[int(i)] for i in free]
     shared = np.broadcast_to(np.eye(p), (k, p, p)) if loading is None else loading
-    all_noise = None if noise is None else _column_noise_rms(noise, shared)[free]
+    all_noise = None if noise is None else column_noise_rms(noise, shared)[free]
     found = find_identifiable_parameters(R[..., free], names, all_noise, samples * k)
     columns = np.concatenate([free[found.base], given])
     added = samples * np.square(np.zeros((k, p)) if noise is None else noise)
@@ -102,15 +102,15 @@ def fit(
     coefficients = scatter_to_columns(fitted.theta, columns, p)
     residual = compute_blockwise_residuals(A, f, used, coefficients)
     losses = compute_fit_losses(A, columns, segment_id)
-    correlations = _autocorrelate_residuals(segment_id, residual, losses)
+    correlations = autocorrelate_residuals(segment_id, residual, losses)
     if given.size and samples and np.isfinite(fitted.theta).all():
         # a prior is worth as many samples as are independent
         lasting = [max(2.0 * float(each.sum()) - 1.0, 1.0) for each in correlations]
         fitted = system.solve(np.array(lasting))
         coefficients = scatter_to_columns(fitted.theta, columns, p)
         residual = compute_blockwise_residuals(A, f, used, coefficients)
-        correlations = _autocorrelate_residuals(segment_id, residual, losses)
-    covariance = _sandwich_covariance(A, columns, segment_id, correlations, fitted, prior)
+        correlations = autocorrelate_residuals(segment_id, residual, losses)
+    covariance = sandwich_covariance(A, columns, segment_id, correlations, fitted, prior)
 
     single = np.append(found.identifiable[found.base], np.ones(given.size, np.bool_))
     here = columns[single]
@@ -130,7 +130,7 @@ def fit(
     )
 
 
-def _column_noise_rms(noise: Floats, loading: Floats) -> Floats:
+def column_noise_rms(noise: Floats, loading: Floats) -> Floats:
     """R.m.s. noise (p,) of each column over the axes, of all its sources."""
     return np.sqrt(np.mean(np.einsum("kcs,ks->kc", loading**2, noise**2), axis=0))
 
@@ -304,7 +304,7 @@ def compute_fit_losses(A: Blocks, columns: Ints, segment_id: Ints) -> list[Float
     ]
 
 
-def _autocorrelate_residuals(
+def autocorrelate_residuals(
     segment_id: Ints, residual: Floats, losses: list[Floats]
 ) -> list[Floats]:
     """Residual autocorrelation of each axis, (lags,) each.
@@ -317,7 +317,7 @@ def _autocorrelate_residuals(
     ]
 
 
-def _sandwich_covariance(
+def sandwich_covariance(
     A: Blocks,
     columns: Ints,
     segment_id: Ints,

@@ -96,7 +96,7 @@ class _CertificateMasses:
     def __init__(self, root: "_Element", items: Sequence[NamedItem], what: str) -> None:
         self._items = items
         self._what = what
-        self._quantities = list(_iter_quantities(root))
+        self._quantities = list(iter_quantities(root))
         self._weights: dict[_Element, list[_Element]] = {}
 
     def read_mass_and_u_kg(self, item: "_Element", what: str) -> tuple[float, float]:
@@ -156,7 +156,7 @@ def list_quantity_kinds(quantity: "_Element") -> list[str]:
     return [name.rpartition("_")[2] for name in quantity.get("refType", "").split()]
 
 
-def _iter_quantities(root: "_Element") -> Iterator[tuple["_Element", list[str] | None]]:
+def iter_quantities(root: "_Element") -> Iterator[tuple["_Element", list[str] | None]]:
     """Yield the quantities of results with the ids of their items; None if none is named."""
     results = root.find(f"{{{DCC}}}measurementResults")
     assert results is not None
@@ -190,7 +190,7 @@ def match_weights_to_list_values(
     ]
     by_name: list[_Element] | None = None
     for texts in _iter_weight_name_lists(quantity, what):
-        found = _find_named_items(texts, scope, count, what)
+        found = find_named_items(texts, scope, count, what)
         if found is not None and by_name is not None and found != by_name:
             raise EvidenceError(f"{what}: a list of masses has two lists of names that disagree")
         by_name = found or by_name
@@ -227,7 +227,7 @@ def _iter_weight_name_lists(quantity: "_Element", what: str) -> Iterator[list[st
             yield (read_leaf_text(content) or "").split()
 
 
-def _find_named_items(
+def find_named_items(
     texts: Sequence[str], scope: Sequence[NamedItem], count: int, what: str
 ) -> list["_Element"] | None:
     """Items named by a list of texts; None if it names none, such as a list of classes."""

@@ -194,7 +194,7 @@ def draw_explanation(run: Run, explanation: Explanation) -> "Figure":
     """Draw the picture of `plot_explanation` without writing it."""
     from matplotlib.figure import Figure
 
-    at_s = explanation.at_s if explanation.at_s is not None else _choose_moment_s(explanation, run)
+    at_s = explanation.at_s if explanation.at_s is not None else choose_moment_s(explanation, run)
     near = run if at_s is None else _cut_run_around_moment(run, at_s)
     lines = wrap(describe_answer_and_cause(explanation), _LINE)
     for each in (explanation.findings or ())[:_FINDINGS]:
@@ -221,7 +221,7 @@ def draw_explanation(run: Run, explanation: Explanation) -> "Figure":
     return figure
 
 
-def _choose_moment_s(explanation: Explanation, run: Run) -> float | None:
+def choose_moment_s(explanation: Explanation, run: Run) -> float | None:
     """Moment of the first finding that has one, or of the worst manoeuvre.
 
     None, for the whole run, if the run is not much longer than the drawn stretch.

@@ -334,7 +334,7 @@ def make_imu_mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str
         return []
     try:
         t_ns, force = read_synchronous_fields(log, [sources[name] for name in _AXES])
-        speed = _read_machine_speed(log, sources)
+        speed = read_machine_speed(log, sources)
     except LogError:
         return []
     guess = guess_mounting(t_ns, force, speed) if t_ns.size else None
@@ -367,7 +367,7 @@ def _format_mounting_angles(guess: MountingGuess) -> list[str]:
     return [*lines, ""]
 
 
-def _read_machine_speed(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
+def read_machine_speed(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
     """Stamps and the machine's speed, or the mean of its sides'; None if neither is known."""
     names = ("speed_x_m_s",) if "speed_x_m_s" in sources else _SIDES
     if not set(names) <= set(sources) or len({sources[name][0] for name in names}) > 1:

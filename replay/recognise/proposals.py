@@ -102,7 +102,7 @@ class Recognition:
         """Fill a channel unless an earlier column has filled it."""
         if channel in self.filled_channels:
             return
-        stated = _find_unit_if_not_si(unit or column.unit, channel)
+        stated = find_unit_if_not_si(unit or column.unit, channel)
         self.channels.append(ChannelProposal(channel, column.topic, column.field, stated, reason))
 
     def propose_as_comment(self, channel: str, derivation: str, reason: str) -> None:
@@ -119,7 +119,7 @@ class Recognition:
         )
 
 
-def _find_unit_if_not_si(unit: str | None, channel: str) -> str | None:
+def find_unit_if_not_si(unit: str | None, channel: str) -> str | None:
     """Unit that a channel must state; None if it is SI."""
     if unit is None:
         return None

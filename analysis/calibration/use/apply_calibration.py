@@ -108,7 +108,7 @@ def _make_calibrated_columns(
     empty_weighings: int,
 ) -> dict[str, Any]:
     """Calibrated columns of a load."""
-    off_kg, unlike_u_kg = _driving_offset_and_u_kg(row, calibration, log.shared_errors)
+    off_kg, unlike_u_kg = driving_offset_and_u_kg(row, calibration, log.shared_errors)
     one = _calibrate_load_mass(row, calibration, refusal, off_kg, unlike_u_kg)
     said = {
         "calibrated_kg": one.mass_kg,
@@ -135,7 +135,7 @@ def _make_calibrated_columns(
     return said
 
 
-def _driving_offset_and_u_kg(
+def driving_offset_and_u_kg(
     row: Mapping[str, Any], calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
     """Offset of m̂ caused by driving unlike the campaign, with its uncertainty, in kg."""
@@ -220,7 +220,7 @@ def check_empty_machine_drift(
         return None
     count = np.array([row["manoeuvres"] for row in empty], np.float64)
     share = count / count.sum()
-    apart = [_driving_offset_and_u_kg(row, calibration, log.shared_errors) for row in empty]
+    apart = [driving_offset_and_u_kg(row, calibration, log.shared_errors) for row in empty]
     mass_kg = float(
         share @ [row["mass_kg"] - off for row, (off, _) in zip(empty, apart, strict=True)]
     )

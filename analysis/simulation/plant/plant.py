@@ -208,7 +208,7 @@ def _write_state_row(row: Floats, t: float, y: Floats, out: Floats, stands: floa
 
 
 @compiled
-def _integrate_runge_kutta_step(  # noqa: PLR0913 - compiled, as above
+def integrate_runge_kutta_step(  # noqa: PLR0913 - compiled, as above
     t: float,
     dt: float,
     y: Floats,
@@ -287,7 +287,7 @@ def integrate_plant(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes wi
         _write_state_row(rows[kept], t, y, k[0], stands)
         kept += 1
         dt = stage.begin_s + (number + 1) * step - t
-        _integrate_runge_kutta_step(t, dt, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
+        integrate_runge_kutta_step(t, dt, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
         crosses = grip != 0.0 and made[WHEEL] * grip < 0.0
         if crosses and not stops and k[0, _CAPACITY] <= _LEAST_GRIP:
             grip = -grip
@@ -297,14 +297,14 @@ def integrate_plant(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes wi
             least, most = 0.0, dt
             for _ in range(_HALVINGS):
                 middle = 0.5 * (least + most)
-                _integrate_runge_kutta_step(
+                integrate_runge_kutta_step(
                     t, middle, y, grip, waits, plant, stage, wave, wave_step_s, k, made
                 )
                 if made[WHEEL] * grip < 0.0:
                     most = middle
                 else:
                     least = middle
-            _integrate_runge_kutta_step(
+            integrate_runge_kutta_step(
                 t, least, y, grip, waits, plant, stage, wave, wave_step_s, k, made
             )
             if plant.resonance_rad_s == 0.0:

@@ -74,7 +74,7 @@ def list_copied_stretches(t: Ints, columns: list[Floats]) -> list[Copy]:
     """
     if not columns or t.size < 2 * LIMITS.copy_min_rows:
         return []
-    rows = _hash_rows(columns)
+    rows = hash_rows(columns)
     found: list[Copy] = []
     for distance in _find_copy_distances(rows):
         begins, ends = find_flagged_runs(rows[distance:] == rows[:-distance])
@@ -117,7 +117,7 @@ def _is_noisy(x: Floats) -> bool:
     )
 
 
-def _hash_rows(columns: list[Floats]) -> Hashes:
+def hash_rows(columns: list[Floats]) -> Hashes:
     """Hash of each row, (n,)."""
     rows = np.zeros(columns[0].size, np.uint64)
     for x in columns:

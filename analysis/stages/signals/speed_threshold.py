@@ -46,12 +46,12 @@ def find_speed_thresholds(channels: Mapping[str, mounting.Series]) -> dict[str, 
     found = {
         name: estimate_speed_threshold_m_s(x)
         for name, (t, x) in channels.items()
-        if name in SPEEDS and _median_drive_s(t, x) >= LIMITS.threshold_min_drive_s
+        if name in SPEEDS and median_drive_s(t, x) >= LIMITS.threshold_min_drive_s
     }
     return {name: threshold_m_s for name, threshold_m_s in found.items() if threshold_m_s}
 
 
-def _median_drive_s(t_ns: Ints, x: Floats) -> float:
+def median_drive_s(t_ns: Ints, x: Floats) -> float:
     """Median duration of the runs of readings that are not 0, in s; 0 without any."""
     first, last = find_flagged_runs(x != 0.0)
     return float(np.median(t_ns[last] - t_ns[first])) / NS_PER_S if first.size else 0.0
@@ -68,12 +68,12 @@ def drop_readings_below_threshold(
             LIMITS.threshold_gap_s * NS_PER_S,
             LIMITS.threshold_gap_readings * filters.median_period_ns(t),
         )
-        kept = (x != 0.0) | (_distance_to_motion_ns(t, x) > beside_ns)
+        kept = (x != 0.0) | (distance_to_motion_ns(t, x) > beside_ns)
         out[name] = t[kept], x[kept]
     return out
 
 
-def _distance_to_motion_ns(t_ns: Ints, x: Floats) -> Floats:
+def distance_to_motion_ns(t_ns: Ints, x: Floats) -> Floats:
     """Time from each reading (n,) to the nearest that is not 0, in ns."""
     moving_ns = t_ns[x != 0.0]
     place = np.searchsorted(moving_ns, t_ns)

@@ -75,10 +75,10 @@ def append_field_to_span(span: Span, kind: FieldType, wire: Wire) -> InlineValue
         return None
     if is_preceded_by_byte_size(kind, wire) and span.append_field(4, 4) is None:
         return None
-    return _append_array_to_span(span, kind.element, kind.length, wire)
+    return append_array_to_span(span, kind.element, kind.length, wire)
 
 
-def _append_array_to_span(
+def append_array_to_span(
     span: Span, element: FieldType, length: int, wire: Wire
 ) -> InlineArray | None:
     """Append an array of fixed size; None if its place would vary."""

@@ -101,7 +101,7 @@ def parse_cell(
         the leaf, and the end of the record's part in the leaf.
     """
     damaged = (DAMAGED, 0, 0, 0, 0, 0, 0, 0)
-    payload, row_id, offset, stop = _parse_cell_header(data, offset, begin, end, layout)
+    payload, row_id, offset, stop = parse_cell_header(data, offset, begin, end, layout)
     if stop < 0:
         return damaged
     head, field = read_varint(data, offset, stop)
@@ -137,7 +137,7 @@ def parse_cell(
 
 
 @compiled_without_refcounts
-def _parse_cell_header(
+def parse_cell_header(
     data: NDArray[np.uint8], offset: int, begin: int, end: int, layout: PageLayout
 ) -> tuple[int, int, int, int]:
     """Size of a cell's record, its id, its begin, and the end of its part in the leaf.

@@ -60,13 +60,11 @@ def serialise_messages(
     numbers = np.empty(0, np.int64) if found is None else np.unique(found)
     if found is None or numbers.size == 1:
         return [
-            SameLayout(
-                None, _serialise_layout(store, msgtype, column, slice(count), wire, envelope)
-            )
+            SameLayout(None, serialise_layout(store, msgtype, column, slice(count), wire, envelope))
         ]
     groups = (np.flatnonzero(found == number) for number in numbers)
     return [
-        SameLayout(rows, _serialise_layout(store, msgtype, column, rows, wire, envelope))
+        SameLayout(rows, serialise_layout(store, msgtype, column, rows, wire, envelope))
         for rows in groups
     ]
 
@@ -75,7 +73,7 @@ def serialise_messages(
 _Chosen: TypeAlias = "slice | Ints"
 
 
-def _serialise_layout(
+def serialise_layout(
     store: "Typestore",
     msgtype: str,
     column: Column,
