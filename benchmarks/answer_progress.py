@@ -21,7 +21,7 @@ from analysis.online.online_report import OnlineReport
 from analysis.simulation import Scenario
 from benchmarks.page import markdown
 from replay import load_machine, open_log
-from replay.inputs.channel_inputs import channel_fields
+from replay.inputs.channel_inputs import list_channel_fields
 from replay.simulation.simulate_logs import simulate_scenario
 
 #: Standard uncertainties that are aimed at, in kg: a start of this machine has 6 to 9.
@@ -70,7 +70,7 @@ def follow_drawn(seed: int, starts: int, folder: Path) -> tuple[list[Statement],
     aim_kg = float(np.exp(dice.uniform(*np.log(AIMS_KG))))
     board = Follower(machine, until_u_kg=aim_kg)
     with open_log(path) as log:
-        for topic, samples in log.read_many(channel_fields(board.log.machine)).items():
+        for topic, samples in log.read_many(list_channel_fields(board.log.machine)).items():
             board.take(topic, samples)
     made = [each for each in board.advance(is_whole=True) if each.event == "manoeuvre"]
     path.unlink()

@@ -28,7 +28,7 @@ from benchmarks.page import markdown
 from benchmarks.unlisted_rows import UNLISTED, Unlisted, drawn_log, memory_log
 from estimators.errors import PayscopeError
 from replay.explain.try_proposals import ProposalReplays, try_all_proposals
-from replay.inputs.derived_logs import CachedLog, MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import CachedLog, MemoryLog, read_channels_from_memory
 from replay.logs import Log
 from replay.pipeline import run
 from tests.trials.drawn_designs import join_designs
@@ -120,7 +120,7 @@ def _draw_log(fault: Fault | Unlisted, seed: int) -> tuple[Log, Machine, float]:
     settings = own.settings.with_changes({"trace.methods": ("pooled",)})
     limits = Settings.model_validate({}).verdict
     own = own.model_copy(update={"settings": settings.model_copy(update={"verdict": limits})})
-    return MemoryLog(log), machine_with_memory_channels(own, log), log.scenario.machine.mass_kg
+    return MemoryLog(log), read_channels_from_memory(own, log), log.scenario.machine.mass_kg
 
 
 def _mass(said: Answer) -> tuple[float, float] | None:

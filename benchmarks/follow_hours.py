@@ -17,15 +17,15 @@ import typer
 
 from analysis.model.machine import Machine
 from analysis.online.follower import Follower
-from analysis.online.growing_log import causal_machine
+from analysis.online.growing_log import make_causal_machine
 from analysis.simulation import Scenario
 from benchmarks.follow_live import NOISE
 from benchmarks.page import markdown
-from estimators.interpreted import compile_at_once
-from estimators.threads import one_blas_thread
+from estimators.interpreted import force_compilation
+from estimators.threads import limit_blas_to_one_thread
 from replay import load_machine, open_log
 from replay.follow.agreement import FollowedDigests
-from replay.inputs.channel_inputs import channel_fields
+from replay.inputs.channel_inputs import list_channel_fields
 from replay.simulation.simulate_logs import simulate_scenario
 
 SECOND_NS = 10**9
@@ -36,7 +36,7 @@ def driven(folder: Path, machine: Machine, rate_hz: float) -> dict[str, pl.DataF
     plan = {"campaign": {"loads_kg": [150], "runs": 4}, "sensors": {"rate_hz": rate_hz}}
     (log,) = simulate_scenario(Scenario.model_validate(plan), folder / "starts.mcap")
     with open_log(log) as opened:
-        return opened.read_many(channel_fields(causal_machine(machine)))
+        return opened.read_many(list_channel_fields(make_causal_machine(machine)))
 
 
 def later(samples: pl.DataFrame, by_ns: int) -> pl.DataFrame:
@@ -49,10 +49,10 @@ def resident_mb() -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
-@one_blas_thread()
+@limit_blas_to_one_thread()
 def main(hours: float = 8.0, rate: float = 20.0) -> None:
     rows: list[list[str]] = []
-    with TemporaryDirectory() as name, compile_at_once():
+    with TemporaryDirectory() as name, force_compilation():
         machine = load_machine("cat262c.toml", [*NOISE, f"settings.align.rate_hz={rate}"])
         window = round(machine.settings.gate.window_samples * rate / 100.0)
         changed = machine.settings.with_changes({"gate.window_samples": window})

@@ -153,16 +153,16 @@ def steps(machine: Any) -> str:
     from estimators.methods import incremental, rls
 
     rng = np.random.default_rng(0)
-    window = incremental.start_window(2, 320)
+    window = incremental.make_empty_window(2, 320)
     samples = rng.normal(size=(5000, 3))
     for sample in samples[:640]:
-        window = incremental.step_window(window, sample)
+        window = incremental.advance_window(window, sample)
     state = rls.start(samples[:320, :2], samples[:320, 2])
     settings = machine.settings.with_changes({"trace.methods": ("ls",)})
     ls_method = METHODS["ls"]
     options = ls_method.options(settings.trace, collect_axis_noise(X, settings))
     calls: dict[str, Callable[[Any], object]] = {
-        "sums of the window: index (11), OLS": lambda row: incremental.step_window(window, row),
+        "sums of the window: index (11), OLS": lambda row: incremental.advance_window(window, row),
         "OLS from them, with its deviation": lambda _row: ls_method.step(window, 10, options),
         "RLS, one sample, (12) to (15)": lambda row: rls.step(state, row[:2], float(row[2])),
     }

@@ -12,9 +12,9 @@ import polars as pl
 import typer
 
 from analysis.calibration.campaign.by_method import calibrate_methods
-from analysis.calibration.campaign.campaign_readings import masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import rms_errors
-from analysis.model.axes import straight_regressor_and_force
+from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
+from analysis.calibration.campaign.method_errors import compute_rms_errors
+from analysis.model.axes import make_straight_regressor_and_force
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.stages.estimation.trace import trace_estimates
@@ -42,7 +42,7 @@ def estimates_of(replayed: Run, runs: pl.DataFrame) -> dict[tuple[float, bool], 
         change = {"trace.forgetting": forgetting, "trace.directional_forgetting": directional}
         traced = trace_estimates(frame, gated, MACHINE.settings.with_changes(change))
         whole = Run({"estimates/rls": traced["rls"]}, replayed.provenance)
-        found[forgetting, directional] = masses_by_method_and_run(whole, runs)
+        found[forgetting, directional] = average_masses_by_method_and_run(whole, runs)
     return found
 
 
@@ -53,7 +53,9 @@ def campaign(seeds: int) -> tuple[Found, Found]:
     for seed in range(1, seeds + 1):
         plan = scenario(seed, loads_kg=Scenario().campaign.loads_kg)
         for option, table in estimates_of(*joined(plan, machine=MACHINE)).items():
-            left_out[option].append(rms_errors(calibrate_methods(table))["rmse_left_out_kg"][0])
+            left_out[option].append(
+                compute_rms_errors(calibrate_methods(table))["rmse_left_out_kg"][0]
+            )
             raw[option] += (table["mass_kg"] - table["reference_kg"]).to_list()
     return left_out, raw
 
@@ -83,7 +85,7 @@ def cruise(seeds: int) -> tuple[Found, Found]:
         plan = scenario(seed, runs=1, cruise_s=90.0)
         log = next(iter(simulate_campaign(plan)))
         frame = excitation(log, MACHINE)
-        A, f = straight_regressor_and_force(frame, MACHINE.settings)
+        A, f = make_straight_regressor_and_force(frame, MACHINE.settings)
         # until the brakes act: 0.1 s before, the mean looks back only
         driven = frame["t_ns"].to_numpy() < log.trials["braking_ns"][0] - log.trials["start_ns"][0]
         complete = np.arange(f.size) >= window - 1 + np.argmax(np.isfinite(A).all(axis=1))

@@ -13,10 +13,10 @@ from typing import Final
 import typer
 
 from recordings.review.week_page import (
-    day_text,
-    friction_trend_by_machine,
+    describe_friction_trends,
+    fit_friction_trends,
+    format_day,
     read_shifts_of_reviews,
-    trend_sentences,
 )
 from replay.review.review_shift import ReviewOptions, review_shift
 from replay.simulation.scenario_file import load_scenario
@@ -67,12 +67,12 @@ def main(hours: float = 0.25, seed: int = 1, keep: Path | None = None) -> None:
         folder = keep or Path(scratch)
         folder.mkdir(exist_ok=True)
         reviews, limit, true_d = review_week(folder, hours, seed)
-        trends = friction_trend_by_machine(read_shifts_of_reviews(reviews), limit)
-    for sentence in trend_sentences(trends):
+        trends = fit_friction_trends(read_shifts_of_reviews(reviews), limit)
+    for sentence in describe_friction_trends(trends):
         print(sentence)
     for trend in trends.values():
         inside = trend.reached_d is not None and trend.reached_d[0] <= true_d <= trend.reached_d[1]
-        print(f"true: {day_text(true_d)}; inside: {'yes' if inside else 'no'}")
+        print(f"true: {format_day(true_d)}; inside: {'yes' if inside else 'no'}")
 
 
 if __name__ == "__main__":

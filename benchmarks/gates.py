@@ -15,9 +15,9 @@ import polars as pl
 import typer
 
 from analysis.calibration.campaign.by_method import calibrate_methods
-from analysis.calibration.campaign.campaign_readings import masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import rms_errors
-from analysis.model.axes import straight_regressor_and_force
+from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
+from analysis.calibration.campaign.method_errors import compute_rms_errors
+from analysis.model.axes import make_straight_regressor_and_force
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario
 from analysis.stages.estimation.trace import trace_estimates
@@ -73,7 +73,9 @@ def chosen_windows(gated: pl.DataFrame, either_sign: np.ndarray) -> dict[tuple[s
     candidates = gated["accepted_x"].to_numpy()
     chosen = {("none", "–"): Chosen(candidates, candidates)}
     gated = gated.with_columns(
-        gaussian_x_nat=mutual_information.gaussian_information(gated["corr_x_1"].to_numpy())
+        gaussian_x_nat=mutual_information.correlation_to_gaussian_information(
+            gated["corr_x_1"].to_numpy()
+        )
     )
     for name, (column, sign, default) in GATES.items():
         candidate = either_sign if name == "gaussian" else candidates
@@ -106,8 +108,8 @@ def one_seed(parts: tuple[dict[str, object], ...], seed: int) -> dict[tuple[str,
         windows = estimates["ls"].join(truth, on="t_ns", suffix="_true").drop_nulls("mass_kg")
         error = (windows["mass_kg"] - windows["mass_kg_true"]).to_numpy()
         named = {f"estimates/{method}": table for method, table in estimates.items()}
-        by_run = masses_by_method_and_run(Run(named, replayed.provenance), runs)
-        errors = rms_errors(calibrate_methods(by_run))
+        by_run = average_masses_by_method_and_run(Run(named, replayed.provenance), runs)
+        errors = compute_rms_errors(calibrate_methods(by_run))
         left_out = dict(errors.select("method", "rmse_left_out_kg").iter_rows())
         raw = by_run.filter(pl.col("method") == "ls")
         raw_error = (raw["mass_kg"] - raw["reference_kg"]).drop_nulls().to_numpy()
@@ -158,18 +160,20 @@ def cost() -> str:
     """Microseconds a window, on the same windows in one process."""
     replayed, _ = joined(scenario(1, runs=3), machine=MACHINE)
     frame = replayed.frames["excitation"]
-    A, f = straight_regressor_and_force(frame, MACHINE.settings)
+    A, f = make_straight_regressor_and_force(frame, MACHINE.settings)
     window = MACHINE.settings.gate.window_samples
     complete = np.convolve(np.isfinite(A).all(axis=1) & np.isfinite(f), np.ones(window))[: f.size]
     index = np.flatnonzero(complete > window - 0.5).astype(np.int64)
     acc = A[:, 0].copy()
     calls = {
-        "information": lambda: mutual_information.window_correlation(acc, f, window),
-        "gaussian": lambda: mutual_information.gaussian_information(
-            mutual_information.window_correlation(acc, f, window)[0]
+        "information": lambda: mutual_information.compute_window_correlation(acc, f, window),
+        "gaussian": lambda: mutual_information.correlation_to_gaussian_information(
+            mutual_information.compute_window_correlation(acc, f, window)[0]
         ),
-        "ksg": lambda: nearest_neighbours.window_mutual_information(acc, f, window, index, 4),
-        "variance": lambda: ls.window_statistics(A, f, window, index),
+        "ksg": lambda: nearest_neighbours.estimate_window_mutual_information(
+            acc, f, window, index, 4
+        ),
+        "variance": lambda: ls.compute_window_statistics(A, f, window, index),
     }
     rows: list[list[str]] = []
     for name, call in calls.items():

@@ -20,17 +20,17 @@ import typer
 
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.campaign.campaign_readings import (
+    make_run_responses,
     read_campaign_runs,
-    responses_of_runs_to_learnt_means,
 )
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.use.apply_calibration import calibrate_loads, describe_later_log
 from analysis.calibration.use.learnt_priors import (
-    learnable_terms,
-    machine_for_later_log,
-    machine_with_learnt_priors,
-    pool_terms_of_logs,
+    apply_learnt_priors_to_machine,
+    pool_terms_over_logs,
+    prepare_machine_for_later_log,
+    select_learnable_terms,
 )
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
@@ -132,8 +132,8 @@ def changed(drawn: Drawn, change: str) -> Drawn:
 def machine_as_calibrated(own: Machine, calibrated_machine: Machine) -> Machine:
     """Give a machine the learnt priors of another, and the way in which that uses them."""
     priors = calibrated_machine.settings.priors
-    own = machine_with_learnt_priors(own, priors.learnt)
-    return machine_for_later_log(own) if priors.learnt_means == "told" else own
+    own = apply_learnt_priors_to_machine(own, priors.learnt)
+    return prepare_machine_for_later_log(own) if priors.learnt_means == "told" else own
 
 
 def replayed(
@@ -204,9 +204,9 @@ def calibrated(
         term
         for number, (each, _) in enumerate(raw)
         if not each.frames["loads"]["withheld"].any()
-        for term in learnable_terms(str(number), each.frames["nuisances"])
+        for term in select_learnable_terms(str(number), each.frames["nuisances"])
     ]
-    machine = machine_with_learnt_priors(raw[0][1], pool_terms_of_logs(said))
+    machine = apply_learnt_priors_to_machine(raw[0][1], pool_terms_over_logs(said))
     logs = [(state, np.random.default_rng(seed)) for state, seed in zip(states, seeds, strict=True)]
     again = [replayed(drawn, state, own, machine)[0] for state, own in logs]
     runs = [
@@ -220,7 +220,7 @@ def calibrated(
     responses = [
         one
         for each, about in zip(again, runs, strict=True)
-        for one in responses_of_runs_to_learnt_means(each, [about], "joint_mass")
+        for one in make_run_responses(each, [about], "joint_mass")
     ]
     reference_kg = mass_kg * (1.0 + np.array(loads_1))
     known = pl.DataFrame({"load_id": [r.log for r in runs], "reference_kg": reference_kg})
@@ -230,7 +230,7 @@ def calibrated(
         line = fit_calibration(pl.concat(tables), known, u_kg2, options, responses)
     except ValueError as fault:
         return str(fault)
-    return line, machine_for_later_log(machine)
+    return line, prepare_machine_for_later_log(machine)
 
 
 def later(

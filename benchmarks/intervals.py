@@ -13,13 +13,13 @@ import polars as pl
 import typer
 
 from analysis import Machine
-from analysis.model.axes import straight_regressor_and_force
+from analysis.model.axes import make_straight_regressor_and_force
 from analysis.simulation import simulate_campaign
 from analysis.stages.estimation.masses import summarise_masses
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows
-from analysis.stages.gating.segments import pooled_manoeuvre_of_samples
-from analysis.stages.motion.smooth import trailing_mean
+from analysis.stages.gating.segments import number_pooled_manoeuvres
+from analysis.stages.motion.smooth import compute_trailing_mean
 from benchmarks.page import markdown, put
 from benchmarks.simulated import coloured, cut, excitation, scenario
 from estimators.methods import pooled
@@ -64,8 +64,8 @@ def one_log(frame: pl.DataFrame, machine: Machine) -> dict[str, np.ndarray]:
     """Masses and deviations (rows, 2) of everything that the log gives."""
     settings = machine.settings
     gated = gate_windows(frame, settings)
-    ids = pooled_manoeuvre_of_samples(frame, gated, settings)
-    A, f = straight_regressor_and_force(frame, settings)
+    ids = number_pooled_manoeuvres(frame, gated, settings)
+    A, f = make_straight_regressor_and_force(frame, settings)
     segments = pooled.trace(A, f, ids)
     mass = segments.theta[:, 0]
     textbook, newey_west = of_others(A, f, ids)
@@ -91,7 +91,7 @@ def covered(values: list[np.ndarray], truth_kg: float) -> float:
 
 def white_as_strong(force_N: float, lasting_s: float) -> float:
     """White noise that has the variance of white 60 N and the coloured after the mean of ten."""
-    smoothed = trailing_mean(coloured(1_000_000, force_N, lasting_s, 100.0, 0), 10)[9:]
+    smoothed = compute_trailing_mean(coloured(1_000_000, force_N, lasting_s, 100.0, 0), 10)[9:]
     return float(np.sqrt(60.0**2 + 10.0 * smoothed.var()))
 
 

@@ -22,8 +22,8 @@ from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.page import markdown, put
 from benchmarks.weighed import machine
 from estimators.joint.group_effects import GroupEffects
-from estimators.numerics.autocorrelation import student_factor
-from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
+from estimators.numerics.autocorrelation import student_to_normal_ratio
+from replay.inputs.derived_logs import MemoryLog, read_channels_from_memory
 from replay.pipeline import run
 from tests.trials.drawn_designs import join_designs
 
@@ -194,7 +194,7 @@ def one_state(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
                 units = manoeuvres(dice, state, level_kg, scatter, **more).units
                 units = replace(units, kind=units.kind + boom)
                 found = find_load_states(units, np.arange(count), None)
-                single += found.count == 1
+                single += found.state_count == 1
                 doubted += found.other is not None
             label = f"{name}, scatter {scatter:g}"
             yield [label, f"{100 * single / logs:.1f} %", f"{100 * doubted / logs:.1f} %"]
@@ -206,7 +206,7 @@ def whole_states(name: str, number: int) -> tuple[int, bool]:
     own = {"campaign": {"runs": starts}, "sensors": {"seed": 8_000_000 + number}}
     scenario = Scenario.model_validate(join_designs(join_designs(LOADER, own), ONE_LOAD[name]))
     (log,) = simulate_campaign(scenario)
-    replayed = run(MemoryLog(log), machine_with_memory_channels(machine((POOLED,)), log))
+    replayed = run(MemoryLog(log), read_channels_from_memory(machine((POOLED,)), log))
     loads = replayed.frames["loads"]
     return loads.height, "states or scatter" in (loads["said"][0] or "")
 
@@ -240,7 +240,7 @@ def held(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
             mean = np.bincount(state, weights=weight * found.level_kg) / total
             noise = np.bincount(state, weights=weight**2 * drawn.units.variance) / total**2
             between = np.bincount(state, weights=(weight * found.scatter_kg) ** 2) / total**2
-            variance = noise + between * student_factor(found.freedom) ** 2
+            variance = noise + between * student_to_normal_ratio(found.freedom) ** 2
             errors = mean - level_kg
             masses += (errors / np.sqrt(variance)).tolist()
             payloads += ((errors[1:] - errors[0]) / np.sqrt(variance[1:] + variance[0])).tolist()

@@ -30,7 +30,7 @@ from estimators.errors import PayscopeError
 from replay.explain.proposal_edits import Proposal, insert_proposals
 from replay.explain.try_proposals import MachineText, write_corrected_machine_file
 from replay.logs import open_log
-from replay.machines.machine_file import load_machine, machine_file_or_shipped, time_axis_of_machine
+from replay.machines.machine_file import find_machine_file, find_time_axis_of_machine, load_machine
 from replay.pipeline import run
 from replay.simulation.simulate_logs import write_logs
 from tests.trials.drawn_designs import Sections, join_designs
@@ -127,7 +127,7 @@ def trial(
         bags = {"clean": folder / "clean.bag", "faulty": folder / "faulty.bag"}
         write_logs([straight, faulty], list(bags.values()))
         machine = load_machine(file, (POOLED, *fault.overrides))
-        with open_log(bags["faulty"], time=time_axis_of_machine(machine)) as log:
+        with open_log(bags["faulty"], time=find_time_axis_of_machine(machine)) as log:
             before = run(log, machine)
         output = folder / "mended.toml"
         source = MachineText(file, (POOLED, *fault.overrides))
@@ -179,7 +179,7 @@ def _machine_text(log: SimulatedLog, axes: Mapping[str, str]) -> str:
         "machine.force_share": body.force_share,
         **{f"channels.{key}": value for key, value in axes.items()},
     }
-    shipped = machine_file_or_shipped(Path("cat262c.toml"))
+    shipped = find_machine_file(Path("cat262c.toml"))
     changes = [Proposal(key, value, "", "simulated") for key, value in stated.items()]
     return insert_proposals(shipped.read_text(encoding="utf-8"), changes, shipped)
 
@@ -188,7 +188,7 @@ def _mass_kg(bag: Path, file: Path, overrides: Sequence[str]) -> float | None:
     """The answer's mass whatever the verdict is."""
     machine = load_machine(file, (POOLED, *OPEN, *overrides))
     try:
-        with open_log(bag, time=time_axis_of_machine(machine)) as log:
+        with open_log(bag, time=find_time_axis_of_machine(machine)) as log:
             return run(log, machine).frames["loads"].row(0, named=True)["mass_kg"]
     except PayscopeError:
         return None

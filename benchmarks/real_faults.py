@@ -21,10 +21,10 @@ from rosbags.rosbag1 import Reader, Writer
 
 from benchmarks.page import markdown, put
 from estimators.errors import DataError
-from recordings.report.finding_text import cause_name, findings_of_run
+from recordings.report.finding_text import find_cause_name, read_findings
 from replay.explain.try_proposals import MachineText, write_corrected_machine_file
 from replay.logs import open_log
-from replay.machines.machine_file import load_machine, time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine, load_machine
 from replay.pipeline import run
 
 REPO: Final = Path(__file__).resolve().parent.parent
@@ -166,14 +166,14 @@ def trial(fault: RealFault, size: float, table: Path, bag: Path, seed: int = 1) 
             log, file = Path(name) / "axis.csv", REPO / "examples/linear_axis.toml"
             fault.made(pl.read_csv(table), size, dice).write_csv(log)
         machine = load_machine(file)
-        with open_log(log, time=time_axis_of_machine(machine)) as opened:
+        with open_log(log, time=find_time_axis_of_machine(machine)) as opened:
             before = run(opened, machine)
         output = Path(name) / "mended.toml"
         after = write_corrected_machine_file(log, MachineText(file), before, (output, False))
     return RealTrial(
         fault.name.format(size),
         fault.causes,
-        tuple(each.cause for each in findings_of_run(before)),
+        tuple(each.cause for each in read_findings(before)),
         _mass_kg(before.frames["loads"].to_dicts()),
         tuple(f"{each.key} = {each.value}" for each in after.changes),
         _mass_kg(after.after.loads),
@@ -212,7 +212,7 @@ def table_of(trials: Sequence[RealTrial]) -> str:
             each.what,
             _kg(each.mass_kg),
             ", ".join(
-                f"**{cause_name(name)}**" if name in each.causes else cause_name(name)
+                f"**{find_cause_name(name)}**" if name in each.causes else find_cause_name(name)
                 for name in each.named
             )
             or "no cause",

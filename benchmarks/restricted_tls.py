@@ -15,7 +15,7 @@ import polars as pl
 import typer
 from scipy.linalg import eigh
 
-from analysis.model.axes import X, straight_regressor_and_force
+from analysis.model.axes import X, make_straight_regressor_and_force
 from analysis.model.machine import Channel, Machine
 from analysis.model.windows import mark_samples_in_windows
 from analysis.simulation import simulate_campaign
@@ -24,7 +24,7 @@ from analysis.stages.noise.column_noise import collect_axis_noise
 from benchmarks.page import markdown
 from benchmarks.simulated import scenario
 from replay import load_machine, run
-from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import MemoryLog, read_channels_from_memory
 
 LOADED: Final = 150.0
 METHODS: Final = ("rls", "rtls", "pooled")
@@ -48,7 +48,7 @@ def restricted(
     excitation: pl.DataFrame, samples: np.ndarray, machine: Machine, noise: pl.DataFrame
 ) -> float:
     """The mass of the last state: the smallest generalised eigenvector of the discounted Gram."""
-    A, f = straight_regressor_and_force(excitation, machine.settings)
+    A, f = make_straight_regressor_and_force(excitation, machine.settings)
     z = np.column_stack([A, f])[samples]
     weights = FORGETTING ** np.arange(len(z))[::-1]
     covariance = collect_axis_noise(X, machine.settings, noise).mean
@@ -65,7 +65,7 @@ def main(logs: int = 40) -> None:
             plan = scenario(seed, loads_kg=(LOADED,), runs=3)
             (log,) = simulate_campaign(plan)
             truth = float(log.trials["mass_kg"][0])
-            replayed = run(MemoryLog(log), machine_with_memory_channels(machine, log))
+            replayed = run(MemoryLog(log), read_channels_from_memory(machine, log))
             frames = replayed.frames
             for method in METHODS:
                 if (frame := frames[f"estimates/{method}"]).height:

@@ -34,8 +34,8 @@ from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.learnt_priors import describe_contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
-from analysis.cycles.haul_spillage import subtract_spillage_from_payloads
-from analysis.cycles.shift_totals import recount_shift
+from analysis.cycles.haul_spillage import subtract_spillage_in_columns
+from analysis.cycles.shift_totals import recompute_shift_totals
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from benchmarks.independent.machine_file import Known
@@ -138,7 +138,7 @@ def _on_own_scale(cycles: pl.DataFrame) -> pl.DataFrame:
             pl.col("payload_u_random_kg") ** 2 + pl.col("payload_u_common_kg") ** 2
         ).sqrt()
     )
-    return subtract_spillage_from_payloads(unspilled)
+    return subtract_spillage_in_columns(unspilled)
 
 
 def _campaign_of(log: ShiftLog, seed: int) -> tuple[Calibration, Machine] | str:
@@ -173,7 +173,7 @@ def scaled(seed: int, hours: float, *, clean: bool, wrong_scale: bool) -> Scaled
 
     def count(arm: str, frames: dict[str, pl.DataFrame], found: pl.DataFrame) -> None:
         cycles[arm] = found.select(_CYCLE).to_dicts()
-        shift[arm] = recount_shift(frames["shift"], found).row(0, named=True)
+        shift[arm] = recompute_shift_totals(frames["shift"], found).row(0, named=True)
 
     with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
         paths, stated = write_shift_log(log, Path(name))

@@ -16,11 +16,11 @@ from analysis.model.machine import Machine
 from analysis.model.prior_settings import PriorSettings
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario
-from analysis.simulation.trials.trial_limits import check_shift_can_be_driven
+from analysis.simulation.trials.trial_limits import refuse_undrivable_shift
 from estimators.errors import ScenarioError
 from replay import load_machine, open_log
 from replay.pipeline import run
-from replay.simulation.simulate_logs import shift_truth_path, simulate_scenario
+from replay.simulation.simulate_logs import make_shift_truth_path, simulate_scenario
 from tests.trials.drawn_designs import (
     LOADER_KG,
     Sections,
@@ -163,10 +163,10 @@ def drawn_shift(
         scenario = Scenario.model_validate(sections)
         assert scenario.shift is not None
         try:
-            check_shift_can_be_driven(scenario, scenario.shift)
+            refuse_undrivable_shift(scenario, scenario.shift)
             if physics:
                 steepest = _at_its_steepest(scenario)
-                check_shift_can_be_driven(steepest, scenario.shift)
+                refuse_undrivable_shift(steepest, scenario.shift)
         except ScenarioError:
             continue
         stated = {
@@ -271,7 +271,7 @@ def reviewed_shift(
     """
     scenario, machine = drawn_shift(seed, hours, break_s, physics=physics)
     logs = simulate_scenario(scenario, folder / "shift.mcap", force=True)
-    truth = json.loads(shift_truth_path(folder / "shift.mcap").read_text(encoding="utf-8"))
+    truth = json.loads(make_shift_truth_path(folder / "shift.mcap").read_text(encoding="utf-8"))
     with ExitStack() as stack:
         made = run([stack.enter_context(open_log(path)) for path in logs], machine)
     assert scenario.shift is not None

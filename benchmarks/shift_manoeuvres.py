@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.cycles.cycles import weigh_cycles
 from analysis.cycles.load_passes import Passes, find_load_passes
-from analysis.cycles.shift_totals import sum_shift
+from analysis.cycles.shift_totals import make_shift_totals
 from analysis.model.schema import build_frame
 from analysis.model.verdict import Verdict
 from analysis.weighing.fit_columns import PreviousEstimates
@@ -174,7 +174,7 @@ def weighed_shift(truth: DrawnShift, *, oracle: bool = False) -> ManoeuvreShift:
         update={"machine": _MACHINE.machine.model_copy(update={"force_gain_u": GAIN_U})}
     )
     table = weigh_cycles(weighing, frames, machine, Verdict(()), known).cycles
-    summary = sum_shift(table, frames["excitation"], frames["aligned"]).row(0, named=True)
+    summary = make_shift_totals(table, frames["excitation"], frames["aligned"]).row(0, named=True)
     found = known or find_load_passes(frames["loads"], frames["manoeuvres"], frames["digging"])
     return _compared(truth, table, summary, found, hat)
 
@@ -212,7 +212,7 @@ class _Estimated(NamedTuple):
 
 def _weighing(truth: DrawnShift, states: LoadStates) -> tuple[Weighing, Floats]:
     """The joint fit at manoeuvre level; and (3, manoeuvres), what nuisances are found of."""
-    units, count = truth.units, states.count
+    units, count = truth.units, states.state_count
     n, r = units.x.shape
     A = np.zeros((n, count + r))
     A[np.arange(n), states.membership] = 1.0
@@ -288,7 +288,7 @@ def _frames(truth: DrawnShift, states: LoadStates, hat: Floats) -> dict[str, pl.
         ),
         "loads": pl.DataFrame(
             {
-                "load_id": np.arange(states.count),
+                "load_id": np.arange(states.state_count),
                 "scatter_kg": states.scatter_kg,
                 "withheld": False,
                 "withheld_for": "",

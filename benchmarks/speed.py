@@ -21,16 +21,16 @@ from numba import njit
 
 from estimators.arrays import Floats, Ints
 from estimators.methods import fgls, tls
-from estimators.numerics.mutual_information import correlated_sums
-from estimators.numerics.normal_equations import solve
+from estimators.numerics.mutual_information import sum_windows_with_correlation
+from estimators.numerics.normal_equations import solve_packed_equations
 from estimators.numerics.recursive import (
-    fed_samples,
-    feed_products,
+    accumulate_discounted_products,
+    iter_sample_chunks,
+    list_fed_samples,
     pad_entries_to_lanes,
-    sample_chunks,
 )
-from estimators.numerics.rolling import sum_windows
-from estimators.numerics.small_systems import pack
+from estimators.numerics.rolling import sum_window_products
+from estimators.numerics.small_systems import pack_symmetric_matrix
 from estimators.threads import run_in_chunks
 
 #: One core each.
@@ -122,8 +122,8 @@ def ols_and_rho(data: Data) -> Floats:
     out, index = np.empty((data.index.size, 3)), data.index
 
     def work(rows: slice) -> None:
-        products, rho, _ = correlated_sums(data.A, data.f, WINDOW, index[rows])
-        out[rows, :2] = solve(products).theta.T
+        products, rho, _ = sum_windows_with_correlation(data.A, data.f, WINDOW, index[rows])
+        out[rows, :2] = solve_packed_equations(products).theta.T
         out[rows, 2] = rho
 
     run_in_chunks(work, index.size)
@@ -134,7 +134,9 @@ def ols(data: Data) -> Floats:
     out, index = np.empty((data.index.size, 2)), data.index
 
     def work(rows: slice) -> None:
-        out[rows] = solve(sum_windows(data.A, data.f, WINDOW, index[rows])).theta.T
+        out[rows] = solve_packed_equations(
+            sum_window_products(data.A, data.f, WINDOW, index[rows])
+        ).theta.T
 
     run_in_chunks(work, index.size)
     return out
@@ -150,14 +152,14 @@ def weighted(data: Data) -> Floats:
 
 def recursive(data: Data) -> Floats:
     """θ alone, from P₀ = I / ε and no first window, as padasip starts."""
-    fed, seen = fed_samples(np.arange(1, data.f.size), 2)
+    fed, seen = list_fed_samples(np.arange(1, data.f.size), 2)
     theta = np.empty((seen.size, 2))
-    past = pad_entries_to_lanes(pack(np.diag([EPSILON, EPSILON, 0.0])))
-    feed_products(data.A, data.f, np.arange(2), 0.998, past)
-    theta[0] = solve(past[:6].reshape(-1, 1)).theta[:, 0]
-    for of_chunk, of_rows, at_rows in sample_chunks(seen):
-        sums = feed_products(data.A, data.f, fed[of_chunk], 0.998, past)
-        theta[of_rows] = np.take(solve(sums[:6]).theta, at_rows, axis=1).T
+    past = pad_entries_to_lanes(pack_symmetric_matrix(np.diag([EPSILON, EPSILON, 0.0])))
+    accumulate_discounted_products(data.A, data.f, np.arange(2), 0.998, past)
+    theta[0] = solve_packed_equations(past[:6].reshape(-1, 1)).theta[:, 0]
+    for of_chunk, of_rows, at_rows in iter_sample_chunks(seen):
+        sums = accumulate_discounted_products(data.A, data.f, fed[of_chunk], 0.998, past)
+        theta[of_rows] = np.take(solve_packed_equations(sums[:6]).theta, at_rows, axis=1).T
     return theta
 
 

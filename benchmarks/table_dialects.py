@@ -17,7 +17,7 @@ from analysis.model.machine import Machine
 from benchmarks.dialects.dialect_file import MASS_KG, DialectFile
 from benchmarks.dialects.every_file import SETS, answered, files_of_set
 from estimators.errors import PayscopeError
-from replay.commands.common_options import time_axis_from_options
+from replay.commands.common_options import make_time_axis_from_options
 from replay.init.guess_machine import draft_machine_file
 from replay.logs import Log, open_log
 from replay.machines.machine_file import load_machine
@@ -37,7 +37,7 @@ def outcome(file: DialectFile, folder: Path) -> tuple[str, bool, str]:
     machine_path = folder / "machine.toml"
     stage, is_drafted = "refused", False
     try:
-        axis = time_axis_from_options(None, None, list(file.keys))
+        axis = make_time_axis_from_options(None, None, list(file.keys))
         with open_log(path, time=axis) as log:
             draft, _ = draft_machine_file(log, axis)
             stage = "opened"

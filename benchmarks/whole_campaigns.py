@@ -16,21 +16,21 @@ from scipy.stats import t as student_t
 
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.campaign.campaign_readings import (
+    make_run_responses,
     read_campaign_runs,
-    responses_of_runs_to_learnt_means,
 )
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.use.apply_calibration import calibrate_loads, describe_later_log
 from analysis.calibration.use.learnt_priors import (
-    learnable_terms,
-    machine_with_learnt_priors,
-    pool_terms_of_logs,
+    apply_learnt_priors_to_machine,
+    pool_terms_over_logs,
+    select_learnable_terms,
 )
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import MemoryLog, read_channels_from_memory
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 
@@ -104,7 +104,7 @@ def log_of(
 
 
 def replays(logs: Sequence[SimulatedLog], machine: Machine) -> list[Run]:
-    return [run(MemoryLog(log), machine_with_memory_channels(machine, log)) for log in logs]
+    return [run(MemoryLog(log), read_channels_from_memory(machine, log)) for log in logs]
 
 
 def run_of(load_kg: float) -> CampaignRun:
@@ -136,9 +136,9 @@ def campaign(seed: int, machine: Machine) -> dict[str, list[Outcome]]:
     said = [
         term
         for load_kg, each in zip(LOADS_KG, raw, strict=False)
-        for term in learnable_terms(f"{load_kg:g}", each.frames["nuisances"])
+        for term in select_learnable_terms(f"{load_kg:g}", each.frames["nuisances"])
     ]
-    narrow = replays(logs, machine_with_learnt_priors(machine, pool_terms_of_logs(said)))
+    narrow = replays(logs, apply_learnt_priors_to_machine(machine, pool_terms_over_logs(said)))
     return {
         name: _outcomes(replayed, references)
         for name, replayed in (("learnt from its logs", narrow), ("of the machine file", raw))
@@ -153,7 +153,7 @@ def _outcomes(replayed: list[Run], references: pl.DataFrame) -> list[Outcome]:
     responses = [
         one
         for each, load_kg in zip(first, LOADS_KG, strict=True)
-        for one in responses_of_runs_to_learnt_means(each, [run_of(load_kg)], "joint_mass")
+        for one in make_run_responses(each, [run_of(load_kg)], "joint_mass")
     ]
     options = CalibrationOptions("joint_mass")
     line = fit_calibration(table, references, covariance, options, responses)

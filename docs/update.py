@@ -113,7 +113,7 @@ def with_tables(page: str) -> str:
 def settings_table() -> str:
     """Every setting with its default and meaning, from where it is declared."""
     rows = ["| setting | default | meaning |", "|---|---|---|"]
-    for part, model in Settings.stage_models().items():
+    for part, model in Settings.list_stage_models().items():
         for name, field in model.model_fields.items():
             default = json.dumps(field.default)
             rows.append(f"| `{part}.{name}` | `{default}` | {field.description or ''} |")

@@ -36,7 +36,7 @@ def make_cache_folder(source: Path) -> Path:
     """
     inside = source.relative_to(_HOUSE)
     module = ".".join(inside.with_suffix("").parts)
-    for parent in _cache_roots(inside.parts[0]):
+    for parent in _list_cache_parents(inside.parts[0]):
         folder = parent / module / _digest_source_and_imports(source)
         if _is_writable(folder):
             _remove_outdated_cache_folders(folder)
@@ -47,7 +47,7 @@ def make_cache_folder(source: Path) -> Path:
 known_folder_of: Final = cache(make_cache_folder)
 
 
-def is_cached(source: Path, name: str) -> bool:
+def is_function_cached(source: Path, name: str) -> bool:
     """Whether a compiled form of a function is in the cache, given its module's file."""
     return any(known_folder_of(source).glob(f"*/{source.stem}.{name}-*.nbi"))
 
@@ -55,26 +55,26 @@ def is_cached(source: Path, name: str) -> bool:
 def are_all_compiled() -> bool:
     """Whether `mark_all_compiled` was called with the present sources and numba."""
     try:
-        return _all_compiled_marker_path().read_text(encoding="utf-8") == _describe_cache_state()
+        return _path_of_all_compiled_marker().read_text(encoding="utf-8") == _describe_cache_state()
     except OSError:
         return False
 
 
 def mark_all_compiled() -> None:
     """Record that every compiled loop is in the cache."""
-    marker = _all_compiled_marker_path()
+    marker = _path_of_all_compiled_marker()
     partial = marker.with_name(f"{marker.name}.{os.getpid()}")
     partial.write_text(_describe_cache_state(), encoding="utf-8")
     partial.replace(marker)
 
 
-def persistent_cache_folder_or_none() -> Path | None:
+def find_persistent_cache_folder() -> Path | None:
     """Folder of the cache; None if no folder that outlasts the process is writable."""
-    folder = _all_compiled_marker_path().parent
+    folder = _path_of_all_compiled_marker().parent
     return None if folder == _make_temporary_folder().parent else folder
 
 
-def _all_compiled_marker_path() -> Path:
+def _path_of_all_compiled_marker() -> Path:
     return known_folder_of(_HOUSE / Path(__file__).parent.name / "compiled.py").parents[1] / "all"
 
 
@@ -93,13 +93,15 @@ def _has_compiled_loops(source: Path) -> bool:
 def clear_cache() -> list[Path]:
     """Remove the cache, because part of it is unreadable; returns the removed folders."""
     packages = [path.parent.name for path in _HOUSE.glob("*/__init__.py")]
-    kept = {parent for package in packages for parent in _cache_roots(package) if parent.is_dir()}
+    kept = {
+        parent for package in packages for parent in _list_cache_parents(package) if parent.is_dir()
+    }
     for parent in kept:
         shutil.rmtree(parent, ignore_errors=True)
     return sorted(kept)
 
 
-def _cache_roots(package: str) -> tuple[Path, ...]:
+def _list_cache_parents(package: str) -> tuple[Path, ...]:
     """Possible parents of a package's cache folders, the preferred one first."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if chosen:

@@ -38,7 +38,7 @@ _ONE_AT_A_TIME: Final = Lock()
 
 def compiled(function: F) -> F:
     """Compile a function of arrays on its first call."""
-    return _compile_lazily(function, _OPTIONS)
+    return _compile_on_first_call(function, _OPTIONS)
 
 
 def compiled_without_refcounts(function: F) -> F:
@@ -47,16 +47,16 @@ def compiled_without_refcounts(function: F) -> F:
     In a loop of millions that passes arrays between functions, counting costs more than the work.
     The functions that it calls are compiled likewise.
     """
-    return _compile_lazily(function, {**_OPTIONS, "_nrt": False})
+    return _compile_on_first_call(function, {**_OPTIONS, "_nrt": False})
 
 
 def compiled_inline(function: F) -> F:
     """Compile a function into each of its callers."""
-    return _compile_lazily(function, {**_OPTIONS, "_nrt": False, "forceinline": True})
+    return _compile_on_first_call(function, {**_OPTIONS, "_nrt": False, "forceinline": True})
 
 
-def _compile_lazily(function: F, options: Mapping[str, Any]) -> F:
-    with _cache_compiled_in(known_folder_of(Path(function.__code__.co_filename))):
+def _compile_on_first_call(function: F, options: Mapping[str, Any]) -> F:
+    with _use_cache_folder(known_folder_of(Path(function.__code__.co_filename))):
         dispatcher = cast("Any", njit)(**options)(function)
     dispatcher._cache._cache_file.__class__ = _ContentNamedIndex  # noqa: SLF001 - numba has no other way
     return cast("F", dispatcher)
@@ -76,7 +76,7 @@ class _ContentNamedIndex(cast("Any", IndexDataCacheFile)):
 
 
 @contextmanager
-def _cache_compiled_in(folder: Path) -> Generator[None]:
+def _use_cache_folder(folder: Path) -> Generator[None]:
     """Cache functions decorated inside this context in a folder, and no others."""
     with _ONE_AT_A_TIME:
         usual = _SETTINGS.CACHE_DIR

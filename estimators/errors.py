@@ -76,10 +76,10 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else " " if c.isspace() else "�" for c in text)
 
 
-def list_some(names: Sequence[object], most: int) -> str:
-    """The first `most` names, separated by commas, and how many more there are."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(map(str, names[:most])) + more
+def list_some(names: Sequence[object], max_count: int) -> str:
+    """The first `max_count` names, separated by commas, and how many more there are."""
+    more = f" and {len(names) - max_count} more" if len(names) > max_count else ""
+    return ", ".join(map(str, names[:max_count])) + more
 
 
 def counted(count: int, thing: str) -> str:
@@ -87,7 +87,7 @@ def counted(count: int, thing: str) -> str:
     return f"{count:,} {thing}{'' if count == 1 else 's'}"
 
 
-def nearest(word: str, choices: Iterable[str]) -> str:
+def suggest_choice(word: str, choices: Iterable[str]) -> str:
     """Suggest the choice most similar to `word`, or list all choices."""
     known = sorted(choices)
     close = get_close_matches(word, known, n=1, cutoff=0.6)

@@ -23,7 +23,7 @@ from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 
-from estimators.compile_cache import is_cached
+from estimators.compile_cache import is_function_cached
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -64,7 +64,7 @@ class _ColdLoopRule:
 
 
 @contextmanager
-def compile_at_once() -> Generator[None]:
+def force_compilation() -> Generator[None]:
     """Context in which every called loop is compiled, even for little work."""
     before = _InterpreterBudget.seconds, _ColdLoopRule.allowed
     _InterpreterBudget.seconds, _ColdLoopRule.allowed = 0.0, False
@@ -107,7 +107,7 @@ class Loop:
         """The function as run by the interpreter."""
         if self._by_arrays is not None:
             return self._by_arrays
-        return self._replace_globals(
+        return self._with_replaced_globals(
             {name: each.interpreted for name, each in self._find_called_loops().items()}
         )
 
@@ -117,12 +117,14 @@ class Loop:
         from estimators import compiled  # imports numba, which is slow
 
         calls = {name: each.compiled for name, each in self._find_called_loops().items()}
-        return getattr(compiled, self._how)(self._replace_globals(calls))
+        return getattr(compiled, self._how)(self._with_replaced_globals(calls))
 
     @cached_property
     def is_cached(self) -> bool:
         """Whether a process has compiled it before, so that it starts at once."""
-        return is_cached(Path(self._function.__code__.co_filename), self._function.__qualname__)
+        return is_function_cached(
+            Path(self._function.__code__.co_filename), self._function.__qualname__
+        )
 
     def __call__(self, *arguments: Any) -> Any:
         """Run the form that suits the amount of work."""
@@ -139,7 +141,7 @@ class Loop:
                 _InterpreterBudget.seconds -= thread_time() - begin
         if (
             _ColdLoopRule.allowed
-            and self._may_interpret_uncached
+            and self._may_interpret_while_uncached
             and self._turns(*arguments) <= self._most_cold
         ):
             begin = thread_time()
@@ -150,7 +152,7 @@ class Loop:
         return self.compiled(*arguments)
 
     @property
-    def _may_interpret_uncached(self) -> bool:
+    def _may_interpret_while_uncached(self) -> bool:
         return self._cold_seconds > 0 and not self.is_cached
 
     def _run_interpreted(self, arguments: tuple[Any, ...]) -> Any:
@@ -163,7 +165,7 @@ class Loop:
         used = {name: names.get(name) for name in self._function.__code__.co_names}
         return {name: each for name, each in used.items() if isinstance(each, Loop | Primitive)}
 
-    def _replace_globals(self, names: dict[str, Any]) -> Callable[..., Any]:
+    def _with_replaced_globals(self, names: dict[str, Any]) -> Callable[..., Any]:
         """The function with some of its global names replaced."""
         mine = self._function
         made = FunctionType(
@@ -205,20 +207,20 @@ def compiled_inline(function: F) -> F:
     return cast("F", Loop(function, _INLINED))
 
 
-def compiled_unless_few_turns(count_turns: Callable[..., int]) -> Callable[[F], F]:
+def compiled_for_many_iterations(count_iterations: Callable[..., int]) -> Callable[[F], F]:
     """Like `compiled`, with a function that computes the number of iterations."""
-    return lambda function: cast("F", Loop(function, _COMPILED, count_turns))
+    return lambda function: cast("F", Loop(function, _COMPILED, count_iterations))
 
 
-def compiled_ahead(function: F) -> F:
+def compiled_unless_short_log(function: F) -> F:
     """Like `compiled`, but interpreted only for a short log without a cached form."""
     return cast("F", Loop(function, _COMPILED, largest_dimension, at_first=False))
 
 
-def compiled_with_array_form(by_arrays: Callable[..., Any]) -> Callable[[F], F]:
-    """Like `compiled_ahead`, with whole-array operations for the interpreter."""
+def compiled_with_array_form(array_form: Callable[..., Any]) -> Callable[[F], F]:
+    """Like `compiled_unless_short_log`, with whole-array operations for the interpreter."""
     return lambda function: cast(
-        "F", Loop(function, _COMPILED, largest_dimension, by_arrays, at_first=False)
+        "F", Loop(function, _COMPILED, largest_dimension, array_form, at_first=False)
     )
 
 

@@ -28,7 +28,7 @@ _LARGEST_HEAP_BLOCKS: Final = (1 << 30, 1 << 25)
 _MOST_KEPT: Final = 1 << 30
 
 
-def _keep_freed_memory() -> None:
+def _keep_freed_memory_in_glibc() -> None:
     """Have glibc keep freed memory, where there is a glibc that the environment does not set.
 
     Left alone, it gives blocks beyond a threshold back to the system. Each chunk's arrays would be
@@ -44,7 +44,7 @@ def _keep_freed_memory() -> None:
         mallopt(_TRIM_THRESHOLD, _MOST_KEPT)
 
 
-_keep_freed_memory()
+_keep_freed_memory_in_glibc()
 
 
 def release_freed_memory() -> None:
@@ -54,35 +54,35 @@ def release_freed_memory() -> None:
         trim(0)
 
 
-def run_in_chunks(work: Callable[[slice], None], rows: int) -> None:
-    """Call `work` with slices that cover `rows`, in any order; each writes only its own rows.
+def run_in_chunks(process_slice: Callable[[slice], None], rows: int) -> None:
+    """Call `process_slice` for slices that cover `rows`, in any order; each writes its own rows.
 
     The loops release the interpreter's lock. NUMBA_NUM_THREADS limits the cores, as for numba.
     """
     chunks = [slice(begin, min(begin + CHUNK, rows)) for begin in range(0, rows, CHUNK)]
-    map_in_threads(work, chunks, _WORTH_THREADS)
+    map_in_threads(process_slice, chunks, _WORTH_THREADS)
 
 
 def map_in_threads(
-    work: Callable[[T], R], items: Sequence[T], items_per_thread: int = 1
+    process_item: Callable[[T], R], items: Sequence[T], items_per_thread: int = 1
 ) -> list[R]:
-    """Call `work` with each item, and return the results in order.
+    """Call `process_item` with each item, and return the results in order.
 
     Args:
-        work: function that mostly runs loops which release the interpreter's lock.
+        process_item: function that mostly runs loops which release the interpreter's lock.
         items: arguments of the calls.
         items_per_thread: minimum number of items for each thread.
     """
     cores: int = config.NUMBA_NUM_THREADS  # pyright: ignore[reportAttributeAccessIssue] made at run time
     threads = min(cores, len(items) // items_per_thread)
     if threads < 2:
-        return [work(item) for item in items]
+        return [process_item(item) for item in items]
     with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(work, items))
+        return list(pool.map(process_item, items))
 
 
 @contextmanager
-def one_blas_thread() -> Generator[None]:
+def limit_blas_to_one_thread() -> Generator[None]:
     """Limit BLAS to one thread, as a context or a decorator.
 
     BLAS splits sums over long vectors among its threads, so that their last bits depend on the

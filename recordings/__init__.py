@@ -9,11 +9,16 @@ from estimators.late_names import make_late_getattr
 
 if TYPE_CHECKING:
     from recordings.plots.run_plots import plot_run
-    from recordings.rrd.reader import columns_by_frame, read_frame, read_provenance, read_recording
+    from recordings.rrd.reader import (
+        list_columns_by_frame,
+        read_frame,
+        read_provenance,
+        read_recording,
+    )
     from recordings.rrd.writer import require_writable_recording, write_recording
 
 __all__ = [
-    "columns_by_frame",
+    "list_columns_by_frame",
     "plot_run",
     "read_frame",
     "read_provenance",
@@ -30,7 +35,7 @@ __getattr__ = make_late_getattr(
         "read_frame": "recordings.rrd.reader",
         "read_provenance": "recordings.rrd.reader",
         "read_recording": "recordings.rrd.reader",
-        "columns_by_frame": "recordings.rrd.reader",
+        "list_columns_by_frame": "recordings.rrd.reader",
         "write_recording": "recordings.rrd.writer",
     },
 )

@@ -7,7 +7,7 @@ from typing import Final
 import polars as pl
 
 from analysis.cycles.cycles import weigh_cycles
-from analysis.cycles.shift_totals import sum_shift
+from analysis.cycles.shift_totals import make_shift_totals
 from analysis.diagnosis import (
     CheckInputs,
     collect_raw_signals,
@@ -20,7 +20,7 @@ from analysis.findings import (
     FindingInputs,
     add_masked_findings,
     cut_to_first_hour,
-    drop_findings_of_work,
+    drop_findings_explained_by_work,
     find_causes,
 )
 from analysis.model.loss import Loss
@@ -29,7 +29,7 @@ from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import make_planar_frames
 from analysis.stages.estimation.masses import (
-    reasons_for_no_answer,
+    list_reasons_for_no_answer,
     summarise_masses,
     withhold_masses,
 )
@@ -44,32 +44,32 @@ from analysis.stages.gating.segments import pool_by_manoeuvre
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import estimate_channel_noise
-from analysis.stages.noise.channel_noise import noise_source_notes as noise_notes
+from analysis.stages.noise.channel_noise import write_noise_source_notes as noise_notes
 from analysis.stages.signals.align import align
-from analysis.stages.signals.align import alignment_notes as grid_notes
+from analysis.stages.signals.align import write_alignment_notes as grid_notes
 from analysis.stages.signals.copied_rows import (
     Copy,
-    copied_row_notes,
     drop_copied_rows,
     find_copied_rows,
+    write_copied_row_notes,
 )
 from analysis.stages.signals.derive import derive, read_measured_channels
-from analysis.stages.signals.grid_rate import machine_at_rate_of_log
+from analysis.stages.signals.grid_rate import set_rate_from_log
 from analysis.stages.signals.held_readings import (
     drop_repeated_rows,
     find_held_channels,
-    held_reading_notes,
+    write_held_reading_notes,
 )
 from analysis.stages.signals.mounting import Series
 from analysis.stages.signals.speed_threshold import (
     drop_readings_below_threshold,
     find_speed_thresholds,
-    speed_threshold_notes,
+    write_speed_threshold_notes,
 )
 from analysis.stages.signals.timestamps import assign_timestamps
-from analysis.weighing.empty_mass_datum import weighbridge_ticket_notes
+from analysis.weighing.empty_mass_datum import note_outdated_weighbridge_ticket
 from analysis.weighing.fuel_on_board import FuelOnBoard
-from analysis.weighing.learnt_means import make_learnt_mean_responses
+from analysis.weighing.learnt_means import make_learnt_mean_frames
 from analysis.weighing.load_frames import (
     find_load_change_rows,
     make_load_frame,
@@ -78,17 +78,17 @@ from analysis.weighing.load_frames import (
 from analysis.weighing.nuisance_frames import make_budget_frame, make_nuisance_frame
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
-from estimators.threads import one_blas_thread, release_freed_memory
+from estimators.threads import limit_blas_to_one_thread, release_freed_memory
 from replay.inputs.channel_inputs import (
-    channel_fields,
-    frames_by_raw_name,
+    list_channel_fields,
     make_provenance,
     read_channels,
+    rename_raw_frames,
 )
-from replay.inputs.derived_logs import join_parallel_tables
-from replay.inputs.machine_identity import machine_with_id_and_logged_id
-from replay.inputs.time_line import note_on_order_of_logs as order_note
-from replay.inputs.time_line import time_line_offsets_ns
+from replay.inputs.derived_logs import separate_parallel_tables
+from replay.inputs.machine_identity import identify_machine
+from replay.inputs.time_line import compute_log_offsets_ns
+from replay.inputs.time_line import describe_log_order as order_note
 from replay.logs import Log
 
 #: What `on_stage` is told, in order.
@@ -123,12 +123,12 @@ class _TopicChannels:
         placed, stamps, doubts = assign_timestamps(drop_copied_rows(raw, copied))
         read, missing = read_measured_channels(placed, machine)
         held = find_held_channels(read)  # rows between a slow sensor's readings say nothing new
-        notes = [*copied_row_notes(copied), *held_reading_notes(read, held)]
+        notes = [*write_copied_row_notes(copied), *write_held_reading_notes(read, held)]
         read = drop_repeated_rows(read, held)
         # an accelerometer sees a start that its speed does not
         thresholds_m_s = find_speed_thresholds(read) if machine.differentiates_speed else {}
         read = drop_readings_below_threshold(read, thresholds_m_s)
-        notes += speed_threshold_notes(thresholds_m_s)
+        notes += write_speed_threshold_notes(thresholds_m_s)
         return cls(read, stamps, [*doubts, *missing], notes, copied)
 
 
@@ -157,7 +157,7 @@ class _Stages:
     notes: list[str]
 
 
-@one_blas_thread()  # or the last bits depend on the number of cores
+@limit_blas_to_one_thread()  # or the last bits depend on the number of cores
 def run(
     logs: Log | Sequence[Log], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
 ) -> Run:
@@ -171,13 +171,15 @@ def run(
     Returns:
         Every intermediate frame, with the provenance.
     """
-    logs, machine = join_parallel_tables(logs if isinstance(logs, Sequence) else [logs], machine)
-    machine, logged_id = machine_with_id_and_logged_id(logs, machine)  # a sister's log is refused
+    logs, machine = separate_parallel_tables(
+        logs if isinstance(logs, Sequence) else [logs], machine
+    )
+    machine, logged_id = identify_machine(logs, machine)  # a sister's log is refused
 
     on_stage("read")  # the channels in use, at their own rates
     raw, losses = read_channels(logs, machine)
     placed = _TopicChannels.from_topics(raw, machine)
-    machine, chosen = machine_at_rate_of_log(placed.read, machine)  # what no setting gives
+    machine, chosen = set_rate_from_log(placed.read, machine)  # what no setting gives
     chosen = [*placed.notes, *chosen]
     seen = _run_stages(raw, placed, machine, on_stage)
     del placed  # of a shift it is half a gigabyte
@@ -203,22 +205,24 @@ def run(
     }
     hauled = weigh_cycles(weighing, {**seen.frames, **answer}, machine, opinion)
 
-    why = reasons_for_no_answer(excitation, seen.frames["gate"], machine.settings)
+    why = list_reasons_for_no_answer(excitation, seen.frames["gate"], machine.settings)
     return Run(
         frames={
-            **frames_by_raw_name(raw),
+            **rename_raw_frames(raw),
             **seen.frames,
             "planar": plane,
             "planar_budget": plane_budget,
             **answer,
             "cycles": hauled.cycles,
-            "shift": sum_shift(hauled.cycles, excitation, seen.frames["aligned"], hauled.scale),
+            "shift": make_shift_totals(
+                hauled.cycles, excitation, seen.frames["aligned"], hauled.scale
+            ),
             "nuisances": make_nuisance_frame(weighing),
-            **make_learnt_mean_responses(weighing, machine, answer["loads"], hauled.sums),
+            **make_learnt_mean_frames(weighing, machine, answer["loads"], hauled.sums),
             "budget": make_budget_frame(weighing, machine),
             "masses": withhold_masses(seen.totals, opinion, seen.contradicted),
             "verdict": judged,
-            "findings": drop_findings_of_work(causes, hauled.cycles),
+            "findings": drop_findings_explained_by_work(causes, hauled.cycles),
         },
         provenance=make_provenance(
             logs,
@@ -230,10 +234,12 @@ def run(
             losses=list(dict.fromkeys([*losses, *seen.doubts])),
             notes=[
                 *(note for log in logs for note in log.notes()),
-                *order_note(time_line_offsets_ns(logs, channel_fields(machine))),
+                *order_note(compute_log_offsets_ns(logs, list_channel_fields(machine))),
                 *chosen,
                 *seen.notes,
-                *weighbridge_ticket_notes(machine.machine, seen.case.check_inputs.t0_unix_ns),
+                *note_outdated_weighbridge_ticket(
+                    machine.machine, seen.case.check_inputs.t0_unix_ns
+                ),
                 *why,
             ],
         ),

@@ -87,7 +87,7 @@ def assert_has_row(page: str, key: str, meaning: str | None) -> None:
 
 def test_every_setting_is_documented_under_its_stage() -> None:
     page = "docs/machine-file.md"
-    for stage, part in Settings.stage_models().items():
+    for stage, part in Settings.list_stage_models().items():
         for name, field in part.model_fields.items():
             assert_has_row(page, f"{stage}.{name}", field.description)
 

@@ -35,7 +35,7 @@ def pair_manoeuvres(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     cost = np.full((a.height + 1, b.height + 1), np.inf)
     steps = _LEFT_OUT * np.arange(b.height + 1)
     cost[0] = steps
-    pair = manoeuvre_matching_costs(a, b)
+    pair = compute_matching_costs(a, b)
     for row in range(a.height):
         best = cost[row] + _LEFT_OUT
         best[1:] = np.minimum(best[1:], cost[row, :-1] + pair[row])
@@ -54,7 +54,7 @@ def pair_manoeuvres(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     return found[::-1]
 
 
-def manoeuvre_matching_costs(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
+def compute_matching_costs(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
     """Cost (a, b) of matching two manoeuvres; infinite for different phases."""
     lengths = [
         np.log(np.maximum((each["end_t_ns"] - each["start_t_ns"]).to_numpy(), 1)) for each in (a, b)
@@ -64,7 +64,7 @@ def manoeuvre_matching_costs(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.flo
     return np.where(phases[0][:, None] == phases[1][None, :], apart, np.inf)
 
 
-def align_times(a: Run, b: Run, *, one_log: bool) -> Run:
+def shift_run_to_time_line(a: Run, b: Run, *, one_log: bool) -> Run:
     """Run B on the time line of A.
 
     Args:
@@ -77,20 +77,20 @@ def align_times(a: Run, b: Run, *, one_log: bool) -> Run:
         B, with A's start of time.
     """
     about = b.provenance.model_copy(update={"t0_unix_ns": a.provenance.t0_unix_ns})
-    zones = None if one_log else shift_spans_to_time_of_a(a, b)
+    zones = None if one_log else find_time_shifts(a, b)
     offset_ns = b.provenance.t0_unix_ns - a.provenance.t0_unix_ns if one_log else 0
     return Run(
         {name: shift_frame_times(each, zones, offset_ns) for name, each in b.frames.items()}, about
     )
 
 
-def shift_spans_to_time_of_a(a: Run, b: Run) -> pl.DataFrame | None:
+def find_time_shifts(a: Run, b: Run) -> pl.DataFrame | None:
     """Spans of B's time with the shift of each; None if no manoeuvre matches."""
     tables = [run.frames.get("segments", pl.DataFrame()) for run in (a, b)]
     if any(table.is_empty() for table in tables):
         return None
     pairs = pair_manoeuvres(*tables)
-    reach = [manoeuvre_spans_with_half_gaps(table) for table in tables]
+    reach = [extend_spans_into_gaps(table) for table in tables]
     rows: list[dict[str, int]] = []
     for i, j in pairs:
         shift = int(tables[0]["start_t_ns"][i]) - int(tables[1]["start_t_ns"][j])
@@ -100,7 +100,7 @@ def shift_spans_to_time_of_a(a: Run, b: Run) -> pl.DataFrame | None:
     return pl.DataFrame(rows) if rows else None
 
 
-def manoeuvre_spans_with_half_gaps(table: pl.DataFrame) -> list[tuple[int, int]]:
+def extend_spans_into_gaps(table: pl.DataFrame) -> list[tuple[int, int]]:
     """Span of each manoeuvre to the middles of its gaps; a minute beyond the outer ones."""
     starts, ends = table["start_t_ns"].to_list(), table["end_t_ns"].to_list()
     halves = [(end + start) // 2 for end, start in zip(ends[:-1], starts[1:], strict=True)]
@@ -134,7 +134,7 @@ def subtract_run(a: Run, b: Run) -> Run:
 
     Args:
         a: baseline run.
-        b: other run, in A's time (`align_times`).
+        b: other run, in A's time (`shift_run_to_time_line`).
 
     Returns:
         A run with A's times, differences in the columns of numbers, and no standard deviations:
@@ -161,7 +161,7 @@ def subtract_frame(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.Da
     left, right = (_add_row_key(each, time.alias("_at"), by) for each in (a, b))
     reach = None if held else tolerance_ns
     # B's own copy of the time says whether a row of a manoeuvre overlaps
-    renamed = (pl.col(name).alias(_name_in_run_b(name)) for name in numbers)
+    renamed = (pl.col(name).alias(_make_name_in_run_b(name)) for name in numbers)
     theirs = right.select("_at", *by, pl.col("_at").alias("_their"), *renamed)
     joined = left.join_asof(
         theirs,
@@ -174,16 +174,20 @@ def subtract_frame(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.Da
     both = joined.filter(pl.col("_their").is_not_null())
     if held:
         both = both.filter(pl.col("_their").is_between(pl.col("start_t_ns"), pl.col("end_t_ns")))
-    changed = [(pl.col(_name_in_run_b(name)) - pl.col(name)).alias(name) for name in numbers]
+    changed = [(pl.col(_make_name_in_run_b(name)) - pl.col(name)).alias(name) for name in numbers]
     rest = [name for name in a.columns if name not in numbers]
     return both.sort(_ROW).select(*rest, *changed)
 
 
-def _add_row_key(frame: pl.DataFrame, at: pl.Expr, key_columns: Sequence[str]) -> pl.DataFrame:
+def _add_row_key(
+    frame: pl.DataFrame, time_column: pl.Expr, key_columns: Sequence[str]
+) -> pl.DataFrame:
     """Sort a frame by time, with row number and key columns as text."""
     texts = [pl.col(name).cast(pl.String) for name in key_columns]
-    return frame.with_row_index(_ROW).with_columns(at, *texts).drop_nulls("_at").sort("_at")
+    return (
+        frame.with_row_index(_ROW).with_columns(time_column, *texts).drop_nulls("_at").sort("_at")
+    )
 
 
-def _name_in_run_b(name: str) -> str:
+def _make_name_in_run_b(name: str) -> str:
     return f"_b_{name}"

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
-from analysis.compare.stage_change import Replay, StageChange, compare_stage, frame_of_stage
+from analysis.compare.stage_change import Replay, StageChange, compare_stage, find_frame_of_stage
 from analysis.model.axes import X, Z
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance
@@ -111,7 +111,9 @@ def compare_runs(a: Replay, b: Replay, *, rtol: float = 0.0, rows: bool = True) 
     """
     mine, theirs = a.provenance, b.provenance
     common = [name for name in a.stages if name in b.stages]
-    compared = [name for name in common if rows or frame_of_stage(name) in ("masses", "verdict")]
+    compared = [
+        name for name in common if rows or find_frame_of_stage(name) in ("masses", "verdict")
+    ]
     offset_ns = theirs.t0_unix_ns - mine.t0_unix_ns if rows else 0
     changes = [compare_stage(a, b, name, rtol, offset_ns) for name in compared]
     return Comparison(
@@ -123,9 +125,9 @@ def compare_runs(a: Replay, b: Replay, *, rtol: float = 0.0, rows: bool = True) 
         only_b=tuple(name for name in b.stages if name not in a.stages),
         stages=tuple(change for change in changes if change is not None),
         columns=sum(len({*a.stages[name], *b.stages[name]}) for name in compared),
-        estimates=changes_of_estimates(a, b, rtol),
-        manoeuvres=changes_of_manoeuvres(a, b, rtol, offset_ns) if rows else (),
-        checks=tuple(changed_checks(a, b)),
+        estimates=list_estimate_changes(a, b, rtol),
+        manoeuvres=list_manoeuvre_changes(a, b, rtol, offset_ns) if rows else (),
+        checks=tuple(iter_changed_checks(a, b)),
     )
 
 
@@ -143,7 +145,7 @@ def _iter_changed_entries(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterato
             yield ValueChange(name, a.get(name), b.get(name))
 
 
-def changed_settings(a: Machine, b: Machine) -> list[ValueChange]:
+def list_changed_settings_and_keys(a: Machine, b: Machine) -> list[ValueChange]:
     """Settings and keys of two machine files that differ."""
     flat: list[dict[str, Any]] = []
     for machine in (a, b):
@@ -193,7 +195,7 @@ def _read_stage_rows(replay: Replay, stage: str) -> list[dict[str, Any]]:
     return replay.read(stage, replay.stages[stage]).to_dicts() if stage in replay.stages else []
 
 
-def changes_of_estimates(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange, ...]:
+def list_estimate_changes(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange, ...]:
     """Changes of the whole log's masses, by method, and of its loads' masses."""
     mine, theirs = (
         {row["method"]: row for row in _read_stage_rows(each, "masses")} for each in (a, b)
@@ -204,12 +206,12 @@ def changes_of_estimates(a: Replay, b: Replay, rtol: float) -> tuple[EstimateCha
             name = "joint" if len(loads) == 1 else f"joint, load {load['load_id']}"
             rows[name] = {**load, "mass_std_kg": load["u_kg"]}
     methods = dict.fromkeys((*mine, *theirs))
-    return differing_estimates(
+    return select_differing_estimates(
         ((name, mine.get(name, {}), theirs.get(name, {})) for name in methods), rtol
     )
 
 
-def changes_of_manoeuvres(
+def list_manoeuvre_changes(
     a: Replay, b: Replay, rtol: float, offset_ns: int
 ) -> tuple[EstimateChange, ...]:
     """Changes of manoeuvres, with those of B assigned to A's at their middle."""
@@ -228,7 +230,7 @@ def changes_of_manoeuvres(
         found.append((_format_span(row, 0), row, inside[0] if inside else {}))
         found += [(_format_span(other, offset_ns), {}, other) for other in inside[1:]]
     found += [(_format_span(other, offset_ns), {}, other) for other in left]
-    return differing_estimates(found, rtol)
+    return select_differing_estimates(found, rtol)
 
 
 def _format_span(row: Mapping[str, Any], offset_ns: int) -> str:
@@ -236,7 +238,7 @@ def _format_span(row: Mapping[str, Any], offset_ns: int) -> str:
     return f"{begin:.2f} to {end:.2f} s"
 
 
-def differing_estimates(
+def select_differing_estimates(
     pairs: Iterable[tuple[str, Mapping[str, Any], Mapping[str, Any]]], rtol: float
 ) -> tuple[EstimateChange, ...]:
     """Estimates that differ: appeared or missing ones first, then by size of the change."""
@@ -262,7 +264,7 @@ def is_equal_within_tolerance(a: float | None, b: float | None, rtol: float) -> 
     return a == b or abs(a - b) <= rtol * max(abs(a), abs(b))
 
 
-def changed_checks(a: Replay, b: Replay) -> Iterator[ValueChange]:
+def iter_changed_checks(a: Replay, b: Replay) -> Iterator[ValueChange]:
     """Checks that passed in only one of the two."""
     passed = [
         {row["check"]: row["passed"] for row in _read_stage_rows(each, "verdict")}

@@ -87,7 +87,7 @@ class StageChange:
     """Whether the order of its columns differs."""
 
 
-def frame_of_stage(stage: str) -> str:
+def find_frame_of_stage(stage: str) -> str:
     """Name of the frame that declares the columns of a stage: `estimates` for `estimates/ls`."""
     return stage.partition("/")[0]
 
@@ -109,10 +109,12 @@ def compare_stage(
     """
     has = a.stages[name], b.stages[name]
     key = [
-        column for column in _KEYS.get(frame_of_stage(name), ()) if all(column in c for c in has)
+        column
+        for column in _KEYS.get(find_frame_of_stage(name), ())
+        if all(column in c for c in has)
     ]
-    ids = [row_keys_in_time_of_a(a, name, key, 0), row_keys_in_time_of_a(b, name, key, offset_ns)]
-    pairs = None if ids[0].equals(ids[1]) else corresponding_rows(ids[0], ids[1], key)
+    ids = [read_shifted_row_keys(a, name, key, 0), read_shifted_row_keys(b, name, key, offset_ns)]
+    pairs = None if ids[0].equals(ids[1]) else match_rows(ids[0], ids[1], key)
     height = ids[0].height
     faults = [
         ColumnChange(column, 0, 0, 0, None, None, None, f"only in {'AB'[which]}")
@@ -120,9 +122,9 @@ def compare_stage(
         for column in has[which]
         if column not in has[1 - which]
     ]
-    seconds = row_times_s(ids[0], pairs)
+    seconds = find_row_times_s(ids[0], pairs)
     changes: list[ColumnChange] = []
-    for part in column_batches([column for column in has[0] if column in has[1]], height):
+    for part in iter_column_batches([column for column in has[0] if column in has[1]], height):
         mine, theirs = a.read(name, part), b.read(name, part)
         for column in part:
             x, y = mine[column], theirs[column]
@@ -138,7 +140,7 @@ def compare_stage(
     return StageChange(name, height, ids[1].height, common, (*faults, *changes), order)
 
 
-def row_keys_in_time_of_a(
+def read_shifted_row_keys(
     replay: Replay, name: str, key: Sequence[str], offset_ns: int
 ) -> pl.DataFrame:
     """Key of each row in A's time; the row number if the frame has no key."""
@@ -151,7 +153,7 @@ def row_keys_in_time_of_a(
     ).with_columns(pl.col(pl.Enum).cast(pl.String))
 
 
-def corresponding_rows(a: pl.DataFrame, b: pl.DataFrame, key: Sequence[str]) -> pl.DataFrame:
+def match_rows(a: pl.DataFrame, b: pl.DataFrame, key: Sequence[str]) -> pl.DataFrame:
     """Corresponding rows of A and B, as `row_a` and `row_b`."""
     on = list(key) or ["row"]
     nth = pl.int_range(pl.len()).over(on).alias("_nth")  # of several about the same
@@ -161,16 +163,16 @@ def corresponding_rows(a: pl.DataFrame, b: pl.DataFrame, key: Sequence[str]) -> 
     return found.select("row_a", "row_b").sort("row_a")
 
 
-def row_times_s(ids: pl.DataFrame, pairs: pl.DataFrame | None) -> pl.Series | None:
+def find_row_times_s(row_keys: pl.DataFrame, pairs: pl.DataFrame | None) -> pl.Series | None:
     """Time in s of each common row; None without times."""
-    column = next((name for name in _TIMES if name in ids.columns), None)
+    column = next((name for name in _TIMES if name in row_keys.columns), None)
     if column is None:
         return None
-    times = ids[column] / 1e9
+    times = row_keys[column] / 1e9
     return times if pairs is None else times.gather(pairs["row_a"])
 
 
-def column_batches(columns: Sequence[str], height: int) -> Iterator[Sequence[str]]:
+def iter_column_batches(columns: Sequence[str], height: int) -> Iterator[Sequence[str]]:
     """Columns in batches that are read together."""
     size = max(1, _VALUES // max(height, 1))
     for begin in range(0, len(columns), size):
@@ -185,7 +187,7 @@ def iter_column_change(
         fault = f"{x.dtype} in A, {y.dtype} in B"
         yield ColumnChange(x.name, 0, 0, 0, None, None, None, fault)
         return
-    differs = comparable_bits(x).ne_missing(comparable_bits(y))
+    differs = normalise_bits(x).ne_missing(normalise_bits(y))
     if not differs.any():
         return
     size = change = pl.Series(dtype=pl.Float64)
@@ -212,7 +214,7 @@ def iter_column_change(
     )
 
 
-def comparable_bits(series: pl.Series) -> pl.Series:
+def normalise_bits(series: pl.Series) -> pl.Series:
     """A column in which equal values have equal bits: 0.0 is not -0.0, and all NaN are equal."""
     if isinstance(series.dtype, pl.Enum):
         return series.cast(pl.String)

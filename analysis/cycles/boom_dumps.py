@@ -31,9 +31,9 @@ class BoomDump(NamedTuple):
     end_ns: int
     bucket_emptied_ns: int
 
-    def is_near(self, times_ns: Ints, off_ns: int = LIMITS.one_dump_ns) -> bool:
-        """Whether one of these times is within `off_ns` of the dump."""
-        after, before = self.start_ns - off_ns, self.end_ns + off_ns
+    def is_near(self, times_ns: Ints, tolerance_ns: int = LIMITS.one_dump_ns) -> bool:
+        """Whether one of these times is within `tolerance_ns` of the dump."""
+        after, before = self.start_ns - tolerance_ns, self.end_ns + tolerance_ns
         return bool(((after <= times_ns) & (times_ns <= before)).any())
 
 
@@ -49,17 +49,17 @@ class BoomDumps:
     shows_dumps: bool
     dumps: tuple[BoomDump, ...] = ()
 
-    def dumps_during(self, start_ns: int, end_ns: int) -> list[BoomDump]:
+    def select_dumps(self, start_ns: int, end_ns: int) -> list[BoomDump]:
         """Dumps within a time span."""
         return [each for each in self.dumps if start_ns <= each.bucket_emptied_ns <= end_ns]
 
-    def dumps_with_boom_out(self, start_ns: int, end_ns: int) -> list[BoomDump]:
+    def select_dumps_with_boom_out(self, start_ns: int, end_ns: int) -> list[BoomDump]:
         """Dumps with the boom out in a time span, since a creeping machine may dump earlier."""
         return [each for each in self.dumps if start_ns <= each.end_ns and each.start_ns <= end_ns]
 
-    def shows_no_dump(self, start_ns: int, end_ns: int) -> bool:
+    def excludes_dump(self, start_ns: int, end_ns: int) -> bool:
         """Whether the boom reliably shows that there is no dump in a time span."""
-        return self.shows_dumps and not self.dumps_with_boom_out(start_ns, end_ns)
+        return self.shows_dumps and not self.select_dumps_with_boom_out(start_ns, end_ns)
 
 
 #: Of a log whose boom shows none.
@@ -78,14 +78,14 @@ def find_boom_dumps(
             and the boom dumps where it reaches up.
     """
     t_ns, boom = excitation["t_ns"].to_numpy(), column_values(aligned, "boom_rad")
-    slow = is_standing_or_creeping(excitation)
+    slow = mark_standing_or_creeping(excitation)
     whole = np.isfinite(boom)
     driving = whole & ~slow
     if not driving.any() or not (slow & whole).any():
         return NO_DUMPS
     away = boom - float(np.median(boom[driving]))
     if unloading_spans is None:
-        reached = np.array([dumping_reach(away[slow & whole])])
+        reached = np.array([signed_dumping_reach_rad(away[slow & whole])])
     else:
         reached = np.array(
             [farthest_reach_rad(away, slow & whole, t_ns, span) for span in unloading_spans]
@@ -97,11 +97,11 @@ def find_boom_dumps(
         return NO_DUMPS
     reach = away / typical_rad
     out = whole & (reach > LIMITS.boom_out_fraction)
-    stands = out & is_standing(excitation)
+    stands = out & mark_standing_samples(excitation)
     inside_ns = t_ns[whole & ~out]
     spans = [
-        trim_to_standstills(span, t_ns[stands], reach[stands])
-        for span in join_dumps(t_ns[out & slow], inside_ns)
+        trim_span_to_standstills(span, t_ns[stands], reach[stands])
+        for span in join_dumping_spans(t_ns[out & slow], inside_ns)
     ]
     spans = drop_truncated_dump(spans, inside_ns, int(t_ns[-1]))
     if (
@@ -109,13 +109,13 @@ def find_boom_dumps(
         or len(spans) < LIMITS.boom_min_changes
     ):
         return NO_DUMPS
-    dumps = [BoomDump(*span, emptying_time_ns(reach, t_ns, span)) for span in spans]
+    dumps = [BoomDump(*span, find_emptying_time_ns(reach, t_ns, span)) for span in spans]
     return BoomDumps(shows_dumps=True, dumps=tuple(dumps))
 
 
-def is_standing_or_creeping(excitation: pl.DataFrame) -> Bools:
+def mark_standing_or_creeping(excitation: pl.DataFrame) -> Bools:
     """Samples at which the machine stands or creeps, (n,)."""
-    stands = is_standing(excitation)
+    stands = mark_standing_samples(excitation)
     speed = np.abs(column_values(excitation, "speed_x_m_s"))
     moving = speed[np.isfinite(speed) & ~stands]
     if not moving.size:
@@ -126,12 +126,12 @@ def is_standing_or_creeping(excitation: pl.DataFrame) -> Bools:
     )
 
 
-def is_standing(excitation: pl.DataFrame) -> Bools:
+def mark_standing_samples(excitation: pl.DataFrame) -> Bools:
     """Samples at which the machine stands, (n,)."""
     return (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
 
 
-def dumping_reach(deflection_rad: Floats) -> float:
+def signed_dumping_reach_rad(deflection_rad: Floats) -> float:
     """Signed reach of a boom that dumps: upwards, unless it reaches far less that way.
 
     A boom that moves during driving is far from its usual position both at the dump and at the
@@ -144,54 +144,54 @@ def dumping_reach(deflection_rad: Floats) -> float:
     return float(high if high > LIMITS.boom_upward_fraction * abs(low) else low)
 
 
-def farthest_reach_rad(deflection_rad: Floats, slow: Bools, t_ns: Ints, span: Span) -> float:
+def farthest_reach_rad(deflection_rad: Floats, is_slow: Bools, t_ns: Ints, span: Span) -> float:
     """Largest deflection of the boom (n,) in a span while slow, with its sign; 0 if unknown."""
     first, last = np.searchsorted(t_ns, span)
-    inside = deflection_rad[first : last + 1][slow[first : last + 1]]
+    inside = deflection_rad[first : last + 1][is_slow[first : last + 1]]
     return float(inside[np.argmax(np.abs(inside))]) if inside.size else 0.0
 
 
-def times_with_boom_up(times_ns: Ints, reach: Floats, span: Span) -> Ints:
+def times_with_boom_up_ns(times_ns: Ints, reach_rad: Floats, span: Span) -> Ints:
     """Times in a span at which the boom is about as far out as it gets there."""
     first, end = np.searchsorted(times_ns, span[0]), np.searchsorted(times_ns, span[1], "right")
-    inside = reach[first:end]
+    inside = reach_rad[first:end]
     return times_ns[first:end][inside > LIMITS.boom_up_fraction * np.nanmax(inside, initial=0.0)]
 
 
-def emptying_time_ns(reach: Floats, t_ns: Ints, span: Span) -> int:
+def find_emptying_time_ns(reach_rad: Floats, t_ns: Ints, span: Span) -> int:
     """Time in ns when the bucket is emptied: soon after the boom's farthest reach in a span."""
-    up_ns = times_with_boom_up(t_ns, reach, span)
+    up_ns = times_with_boom_up_ns(t_ns, reach_rad, span)
     return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, LIMITS.emptying_ns)
 
 
-def join_dumps(outside_ns: Ints, inside_ns: Ints) -> list[Span]:
+def join_dumping_spans(boom_out_ns: Ints, boom_in_ns: Ints) -> list[Span]:
     """Spans of dumping samples, joined over moments in which the bucket is shaken.
 
     If the boom does not return in between, it is driven to the dump or away from it.
 
     Args:
-        outside_ns: (n,) times at which the boom is out while the machine hardly moves.
-        inside_ns: times with the boom in.
+        boom_out_ns: (n,) times at which the boom is out while the machine hardly moves.
+        boom_in_ns: times with the boom in.
     """
-    if not outside_ns.size:
+    if not boom_out_ns.size:
         return []
-    load_returns = np.diff(np.searchsorted(inside_ns, outside_ns)) > 0
+    load_returns = np.diff(np.searchsorted(boom_in_ns, boom_out_ns)) > 0
     parts = np.split(
-        outside_ns, np.flatnonzero((np.diff(outside_ns) > LIMITS.one_dump_ns) & load_returns) + 1
+        boom_out_ns, np.flatnonzero((np.diff(boom_out_ns) > LIMITS.one_dump_ns) & load_returns) + 1
     )
     return [(int(part[0]), int(part[-1])) for part in parts]
 
 
-def drop_truncated_dump(spans: list[Span], inside_ns: Ints, ends_ns: int) -> list[Span]:
+def drop_truncated_dump(spans: list[Span], boom_in_ns: Ints, log_end_ns: int) -> list[Span]:
     """Drop the last dump where the recording ends before its bucket is half empty."""
-    if not spans or (inside_ns.size and inside_ns[-1] > spans[-1][1]):
+    if not spans or (boom_in_ns.size and boom_in_ns[-1] > spans[-1][1]):
         return spans
     usual_ns = float(np.median([end - start for start, end in spans]))
-    half_empty = ends_ns - spans[-1][0] >= LIMITS.emptied_fraction * usual_ns
+    half_empty = log_end_ns - spans[-1][0] >= LIMITS.emptied_fraction * usual_ns
     return spans if half_empty else spans[:-1]
 
 
-def trim_to_standstills(span: Span, stands_ns: Ints, reach: Floats) -> Span:
+def trim_span_to_standstills(span: Span, standstills_ns: Ints, reach_rad: Floats) -> Span:
     """First to last standstill with the boom up within a span; the whole span if there is none.
 
     The boom may be out long before, on the way to the dump; a machine that stands then dumps while
@@ -199,23 +199,25 @@ def trim_to_standstills(span: Span, stands_ns: Ints, reach: Floats) -> Span:
 
     Args:
         span: times with the boom out.
-        stands_ns: (n,) times with the boom out at a stand.
-        reach: (n,) how far it is out.
+        standstills_ns: (n,) times with the boom out at a stand.
+        reach_rad: (n,) how far it is out.
     """
-    up_ns = times_with_boom_up(stands_ns, reach, span)
+    up_ns = times_with_boom_up_ns(standstills_ns, reach_rad, span)
     return (int(up_ns[0]), int(up_ns[-1])) if up_ns.size else span
 
 
-def find_dump_borders(loaded: Bools, begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> list[int]:
+def find_load_borders_at_dumps(
+    loaded: Bools, begin_ns: Ints, end_ns: Ints, dumps: BoomDumps
+) -> list[int]:
     """Borders between loaded manoeuvres at which the boom dumps, so that the load changes."""
     return [
         k
         for k in range(loaded.size - 1)
-        if loaded[k] and loaded[k + 1] and dumps.dumps_during(int(end_ns[k]), int(begin_ns[k + 1]))
+        if loaded[k] and loaded[k + 1] and dumps.select_dumps(int(end_ns[k]), int(begin_ns[k + 1]))
     ]
 
 
-def mark_creeping_dumps(begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> Bools:
+def mark_manoeuvres_while_dumping(begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> Bools:
     """Mark manoeuvres that creep while dumping, (manoeuvres,); a changing load has no mass."""
     dumped = np.array([each.bucket_emptied_ns for each in dumps.dumps], np.int64)
     return np.searchsorted(dumped, begin_ns) < np.searchsorted(dumped, end_ns, "right")

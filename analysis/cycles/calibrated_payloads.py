@@ -8,11 +8,11 @@ import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.shared_errors import SharedErrors
-from analysis.calibration.use.mass_differences import calibrate_payloads_by_line
+from analysis.calibration.use.mass_differences import calibrate_mass_differences
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
-from analysis.cycles.haul_spillage import subtract_spillage_from_payloads
+from analysis.cycles.haul_spillage import subtract_spillage_in_columns
 from analysis.model.schema import MOVED, QUALITY, column_values, conform_to_schema
-from estimators.errors import DataError, nearest
+from estimators.errors import DataError, suggest_choice
 
 #: Lines whose estimate is the mass of a state, and lines of a difference of two.
 _OF_MASS: Final = "joint_mass"
@@ -42,14 +42,14 @@ def calibrate_cycles(
     if calibration.method not in (_OF_MASS, _OF_PAYLOAD):
         raise DataError(
             f"calibration: it was made for '{calibration.method}', which is not a mass of cycles; "
-            f"{nearest(calibration.method, (_OF_MASS, _OF_PAYLOAD))}"
+            f"{suggest_choice(calibration.method, (_OF_MASS, _OF_PAYLOAD))}"
         )
     numbers = [("cycle", number) for number in cycles["cycle"].to_list()]
     scale_1 = column_values(cycles, "scale_1")
     payload_kg = column_values(cycles, "payload_kg") / scale_1
-    on_line = calibrate_payloads_by_line(calibration, shared_errors, numbers, payload_kg)
+    on_line = calibrate_mass_differences(calibration, shared_errors, numbers, payload_kg)
     common, shared = (
-        on_line.common_kg_beside_line(column_values(cycles, f"own_u_{n}_kg")) for n in _COMMON
+        on_line.common_u_beside_line_kg(column_values(cycles, f"own_u_{n}_kg")) for n in _COMMON
     )
     shared_kg = np.linalg.norm([shared, on_line.shared_u_kg, on_line.line_kg], axis=0)
     common_kg = np.linalg.norm([common, on_line.unlike_u_kg, on_line.line_kg], axis=0)
@@ -63,12 +63,12 @@ def calibrate_cycles(
         "payload_u_kg": np.hypot(random_kg, common_kg),
         "scale_1": np.where(np.isnan(payload_kg), np.nan, 1.0 / on_line.size_1),
     }
-    on_scale = subtract_spillage_from_payloads(
+    on_scale = subtract_spillage_in_columns(
         cycles.with_columns(pl.Series(name, each).fill_nan(None) for name, each in found.items())
     )
     if is_empty_mass_scale_better(cycles, on_scale, tuple(found)):
         return cycles
-    off_kg, u_kg = mean_offset_from_line_and_u_kg(calibration, shared_errors)
+    off_kg, u_kg = estimate_mean_line_offset_and_u_kg(calibration, shared_errors)
     reasons = pl.Series(
         "reason", [_exclusion_reason(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()]
     )
@@ -88,13 +88,13 @@ def calibrate_cycles(
 
 
 def is_empty_mass_scale_better(
-    cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequence[str]
+    cycles: pl.DataFrame, line_payloads: pl.DataFrame, names: Sequence[str]
 ) -> bool:
     """Whether the empty machine gives the sum of payloads a smaller uncertainty than the line.
 
     Args:
         cycles: the frame `cycles`.
-        on_line: the same frame calibrated by the line.
+        line_payloads: the same frame calibrated by the line.
         names: columns in both.
     """
     counted = cycles["counted"].to_numpy()
@@ -107,10 +107,10 @@ def is_empty_mass_scale_better(
         random = np.linalg.norm(sums["payload_u_random_kg"])
         return float(np.hypot(shared, random) / abs(sums["payload_kg"].sum()))
 
-    return relative_u_of_sum(cycles) < relative_u_of_sum(on_line)
+    return relative_u_of_sum(cycles) < relative_u_of_sum(line_payloads)
 
 
-def mean_offset_from_line_and_u_kg(
+def estimate_mean_line_offset_and_u_kg(
     calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
     """Mean offset of the log's masses from their line in kg, with its standard uncertainty."""
@@ -127,13 +127,13 @@ def mean_offset_from_line_and_u_kg(
     ):
         return 0.0, 0.0
     moved_kg = np.mean(of_masses, axis=0)
-    return shared_errors.offset_from_line_and_u_kg(
+    return shared_errors.line_offset_and_u_kg(
         moved_kg, shared_errors.line_shifts(calibration.responses, 1.0, 0.0)
     )
 
 
 def _exclusion_reason(
-    row: Mapping[str, Any], calibration: Calibration, off_kg: float, unlike_u_kg: float
+    row: Mapping[str, Any], calibration: Calibration, line_offset_kg: float, driving_u_kg: float
 ) -> str:
     """Why the line does not apply to a cycle; "" if it does, or if there is no mass."""
     name = "loaded" if calibration.method == _OF_MASS else "payload"
@@ -141,4 +141,6 @@ def _exclusion_reason(
     if row["payload_kg"] is None:
         return ""
     count = row["manoeuvres"]
-    return calibration.calibrate_estimate(mass_kg - off_kg, u_kg, count, unlike_u_kg).reason
+    return calibration.calibrate_estimate(
+        mass_kg - line_offset_kg, u_kg, count, driving_u_kg
+    ).reason

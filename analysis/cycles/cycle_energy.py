@@ -23,14 +23,14 @@ from analysis.cycles.energy_integrals import (
     Floats,
     PhaseIntegrals,
     PhaseSpan,
-    delay_driving_samples,
+    delay_force_samples,
     sum_fuel_litres,
 )
 from analysis.cycles.energy_terms import (
     ForceModel,
-    common_and_own_relative_mass_u,
-    force_gain_u_and_missing_settings,
-    perturb_each_term,
+    perturb_terms_one_by_one,
+    split_relative_mass_uncertainty,
+    work_scale_u_and_missing_settings,
 )
 from analysis.cycles.fitted_drive import FittedDrive, fit_drive
 from analysis.model.machine import Machine
@@ -115,7 +115,7 @@ def compute_shift_energy(
         The energies; without rows if there is no mass or no cycle.
     """
     manoeuvres = frames["manoeuvres"]
-    spans = phase_spans_without_holes(frames["cycles"], holes_ns)
+    spans = split_cycles_into_phases(frames["cycles"], holes_ns)
     no_mass = frames["loads"]["mass_kg"].is_null().all()
     if not spans or no_mass or manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
         return NO_ENERGY
@@ -124,44 +124,45 @@ def compute_shift_energy(
     value = split_energy_by_phase(found, drive.model)
     if value[:, PARTS.index("work")].sum() <= 0.0:
         return NO_ENERGY
-    gain_u_1, unknown = force_gain_u_and_missing_settings(machine)
-    common_1, random_1 = common_and_own_relative_mass_u(frames)
-    common = [*energy_changes_by_term(drive, spans, found, value), gain_u_1 * value]
-    common.append(common_1 * work_change_by_mass(found))
-    random = random_work_uncertainty(found, value, drive.model, random_1, spans)
+    gain_u_1, unknown = work_scale_u_and_missing_settings(machine)
+    common_1, random_1 = split_relative_mass_uncertainty(frames)
+    common = [*compute_energy_sensitivities(drive, spans, found, value), gain_u_1 * value]
+    common.append(common_1 * energy_change_by_mass_error(found))
+    random = estimate_random_energy_u(found, value, drive.model, random_1, spans)
     fuel_L = sum_fuel_litres(drive.samples, spans)
     rows = _make_energy_rows(spans, value, np.array(common), random, fuel_L)
     return ShiftEnergy(rows, unknown, machine.machine.fuel_gain_u)
 
 
-def energy_changes_by_term(
-    drive: FittedDrive, spans: list[PhaseSpan], integrals: PhaseIntegrals, value: Floats
+def compute_energy_sensitivities(
+    drive: FittedDrive, spans: list[PhaseSpan], integrals: PhaseIntegrals, energy_J: Floats
 ) -> list[Floats]:
     """Changes of the energy by one standard uncertainty of each term, (phases, parts) in J each."""
     model = drive.model
     forces = [
-        *perturb_each_term(model, drive.model_u),
-        shift_friction_to_coulomb(integrals, model, drive.coulomb_N),
+        *perturb_terms_one_by_one(model, drive.model_u),
+        trade_viscous_for_coulomb(integrals, model, drive.coulomb_N),
     ]
     moved = [
-        replace(drive, errors=each) for each in perturb_each_term(drive.errors, drive.errors_u)
+        replace(drive, errors=each)
+        for each in perturb_terms_one_by_one(drive.errors, drive.errors_u)
     ]
     earlier, later = (
-        split_energy_by_phase(replace(drive, samples=each).integrate(spans), model) - value
-        for each in (delay_driving_samples(drive.samples, way * drive.move_rows) for way in (-1, 1))
+        split_energy_by_phase(replace(drive, samples=each).integrate(spans), model) - energy_J
+        for each in (delay_force_samples(drive.samples, way * drive.move_rows) for way in (-1, 1))
     )
     return [
-        *(split_energy_by_phase(integrals, each) - value for each in forces),
-        *(split_energy_by_phase(each.integrate(spans), model) - value for each in moved),
+        *(split_energy_by_phase(integrals, each) - energy_J for each in forces),
+        *(split_energy_by_phase(each.integrate(spans), model) - energy_J for each in moved),
         # where the machine stands behind one end, only the other one changes anything
         np.where(abs(later) >= abs(earlier), later, -earlier),
-        work_change_by_slope(integrals, model),
-        mean_residual_work(integrals, value, model),
-        drive.speed_u_1 * work_change_by_speed(value),
+        energy_change_by_slope(integrals, model),
+        mean_residual_work(integrals, energy_J, model),
+        drive.speed_u_1 * energy_change_by_speed_error(energy_J),
     ]
 
 
-def phase_spans_without_holes(
+def split_cycles_into_phases(
     cycles: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]
 ) -> list[PhaseSpan]:
     """Phase spans of the cycles without holes; an incomplete cycle is one span."""
@@ -171,7 +172,7 @@ def phase_spans_without_holes(
         hidden_ns = sum(max(min(e, end) - max(s, start), 0) for s, e in holes_ns)
         if hidden_ns > LIMITS.energy_hole_s * NS_PER_S:
             continue
-        edges = phase_edges_ns(row)
+        edges = list_phase_edges_ns(row)
         if edges is None:
             spans.append(PhaseSpan(row["cycle"], WHOLE, start, end))
             continue
@@ -182,7 +183,7 @@ def phase_spans_without_holes(
     return spans
 
 
-def phase_edges_ns(row: Mapping[str, Any]) -> list[int] | None:
+def list_phase_edges_ns(row: Mapping[str, Any]) -> list[int] | None:
     """Begins of a cycle's phases and end of the last, in ns; None if some were not seen."""
     if row["dig_t_ns"] is None or row["load_s"] is None or row["haul_s"] is None:
         return None
@@ -195,16 +196,16 @@ def phase_edges_ns(row: Mapping[str, Any]) -> list[int] | None:
 def split_energy_by_phase(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
     """Energy by phase and part, (phases, parts) in J."""
     drive, dig, slow = integrals.drive, integrals.dig, integrals.slow
-    straight = corrected_drive_work(drive, model)
+    straight = compute_drive_work(drive, model)
     work = straight + integrals.turning_J
     slope = drive["mass"] - integrals.kinetic_J + model.acting_constant_force * drive["offset"]
-    digging = corrected_drive_work(dig, model) - work_against_friction(dig, model)
+    digging = compute_drive_work(dig, model) - compute_friction_work(dig, model)
     friction = work - integrals.kinetic_J - slope - digging
-    braking = -mass_and_friction_work(slow, model)
+    braking = -compute_mass_and_friction_work(slow, model)
     return np.stack([work, integrals.kinetic_J, slope, friction, digging, braking], axis=1)
 
 
-def corrected_drive_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
+def compute_drive_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work of the drive: measured work less the work of force errors, (phases,) in J."""
     return (
         integrals["force"]
@@ -214,7 +215,7 @@ def corrected_drive_work(integrals: EnergyIntegrals, model: ForceModel) -> Float
     )
 
 
-def mass_and_friction_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
+def compute_mass_and_friction_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work done on masses and fitted friction, (phases,) in J."""
     return (
         integrals["mass"]
@@ -226,12 +227,12 @@ def mass_and_friction_work(integrals: EnergyIntegrals, model: ForceModel) -> Flo
     )
 
 
-def work_against_friction(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
+def compute_friction_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work of the drive against friction and slip without a pile, (phases,) in J."""
-    return mass_and_friction_work(integrals, model) + integrals["slip"]
+    return compute_mass_and_friction_work(integrals, model) + integrals["slip"]
 
 
-def work_change_by_slope(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
+def energy_change_by_slope(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
     """Change of the energy if a slope shifts weight like an acceleration, (phases, parts) in J.
 
     The full effect is assumed, with half its width over √3 as uncertainty, since it may be partial.
@@ -242,19 +243,19 @@ def work_change_by_slope(integrals: PhaseIntegrals, model: ForceModel) -> Floats
     return np.stack([work, nothing, nothing, work - dig, dig, nothing], axis=1)
 
 
-def work_change_by_speed(value: Floats) -> Floats:
+def energy_change_by_speed_error(energy_J: Floats) -> Floats:
     """Change of the energy by a relative speed error of 1, (phases, parts) in J.
 
     Torque times wheel speed stays, and so does the work of lifting, since the masses are lighter as
     the way is longer: the gain in kinetic energy equals the loss in slope energy.
     """
-    changed = np.zeros_like(value)
-    changed[:, PARTS.index("kinetic")] = value[:, PARTS.index("kinetic")]
-    changed[:, PARTS.index("slope")] = -value[:, PARTS.index("kinetic")]
+    changed = np.zeros_like(energy_J)
+    changed[:, PARTS.index("kinetic")] = energy_J[:, PARTS.index("kinetic")]
+    changed[:, PARTS.index("slope")] = -energy_J[:, PARTS.index("kinetic")]
     return changed
 
 
-def shift_friction_to_coulomb(
+def trade_viscous_for_coulomb(
     integrals: PhaseIntegrals, model: ForceModel, coulomb_N: float
 ) -> ForceModel:
     """Force model with more Coulomb and less viscous friction, equal at the drive's mean."""
@@ -263,9 +264,9 @@ def shift_friction_to_coulomb(
     return replace(model, direction=model.direction + coulomb_N, viscous=model.viscous - less_N_s_m)
 
 
-def mean_residual_work(integrals: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
+def mean_residual_work(integrals: PhaseIntegrals, energy_J: Floats, model: ForceModel) -> Floats:
     """Mean residual work of the fit without digging, (phases, parts) in J."""
-    left_N = unexplained_work(integrals, value, model).sum() / max(
+    left_N = compute_unexplained_work(integrals, energy_J, model).sum() / max(
         integrals.drive["direction"].sum(), 1.0
     )
     dig, slow = left_N * integrals.dig["direction"], left_N * integrals.slow["direction"]
@@ -273,13 +274,15 @@ def mean_residual_work(integrals: PhaseIntegrals, value: Floats, model: ForceMod
     return np.stack([nothing, nothing, slope, -dig - slope, dig, slow], axis=1)
 
 
-def unexplained_work(integrals: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
+def compute_unexplained_work(
+    integrals: PhaseIntegrals, energy_J: Floats, model: ForceModel
+) -> Floats:
     """Work not explained by masses, fitted friction or digging, (phases,) in J."""
-    explained = work_against_friction(integrals.drive, model) + value[:, PARTS.index("digging")]
-    return corrected_drive_work(integrals.drive, model) - explained
+    explained = compute_friction_work(integrals.drive, model) + energy_J[:, PARTS.index("digging")]
+    return compute_drive_work(integrals.drive, model) - explained
 
 
-def work_change_by_mass(integrals: PhaseIntegrals) -> Floats:
+def energy_change_by_mass_error(integrals: PhaseIntegrals) -> Floats:
     """Change of the energy by a relative error of 1 of all masses, (phases, parts) in J."""
     lifted = integrals.drive["mass"] - integrals.kinetic_J
     dug = -integrals.dig["mass"]
@@ -290,24 +293,24 @@ def work_change_by_mass(integrals: PhaseIntegrals) -> Floats:
     )
 
 
-def random_work_uncertainty(
+def estimate_random_energy_u(
     integrals: PhaseIntegrals,
-    value: Floats,
+    energy_J: Floats,
     model: ForceModel,
     mass_u_1: float,
     spans: list[PhaseSpan],
 ) -> Floats:
     """Random uncertainty from cycle to cycle, of masses and fit residual, (phases, parts) in J."""
     drive, dig = integrals.drive, integrals.dig
-    left = unexplained_work(integrals, value, model)
+    left = compute_unexplained_work(integrals, energy_J, model)
     way_m = drive["direction"]
     number = np.unique([span.cycle for span in spans], return_inverse=True)[1]
     left_N = np.bincount(number, left) / np.maximum(np.bincount(number, way_m), 1.0)
     scatter_N = (
         float(left_N.std(ddof=1)) if left_N.size >= LIMITS.friction_scatter_min_cycles else 0.0
     )
-    mass = abs(mass_u_1 * work_change_by_mass(integrals))
-    ways = np.zeros_like(value)
+    mass = abs(mass_u_1 * energy_change_by_mass_error(integrals))
+    ways = np.zeros_like(energy_J)
     ways[:, PARTS.index("work")] = ways[:, PARTS.index("friction")] = way_m
     ways[:, PARTS.index("digging")] = dig["direction"]
     ways[:, PARTS.index("braking")] = integrals.slow["direction"]
@@ -315,7 +318,7 @@ def random_work_uncertainty(
 
 
 def _make_energy_rows(
-    spans: list[PhaseSpan], value: Floats, common: Floats, random: Floats, fuel_L: Floats
+    spans: list[PhaseSpan], energy_J: Floats, common_u_J: Floats, random_u_J: Floats, fuel_L: Floats
 ) -> tuple[EnergyRow, ...]:
     """Rows of the shift, whole and by phase, then of each cycle."""
     cycle = np.array([span.cycle for span in spans])
@@ -327,12 +330,12 @@ def _make_energy_rows(
             of = of & (cycle == cycle_number)
         # random within a cycle alike, between cycles not
         own = np.unique(cycle[of], return_inverse=True)[1]
-        by_cycle = [np.bincount(own, random[of, part]) for part in range(len(PARTS))]
+        by_cycle = [np.bincount(own, random_u_J[of, part]) for part in range(len(PARTS))]
         u = np.hypot(
-            np.linalg.norm(common[:, of].sum(axis=1), axis=0),
+            np.linalg.norm(common_u_J[:, of].sum(axis=1), axis=0),
             [float(np.linalg.norm(each)) for each in by_cycle],
         )
-        energy = value[of].sum(axis=0)
+        energy = energy_J[of].sum(axis=0)
         pairs = zip(energy / J_PER_KWH, u / J_PER_KWH, strict=True)
         work, kinetic, slope, friction, digging, braking = (
             EnergyAmount(round(float(e), 7), round(float(w), 7)) for e, w in pairs

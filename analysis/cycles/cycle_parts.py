@@ -8,12 +8,12 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.cycles.boom_dumps import is_standing, is_standing_or_creeping
+from analysis.cycles.boom_dumps import mark_standing_or_creeping, mark_standing_samples
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.load_passes import Passes
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import column_values
-from analysis.model.windows import runs_of_flagged_samples
+from analysis.model.windows import find_flagged_runs
 from estimators.arrays import Bools, Floats, Ints
 
 
@@ -67,7 +67,7 @@ class _DriveSamples(NamedTuple):
             t_ns,
             np.where(step_s > LIMITS.longest_sample_s, 0.0, step_s),
             np.abs(column_values(excitation, "speed_x_m_s")),
-            is_standing(excitation),
+            mark_standing_samples(excitation),
             excitation["phase"].is_not_null().to_numpy(),
         )
 
@@ -113,12 +113,12 @@ class CycleParts:
     unseen: bool = False
 
     @property
-    def completed_ns(self) -> int:
+    def end_of_last_part_ns(self) -> int:
         """End of the last part that was seen, in ns."""
         return [span for span in (self.dig_ns, self.haul_ns, self.dump_ns) if span][-1][1]
 
     @property
-    def reason_for_no_mass(self) -> str:
+    def missing_mass_reason(self) -> str:
         """Why the cycle has no mass; empty if it has one."""
         if self.loaded_pass is None:
             return "no usable start with this load"
@@ -126,21 +126,21 @@ class CycleParts:
             return "no empty pass to compare with"
         return ""
 
-    def pass_weights(self, tare_before_1: Floats, count: int) -> Floats:
+    def pass_weights(self, weight_of_tare_before: Floats, pass_count: int) -> Floats:
         """(passes,) weights of the passes' masses in the payload.
 
         Args:
-            tare_before_1: (passes,) weight of the empty pass before each load, if there is one
-                after as well.
-            count: number of passes.
+            weight_of_tare_before: (passes,) weight of the empty pass before each load, if there is
+                one after as well.
+            pass_count: number of passes.
         """
-        weights = np.zeros(count)
+        weights = np.zeros(pass_count)
         assert self.loaded_pass is not None
         weights[self.loaded_pass] = 1.0
         before, after = self.empty_pass_before, self.empty_pass_after
         if before is not None and after is not None:
-            weights[before] -= tare_before_1[self.loaded_pass]
-            weights[after] -= 1.0 - tare_before_1[self.loaded_pass]
+            weights[before] -= weight_of_tare_before[self.loaded_pass]
+            weights[after] -= 1.0 - weight_of_tare_before[self.loaded_pass]
         else:
             weights[after if before is None else before] = -1.0
         return weights
@@ -168,7 +168,7 @@ def split_cycles_into_parts(passes: Passes, digs: pl.DataFrame) -> list[CyclePar
                 and now.loaded_pass is None
                 and now.dig_ns is not None
                 and start_ns - now.dig_ns[1] < passes.one_filling_ns
-                and not passes.dumps.dumps_during(now.dig_ns[1], start_ns)
+                and not passes.dumps.select_dumps(now.dig_ns[1], start_ns)
             )
             # a bucket that is not dumped since is full: what looks like digging fills none
             inside = (
@@ -176,7 +176,7 @@ def split_cycles_into_parts(passes: Passes, digs: pl.DataFrame) -> list[CyclePar
                 and now.haul_ns is not None
                 and (
                     start_ns < now.haul_ns[1]
-                    or passes.dumps.shows_no_dump(now.haul_ns[0], start_ns)
+                    or passes.dumps.excludes_dump(now.haul_ns[0], start_ns)
                 )
             )
             if again and now is not None and now.dig_ns is not None:
@@ -194,10 +194,10 @@ def split_cycles_into_parts(passes: Passes, digs: pl.DataFrame) -> list[CyclePar
             if now is not None:
                 now.empty_pass_after = number
             now, empty = None, number
-    return _add_neighbouring_passes(cycles, passes)
+    return _add_nearest_empty_passes(cycles, passes)
 
 
-def _add_neighbouring_passes(cycles: list[CycleParts], passes: Passes) -> list[CycleParts]:
+def _add_nearest_empty_passes(cycles: list[CycleParts], passes: Passes) -> list[CycleParts]:
     """Add the nearest empty passes to cycles that lack their own."""
     empties = np.flatnonzero(~passes.loaded)
     for cycle in cycles:
@@ -224,7 +224,7 @@ def add_dump_times(
         excitation: frame with the phases.
     """
     t_ns = excitation["t_ns"].to_numpy()
-    stands, stops = is_standing(excitation), is_standing_or_creeping(excitation)
+    stands, stops = mark_standing_samples(excitation), mark_standing_or_creeping(excitation)
     boom = column_values(aligned, "boom_rad")
     for cycle, later in zip(cycles, [*cycles, None][1:], strict=True):
         ready = last_loaded_time_ns(cycle, passes)
@@ -232,28 +232,28 @@ def add_dump_times(
         if later is not None and later.dig_ns is not None and later.dig_ns[0] > ready:
             over.append(later.dig_ns[0])
         empty = min(over, default=int(t_ns[-1]))
-        dumped = passes.dumps.dumps_with_boom_out(ready, empty)
+        dumped = passes.dumps.select_dumps_with_boom_out(ready, empty)
         if not dumped and cycle.loaded_pass is None and over and not passes.dumps.shows_dumps:
             # by no witness: where a machine that has dug stands or creeps longest it dumps
             inside = (t_ns > ready) & (t_ns < empty)
-            cycle.dump_ns = find_longest_stop(stops[inside], t_ns[inside])
+            cycle.dump_ns = find_longest_standstill(stops[inside], t_ns[inside])
             cycle.bucket_emptied_ns = cycle.dump_ns and sum(cycle.dump_ns) // 2
         if not dumped and (cycle.loaded_pass is None or not over):
             continue
         first, last = np.searchsorted(t_ns, [ready, empty])
         part = slice(first, last + 1)
         if dumped:
-            cycle.dump_ns = extend_to_standstills(dumped[0][:2], stands[part], t_ns[part])
+            cycle.dump_ns = extend_span_to_standstills(dumped[0][:2], stands[part], t_ns[part])
             cycle.bucket_emptied_ns = dumped[0].bucket_emptied_ns
             continue
-        stand = choose_standstill_by_boom(stands[part], boom[part], t_ns[part])
+        stand = choose_dump_standstill(stands[part], boom[part], t_ns[part])
         by_boom = stand is not None and stand[2]
-        hole = None if by_boom else find_longest_hole(t_ns[part])
+        hole = None if by_boom else find_longest_data_gap(t_ns[part])
         cycle.unseen = hole is not None
         found_ns = hole or (stand and stand[:2]) or (int(t_ns[first]), int(t_ns[last]))
         cycle.dump_ns, cycle.bucket_emptied_ns = found_ns, sum(found_ns) // 2
         if stand is not None and by_boom:
-            cycle.bucket_emptied_ns = middle_of_boom_out_ns(boom[part], t_ns[part], *stand[:2])
+            cycle.bucket_emptied_ns = boom_out_midpoint_ns(boom[part], t_ns[part], *stand[:2])
 
 
 def last_loaded_time_ns(cycle: CycleParts, passes: Passes) -> int:
@@ -264,18 +264,20 @@ def last_loaded_time_ns(cycle: CycleParts, passes: Passes) -> int:
     return cycle.dig_ns[1]
 
 
-def extend_to_standstills(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple[int, int]:
+def extend_span_to_standstills(
+    span: tuple[int, int], standstills: Bools, t_ns: Ints
+) -> tuple[int, int]:
     """Extend a span to include the standstills at its ends."""
     first, last = (int(k) for k in np.searchsorted(t_ns, span))
     last = min(last, t_ns.size - 1)
-    while first > 0 and stands[first - 1]:
+    while first > 0 and standstills[first - 1]:
         first -= 1
-    while last + 1 < t_ns.size and stands[last + 1]:
+    while last + 1 < t_ns.size and standstills[last + 1]:
         last += 1
     return int(t_ns[first]), int(t_ns[last])
 
 
-def find_longest_hole(t_ns: Ints) -> tuple[int, int] | None:
+def find_longest_data_gap(t_ns: Ints) -> tuple[int, int] | None:
     """Begin and end in ns of the longest time without samples; None if it is short."""
     steps = np.diff(t_ns)
     if not steps.size or steps.max() < LIMITS.dump_hole_s * NS_PER_S:
@@ -284,9 +286,9 @@ def find_longest_hole(t_ns: Ints) -> tuple[int, int] | None:
     return int(t_ns[widest]), int(t_ns[widest + 1])
 
 
-def find_longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
+def find_longest_standstill(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
     """Longest standstill or creep, without idling; None if there is none."""
-    begins, ends = runs_of_flagged_samples(stops)
+    begins, ends = find_flagged_runs(stops)
     length = t_ns[ends] - t_ns[begins]
     length[length > LIMITS.idle_s * NS_PER_S] = 0
     if not length.any():
@@ -295,37 +297,41 @@ def find_longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
     return int(t_ns[begins[best]]), int(t_ns[ends[best]])
 
 
-def choose_standstill_by_boom(
-    stands: Bools, boom: NDArray[np.float64], t_ns: Ints
+def choose_dump_standstill(
+    standstills: Bools, boom_rad: NDArray[np.float64], t_ns: Ints
 ) -> tuple[int, int, bool] | None:
     """Choose the standstill of a dump: that in which the boom moves most, or else the longest.
 
     Args:
-        stands: (n,) samples that stand.
-        boom: (n,) boom angle in rad.
+        standstills: (n,) samples that stand.
+        boom_rad: (n,) boom angle in rad.
         t_ns: (n,) time.
 
     Returns:
         Begin and end in ns, and whether the boom moves during it; None without a standstill.
     """
-    begins, ends = runs_of_flagged_samples(stands)
+    begins, ends = find_flagged_runs(standstills)
     if not begins.size:
         return None
-    moves = np.array([_peak_to_peak(boom[b : e + 1]) for b, e in zip(begins, ends, strict=True)])
+    moves = np.array(
+        [_peak_to_peak(boom_rad[b : e + 1]) for b, e in zip(begins, ends, strict=True)]
+    )
     length = (t_ns[ends] - t_ns[begins]).astype(np.float64)
     by_boom = bool(moves.max() > LIMITS.boom_min_reach_rad)
     best = int(np.argmax(moves if by_boom else length))
     return int(t_ns[begins[best]]), int(t_ns[ends[best]]), by_boom
 
 
-def middle_of_boom_out_ns(boom: NDArray[np.float64], t_ns: Ints, start_ns: int, end_ns: int) -> int:
+def boom_out_midpoint_ns(
+    boom_rad: NDArray[np.float64], t_ns: Ints, start_ns: int, end_ns: int
+) -> int:
     """Middle of the time in which the boom is more than half out.
 
     The stand may last longer, since idling begins after a dump; a boom that moves again later does
     something else.
     """
-    inside = (t_ns >= start_ns) & (t_ns <= end_ns) & np.isfinite(boom)
-    angle, when = boom[inside], t_ns[inside]
+    inside = (t_ns >= start_ns) & (t_ns <= end_ns) & np.isfinite(boom_rad)
+    angle, when = boom_rad[inside], t_ns[inside]
     away = np.abs(angle - angle[0])
     out = when[away > away.max() / 2.0]
     times = np.split(out, np.flatnonzero(np.diff(out) > LIMITS.one_dump_ns) + 1)
@@ -374,12 +380,12 @@ def summarise_shift_motion(
     )
 
 
-def find_idle_standstills(excitation: pl.DataFrame) -> list[tuple[int, int]]:
+def find_idle_spans_ns(excitation: pl.DataFrame) -> list[tuple[int, int]]:
     """Stands longer than `idle_s`: first and last sample in ns, in order of time."""
     if excitation.is_empty():
         return []
     t_ns = excitation["t_ns"].to_numpy()
-    begins, ends = runs_of_flagged_samples(is_standing(excitation))
+    begins, ends = find_flagged_runs(mark_standing_samples(excitation))
     return [
         (int(t_ns[b]), int(t_ns[e]))
         for b, e in zip(begins, ends, strict=True)

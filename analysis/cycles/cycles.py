@@ -21,8 +21,8 @@ from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
     BY_MACHINE_FILE,
     ShiftScale,
-    carry_back_variance_kg2,
-    mass_and_u_with_clean_bucket_kg,
+    clean_machine_mass_and_u_kg,
+    estimate_carry_back_variance_kg2,
     pass_weights_by_state,
     weigh_empty_machine,
 )
@@ -31,7 +31,7 @@ from analysis.cycles.load_passes import NO_PASSES, Passes, find_load_passes
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build_frame
-from analysis.model.uncertainty_sources import combined_u, names_of_unknown_scale_sources
+from analysis.model.uncertainty_sources import combine_u, unknown_scale_source_names
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine, payload_uncertainty_sources
 from analysis.weighing.fuel_on_board import FuelOnBoard
@@ -76,7 +76,7 @@ class _CommonUncertainty:
     covariance: Floats
     empty: Floats
 
-    def uncertainty_of_payload_kg(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
+    def payload_uncertainty_kg(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
         """Common uncertainty of one payload, and the part shared by all payloads, in kg.
 
         Args:
@@ -119,7 +119,7 @@ def weigh_cycles(
     if passes is None:
         parts, contradicts = add_boom_cycles(parts, found, digs, *motion)
     if not parts:
-        return LogCycles(_cycle_frame([]), {}, ShiftScale())
+        return LogCycles(_make_cycle_frame([]), {}, ShiftScale())
     withheld = ", ".join(check.check for check in verdict.withholding_checks("mass"))
     withheld = _CONTRADICTED if contradicts else _HAULED_TWICE if twice else withheld
     if not withheld and frames["loads"]["withheld"].any():
@@ -127,11 +127,11 @@ def weigh_cycles(
     fuel = FuelOnBoard.from_channel(machine.machine, motion[0])
     empty = weigh_empty_machine(weighing, machine, found, fuel)
     withheld = withheld or (empty.contradiction_text if empty else "")
-    share = _weight_of_tare_before(found)
-    worth = uncertainty_shared_by_payloads(
-        weighing, machine, found, _sum_weights(found, parts, share), empty
+    share = preceding_tare_weights(found)
+    worth = compute_shared_payload_uncertainty(
+        weighing, machine, found, make_payload_sum_weights(found, parts, share), empty
     )
-    clean = mass_and_u_with_clean_bucket_kg(found)
+    clean = clean_machine_mass_and_u_kg(found)
     rows: list[dict[str, object]] = []
     known_sums = (
         weighing is not None and weighing.fit.states is not None and bool(found.membership.size)
@@ -141,23 +141,23 @@ def weigh_cycles(
     counts = np.bincount(found.membership)
     for number, part in enumerate(parts, start=1):
         row: dict[str, object] = {"cycle": number, **_list_cycle_times(part, ready_ns)}
-        reason = withheld or part.reason_for_no_mass
+        reason = withheld or part.missing_mass_reason
         if not reason:
             weights = part.pass_weights(share, found.mass_kg.size)
             row |= _make_payload_row(part, found, share, clean)
-            row |= _payload_uncertainty(row, worth, weights)
+            row |= _make_payload_uncertainty_columns(row, worth, weights)
             if of_states is not None:
                 sums[number] = of_states @ weights
             row["manoeuvres"] = int(counts[part.loaded_pass])
-        row["quality"], row["counted"] = _payload_quality_and_counted(row, part)
-        row["withheld_for"] = reason or _remark_on_cycle(row) or (_UNSEEN if part.unseen else "")
+        row["quality"], row["counted"] = _judge_payload(row, part)
+        row["withheld_for"] = reason or _make_cycle_note(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
-        ready_ns = part.completed_ns
-    table = subtract_spillage(_cycle_frame(rows), parts, found, frames, machine.machine)
+        ready_ns = part.end_of_last_part_ns
+    table = subtract_spillage(_make_cycle_frame(rows), parts, found, frames, machine.machine)
     return LogCycles(table, sums, worth.scale)
 
 
-def _cycle_frame(rows: list[dict[str, object]]) -> pl.DataFrame:
+def _make_cycle_frame(rows: list[dict[str, object]]) -> pl.DataFrame:
     declared = FRAMES["cycles"].columns
     columns = {
         c.name: pl.Series([row.get(c.name) for row in rows], dtype=c.dtype) for c in declared
@@ -171,7 +171,7 @@ def _list_cycle_times(cycle: CycleParts, ready_ns: int) -> dict[str, object]:
     seen = [span for span in (dig, haul, dump) if span]
     return {
         "start_t_ns": min(ready_ns, seen[0][0]),
-        "end_t_ns": cycle.completed_ns if dump is None else cycle.bucket_emptied_ns,
+        "end_t_ns": cycle.end_of_last_part_ns if dump is None else cycle.bucket_emptied_ns,
         "dig_t_ns": dig and dig[0],
         "dump_t_ns": cycle.bucket_emptied_ns,
         "return_s": None if dig is None else max(dig[0] - ready_ns, 0) / NS_PER_S,
@@ -181,14 +181,14 @@ def _list_cycle_times(cycle: CycleParts, ready_ns: int) -> dict[str, object]:
     }
 
 
-def _remark_on_cycle(row: dict[str, object]) -> str:
+def _make_cycle_note(row: dict[str, object]) -> str:
     return {
         "weak": "uncertainty above a quarter of the payload",
         "not dumped": "the recording ends before it is dumped",
     }.get(str(row["quality"]), "")
 
 
-def _payload_quality_and_counted(row: dict[str, object], cycle: CycleParts) -> tuple[str, bool]:
+def _judge_payload(row: dict[str, object], cycle: CycleParts) -> tuple[str, bool]:
     payload_kg, u_kg = row.get("payload_kg"), row.get("payload_u_kg")
     if not isinstance(payload_kg, float) or not isinstance(u_kg, float):
         return "no mass", False
@@ -212,7 +212,7 @@ def _make_payload_row(
             row[f"{name}_u_kg"] = float(passes.u_kg[number])
     weights = cycle.pass_weights(share, passes.mass_kg.size)
     payload_kg = float(weights @ passes.mass_kg)
-    variance_kg2 = weights**2 @ passes.u_kg**2 + _carry_back_variance_kg2(cycle, passes, share)
+    variance_kg2 = weights**2 @ passes.u_kg**2 + carry_back_variance_kg2(cycle, passes, share)
     row |= {
         "tare_before_1": 0.0
         if cycle.empty_pass_before is None
@@ -222,14 +222,14 @@ def _make_payload_row(
     }
     if cycle.empty_pass_after is not None:
         row["carry_back_kg"] = (
-            float(passes.mass_without_drift_kg[cycle.empty_pass_after]) - cleanest[0]
+            float(passes.drift_corrected_masses_kg[cycle.empty_pass_after]) - cleanest[0]
         )
         row["carry_back_u_kg"] = float(np.hypot(passes.u_kg[cycle.empty_pass_after], cleanest[1]))
     return row
 
 
-def _payload_uncertainty(
-    row: dict[str, object], worth: "_SharedUncertainty", weights: Floats
+def _make_payload_uncertainty_columns(
+    row: dict[str, object], shared_uncertainty: "_SharedUncertainty", weights: Floats
 ) -> dict[str, object]:
     """Common, shared and total uncertainty of a payload.
 
@@ -238,15 +238,16 @@ def _payload_uncertainty(
     own_kg, random_kg = row["payload_kg"], row["payload_u_random_kg"]
     assert isinstance(own_kg, float)
     assert isinstance(random_kg, float)
-    own_common_kg, own_shared_kg = worth.own.uncertainty_of_payload_kg(weights, own_kg)
+    own_common_kg, own_shared_kg = shared_uncertainty.own.payload_uncertainty_kg(weights, own_kg)
     common_kg, shared_kg = (
-        worth.scale_1 * u for u in worth.on_empty_scale.uncertainty_of_payload_kg(weights, own_kg)
+        shared_uncertainty.scale_1 * u
+        for u in shared_uncertainty.on_empty_scale.payload_uncertainty_kg(weights, own_kg)
     )
-    random_kg *= worth.scale_1
+    random_kg *= shared_uncertainty.scale_1
     return {
-        "scale_1": worth.scale_1,
-        "scale_from": worth.scale.told_by,
-        "payload_kg": worth.scale_1 * own_kg,
+        "scale_1": shared_uncertainty.scale_1,
+        "scale_from": shared_uncertainty.scale.told_by,
+        "payload_kg": shared_uncertainty.scale_1 * own_kg,
         "payload_u_random_kg": random_kg,
         "payload_u_common_kg": common_kg,
         "payload_u_shared_kg": shared_kg,
@@ -256,11 +257,11 @@ def _payload_uncertainty(
     }
 
 
-def _weight_of_tare_before(passes: Passes) -> Floats:
+def preceding_tare_weights(passes: Passes) -> Floats:
     """Minimum-variance weight of the empty pass before each loaded pass, (passes,)."""
     share = np.full(passes.mass_kg.size, 0.5)
     empties = np.flatnonzero(~passes.loaded)
-    spread = 2.0 * carry_back_variance_kg2(passes)
+    spread = 2.0 * estimate_carry_back_variance_kg2(passes)
     for loaded in np.flatnonzero(passes.loaded):
         place = int(np.searchsorted(empties, loaded))
         if 0 < place < empties.size:
@@ -269,9 +270,11 @@ def _weight_of_tare_before(passes: Passes) -> Floats:
     return share
 
 
-def _carry_back_variance_kg2(cycle: CycleParts, passes: Passes, share: Floats) -> float:
+def carry_back_variance_kg2(
+    cycle: CycleParts, passes: Passes, carry_back_fraction: Floats
+) -> float:
     """Variance of a payload due to a different carry-back before it, in kg²."""
-    variance = 2.0 * carry_back_variance_kg2(passes)
+    variance = 2.0 * estimate_carry_back_variance_kg2(passes)
     if cycle.loaded_pass is None:
         return 0.0
     before = (
@@ -279,7 +282,7 @@ def _carry_back_variance_kg2(cycle: CycleParts, passes: Passes, share: Floats) -
         if cycle.empty_pass_before is None
         else 1.0
         if cycle.empty_pass_after is None
-        else share[cycle.loaded_pass]
+        else carry_back_fraction[cycle.loaded_pass]
     )
     # an empty pass beyond the next load has another cycle's
     own = cycle.empty_pass_after is None or cycle.empty_pass_after == cycle.loaded_pass + 1
@@ -287,14 +290,16 @@ def _carry_back_variance_kg2(cycle: CycleParts, passes: Passes, share: Floats) -
     return variance * (before**2 + after**2)
 
 
-def _sum_weights(passes: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
+def make_payload_sum_weights(
+    passes: Passes, cycle_parts: list[CycleParts], tare_weights: Floats
+) -> Floats:
     """Weights of the passes in the sum of all payloads, (passes,)."""
     whole = [
         p
-        for p in parts
+        for p in cycle_parts
         if p.loaded_pass is not None and (p.empty_pass_before, p.empty_pass_after) != (None, None)
     ]
-    weights = [part.pass_weights(tare, passes.mass_kg.size) for part in whole]
+    weights = [part.pass_weights(tare_weights, passes.mass_kg.size) for part in whole]
     return np.sum([np.zeros(passes.mass_kg.size), *weights], axis=0)
 
 
@@ -315,7 +320,7 @@ class _SharedUncertainty:
     scale: ShiftScale
 
 
-def uncertainty_shared_by_payloads(
+def compute_shared_payload_uncertainty(
     weighing: Weighing | None,
     machine: Machine,
     passes: Passes,
@@ -336,21 +341,24 @@ def uncertainty_shared_by_payloads(
         nothing = np.zeros(count)
         none = _CommonUncertainty(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
         return _SharedUncertainty(none, none, 1.0, ShiftScale())
-    datum = empty.relate_to_empty_mass(pass_weights_by_state(weighing.fit, passes) @ weights)
-    own = common_uncertainty(weighing, machine, passes, weights, None)
-    gain_1, gain_u_1 = empty.weighed_over_stated_and_u or (None, None)
+    datum = empty.make_payload_datum(pass_weights_by_state(weighing.fit, passes) @ weights)
+    own = compute_common_payload_uncertainty(weighing, machine, passes, weights, None)
+    gain_1, gain_u_1 = empty.weighed_to_stated_ratio_and_u or (None, None)
     sources = payload_uncertainty_sources(weighing, machine, datum, empty.weights)
-    unknown = names_of_unknown_scale_sources(sources)
+    unknown = unknown_scale_source_names(sources)
     told_by = "" if unknown else BY_MACHINE_FILE if datum is None else BY_EMPTY_MACHINE
     scale = ShiftScale(told_by, ", ".join(unknown), gain_1, gain_u_1)
     if datum is None:
         return _SharedUncertainty(own, own, 1.0, scale)
     return _SharedUncertainty(
-        own, common_uncertainty(weighing, machine, passes, weights, datum), datum.scale_1, scale
+        own,
+        compute_common_payload_uncertainty(weighing, machine, passes, weights, datum),
+        datum.scale_1,
+        scale,
     )
 
 
-def common_uncertainty(
+def compute_common_payload_uncertainty(
     weighing: Weighing, machine: Machine, passes: Passes, weights: Floats, datum: EmptyDatum | None
 ) -> _CommonUncertainty:
     """Uncertainty common to the uncalibrated payloads, with the fit's correlations.
@@ -364,16 +372,16 @@ def common_uncertainty(
     sources = payload_uncertainty_sources(weighing, machine, datum, summed)
     by_1 = 1.0 if datum is None else datum.scale_1
     total_kg = max(abs(float(weights @ passes.mass_kg)), 1e-9)
-    kept = (combined_u(sources, "random") / by_1) ** 2 - float(weights**2 @ passes.u_kg**2)
-    common = combined_u(sources, "common", "scale") / by_1
+    kept = (combine_u(sources, "random") / by_1) ** 2 - float(weights**2 @ passes.u_kg**2)
+    common = combine_u(sources, "common", "scale") / by_1
     names = {term.source or term.name for term in fit.terms}
     responses_kg, drift = fit.term_responses, weighing.significant_empty_mass_drift
     if drift is not None:
         # unlike other scales, it moves early and late payloads differently
         names.add("drifted_gain")
-        responses_kg = np.vstack([responses_kg, drift.responses_kg(fit.masses_kg)])
+        responses_kg = np.vstack([responses_kg, drift.mass_responses_kg(fit.masses_kg)])
     other = [s for s in sources if s.kind != "random" and s.name not in names]
-    masses = slice(0, fit.count)
+    masses = slice(0, fit.mass_count)
     covariance = of_states.T @ (fit.fit.noise + fit.fit.scatter)[masses, masses] @ of_states
     empty = np.zeros(passes.mass_kg.size)
     if datum is not None:
@@ -381,7 +389,7 @@ def common_uncertainty(
         empty = -datum.by_kg * share / share.sum()
     return _CommonUncertainty(
         float(np.sqrt(common**2 + max(kept, 0.0))) / total_kg,
-        combined_u(other) / by_1 / total_kg,
+        combine_u(other) / by_1 / total_kg,
         responses_kg @ of_states,
         covariance - np.diag(passes.u_kg**2),
         empty,

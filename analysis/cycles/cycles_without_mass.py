@@ -12,12 +12,12 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 import polars as pl
 
-from analysis.cycles.boom_dumps import BoomDumps, Span, find_boom_dumps, is_standing
+from analysis.cycles.boom_dumps import BoomDumps, Span, find_boom_dumps, mark_standing_samples
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.load_passes import Passes
 from analysis.model.physical_units import NS_PER_S
-from analysis.model.windows import runs_of_flagged_samples
+from analysis.model.windows import find_flagged_runs
 from estimators.arrays import Ints
 
 
@@ -75,7 +75,7 @@ def add_boom_cycles(
     ]
     contradicts = bool(agree) and float(np.mean(agree)) < LIMITS.dump_match_fraction
     if contradicts or not told:
-        return _boom_cycle_parts(seen, digs) or parts, contradicts
+        return _make_cycles_from_dumps(seen, digs) or parts, contradicts
     # sooner after a dump than half a cycle the machine is empty
     apart_ns = (
         int(LIMITS.min_dump_interval_cycles * float(np.median(np.diff(times))))
@@ -87,21 +87,21 @@ def add_boom_cycles(
         for each in passes.dumps.dumps
         if not each.is_near(times, max(LIMITS.one_dump_ns, apart_ns))
     ]
-    return sorted([*parts, *missed], key=_cycle_first_seen_ns), False
+    return sorted([*parts, *missed], key=_first_evidence_ns), False
 
 
-def _cycle_first_seen_ns(cycle: CycleParts) -> int:
+def _first_evidence_ns(cycle: CycleParts) -> int:
     """Time of the first evidence of a cycle."""
     return next(span[0] for span in (cycle.dig_ns, cycle.haul_ns, cycle.dump_ns) if span)
 
 
-def _boom_cycle_parts(boom_dumps: BoomDumps, digs: pl.DataFrame) -> list[CycleParts]:
+def _make_cycles_from_dumps(boom_dumps: BoomDumps, digs: pl.DataFrame) -> list[CycleParts]:
     """Make a cycle for each dump of the boom, with the digging before it."""
     dug = sorted(digs.select("start_t_ns", "end_t_ns").iter_rows())
     before = [0, *(each.end_ns for each in boom_dumps.dumps)]
     return [
         CycleParts(
-            digging_span(dug, since_ns, each.start_ns),
+            find_digging_span(dug, since_ns, each.start_ns),
             dump_ns=(each.start_ns, each.end_ns),
             bucket_emptied_ns=each.bucket_emptied_ns,
         )
@@ -109,9 +109,9 @@ def _boom_cycle_parts(boom_dumps: BoomDumps, digs: pl.DataFrame) -> list[CyclePa
     ]
 
 
-def digging_span(dug: list[Span], since_ns: int, until_ns: int) -> Span | None:
+def find_digging_span(digging_spans: list[Span], start_ns: int, end_ns: int) -> Span | None:
     """First to last digging within a time span; None without digging."""
-    inside = [span for span in dug if since_ns <= span[0] < until_ns]
+    inside = [span for span in digging_spans if start_ns <= span[0] < end_ns]
     return (inside[0][0], inside[-1][1]) if inside else None
 
 
@@ -133,7 +133,7 @@ class UncountedCycles(NamedTuple):
     on_board_u_kg: float | None
 
 
-def estimate_uncounted_cycles(
+def estimate_uncounted_cycle_count(
     cycles: pl.DataFrame, excitation: pl.DataFrame, aligned: pl.DataFrame
 ) -> UncountedCycles:
     """Compare digging, dumps of the boom and counted cycles.
@@ -149,9 +149,9 @@ def estimate_uncounted_cycles(
     boom = find_boom_dumps(
         aligned, excitation, [(t - LIMITS.one_dump_ns, t + LIMITS.one_dump_ns) for t in times]
     )
-    likely, common_u = cycle_probabilities_and_common_u(cycles, boom)
+    likely, common_u = estimate_cycle_probabilities_and_u(cycles, boom)
     if not boom.shows_dumps and not is_digging_reliable(cycles):
-        likely += rhythm_gap_probabilities(np.array(sorted(times), np.int64), excitation)
+        likely += missed_cycle_probabilities(np.array(sorted(times), np.int64), excitation)
     on_board = cycles.tail(1).filter(pl.col("quality") == "not dumped")
     load_kg = load_u_kg = None
     if on_board.height:
@@ -168,9 +168,9 @@ def estimate_uncounted_cycles(
     )
 
 
-def unweighed_load_and_u_kg(
-    cycles: float,
-    cycles_u: float,
+def estimate_unweighed_load_and_u_kg(
+    cycle_count: float,
+    cycle_count_u: float,
     mean_kg: float | None,
     std_kg: float | None,
     counted_payloads: int,
@@ -178,8 +178,8 @@ def unweighed_load_and_u_kg(
     """Estimated total load of unweighed cycles, from the weighed ones, with its uncertainty.
 
     Args:
-        cycles: number of cycles.
-        cycles_u: its standard uncertainty.
+        cycle_count: number of cycles.
+        cycle_count_u: its standard uncertainty.
         mean_kg: mean of the counted payloads.
         std_kg: standard deviation of the counted payloads.
         counted_payloads: how many were counted; the mean of a few differs from that of the rest.
@@ -188,8 +188,8 @@ def unweighed_load_and_u_kg(
         return 0.0, 0.0
     spread_kg = LIMITS.single_load_std_fraction * abs(mean_kg) if std_kg is None else std_kg
     mean_u_kg = spread_kg / np.sqrt(max(counted_payloads, 1))
-    parts = (cycles_u * mean_kg, np.sqrt(cycles) * spread_kg, cycles * mean_u_kg)
-    return cycles * mean_kg, float(np.linalg.norm(parts))
+    parts = (cycle_count_u * mean_kg, np.sqrt(cycle_count) * spread_kg, cycle_count * mean_u_kg)
+    return cycle_count * mean_kg, float(np.linalg.norm(parts))
 
 
 class _Reliability(NamedTuple):
@@ -204,16 +204,16 @@ class _Reliability(NamedTuple):
     u: float
 
     @classmethod
-    def from_trials(cls, prior: float, confirmed: int = 0, denied: int = 0) -> Self:
+    def from_trials(cls, prior: float, confirmed_count: int = 0, denied_count: int = 0) -> Self:
         """Posterior mean and standard deviation of a beta distribution.
 
         Args:
             prior: mean before the trials; worth `LIMITS.witness_prior_trials` of them.
-            confirmed: number of its cycles that masses confirm.
-            denied: number of its cycles that they deny.
+            confirmed_count: number of its cycles that masses confirm.
+            denied_count: number of its cycles that they deny.
         """
-        trials = LIMITS.witness_prior_trials + confirmed + denied
-        mean = (LIMITS.witness_prior_trials * prior + confirmed) / trials
+        trials = LIMITS.witness_prior_trials + confirmed_count + denied_count
+        mean = (LIMITS.witness_prior_trials * prior + confirmed_count) / trials
         return cls(mean, float(np.sqrt(mean * (1.0 - mean) / (trials + 1.0))))
 
 
@@ -221,19 +221,23 @@ class _Reliability(NamedTuple):
 _CERTAIN: Final = _Reliability(1.0, 0.0)
 
 
-def cycle_probabilities_and_common_u(
-    cycles: pl.DataFrame, boom: BoomDumps
+def estimate_cycle_probabilities_and_u(
+    cycles: pl.DataFrame, boom_dumps: BoomDumps
 ) -> tuple[list[float], float]:
     """Probability that each row without a mass was a cycle, and the common u of their number."""
     blank = cycles.filter(pl.col("payload_kg").is_null())
     contradicted = _Reliability.from_trials(LIMITS.contradicted_probability)
     alone = _Reliability.from_trials(LIMITS.sole_witness_probability)
-    only_dug = contradicted if boom.shows_dumps else alone
-    only_dumped = contradicted if is_digging_reliable(cycles) else _boom_reliability(cycles, boom)
+    only_dug = contradicted if boom_dumps.shows_dumps else alone
+    only_dumped = (
+        contradicted
+        if is_digging_reliable(cycles)
+        else _estimate_boom_reliability(cycles, boom_dumps)
+    )
     digs, dumps, hauls = (blank[name].is_not_null() for name in ("dig_t_ns", "dump_t_ns", "haul_s"))
     shown = [
         _CERTAIN
-        if haul or (dig and dump and boom.shows_dumps)
+        if haul or (dig and dump and boom_dumps.shows_dumps)
         else only_dug
         if dig
         else only_dumped
@@ -244,14 +248,14 @@ def cycle_probabilities_and_common_u(
     return [each.probability for each in shown], float(np.linalg.norm(parts))
 
 
-def _boom_reliability(cycles: pl.DataFrame, boom: BoomDumps) -> _Reliability:
+def _estimate_boom_reliability(cycles: pl.DataFrame, boom_dumps: BoomDumps) -> _Reliability:
     """How often a dump of the boom was a cycle, by the cycles that masses confirm."""
     weighed = cycles.filter(pl.col("counted"))["dump_t_ns"].drop_nulls().to_numpy()
     every = cycles["dump_t_ns"].drop_nulls().to_numpy()
     return _Reliability.from_trials(
         LIMITS.sole_witness_probability,
-        confirmed=sum(dump.is_near(weighed) for dump in boom.dumps),
-        denied=sum(not dump.is_near(every) for dump in boom.dumps),
+        confirmed_count=sum(dump.is_near(weighed) for dump in boom_dumps.dumps),
+        denied_count=sum(not dump.is_near(every) for dump in boom_dumps.dumps),
     )
 
 
@@ -262,7 +266,7 @@ def is_digging_reliable(cycles: pl.DataFrame) -> bool:
     return dug >= LIMITS.digging_witness_fraction * max(counted.height, 1)
 
 
-def rhythm_gap_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[float]:
+def missed_cycle_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[float]:
     """Probability of each cycle missing in the rhythm, by the rhythm's regularity.
 
     Args:
@@ -271,11 +275,11 @@ def rhythm_gap_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[f
     """
     if dumps_ns.size < LIMITS.rhythm_min_dumps:
         return []
-    t_ns, stands = excitation["t_ns"].to_numpy(), is_standing(excitation)
+    t_ns, stands = excitation["t_ns"].to_numpy(), mark_standing_samples(excitation)
     step_s = np.diff(t_ns, prepend=t_ns[0]) / NS_PER_S
     # cycles of a hole are priced apart
     step_s[step_s > LIMITS.cycle_hole_s] = 0.0
-    for begin, end in zip(*runs_of_flagged_samples(stands), strict=True):
+    for begin, end in zip(*find_flagged_runs(stands), strict=True):
         if t_ns[end] - t_ns[begin] > LIMITS.idle_s * NS_PER_S:
             step_s[begin : end + 1] = 0.0
     worked_s = np.diff(np.interp(dumps_ns, t_ns, np.cumsum(step_s)))
@@ -320,7 +324,7 @@ def find_channel_gaps_ns(excitation: pl.DataFrame, aligned: pl.DataFrame) -> lis
     return [(int(here[k]), int(here[k + 1])) for k in wide]
 
 
-def estimate_cycles_in_gaps(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles:
+def estimate_cycles_lost_in_gaps(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles:
     """Estimate how many cycles gaps of the log hide: those whose whole haul is inside a gap.
 
     With a period P between dumps and hauls of duration D, a gap G hides (G − D)/P cycles, none if

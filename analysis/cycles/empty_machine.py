@@ -74,31 +74,31 @@ class ShiftScale(NamedTuple):
 def pass_weights_by_state(fit: JointFit, passes: Passes) -> Floats:
     """(states, passes) weights of the states' masses in the passes' masses."""
     assert fit.states is not None
-    weights = np.zeros((fit.count, passes.mass_kg.size))
+    weights = np.zeros((fit.mass_count, passes.mass_kg.size))
     np.add.at(weights, (fit.states.membership, passes.membership), passes.share)
     return weights
 
 
-def carry_back_variance_kg2(passes: Passes) -> float:
+def estimate_carry_back_variance_kg2(passes: Passes) -> float:
     """Variance of the carry-back in kg²: variance of the empty passes beyond their noise."""
-    mass, u = passes.mass_without_drift_kg[~passes.loaded], passes.u_kg[~passes.loaded]
+    mass, u = passes.drift_corrected_masses_kg[~passes.loaded], passes.u_kg[~passes.loaded]
     if mass.size < LIMITS.carried_min_passes:
         return 0.0
     # neighbours, since fuel is burnt
     return max(float(np.mean(np.diff(mass) ** 2 - u[1:] ** 2 - u[:-1] ** 2)) / 2.0, 0.0)
 
 
-def mass_and_u_with_clean_bucket_kg(passes: Passes) -> tuple[float, float]:
+def clean_machine_mass_and_u_kg(passes: Passes) -> tuple[float, float]:
     """Mass of the machine with a clean bucket, and its uncertainty, in kg.
 
     The spread of empty passes exceeds that of the carry-back, so quantiles are shrunk towards the
     mean by the fraction of noise in the variance.
     """
-    mass, u = passes.mass_without_drift_kg[~passes.loaded], passes.u_kg[~passes.loaded]
+    mass, u = passes.drift_corrected_masses_kg[~passes.loaded], passes.u_kg[~passes.loaded]
     if not mass.size:
         return float("nan"), float("nan")
     noise = float(np.mean(u**2))
-    true = carry_back_variance_kg2(passes)
+    true = estimate_carry_back_variance_kg2(passes)
     kept = float(np.sqrt(true / (true + noise))) if true + noise > 0 else 0.0
     middle = float(np.mean(mass))
     least = middle + kept * (float(np.quantile(mass, LIMITS.clean_bucket_quantile)) - middle)
@@ -121,15 +121,15 @@ def weigh_empty_machine(
         return None
     share = np.where(empty, 1.0 / passes.u_kg**2, 0.0)
     share /= share.sum()
-    least_kg, least_u_kg = mass_and_u_with_clean_bucket_kg(passes)
-    carried_kg = max(float(share @ passes.mass_without_drift_kg) - least_kg, 0.0)
+    least_kg, least_u_kg = clean_machine_mass_and_u_kg(passes)
+    carried_kg = max(float(share @ passes.drift_corrected_masses_kg) - least_kg, 0.0)
     # the noise of the passes is in their own masses
     noise_kg2 = float(np.mean(passes.u_kg[empty] ** 2)) / int(empty.sum())
     own_kg2 = max(least_u_kg**2 - noise_kg2, 0.0)
     carried = carried_kg, float(np.sqrt(own_kg2 + (LIMITS.clean_bucket_u * carried_kg) ** 2))
     weights = pass_weights_by_state(weighing.fit, passes) @ share
     middles_ns = (passes.start_ns + passes.end_ns) / 2.0
-    fuel_kg = (0.0, 0.0) if fuel is None else fuel.mass_since_ticket_and_u_kg(middles_ns, share)
+    fuel_kg = (0.0, 0.0) if fuel is None else fuel.extra_fuel_mass_and_u_kg(middles_ns, share)
     return EmptyMachine(weighing, machine, weights, carried, fuel_kg)
 
 
@@ -154,7 +154,7 @@ def find_empty_mass_jump(
     found: list[tuple[float, MixedMachines]] = []
     for number, border_ns in enumerate(begins_ns[1:], 1):
         later = start_ns >= border_ns
-        sides = [lightest_mass_and_std(mass_kg[side], std_kg[side]) for side in (~later, later)]
+        sides = [lightest_mass_and_std_kg(mass_kg[side], std_kg[side]) for side in (~later, later)]
         if sides[0] is None or sides[1] is None:
             continue
         (before_kg, u_kg), (after_kg, other_u_kg) = sides[0], sides[1]
@@ -167,7 +167,7 @@ def find_empty_mass_jump(
     return max(found, key=lambda each: each[0])[1] if found else None
 
 
-def lightest_mass_and_std(mass_kg: Floats, std_kg: Floats) -> tuple[float, float] | None:
+def lightest_mass_and_std_kg(mass_kg: Floats, std_kg: Floats) -> tuple[float, float] | None:
     """Mass of the lightest starts, and its standard deviation; None if none is known empty."""
     if mass_kg.size < LIMITS.border_side_min_starts:
         return None

@@ -15,9 +15,13 @@ from analysis.model.machine import Machine
 from analysis.model.machine_body import Body
 from analysis.model.physical_units import NS_PER_S, SECONDS_PER_HOUR
 from analysis.model.schema import column_values
-from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque
+from analysis.stages.motion.forces import (
+    compute_longitudinal_force,
+    compute_regressor_acceleration,
+    compute_yaw_torque,
+)
 from analysis.weighing.friction_warming import WARMING
-from analysis.weighing.motion_samples import ground_speed_ratio
+from analysis.weighing.motion_samples import ground_to_wheel_speed_ratio
 from estimators.arrays import Bools, Floats, Ints
 
 
@@ -99,16 +103,16 @@ def collect_energy_samples(
     step_s = np.diff(t_ns, append=t_ns[-1:]) / NS_PER_S
     step_s = np.where(step_s > LIMITS.longest_sample_s, 0.0, step_s)
     speed = column_values(aligned, "speed_x_m_s")
-    force = longitudinal_force(aligned, machine.machine)
-    acceleration = regressor_acceleration(aligned, machine)
+    force = compute_longitudinal_force(aligned, machine.machine)
+    acceleration = compute_regressor_acceleration(aligned, machine)
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
     smooth_N, smooth_m_s = (
-        centred_column(excitation, name, machine) for name in ("force_x_N", "speed_x_m_s")
+        centre_trailing_mean(excitation, name, machine) for name in ("force_x_N", "speed_x_m_s")
     )
-    turning = np.where(known, turning_power(aligned, machine.machine), 0.0)
+    turning = np.where(known, compute_turning_power(aligned, machine.machine), 0.0)
     stands, turns = (
-        _mark_phase(excitation, name, machine, unknown=unknown)
+        mark_phase_samples(excitation, name, machine, value_if_unknown=unknown)
         for name, unknown in (("standstill", True), ("spinning", False))
     )
     moves = known & ~stands
@@ -137,7 +141,7 @@ def collect_energy_samples(
     )
 
 
-def row_span_of_each_phase(samples: EnergySamples, spans: list[PhaseSpan]) -> Ints:
+def find_rows_of_phases(samples: EnergySamples, spans: list[PhaseSpan]) -> Ints:
     """First and end row of each phase, (phases, 2)."""
     ends = [(span.start_ns, span.end_ns) for span in spans]
     return np.searchsorted(samples.t_ns, ends).reshape(-1, 2)
@@ -150,7 +154,7 @@ def sum_fuel_litres(samples: EnergySamples, spans: list[PhaseSpan]) -> Floats:
     litres = np.nan_to_num(samples.fuel_L_h) * samples.step_s / SECONDS_PER_HOUR
     unknown_s = np.where(np.isnan(samples.fuel_L_h), samples.step_s, 0.0)
     fuel_L, lost_s = (
-        np.array([each[first:last].sum() for first, last in row_span_of_each_phase(samples, spans)])
+        np.array([each[first:last].sum() for first, last in find_rows_of_phases(samples, spans)])
         for each in (litres, unknown_s)
     )
     return np.where(lost_s > LIMITS.longest_sample_s, np.nan, fuel_L)
@@ -176,21 +180,21 @@ def subtract_braked_drive(
         viscous_N_s_m: viscous friction by the joint fit.
         coulomb_N: Coulomb friction by the joint fit.
     """
-    speed, acceleration = centred_speed_and_acceleration(excitation, machine)
+    speed, acceleration = compute_centred_speed_and_acceleration(excitation, machine)
     along = mass_kg * acceleration * np.sign(speed) + viscous_N_s_m * np.abs(speed) + coulomb_N
-    spins = _mark_phase(excitation, "spinning", machine, unknown=False)
+    spins = mark_phase_samples(excitation, "spinning", machine, value_if_unknown=False)
     braked = samples.drives & ~samples.digs & ~spins & (along < 0.0)
     return replace(samples, drives=samples.drives & ~braked, slows=samples.slows | braked)
 
 
-def advance_driving_samples(samples: EnergySamples, force_late_s: float) -> EnergySamples:
+def advance_force_samples(samples: EnergySamples, force_late_s: float) -> EnergySamples:
     """Shift the driving stretches from the time of measurement to the time of action."""
     sampled = samples.step_s[samples.step_s > 0.0]
     rows = round(force_late_s / float(np.median(sampled))) if sampled.size else 0
-    return delay_driving_samples(samples, -rows)
+    return delay_force_samples(samples, -rows)
 
 
-def delay_driving_samples(samples: EnergySamples, rows: int) -> EnergySamples:
+def delay_force_samples(samples: EnergySamples, rows: int) -> EnergySamples:
     """Delay the driving stretches by a number of rows.
 
     A motor releases gradually, so the end of its force is known to half the moving mean at best.
@@ -201,23 +205,25 @@ def delay_driving_samples(samples: EnergySamples, rows: int) -> EnergySamples:
     return replace(samples, drives=drives, digs=digs, slows=slows)
 
 
-def centred_speed_and_acceleration(
+def compute_centred_speed_and_acceleration(
     excitation: pl.DataFrame, machine: Machine
 ) -> tuple[Floats, Floats]:
     """Speed, and acceleration that multiplies the mass, by the centred moving mean, (n,) each."""
     names = ("speed_x_m_s", "regressor_acc_x_m_s2")
-    speed, acceleration = (centred_column(excitation, name, machine) for name in names)
+    speed, acceleration = (centre_trailing_mean(excitation, name, machine) for name in names)
     return speed, acceleration
 
 
-def centred_column(excitation: pl.DataFrame, name: str, machine: Machine) -> Floats:
+def centre_trailing_mean(excitation: pl.DataFrame, name: str, machine: Machine) -> Floats:
     """Column after the trailing mean, advanced by half its length, (n,); 0 where unknown."""
     return np.roll(np.nan_to_num(column_values(excitation, name)), -excitation_delay_rows(machine))
 
 
-def _mark_phase(excitation: pl.DataFrame, name: str, machine: Machine, *, unknown: bool) -> Bools:
+def mark_phase_samples(
+    excitation: pl.DataFrame, name: str, machine: Machine, *, value_if_unknown: bool
+) -> Bools:
     """Samples in a phase, (n,), corrected for the delay of the trailing mean."""
-    found = (excitation["phase"] == name).fill_null(value=unknown).to_numpy()
+    found = (excitation["phase"] == name).fill_null(value=value_if_unknown).to_numpy()
     return np.roll(found, -excitation_delay_rows(machine))
 
 
@@ -226,9 +232,9 @@ def excitation_delay_rows(machine: Machine) -> int:
     return (machine.settings.smooth.samples - 1) // 2
 
 
-def turning_power(aligned: pl.DataFrame, body: Body) -> Floats:
+def compute_turning_power(aligned: pl.DataFrame, body: Body) -> Floats:
     """Power of the yaw torque, (n,) in W, if both sides are measured."""
-    torque = yaw_torque(aligned, body)
+    torque = compute_yaw_torque(aligned, body)
     if torque is None or "yaw_rate_rad_s" not in aligned.columns:
         return np.zeros(aligned.height)
     return np.nan_to_num(torque * column_values(aligned, "yaw_rate_rad_s"))
@@ -298,11 +304,11 @@ def integrate_phases(
         errors: errors of force and speed.
         ground_N: (n,) force between tyres and ground without digging.
     """
-    force = advance_column(samples, "force_N", errors.force_late_s)
-    wheels = advance_column(samples, "speed_m_s", errors.speed_late_s)
+    force = advance_sample_column(samples, "force_N", errors.force_late_s)
+    wheels = advance_sample_column(samples, "speed_m_s", errors.speed_late_s)
     # brakes slip as well, and leave no measured force
     slipping_N = np.where(samples.digs, force, ground_N)
-    speed = wheels * ground_speed_ratio(wheels, slipping_N, errors.slip_1_N)
+    speed = wheels * ground_to_wheel_speed_ratio(wheels, slipping_N, errors.slip_1_N)
     step_s, fast = samples.step_s, np.abs(speed)
     # half the difference of squares on either side: what a stretch gains is what its ends differ by
     squares = np.pad(speed**2, 1, mode="edge")
@@ -326,7 +332,7 @@ def integrate_phases(
         "quadratic": fast**3 * step_s,
         "slip": force * (wheels - speed) * step_s,
     }
-    edges = row_span_of_each_phase(samples, spans)
+    edges = find_rows_of_phases(samples, spans)
 
     def integrate_samples(x: Floats, samples_of_set: Bools) -> Floats:
         total = np.append(0.0, np.cumsum(np.where(samples_of_set, x, 0.0)))
@@ -346,10 +352,10 @@ def integrate_phases(
     )
 
 
-def advance_column(samples: EnergySamples, name: str, late_s: float) -> Floats:
+def advance_sample_column(samples: EnergySamples, name: str, delay_s: float) -> Floats:
     """A column advanced by its delay, (n,)."""
     x: Floats = getattr(samples, name)
-    if not late_s:
+    if not delay_s:
         return x
     t_s = samples.t_ns / NS_PER_S
-    return np.interp(t_s + late_s, t_s, x)
+    return np.interp(t_s + delay_s, t_s, x)

@@ -7,15 +7,15 @@ from typing import Final, TypeVar
 import numpy as np
 import polars as pl
 
-from analysis.cycles.boom_dumps import is_standing
+from analysis.cycles.boom_dumps import mark_standing_samples
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.energy_integrals import MotionErrors
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
 from analysis.model.settings import PriorSettings
-from analysis.model.windows import runs_of_flagged_samples
+from analysis.model.windows import find_flagged_runs
 from analysis.weighing.friction_warming import WARMING
-from analysis.weighing.nuisances import coulomb_std
+from analysis.weighing.nuisances import friction_force_prior_std
 from estimators.arrays import Floats
 
 #: Columns of `nuisances` that are a value and its uncertainty.
@@ -51,7 +51,7 @@ class ForceModel:
 Terms = TypeVar("Terms", ForceModel, MotionErrors)
 
 
-def fitted_force_model_and_u(
+def read_force_model_and_u(
     frames: Mapping[str, pl.DataFrame], mass_kg: Floats, priors: PriorSettings
 ) -> tuple[ForceModel, ForceModel]:
     """Force model of the fit, and its standard uncertainties.
@@ -75,7 +75,7 @@ def fitted_force_model_and_u(
     offset, offset_u = term_value_and_std("offset")
     both = term["const"][2] if "const" in term else 0.0
     excitation = frames["excitation"]
-    wrong_N = priors.const_share * high_quantile_force(excitation)
+    wrong_N = priors.const_share * high_force_quantile(excitation)
     wrong_1 = min((wrong_N / both) ** 2, 1.0) if both else 0.0
     friction = ("friction_x_N_s_m", "friction_x_std_N_s_m")
     viscous: tuple[float, float] = frames["loads"].select(friction).drop_nulls().row(0)
@@ -103,7 +103,7 @@ def fitted_force_model_and_u(
     return value, ForceModel(**{name: pair[1] for name, pair in pairs.items()})
 
 
-def coulomb_std_if_not_fitted(
+def unfitted_coulomb_std(
     frames: Mapping[str, pl.DataFrame], mass_kg: Floats, machine: Machine
 ) -> float:
     """Standard deviation of Coulomb friction if the fit has no such term, in N.
@@ -117,10 +117,10 @@ def coulomb_std_if_not_fitted(
         return 0.0
     weight_N = float(np.quantile(mass_kg, 0.1)) * machine.machine.gravity_m_s2
     priors = machine.settings.priors
-    return coulomb_std(high_quantile_force(frames["excitation"]), weight_N, priors)
+    return friction_force_prior_std(high_force_quantile(frames["excitation"]), weight_N, priors)
 
 
-def high_quantile_force(excitation: pl.DataFrame) -> float:
+def high_force_quantile(excitation: pl.DataFrame) -> float:
     """Large quantile of the log's force, in N."""
     driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
     pushed_N = np.abs(column_values(driving, "force_x_N"))
@@ -128,23 +128,23 @@ def high_quantile_force(excitation: pl.DataFrame) -> float:
 
 
 def combine_force_offsets(
-    by_fit: tuple[float, float], excitation: pl.DataFrame, mass_kg: Floats
+    fitted_offset_and_u: tuple[float, float], excitation: pl.DataFrame, mass_kg: Floats
 ) -> tuple[float, float]:
     """Combine the force offsets of the fit and of the standstills, in N, with the uncertainty.
 
     If they contradict each other, the fit's offset is used.
     """
-    at_rest = standstill_force_offset_and_u(excitation, mass_kg)
-    if at_rest is None or not by_fit[1]:
-        return by_fit
-    (fit_N, fit_u), (rest_N, rest_u) = by_fit, at_rest
+    at_rest = measure_standstill_force_offset_and_u(excitation, mass_kg)
+    if at_rest is None or not fitted_offset_and_u[1]:
+        return fitted_offset_and_u
+    (fit_N, fit_u), (rest_N, rest_u) = fitted_offset_and_u, at_rest
     if abs(fit_N - rest_N) > LIMITS.offset_contradiction_u * np.hypot(fit_u, rest_u):
-        return by_fit
+        return fitted_offset_and_u
     weights = np.array([fit_u, rest_u]) ** -2.0
     return float(np.average([fit_N, rest_N], weights=weights)), float(weights.sum() ** -0.5)
 
 
-def standstill_force_offset_and_u(
+def measure_standstill_force_offset_and_u(
     excitation: pl.DataFrame, mass_kg: Floats
 ) -> tuple[float, float] | None:
     """Force measured at standstill on level ground, in N, and its uncertainty.
@@ -160,7 +160,7 @@ def standstill_force_offset_and_u(
         column_values(excitation, name) for name in ("force_x_N", "regressor_acc_x_m_s2")
     )
     means: list[tuple[float, float]] = []
-    for begin, end in zip(*runs_of_flagged_samples(is_standing(excitation)), strict=True):
+    for begin, end in zip(*find_flagged_runs(mark_standing_samples(excitation)), strict=True):
         # neither a motor that lets go nor one that is about to push
         quarter = (end - begin) // 4
         quiet = slice(begin + quarter, end - quarter + 1)
@@ -180,7 +180,7 @@ def standstill_force_offset_and_u(
     return (float(found[0]), u_N) if u_N > 0.0 else None
 
 
-def fitted_motion_errors_and_u(
+def read_motion_errors_and_u(
     nuisances: pl.DataFrame, model: ForceModel, machine: Machine
 ) -> tuple[MotionErrors, MotionErrors]:
     """Delays and slip by the fit, and their standard uncertainties.
@@ -197,7 +197,7 @@ def fitted_motion_errors_and_u(
     return MotionErrors(*(v for v, _ in pairs)), MotionErrors(*(u for _, u in pairs))
 
 
-def perturb_each_term(column_values: Terms, stds: Terms) -> list[Terms]:
+def perturb_terms_one_by_one(column_values: Terms, stds: Terms) -> list[Terms]:
     """Copies of the values, each with one term changed by its standard uncertainty."""
     names = [each.name for each in fields(column_values) if getattr(stds, each.name)]
     return [
@@ -206,7 +206,7 @@ def perturb_each_term(column_values: Terms, stds: Terms) -> list[Terms]:
     ]
 
 
-def force_gain_u_and_missing_settings(machine: Machine) -> tuple[float, str]:
+def work_scale_u_and_missing_settings(machine: Machine) -> tuple[float, str]:
     """Relative standard uncertainty of the measured work, and the settings missing for it.
 
     Torque times the speed of the same wheels needs no radius.
@@ -225,7 +225,7 @@ def force_gain_u_and_missing_settings(machine: Machine) -> tuple[float, str]:
     return float(np.linalg.norm([u or 0.0 for u in parts.values()])), ", ".join(unknown)
 
 
-def common_and_own_relative_mass_u(frames: Mapping[str, pl.DataFrame]) -> tuple[float, float]:
+def split_relative_mass_uncertainty(frames: Mapping[str, pl.DataFrame]) -> tuple[float, float]:
     """Relative standard uncertainty of masses on the force's scale: common, and individual."""
     loads = frames["loads"].filter(pl.col("mass_kg").is_not_null())
     budget = frames["budget"].filter(pl.col("kind") == "common").group_by("load_id")

@@ -12,22 +12,22 @@ from analysis.cycles.energy_integrals import (
     MotionErrors,
     PhaseIntegrals,
     PhaseSpan,
-    advance_driving_samples,
-    centred_speed_and_acceleration,
+    advance_force_samples,
     collect_energy_samples,
+    compute_centred_speed_and_acceleration,
     excitation_delay_rows,
     integrate_phases,
     subtract_braked_drive,
 )
 from analysis.cycles.energy_terms import (
     ForceModel,
-    coulomb_std_if_not_fitted,
-    fitted_force_model_and_u,
-    fitted_motion_errors_and_u,
+    read_force_model_and_u,
+    read_motion_errors_and_u,
+    unfitted_coulomb_std,
 )
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
-from analysis.weighing.load_states import means_by_state
+from analysis.weighing.load_states import weighted_means_by_state
 from estimators.arrays import Floats, Ints
 
 
@@ -74,7 +74,7 @@ def ground_force(
     It is of the moving mean: slip is a fraction of the speed, and accelerometer vibration in both
     would add up to work.
     """
-    v, a = centred_speed_and_acceleration(excitation, machine)
+    v, a = compute_centred_speed_and_acceleration(excitation, machine)
     resisted = model.viscous * v + model.direction * np.sign(v) + model.quadratic * v * np.abs(v)
     return mass_kg * a + model.acting_constant_force + resisted
 
@@ -83,12 +83,12 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
     """Collect samples, masses and force of a log from the joint fit."""
     grids = frames["aligned"], frames["excitation"], frames["digging"]
     cycles, manoeuvres = frames["cycles"], frames["manoeuvres"]
-    mass_kg = machine_and_load_mass_kg(collect_energy_samples(*grids, machine), cycles, manoeuvres)
-    model, model_u = fitted_force_model_and_u(frames, mass_kg, machine.settings.priors)
-    errors, errors_u = fitted_motion_errors_and_u(frames["nuisances"], model, machine)
+    mass_kg = total_mass_at_samples_kg(collect_energy_samples(*grids, machine), cycles, manoeuvres)
+    model, model_u = read_force_model_and_u(frames, mass_kg, machine.settings.priors)
+    errors, errors_u = read_motion_errors_and_u(frames["nuisances"], model, machine)
     samples = collect_energy_samples(*grids, machine, model.offset)
-    mass_kg = machine_and_load_mass_kg(samples, cycles, manoeuvres)
-    samples = advance_driving_samples(samples, errors.force_late_s)
+    mass_kg = total_mass_at_samples_kg(samples, cycles, manoeuvres)
+    samples = advance_force_samples(samples, errors.force_late_s)
     friction = model.viscous, model.direction
     by_accelerometer = machine.settings.forces.acceleration == "specific_force"
     return FittedDrive(
@@ -101,19 +101,19 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
         model_u,
         errors,
         errors_u,
-        coulomb_std_if_not_fitted(frames, mass_kg, machine),
+        unfitted_coulomb_std(frames, mass_kg, machine),
         # a speed that is wrong beside an acceleration of the wheels is wrong in both
         machine.machine.wheel_radius_u_1 or 0.0 if by_accelerometer else 0.0,
     )
 
 
-def machine_and_load_mass_kg(
+def total_mass_at_samples_kg(
     samples: EnergySamples, cycles: pl.DataFrame, manoeuvres: pl.DataFrame
 ) -> Floats:
     """Mass of machine and load, (n,), by the nearest start with the load; grows in digging."""
     state = manoeuvres["load_id"].to_numpy()
     weight = manoeuvres["mass_std_kg"].to_numpy() ** -2.0
-    by_state = means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)
+    by_state = weighted_means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)
     middle = (manoeuvres["start_t_ns"] + manoeuvres["end_t_ns"]).to_numpy() / 2.0
     order = np.argsort(middle)
     starts = _StartMasses(middle[order], by_state[state][order])

@@ -19,10 +19,10 @@ import polars as pl
 from scipy.stats import t as student
 
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.model.axes import X, regressor_and_force
+from analysis.model.axes import X, make_regressor_and_force
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.settings import Settings
-from analysis.weighing.load_states import means_by_state
+from analysis.weighing.load_states import weighted_means_by_state
 from estimators.arrays import Floats
 
 
@@ -79,7 +79,7 @@ class FrictionPart(NamedTuple):
     std_N_s_m: float
 
 
-def fit_friction_of_parts(
+def fit_friction_by_shift_part(
     excitation: pl.DataFrame, manoeuvres: pl.DataFrame, nuisances: pl.DataFrame, settings: Settings
 ) -> tuple[FrictionPart, ...]:
     """Fit the viscous friction b in F - m·a - constants = b·v, for each part of a shift.
@@ -96,7 +96,7 @@ def fit_friction_of_parts(
     """
     if manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count() or nuisances.is_empty():
         return ()
-    crossed, squared = sum_manoeuvre_friction(excitation, manoeuvres, nuisances, settings)
+    crossed, squared = sum_friction_products(excitation, manoeuvres, nuisances, settings)
     t_ns = excitation["t_ns"].to_numpy()
     middle = (manoeuvres["start_t_ns"] + manoeuvres["end_t_ns"]).to_numpy() / 2.0
     since_s = (middle - t_ns[0]) / NS_PER_S
@@ -123,11 +123,11 @@ def fit_friction_of_parts(
     return tuple(found)
 
 
-def sum_manoeuvre_friction(
+def sum_friction_products(
     excitation: pl.DataFrame, manoeuvres: pl.DataFrame, nuisances: pl.DataFrame, settings: Settings
 ) -> tuple[Floats, Floats]:
     """Sums of speed times remaining force, and of squared speed, (manoeuvres,) each."""
-    A, force = regressor_and_force(X, excitation, settings)
+    A, force = make_regressor_and_force(X, excitation, settings)
     acceleration, speed = A[:, 0], A[:, 1]
     by_term: dict[str, float] = dict(nuisances.select("term", "posterior").iter_rows())
     way = np.sign(speed)
@@ -140,7 +140,7 @@ def sum_manoeuvre_friction(
     )
     driving = excitation["phase"].is_in(["accelerating", "cruising"]).fill_null(False).to_numpy()
     driving &= np.isfinite(rest) & np.isfinite(acceleration) & np.isfinite(speed)
-    mass_kg = _state_mass_of_each_manoeuvre_kg(manoeuvres)
+    mass_kg = state_masses_of_manoeuvres_kg(manoeuvres)
     t_ns = excitation["t_ns"].to_numpy()
     spans = manoeuvres.select("start_t_ns", "end_t_ns").iter_rows()
     crossed, squared = np.zeros(mass_kg.size), np.zeros(mass_kg.size)
@@ -153,25 +153,25 @@ def sum_manoeuvre_friction(
     return crossed, squared
 
 
-def _state_mass_of_each_manoeuvre_kg(manoeuvres: pl.DataFrame) -> Floats:
+def state_masses_of_manoeuvres_kg(manoeuvres: pl.DataFrame) -> Floats:
     """Mass of the load state of each manoeuvre, (manoeuvres,)."""
     state = manoeuvres["load_id"].to_numpy()
     weight = manoeuvres["mass_std_kg"].to_numpy() ** -2.0
-    return means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)[state]
+    return weighted_means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)[state]
 
 
-def fit_friction_trend(days: Sequence[FrictionDay], limit_N_s_m: float) -> FrictionTrend:
+def fit_friction_trend(daily_friction: Sequence[FrictionDay], limit_N_s_m: float) -> FrictionTrend:
     """Fit the trend, and estimate the day on which it reaches the limit.
 
     Args:
-        days: one per shift of a machine, in any order.
+        daily_friction: one per shift of a machine, in any order.
         limit_N_s_m: upper limit of the friction.
     """
-    n = len(days)
-    if n < LIMITS.friction_min_days or np.ptp([day.at_d for day in days]) == 0.0:
+    n = len(daily_friction)
+    if n < LIMITS.friction_min_days or np.ptp([day.at_d for day in daily_friction]) == 0.0:
         why = f"{n} of at least {LIMITS.friction_min_days} shifts on different days"
         return FrictionTrend(limit_N_s_m, None, None, None, None, why)
-    at, friction, std = np.array(days).T
+    at, friction, std = np.array(daily_friction).T
     weight = std**-2.0
     middle, mean = np.average(at, weights=weight), np.average(friction, weights=weight)
     squares = float(weight @ (at - middle) ** 2)

@@ -14,12 +14,12 @@ from analysis.cycles.boom_dumps import (
     NO_DUMPS,
     BoomDumps,
     find_boom_dumps,
-    find_dump_borders,
-    mark_creeping_dumps,
+    find_load_borders_at_dumps,
+    mark_manoeuvres_while_dumping,
 )
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.weighing.fit_columns import are_masses_possible
+from analysis.weighing.fit_columns import mark_plausible_masses
 from estimators.arrays import Bools, Floats, Ints
 
 
@@ -52,7 +52,7 @@ class Passes:
     drift_1: Floats | float = 0.0
 
     @property
-    def mass_without_drift_kg(self) -> Floats:
+    def drift_corrected_masses_kg(self) -> Floats:
         """(passes,) mass of each, were the gain of the force its mean over the log."""
         return self.mass_kg / (1.0 + self.drift_1)
 
@@ -108,21 +108,21 @@ def find_load_passes(
         # one who creeps to the dump may have emptied the bucket before the start ends
         known = [(int(begin[k]), int(begin[k + 1])) for k in emptied]
         dumps = find_boom_dumps(aligned, excitation, known)
-        of_state = reclassify_at_dumps(of_state, begin, end, digs, dumps)
-    one_filling_ns = longest_filling_step_ns(of_state, begin, end, digs)
+        of_state = correct_loaded_at_dumps(of_state, begin, end, digs, dumps)
+    one_filling_ns = longest_refill_pause_ns(of_state, begin, end, digs)
     parts = np.diff(of_state) != 0
-    parts[find_refill_borders(of_state, begin, end, digs, dumps, one_filling_ns)] = True
+    parts[find_borders_before_refills(of_state, begin, end, digs, dumps, one_filling_ns)] = True
     if digs.height < LIMITS.digging_min_fraction * np.count_nonzero(parts & of_state[:-1]):
-        parts[find_dump_borders(of_state, begin, end, dumps)] = True
-    hauls_nothing = find_short_hauls(of_state, parts, begin, end, digs)
+        parts[find_load_borders_at_dumps(of_state, begin, end, dumps)] = True
+    hauls_nothing = mark_short_hauls(of_state, parts, begin, end, digs)
     of_state = of_state & ~hauls_nothing
     parts = (np.diff(of_state) != 0) | (parts & of_state[1:])
     of = np.cumsum(np.append(0, parts)).astype(np.int64)
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
     last = np.append(first[1:] - 1, of.size - 1)
-    dumping = mark_creeping_dumps(begin, end, dumps)
-    spilled = find_spilled_loads(of_state & ~dumping, of, state, mass_kg, u_kg)
-    no_mass = dumping | spilled | hauls_nothing | ~are_masses_possible(mass_kg)[state]
+    dumping = mark_manoeuvres_while_dumping(begin, end, dumps)
+    spilled = mark_spilled_loads(of_state & ~dumping, of, state, mass_kg, u_kg)
+    no_mass = dumping | spilled | hauls_nothing | ~mark_plausible_masses(mass_kg)[state]
     left = np.where(no_mass, 0.0, weight)
     # a pass that has no other keeps what it has
     weight = np.where(np.bincount(of, left)[of] > 0.0, left, weight)
@@ -144,7 +144,7 @@ def find_load_passes(
     )
 
 
-def find_short_hauls(
+def mark_short_hauls(
     loaded: Bools, borders: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
 ) -> Bools:
     """Mark very short hauls of a load without a filling, (manoeuvres,).
@@ -178,7 +178,7 @@ def find_short_hauls(
     return found
 
 
-def longest_filling_step_ns(loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame) -> int:
+def longest_refill_pause_ns(loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame) -> int:
     """Largest time in ns between starts that fill the same bucket, shorter than a cycle."""
     starts = np.sort(digs["start_t_ns"].to_numpy())
     stops = np.sort(digs["end_t_ns"].to_numpy())
@@ -193,7 +193,7 @@ def longest_filling_step_ns(loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: p
     return min(LIMITS.one_filling_ns, int(LIMITS.one_filling_cycles * float(np.median(apart))))
 
 
-def find_refill_borders(
+def find_borders_before_refills(
     loaded: Bools,
     begin_ns: Ints,
     end_ns: Ints,
@@ -214,7 +214,7 @@ def find_refill_borders(
             empties = np.flatnonzero(~loaded[:after])
             first = int(empties[-1]) + 1 if empties.size else 0
             since_ns = max(int(begin_ns[first]), last_ns)
-            dumped = bool(dumps.dumps_during(int(end_ns[after - 1]), start))
+            dumped = bool(dumps.select_dumps(int(end_ns[after - 1]), start))
             # what drives while it is seen to dig is no haul
             if (start - since_ns > one_filling_ns or dumped) and end_ns[after - 1] <= start:
                 found.append(after - 1)
@@ -222,7 +222,7 @@ def find_refill_borders(
     return found
 
 
-def reclassify_at_dumps(
+def correct_loaded_at_dumps(
     loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame, dumps: BoomDumps
 ) -> Bools:
     """Whether each manoeuvre is loaded, (manoeuvres,), with dumps where the boom shows them.
@@ -234,7 +234,7 @@ def reclassify_at_dumps(
     dug = np.unique(np.searchsorted(begin_ns, digs["start_t_ns"].to_numpy()))
     moved = loaded.copy()
     for first in np.flatnonzero(loaded[:-1] & ~loaded[1:]) + 1:
-        if dumps.dumps_during(int(end_ns[first - 1]), int(begin_ns[first])):
+        if dumps.select_dumps(int(end_ns[first - 1]), int(begin_ns[first])):
             continue
         # from one filling to the next
         low = int(max(dug[dug < first], default=0))
@@ -246,7 +246,7 @@ def reclassify_at_dumps(
     return moved
 
 
-def find_spilled_loads(
+def mark_spilled_loads(
     loaded: Bools, membership: Ints, state: Ints, mass_kg: Floats, u_kg: Floats
 ) -> Bools:
     """Mark manoeuvres with a load that is spilled before the dump, (manoeuvres,).
@@ -284,14 +284,14 @@ def classify_loaded_states(
         times_ns: (manoeuvres,) begins, and ends.
         digs: the frame `digging`: a digging start separates empty before from loaded after.
     """
-    label = digging_labels(mass_kg, u_kg, state, *times_ns, digs)
-    possible = are_masses_possible(mass_kg)
-    found = classify_by_border(mass_kg[possible], u_kg[possible], label[possible])
+    label = label_states_by_digging(mass_kg, u_kg, state, *times_ns, digs)
+    possible = mark_plausible_masses(mass_kg)
+    found = classify_by_mass_border(mass_kg[possible], u_kg[possible], label[possible])
     # a mass that no machine has tells of no change of the load
     return None if found is None else found[(np.cumsum(possible) - 1).clip(0)]
 
 
-def digging_labels(
+def label_states_by_digging(
     mass_kg: Floats, u_kg: Floats, state: Ints, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
 ) -> Ints:
     """Labels by digging starts, (states,): 0 if one follows, 1 if one precedes, else -1."""
@@ -309,7 +309,7 @@ def digging_labels(
     return label
 
 
-def classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
+def classify_by_mass_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
     """Classify each state as loaded or not, (states,), by a mass border between two classes.
 
     If loads are smaller than the states' standard deviations, digging decides, or whether nearly
@@ -318,7 +318,7 @@ def classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | No
     if mass_kg.size < 2:
         return None
     told = (label == 0).any() and (label == 1).any()
-    border = median_border(mass_kg)
+    border = find_median_border(mass_kg)
     light, heavy = mass_kg <= border, mass_kg > border
     if told:
         light, heavy = label == 0, label == 1
@@ -330,9 +330,9 @@ def classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | No
     )
     if not parted:
         # a load that changes without digging is dumped
-        label = label if told else alternating_labels(mass_kg)
+        label = label if told else label_states_by_alternation(mass_kg)
         light, heavy = label == 0, label == 1
-        if not class_means_differ(mass_kg[light], mass_kg[heavy], least_kg):
+        if not do_class_means_differ(mass_kg[light], mass_kg[heavy], least_kg):
             return None
         # a load between others that is not seen to be dug is told by its mass
         undug = (label < 0) & (mass_kg > (a + b) / 2.0)
@@ -341,10 +341,10 @@ def classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | No
     low = max(spread_kg, LIMITS.min_empty_spread * (b - a))
     high = max(robust_std(mass_kg[heavy], least_kg), LIMITS.min_loaded_spread * (b - a))
     border = (a * high + b * low) / (low + high)
-    return mass_kg > (border_nearest_to_labels(mass_kg, label, border) if told else border)
+    return mass_kg > (choose_mass_border_kg(mass_kg, label, border) if told else border)
 
 
-def alternating_labels(mass_kg: Floats) -> Ints:
+def label_states_by_alternation(mass_kg: Floats) -> Ints:
     """1 if heavier than the state before, 0 if lighter, (states,); -1 if they do not alternate."""
     rises = np.diff(mass_kg) > 0.0
     turns = rises[1:] != rises[:-1]
@@ -358,26 +358,26 @@ def alternating_labels(mass_kg: Floats) -> Ints:
     return np.append(not rises[0], rises).astype(np.int64)
 
 
-def class_means_differ(light: Floats, heavy: Floats, least_kg: float) -> bool:
+def do_class_means_differ(light_kg: Floats, heavy_kg: Floats, least_kg: float) -> bool:
     """Whether the means of two classes differ, with enough states in each."""
-    if min(light.size, heavy.size) < LIMITS.own_spread_min_states:
+    if min(light_kg.size, heavy_kg.size) < LIMITS.own_spread_min_states:
         return False
-    variances = (robust_std(each, least_kg) ** 2 / each.size for each in (light, heavy))
-    return float(np.mean(heavy) - np.mean(light)) > LIMITS.digging_class_distance_std * float(
+    variances = (robust_std(each, least_kg) ** 2 / each.size for each in (light_kg, heavy_kg))
+    return float(np.mean(heavy_kg) - np.mean(light_kg)) > LIMITS.digging_class_distance_std * float(
         np.sqrt(sum(variances))
     )
 
 
-def border_nearest_to_labels(mass_kg: Floats, label: Ints, border: float) -> float:
+def choose_mass_border_kg(mass_kg: Floats, label: Ints, initial_border_kg: float) -> float:
     """Border in kg that contradicts the fewest labels (states,), among several the nearest."""
     order = np.sort(mass_kg)
-    choices = np.append((order[1:] + order[:-1]) / 2.0, border)
+    choices = np.append((order[1:] + order[:-1]) / 2.0, initial_border_kg)
     wrong = [
         int(np.sum((label == 0) & (mass_kg > choice)) + np.sum((label == 1) & (mass_kg <= choice)))
         for choice in choices
     ]
     best = choices[np.array(wrong) == min(wrong)]
-    return float(best[np.argmin(np.abs(best - border))])
+    return float(best[np.argmin(np.abs(best - initial_border_kg))])
 
 
 def robust_std(values: Floats, min_std: float) -> float:
@@ -385,7 +385,7 @@ def robust_std(values: Floats, min_std: float) -> float:
     return max(STD_OF_MAD * float(np.median(np.abs(values - np.median(values)))), min_std)
 
 
-def median_border(values: Floats) -> float:
+def find_median_border(values: Floats) -> float:
     """Border with the least sum of distances to the medians on both sides.
 
     With squared distances (Otsu 1979), two masses far above the others would be a class of their

@@ -29,16 +29,16 @@ class TargetCheck(NamedTuple):
     keeps: bool
 
 
-def judge_payload_target(counted: pl.DataFrame, target_kg: float) -> TargetCheck | None:
+def judge_payload_target(counted_cycles: pl.DataFrame, target_kg: float) -> TargetCheck | None:
     """Judge the counted payloads; None without any.
 
     Args:
-        counted: rows of `cycles` with a payload.
+        counted_cycles: rows of `cycles` with a payload.
         target_kg: target of a load.
     """
-    if counted.is_empty():
+    if counted_cycles.is_empty():
         return None
-    payload, u_kg = counted["payload_kg"], counted["payload_u_kg"]
+    payload, u_kg = counted_cycles["payload_kg"], counted_cycles["payload_u_kg"]
     above = int((payload > LIMITS.above_target_ratio * target_kg).sum())
     never = int((payload > LIMITS.never_above_ratio * target_kg).sum())
     close = (
@@ -49,12 +49,12 @@ def judge_payload_target(counted: pl.DataFrame, target_kg: float) -> TargetCheck
     mean_kg = float(payload.mean())  # pyright: ignore[reportArgumentType]
     return TargetCheck(
         target_kg,
-        counted.height,
+        counted_cycles.height,
         mean_kg,
         above,
         never,
         int((first | second).sum()),
-        above <= LIMITS.above_target_fraction * counted.height
+        above <= LIMITS.above_target_fraction * counted_cycles.height
         and not never
         and mean_kg <= target_kg,
     )

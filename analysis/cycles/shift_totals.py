@@ -10,18 +10,18 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.cycles.boom_dumps import is_standing
+from analysis.cycles.boom_dumps import mark_standing_samples
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycles_without_mass import (
-    estimate_cycles_in_gaps,
-    estimate_uncounted_cycles,
+    estimate_cycles_lost_in_gaps,
+    estimate_uncounted_cycle_count,
+    estimate_unweighed_load_and_u_kg,
     find_channel_gaps_ns,
-    unweighed_load_and_u_kg,
 )
 from analysis.cycles.empty_machine import BY_CALIBRATION, ShiftScale
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build_frame
-from analysis.model.windows import runs_of_flagged_samples
+from analysis.model.windows import find_flagged_runs
 
 _NO_SCALE: Final = ShiftScale()
 
@@ -42,7 +42,7 @@ class LabelTotal(NamedTuple):
     payload_u_kg: float
 
 
-def sum_shift(
+def make_shift_totals(
     cycles: pl.DataFrame,
     excitation: pl.DataFrame,
     aligned: pl.DataFrame,
@@ -58,8 +58,8 @@ def sum_shift(
     """
     gaps = find_channel_gaps_ns(excitation, aligned)
     lost, more = (
-        estimate_cycles_in_gaps(cycles, gaps),
-        estimate_uncounted_cycles(cycles, excitation, aligned),
+        estimate_cycles_lost_in_gaps(cycles, gaps),
+        estimate_uncounted_cycle_count(cycles, excitation, aligned),
     )
     t_ns = excitation["t_ns"].to_numpy()
     duration_s = float(t_ns[-1] - t_ns[0]) / NS_PER_S if t_ns.size else 0.0
@@ -68,7 +68,7 @@ def sum_shift(
     row: dict[str, Any] = {
         "start_t_ns": int(t_ns[0]) if t_ns.size else 0,
         "end_t_ns": int(t_ns[-1]) if t_ns.size else 0,
-        **sum_cycles(cycles, ()),
+        **sum_counted_cycles(cycles, ()),
         "lost_cycles": lost.cycles,
         "lost_cycles_u": lost.u,
         "lost_kg": lost.payload_kg,
@@ -88,12 +88,12 @@ def sum_shift(
         "idle_s": idle_s,
         "utilisation_1": max(duration_s - gap_s - idle_s, 0.0) / max(duration_s - gap_s, 1e-9),
     }
-    row |= total_payload_with_u(row)
+    row |= sum_total_payload_with_u(row)
     declared = FRAMES["shift"].columns
     return build_frame("shift", {c.name: pl.Series([row[c.name]], dtype=c.dtype) for c in declared})
 
 
-def recount_shift(
+def recompute_shift_totals(
     summary: pl.DataFrame, cycles: pl.DataFrame, rejected: Collection[int] = ()
 ) -> pl.DataFrame:
     """Recompute the totals for other cycles: calibrated, or without rejected ones.
@@ -103,7 +103,7 @@ def recount_shift(
         cycles: frame `cycles`.
         rejected: numbers of cycles to exclude.
     """
-    sums = sum_cycles(cycles, rejected)
+    sums = sum_counted_cycles(cycles, rejected)
     mean_kg = summary["payload_mean_kg"][0]
     scale = float(sums["payload_mean_kg"] or 0.0) / mean_kg if mean_kg else 1.0
     row = summary.row(0, named=True)
@@ -116,13 +116,13 @@ def recount_shift(
     }
     if (cycles["scale_from"] == BY_CALIBRATION).any():
         found |= {"scale_from": BY_CALIBRATION, "scale_unknown": ""}
-    found |= total_payload_with_u(row | found)
+    found |= sum_total_payload_with_u(row | found)
     return summary.with_columns(
         pl.lit(value).cast(summary.schema[name]).alias(name) for name, value in found.items()
     )
 
 
-def total_payload_with_u(row: Mapping[str, Any]) -> dict[str, float]:
+def sum_total_payload_with_u(row: Mapping[str, Any]) -> dict[str, float]:
     """Total dumped in the shift: counted, uncounted and lost, with one uncertainty.
 
     Cycles without a mass share the common uncertainty of the payloads that they are estimated from.
@@ -130,7 +130,9 @@ def total_payload_with_u(row: Mapping[str, Any]) -> dict[str, float]:
     counted_kg, lost_kg = row["payload_kg"], row["lost_kg"] or 0.0
     number_u = row["uncounted_cycles_u"] or 0.0
     known = (row["payload_mean_kg"], row["payload_std_kg"], row["cycles_counted"])
-    more_kg, more_u_kg = unweighed_load_and_u_kg(row["uncounted_cycles"] or 0.0, number_u, *known)
+    more_kg, more_u_kg = estimate_unweighed_load_and_u_kg(
+        row["uncounted_cycles"] or 0.0, number_u, *known
+    )
     total_kg = counted_kg + more_kg + lost_kg
     common_kg = row["payload_u_common_kg"] * (total_kg / counted_kg if counted_kg > 0.0 else 1.0)
     parts = (row["payload_u_random_kg"], common_kg, more_u_kg, row["lost_u_kg"] or 0.0)
@@ -142,7 +144,7 @@ def total_payload_with_u(row: Mapping[str, Any]) -> dict[str, float]:
     }
 
 
-def sum_cycles(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, Any]:
+def sum_counted_cycles(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, Any]:
     """Totals of the cycles.
 
     Random parts of the passes add in squares, each with its total weight in the sum, since an empty
@@ -151,7 +153,7 @@ def sum_cycles(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, Any
     out = pl.col("cycle").is_in(list(rejected))
     counted = cycles.filter(pl.col("counted") & ~out)
     payload, back = counted["payload_kg"], counted["carry_back_kg"]
-    random_kg = random_payload_u_kg(counted)
+    random_kg = random_payload_sum_u_kg(counted)
     common_kg = float(counted["payload_u_shared_kg"].sum())
     return {
         "cycles": cycles.height,
@@ -176,7 +178,7 @@ def _finite_or_none(value: object) -> float | None:
     return value if isinstance(value, float) else None
 
 
-def random_payload_u_kg(counted: pl.DataFrame) -> float:
+def random_payload_sum_u_kg(counted: pl.DataFrame) -> float:
     """Random standard uncertainty of the sum of payloads, in kg."""
     weight: dict[int, float] = {}
     u_kg: dict[int, float] = {}
@@ -204,14 +206,14 @@ def idle_time_s(excitation: pl.DataFrame) -> float:
     """Total time in s of standstills that are long enough to be idling."""
     if excitation.is_empty():
         return 0.0
-    stands = is_standing(excitation)
+    stands = mark_standing_samples(excitation)
     t_ns = excitation["t_ns"].to_numpy()
-    begins, ends = runs_of_flagged_samples(stands)
+    begins, ends = find_flagged_runs(stands)
     lengths = (t_ns[ends] - t_ns[begins]) / NS_PER_S
     return float(lengths[lengths > LIMITS.idle_s].sum())
 
 
-def sum_by_label(
+def sum_cycles_by_label(
     cycles: pl.DataFrame, labels: Sequence[str], rejected: Collection[int] = ()
 ) -> list[LabelTotal]:
     """Totals by label; none if no cycle has a label.
@@ -229,7 +231,7 @@ def sum_by_label(
     found: list[LabelTotal] = []
     named = cycles.with_columns(pl.Series("label", labels, dtype=pl.String))
     for label in sorted(set(labels), key=lambda each: (each == "", each)):
-        sums = sum_cycles(named.filter(label=label).drop("label"), rejected)
+        sums = sum_counted_cycles(named.filter(label=label).drop("label"), rejected)
         total = LabelTotal(label, sums["cycles_counted"], sums["payload_kg"], sums["payload_u_kg"])
         if total.loads:
             found.append(total)

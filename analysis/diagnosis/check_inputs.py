@@ -19,16 +19,16 @@ from analysis.diagnosis.measured_channels import RawSignals
 from analysis.diagnosis.side_comparison import SideDifference, compare_sides
 from analysis.model.axes import (
     Z,
-    available_axes,
-    spin_regressor_and_torque,
-    straight_regressor_and_force,
+    list_available_axes,
+    make_spin_regressor_and_torque,
+    make_straight_regressor_and_force,
 )
 from analysis.model.machine import Machine
-from analysis.model.uncertainty_sources import combined_u
+from analysis.model.uncertainty_sources import combine_u
 from analysis.stages.estimation import fit_quality
-from analysis.stages.motion.phases import yaw_speeding_sign
-from analysis.weighing.empty_mass_datum import names_of_factors_without_u
-from analysis.weighing.mass_budget import budget_of_mass
+from analysis.stages.motion.phases import sign_of_yaw_rate_change
+from analysis.weighing.empty_mass_datum import factor_names_without_uncertainty
+from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from estimators.arrays import Bools, Floats
@@ -68,7 +68,7 @@ class EmptyMassDifference:
     machine: Machine
 
     @property
-    def difference_in_u(self) -> float:
+    def difference_over_u(self) -> float:
         """The difference in standard uncertainties; negative if the log's mass is smaller."""
         return (self.mass_kg - self.empty_kg) / self.u_kg
 
@@ -81,9 +81,9 @@ class EmptyMassDifference:
     def can_test_scale(self) -> bool:
         """Whether no payload can explain the difference, so that it tests the scale."""
         return (
-            self.difference_in_u < 0.0
+            self.difference_over_u < 0.0
             or self.empty_known
-            or self.difference_in_u > LIMITS.payload_u
+            or self.difference_over_u > LIMITS.payload_u
         )
 
     @property
@@ -94,7 +94,7 @@ class EmptyMassDifference:
             if self.scale_known
             else ", with 10 % for the scale, whose uncertainty the machine file does not state"
         )
-        payload = "" if self.difference_in_u < 0.0 or self.empty_known else "a payload, or "
+        payload = "" if self.difference_over_u < 0.0 or self.empty_known else "a payload, or "
         return (
             f"{self.mass_kg:,.0f} ± {self.u_kg:,.0f} kg{scale}, is {self.mass_ratio:.3g} times the "
             f"{self.empty_kg:,.0f} kg of the empty machine: {payload}"
@@ -197,7 +197,7 @@ class CheckInputs:
     @cached_property
     def position_dependent_force(self) -> Floats | None:
         """Position-dependent force of the joint fit, such as a spring, (n,) in N; None without."""
-        return None if self.weighing is None else self.weighing.fit.position_dependent_force
+        return None if self.weighing is None else self.weighing.fit.force_by_position
 
     @cached_property
     def empty_mass(self) -> EmptyMassDifference | None:
@@ -213,7 +213,7 @@ class CheckInputs:
     def straight_motion(self) -> AxisMotion:
         """Samples of straight motion, without the position-dependent force."""
         settings = self.machine.settings
-        A, f = straight_regressor_and_force(self.excitation, settings)
+        A, f = make_straight_regressor_and_force(self.excitation, settings)
         if self.position_dependent_force is not None:
             f = f - self.position_dependent_force
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
@@ -230,12 +230,12 @@ class CheckInputs:
     @cached_property
     def spins(self) -> AxisMotion | None:
         """Samples of spins; None if the channels do not allow it or there are too few."""
-        if Z not in available_axes(self.excitation):
+        if Z not in list_available_axes(self.excitation):
             return None
-        A, f = spin_regressor_and_torque(self.excitation)
+        A, f = make_spin_regressor_and_torque(self.excitation)
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
         spinning = known & self.is_phase("spinning")
-        changes = yaw_speeding_sign(A[:, 1], self.machine.settings)
+        changes = sign_of_yaw_rate_change(A[:, 1], self.machine.settings)
         braking = spinning & (changes < 0)
         welcome = not self.machine.settings.gate.exclude_braking
         moving = spinning if welcome else spinning & ~braking
@@ -259,21 +259,21 @@ def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMass
         return None
     fit = weighing.fit
     lightest = int(np.argmin(fit.masses_kg))
-    sources = budget_of_mass(weighing, machine, fit.weights_of_state(lightest))
+    sources = make_mass_budget(weighing, machine, fit.weights_of_state(lightest))
     mass_kg = float(fit.masses_kg[lightest])
-    unknown = bool(names_of_factors_without_u(sources))
+    unknown = bool(factor_names_without_uncertainty(sources))
     scale_kg = WEIGHING_LIMITS.unknown_scale_u * abs(mass_kg) if unknown else 0.0
-    u_kg = float(np.linalg.norm([combined_u(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
+    u_kg = float(np.linalg.norm([combine_u(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
     if not np.isfinite([mass_kg, u_kg]).all() or u_kg == 0.0:
         return None
     # the lightest of several is light by chance as well
-    by_chance_kg = combined_u(sources, "random") * float(np.sqrt(2.0 * np.log(fit.count)))
+    by_chance_kg = combine_u(sources, "random") * float(np.sqrt(2.0 * np.log(fit.mass_count)))
     named = machine.settings.loads.empty_from_s is not None
     return EmptyMassDifference(
         mass_kg + by_chance_kg - body.rotating_mass_kg,
         body.empty_mass_kg,
         u_kg,
         not unknown,
-        named or fit.count > 1,
+        named or fit.mass_count > 1,
         machine,
     )

@@ -62,12 +62,12 @@ class CheckRow:
                     "analysis/model/verdict_limits.py"
                 )
 
-    def describe_number(self, inputs: CheckInputs, motion: AxisMotion) -> str:
+    def describe_check_number(self, inputs: CheckInputs, motion: AxisMotion) -> str:
         """Meaning of the number and its subject, as text."""
         name = self.subject_text(inputs, motion)
         return f"{self.meaning} ({name})" if name else self.meaning
 
-    def consequence_in_log(self, inputs: CheckInputs, motion: AxisMotion) -> Consequence:
+    def decide_consequence(self, inputs: CheckInputs, motion: AxisMotion) -> Consequence:
         """Consequence of failing in this log, given the mass change it causes."""
         moved_u = self.moved_u(inputs, motion)
         return (

@@ -22,9 +22,9 @@ from analysis.model.schema import build_frame, column_values
 from analysis.model.verdict import EvidenceSubject, Verdict
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import mark_samples_to_pool
-from analysis.stages.motion.phases import average_like_speed_rate, speed_rate_span_rows
+from analysis.stages.motion.phases import average_over_speed_rate_span, count_speed_rate_rows
 from analysis.stages.noise.column_noise import ColumnNoise
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 
 _CHECK: Final = "invalidating_causes"
@@ -63,8 +63,8 @@ def judge_checks(inputs: CheckInputs) -> pl.DataFrame:
             "maximum": float_series(
                 [limits[row.maximum] if row.maximum else None for row, _ in judged]
             ),
-            "meaning": [row.describe_number(inputs, motion) for row, motion in judged],
-            "consequence": [row.consequence_in_log(inputs, motion) for row, motion in judged],
+            "meaning": [row.describe_check_number(inputs, motion) for row, motion in judged],
+            "consequence": [row.decide_consequence(inputs, motion) for row, motion in judged],
             "remedy": [row.remedy for row, _ in judged],
         }
     )
@@ -82,17 +82,17 @@ def _partial_correlation(_: CheckInputs, motion: AxisMotion) -> float:
     return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
 
 
-def correlation_while_driving(inputs: CheckInputs, motion: AxisMotion) -> float:
+def driving_force_correlation(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Partial correlation; NaN if the machine moves too briefly."""
     rate_hz = inputs.machine.settings.align.rate_hz
-    fewest = rows_in_duration(
+    fewest = count_rows_in_duration(
         LIMITS.correlation_min_moving_s, rate_hz, SIGNAL_LIMITS.window_min_readings
     )
     few = np.count_nonzero(motion.moving) < fewest
     return np.nan if few else _partial_correlation(inputs, motion)
 
 
-def _relative_std_of_ungated_mass(_: CheckInputs, motion: AxisMotion) -> float:
+def _relative_ungated_mass_std(_: CheckInputs, motion: AxisMotion) -> float:
     fit = motion.fit
     return fit.std / abs(fit.value) if fit.value else np.inf
 
@@ -101,34 +101,42 @@ def _explained_force_variance(_: CheckInputs, motion: AxisMotion) -> float:
     return motion.fit.r_squared
 
 
-def _opposing_share(_: CheckInputs, motion: AxisMotion) -> float:
+def _opposing_force_fraction(_: CheckInputs, motion: AxisMotion) -> float:
     """Fraction of samples braked by the drive whose force opposes the motion."""
-    return fit_quality.share_against_motion(motion.A, motion.f, motion.braking, motion.speeding)
+    return fit_quality.force_fraction_against_motion(
+        motion.A, motion.f, motion.braking, motion.speeding
+    )
 
 
-def _driving_share(_: CheckInputs, motion: AxisMotion) -> float:
+def _driving_force_fraction(_: CheckInputs, motion: AxisMotion) -> float:
     """Fraction of accelerating samples whose force acts along the motion."""
-    return fit_quality.share_along_motion(motion.speed, motion.f, motion.speeding)
+    return fit_quality.force_fraction_along_motion(motion.speed, motion.f, motion.speeding)
 
 
 def _acceleration_gain(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Slope of the accelerometer against the wheels' acceleration in straight motion."""
     used = motion.complete & inputs.is_phase("accelerating", "cruising", "braking")
     measured = column_values(inputs.excitation, "specific_force_x_m_s2")
-    imu = average_like_speed_rate(measured, inputs.machine.settings)
+    imu = average_over_speed_rate_span(measured, inputs.machine.settings)
     rate = column_values(inputs.excitation, "speed_rate_x_m_s2")
-    return fit_quality.regression_slope(rate, imu, used, wheel_acceleration_noise_variance(inputs))
+    return fit_quality.fit_slope_with_noisy_x(
+        rate, imu, used, wheel_acceleration_noise_variance(inputs)
+    )
 
 
 def wheel_acceleration_noise_variance(inputs: CheckInputs) -> float:
     """Variance of the wheels' acceleration due to speed noise, in m²/s⁴."""
     settings = inputs.machine.settings
-    known = None if inputs.noise is None else ColumnNoise.of_axis(X, inputs.noise, settings.noise)
+    known = (
+        None
+        if inputs.noise is None
+        else ColumnNoise.select_axis_noise(X, inputs.noise, settings.noise)
+    )
     if known is None:
         return 0.0
     # both ends of its span are moving means
     of_mean = float(known.covariance(settings.smooth.samples)[1, 1])
-    return 2.0 * of_mean * (settings.align.rate_hz / speed_rate_span_rows(settings)) ** 2
+    return 2.0 * of_mean * (settings.align.rate_hz / count_speed_rate_rows(settings)) ** 2
 
 
 def _count_accepted_stretches(inputs: CheckInputs, _: AxisMotion) -> float:
@@ -141,33 +149,35 @@ def _empty_mass_ratio(inputs: CheckInputs, motion: AxisMotion) -> float:
     return motion.fit.value / empty_kg if empty_kg else np.nan
 
 
-def _empty_mass_shortfall_in_u(inputs: CheckInputs, _: AxisMotion) -> float:
+def _empty_mass_shortfall_over_u(inputs: CheckInputs, _: AxisMotion) -> float:
     """How far the lightest load is below the empty mass, in u."""
     found = inputs.empty_mass
-    return np.nan if found is None else -found.difference_in_u
+    return np.nan if found is None else -found.difference_over_u
 
 
-def _empty_mass_difference_in_u(inputs: CheckInputs, _: AxisMotion) -> float:
+def empty_mass_difference_over_u(inputs: CheckInputs, _: AxisMotion) -> float:
     """Distance from the empty mass in u; NaN if another check covers it."""
     found = inputs.empty_mass
     if found is None or not found.can_test_scale:
         return np.nan
     # what is so far below that it is withheld is said once
-    withheld = -found.difference_in_u > inputs.machine.settings.verdict.negative_payload_max_u
-    return np.nan if withheld else abs(found.difference_in_u)
+    withheld = -found.difference_over_u > inputs.machine.settings.verdict.negative_payload_max_u
+    return np.nan if withheld else abs(found.difference_over_u)
 
 
 def _describe_empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
     """Text on the ratio to the empty mass, if it is beyond its limit."""
     found = inputs.empty_mass
     limit_u = inputs.machine.settings.verdict.empty_mass_max_u
-    far = found is not None and found.can_test_scale and abs(found.difference_in_u) > limit_u
+    far = found is not None and found.can_test_scale and abs(found.difference_over_u) > limit_u
     return found.text if found is not None and far else ""
 
 
 def _spin_centre_offset_m(inputs: CheckInputs, motion: AxisMotion) -> float:
     x, y = (column_values(inputs.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
-    return fit_quality.spin_centre_offset_m(x, y, motion.speed, motion.A[:, 0], motion.complete)
+    return fit_quality.estimate_spin_centre_offset_m(
+        x, y, motion.speed, motion.A[:, 0], motion.complete
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,37 +192,38 @@ class AxisQuantityNames:
     moves: str
 
 
-def make_model_checks(about: EvidenceSubject, words: AxisQuantityNames) -> tuple[CheckRow, ...]:
+def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> tuple[CheckRow, ...]:
     """Checks of every axis: whether its model fits the moving samples."""
-    force, moves = words.force, words.moves
+    force, moves = wording.force, wording.moves
     return (
         CheckRow(
-            f"{words.prefix}partial_correlation",
-            about,
+            f"{wording.prefix}partial_correlation",
+            subject,
             _partial_correlation,
-            f"correlation of {words.acceleration} and {force} with the {words.speed}'s share taken "
+            f"correlation of {wording.acceleration} and {force} with "
+            f"the {wording.speed}'s share taken "
             "out of both",
             minimum="partial_correlation_min",
             remedy="stronger starts; force and speed of the same machine and time",
         ),
         CheckRow(
-            f"{words.prefix}relative_std",
-            about,
-            _relative_std_of_ungated_mass,
-            f"standard deviation of the ungated {words.parameter} over that {words.parameter}",
+            f"{wording.prefix}relative_std",
+            subject,
+            _relative_ungated_mass_std,
+            f"standard deviation of the ungated {wording.parameter} over that {wording.parameter}",
             maximum="relative_std_max",
         ),
         CheckRow(
-            f"{words.prefix}r_squared",
-            about,
+            f"{wording.prefix}r_squared",
+            subject,
             _explained_force_variance,
-            f"share of the {force}'s variance that {words.parameter} and friction explain",
+            f"share of the {force}'s variance that {wording.parameter} and friction explain",
             minimum="r_squared_min",
         ),
         CheckRow(
-            f"{words.prefix}opposing_share",
-            about,
-            _opposing_share,
+            f"{wording.prefix}opposing_share",
+            subject,
+            _opposing_force_fraction,
             f"fraction of samples that the drive slows down whose {force} opposes the {moves}; 0: "
             f"the {force} has no sign",
             minimum="opposing_share_min",
@@ -221,9 +232,9 @@ def make_model_checks(about: EvidenceSubject, words: AxisQuantityNames) -> tuple
             remedy="a force with its sign: motor currents often have none",
         ),
         CheckRow(
-            f"{words.prefix}driving_share",
-            about,
-            _driving_share,
+            f"{wording.prefix}driving_share",
+            subject,
+            _driving_force_fraction,
             f"fraction of accelerating samples whose {force} acts along the {moves}; 0.5: the "
             f"{force} has no sign",
             minimum="driving_share_min",
@@ -236,7 +247,7 @@ CHECKS: Final = (
     CheckRow(
         "force_sign",
         "mass",
-        correlation_while_driving,
+        driving_force_correlation,
         "correlation of acceleration and force; strongly negative: inverted sign",
         minimum="force_sign_min",
         optional=True,
@@ -273,7 +284,7 @@ CHECKS: Final = (
     CheckRow(
         "negative_payload",
         "mass",
-        _empty_mass_shortfall_in_u,
+        _empty_mass_shortfall_over_u,
         "lightest load below the machine's empty mass, in standard uncertainties including "
         "the scale's",
         maximum="negative_payload_max_u",
@@ -284,7 +295,7 @@ CHECKS: Final = (
     CheckRow(
         "empty_mass",
         "mass",
-        _empty_mass_difference_in_u,
+        empty_mass_difference_over_u,
         "lightest load from the machine's empty mass, likewise; where it may be a payload, "
         "only the part beyond one",
         maximum="empty_mass_max_u",
@@ -314,12 +325,12 @@ CHECKS: Final = (
 
 
 def withhold_by_findings(
-    judged: pl.DataFrame, findings: pl.DataFrame, machine: Machine
+    verdict: pl.DataFrame, findings: pl.DataFrame, machine: Machine
 ) -> pl.DataFrame:
     """Add the check that fails if a finding invalidates the mass.
 
     Args:
-        judged: the frame `verdict`.
+        verdict: the frame `verdict`.
         findings: findings of the same log.
         machine: machine file with the check's limit.
 
@@ -327,7 +338,7 @@ def withhold_by_findings(
         `verdict` with one more row, after those of the mass.
     """
     # a cause of what is withheld already is said once, by its finding
-    is_open = Verdict.from_frame(judged).can_weigh
+    is_open = Verdict.from_frame(verdict).can_weigh
     grave = findings.filter(pl.col("severity") == "withhold", pl.lit(is_open))
     most = machine.settings.verdict.causes_max
     names = ", ".join(name.replace("_", " ") for name in grave["cause"])
@@ -344,7 +355,11 @@ def withhold_by_findings(
             "remedy": [_REMEDY],
         }
     )
-    of_mass = judged.filter(pl.col("about") == "mass").height
-    parts = [judged.head(of_mass), row.select(judged.columns), judged.tail(judged.height - of_mass)]
-    cast = [part.cast(dict(judged.schema)) for part in parts]  # type: ignore[arg-type]
+    of_mass = verdict.filter(pl.col("about") == "mass").height
+    parts = [
+        verdict.head(of_mass),
+        row.select(verdict.columns),
+        verdict.tail(verdict.height - of_mass),
+    ]
+    cast = [part.cast(dict(verdict.schema)) for part in parts]  # type: ignore[arg-type]
     return build_frame("verdict", pl.concat(cast).to_dict())

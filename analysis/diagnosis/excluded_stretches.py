@@ -16,8 +16,8 @@ from analysis.diagnosis.measured_channels import RawSignals, Spans
 from analysis.model.machine import Machine
 from analysis.model.verdict_limits import VerdictLimits
 from analysis.model.windows import flag_windows
-from analysis.stages.gating.gate import refuse_windows
-from analysis.stages.motion.phases import speed_rate_span_rows
+from analysis.stages.gating.gate import refuse_windows_with_rows
+from analysis.stages.motion.phases import count_speed_rate_rows
 from analysis.weighing.weigh import Weighing, mean_mass_difference_kg
 from estimators.arrays import Bools
 
@@ -88,7 +88,7 @@ def refit_without_stretches(
     weighing = weighed(aligned)
     rows = np.zeros(aligned.height, np.bool_)
     named: dict[str, ExcludedStretches] = {}
-    for check, spans, why in _stretches_of_failing_checks(signals, machine.settings.verdict):
+    for check, spans, why in _iter_failing_check_stretches(signals, machine.settings.verdict):
         held = mark_rows_in_spans(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
         if not held.any() or weighing is None:
             continue
@@ -96,20 +96,20 @@ def refit_without_stretches(
         found = ExcludedStretches(fitted / machine.settings.align.rate_hz, 0.0)
         if fitted:
             without = weighed(aligned.with_columns(left_out=pl.Series(rows | held)))
-            found = ExcludedStretches(found.fitted_s, mass_shift_in_u(weighing, without))
+            found = ExcludedStretches(found.fitted_s, compute_mass_shift_over_u(weighing, without))
             weighing = without if found.is_harmless else weighing
         named[check] = found
         if found.is_harmless:
             rows |= held
             # the moving mean and the phase look back
             seen = flag_windows(
-                held, speed_rate_span_rows(machine.settings) + machine.settings.smooth.samples
+                held, count_speed_rate_rows(machine.settings) + machine.settings.smooth.samples
             )
-            gated = refuse_windows(gated, seen, why, machine.settings)
+            gated = refuse_windows_with_rows(gated, seen, why, machine.settings)
     return RefitWithoutStretches(weighing, gated, named)
 
 
-def _stretches_of_failing_checks(
+def _iter_failing_check_stretches(
     signals: RawSignals, limits: VerdictLimits
 ) -> Iterator[tuple[str, Mapping[str, Spans], str]]:
     """Name, stretches by channel, and rejection reason of each failing check."""
@@ -122,14 +122,14 @@ def _stretches_of_failing_checks(
 def mark_weighed_samples(weighing: Weighing) -> Bools:
     """Samples of the fit and of manoeuvres whose load appears to change, (n,)."""
     motion = weighing.fit.motion
-    return motion.used | np.isin(motion.unit, [each.unit for each in weighing.growing])
+    return motion.is_fittable | np.isin(motion.unit, [each.unit for each in weighing.growing])
 
 
-def mass_shift_in_u(all_samples: Weighing, without: Weighing | None) -> float:
+def compute_mass_shift_over_u(fit_with_all: Weighing, fit_without: Weighing | None) -> float:
     """Change of the mass without the stretches, in its standard uncertainty."""
-    if without is None:
+    if fit_without is None:
         return np.inf
-    moved_u = abs(mean_mass_difference_kg(without.fit, all_samples.fit)) / without.fit.u_kg
+    moved_u = abs(mean_mass_difference_kg(fit_without.fit, fit_with_all.fit)) / fit_without.fit.u_kg
     return moved_u if np.isfinite(moved_u) else np.inf
 
 

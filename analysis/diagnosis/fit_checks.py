@@ -36,7 +36,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     if weighing is None or totals is None:
         return []
     fit = weighing.fit
-    modelled = _nuisances_shared_with_methods(inputs)
+    modelled = _list_shared_nuisances(inputs)
     shows = any(
         t > LIMITS.term_min_std for term, t in fit.term_t_values.items() if term not in modelled
     )
@@ -52,7 +52,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
         if not np.isfinite(mass_kg):
             continue
         difference_kg = mass_kg - fit.mass_kg
-        if fit.count > 1 or not np.isfinite(std_kg):
+        if fit.mass_count > 1 or not np.isfinite(std_kg):
             out.append(Disagreement(method, np.inf, contradicted=True))
             continue
         deviations = difference_kg / float(np.hypot(std_kg, fit.u_kg))
@@ -64,14 +64,14 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     return out
 
 
-def _nuisances_shared_with_methods(inputs: CheckInputs) -> set[str]:
+def _list_shared_nuisances(inputs: CheckInputs) -> set[str]:
     """Nuisances that the methods also model: the Coulomb term, or a constant for one direction."""
     if inputs.weighing is None or not inputs.machine.settings.forces.coulomb:
         return set()
     return {"direction" if inputs.weighing.fit.motion.drives_both_ways else "const"}
 
 
-def _make_weighing_value(
+def _make_weighing_getter(
     quantity: Callable[[Weighing], float],
 ) -> Callable[[CheckInputs, AxisMotion], float]:
     """Number of a check, computed from the joint fit; NaN without one."""
@@ -82,7 +82,7 @@ def _make_weighing_value(
     return compute_value
 
 
-def _make_wheel_value(
+def _make_wheel_getter(
     quantity: Callable[[WheelKinematics], float],
 ) -> Callable[[CheckInputs, AxisMotion], float]:
     """Number of a check, computed from wheels against accelerometer."""
@@ -102,12 +102,12 @@ def _has_wheel_kinematics(inputs: CheckInputs, _: AxisMotion) -> bool:
     return inputs.weighing is not None and inputs.weighing.fit.kinematics is not None
 
 
-def main_load_relative_u(inputs: CheckInputs, _: AxisMotion) -> float:
+def relative_mass_u_of_main_load(inputs: CheckInputs, _: AxisMotion) -> float:
     """Relative standard uncertainty of the load with the most manoeuvres."""
     weighing = inputs.weighing
     if weighing is None:
         return np.nan
-    return relative_mass_uncertainty(weighing, inputs.machine, weighing.fit.main_state)
+    return relative_mass_uncertainty(weighing, inputs.machine, weighing.fit.most_frequent_state)
 
 
 def is_answer_expected(inputs: CheckInputs, _: AxisMotion) -> bool:
@@ -115,20 +115,20 @@ def is_answer_expected(inputs: CheckInputs, _: AxisMotion) -> bool:
     return inputs.totals is not None
 
 
-def _reason_for_no_answer(inputs: CheckInputs, _: AxisMotion) -> str:
+def _describe_missing_answer(inputs: CheckInputs, _: AxisMotion) -> str:
     return "" if inputs.weighing is not None else NOTHING_FITTED
 
 
 def _name_farthest_term(inputs: CheckInputs, _: AxisMotion) -> str:
-    widths = {} if inputs.weighing is None else inputs.weighing.own_fit.distances_from_priors
+    widths = {} if inputs.weighing is None else inputs.weighing.own_fit.prior_deviations_by_term
     return max(widths, key=widths.__getitem__, default="")
 
 
 def _friction_t_value(weighing: Weighing) -> float:
     """Viscous friction over its standard deviation; at least 0 if friction may fall so far."""
     fit = weighing.fit
-    value, std = fit.friction
-    share = value * fit.motion.largest_speed / fit.motion.largest_force
+    value, std = fit.viscous_friction_and_std
+    share = value * fit.motion.speed_95_percent / fit.motion.force_95_percent
     return value / std if share < -WEIGHING_LIMITS.falling_friction_1 else max(value / std, 0.0)
 
 
@@ -143,11 +143,11 @@ def _between_manoeuvre_scatter(weighing: Weighing) -> float:
     return np.nan if states is None else states.birge_ratio
 
 
-def _mass_shift_by_other_motion_in_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
+def _other_motion_mass_shift_over_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
     """Mass change if wheels and accelerometer swap roles, in u."""
     weighing = inputs.weighing
     other = None if weighing is None else weighing.other_motion
-    return None if other is None else other.mass_shift_in_u
+    return None if other is None else other.mass_shift_over_u
 
 
 def _describe_other_motion(inputs: CheckInputs, _: AxisMotion) -> str:
@@ -156,14 +156,16 @@ def _describe_other_motion(inputs: CheckInputs, _: AxisMotion) -> str:
         return ""
     one = "wheels" if weighing.fit.motion.by_accelerometer else "accelerometer"
     other = weighing.other_motion
-    return f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.mass_shift_in_u:.1f} u"
+    return (
+        f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.mass_shift_over_u:.1f} u"
+    )
 
 
 def _count_contradicted_methods(inputs: CheckInputs, _: AxisMotion) -> float:
     return float(sum(each.contradicted for each in compare_methods_with_joint_fit(inputs)))
 
 
-def _gating_bias_in_stds(inputs: CheckInputs, motion: AxisMotion) -> float:
+def gating_bias_in_stds(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Gated minus ungated pooled mass, in standard deviations; NaN if a spring biases both."""
     if inputs.totals is None or inputs.position_dependent_force is not None:
         return np.nan
@@ -176,7 +178,7 @@ def _gating_bias_in_stds(inputs: CheckInputs, motion: AxisMotion) -> float:
     return float(mean_difference_kg / u_kg) if u_kg > 0.0 else np.nan
 
 
-def term_presence_check(name: str, term: str, meaning: str) -> CheckRow:
+def make_term_presence_check(name: str, term: str, meaning: str) -> CheckRow:
     """Check that reports whether the fit contains a term.
 
     Args:
@@ -187,7 +189,7 @@ def term_presence_check(name: str, term: str, meaning: str) -> CheckRow:
     return CheckRow(
         name,
         "mass",
-        _make_weighing_value(lambda weighing: weighing.own_fit.term_t_values.get(term, np.nan)),
+        _make_weighing_getter(lambda weighing: weighing.own_fit.term_t_values.get(term, np.nan)),
         meaning,
         maximum="term_t_max",
         applies=lambda inputs, _: (
@@ -202,17 +204,19 @@ FIT_CHECKS: Final = (
     CheckRow(
         "relative_u",
         "mass",
-        main_load_relative_u,
+        relative_mass_u_of_main_load,
         "standard uncertainty of the mass over the mass",
         maximum="relative_std_max",
         applies=is_answer_expected,
-        subject_text=_reason_for_no_answer,
+        subject_text=_describe_missing_answer,
         remedy="more starts at different throttles and both ways, or narrower settings.priors",
     ),
     CheckRow(
         "term_beyond_prior",
         "mass",
-        _make_weighing_value(lambda weighing: max(weighing.own_fit.distances_from_priors.values())),
+        _make_weighing_getter(
+            lambda weighing: max(weighing.own_fit.prior_deviations_by_term.values())
+        ),
         "term farthest from its prior, in prior standard deviations; above the limit it "
         "absorbs a model error",
         maximum="beyond_prior_max",
@@ -223,7 +227,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "filling",
         "mass",
-        _make_weighing_value(lambda weighing: weighing.filling.evidence),
+        _make_weighing_getter(lambda weighing: weighing.filling.significance),
         "evidence for a load that grows during every start, in standard deviations; 0 where it "
         "moves neither a mass nor the mean payload by its uncertainty",
         maximum="filling_max",
@@ -233,7 +237,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "friction_sign",
         "mass",
-        _make_weighing_value(_friction_t_value),
+        _make_weighing_getter(_friction_t_value),
         "viscous friction over its standard deviation; negative friction is unphysical. Friction "
         f"that falls with the speed by at most {WEIGHING_LIMITS.falling_friction_1:.0%} of the "
         "largest force counts as 0",
@@ -244,7 +248,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "channel_noise",
         "mass",
-        _make_weighing_value(lambda weighing: weighing.fit.fit.noise_share),
+        _make_weighing_getter(lambda weighing: weighing.fit.fit.noise_share),
         "largest noise fraction among the fitted channels",
         maximum="channel_noise_max",
         applies=_has_fit,
@@ -253,7 +257,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "force_delay_s",
         "mass",
-        _make_weighing_value(lambda weighing: abs(weighing.fit.lag_s)),
+        _make_weighing_getter(lambda weighing: abs(weighing.fit.lag_s)),
         "estimated delay of the force, s, of either sign",
         maximum="lag_max_s",
         applies=_has_fit,
@@ -262,7 +266,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "speed_delay_s",
         "mass",
-        _make_wheel_value(lambda wheels: abs(wheels.delay_s[0])),
+        _make_wheel_getter(lambda wheels: abs(wheels.delay_s[0])),
         "estimated delay of the speed against the accelerometer, s, of either sign",
         maximum="lag_max_s",
         applies=_has_wheel_kinematics,
@@ -271,7 +275,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "wheel_imu_gain_error",
         "mass",
-        _make_wheel_value(lambda wheels: abs(wheels.gain[0]) if wheels.gain_counts else 0.0),
+        _make_wheel_getter(lambda wheels: abs(wheels.gain[0]) if wheels.gain_counts else 0.0),
         "gain difference of wheel speed and accelerometer; either may be wrong",
         maximum="gain_max",
         applies=_has_wheel_kinematics,
@@ -281,18 +285,18 @@ FIT_CHECKS: Final = (
     CheckRow(
         "wheel_imu_residual",
         "mass",
-        _make_weighing_value(lambda weighing: wheel_imu_disagreement(weighing.fit)),
+        _make_weighing_getter(lambda weighing: wheel_imu_disagreement(weighing.fit)),
         "residual of wheel speed against accelerometer beyond noise, as a fraction of the speed",
         maximum="wheels_max",
         applies=_has_wheel_kinematics,
         subject_text=_describe_other_motion,
-        moved_u=_mass_shift_by_other_motion_in_u,
+        moved_u=_other_motion_mass_shift_over_u,
         remedy="channels.speed_x_m_s and channels.specific_force_x_m_s2: one machine, one time",
     ),
     CheckRow(
         "manoeuvre_scatter",
         "mass",
-        _make_weighing_value(_between_manoeuvre_scatter),
+        _make_weighing_getter(_between_manoeuvre_scatter),
         "scatter of manoeuvres about their load over what their noise explains",
         maximum="scatter_max",
         applies=lambda inputs, _: (
@@ -304,7 +308,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "common_misfit",
         "mass",
-        _make_weighing_value(lambda weighing: weighing.fit.fit.misfit_ratio),
+        _make_weighing_getter(lambda weighing: weighing.fit.fit.misfit_ratio),
         "residual common to all starts, mean square over noise",
         maximum="misfit_max",
         applies=lambda inputs, _: (
@@ -316,7 +320,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "force_nonlinearity",
         "mass",
-        _make_weighing_value(lambda weighing: abs(weighing.curvature.t)),
+        _make_weighing_getter(lambda weighing: abs(weighing.curvature.t)),
         "t-value of a force in a·|a|: the force is not linear in the acceleration",
         maximum="curvature_t_max",
         applies=_has_fit,
@@ -326,7 +330,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "braking_bias",
         "mass",
-        _make_weighing_value(_braking_mass_fraction),
+        _make_weighing_getter(_braking_mass_fraction),
         "relative change of the mass when braking is included; the force may not see all brakes",
         maximum="braking_max",
         optional=True,
@@ -342,7 +346,7 @@ FIT_CHECKS: Final = (
         applies=lambda inputs, _: (
             inputs.totals is not None
             and inputs.weighing is not None
-            and inputs.weighing.fit.count == 1
+            and inputs.weighing.fit.mass_count == 1
         ),
         consequence="method",
         remedy="none: those methods have no nuisance terms, and are not shown",
@@ -350,16 +354,16 @@ FIT_CHECKS: Final = (
     CheckRow(
         "gating_bias",
         "mass",
-        _gating_bias_in_stds,
+        gating_bias_in_stds,
         "pooled mass with and without gating: difference in standard deviations",
         maximum="gated_max",
         optional=True,
         consequence="tell",
         remedy="the model holds in a part of the motion only: see the gate's reasons",
     ),
-    term_presence_check(
+    make_term_presence_check(
         "constant_force", "const", "t-value of a constant force: offset, tilt, slope or friction"
     ),
-    term_presence_check("quadratic_drag", "quadratic", "t-value of a resistance in v·|v|"),
-    term_presence_check("coulomb_friction", "direction", "t-value of Coulomb friction"),
+    make_term_presence_check("quadratic_drag", "quadratic", "t-value of a resistance in v·|v|"),
+    make_term_presence_check("coulomb_friction", "direction", "t-value of Coulomb friction"),
 )

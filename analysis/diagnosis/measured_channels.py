@@ -10,8 +10,8 @@ import numpy as np
 import polars as pl
 
 from analysis.diagnosis.diagnosis_limits import LIMITS
-from analysis.model.windows import runs_of_flagged_samples
-from analysis.stages.signals.filters import period_ns
+from analysis.model.windows import find_flagged_runs
+from analysis.stages.signals.filters import median_period_ns
 from analysis.stages.signals.speed_threshold import SPEEDS, estimate_speed_threshold_m_s
 from analysis.stages.signals.timestamps import (
     RelativeDrift,
@@ -114,7 +114,7 @@ class RawSignals:
         return max((sum(end - begin for begin, end in each) / 1e9 for each in spans), default=0.0)
 
     @cached_property
-    def clipped_share_and_limit(self) -> dict[str, tuple[float, float]]:
+    def clipped_fraction_and_limit(self) -> dict[str, tuple[float, float]]:
         """Largest fraction of readings at one limit, and that limit, by force channel."""
         nothing = (0.0, float("nan"))
         return {
@@ -134,9 +134,9 @@ class RawSignals:
     @property
     def clipped_share(self) -> float:
         """Largest fraction of a force channel's readings at its limit."""
-        return max((share for share, _ in self.clipped_share_and_limit.values()), default=0.0)
+        return max((share for share, _ in self.clipped_fraction_and_limit.values()), default=0.0)
 
-    def interpolate_force_at(self, unix_ns: Ints) -> Floats | None:
+    def interpolate_force(self, unix_ns: Ints) -> Floats | None:
         """Unfiltered force or sum of both torques at the stamps, (n,); None if it is derived."""
         names = [name for name in _FORCES if name in self.channels]
         if not names:
@@ -170,7 +170,7 @@ def find_equal_runs(x: Floats) -> tuple[Ints, Ints]:
     return first, np.append(first[1:], x.size) - 1
 
 
-def find_long_runs_of_one_reading(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
+def find_long_equal_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
     """Find long runs of one reading that the channel's resolution does not explain.
 
     Returns:
@@ -232,18 +232,18 @@ def find_zero_speed_spans(t: Ints, x: Floats) -> Spans:
     return [(int(b), int(e)) for b, e in zip(t[first[stands]], t[last[stands]], strict=True)]
 
 
-def intersect_spans(some: Spans, others: Spans) -> Spans:
+def intersect_spans(spans_a: Spans, spans_b: Spans) -> Spans:
     """Intersection of two lists of spans in ns."""
-    pairs = ((max(b, c), min(e, d)) for b, e in some for c, d in others)
+    pairs = ((max(b, c), min(e, d)) for b, e in spans_a for c, d in spans_b)
     return [(begin, end) for begin, end in pairs if begin < end]
 
 
 def find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
     """Stretches in which a channel repeats itself while others change."""
     t, x = channels[name]
-    runs, never = find_long_runs_of_one_reading(t, x)
+    runs, never = find_long_equal_runs(t, x)
     if runs and float(np.ptp(x)) == 0.0:
-        return runs if _should_have_changed(name, channels) else []
+        return runs if _should_channel_have_changed(name, channels) else []
     # a machine that stands has no speed, one that coasts no force
     runs = [run for run in runs if run.value != 0.0 or name == "specific_force_x_m_s2"]
     if not runs:
@@ -262,7 +262,7 @@ def find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[Re
     return runs if surely and never else surely
 
 
-def _should_have_changed(name: str, channels: Mapping[str, Series]) -> bool:
+def _should_channel_have_changed(name: str, channels: Mapping[str, Series]) -> bool:
     """Whether a constant channel should have changed, since its own or the other side drives."""
     of_motion = name in _MOTION
     speeds = [x for key, (_, x) in channels.items() if key in SPEEDS and key != name]
@@ -310,9 +310,9 @@ def find_spans_at_limits(limits: list[float], t: Ints, x: Floats) -> Spans:
     """Spans in ns in which most readings are at a limit."""
     from scipy.ndimage import uniform_filter1d  # slow to import
 
-    near = max(round(LIMITS.limit_window_s * 1e9 / period_ns(t)), LIMITS.run_min_readings)
+    near = max(round(LIMITS.limit_window_s * 1e9 / median_period_ns(t)), LIMITS.run_min_readings)
     at = np.isin(x, limits).astype(np.float64)
-    first, last = runs_of_flagged_samples(
+    first, last = find_flagged_runs(
         uniform_filter1d(at, near, mode="nearest") >= LIMITS.limit_min_fraction
     )
     return [(int(b), int(e)) for b, e in zip(t[first], t[last], strict=True)]

@@ -15,7 +15,7 @@ import polars as pl
 from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.diagnosis.measured_channels import RawSignals
 from analysis.model.machine import Machine
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from estimators.arrays import Bools, Floats
 
 TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")
@@ -40,7 +40,7 @@ class SideDifference:
     resistance_1: float = 0.0
 
     @property
-    def least_difference_1(self) -> float:
+    def difference_lower_bound_1(self) -> float:
         """Lower bound of the difference; 0 if it may be noise."""
         return max(abs(self.value_1) - self.resistance_1, 0.0) if self.is_significant else 0.0
 
@@ -55,7 +55,7 @@ class SideDifference:
         return "left" if self.value_1 > 0.0 else "right"
 
     @property
-    def smaller_over_larger_1(self) -> float:
+    def side_ratio_1(self) -> float:
         """Ratio of the smaller side to the larger; negative if they oppose each other."""
         half = abs(self.value_1) / 2.0  # of a side that reads nothing it is 1, but for rounding
         return (1.0 - half) / (1.0 + half)
@@ -77,7 +77,7 @@ def compare_sides(
     """
     if signals is None:
         return {}
-    size = rows_in_duration(LIMITS.sides_mean_s, machine.settings.align.rate_hz)
+    size = count_rows_in_duration(LIMITS.sides_mean_s, machine.settings.align.rate_hz)
     count = excitation.height // size
     channels = signals.channels
     t_ns = excitation["t_ns"].to_numpy()[: count * size] + t0_unix_ns
@@ -108,7 +108,7 @@ def compare_sides(
             [] if turns is None else [turns, np.clip(turns / LIMITS.scrubbing_rad_s, -1.0, 1.0)]
         )
         stands = blocks_in_phase("standstill")
-        ahead = driving_direction(speeds, torques)
+        ahead = find_driving_direction(speeds, torques)
         found["torque"] = compare_torques(torques[0], torques[1], turning, ahead, driving, stands)
     width_m = machine.machine.track_width_m
     if speeds[0] is not None and speeds[1] is not None and turns is not None and width_m:
@@ -121,30 +121,39 @@ def compare_sides(
     return {kind: each for kind, each in found.items() if each is not None}
 
 
-def driving_direction(speeds: Sequence[Floats | None], torques: Sequence[Floats | None]) -> Floats:
+def find_driving_direction(
+    speeds: Sequence[Floats | None], torques: Sequence[Floats | None]
+) -> Floats:
     """Driving direction (n,) by the wheel speeds, or else by the torques."""
     known = next(each for each in (*speeds, *torques) if each is not None)
     return np.sign(known)
 
 
 def compare_torques(
-    left: Floats, right: Floats, turning: list[Floats], ahead: Floats, driving: Bools, stands: Bools
+    left: Floats,
+    right: Floats,
+    turning_rates: list[Floats],
+    ahead: Floats,
+    is_driving: Bools,
+    is_standing: Bools,
 ) -> SideDifference | None:
     """Slope of the torque difference on the mean torque.
 
     An offset of one side, or a resistance of one side as on a cross slope, does not count.
     """
     apart, mean = right - left, (right + left) / 2.0
-    if driving.sum() < LIMITS.sides_min_means:
+    if is_driving.sum() < LIMITS.sides_min_means:
         return None
-    both_ways = np.ptp(ahead[driving]) > 0.0
-    found = slope_of_difference(
-        "torque", apart, mean, [*turning, *([ahead] if both_ways else [])], driving
+    both_ways = np.ptp(ahead[is_driving]) > 0.0
+    found = regress_side_difference(
+        "torque", apart, mean, [*turning_rates, *([ahead] if both_ways else [])], is_driving
     )
     if (
         found is None or found.std_1 > LIMITS.sides_ratio_std_1
     ):  # one throttle tells a resistance from no share
-        rough = slope_of_difference("torque", apart, mean, turning, driving | stands)
+        rough = regress_side_difference(
+            "torque", apart, mean, turning_rates, is_driving | is_standing
+        )
         found = (
             found if rough is None else replace(rough, resistance_1=LIMITS.one_sided_resistance_1)
         )
@@ -155,14 +164,14 @@ def compare_wheel_speeds(
     difference: Floats, mean: Floats, push: Floats | None, driving: Bools
 ) -> dict[str, SideDifference | None]:
     """Relative difference of the wheel speeds, and its increase in hard starts."""
-    everywhere = slope_of_difference("speed", difference, mean, [], driving)
+    everywhere = regress_side_difference("speed", difference, mean, [], driving)
     if push is None or driving.sum() < LIMITS.sides_min_means:
         return {"speed": everywhere}
     largest = float(np.quantile(push[driving], 0.95))
     soft = driving & (push < LIMITS.soft_torque_fraction * largest)
     hard = driving & (push > LIMITS.hard_torque_fraction * largest)
     in_soft, in_hard = (
-        slope_of_difference("speed", difference, mean, [], rows) for rows in (soft, hard)
+        regress_side_difference("speed", difference, mean, [], rows) for rows in (soft, hard)
     )
     if in_soft is None or in_hard is None:
         return {"speed": everywhere}
@@ -171,7 +180,7 @@ def compare_wheel_speeds(
     return {"speed": in_soft, "slip": SideDifference("slip", more, std)}
 
 
-def slope_of_difference(
+def regress_side_difference(
     kind: str, difference: Floats, mean: Floats, other_columns: list[Floats], rows: Bools
 ) -> SideDifference | None:
     """Regress the difference on the mean, with a constant and the other columns."""

@@ -8,25 +8,25 @@ import numpy as np
 from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
 from analysis.diagnosis.check_row import CheckRow
 from analysis.stages.estimation import fit_quality
-from analysis.stages.signals.mounting_guess import gravity_tilt_deg
+from analysis.stages.signals.mounting_guess import estimate_gravity_tilt_deg
 from estimators.arrays import Floats
 
 
-def _raw_opposing_share(inputs: CheckInputs, motion: AxisMotion) -> float:
+def _unfiltered_opposing_fraction(inputs: CheckInputs, motion: AxisMotion) -> float:
     """`opposing_share` of the unfiltered force, since a low-pass undershoots zero."""
-    force = unfiltered_force(inputs)
+    force = interpolate_unfiltered_force(inputs)
     if force is None:
         return np.nan
-    return fit_quality.share_against_motion(
+    return fit_quality.force_fraction_against_motion(
         motion.A, motion.f, motion.braking, motion.speeding, force
     )
 
 
-def unfiltered_force(inputs: CheckInputs) -> Floats | None:
+def interpolate_unfiltered_force(inputs: CheckInputs) -> Floats | None:
     """Unfiltered force on the grid, (n,) in N; None if the force is derived."""
     if inputs.signals is None:
         return None
-    return inputs.signals.interpolate_force_at(
+    return inputs.signals.interpolate_force(
         inputs.excitation["t_ns"].to_numpy() + inputs.t0_unix_ns
     )
 
@@ -36,14 +36,14 @@ def _has_signals(inputs: CheckInputs, _: AxisMotion) -> bool:
 
 
 def _imu_tilt_rad(inputs: CheckInputs, _: AxisMotion) -> float:
-    return gravity_tilt_deg(inputs.excitation, inputs.machine)
+    return estimate_gravity_tilt_deg(inputs.excitation, inputs.machine)
 
 
 def _clock_distance_s(inputs: CheckInputs, _: AxisMotion) -> float:
     return np.nan if inputs.signals is None else inputs.signals.clock_drift_over_log_s
 
 
-def _make_mass_shift(check: str) -> Callable[[CheckInputs, AxisMotion], float | None]:
+def _make_mass_shift_getter(check: str) -> Callable[[CheckInputs, AxisMotion], float | None]:
     """Make a function that returns the change of the answer without a check's stretches."""
 
     def mass_shift_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
@@ -53,7 +53,7 @@ def _make_mass_shift(check: str) -> Callable[[CheckInputs, AxisMotion], float | 
     return mass_shift_u
 
 
-def _make_refit_outcome(check: str) -> Callable[[CheckInputs, AxisMotion], str]:
+def _make_refit_describer(check: str) -> Callable[[CheckInputs, AxisMotion], str]:
     """Make a function that describes the refit without a check's stretches."""
 
     def refit_outcome(inputs: CheckInputs, _: AxisMotion) -> str:
@@ -66,20 +66,22 @@ def _make_refit_outcome(check: str) -> Callable[[CheckInputs, AxisMotion], str]:
 def _side_difference_1(inputs: CheckInputs, _: AxisMotion) -> float:
     """Largest relative difference of left and right; NaN without two sides."""
     return max(
-        (each.least_difference_1 for each in inputs.side_differences.values()), default=np.nan
+        (each.difference_lower_bound_1 for each in inputs.side_differences.values()), default=np.nan
     )
 
 
-def _min_torque_difference(inputs: CheckInputs, _: AxisMotion) -> float:
+def min_torque_difference(inputs: CheckInputs, _: AxisMotion) -> float:
     """Lower bound of the sides' torque difference; NaN without two."""
     torque = inputs.side_differences.get("torque")
-    return np.nan if torque is None else torque.least_difference_1
+    return np.nan if torque is None else torque.difference_lower_bound_1
 
 
-def _most_unequal_quantity(inputs: CheckInputs, _: AxisMotion) -> str:
+def _name_most_unequal_quantity(inputs: CheckInputs, _: AxisMotion) -> str:
     """Quantity in which the sides differ most: torque, speed or slip."""
     worst = max(
-        inputs.side_differences.values(), key=lambda each: each.least_difference_1, default=None
+        inputs.side_differences.values(),
+        key=lambda each: each.difference_lower_bound_1,
+        default=None,
     )
     return "" if worst is None else worst.kind
 
@@ -88,7 +90,7 @@ SIGNAL_CHECKS: Final = (
     CheckRow(
         "raw_opposing_share",
         "mass",
-        _raw_opposing_share,
+        _unfiltered_opposing_fraction,
         "fraction of samples that the drive slows down whose unfiltered force opposes the motion",
         minimum="opposing_share_min",
         optional=True,
@@ -101,8 +103,8 @@ SIGNAL_CHECKS: Final = (
         "time that a channel repeats its value while another changes, s",
         maximum="frozen_max_s",
         applies=_has_signals,
-        subject_text=_make_refit_outcome("frozen_s"),
-        moved_u=_make_mass_shift("frozen_s"),
+        subject_text=_make_refit_describer("frozen_s"),
+        moved_u=_make_mass_shift_getter("frozen_s"),
         remedy="leave the stretch out, or mend the sensor",
     ),
     CheckRow(
@@ -112,8 +114,8 @@ SIGNAL_CHECKS: Final = (
         "fraction of a force channel's readings at a limit of the sensor or the engine",
         maximum="clipped_max",
         applies=_has_signals,
-        subject_text=_make_refit_outcome("clipped_share"),
-        moved_u=_make_mass_shift("clipped_share"),
+        subject_text=_make_refit_describer("clipped_share"),
+        moved_u=_make_mass_shift_getter("clipped_share"),
         remedy="settings.gate.saturation_force_N: the force where the sensor clips",
     ),
     CheckRow(
@@ -123,14 +125,14 @@ SIGNAL_CHECKS: Final = (
         "difference of left and right on straight drives over their mean, where it is beyond noise",
         maximum="sides_max",
         optional=True,
-        subject_text=_most_unequal_quantity,
+        subject_text=_name_most_unequal_quantity,
         consequence="tell",
         remedy="channels.torque_left_N_m and torque_right_N_m, or the speeds: their scales",
     ),
     CheckRow(
         "one_sided_torque",
         "mass",
-        _min_torque_difference,
+        min_torque_difference,
         "the same of the torques alone: more says that one of them is not measured",
         maximum="one_sided_max",
         optional=True,

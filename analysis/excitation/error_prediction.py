@@ -45,7 +45,7 @@ class MeasuredSignals(NamedTuple):
         return cls(*(getattr(motion, name) for name in cls._fields))
 
 
-def sensor_noise_of_scenario(scenario: Scenario) -> MeasuredSignals:
+def compute_sensor_noise(scenario: Scenario) -> MeasuredSignals:
     """The standard deviation of one sample of each channel, (17) and (18) applied."""
     sensors = scenario.sensors
     values = (
@@ -59,7 +59,7 @@ def sensor_noise_of_scenario(scenario: Scenario) -> MeasuredSignals:
     return MeasuredSignals(*(np.array(value) for value in values))
 
 
-def true_parameters(body: RigidBody) -> Floats:
+def compute_true_parameters(body: RigidBody) -> Floats:
     """(6,) the true values of `planar_rows.PARAMETERS`."""
     return np.array(
         [
@@ -86,12 +86,12 @@ class Filters:
         return self.samples + 1
 
     @property
-    def mean(self) -> Floats:
+    def moving_mean_weights(self) -> Floats:
         """Weights (samples + 2,) of the moving mean, padded to the length of `difference`."""
         return np.r_[0.0, np.full(self.samples, 1.0 / self.samples), 0.0]
 
     @property
-    def difference(self) -> Floats:
+    def central_difference_weights(self) -> Floats:
         """Weights (samples + 2,) of the central difference of moving means."""
         ones = np.full(self.samples, 1.0 / self.samples)
         return (np.r_[0.0, 0.0, ones] - np.r_[ones, 0.0, 0.0]) * self.rate_hz / 2.0
@@ -103,10 +103,12 @@ class Filters:
             (n, 2, 6) regressor and (n, 2) force and torque.
         """
         force, torque, s_x, s_y, speed, yaw_rate = (
-            apply_filter_without_ends(each, self.mean) for each in raw
+            apply_filter_without_ends(each, self.moving_mean_weights) for each in raw
         )
-        turn = apply_filter_without_ends(raw.yaw_rate_rad_s, self.difference)
-        return planar_rows.regressor(s_x, s_y, speed, yaw_rate, turn), np.stack([force, torque], -1)
+        turn = apply_filter_without_ends(raw.yaw_rate_rad_s, self.central_difference_weights)
+        return planar_rows.make_planar_regressor(s_x, s_y, speed, yaw_rate, turn), np.stack(
+            [force, torque], -1
+        )
 
 
 def apply_filter_without_ends(channel: Floats, weights: Floats) -> Floats:
@@ -126,12 +128,12 @@ def make_window_system(
         noise: noise of one sample; only that of force and torque is used.
     """
     A, y = filters.stack_rows(raw)
-    rows, weights = _ROWS[drive], reciprocal_noise(drive, noise)
+    rows, weights = _ROWS[drive], compute_row_weights(drive, noise)
     part = A[:, rows][:, :, COLUMNS[drive]] * weights[:, None]
     return part.reshape(-1, part.shape[-1]), (y[:, rows] * weights).ravel()
 
 
-def reciprocal_noise(drive: Drive, noise: MeasuredSignals) -> Floats:
+def compute_row_weights(drive: Drive, noise: MeasuredSignals) -> Floats:
     """Reciprocal noise (rows,) of force and torque; 1 if they have none."""
     each = np.array([float(noise.force_x_N), float(noise.torque_z_N_m)])
     return 1.0 / np.where(each > 0.0, each, 1.0)[_ROWS[drive]]
@@ -190,17 +192,17 @@ def predict_errors(
     columns, rows = COLUMNS[drive], _ROWS[drive]
     A, y = make_window_system(drive, filters, truth, noise)
     # noise in the regressor adds E[NᵀN] to AᵀA
-    gram = A.T @ A + np.diag(regressor_noise_squares(drive, filters, truth, noise))
+    gram = A.T @ A + np.diag(compute_regressor_noise_squares(drive, filters, truth, noise))
     inverse = np.linalg.solve(gram, A.T)
-    theta = true_parameters(body)[columns]
+    theta = compute_true_parameters(body)[columns]
     bias = inverse @ y - theta
     phi = np.zeros(len(planar_rows.PARAMETERS))
     phi[columns] = theta
     full = filters.stack_rows(truth)[0]
     predictions: dict[str, Prediction] = {}
-    for name, (value, gradient) in predicted_quantities(body).items():
+    for name, (value, gradient) in list_predicted_quantities(body).items():
         if set(np.flatnonzero(gradient)) <= set(columns):
-            weight = (gradient[columns] @ inverse).reshape(-1, len(rows)) * reciprocal_noise(
+            weight = (gradient[columns] @ inverse).reshape(-1, len(rows)) * compute_row_weights(
                 drive, noise
             )
             both = np.zeros((weight.shape[0], 2))
@@ -216,7 +218,7 @@ def predict_errors(
     return predictions
 
 
-def predicted_quantities(body: RigidBody) -> dict[str, tuple[float, Floats]]:
+def list_predicted_quantities(body: RigidBody) -> dict[str, tuple[float, Floats]]:
     """True value of each quantity, and its gradient in `planar_rows.PARAMETERS`."""
     mass = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     inertia = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
@@ -243,19 +245,24 @@ def predict_variance_by_source(
         speed_x_m_s=-b_x * w_x,
         yaw_rate_rad_s=2.0 * omega * mc_x * w_x - b_psi * w_z,
     )
-    weights = [np.convolve(each, filters.mean) for each in through_mean]
-    weights[-1] = weights[-1] + np.convolve(mc_y * w_x - inertia * w_z, filters.difference)
+    weights = [np.convolve(each, filters.moving_mean_weights) for each in through_mean]
+    weights[-1] = weights[-1] + np.convolve(
+        mc_y * w_x - inertia * w_z, filters.central_difference_weights
+    )
     variances = [
         float(std) ** 2 * float(each @ each) for std, each in zip(noise, weights, strict=True)
     ]
     return sum(variances[:2]), sum(variances[2:])
 
 
-def regressor_noise_squares(
+def compute_regressor_noise_squares(
     drive: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
 ) -> Floats:
     """Diagonal (p,) of E[NᵀN] over a window; mean and central difference are uncorrelated."""
-    mean, difference = (float(each @ each) for each in (filters.mean, filters.difference))
+    mean, difference = (
+        float(each @ each)
+        for each in (filters.moving_mean_weights, filters.central_difference_weights)
+    )
     s_x, s_y, speed, yaw_rate = (float(each) ** 2 * mean for each in noise[2:])
     turn = float(noise.yaw_rate_rad_s) ** 2 * difference
     A, _ = filters.stack_rows(truth)
@@ -264,7 +271,7 @@ def regressor_noise_squares(
     square = 4.0 * float(omega @ omega) / samples * yaw_rate
     each = np.array([[s_x, 0.0, square, turn, speed, 0.0], [0.0, turn, s_y, s_x, 0.0, yaw_rate]])
     rows = _ROWS[drive]
-    weighted = each[rows] * reciprocal_noise(drive, noise)[:, None] ** 2
+    weighted = each[rows] * compute_row_weights(drive, noise)[:, None] ** 2
     return samples * weighted.sum(0)[COLUMNS[drive]]
 
 
@@ -273,7 +280,7 @@ def scaled_condition_from_gram(
 ) -> float:
     """Condition number of AᵀA after each column is divided by its noise."""
     A, _ = make_window_system(drive, filters, truth, noise)
-    inside = np.sqrt(regressor_noise_squares(drive, filters, truth, noise))
+    inside = np.sqrt(compute_regressor_noise_squares(drive, filters, truth, noise))
     if not (inside > 0.0).all():
         inside = np.linalg.norm(A, axis=0)
     return float(np.linalg.cond(A / inside)) ** 2

@@ -16,9 +16,9 @@ from analysis.excitation.error_prediction import (
     Filters,
     MeasuredSignals,
     Prediction,
+    compute_sensor_noise,
     predict_errors,
     scaled_condition_from_gram,
-    sensor_noise_of_scenario,
 )
 from analysis.simulation import Channels, Scenario, solve_motion
 from analysis.simulation.motion.body import RigidBody
@@ -26,7 +26,7 @@ from analysis.simulation.scenario.manoeuvres import Excite, Rest
 from analysis.simulation.scenario.waveforms import ForceWave, Shape, TorqueWave
 from estimators.errors import DataError
 from estimators.planar import planar_rows
-from estimators.planar.identifiability import identify
+from estimators.planar.identifiability import find_identifiable_parameters
 
 Axis: TypeAlias = Literal["force", "torque"]
 Ways: TypeAlias = Literal["one way", "both ways"]
@@ -153,16 +153,16 @@ class ExcitationDesign:
         """
         if self.best is None:
             raise DataError("no waveform stays within the yard; give a longer --yard")
-        return scenario_with_manoeuvres(base, Rest(duration_s=2.0), self.best.manoeuvre)
+        return replace_manoeuvres(base, Rest(duration_s=2.0), self.best.manoeuvre)
 
 
-def scenario_with_manoeuvres(base: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
+def replace_manoeuvres(base: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
     """Copy of a scenario with these manoeuvres as its trial."""
     campaign = base.campaign.model_copy(update={"manoeuvres": manoeuvres})
     return base.model_copy(update={"campaign": campaign})
 
 
-def driveline_response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
+def compute_settling_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
     """Settling time T of the speed (yaw rate) after a step, to 2 % of its final value.
 
     The step is half of full throttle, with valve and Coulomb friction; T is about four time
@@ -172,22 +172,22 @@ def driveline_response_time_s(scenario: Scenario, load_kg: float, axis: Axis) ->
         DataError: friction of that axis is zero or holds the machine, so that there is no T.
     """
     body, full = (
-        RigidBody.from_scenario_with_load(scenario, load_kg),
+        RigidBody.make_loaded_body(scenario, load_kg),
         scenario.full_force_and_torque,
     )
     if axis == "force":
         inertia, friction, key = body.mass_kg, body.friction_x_N_s_m, "friction_N_s_m"
         step = Excite(
             force=ForceWave(lowest_N=full[0] / 2, highest_N=full[0] / 2),
-            duration_s=settling_time_s(inertia, friction, key, scenario),
+            duration_s=bound_settling_time_s(inertia, friction, key, scenario),
         )
     else:
         inertia, friction, key = body.inertia_z_kg_m2, body.friction_z_N_m_s, "friction_z_N_m_s"
         step = Excite(
             torque=TorqueWave(lowest_N_m=full[1] / 2, highest_N_m=full[1] / 2),
-            duration_s=settling_time_s(inertia, friction, key, scenario),
+            duration_s=bound_settling_time_s(inertia, friction, key, scenario),
         )
-    motion = solve_motion(scenario_with_manoeuvres(scenario, step), load_kg)
+    motion = solve_motion(replace_manoeuvres(scenario, step), load_kg)
     time_s = np.linspace(0.0, step.duration_s, 20_001)[:-1]
     driven = motion.sample_channels(time_s)
     speed = driven.speed_x_m_s if axis == "force" else driven.yaw_rate_rad_s
@@ -196,7 +196,7 @@ def driveline_response_time_s(scenario: Scenario, load_kg: float, axis: Axis) ->
     return float(time_s[np.abs(speed / speed[-1] - 1.0) > _SETTLED][-1])
 
 
-def settling_time_s(inertia: float, friction: float, key: str, scenario: Scenario) -> float:
+def bound_settling_time_s(inertia: float, friction: float, key: str, scenario: Scenario) -> float:
     """Time in which a step certainly settles, at most an hour."""
     if friction <= 0.0:
         raise DataError(f"machine.{key}: is 0, so that a step never settles; give a value above 0")
@@ -229,7 +229,7 @@ def design_excitation(
             "sensors.force_noise_N: is 0, so that there is no signal-to-noise ratio; give a value "
             "above 0"
         )
-    response_s = {axis: driveline_response_time_s(scenario, load_kg, axis) for axis in _AXES[drive]}
+    response_s = {axis: compute_settling_time_s(scenario, load_kg, axis) for axis in _AXES[drive]}
     slowest_s = max(response_s.values())
     window_s = 2.0 * slowest_s if window_s is None else window_s
     if not slowest_s <= window_s <= _PERIOD_OVER_RESPONSE * slowest_s:
@@ -254,7 +254,11 @@ def find_best_score(scores: Sequence[WaveformScore], yard_m: float | None) -> Wa
 
 
 def _make_excite_manoeuvre(
-    scenario: Scenario, drive: Drive, shape: Shape, ways: Ways, response_s: Mapping[str, float]
+    scenario: Scenario,
+    drive: Drive,
+    shape: Shape,
+    directions: Ways,
+    response_s: Mapping[str, float],
 ) -> Excite:
     force_N, torque_N_m = (
         full / 2.0 if drive == "joint" else full for full in scenario.full_force_and_torque
@@ -265,7 +269,7 @@ def _make_excite_manoeuvre(
         ratio = periods["force"] / periods["torque"]
         if max(ratio, 1.0 / ratio) < _LEAST_PERIOD_RATIO:
             periods["torque"] = round(periods["force"] * _OUT_OF_STEP, 3)
-    lowest = 0.0 if ways == "one way" else -1.0
+    lowest = 0.0 if directions == "one way" else -1.0
     force = torque = None
     if "force" in periods:
         force = ForceWave(
@@ -288,22 +292,22 @@ def score_waveform(
     scenario: Scenario,
     drive: Drive,
     shape: Shape,
-    ways: Ways,
+    directions: Ways,
     response_s: Mapping[str, float],
     window_s: float,
     accuracy: float,
 ) -> WaveformScore:
     """Drive a waveform, and predict the errors in its worst window."""
     load_kg = scenario.campaign.loads_kg[0]
-    manoeuvre = _make_excite_manoeuvre(scenario, drive, shape, ways, response_s)
+    manoeuvre = _make_excite_manoeuvre(scenario, drive, shape, directions, response_s)
     period_s = manoeuvre.duration_s / 2.0
-    noise, rate_hz = sensor_noise_of_scenario(scenario), scenario.sensors.rate_hz
+    noise, rate_hz = compute_sensor_noise(scenario), scenario.sensors.rate_hz
     filters = Filters(_SMOOTH_SAMPLES, rate_hz)
     samples = round(window_s * rate_hz) + filters.margin_samples
     # the second period is the first that repeats; a window may begin anywhere in it
     last_s = 2.0 * period_s + samples / rate_hz
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
-    motion = solve_motion(scenario_with_manoeuvres(scenario, longer), load_kg)
+    motion = solve_motion(replace_manoeuvres(scenario, longer), load_kg)
     driven = motion.sample_channels(np.arange(round(last_s * rate_hz)) / rate_hz)
     truth = MeasuredSignals.from_motion(driven)
     asked = _ASKED[drive]
@@ -332,11 +336,11 @@ def score_waveform(
     path_m = np.cumsum(velocity[: repeats.stop]) / rate_hz
     return WaveformScore(
         waveform=shape,
-        ways=ways,
+        ways=directions,
         manoeuvre=manoeuvre,
         start_s=first / rate_hz,
         predictions=predictions,
-        rank=determined_parameter_count(
+        rank=count_determined_parameters(
             Channels._make(each[first : first + samples] for each in driven)
         ),
         condition=scaled_condition_from_gram(drive, filters, part, noise),
@@ -348,14 +352,16 @@ def score_waveform(
     )
 
 
-def determined_parameter_count(driven: Channels) -> int:
+def count_determined_parameters(motion: Channels) -> int:
     """Number of the six parameters that a noise-free motion determines."""
-    A = planar_rows.regressor(
-        driven.specific_force_x_m_s2,
-        driven.specific_force_y_m_s2,
-        driven.speed_x_m_s,
-        driven.yaw_rate_rad_s,
-        driven.yaw_acc_rad_s2,
+    A = planar_rows.make_planar_regressor(
+        motion.specific_force_x_m_s2,
+        motion.specific_force_y_m_s2,
+        motion.speed_x_m_s,
+        motion.yaw_rate_rad_s,
+        motion.yaw_acc_rad_s2,
     )
     solved = _SOLVED_TO * np.sqrt(np.mean(A**2, axis=(0, 1)))
-    return identify(A, planar_rows.PARAMETERS, np.maximum(solved, np.finfo(float).tiny)).rank
+    return find_identifiable_parameters(
+        A, planar_rows.PARAMETERS, np.maximum(solved, np.finfo(float).tiny)
+    ).rank

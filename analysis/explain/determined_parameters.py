@@ -12,7 +12,7 @@ from analysis.model.schema import column_values
 from analysis.model.settings import Settings
 from analysis.stages.noise.column_noise import ColumnNoise
 from estimators.arrays import Bools, Floats
-from estimators.planar.identifiability import identify
+from estimators.planar.identifiability import find_identifiable_parameters
 
 #: The parameters of the x row, with a constant force beside them.
 _MASS, _FRICTION, _COULOMB, _CONSTANT = (
@@ -64,27 +64,32 @@ def find_determined_parameters(
         direction = np.sign(speed)
     A = np.column_stack([acceleration, speed, direction, np.ones(speed.size)])
     A = A[rows & np.isfinite(A).all(1)]
-    std = column_noise_stds(noise, settings)
+    std = find_column_noise_stds(noise, settings)
     samples = A.shape[0]
     if samples < LIMITS.determined_min_rows or std is None:
         return None
     # neighbours share the moving mean: what lies between says nothing more
     A = A[:: max(min(settings.smooth.samples, samples // LIMITS.determined_min_rows), 1)]
-    found = identify(A, _NAMES, std)
+    found = find_identifiable_parameters(A, _NAMES, std)
     named = [name for name, alone in zip(_NAMES, found.identifiable, strict=True) if alone]
-    joined = [name for row in found.combinations for name, c in zip(_NAMES, row, strict=True) if c]
+    joined = [
+        name
+        for row in found.find_determined_combinations
+        for name, c in zip(_NAMES, row, strict=True)
+        if c
+    ]
     return DeterminedParameters(
         samples=samples,
         alone=tuple(named),
-        combinations=tuple(found.combination_texts()),
+        combinations=tuple(found.format_combinations()),
         lost=tuple(name for name in _NAMES if name not in (*named, *joined)),
         trade_offs=find_trade_offs(A),
     )
 
 
-def column_noise_stds(noise: pl.DataFrame | None, settings: Settings) -> Floats | None:
+def find_column_noise_stds(noise: pl.DataFrame | None, settings: Settings) -> Floats | None:
     """Noise (4,) of acceleration, speed, sign and constant after the mean, if known."""
-    known = ColumnNoise.of_axis(X, noise, settings.noise)
+    known = ColumnNoise.select_axis_noise(X, noise, settings.noise)
     if known is None:
         return None
     std = np.sqrt(np.maximum(np.diagonal(known.covariance(settings.smooth.samples)), 0.0))

@@ -12,10 +12,10 @@ from analysis.explain.explain_limits import LIMITS
 from analysis.explain.worst_manoeuvres import (
     GateStretch,
     ManoeuvreReport,
+    compute_reason_fractions,
     list_gate_stretches,
-    report_manoeuvre_at,
+    report_manoeuvre_at_time,
     report_worst_manoeuvres,
-    window_shares_by_reason,
 )
 from analysis.model.answer import Answer, answer
 from analysis.model.physical_units import NS_PER_S
@@ -131,7 +131,7 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
     if at_s is not None and gate.height:
         begin, end = (round((at_s + way * LIMITS.around_s) * NS_PER_S) for way in (-1, 1))
         stretches = list_gate_stretches(gate, settings, begin, end)
-    manoeuvre = None if at_s is None else report_manoeuvre_at(frames, at_s)
+    manoeuvre = None if at_s is None else report_manoeuvre_at_time(frames, at_s)
     return Explanation(
         answer=answer(run),
         at_s=at_s,
@@ -139,7 +139,7 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
         manoeuvre=manoeuvre,
         worst=report_worst_manoeuvres(frames) if at_s is None else (),
         gate=stretches,
-        shares=window_shares_by_reason(gate),
+        shares=compute_reason_fractions(gate),
         determined=determine_parameters_at_moment(run, manoeuvre, at_s),
     )
 

@@ -91,11 +91,13 @@ def list_gate_stretches(
     found: list[GateStretch] = []
     for span in kept.iter_rows(named=True):
         inside = rows.filter(pl.col("run") == span["run"])
-        found.append(_make_stretch(span, inside, settings))
+        found.append(_make_gate_stretch(span, inside, settings))
     return tuple(found)
 
 
-def _make_stretch(span: Mapping[str, Any], rows: pl.DataFrame, settings: Settings) -> GateStretch:
+def _make_gate_stretch(
+    span: Mapping[str, Any], rows: pl.DataFrame, settings: Settings
+) -> GateStretch:
     """Stretch with the median of the statistic that decided, and its limit."""
     start_s, end_s, reason = span["start"] / NS_PER_S, span["end"] / NS_PER_S, str(span["reason"])
     decides = _DECIDES.get(reason)
@@ -117,7 +119,7 @@ def _median_of_column(rows: pl.DataFrame, column: str) -> float | None:
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
 
 
-def window_shares_by_reason(gate: pl.DataFrame) -> dict[str, float]:
+def compute_reason_fractions(gate: pl.DataFrame) -> dict[str, float]:
     """Share of windows by reason, most frequent first."""
     if "reason_x" not in gate.columns or not gate.height:
         return {}
@@ -131,12 +133,16 @@ def report_worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[Manoeuv
     If no manoeuvre has a mass, the longest ones that the gate rejected, without one that is nearly
     the whole log.
     """
-    known = [each for each in _reports_by_load(frames) if each.deviations is not None]
+    known = [each for each in _report_manoeuvres_by_load(frames) if each.deviations is not None]
     if known:
         known.sort(key=lambda each: -abs(each.deviations or 0.0))
         return tuple(known[: LIMITS.max_manoeuvres])
     longest_s = LIMITS.whole_log_fraction * _log_duration_s(frames)
-    parts = (each for each in _reports_by_segment(frames) if each.end_s - each.start_s < longest_s)
+    parts = (
+        each
+        for each in _report_rejected_manoeuvres(frames)
+        if each.end_s - each.start_s < longest_s
+    )
     refused = sorted(parts, key=lambda each: each.start_s - each.end_s)
     return tuple(refused[: LIMITS.max_manoeuvres])
 
@@ -149,16 +155,18 @@ def _log_duration_s(frames: Mapping[str, pl.DataFrame]) -> float:
     return float(motion["t_ns"][-1] - motion["t_ns"][0]) / NS_PER_S
 
 
-def report_manoeuvre_at(frames: Mapping[str, pl.DataFrame], at_s: float) -> ManoeuvreReport | None:
+def report_manoeuvre_at_time(
+    frames: Mapping[str, pl.DataFrame], at_s: float
+) -> ManoeuvreReport | None:
     """Manoeuvre at a moment: one with a mass, otherwise one that the gate rejected."""
-    for found in (_reports_by_load(frames), _reports_by_segment(frames)):
+    for found in (_report_manoeuvres_by_load(frames), _report_rejected_manoeuvres(frames)):
         here = [each for each in found if each.start_s <= at_s <= each.end_s]
         if here:
             return here[0]
     return None
 
 
-def _reports_by_load(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreReport]:
+def _report_manoeuvres_by_load(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreReport]:
     loads, manoeuvres = frames.get("loads"), frames.get("manoeuvres")
     if loads is None or manoeuvres is None:
         return []
@@ -174,7 +182,7 @@ def _reports_by_load(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreReport
     return found
 
 
-def _reports_by_segment(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreReport]:
+def _report_rejected_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreReport]:
     segments = frames.get("segments")
     if segments is None:
         return []

@@ -93,7 +93,7 @@ def parse_expression(text: str) -> Expression:
     parser = _Parser(text)
     tree = parser.parse_sum(0)
     if parser.kind:
-        raise parser.make_error("an operator")
+        raise parser.make_syntax_error("an operator")
     return tree
 
 
@@ -117,7 +117,7 @@ class _Parser:
         self.kind, self.value = str(match.lastgroup), match[str(match.lastgroup)]
         self._at = match.end()
 
-    def make_error(self, expected: str) -> ExpressionError:
+    def make_syntax_error(self, expected: str) -> ExpressionError:
         found = f"'{self.value}'" if self.kind else "the end"
         return ExpressionError(f"'{self._text}': expected {expected}, found {found}")
 
@@ -153,21 +153,21 @@ class _Parser:
         kind, value = self.kind, self.value
         if self._take_token("("):
             tree = self.parse_sum(depth + 1)
-            self._require_closing()
+            self._require_closing_bracket()
             return tree
         if kind not in ("number", "name", "slope"):
-            raise self.make_error("a channel, a number or '('")
+            raise self.make_syntax_error("a channel, a number or '('")
         self._read_next_token()
         if kind == "number":
             return Number(float(value), self._parse_unit())
         if kind == "slope":
             bracket = self._take_token("(")
             if self.kind != "name":
-                raise self.make_error("the channel that d/dt differentiates")
+                raise self.make_syntax_error("the channel that d/dt differentiates")
             tree = Name(self.value)
             self._read_next_token()
             if bracket:
-                self._require_closing()
+                self._require_closing_bracket()
             return Call(SLOPE, (tree,))
         if self._take_token("("):
             return self._parse_call(value, depth + 1)
@@ -187,7 +187,7 @@ class _Parser:
         arguments = [self._parse_condition(depth) if function == "where" else self.parse_sum(depth)]
         while self._take_token(","):
             arguments.append(self.parse_sum(depth))
-        self._require_closing()
+        self._require_closing_bracket()
         fewest, most = FUNCTIONS[function]
         if not fewest <= len(arguments) <= most:
             wanted = str(fewest) if fewest == most else f"{fewest} to {most}"
@@ -198,12 +198,12 @@ class _Parser:
         left = self.parse_sum(depth)
         sign = self._take_token(*COMPARISONS)
         if not sign:
-            raise self.make_error("a comparison, as in where(speed_x_m_s > 0.1 [m/s], …)")
+            raise self.make_syntax_error("a comparison, as in where(speed_x_m_s > 0.1 [m/s], …)")
         return Call(sign, (left, self.parse_sum(depth)))
 
-    def _require_closing(self) -> None:
+    def _require_closing_bracket(self) -> None:
         if not self._take_token(")"):
-            raise self.make_error("')'")
+            raise self.make_syntax_error("')'")
 
 
 def convert_to_si(
@@ -223,17 +223,19 @@ def convert_to_si(
         ExpressionError: two sides cannot be added or compared (it names both), or an unknown unit.
     """
     if isinstance(tree, Name):
-        gain, dimension = si_gain_and_dimension(units[tree.name], tree.name, registry)
+        gain, dimension = find_si_gain_and_dimension(units[tree.name], tree.name, registry)
         return (tree if gain == 1.0 else Call("*", (Number(gain), tree))), dimension
     if isinstance(tree, Number):
-        gain, dimension = si_gain_and_dimension(tree.unit or "", expression_text(tree), registry)
+        gain, dimension = find_si_gain_and_dimension(
+            tree.unit or "", format_expression(tree), registry
+        )
         return Number(tree.value * gain), dimension
     parts = [convert_to_si(argument, units, registry) for argument in tree.arguments]
     found = Call(tree.function, tuple(part for part, _ in parts))
-    return found, derive_dimension(tree, [dimension for _, dimension in parts], registry)
+    return found, derive_call_dimension(tree, [dimension for _, dimension in parts], registry)
 
 
-def derive_dimension(tree: Call, argument_dimensions: list[Any], registry: Any) -> Any:
+def derive_call_dimension(tree: Call, argument_dimensions: list[Any], registry: Any) -> Any:
     """Dimension of a call's result; an error if its arguments differ."""
     none = registry.dimensionless.dimensionality
     if tree.function == "*":
@@ -247,7 +249,7 @@ def derive_dimension(tree: Call, argument_dimensions: list[Any], registry: Any) 
         values, arguments = argument_dimensions[1:], tree.arguments[1:]
     for other, argument in zip(values[1:], arguments[1:], strict=True):
         if other != values[0]:
-            one, differs = expression_text(arguments[0]), expression_text(argument)
+            one, differs = format_expression(arguments[0]), format_expression(argument)
             raise ExpressionError(
                 f"{one} is {format_dimension(values[0])}, {differs} is {format_dimension(other)}: "
                 f"they cannot stand in one {_WORDS.get(tree.function, tree.function)}"
@@ -286,7 +288,7 @@ def format_dimension(dimension: Any) -> str:
     return f"in {'·'.join(parts)}"
 
 
-def si_gain_and_dimension(unit: str, expression: str, registry: Any) -> tuple[float, Any]:
+def find_si_gain_and_dimension(unit: str, expression: str, registry: Any) -> tuple[float, Any]:
     """Factor that converts a number to SI units, and its dimension."""
     import pint
 
@@ -307,13 +309,13 @@ def si_gain_and_dimension(unit: str, expression: str, registry: Any) -> tuple[fl
     return float(base.magnitude), base.dimensionality
 
 
-def expression_text(tree: Expression) -> str:
+def format_expression(tree: Expression) -> str:
     """Text of an expression."""
     if isinstance(tree, Name):
         return tree.name
     if isinstance(tree, Number):
         return f"{tree.value:g}" + (f" [{tree.unit}]" if tree.unit else "")
-    parts = [expression_text(argument) for argument in tree.arguments]
+    parts = [format_expression(argument) for argument in tree.arguments]
     if tree.function == "neg":
         return f"-{parts[0]}"
     if tree.function == SLOPE:

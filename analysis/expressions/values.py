@@ -49,7 +49,7 @@ def evaluate_and_count_near_zero(
             return np.broadcast_to(values[node.name], size)
         if node.function == SLOPE:
             (argument,) = node.arguments
-            scale, name = gain_and_channel(argument)
+            scale, name = find_derivative_gain_and_channel(argument)
             return scale * values[f"{SLOPE} {name}"]
         parts = [evaluate_node(argument) for argument in node.arguments]
         if node.function == "/":
@@ -97,7 +97,7 @@ def divide_and_count_near_zero(dividend: Floats, divisor: Floats) -> tuple[Float
     )
 
 
-def gain_and_channel(tree: Expression) -> tuple[float, str]:
+def find_derivative_gain_and_channel(tree: Expression) -> tuple[float, str]:
     """Gain and name of a differentiated channel."""
     if isinstance(tree, Name):
         return 1.0, tree.name

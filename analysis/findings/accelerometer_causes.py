@@ -16,7 +16,7 @@ from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import (
     explain_constant_force,
     gravity_by_pitch,
-    has_pitch,
+    has_pitch_channel,
 )
 from analysis.findings.delay_causes import find_filter_delay
 from analysis.findings.finding_inputs import ACC, FindingInputs
@@ -24,9 +24,9 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_corrected
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import column_values
-from analysis.stages.motion.forces import longitudinal_force
-from analysis.stages.motion.phases import average_like_speed_rate
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.motion.forces import compute_longitudinal_force
+from analysis.stages.motion.phases import average_over_speed_rate_span
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
 
@@ -43,7 +43,7 @@ _ALL_AXES: Final = (
 )
 
 
-def lacks_gravity(inputs: FindingInputs) -> bool:
+def does_accelerometer_lack_gravity(inputs: FindingInputs) -> bool:
     """Whether the accelerometer reads no gravity along z at standstill."""
     z, _ = inputs.standstill_mean_and_std(_Z)
     return bool(abs(z) < LIMITS.gravity_min_fraction * inputs.machine.machine.gravity_m_s2)
@@ -63,15 +63,15 @@ def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
     """Find an accelerometer mounted upside down, by gravity of the wrong sign along z."""
     z, std = inputs.standstill_mean_and_std(_Z)
     pull = inputs.machine.machine.gravity_m_s2
-    if not z < -LIMITS.gravity_min_fraction * pull or not inputs.measured_channels(_Z):
+    if not z < -LIMITS.gravity_min_fraction * pull or not inputs.select_measured_channels(_Z):
         return []
     seen = fit_accelerometer_gain(inputs)
     backwards = seen is not None and seen[0] < -LIMITS.low_passed_std * seen[1]
     angle = "pitch_deg" if backwards else "roll_deg"
-    whole = len(inputs.measured_channels(*_ALL_AXES)) == len(_ALL_AXES)
+    whole = len(inputs.select_measured_channels(*_ALL_AXES)) == len(_ALL_AXES)
     turned = (ACC, "roll_rate_rad_s") if backwards else (_Y, "pitch_rate_rad_s")
-    keys, scales = inputs.propose_scales(
-        inputs.measured_channels(_Z, *turned, "yaw_rate_rad_s"), -1.0
+    keys, scales = inputs.propose_scale_settings(
+        inputs.select_measured_channels(_Z, *turned, "yaw_rate_rad_s"), -1.0
     )
     stated = getattr(inputs.machine.machine.imu, angle)
     kind = "pitched" if backwards else "rolled"
@@ -93,20 +93,22 @@ def find_accelerometer_bias(inputs: FindingInputs) -> list[Symptom]:
     return _find_wrong_reading_at_rest(inputs, ("bias",))
 
 
-def _find_wrong_reading_at_rest(inputs: FindingInputs, kinds: tuple[str, ...]) -> list[Symptom]:
+def _find_wrong_reading_at_rest(
+    inputs: FindingInputs, cause_kinds: tuple[str, ...]
+) -> list[Symptom]:
     """Symptom of a wrong accelerometer reading at rest."""
     seen = explain_constant_force(inputs)
     error, std = seen.error_m_s2
-    if not np.isfinite(error) or seen.tilt is False or lacks_gravity(inputs):
+    if not np.isfinite(error) or seen.tilt is False or does_accelerometer_lack_gravity(inputs):
         return []
     kind = classify_tilt_or_bias(inputs, error)
-    if kind not in kinds:
+    if kind not in cause_kinds:
         return []
     # ground that slopes leaves no constant force, a tilt does
     others = () if kind else ("imu_bias",)
-    if not (seen.tilt or has_pitch(inputs)):
+    if not (seen.tilt or has_pitch_channel(inputs)):
         others = (*others, "slope")
-    names = inputs.measured_channels(ACC)
+    names = inputs.select_measured_channels(ACC)
     degrees = np.degrees(np.arcsin(np.clip(error / inputs.machine.machine.gravity_m_s2, -1.0, 1.0)))
     said = {"": "nose-up, or a bias", "tilt": "nose-up", "bias": "if this were a tilt"}[kind]
     offset = inputs.machine.channels[ACC].offset if names else 0.0
@@ -119,7 +121,7 @@ def _find_wrong_reading_at_rest(inputs: FindingInputs, kinds: tuple[str, ...]) -
             f"gravity: {degrees:+.2f}° {said}",
             channel=ACC,
             setting=f"channels.{ACC}.offset" if names else None,
-            value=f"{offset - to_accelerometer_unit(inputs, error):.5g}" if names else None,
+            value=f"{offset - convert_to_accelerometer_unit(inputs, error):.5g}" if names else None,
             change=lambda: refit_corrected(
                 inputs,
                 lambda motion: change_accelerometer(motion, lambda x: x - error),
@@ -138,7 +140,7 @@ def classify_tilt_or_bias(inputs: FindingInputs, error: float) -> str:
     """
     z, _ = inputs.standstill_mean_and_std(_Z)
     pull = inputs.machine.machine.gravity_m_s2
-    if not np.isfinite(z) or not has_pitch(inputs) or abs(error) >= pull:
+    if not np.isfinite(z) or not has_pitch_channel(inputs) or abs(error) >= pull:
         return ""
     pitch = inputs.standstill_mean_and_std(_PITCH)[0]
     share = np.arcsin(error / pull)
@@ -157,14 +159,14 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     settings = inputs.machine.settings
     rate = column_values(inputs.check_inputs.excitation, "speed_rate_x_m_s2")
     ahead, left = (
-        average_like_speed_rate(column_values(inputs.check_inputs.excitation, name), settings)
+        average_over_speed_rate_span(column_values(inputs.check_inputs.excitation, name), settings)
         for name in (ACC, _Y)
     )
     used = inputs.check_inputs.is_phase("accelerating", "braking", "cruising")
     used &= np.isfinite(rate) & np.isfinite(ahead) & np.isfinite(left)
     if used.sum() < 200:
         return []
-    step = rows_in_duration(LIMITS.independent_rows_s, settings.align.rate_hz)
+    step = count_rows_in_duration(LIMITS.independent_rows_s, settings.align.rate_hz)
     x, a, y = (each[used][::step] for each in (rate, ahead, left))
     x, a, y = x - x.mean(), a - a.mean(), y - y.mean()
     power = float(x @ x)
@@ -178,13 +180,13 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     # noise of the wheels' rate makes both components small, and the angle no surer
     std /= float(np.hypot(along, across))
     strength = abs(angle) / max(LIMITS.standing_reading_std * std, LIMITS.misalignment_min_yaw_rad)
-    if len(inputs.measured_channels(*_ALL_AXES)) == len(_ALL_AXES):
+    if len(inputs.select_measured_channels(*_ALL_AXES)) == len(_ALL_AXES):
         setting = "machine.imu.yaw_deg"
         value = f"{inputs.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}"
     else:
         # what drives straight is seen by its share alone
-        setting, value = inputs.propose_scales(
-            inputs.measured_channels(ACC), 1.0 / float(np.cos(angle))
+        setting, value = inputs.propose_scale_settings(
+            inputs.select_measured_channels(ACC), 1.0 / float(np.cos(angle))
         )
     return [
         Symptom(
@@ -231,9 +233,9 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
     kinematic = inputs.machine.settings.forces.acceleration == "kinematic"
     if (
         kinematic
-        or not inputs.measured_channels(ACC)
-        or not has_pitch(inputs)
-        or not lacks_gravity(inputs)
+        or not inputs.select_measured_channels(ACC)
+        or not has_pitch_channel(inputs)
+        or not does_accelerometer_lack_gravity(inputs)
     ):
         return []
     pitch, std = inputs.standstill_mean_and_std(_PITCH)
@@ -272,7 +274,7 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def to_accelerometer_unit(inputs: FindingInputs, acceleration_m_s2: float) -> float:
+def convert_to_accelerometer_unit(inputs: FindingInputs, acceleration_m_s2: float) -> float:
     """Convert an acceleration from m/s² to the unit of its channel."""
     channel = inputs.machine.channels[ACC]
     if channel.unit is None:
@@ -286,7 +288,7 @@ def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
     # a frame that swings rings too, and reads the acceleration of the wheels all the same
     if share is None or share[0] - LIMITS.loose_gain_std * share[1] < LIMITS.loose_gain_1:
         return []
-    spectra = start_and_rest_spectra(inputs)
+    spectra = compute_start_and_rest_spectra(inputs)
     if spectra is None:
         return []
     hz, starts, standing, count = spectra
@@ -317,7 +319,9 @@ def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def start_and_rest_spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Floats, int] | None:
+def compute_start_and_rest_spectra(
+    inputs: FindingInputs,
+) -> tuple[Floats, Floats, Floats, int] | None:
     """Spectra of the accelerometer's residual after starts and at rest.
 
     Returns:
@@ -325,12 +329,12 @@ def start_and_rest_spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Float
         of starts; None if there are too few.
     """
     rate_hz = inputs.machine.settings.align.rate_hz
-    size = rows_in_duration(LIMITS.start_window_s, rate_hz)
-    if not inputs.measured_channels(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
+    size = count_rows_in_duration(LIMITS.start_window_s, rate_hz)
+    if not inputs.select_measured_channels(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
         return None
     reads = column_values(inputs.aligned, ACC)
     speed = column_values(inputs.aligned, "speed_x_m_s")
-    force = longitudinal_force(inputs.aligned, inputs.machine.machine)
+    force = compute_longitudinal_force(inputs.aligned, inputs.machine.machine)
     ramp = np.linspace(-1.0, 1.0, size)
     window = np.hanning(size)
 
@@ -346,7 +350,7 @@ def start_and_rest_spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Float
         found = [each for first in places if (each := residual_spectrum_at(first)) is not None]
         return np.mean(found, axis=0) if len(found) >= LIMITS.loose_min_starts else None
 
-    starts = find_ends_of_held_force_rises(inputs, force, size)
+    starts = find_force_rise_ends(inputs, force, size)
     still = inputs.resting_samples
     rests = [k for k in range(0, still.size - size, size // 2) if still[k : k + size].all()]
     driving, standing = mean_spectrum(starts), mean_spectrum(rests[:200])
@@ -355,9 +359,7 @@ def start_and_rest_spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Float
     return np.arange(size // 2 + 1) * rate_hz / size, driving, standing, len(starts)
 
 
-def find_ends_of_held_force_rises(
-    inputs: FindingInputs, force: Floats, held_samples: int
-) -> list[int]:
+def find_force_rise_ends(inputs: FindingInputs, force: Floats, held_samples: int) -> list[int]:
     """End (grid sample) of each rise of the force after a standstill that is then held."""
     rate_hz = inputs.machine.settings.align.rate_hz
     if not np.isfinite(force).any():
@@ -367,11 +369,11 @@ def find_ends_of_held_force_rises(
     )
     rises = np.flatnonzero(pushes[1:] & ~pushes[:-1]) + 1
     stood, behind = (
-        rows_in_duration(LIMITS.start_stand_s, rate_hz),
-        rows_in_duration(LIMITS.start_rise_s, rate_hz),
+        count_rows_in_duration(LIMITS.start_stand_s, rate_hz),
+        count_rows_in_duration(LIMITS.start_rise_s, rate_hz),
     )
     # the moving mean and the phases see a start late
-    clear = rows_in_duration(0.2, rate_hz)
+    clear = count_rows_in_duration(0.2, rate_hz)
     return [
         int(k) + behind
         for k in rises

@@ -15,7 +15,7 @@ def fit_accelerometer_gain(inputs: FindingInputs) -> tuple[float, float] | None:
     Returns:
         Slope and its standard deviation, dimensionless; None if the log has too little motion.
     """
-    if ACC not in inputs.aligned.columns or not inputs.measured_channels(ACC):
+    if ACC not in inputs.aligned.columns or not inputs.select_measured_channels(ACC):
         return None
     rate_hz = inputs.machine.settings.align.rate_hz
     size = max(round(LIMITS.gain_span_s * rate_hz), 1)

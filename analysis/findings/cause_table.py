@@ -67,7 +67,7 @@ CAUSES: Final = (
         "all masses are wrong by one factor: a gear, a unit, the wheel radius or the measured "
         "wheels' share of the force",
         "the machine's empty mass; below it, or a log with a state that is empty",
-        sign_causes.find_wrong_scale,
+        sign_causes.find_wrong_mass_scale,
         withholds=True,
         as_judged=True,
     ),
@@ -81,7 +81,7 @@ CAUSES: Final = (
         "unlike_sides",
         "left and right differ in torque or speed: one sensor or one wheel is wrong",
         "straight drives with the torque of both sides, or with the speed of both and a gyroscope",
-        channel_causes.find_unlike_sides,
+        channel_causes.find_differing_sides,
         withholds=True,
         as_judged=True,
         explains=(*_OF_FIT, "wrong_scale", "offset", "imu_misaligned"),
@@ -262,7 +262,7 @@ CAUSES: Final = (
         "gain_by_speed",
         "the gain of the force, or the scale of the speed, changes with the speed or the force",
         "starts at different throttles",
-        residual_causes.find_gain_by_speed,
+        residual_causes.find_missing_model_term,
         explains=("coulomb", "load_changed_inside", "coloured_residuals", "heteroscedastic"),
         # a gain that steps looks like a load that changes there, and is the plainer of the two
         explains_up_to=3.0,
@@ -271,7 +271,7 @@ CAUSES: Final = (
         "braking_inside",
         "braking that the force sensor does not measure is fitted as driving",
         "settings.gate.exclude_braking = false",
-        fit_causes.find_braking_inside,
+        fit_causes.find_braking_fitted_as_driving,
         explains=("driveline", "coulomb", "load_changed_inside", "gain_by_speed"),
     ),
     Cause(
@@ -331,7 +331,7 @@ CAUSES: Final = (
         "too_little_excitation",
         "the motion contains too little information to weigh the machine",
         "nothing more",
-        fit_causes.find_too_little_excitation,
+        fit_causes.find_lack_of_excitation,
         withholds=True,
         as_judged=True,
         # of what hardly moves, the wheels' noise counts as motion that the accelerometer has not
@@ -344,7 +344,7 @@ CAUSES: Final = (
         "wind_up",
         "a recursive method forgets the mass while the motion contains no information",
         "a method that forgets, and windows at steady speed that the gate accepts",
-        setting_causes.find_wind_up,
+        setting_causes.find_estimator_wind_up,
     ),
     Cause(
         "collinear",

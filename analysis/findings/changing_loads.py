@@ -21,13 +21,13 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.findings.whitened_rows import (
     ProjectedEquation,
     block_sums,
+    build_whitened_force_rows,
     row_noise_variance,
     samples_in_whole_blocks,
-    whitened_force_rows,
 )
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from estimators.errors import counted
-from estimators.numerics.fit_loss import group_rows
+from estimators.numerics.fit_loss import list_rows_by_group
 
 #: What every log may have besides; columns of more noise would leave it in this one's way.
 _USUAL: Final = ("const", "direction")
@@ -52,7 +52,7 @@ class ForceShareChange(NamedTuple):
     loads: int
 
 
-def compare_force_share_with_loads(inputs: FindingInputs) -> ForceShareChange | None:
+def compare_force_fraction_with_loads(inputs: FindingInputs) -> ForceShareChange | None:
     """Compare one load and a changing force fraction with several loads.
 
     Returns:
@@ -63,22 +63,22 @@ def compare_force_share_with_loads(inputs: FindingInputs) -> ForceShareChange | 
         fit is None
         or noise is None
         or motion is None
-        or fit.count == 1
+        or fit.mass_count == 1
         or not motion.drives_both_ways
     ):
         return None
-    viscous, own_kg = max(fit.viscous, 0.0), inputs.sample_masses_kg(motion)
-    one_kg = np.full_like(own_kg, np.median(own_kg[motion.used]))
+    viscous, own_kg = max(fit.viscous_friction, 0.0), inputs.masses_of_samples_kg(motion)
+    one_kg = np.full_like(own_kg, np.median(own_kg[motion.is_fittable]))
     # with the share as well: loads that change otherwise than with the direction stay loads
     by_loads = ProjectedEquation.project_out(
-        whitened_force_rows(motion, noise, own_kg, viscous), ("driveline",)
+        build_whitened_force_rows(motion, noise, own_kg, viscous), ("driveline",)
     )
-    one = whitened_force_rows(motion, noise, one_kg, viscous)
+    one = build_whitened_force_rows(motion, noise, one_kg, viscous)
     before, after = (
         ProjectedEquation.project_out(one, ()),
         ProjectedEquation.project_out(one, ("driveline",)),
     )
-    square = before.information_about("driveline")
+    square = before.remaining_information("driveline")
     if not square > 0.0:
         return None
     variance = min(by_loads.variance, after.variance)
@@ -86,7 +86,7 @@ def compare_force_share_with_loads(inputs: FindingInputs) -> ForceShareChange | 
     value = before.remaining_score("driveline") / square
     gain = value**2 * square * before.variance / variance
     std = (variance / (square * before.variance)) ** 0.5
-    return ForceShareChange(value, std, gain, worse / variance, fit.count)
+    return ForceShareChange(value, std, gain, worse / variance, fit.mass_count)
 
 
 def find_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
@@ -97,7 +97,7 @@ def find_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
         return []
     apart = found.gain_1 - 1.0
     says = f"the force reads {apart:+.1%} ± {found.std_1:.1%} in reverse, or the load depends on it"
-    if found.is_rival:
+    if found.could_explain_several_loads:
         says = (
             f"the force reads {apart:+.1%} ± {found.std_1:.1%} in reverse and there is one load, "
             f"or there are {found.loads} that depend on the direction: this log cannot distinguish "
@@ -111,8 +111,10 @@ def find_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
             says,
             channel=inputs.force_channel,
             # which of the two directions is right is not known
-            change=None if found.is_rival else lambda: MassChange(0.0, of_mass_kg),
-            invalidates=found.is_rival,
+            change=None
+            if found.could_explain_several_loads
+            else lambda: MassChange(0.0, of_mass_kg),
+            invalidates=found.could_explain_several_loads,
         )
     ]
 
@@ -133,13 +135,13 @@ class LoadGrowthRate(NamedTuple):
 
 def find_changing_load(inputs: FindingInputs) -> list[Symptom]:
     """Find manoeuvres whose load grows or falls while the machine drives."""
-    found = [*_report_excluded_growths(inputs), *_find_fitted_growths(inputs)]
+    found = [*_report_excluded_load_changes(inputs), *_find_fitted_load_changes(inputs)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _find_fitted_growths(inputs: FindingInputs) -> list[Symptom]:
+def _find_fitted_load_changes(inputs: FindingInputs) -> list[Symptom]:
     """Find changing loads in manoeuvres that the fit uses."""
-    found = _select_significant_growths(inputs)
+    found = _select_significant_load_changes(inputs)
     if not found:
         return []
     worst = max(found, key=lambda each: each.deviations)
@@ -154,13 +156,13 @@ def _find_fitted_growths(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _report_excluded_growths(inputs: FindingInputs) -> list[Symptom]:
+def _report_excluded_load_changes(inputs: FindingInputs) -> list[Symptom]:
     """Report the changing loads that the answer excludes."""
     weighing = inputs.check_inputs.weighing
     if weighing is None:
         return []
     # a gain that steps with the speed looks like a load, of a size that no loader carries
-    steps = bool(inputs.named_missing_terms)
+    steps = bool(inputs.reportable_missing_terms)
     most_kg = LOAD_LIMITS.largest_load_fraction * abs(weighing.fit.mass_kg)
     growing = [
         each for each in weighing.growing if each.is_possible and not (steps and each.kg > most_kg)
@@ -180,20 +182,20 @@ def _report_excluded_growths(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _select_significant_growths(inputs: FindingInputs) -> list[LoadGrowthRate]:
+def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRate]:
     """Manoeuvres whose load changes by more than noise explains."""
     fit, noise, motion = inputs.own_fit, inputs.column_noise, explain_constant_force(inputs).motion
     if fit is None or noise is None or motion is None:
         return []
     parts = [
         part
-        for part in group_rows(motion.group)
+        for part in list_rows_by_group(motion.group)
         if part.size >= LIMITS.growth_min_rows * LIMITS.force_mean_samples
     ]
     if len(parts) < 3:  # then nothing says what is usual
         return []
-    viscous = max(fit.viscous, 0.0)
-    system = whitened_force_rows(motion, noise, inputs.sample_masses_kg(motion), viscous)
+    viscous = max(fit.viscous_friction, 0.0)
+    system = build_whitened_force_rows(motion, noise, inputs.masses_of_samples_kg(motion), viscous)
     taken = samples_in_whole_blocks(motion.group, LIMITS.force_mean_samples).reshape(
         -1, LIMITS.force_mean_samples
     )

@@ -10,15 +10,15 @@ import numpy as np
 
 from analysis.diagnosis.diagnosis_limits import LIMITS as DIAGNOSIS_LIMITS
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
-from analysis.diagnosis.measured_channels import find_long_runs_of_one_reading
+from analysis.diagnosis.measured_channels import find_long_equal_runs
 from analysis.diagnosis.side_comparison import SPEEDS, TORQUES, SideDifference
 from analysis.findings.cause import MassChange, Symptom, keep_strongest_symptom
 from analysis.findings.channel_limits import LIMITS
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
-from analysis.findings.refit import refit_without_rows
+from analysis.findings.refit import refit_without_samples
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.model.windows import flag_windows
-from analysis.stages.signals.filters import period_ns
+from analysis.stages.signals.filters import median_period_ns
 from estimators.arrays import Bools, Floats, Ints
 
 #: Force and acceleration, which a stop or a knock moves at once.
@@ -38,8 +38,8 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     of_channel = {
         name: spans
         for name in inputs.equation_channels_in_log
-        if not _is_coarse(inputs, name)
-        and (spans := signals.frozen_spans.get(name) or _find_noiseless_stretches(inputs, name))
+        if not _is_resolution_coarse(inputs, name)
+        and (spans := signals.frozen_spans.get(name) or find_noiseless_stretches(inputs, name))
     }
     if not of_channel:
         return []
@@ -51,8 +51,8 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     for begin, end in (span for spans in of_channel.values() for span in spans):
         holds |= (t >= begin) & (t <= end)
     found = inputs.check_inputs.left_out.get("frozen_s")
-    change = refit_without_rows(inputs, holds)
-    harmless = _is_harmless(inputs, found)
+    change = refit_without_samples(inputs, holds)
+    harmless = _is_answer_same(inputs, found)
     if harmless is None and change is not None and inputs.own_fit is not None:
         harmless = abs(change.kg) <= DIAGNOSIS_LIMITS.harmless_change_u * inputs.own_fit.u_kg
     times = "for" if len(spans) == 1 else f"{len(spans)} times, for"
@@ -60,9 +60,9 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
         Symptom(
             total_s[name] / LIMITS.frozen_total_s,
             f"the channel repeats one reading {times} {total_s[name]:.1f} s in all, while others "
-            f"change{_refit_suffix_text(found)}",
+            f"change{_format_refit_result(found)}",
             channel=name,
-            span_ns=inputs.since_first_sample_ns(*spans[0]),
+            span_ns=inputs.convert_to_relative_ns(*spans[0]),
             change=lambda: change,
             harmless=harmless,
             explains=_OF_DEAD
@@ -72,22 +72,22 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _refit_suffix_text(found: ExcludedStretches | None) -> str:
-    return "" if found is None else f"; {found.text}"
+def _format_refit_result(exclusion: ExcludedStretches | None) -> str:
+    return "" if exclusion is None else f"; {exclusion.text}"
 
 
-def _is_harmless(inputs: FindingInputs, found: ExcludedStretches | None) -> bool | None:
+def _is_answer_same(inputs: FindingInputs, exclusion: ExcludedStretches | None) -> bool | None:
     """Whether the answer stays the same without the stretches; None if that is not known."""
-    return None if found is None or inputs.own_fit is None else found.is_harmless
+    return None if exclusion is None or inputs.own_fit is None else exclusion.is_harmless
 
 
-def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, int]]:
+def find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, int]]:
     """Long repeats in motion of a channel that else never repeats; (begin, end) in Unix ns."""
     signals = inputs.check_inputs.signals
     if signals is None:
         return []
     limits = signals.force_limits.get(name, {})
-    runs, never = find_long_runs_of_one_reading(*inputs.series[name])
+    runs, never = find_long_equal_runs(*inputs.series[name])
     # the last readings of a stand are of a slower channel beyond it, or the speed's first ones
     return [
         (run.begin_ns, run.end_ns)
@@ -105,13 +105,13 @@ def _find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[in
 def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     """Find force readings that accumulate at an extreme value."""
     signals = inputs.check_inputs.signals
-    if signals is None or not (clipped := signals.clipped_share_and_limit):
+    if signals is None or not (clipped := signals.clipped_fraction_and_limit):
         return []
     name = max(clipped, key=lambda each: clipped[each][0])
     share, extreme = clipped[name]
     if not share:
         return []
-    at = inputs.newtons_per_unit(name) * abs(extreme)
+    at = inputs.force_per_channel_unit(name) * abs(extreme)
     count = sum(1 for each, _ in clipped.values() if each > 0.0)
     found = inputs.check_inputs.left_out.get("clipped_share")
     limit_N = 0.98 * at * max(count, 1)
@@ -120,17 +120,20 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
         if inputs.own_fit is None:
             return None
         near = np.abs(inputs.own_fit.motion.force) > limit_N
-        return refit_without_rows(inputs, flag_windows(near, 5) | flag_windows(near[::-1], 5)[::-1])
+        return refit_without_samples(
+            inputs, flag_windows(near, 5) | flag_windows(near[::-1], 5)[::-1]
+        )
 
     return [
         Symptom(
             share / LIMITS.clipped_fraction,
-            f"{share:.1%} of its readings are clipped at {extreme:.4g}{_refit_suffix_text(found)}",
+            f"{share:.1%} of its readings are clipped at {extreme:.4g}"
+            f"{_format_refit_result(found)}",
             channel=name,
             setting="settings.gate.saturation_force_N",
             value=f"{limit_N:.1f}",
             change=refit_without_saturated_rows,
-            harmless=_is_harmless(inputs, found),
+            harmless=_is_answer_same(inputs, found),
         )
     ]
 
@@ -139,7 +142,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     """Find a channel whose resolution is coarser than its noise."""
     found: list[Symptom] = []
     for name in inputs.equation_channels_in_log:
-        repeats, lsb = repeat_share_and_resolution(inputs, name)
+        repeats, lsb = measure_repeat_fraction_and_resolution(inputs, name)
         if not lsb:
             continue
         found.append(
@@ -153,7 +156,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     return keep_strongest_symptom(found)
 
 
-def repeat_share_and_resolution(inputs: FindingInputs, name: str) -> tuple[float, float]:
+def measure_repeat_fraction_and_resolution(inputs: FindingInputs, name: str) -> tuple[float, float]:
     """Fraction of repeated readings in motion, and the channel's resolution in SI units.
 
     The resolution is 0 if the steps have no common divisor.
@@ -161,7 +164,7 @@ def repeat_share_and_resolution(inputs: FindingInputs, name: str) -> tuple[float
     key = f"steps {name}"
     if key not in inputs.cache:
         t, x = inputs.series[name]
-        steps = np.diff(x)[inputs.is_moving_at(t)[1:] & (x[1:] != 0.0)]
+        steps = np.diff(x)[inputs.mark_moving_stamps(t)[1:] & (x[1:] != 0.0)]
         sizes = np.abs(steps[steps != 0.0])
         inputs.cache[key] = 0.0, 0.0
         if steps.size >= LIMITS.resolution_min_steps and sizes.size:
@@ -172,9 +175,9 @@ def repeat_share_and_resolution(inputs: FindingInputs, name: str) -> tuple[float
     return inputs.cache[key]  # type: ignore[return-value]
 
 
-def _is_coarse(inputs: FindingInputs, name: str) -> bool:
+def _is_resolution_coarse(inputs: FindingInputs, name: str) -> bool:
     """Whether readings repeat because of the channel's resolution."""
-    repeats, lsb = repeat_share_and_resolution(inputs, name)
+    repeats, lsb = measure_repeat_fraction_and_resolution(inputs, name)
     return bool(lsb) and repeats > LIMITS.repeated_fraction
 
 
@@ -198,19 +201,19 @@ class ChannelSpikes:
 def find_spikes(inputs: FindingInputs) -> list[Symptom]:
     """Find single readings far from both neighbours, which agree with each other."""
     return keep_strongest_symptom(
-        [_symptom_of_spikes(inputs, *each) for each in spikes_by_channel(inputs).items()]
+        [_make_spike_symptom(inputs, *each) for each in spikes_by_channel(inputs).items()]
     )
 
 
-def _symptom_of_spikes(inputs: FindingInputs, channel: str, spikes: ChannelSpikes) -> Symptom:
+def _make_spike_symptom(inputs: FindingInputs, channel: str, spikes: ChannelSpikes) -> Symptom:
     count, largest_std = spikes.unix_ns.size, spikes.largest_distance_std
     return Symptom(
         largest_std / LIMITS.spike_std * float(np.sqrt(min(count, 25))) / LIMITS.single_spike_ratio,
         f"{count} single readings are off by {spikes.median_distance:.3g} (median), up to "
         f"{largest_std:.0f} standard deviations",
         channel=channel,
-        span_ns=inputs.since_first_sample_ns(int(spikes.unix_ns[0]), int(spikes.unix_ns[-1])),
-        change=lambda: refit_without_rows(inputs, spikes.near),
+        span_ns=inputs.convert_to_relative_ns(int(spikes.unix_ns[0]), int(spikes.unix_ns[-1])),
+        change=lambda: refit_without_samples(inputs, spikes.near),
     )
 
 
@@ -229,12 +232,12 @@ def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
             continue
         middle = x[1:-1] - (x[:-2] + x[2:]) / 2.0
         # a coarse channel is off by a step now and then
-        resolution = repeat_share_and_resolution(inputs, name)[1]
-        scale = np.maximum(local_stds(middle), resolution / np.sqrt(12.0))
+        resolution = measure_repeat_fraction_and_resolution(inputs, name)[1]
+        scale = np.maximum(estimate_local_stds(middle), resolution / np.sqrt(12.0))
         far = np.abs(middle) > LIMITS.spike_std * scale
         far &= np.abs(x[2:] - x[:-2]) < LIMITS.spike_neighbour_fraction * np.abs(middle)
         places = np.flatnonzero(far) + 1
-        places = places[~are_mechanical_jolts(inputs, name, t[places], np.sign(middle[places - 1]))]
+        places = places[~mark_jolts(inputs, name, t[places], np.sign(middle[places - 1]))]
         if not places.size:
             continue
         size = np.abs(middle[places - 1])
@@ -242,26 +245,26 @@ def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
             t[places],
             float(np.median(size)),
             min(float(np.max(size / scale[places - 1])), LIMITS.spike_max_std),
-            is_near_stamps(inputs, t[places]),
+            mark_samples_near_stamps(inputs, t[places]),
         )
     return found
 
 
-def are_mechanical_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: Floats) -> Bools:
+def mark_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: Floats) -> Bools:
     """Whether force and acceleration jump together at each stamp, as at a knock; (k,)."""
     topic = inputs.machine.channels[name].topic
     felt = np.zeros(unix_ns.size, np.bool_)
     if name not in _FELT:
         return felt
-    for other in inputs.measured_channels(*_FELT):
+    for other in inputs.select_measured_channels(*_FELT):
         t, x = inputs.series[other]
         if (
             inputs.machine.channels[other].topic == topic
             or x.size < 3 * LIMITS.spike_block_readings
         ):
             continue
-        scale = local_stds(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
-        near_ns = LIMITS.jolt_periods * max(period_ns(t), period_ns(inputs.series[name][0]))
+        scale = estimate_local_stds(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
+        near_ns = LIMITS.jolt_periods * max(map(median_period_ns, (t, inputs.series[name][0])))
         ends = np.searchsorted(t, unix_ns[:, None] + np.array([-near_ns, near_ns], np.int64))
         around = np.searchsorted(
             t, unix_ns[:, None] + np.array([-LIMITS.jolt_around_ns, LIMITS.jolt_around_ns])
@@ -274,7 +277,7 @@ def are_mechanical_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: 
     return felt
 
 
-def local_stds(x: Floats) -> Floats:
+def estimate_local_stds(x: Floats) -> Floats:
     """Robust standard deviation (n,) of each block; at least that of all samples."""
     size = x.size // LIMITS.spike_block_readings * LIMITS.spike_block_readings
     blocks = STD_OF_MAD * np.median(
@@ -287,7 +290,7 @@ def local_stds(x: Floats) -> Floats:
     return np.append(out, np.full(x.size - size, around[-1] if around.size else 0.0))
 
 
-def is_near_stamps(inputs: FindingInputs, unix_ns: Ints) -> Bools:
+def mark_samples_near_stamps(inputs: FindingInputs, unix_ns: Ints) -> Bools:
     """Grid samples next to the given stamps, (n,)."""
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     at = np.zeros(t.size, np.bool_)
@@ -298,7 +301,7 @@ def is_near_stamps(inputs: FindingInputs, unix_ns: Ints) -> Bools:
     )
 
 
-def is_near_spike(inputs: FindingInputs) -> Bools:
+def mark_samples_near_spikes(inputs: FindingInputs) -> Bools:
     """Grid samples next to a spike of any channel, (n,)."""
     near = np.zeros(inputs.aligned.height, np.bool_)
     for each in spikes_by_channel(inputs).values():
@@ -306,13 +309,15 @@ def is_near_spike(inputs: FindingInputs) -> Bools:
     return near
 
 
-def find_unlike_sides(inputs: FindingInputs) -> list[Symptom]:
+def find_differing_sides(inputs: FindingInputs) -> list[Symptom]:
     """Find the largest difference between the left and right side."""
-    found = [_side_symptom(inputs, each) for each in inputs.check_inputs.side_differences.values()]
+    found = [
+        _make_side_symptom(inputs, each) for each in inputs.check_inputs.side_differences.values()
+    ]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
+def _make_side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
     least = LIMITS.unlike_slip_1 if sides.kind == "slip" else LIMITS.unlike_sides_1
     strength = abs(sides.value_1) / max(
         least + sides.resistance_1, DIAGNOSIS_LIMITS.sides_min_std * sides.std_1
@@ -324,10 +329,10 @@ def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
         return Symptom(
             strength,
             f"on straight drives the {sides.smaller_side} torque is "
-            f"{sides.smaller_over_larger_1:.1%} (± {sides.std_1:.1%}) of the {other} one: "
+            f"{sides.side_ratio_1:.1%} (± {sides.std_1:.1%}) of the {other} one: "
             "one of the two is wrong",
             channel=smaller,
-            change=lambda: mass_change_if_smaller_wrong(inputs, sides),
+            change=lambda: mass_change_if_smaller_side_wrong(inputs, sides),
         )
     if sides.kind == "slip":
         return Symptom(
@@ -336,13 +341,17 @@ def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
             f"by {abs(sides.value_1):.1%} ± {sides.std_1:.1%} more than in soft ones, "
             "by the gyroscope",
             channel=larger,
-            change=lambda: mass_change_by_wheel_speed_fault(inputs),
+            change=lambda: make_wheel_speed_mass_change(inputs),
             alternatives=("slip",),
         )
-    wrong = find_wrong_speed(inputs, sides)
-    setting, value = (None, None) if wrong is None else inputs.propose_scales((wrong[0],), wrong[1])
+    wrong = find_contradicted_wheel_speed(inputs, sides)
+    setting, value = (
+        (None, None) if wrong is None else inputs.propose_scale_settings((wrong[0],), wrong[1])
+    )
     by_imu = (
-        "" if wrong is None else f"; the accelerometer agrees with the {_other_side(wrong[0])} ones"
+        ""
+        if wrong is None
+        else f"; the accelerometer agrees with the {_opposite_side_channel(wrong[0])} ones"
     )
     return Symptom(
         strength,
@@ -351,15 +360,17 @@ def _side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
         channel=larger if wrong is None else wrong[0],
         setting=setting,
         value=value,
-        change=lambda: mass_change_by_wheel_speed_fault(inputs),
+        change=lambda: make_wheel_speed_mass_change(inputs),
     )
 
 
-def _other_side(channel: str) -> str:
+def _opposite_side_channel(channel: str) -> str:
     return "right" if channel == SPEEDS[0] else "left"
 
 
-def find_wrong_speed(inputs: FindingInputs, sides: SideDifference) -> tuple[str, float] | None:
+def find_contradicted_wheel_speed(
+    inputs: FindingInputs, sides: SideDifference
+) -> tuple[str, float] | None:
     """Wheel speed that the accelerometer contradicts, and the factor for its scale."""
     wheels = None if inputs.own_fit is None else inputs.own_fit.kinematics
     if wheels is None or not wheels.is_consistent:
@@ -374,15 +385,17 @@ def find_wrong_speed(inputs: FindingInputs, sides: SideDifference) -> tuple[str,
     return SPEEDS[1 - right], gains[right] / gains[1 - right]
 
 
-def mass_change_if_smaller_wrong(inputs: FindingInputs, sides: SideDifference) -> MassChange | None:
+def mass_change_if_smaller_side_wrong(
+    inputs: FindingInputs, sides: SideDifference
+) -> MassChange | None:
     """Mass change if the smaller side is wrong; as uncertain, since the larger may be."""
-    if inputs.own_fit is None or sides.smaller_over_larger_1 <= -1.0:
+    if inputs.own_fit is None or sides.side_ratio_1 <= -1.0:
         return None
-    kg = abs(inputs.own_fit.mass_kg) * (2.0 / (1.0 + max(sides.smaller_over_larger_1, 0.0)) - 1.0)
+    kg = abs(inputs.own_fit.mass_kg) * (2.0 / (1.0 + max(sides.side_ratio_1, 0.0)) - 1.0)
     return MassChange(kg, kg)
 
 
-def mass_change_by_wheel_speed_fault(inputs: FindingInputs) -> MassChange | None:
+def make_wheel_speed_mass_change(inputs: FindingInputs) -> MassChange | None:
     """Mass change of 0 ± half the answer's uncertainty; None without an accelerometer."""
     fit = inputs.own_fit
     return (

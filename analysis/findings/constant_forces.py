@@ -15,9 +15,9 @@ import numpy as np
 from analysis.findings.altered_motion import change_accelerometer
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.whitened_rows import ProjectedEquation, whitened_force_rows
+from analysis.findings.whitened_rows import ProjectedEquation, build_whitened_force_rows
 from analysis.model.schema import column_values
-from analysis.stages.motion.forces import longitudinal_force
+from analysis.stages.motion.forces import compute_longitudinal_force
 from analysis.weighing.motion_samples import MotionSamples
 
 #: One that pitch vouches for is there whether driving sees it or not.
@@ -44,14 +44,14 @@ class ConstantForces:
     motion: MotionSamples | None
 
 
-def has_pitch(inputs: FindingInputs) -> bool:
+def has_pitch_channel(inputs: FindingInputs) -> bool:
     """Whether the log measures the pitch."""
     return _PITCH in inputs.aligned.columns
 
 
 def gravity_by_pitch(inputs: FindingInputs) -> np.typing.NDArray[np.float64]:
     """Gravity along x from the pitch, (n,) in m/s²; 0 without a pitch channel."""
-    if not has_pitch(inputs):
+    if not has_pitch_channel(inputs):
         return np.zeros(inputs.aligned.height)
     if "gravity" not in inputs.cache:
         pitch = column_values(inputs.aligned, _PITCH)
@@ -62,20 +62,20 @@ def gravity_by_pitch(inputs: FindingInputs) -> np.typing.NDArray[np.float64]:
 def explain_constant_force(inputs: FindingInputs) -> ConstantForces:
     """Explain the constant force in motion by the fewest causes that suffice."""
     if "constants" not in inputs.cache:
-        inputs.cache["constants"] = _explain_constant_forces(inputs)
+        inputs.cache["constants"] = _compute_constant_forces(inputs)
     found = inputs.cache["constants"]
     assert isinstance(found, ConstantForces)
     return found
 
 
-def _explain_constant_forces(inputs: FindingInputs) -> ConstantForces:
+def _compute_constant_forces(inputs: FindingInputs) -> ConstantForces:
     """Constant forces at rest, and which causes explain that in motion."""
-    rest = inputs.standstill_mean_and_std_of(
-        longitudinal_force(inputs.aligned, inputs.machine.machine)
+    rest = inputs.mean_and_std_at_standstill(
+        compute_longitudinal_force(inputs.aligned, inputs.machine.machine)
     )
     error = np.nan, np.nan
     if ACC in inputs.aligned.columns:
-        error = inputs.standstill_mean_and_std_of(
+        error = inputs.mean_and_std_at_standstill(
             column_values(inputs.aligned, ACC) - gravity_by_pitch(inputs)
         )
     fit, noise = inputs.own_fit, inputs.column_noise
@@ -84,22 +84,22 @@ def _explain_constant_forces(inputs: FindingInputs) -> ConstantForces:
     motion = fit.motion
     offset = abs(rest[0]) > max(
         LIMITS.standing_reading_std * rest[1],
-        LIMITS.standing_reading_fraction * motion.largest_force,
+        LIMITS.standing_reading_fraction * motion.force_95_percent,
     )
     tilt = (
         abs(error[0]) > max(LIMITS.standing_reading_std * error[1], LIMITS.standing_reading_m_s2)
         and motion.by_accelerometer
     )
     # with a pitch an error of the accelerometer is one, and acts
-    tilts = (False, True) if tilt and not has_pitch(inputs) else (bool(tilt),)
+    tilts = (False, True) if tilt and not has_pitch_channel(inputs) else (bool(tilt),)
     offsets = (False, True) if offset else (False,)
     friction = "direction" if motion.drives_both_ways else "const"
-    way = 1.0 if motion.drives_both_ways else float(np.median(motion.direction[motion.used]))
-    mass_kg, viscous = inputs.sample_masses_kg(motion), max(fit.viscous, 0.0)
+    way = 1.0 if motion.drives_both_ways else float(np.median(motion.direction[motion.is_fittable]))
+    mass_kg, viscous = inputs.masses_of_samples_kg(motion), max(fit.viscous_friction, 0.0)
     left: dict[tuple[bool, bool, bool], float] = {}
     variances: list[float] = []
     for acts, tilted in product(offsets, tilts):
-        system = whitened_force_rows(
+        system = build_whitened_force_rows(
             _subtract_constants(motion, rest[0] * acts, error[0] * tilted), noise, mass_kg, viscous
         )
         if system.y.size < LIMITS.constant_min_rows:
@@ -107,7 +107,7 @@ def _explain_constant_forces(inputs: FindingInputs) -> ConstantForces:
         own = ProjectedEquation.project_out(system, ())
         variances.append(own.variance)
         left[acts, tilted, False] = own.square_left * own.variance
-        square = own.information_about(friction)
+        square = own.remaining_information(friction)
         if square > 0.0 and own.remaining_score(friction) * way > 0.0:
             gain = own.remaining_score(friction) ** 2 / square
             left[acts, tilted, True] = (own.square_left - gain) * own.variance
@@ -131,14 +131,14 @@ def _subtract_constants(motion: MotionSamples, rest_N: float, error_m_s2: float)
 
 
 def is_in_best_explanation(
-    cost: dict[tuple[bool, bool, bool], float], best: tuple[bool, bool, bool], place: int
+    cost: dict[tuple[bool, bool, bool], float], best: tuple[bool, bool, bool], cause_index: int
 ) -> bool | None:
     """Whether the best explanation contains a cause.
 
     Returns:
         None if an explanation without the cause is nearly as good.
     """
-    others = [each for of, each in cost.items() if of[place] != best[place]]
+    others = [each for of, each in cost.items() if of[cause_index] != best[cause_index]]
     if others and min(others) - cost[best] < LIMITS.cause_cost / 2.0:
         return None
-    return best[place]
+    return best[cause_index]

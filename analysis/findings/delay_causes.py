@@ -20,8 +20,8 @@ from analysis.findings.refit import refit_corrected
 from analysis.findings.unsigned_channels import find_unsigned_speed
 from analysis.model.schema import column_values
 from analysis.model.windows import flag_windows
-from analysis.stages.motion.forces import longitudinal_force
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.motion.forces import compute_longitudinal_force
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.friction_warming import WARMING
 from estimators.arrays import Bools, Floats
 
@@ -61,7 +61,7 @@ def find_long_delay(inputs: FindingInputs) -> LongDelay | None:
 
 
 def _search_long_delay(inputs: FindingInputs) -> LongDelay | None:
-    step_s, channels = sampling_step_and_accelerations(inputs)
+    step_s, channels = acceleration_signals_and_step(inputs)
     if not {"speed", "force"} <= channels.keys():
         return None
     speed, force = channels["speed"], channels["force"]
@@ -78,7 +78,7 @@ def _search_long_delay(inputs: FindingInputs) -> LongDelay | None:
         v = channels["v"]
         later = np.interp(np.arange(v.size) + seen[0] / step_s, np.arange(v.size), v)
         by_imu, by_speed = (
-            _residual_sum_of_squares(
+            _residual_square_sum(
                 force, np.column_stack([acceleration, along, np.ones(v.size)]), rows
             )
             for acceleration, along in ((imu, later), (speed, v))
@@ -101,14 +101,14 @@ def _is_long_delay(lag_and_correlations: tuple[float, float, float]) -> bool:
     )
 
 
-def _residual_sum_of_squares(force: Floats, columns: Floats, rows: Bools) -> float:
+def _residual_square_sum(force: Floats, columns: Floats, rows: Bools) -> float:
     """Sum of squared force residuals of the equation of motion, in N²."""
     A, f = columns[rows], force[rows]
     left = f - A @ np.linalg.lstsq(A, f, rcond=None)[0]
     return float(left @ left)
 
 
-def _partial_correlation(force: Floats, acceleration: Floats, v: Floats) -> float:
+def _force_acceleration_correlation(force: Floats, acceleration: Floats, v: Floats) -> float:
     """Partial correlation of force and acceleration about 0, given the speed.
 
     Friction in the force follows the speed, which is the integral of the acceleration.
@@ -121,28 +121,30 @@ def _partial_correlation(force: Floats, acceleration: Floats, v: Floats) -> floa
 
 
 def _find_force_lag(
-    force: Floats, acceleration: Floats, v: Floats, drives: Bools, step_s: float
+    force: Floats, acceleration: Floats, v: Floats, is_driving: Bools, step_s: float
 ) -> tuple[float, float, float]:
     """Lag of the force where no brakes act, with the values of `find_lag_and_correlations`."""
     longest = round(LIMITS.longest_delay_s / step_s)
-    inside = drives.copy()
+    inside = is_driving.copy()
     inside[:longest] = inside[-longest:] = False
     seen = [
-        _partial_correlation(force[inside], np.roll(acceleration, k)[inside], np.roll(v, k)[inside])
+        _force_acceleration_correlation(
+            force[inside], np.roll(acceleration, k)[inside], np.roll(v, k)[inside]
+        )
         for k in range(-longest, longest + 1)
     ]
     at = int(np.argmax(seen))
     return (at - longest) * step_s, seen[at], seen[longest]
 
 
-def sampling_step_and_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
+def acceleration_signals_and_step(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
     """Signals proportional to the acceleration, by channel, and their sampling step.
 
     Returns:
         Sampling step in s, and by channel the mean-free signal (n,).
     """
     rate_hz = inputs.machine.settings.align.rate_hz
-    size = rows_in_duration(LIMITS.delay_mean_s, rate_hz)
+    size = count_rows_in_duration(LIMITS.delay_mean_s, rate_hz)
     count = min(inputs.aligned.height, round(LIMITS.delay_search_span_s * rate_hz)) // size
 
     def block_means(x: Floats) -> Floats:
@@ -155,12 +157,12 @@ def sampling_step_and_accelerations(inputs: FindingInputs) -> tuple[float, dict[
     if count < max(2 * round(LIMITS.longest_delay_s * rate_hz / size), 2):
         return size / rate_hz, {}
     speed = block_means(column_values(inputs.aligned, "speed_x_m_s"))
-    force = block_means(longitudinal_force(inputs.aligned, inputs.machine.machine))
+    force = block_means(compute_longitudinal_force(inputs.aligned, inputs.machine.machine))
     if not (np.isfinite(speed).any() and np.isfinite(force).any()):
         return size / rate_hz, {}
     # a central difference has the time of its middle
     found = {"speed": np.gradient(speed) * rate_hz / size, "force": force}
-    if inputs.measured_channels(ACC):
+    if inputs.select_measured_channels(ACC):
         found["imu"] = block_means(column_values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
     channels = {
         name: subtract_mean(x)
@@ -171,7 +173,7 @@ def sampling_step_and_accelerations(inputs: FindingInputs) -> tuple[float, dict[
 
 
 def find_lag_and_correlations(
-    one: Floats, other: Floats, step_s: float
+    delayed: Floats, reference: Floats, step_s: float
 ) -> tuple[float, float, float]:
     """Find the lag of one signal behind another.
 
@@ -179,9 +181,9 @@ def find_lag_and_correlations(
         The lag in s, the correlation at that lag, and the correlation without a lag.
     """
     longest = round(LIMITS.longest_delay_s / step_s)
-    size = int(2 ** np.ceil(np.log2(one.size + longest)))
-    spectrum = np.fft.rfft(one, size) * np.conj(np.fft.rfft(other, size))
-    product = np.fft.irfft(spectrum, size) / (np.linalg.norm(one) * np.linalg.norm(other))
+    size = int(2 ** np.ceil(np.log2(delayed.size + longest)))
+    spectrum = np.fft.rfft(delayed, size) * np.conj(np.fft.rfft(reference, size))
+    product = np.fft.irfft(spectrum, size) / (np.linalg.norm(delayed) * np.linalg.norm(reference))
     # lag k: one is k steps behind
     near = np.concatenate([product[-longest:], product[: longest + 1]])
     at = int(np.argmax(near))
@@ -217,7 +219,7 @@ def find_filter_delay(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def masks_other_causes(cause: str, strength: float | None) -> bool:
+def is_masking_delay(cause: str, strength: float | None) -> bool:
     """Whether a finding is a delay that masks all other causes."""
     return cause == "delay" and strength is not None and strength >= LIMITS.long_delay_rank
 
@@ -230,9 +232,9 @@ def is_filter_delay_likelier(pick: PickedCause) -> bool:
 def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     channel = pick.name.partition(":")[2]
     late_s, std_s = pick.value, pick.std
-    names = _delayed_channels(inputs, channel)
-    setting, value = inputs.propose_delays(names, late_s)
-    beside = _measured_beside(inputs, channel)
+    names = _channels_of_delay(inputs, channel)
+    setting, value = inputs.propose_delay_settings(names, late_s)
+    beside = _other_measured_channels(inputs, channel)
     rivals = [each for each in beside if f"delay:{each}" in pick.rivals]
     words = "late" if late_s > 0 else "early"
     against = " and ".join(_SHOWN[each] for each in beside)
@@ -264,39 +266,48 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     )
 
 
-def _make_long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
-    names = _delayed_channels(inputs, late.channel)
-    setting, value = inputs.propose_delays(names, late.late_s)
-    words = "late" if late.late_s > 0.0 else "early"
-    rest = [late.rival] if late.rival else _measured_beside(inputs, late.channel)
+def _make_long_delay_symptom(inputs: FindingInputs, long_delay: LongDelay) -> Symptom:
+    names = _channels_of_delay(inputs, long_delay.channel)
+    setting, value = inputs.propose_delay_settings(names, long_delay.late_s)
+    words = "late" if long_delay.late_s > 0.0 else "early"
+    rest = (
+        [long_delay.rival]
+        if long_delay.rival
+        else _other_measured_channels(inputs, long_delay.channel)
+    )
     against = " and ".join(_SHOWN[each] for each in rest)
-    others = f"; equally likely, the {_SHOWN[late.rival]} is wrong" if late.rival else ""
+    others = (
+        f"; equally likely, the {_SHOWN[long_delay.rival]} is wrong" if long_delay.rival else ""
+    )
     return Symptom(
         LIMITS.long_delay_rank,
-        f"{abs(late.late_s):.2f} s {words} against {against}: the correlation is "
-        f"{late.correlation[0]:.2f} with this shift, without it {late.correlation[1]:.2f}{others}",
+        f"{abs(long_delay.late_s):.2f} s {words} against {against}: the correlation is "
+        f"{long_delay.correlation[0]:.2f} with this shift, without it "
+        f"{long_delay.correlation[1]:.2f}{others}",
         channel=next(iter(names), None),
-        setting=setting if names and not late.rival else None,
-        value=value if names and not late.rival else None,
+        setting=setting if names and not long_delay.rival else None,
+        value=value if names and not long_delay.rival else None,
         # what is late may have been filtered
-        alternatives=("imu_low_passed",) if late.channel == "imu" and late.late_s > 0.0 else (),
+        alternatives=("imu_low_passed",)
+        if long_delay.channel == "imu" and long_delay.late_s > 0.0
+        else (),
         explains=EXPLAINED_BY_LONG,
     )
 
 
-def _measured_beside(inputs: FindingInputs, channel: str) -> list[str]:
+def _other_measured_channels(inputs: FindingInputs, channel: str) -> list[str]:
     """The other measured ones of force, speed and accelerometer."""
     return [
         each for each in _SHOWN if each != channel and (each != "imu" or inputs.has_accelerometer)
     ]
 
 
-def _delayed_channels(inputs: FindingInputs, name: str) -> tuple[str, ...]:
+def _channels_of_delay(inputs: FindingInputs, name: str) -> tuple[str, ...]:
     """Channels that a delay of force, speed or accelerometer concerns."""
     if name == "force":
-        return inputs.measured_channels("force_x_N") or inputs.measured_channels(
+        return inputs.select_measured_channels("force_x_N") or inputs.select_measured_channels(
             "torque_left_N_m", "torque_right_N_m"
         )
     if name == "speed":
         return inputs.speed_channels
-    return inputs.measured_channels(ACC)
+    return inputs.select_measured_channels(ACC)

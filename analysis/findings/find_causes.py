@@ -16,12 +16,12 @@ import polars as pl
 
 from analysis.findings.cause import Cause, MassChange, Symptom
 from analysis.findings.cause_table import CAUSES, UNKNOWN
-from analysis.findings.delay_causes import masks_other_causes
+from analysis.findings.delay_causes import is_masking_delay
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.unexplained import MATTERING, SHOWN
 from analysis.model.machine import Machine
-from analysis.model.schema import build_frame, frame_schema
+from analysis.model.schema import build_frame, find_frame_declaration
 
 _MASKS_OTHERS: Final = [cause.key for cause in CAUSES if cause.masks_others]
 #: Keys of a channel that mend one.
@@ -55,22 +55,20 @@ def find_causes(inputs: FindingInputs) -> pl.DataFrame:
     ]
     inputs.cache[SHOWN] = tuple(cause.key for cause, _ in shown)
     inputs.cache[MATTERING] = tuple(
-        cause.key
-        for (cause, _), row in zip(shown, rows, strict=True)
-        if _matters_to_mass(row, inputs)
+        cause.key for (cause, _), row in zip(shown, rows, strict=True) if _affects_mass(row, inputs)
     )
     for rank, sign in enumerate(UNKNOWN.find(inputs), len(rows) + 1):
         rows.append(_make_finding_row(rank, UNKNOWN, sign, inputs))
-    columns = frame_schema("findings").columns
+    columns = find_frame_declaration("findings").columns
     return build_frame(
         "findings",
         {c.name: pl.Series([row[c.name] for row in rows], dtype=c.dtype) for c in columns},
     )
 
 
-def _explains_other(one: tuple[Cause, Symptom], other: tuple[Cause, Symptom]) -> bool:
+def _explains_other(explaining: tuple[Cause, Symptom], explained: tuple[Cause, Symptom]) -> bool:
     """Whether one finding explains another, so that only the first is reported."""
-    (cause, own), (seen, sign) = one, other
+    (cause, own), (seen, sign) = explaining, explained
     if seen.key in own.explains:
         return True
     return seen.key in cause.explains and sign.strength <= cause.explains_up_to * own.strength
@@ -84,28 +82,28 @@ def find_symptoms_of_all_causes(inputs: FindingInputs) -> list[tuple[Cause, Symp
 
 
 def _make_finding_row(
-    rank: int, cause: Cause, sign: Symptom, inputs: FindingInputs
+    rank: int, cause: Cause, symptom: Symptom, inputs: FindingInputs
 ) -> dict[str, object]:
-    change = None if sign.change is None else sign.change()
-    start, end = sign.span_ns or (None, None)
+    change = None if symptom.change is None else symptom.change()
+    start, end = symptom.span_ns or (None, None)
     return {
         "rank": rank,
         "cause": cause.key,
-        "severity": _judge_severity(cause, sign, change, inputs),
-        "channel": sign.channel,
+        "severity": _judge_severity(cause, symptom, change, inputs),
+        "channel": symptom.channel,
         "start_t_ns": start,
         "end_t_ns": end,
-        "strength_1": sign.strength,
-        "evidence": sign.evidence,
+        "strength_1": symptom.strength,
+        "evidence": symptom.evidence,
         "mass_change_kg": None if change is None else change.kg,
         "mass_change_u_kg": None if change is None else change.u_kg,
-        "setting": sign.setting,
-        "value": sign.value,
-        "alternatives": ", ".join(sign.alternatives),
+        "setting": symptom.setting,
+        "value": symptom.value,
+        "alternatives": ", ".join(symptom.alternatives),
     }
 
 
-def _matters_to_mass(row: Mapping[str, object], inputs: FindingInputs) -> bool:
+def _affects_mass(row: Mapping[str, object], inputs: FindingInputs) -> bool:
     """Whether a finding invalidates the mass or may move it by about its uncertainty."""
     change_kg = row["mass_change_kg"]
     if row["severity"] != "tell" or not isinstance(change_kg, float) or inputs.own_fit is None:
@@ -116,19 +114,19 @@ def _matters_to_mass(row: Mapping[str, object], inputs: FindingInputs) -> bool:
 
 
 def _judge_severity(
-    cause: Cause, sign: Symptom, change: MassChange | None, inputs: FindingInputs
+    cause: Cause, symptom: Symptom, change: MassChange | None, inputs: FindingInputs
 ) -> str:
     """Consequence of a finding: withhold, widen or tell."""
-    if sign.harmless:
+    if symptom.harmless:
         return "tell"
-    if cause.withholds and sign.invalidates and not (cause.as_judged and inputs.can_weigh):
+    if cause.withholds and symptom.invalidates and not (cause.as_judged and inputs.can_weigh):
         return "withhold"
     if change is None or inputs.own_fit is None:
         return "tell"
     return "widen" if abs(change.kg) > LIMITS.widening_change_u * inputs.own_fit.u_kg else "tell"
 
 
-def drop_findings_of_work(findings: pl.DataFrame, cycles: pl.DataFrame) -> pl.DataFrame:
+def drop_findings_explained_by_work(findings: pl.DataFrame, cycles: pl.DataFrame) -> pl.DataFrame:
     """Drop the findings that the work cycles explain, and rank the others again.
 
     Args:
@@ -143,23 +141,26 @@ def drop_findings_of_work(findings: pl.DataFrame, cycles: pl.DataFrame) -> pl.Da
     return left.with_columns(rank.alias("rank"))
 
 
-def cut_to_first_hour(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+def cut_to_first_hour(frames_by_topic: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
     """Cut the log to the first hour in which all its topics have data.
 
     Args:
-        raw: frames by topic, with `log_time_ns`, in recorded order.
+        frames_by_topic: frames by topic, with `log_time_ns`, in recorded order.
 
     Returns:
         Frames by topic, including the samples before that hour.
     """
-    end_ns = max(int(frame["log_time_ns"][0]) for frame in raw.values()) + int(
+    end_ns = max(int(frame["log_time_ns"][0]) for frame in frames_by_topic.values()) + int(
         LIMITS.masked_searched_s * 1e9
     )
-    return {topic: frame.filter(pl.col("log_time_ns") < end_ns) for topic, frame in raw.items()}
+    return {
+        topic: frame.filter(pl.col("log_time_ns") < end_ns)
+        for topic, frame in frames_by_topic.items()
+    }
 
 
 def add_masked_findings(
-    found: pl.DataFrame,
+    findings: pl.DataFrame,
     machine: Machine,
     find_with_machine: Callable[[Machine], pl.DataFrame | None],
     *,
@@ -168,7 +169,7 @@ def add_masked_findings(
     """Add the findings that remain after a masking cause is corrected.
 
     Args:
-        found: the frame `findings`.
+        findings: the frame `findings`.
         machine: machine file of the replay.
         find_with_machine: finds causes with another machine file; None if the log cannot be
             replayed.
@@ -179,17 +180,17 @@ def add_masked_findings(
         others, or if correcting one does not remove it.
     """
     hiding: list[pl.DataFrame] = []
-    seen = found
+    seen = findings
     for _ in range(LIMITS.masked_rounds):
         first = seen.head(1)
-        changed = _correct_machine(machine, first)
+        changed = correct_machine(machine, first)
         others = None if changed is None else find_with_machine(changed)
         if changed is None or others is None or _has_cause(others, first["cause"][0]):
             break
         hiding.append(first)
         machine, seen = changed, others
     if not hiding:
-        return found
+        return findings
     names = " and ".join(each["cause"][0].replace("_", " ") for each in hiding)
     seen = seen.with_columns(
         evidence=pl.format("once {} is corrected: {}", pl.lit(names), "evidence")
@@ -197,22 +198,22 @@ def add_masked_findings(
     both = pl.concat(
         [*hiding, seen]
         if is_whole_log
-        else [*hiding, seen, drop_repeated_findings(found, hiding, seen)]
+        else [*hiding, seen, drop_repeated_findings(findings, hiding, seen)]
     )
     return both.with_columns(rank=pl.int_range(1, both.height + 1, dtype=pl.Int64))
 
 
-def _has_cause(found: pl.DataFrame, cause: str) -> bool:
-    return cause in found["cause"]
+def _has_cause(findings: pl.DataFrame, cause: str) -> bool:
+    return cause in findings["cause"]
 
 
 def drop_repeated_findings(
-    found: pl.DataFrame, masking: list[pl.DataFrame], unmasked: pl.DataFrame
+    findings: pl.DataFrame, masking: list[pl.DataFrame], unmasked: pl.DataFrame
 ) -> pl.DataFrame:
     """Keep the findings of the whole log that the second search neither repeats nor explains.
 
     Args:
-        found: findings of the whole log.
+        findings: findings of the whole log.
         masking: the masking causes that were corrected, a row each.
         unmasked: findings of the second search, once they are corrected.
     """
@@ -223,21 +224,23 @@ def drop_repeated_findings(
         if any(_has_cause(first, each.key) for first in masking)
     ]
     known = [*explained, *unmasked["cause"], *(each["cause"][0] for each in masking)]
-    return found.filter(~pl.col("cause").is_in(known))
+    return findings.filter(~pl.col("cause").is_in(known))
 
 
-def _correct_machine(machine: Machine, first: pl.DataFrame) -> Machine | None:
+def correct_machine(machine: Machine, masking_finding: pl.DataFrame) -> Machine | None:
     """Machine file with the masking cause corrected; None if no channel setting corrects it."""
-    if first.is_empty() or first["setting"][0] is None:
+    if masking_finding.is_empty() or masking_finding["setting"][0] is None:
         return None
-    if first["cause"][0] not in _MASKS_OTHERS and not masks_other_causes(
-        first["cause"][0], first["strength_1"][0]
+    if masking_finding["cause"][0] not in _MASKS_OTHERS and not is_masking_delay(
+        masking_finding["cause"][0], masking_finding["strength_1"][0]
     ):
         return None
-    return _machine_with_changed_channels(machine, first["setting"][0], first["value"][0])
+    return change_channel_settings(
+        machine, masking_finding["setting"][0], masking_finding["value"][0]
+    )
 
 
-def _machine_with_changed_channels(machine: Machine, keys: str, values: str) -> Machine | None:
+def change_channel_settings(machine: Machine, keys: str, values: str) -> Machine | None:
     """Machine file with changed channel settings; None if other settings would change as well."""
     channels = dict(machine.channels)
     read = tomllib.loads(f"values = [{values}]")["values"]

@@ -22,7 +22,7 @@ from analysis.weighing.joint_result import JointFit
 from analysis.weighing.missing_terms import MissingTerm
 from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, MotionSamples
 from estimators.arrays import Bools, Floats, Ints
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_unless_short_log
 
 #: Channels of the force and of the speed, as a machine file may have them.
 FORCES: Final = ("torque_left_N_m", "torque_right_N_m", "force_x_N")
@@ -79,7 +79,7 @@ class FindingInputs:
         return dict(zip(self.judged["check"].to_list(), numbers, strict=True))
 
     @property
-    def named_missing_terms(self) -> tuple[MissingTerm, ...]:
+    def reportable_missing_terms(self) -> tuple[MissingTerm, ...]:
         """Terms that the model lacks and that are plain enough to be reported."""
         weighing = self.check_inputs.weighing
         found = () if weighing is None else weighing.missing_terms
@@ -88,7 +88,7 @@ class FindingInputs:
     @cached_property
     def column_noise(self) -> ColumnNoiseModel | None:
         """Noise of acceleration, speed and force; None if it is not known."""
-        found = ColumnNoise.of_axis(X, self.noise, self.machine.settings.noise)
+        found = ColumnNoise.select_axis_noise(X, self.noise, self.machine.settings.noise)
         return None if found is None else CachedNoise(found)
 
     @cached_property
@@ -112,55 +112,56 @@ class FindingInputs:
         signals = self.check_inputs.signals
         return {} if signals is None else signals.channels
 
-    def measured_channels(self, *names: str) -> tuple[str, ...]:
+    def select_measured_channels(self, *names: str) -> tuple[str, ...]:
         """Select the given channels that are read from the log."""
         return tuple(name for name in names if name in self.series)
 
     @property
     def equation_channels_in_log(self) -> tuple[str, ...]:
         """The channels of the equation that are read from the log."""
-        return self.measured_channels(*FORCES, *SPEEDS, "position_x_m", ACC, "acc_x_m_s2")
+        return self.select_measured_channels(*FORCES, *SPEEDS, "position_x_m", ACC, "acc_x_m_s2")
 
     @property
     def has_accelerometer(self) -> bool:
         """Whether an accelerometer is read from the log, rather than derived from the speed."""
-        return bool(self.measured_channels(ACC, "acc_x_m_s2"))
+        return bool(self.select_measured_channels(ACC, "acc_x_m_s2"))
 
     @property
     def force_channel(self) -> str | None:
         """Name of the force channel, else of the first measured torque; None without either."""
         return next(
-            iter(self.measured_channels("force_x_N", "torque_left_N_m", "torque_right_N_m")), None
+            iter(self.select_measured_channels("force_x_N", "torque_left_N_m", "torque_right_N_m")),
+            None,
         )
 
     @property
     def speed_channels(self) -> tuple[str, ...]:
         """Names of the channels that measure the speed."""
-        return self.measured_channels(*SPEEDS, "position_x_m")
+        return self.select_measured_channels(*SPEEDS, "position_x_m")
 
-    def channel_of_topic(self, topic: str) -> str | None:
+    def find_channel_of_topic(self, topic: str) -> str | None:
         """Name of a channel of the topic, preferring one that the equation needs."""
         names = (*self.equation_channels_in_log, *self.machine.channels)
         return next((n for n in names if self.machine.channels[n].topic == topic), None)
 
-    def since_first_sample_ns(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
+    def convert_to_relative_ns(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
         """Convert two unix stamps to ns since the first aligned sample."""
         t0 = self.check_inputs.t0_unix_ns
         return int(begin_unix_ns) - t0, int(end_unix_ns) - t0
 
-    def is_moving_at(self, unix_ns: Ints) -> Bools:
+    def mark_moving_stamps(self, unix_ns: Ints) -> Bools:
         """Whether the machine moves at these stamps, (n,)."""
         t = self.aligned["t_ns"].to_numpy() + self.check_inputs.t0_unix_ns
-        return ~self.standing_samples[np.minimum(indices_of_stamps(t, unix_ns), t.size - 1)]
+        return ~self.standing_samples[np.minimum(find_stamp_indices(t, unix_ns), t.size - 1)]
 
-    def newtons_per_unit(self, channel: str) -> float:
+    def force_per_channel_unit(self, channel: str) -> float:
         """Longitudinal force in N per unit of a force channel, by equation (17) of the paper."""
         body = self.machine.machine
         if channel == "force_x_N":
             return 1.0 / body.force_share
         return 1.0 / (float(body.wheel_radius_m or np.nan) * body.force_share)
 
-    def propose_scales(self, names: tuple[str, ...], factor: float) -> tuple[str, str]:
+    def propose_scale_settings(self, names: tuple[str, ...], factor: float) -> tuple[str, str]:
         """Keys and values of the machine file that multiply channels by a factor.
 
         A speed without a declared unit gets one; a scale alone could be a wheel radius.
@@ -178,7 +179,7 @@ class FindingInputs:
             ", ".join([*scaled, *('"m/s"' for _ in as_read)]),
         )
 
-    def propose_delays(self, names: tuple[str, ...], late_s: float) -> tuple[str, str]:
+    def propose_delay_settings(self, names: tuple[str, ...], late_s: float) -> tuple[str, str]:
         """Keys and values of the machine file that correct a delay of channels."""
         channels = self.machine.channels
         return (
@@ -190,9 +191,9 @@ class FindingInputs:
         """Mean and standard deviation of a grid column at standstill; NaN if it never stands."""
         if column not in self.aligned.columns:
             return float("nan"), float("nan")
-        return self.standstill_mean_and_std_of(column_values(self.aligned, column))
+        return self.mean_and_std_at_standstill(column_values(self.aligned, column))
 
-    def standstill_mean_and_std_of(self, x: Floats) -> tuple[float, float]:
+    def mean_and_std_at_standstill(self, x: Floats) -> tuple[float, float]:
         """Mean and standard deviation of (n,) values at standstill, by means over half a second."""
         x = x[self.resting_samples]
         x = x[np.isfinite(x)]
@@ -203,18 +204,18 @@ class FindingInputs:
         blocks = x[: count * size].reshape(count, size).mean(axis=1)
         return float(np.median(blocks)), 1.2533 * float(blocks.std(ddof=1)) / float(np.sqrt(count))
 
-    def sample_masses_kg(self, motion: MotionSamples) -> Floats:
+    def masses_of_samples_kg(self, motion: MotionSamples) -> Floats:
         """Mass of the load of each sample by the joint fit, (n,) in kg."""
         fit = self.own_fit
         assert fit is not None
-        if fit.states is None or fit.count == 1:
+        if fit.states is None or fit.mass_count == 1:
             return np.full(motion.force.size, fit.mass_kg)
         place = np.searchsorted(fit.states.unit, motion.unit, "right") - 1
         return fit.masses_kg[fit.states.membership[place.clip(0, fit.states.unit.size - 1)]]
 
 
-@compiled_ahead
-def indices_of_stamps(t: Ints, stamps: Ints) -> Ints:
+@compiled_unless_short_log
+def find_stamp_indices(t: Ints, stamps: Ints) -> Ints:
     """Insertion indices (n,) of stamps into sorted `t`; fast for stamps mostly in order."""
     out = np.empty(stamps.size, np.int64)
     at = 0

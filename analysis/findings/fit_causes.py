@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.findings.cause import MassChange, Symptom
 from analysis.findings.changing_loads import (
-    compare_force_share_with_loads,
+    compare_force_fraction_with_loads,
     find_drift_of_empty_mass,
 )
 from analysis.findings.constant_forces import explain_constant_force
@@ -37,11 +37,11 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
     if gain <= -1.0:  # no radius makes wheels follow that do not
         return []
     body = inputs.machine.machine
-    torques = bool(inputs.measured_channels("torque_left_N_m", "torque_right_N_m"))
+    torques = bool(inputs.select_measured_channels("torque_left_N_m", "torque_right_N_m"))
     setting, value = [], []
     if body.wheel_radius_m is not None and torques:
         setting, value = ["machine.wheel_radius_m"], [f"{body.wheel_radius_m / (1.0 + gain):.5g}"]
-    keys, scales = inputs.propose_scales(inputs.speed_channels, 1.0 / (1.0 + gain))
+    keys, scales = inputs.propose_scale_settings(inputs.speed_channels, 1.0 / (1.0 + gain))
 
     def correct_radius(motion: MotionSamples) -> MotionSamples:
         force = motion.force * (1.0 + gain) if torques else motion.force
@@ -61,14 +61,14 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
             change=lambda: refit_corrected(inputs, correct_radius, min(std / abs(gain), 1.0)),
             # an accelerometer that reads too much may rock on its mount
             alternatives=(
-                *indistinguishable_cause_keys(pick),
+                *list_indistinguishable_causes(pick),
                 *(("imu_loose",) if gain < -LIMITS.rocking_imu_fraction else ()),
             ),
         )
     ]
 
 
-def indistinguishable_cause_keys(pick: PickedCause) -> tuple[str, ...]:
+def list_indistinguishable_causes(pick: PickedCause) -> tuple[str, ...]:
     """Keys of the causes that this log cannot distinguish from a given one."""
     keys = {"const": "coulomb", "direction": "coulomb", "braking": "braking_inside"}
     own = keys.get(pick.name, pick.name.partition(":")[0])
@@ -86,9 +86,9 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
         return []
     strength = abs(rest) / max(
         LIMITS.standing_reading_std * std,
-        LIMITS.standing_reading_fraction * inputs.own_fit.motion.largest_force,
+        LIMITS.standing_reading_fraction * inputs.own_fit.motion.force_95_percent,
     )
-    names = inputs.measured_channels("force_x_N") or inputs.measured_channels(
+    names = inputs.select_measured_channels("force_x_N") or inputs.select_measured_channels(
         "torque_left_N_m", "torque_right_N_m"
     )
     return [
@@ -99,7 +99,7 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
             channel=inputs.force_channel,
             setting=", ".join(f"channels.{name}.offset" for name in names) or None,
             value=", ".join(
-                _zeroing_offset_toml(inputs, name, inputs.standstill_mean_and_std(name)[0])
+                _format_offset_setting(inputs, name, inputs.standstill_mean_and_std(name)[0])
                 for name in names
             )
             or None,
@@ -113,14 +113,14 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _zeroing_offset_toml(inputs: FindingInputs, name: str, reads: float) -> str:
+def _format_offset_setting(inputs: FindingInputs, name: str, reading_at_rest: float) -> str:
     """Offset of the channel that removes what it reads at rest, as TOML."""
     channel = inputs.machine.channels[name]
     if channel.unit is None:
-        return f"{channel.offset - reads:.6g}"
+        return f"{channel.offset - reading_at_rest:.6g}"
     unit = next(column.unit for column in CHANNEL_COLUMNS if column.name == name)
     gain, _ = gain_and_offset_to_si(channel.unit, unit)
-    return f"{channel.offset - reads / gain:.6g}"
+    return f"{channel.offset - reading_at_rest / gain:.6g}"
 
 
 def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
@@ -128,12 +128,12 @@ def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.own_fit
     if fit is None:
         return []
-    const, std = (float(each[term_index("const", fit.terms)]) for each in fit.posterior)
+    const, std = (float(each[term_index("const", fit.terms)]) for each in fit.term_posteriors)
     imu = ("imu_misaligned", "imu_bias") if fit.motion.by_accelerometer else ()
     return [
         Symptom(
             abs(const) / (LIMITS.term_min_std * std),
-            f"driving shows a constant force of {_format_newtons(const, std, sign='+')}",
+            f"driving shows a constant force of {_format_force_and_std(const, std, sign='+')}",
             channel=inputs.force_channel,
             alternatives=(*imu, "slope", "coulomb"),
         )
@@ -147,38 +147,38 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
         return []
     motion = fit.motion
     name = "direction" if motion.drives_both_ways else "const"
-    way = 1.0 if motion.drives_both_ways else float(np.median(motion.direction[motion.used]))
-    pick = found.get(name) or _fitted_term_as_picked_cause(inputs, name)
+    way = 1.0 if motion.drives_both_ways else float(np.median(motion.direction[motion.is_fittable]))
+    pick = found.get(name) or _make_pick_from_fitted_term(inputs, name)
     if pick is None or pick.value * way <= 0.0:
         return []
     force = pick.value * way
     prior = "direction_share" if motion.drives_both_ways else "const_share"
-    share = max(getattr(inputs.machine.settings.priors, prior), force / motion.largest_force)
-    others = indistinguishable_cause_keys(pick)
+    share = max(getattr(inputs.machine.settings.priors, prior), force / motion.force_95_percent)
+    others = list_indistinguishable_causes(pick)
     seen = explain_constant_force(inputs)
     unknown = () if np.isfinite(seen.rest_N[0]) else ("offset",)
     return [
         Symptom(
             min(
                 float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
-                force / (LIMITS.trusted_coulomb_fraction * motion.largest_force),
+                force / (LIMITS.trusted_coulomb_fraction * motion.force_95_percent),
             ),
-            f"{_format_newtons(force, pick.std)} oppose the motion at any speed",
+            f"{_format_force_and_std(force, pick.std)} oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
             value=f"true, {share:.3f}",
-            change=lambda: mass_change_without_friction(inputs, force, pick.std, others),
+            change=lambda: estimate_mass_change_without_friction(inputs, force, pick.std, others),
             alternatives=tuple(dict.fromkeys((*others, *unknown))),
         )
     ]
 
 
-def _format_newtons(force_N: float, std_N: float, sign: str = "-") -> str:
+def _format_force_and_std(force_N: float, std_N: float, sign: str = "-") -> str:
     """Force and standard deviation as text, rounded to a digit of the deviation if small."""
     places = max(0, -math.floor(math.log10(std_N))) if 0.0 < std_N < 1.0 else 0
     return f"{force_N:{sign}.{places}f} ± {std_N:.{places}f} N"
 
 
-def _fitted_term_as_picked_cause(inputs: FindingInputs, name: str) -> PickedCause | None:
+def _make_pick_from_fitted_term(inputs: FindingInputs, name: str) -> PickedCause | None:
     """Term of the joint fit, less the part that standstill explains.
 
     If all starts use one throttle, only the priors of the fit separate it from mass and friction.
@@ -187,14 +187,14 @@ def _fitted_term_as_picked_cause(inputs: FindingInputs, name: str) -> PickedCaus
     names = [] if fit is None else [term.name for term in fit.terms]
     if fit is None or name not in names or not np.isfinite(seen.rest_N[0]):
         return None
-    value, std = (float(each[names.index(name)]) for each in fit.posterior)
+    value, std = (float(each[names.index(name)]) for each in fit.term_posteriors)
     if name == "const":
         error_m_s2 = seen.error_m_s2[0] if np.isfinite(seen.error_m_s2[0]) else 0.0
         value -= seen.rest_N[0] - fit.mass_kg * error_m_s2
     return PickedCause(name, value, std, (value / std) ** 2, ())
 
 
-def mass_change_without_friction(
+def estimate_mass_change_without_friction(
     inputs: FindingInputs, force: float, std: float, others: tuple[str, ...]
 ) -> MassChange | None:
     """Mass change if Coulomb friction, or a rival term, is removed."""
@@ -209,7 +209,7 @@ def mass_change_without_friction(
     return MassChange(change.kg, float(np.hypot(change.u_kg, weighing.braking_kg)))
 
 
-def _mass_change_without_slip(inputs: FindingInputs) -> MassChange | None:
+def _estimate_mass_change_without_slip(inputs: FindingInputs) -> MassChange | None:
     fit = inputs.own_fit
     return None if fit is None else MassChange(0.0, 0.5 * fit.u_kg)
 
@@ -219,22 +219,22 @@ def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
     pick, fit = search_likelihood(inputs).get("slip"), inputs.own_fit
     if pick is None or fit is None or pick.value <= 0.0:
         return []
-    at = pick.value * fit.motion.largest_force
+    at = pick.value * fit.motion.force_95_percent
     return [
         Symptom(
             min(float(np.sqrt(pick.gain)) / LIMITS.term_min_std, at / 0.005),
             f"the wheels slip by {at:.2%} ± {at * pick.std / pick.value:.2%} of their speed at "
             "full force",
             channel=next(iter(inputs.speed_channels), None),
-            change=lambda: _mass_change_without_slip(inputs),
-            alternatives=indistinguishable_cause_keys(pick),
+            change=lambda: _estimate_mass_change_without_slip(inputs),
+            alternatives=list_indistinguishable_causes(pick),
         )
     ]
 
 
 def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
     """Find a force that is nonlinear in the acceleration, by load transfer or drive losses."""
-    found = find_gain_drift_of_one_load(inputs)
+    found = find_gain_drift_with_one_load(inputs)
     pick = search_likelihood(inputs).get("driveline")
     if pick is not None:
         found.append(
@@ -243,7 +243,7 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
                     float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
                     abs(pick.value) / LIMITS.trusted_share_change_s2_m,
                 ),
-                _share_change_text(pick.value, pick.std),
+                _format_gain_change(pick.value, pick.std),
                 channel=inputs.force_channel,
                 change=lambda: refit_corrected(
                     inputs,
@@ -252,7 +252,7 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
                     ),
                     1.0,
                 ),
-                alternatives=indistinguishable_cause_keys(pick),
+                alternatives=list_indistinguishable_causes(pick),
             )
         )
     return [max(found, key=lambda sign: sign.strength)] if found else []
@@ -261,7 +261,7 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
 def find_gain_drift(inputs: FindingInputs) -> list[Symptom]:
     """Find a force gain that changes over the log, or a load that changes steadily."""
     fit = inputs.own_fit
-    if fit is None or fit.count > 1:
+    if fit is None or fit.mass_count > 1:
         return find_drift_of_empty_mass(inputs)
     pick = search_likelihood(inputs).get("gain_drift")
     if pick is None:
@@ -277,18 +277,18 @@ def find_gain_drift(inputs: FindingInputs) -> list[Symptom]:
             channel=inputs.force_channel,
             # its mean over the log is what the masses have
             change=lambda: MassChange(0.0, abs(pick.value) / 2.0 * abs(fit.mass_kg)),
-            alternatives=indistinguishable_cause_keys(pick),
+            alternatives=list_indistinguishable_causes(pick),
         )
     ]
 
 
-def _share_change_text(value: float, std: float) -> str:
+def _format_gain_change(value: float, std: float) -> str:
     return f"the measured share of the force changes by {value:+.2%} ± {std:.2%} per m/s²"
 
 
-def find_gain_drift_of_one_load(inputs: FindingInputs) -> list[Symptom]:
+def find_gain_drift_with_one_load(inputs: FindingInputs) -> list[Symptom]:
     """Find a gain drift in logs whose loads alternate with the driving direction."""
-    found = compare_force_share_with_loads(inputs)
+    found = compare_force_fraction_with_loads(inputs)
     if found is None or found.worse > LIMITS.indistinguishable_gain:
         return []
     return [
@@ -297,30 +297,30 @@ def find_gain_drift_of_one_load(inputs: FindingInputs) -> list[Symptom]:
                 float(np.sqrt(found.gain)) / LIMITS.term_min_std,
                 abs(found.value) / LIMITS.trusted_share_change_s2_m,
             ),
-            f"{_share_change_text(found.value, found.std)}, and there is one load, or there are "
+            f"{_format_gain_change(found.value, found.std)}, and there is one load, or there are "
             f"{found.loads} that depend on the direction: this log cannot distinguish the two",
             channel=inputs.force_channel,
         )
     ]
 
 
-def relative_mass_u(inputs: FindingInputs) -> float:
+def relative_mass_uncertainty_of_answer(inputs: FindingInputs) -> float:
     """Relative standard uncertainty of the answer; infinite without an answer."""
     weighing = inputs.check_inputs.weighing
     if weighing is None:
         return float("inf")
-    parts = weighing.fit.u_parts_kg(weighing.fit.weights_of_state(weighing.fit.main_state))
+    parts = weighing.fit.u_parts_kg(weighing.fit.weights_of_state(weighing.fit.most_frequent_state))
     # a gain is another cause, and no start would tell it better
     u_kg = float(np.linalg.norm([part for name, part in parts.items() if name != "gain"]))
     return u_kg / abs(weighing.fit.mass_kg)
 
 
-def find_too_little_excitation(inputs: FindingInputs) -> list[Symptom]:
+def find_lack_of_excitation(inputs: FindingInputs) -> list[Symptom]:
     """Find logs without an accepted stretch, or with a very uncertain answer."""
     if inputs.check_inputs.weighing is None:
         stretches = inputs.checks.get("accepted_stretches", 0.0)
         return [Symptom(2.0, f"{stretches:.0f} stretches were accepted: there is nothing to fit")]
-    share = relative_mass_u(inputs)
+    share = relative_mass_uncertainty_of_answer(inputs)
     return [
         Symptom(
             share / LIMITS.poor_answer_u,
@@ -334,7 +334,7 @@ def find_collinear_terms(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.own_fit
     if fit is None:
         return []
-    parts = fit.u_parts_kg(fit.weights_of_state(fit.main_state))
+    parts = fit.u_parts_kg(fit.weights_of_state(fit.most_frequent_state))
     by_term = {term.name: parts[term.name] for term in fit.terms}
     worst = max(by_term, key=lambda name: by_term[name])
     share = float(np.linalg.norm(list(by_term.values()))) / abs(fit.mass_kg)
@@ -347,7 +347,7 @@ def find_collinear_terms(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def find_braking_inside(inputs: FindingInputs) -> list[Symptom]:
+def find_braking_fitted_as_driving(inputs: FindingInputs) -> list[Symptom]:
     """Find braking that is fitted as driving and changes the mass."""
     weighing = inputs.check_inputs.weighing
     if weighing is None or not np.isfinite(weighing.braking_kg):
@@ -363,7 +363,7 @@ def find_braking_inside(inputs: FindingInputs) -> list[Symptom]:
             pick.value / LIMITS.seen_braking_fraction,
         )
         share = f" ({pick.value:.2%} ± {pick.std:.2%} is not measured)"
-        others = indistinguishable_cause_keys(pick)
+        others = list_indistinguishable_causes(pick)
     return [
         Symptom(
             strength,

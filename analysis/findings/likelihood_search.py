@@ -12,16 +12,16 @@ from typing import Final
 import numpy as np
 
 from analysis.findings.altered_motion import correct_channel_delay
-from analysis.findings.channel_causes import is_near_spike
+from analysis.findings.channel_causes import mark_samples_near_spikes
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.refit import renumber_and_drop_short_stretches
+from analysis.findings.refit import drop_short_stretches
 from analysis.findings.whitened_rows import (
     EquationRows,
     ProjectedEquation,
-    whitened_force_rows,
-    whitened_wheel_rows,
+    build_whitened_force_rows,
+    build_whitened_wheel_rows,
 )
 from analysis.weighing.motion_samples import MotionSamples
 
@@ -61,30 +61,30 @@ class PickedCause:
 def search_likelihood(inputs: FindingInputs) -> Mapping[str, PickedCause]:
     """Rank the causes by their gain of likelihood; picked causes come first."""
     if "picks" not in inputs.cache:
-        inputs.cache["picks"] = _pick_causes_in_turn(inputs)
+        inputs.cache["picks"] = _pick_causes_greedily(inputs)
     return inputs.cache["picks"]  # type: ignore[return-value]
 
 
-def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
+def _pick_causes_greedily(inputs: FindingInputs) -> dict[str, PickedCause]:
     fit, noise = inputs.own_fit, inputs.column_noise
     if fit is None or noise is None or explain_constant_force(inputs).motion is None:
         return {}
     motion = explain_constant_force(inputs).motion or fit.motion
-    near = is_near_spike(inputs)
+    near = mark_samples_near_spikes(inputs)
     if near.any():  # a spike is no motion, whatever it looks like
-        motion = renumber_and_drop_short_stretches(motion.exclude_samples(near))
-        if not motion.used.any():  # there are spikes all along
+        motion = drop_short_stretches(motion.exclude_samples(near))
+        if not motion.is_fittable.any():  # there are spikes all along
             return {}
     taken: list[str] = []
     out: dict[str, PickedCause] = {}
     late = _try_long_delay(inputs, motion)
     if late is not None:
-        motion, found = remove_delay_iteratively(inputs, motion, taken, late)
+        motion, found = correct_delay_iteratively(inputs, motion, taken, late)
         out[late.name] = replace(found, gain=late.gain)
         taken.append(late.name)
-    equations = build_equations(inputs, motion)
+    equations = build_whitened_equations(inputs, motion)
     for _ in range(LIMITS.max_picked_causes):
-        tried = score_causes(equations, taken)
+        tried = score_remaining_causes(equations, taken)
         if not tried:
             break
         best = _choose_best_candidate(tried)
@@ -95,55 +95,58 @@ def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
         rivals = {
             name
             for name, pick in tried.items()
-            if best.gain - pick.gain < gain_tolerance(best, name) and has_possible_slip_sign(pick)
+            if best.gain - pick.gain < likelihood_gain_tolerance(best, name)
+            and has_plausible_slip_sign(pick)
         }
         if best.name.startswith("delay"):
             begun = motion
-            motion, found = remove_delay_iteratively(inputs, begun, taken, best)
+            motion, found = correct_delay_iteratively(inputs, begun, taken, best)
             if best.name in _BESIDE and _BESIDE[best.name] in tried:
                 motion, found, other = decide_delayed_sensor(inputs, begun, taken, (motion, found))
                 rivals = rivals - {*_BESIDE} | {*other}
-            equations = build_equations(inputs, motion)
+            equations = build_whitened_equations(inputs, motion)
         rivals -= {found.name, *out}
         out[found.name] = replace(
             found, gain=best.gain, rivals=tuple(n for n in tried if n in rivals)
         )
         taken.append(found.name)
     else:
-        out.update({n: p for n, p in score_causes(equations, taken).items() if n not in out})
+        out.update(
+            {n: p for n, p in score_remaining_causes(equations, taken).items() if n not in out}
+        )
     return out
 
 
-def gain_tolerance(best: PickedCause, name: str) -> float:
+def likelihood_gain_tolerance(best_pick: PickedCause, name: str) -> float:
     """Difference of gains below which two causes cannot be distinguished."""
     # under a throttle that is held, brakes of an unknown course are a constant force as well, or
     # one that is not linear in the acceleration
-    pair = {best.name, name}
+    pair = {best_pick.name, name}
     alike = "braking" in pair and pair & {"const", "direction", "driveline"}
     return (
-        max(LIMITS.indistinguishable_gain, LIMITS.indistinguishable_brake_fraction * best.gain)
+        max(LIMITS.indistinguishable_gain, LIMITS.indistinguishable_brake_fraction * best_pick.gain)
         if alike
         else LIMITS.indistinguishable_gain
     )
 
 
-def _choose_best_candidate(tried: Mapping[str, PickedCause]) -> PickedCause:
+def _choose_best_candidate(candidates: Mapping[str, PickedCause]) -> PickedCause:
     """Candidate with the largest gain; among equals, one that is physical and matters."""
-    best = max(tried.values(), key=lambda pick: pick.gain)
-    if has_possible_slip_sign(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
+    best = max(candidates.values(), key=lambda pick: pick.gain)
+    if has_plausible_slip_sign(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
         return best
     others = [
         pick
-        for pick in tried.values()
-        if best.gain - pick.gain < gain_tolerance(best, pick.name)
-        and has_possible_slip_sign(pick)
+        for pick in candidates.values()
+        if best.gain - pick.gain < likelihood_gain_tolerance(best, pick.name)
+        and has_plausible_slip_sign(pick)
         and abs(pick.value) >= _LEAST.get(pick.name, 0.0)
         and pick.gain >= LIMITS.picked_gain
     ]
     return max(others, key=lambda pick: pick.gain, default=best)
 
 
-def has_possible_slip_sign(pick: PickedCause) -> bool:
+def has_plausible_slip_sign(pick: PickedCause) -> bool:
     """Whether a slip has a possible sign: driving wheels cannot turn slower than the ground."""
     return pick.name != "slip" or pick.value > 0.0
 
@@ -154,8 +157,8 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
     if fit is None or abs(fit.lag_s) < LIMITS.long_delay_s:
         return None
     late = correct_channel_delay(motion, "force", fit.lag_s)
-    before, without = project_out_picked_causes(build_equations(inputs, motion))
-    after, _ = project_out_picked_causes(build_equations(inputs, late))
+    before, without = project_out_picked_causes(build_whitened_equations(inputs, motion))
+    after, _ = project_out_picked_causes(build_whitened_equations(inputs, late))
     if (
         before.square_left * before.variance
         < (1.0 + LIMITS.long_delay_residual_ratio) * after.square_left * after.variance
@@ -163,7 +166,7 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
         return None
     # the wheels tell whether it is the accelerometer that is early or late
     turned = correct_channel_delay(motion, "imu", -fit.lag_s)
-    _, with_it = project_out_picked_causes(build_equations(inputs, turned))
+    _, with_it = project_out_picked_causes(build_whitened_equations(inputs, turned))
     by_imu = (
         without is not None
         and with_it is not None
@@ -175,7 +178,7 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
     return PickedCause("delay:force", fit.lag_s, 1e-3, gain, ())
 
 
-def remove_delay_iteratively(
+def correct_delay_iteratively(
     inputs: FindingInputs, motion: MotionSamples, picked_causes: list[str], pick: PickedCause
 ) -> tuple[MotionSamples, PickedCause]:
     """Correct the delay of a channel repeatedly until none is left."""
@@ -188,7 +191,9 @@ def remove_delay_iteratively(
             )
         )
         motion = correct_channel_delay(begun, channel, total)
-        again = score_causes(build_equations(inputs, motion), picked_causes).get(pick.name)
+        again = score_remaining_causes(build_whitened_equations(inputs, motion), picked_causes).get(
+            pick.name
+        )
         if again is None:
             break
         step, std = again.value, again.std
@@ -201,7 +206,7 @@ def decide_delayed_sensor(
     inputs: FindingInputs,
     uncorrected: MotionSamples,
     picked_causes: list[str],
-    settled: tuple[MotionSamples, PickedCause],
+    corrected_motion_and_delay: tuple[MotionSamples, PickedCause],
 ) -> tuple[MotionSamples, PickedCause, tuple[str, ...]]:
     """Decide whether the wheels are early or the accelerometer is late.
 
@@ -211,18 +216,18 @@ def decide_delayed_sensor(
         inputs: the log.
         uncorrected: motion before any correction.
         picked_causes: causes found before.
-        settled: corrected motion and the delay that was found.
+        corrected_motion_and_delay: corrected motion and the delay that was found.
 
     Returns:
         The motion and delay with the smaller force residual, and the name of the other delay if it
         is nearly as good.
     """
-    motion, own = settled
+    motion, own = corrected_motion_and_delay
     turned = replace(own, name=_BESIDE[own.name], value=-own.value)
     other = correct_channel_delay(uncorrected, turned.name.partition(":")[2], turned.value)
     # tried whole: noise of the force makes its derivative too large, and a delay too small
     left, left_other = (
-        project_out_picked_causes(build_equations(inputs, each), picked_causes)[0]
+        project_out_picked_causes(build_whitened_equations(inputs, each), picked_causes)[0]
         for each in (motion, other)
     )
     apart = left.square_left * left.variance - left_other.square_left * left_other.variance
@@ -233,7 +238,9 @@ def decide_delayed_sensor(
     return motion, own, (turned.name,) if near else ()
 
 
-def score_causes(equations: Equations, picked_causes: list[str]) -> dict[str, PickedCause]:
+def score_remaining_causes(
+    equations: Equations, picked_causes: list[str]
+) -> dict[str, PickedCause]:
     """Score every remaining cause in addition to those already picked."""
     force, wheels = project_out_picked_causes(equations, picked_causes)
     # wheels that miss the accelerometer by more, as on hills without a pitch, tell nothing
@@ -244,7 +251,7 @@ def score_causes(equations: Equations, picked_causes: list[str]) -> dict[str, Pi
     for name in names:
         if name in picked_causes:
             continue
-        square = sum(part.information_about(name) for part in parts)
+        square = sum(part.remaining_information(name) for part in parts)
         if not square > 0.0:
             continue
         value = sum(part.remaining_score(name) for part in parts) / square
@@ -252,22 +259,22 @@ def score_causes(equations: Equations, picked_causes: list[str]) -> dict[str, Pi
     return out
 
 
-def build_equations(inputs: FindingInputs, motion: MotionSamples) -> Equations:
+def build_whitened_equations(inputs: FindingInputs, motion: MotionSamples) -> Equations:
     """Rows of the force and of the wheels; those of the wheels need an accelerometer."""
     fit, noise = inputs.own_fit, inputs.column_noise
     assert fit is not None
     assert noise is not None
-    force = whitened_force_rows(
+    force = build_whitened_force_rows(
         motion,
         noise,
-        inputs.sample_masses_kg(motion),
-        max(fit.viscous, 0.0),
+        inputs.masses_of_samples_kg(motion),
+        max(fit.viscous_friction, 0.0),
         brakes=not inputs.machine.settings.gate.exclude_braking,
     )
     if not inputs.has_accelerometer:
         # derived from the speed, an acceleration is late with it alone
         del force.columns["delay:imu"]
-    return force, whitened_wheel_rows(motion, noise)
+    return force, build_whitened_wheel_rows(motion, noise)
 
 
 def project_out_picked_causes(

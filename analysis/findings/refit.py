@@ -24,7 +24,7 @@ from estimators.arrays import Bools, Floats
 Mend = Callable[[MotionSamples], MotionSamples]
 
 
-def refit_without_rows(inputs: FindingInputs, rows: Bools) -> MassChange | None:
+def refit_without_samples(inputs: FindingInputs, rows: Bools) -> MassChange | None:
     """Refit without some samples; u covers that a replay may accept other starts.
 
     Args:
@@ -74,7 +74,7 @@ def refit_corrected(
     if before is None or after is None:
         return None
     kg = after - before
-    of_noise = fit.u_parts_kg(fit.weights_of_state(fit.main_state))["noise"]
+    of_noise = fit.u_parts_kg(fit.weights_of_state(fit.most_frequent_state))["noise"]
     return MassChange(
         kg,
         float(
@@ -86,9 +86,11 @@ def refit_corrected(
 def _uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
     """Mass before the correction, by the whole fit or, in a long log, by the refitted part."""
     if "refitted" not in inputs.cache:
-        whole = np.unique(fit.motion.group[fit.motion.used]).size <= LIMITS.refit_max_stretches
+        whole = (
+            np.unique(fit.motion.group[fit.motion.is_fittable]).size <= LIMITS.refit_max_stretches
+        )
         if whole and fit.states is not None:
-            inputs.cache["states"] = fit.states.count
+            inputs.cache["states"] = fit.states.state_count
         if whole:
             inputs.cache["wheels"] = fit.kinematics
         inputs.cache["refitted"] = fit.mass_kg if whole else _refit_mass_kg(inputs, fit.motion)
@@ -103,14 +105,14 @@ def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None
     priors = inputs.machine.settings.priors
     known = is_wheel_agreement_kept(fit.motion, motion)
     # of a long log a part says as much of what a cause does
-    motion = renumber_and_drop_short_stretches(
-        motion.cut_to_first_stretches(LIMITS.refit_max_stretches)
-    )
-    if motion.used.sum() < LIMITS.refit_min_samples or not motion.has_enough_motion:
+    motion = drop_short_stretches(motion.cut_to_first_stretches(LIMITS.refit_max_stretches))
+    if motion.is_fittable.sum() < LIMITS.refit_min_samples or not motion.has_enough_motion:
         return None
-    motion = motion.keep_near_fitted(LIMITS.refit_reach_s)
+    motion = motion.drop_samples_far_from_fitted(LIMITS.refit_reach_s)
     states = None if fit.states is None else fit.states.restrict_to(motion)
-    if states is not None and states.count != inputs.cache.setdefault("states", states.count):
+    if states is not None and states.state_count != inputs.cache.setdefault(
+        "states", states.state_count
+    ):
         return None
     earlier = inputs.cache.get("wheels")
     wheels = earlier if isinstance(earlier, WheelKinematics) else fit.kinematics
@@ -119,36 +121,38 @@ def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None
     if known:
         inputs.cache["wheels"] = wheels
     begun = replace(fit, motion=motion, kinematics=wheels, states=states)
-    found = refit_warm_started(begun, noise, priors, known=known).mass_kg
+    found = refit_from_earlier_fit(begun, noise, priors, known=known).mass_kg
     return found if np.isfinite(found) else None
 
 
-def is_wheel_agreement_kept(before: MotionSamples, after: MotionSamples) -> bool:
+def is_wheel_agreement_kept(motion_before: MotionSamples, motion_after: MotionSamples) -> bool:
     """Whether wheels and accelerometer still agree as before.
 
     A constant error of the accelerometer is ignored, since their comparison removes it.
     """
     if not (
-        after.speed is before.speed and after.force is before.force and after.group is before.group
+        motion_after.speed is motion_before.speed
+        and motion_after.force is motion_before.force
+        and motion_after.group is motion_before.group
     ):
         return False
     pairs = (
-        (before.acceleration, after.acceleration),
-        (before.specific_force, after.specific_force),
-        (before.without_gravity, after.without_gravity),
+        (motion_before.acceleration, motion_after.acceleration),
+        (motion_before.specific_force, motion_after.specific_force),
+        (motion_before.without_gravity, motion_after.without_gravity),
     )
     return all(
-        old is new or (old is not None and new is not None and _differ_by_constant(old, new))
+        old is new or (old is not None and new is not None and _differ_by_constant_only(old, new))
         for old, new in pairs
     )
 
 
-def _differ_by_constant(old: Floats, new: Floats) -> bool:
+def _differ_by_constant_only(signal_a: Floats, signal_b: Floats) -> bool:
     """Whether two signals differ by a constant only."""
-    return float(np.ptp(new - old)) < LIMITS.zero_shift_m_s2
+    return float(np.ptp(signal_b - signal_a)) < LIMITS.zero_shift_m_s2
 
 
-def refit_warm_started(
+def refit_from_earlier_fit(
     earlier: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, *, known: bool
 ) -> JointFit:
     """Refit from the parameters of an earlier fit; a long log's lag uses its first stretches.
@@ -169,13 +173,13 @@ def refit_warm_started(
     if abs(pilot.found.lag_s - earlier.found.lag_s) > LIMITS.refit_lag_moves_s:
         pilot = refit_with_changes(pilot, noise, priors)
     theta = earlier.theta.copy()
-    theta[earlier.count] = pilot.viscous
+    theta[earlier.mass_count] = pilot.viscous_friction
     return refit_with_changes(replace(earlier, found=pilot.found, theta=theta), noise, priors)
 
 
-def renumber_and_drop_short_stretches(motion: MotionSamples) -> MotionSamples:
+def drop_short_stretches(motion: MotionSamples) -> MotionSamples:
     """Number the stretches again after samples were excluded, and exclude those now too short."""
-    parts = np.where(motion.used, np.cumsum(is_first_of_stretch(motion.group)) - 1, -1)
+    parts = np.where(motion.is_fittable, np.cumsum(is_first_of_stretch(motion.group)) - 1, -1)
     size = np.bincount(parts[parts >= 0], minlength=1)
     short = (parts >= 0) & (size[np.maximum(parts, 0)] < LIMITS.refit_min_stretch_samples)
     return replace(motion, group=parts.astype(np.int64)).exclude_samples(short)

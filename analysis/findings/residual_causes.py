@@ -12,7 +12,7 @@ from analysis.findings.cause import MassChange, Symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.schema import column_values
-from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
+from analysis.stages.motion.forces import compute_longitudinal_force, compute_regressor_acceleration
 from analysis.weighing.force_hysteresis import HYSTERESIS
 from estimators.arrays import Bools, Floats
 
@@ -42,22 +42,22 @@ def _compute_residual_spectra(inputs: FindingInputs) -> Spectra | None:
     straight = inputs.check_inputs.straight_motion
     mass_kg, viscous = pooled_mass_and_friction(inputs)
     lag = fit.lag_s if fit is not None and fit.shifted else 0.0
-    used = straight.moving if fit is None else fit.motion.used
+    used = straight.moving if fit is None else fit.motion.is_fittable
     rows = np.arange(aligned.height, dtype=np.float64)
-    force = longitudinal_force(aligned, machine.machine)
+    force = compute_longitudinal_force(aligned, machine.machine)
     force = np.interp(rows + lag * rate_hz, rows, force)
     A = np.column_stack(
-        [regressor_acceleration(aligned, machine), column_values(aligned, "speed_x_m_s")]
+        [compute_regressor_acceleration(aligned, machine), column_values(aligned, "speed_x_m_s")]
     )
     left = force - A @ np.array([mass_kg, viscous])
     known = np.isfinite(left)
-    driving = stretch_powers(left, used & known, 2)
-    standing = stretch_powers(left, inputs.resting_samples & known, 1)
+    driving = stretch_power_spectra(left, used & known, 2)
+    standing = stretch_power_spectra(left, inputs.resting_samples & known, 1)
     if min(len(driving), len(standing)) < LIMITS.min_spectra:
         return None
     hz = np.arange(LIMITS.spectrum_samples // 2 + 1) * rate_hz / LIMITS.spectrum_samples
     counts = (len(driving), len(standing))
-    return Spectra(hz, typical_power(driving), typical_power(standing), counts)
+    return Spectra(hz, robust_mean_spectrum(driving), robust_mean_spectrum(standing), counts)
 
 
 def pooled_mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
@@ -72,11 +72,11 @@ def pooled_mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
         if pooled.height and np.isfinite(both).all():
             return float(both[0][0]), float(both[1][0])
     if inputs.own_fit is not None:
-        return inputs.own_fit.mass_kg, inputs.own_fit.viscous
+        return inputs.own_fit.mass_kg, inputs.own_fit.viscous_friction
     return inputs.check_inputs.straight_motion.fit.value, 0.0
 
 
-def stretch_powers(x: Floats, used: Bools, degree: int) -> list[Floats]:
+def stretch_power_spectra(x: Floats, used: Bools, degree: int) -> list[Floats]:
     """Power spectrum (frequencies,) of each used stretch, without its own polynomial trend."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], used, [False]]).astype(np.int8)))
     window = np.hanning(LIMITS.spectrum_samples)
@@ -95,14 +95,14 @@ def stretch_powers(x: Floats, used: Bools, degree: int) -> list[Floats]:
     return out
 
 
-def typical_power(powers: list[Floats]) -> Floats:
+def robust_mean_spectrum(spectra: list[Floats]) -> Floats:
     """Mean spectrum (frequencies,) without the largest, which may hold a stop or a knock."""
-    kept = max(round(LIMITS.averaged_spectra_fraction * len(powers)), 1)
-    return np.sort(np.array(powers), axis=0)[:kept].mean(axis=0)
+    kept = max(round(LIMITS.averaged_spectra_fraction * len(spectra)), 1)
+    return np.sort(np.array(spectra), axis=0)[:kept].mean(axis=0)
 
 
-def _median_power_in_band(hz: Floats, power: Floats, low: float, high: float) -> float:
-    return float(np.median(power[(hz >= low) & (hz <= high)]))
+def _median_power_in_band(hz: Floats, spectrum: Floats, low_hz: float, high_hz: float) -> float:
+    return float(np.median(spectrum[(hz >= low_hz) & (hz <= high_hz)]))
 
 
 def find_resonance(inputs: FindingInputs) -> list[Symptom]:
@@ -172,12 +172,12 @@ def find_hysteresis(inputs: FindingInputs) -> list[Symptom]:
         return []
     half_N = fit.term_value(HYSTERESIS.name)
     std_N = abs(half_N) / fit.term_t_values[HYSTERESIS.name]
-    u_kg = fit.u_parts_kg(fit.weights_of_state(fit.main_state))[HYSTERESIS.name]
+    u_kg = fit.u_parts_kg(fit.weights_of_state(fit.most_frequent_state))[HYSTERESIS.name]
     return [
         Symptom(
-            half_N / (LIMITS.hysteresis_share * fit.motion.largest_force),
+            half_N / (LIMITS.hysteresis_share * fit.motion.force_95_percent),
             f"the force reads {half_N:.0f} ± {std_N:.0f} N less while it rises and more while it "
-            f"falls, {half_N / fit.motion.largest_force:.1%} of the largest force; the mass is "
+            f"falls, {half_N / fit.motion.force_95_percent:.1%} of the largest force; the mass is "
             "corrected for it",
             channel=inputs.force_channel,
             change=lambda: MassChange(0.0, u_kg),
@@ -185,13 +185,13 @@ def find_hysteresis(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def find_gain_by_speed(inputs: FindingInputs) -> list[Symptom]:
+def find_missing_model_term(inputs: FindingInputs) -> list[Symptom]:
     """Report the term with the largest effect on a mass among those that the model lacks."""
-    fit, named = inputs.own_fit, inputs.named_missing_terms
+    fit, named = inputs.own_fit, inputs.reportable_missing_terms
     if fit is None or not named:
         return []
     found = named[0]
-    effect_kg = float(found.effect_kg[fit.main_state])
+    effect_kg = float(found.effect_kg[fit.most_frequent_state])
     return [
         Symptom(
             abs(found.t) / LIMITS.named_term_min_std,

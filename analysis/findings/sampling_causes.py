@@ -7,9 +7,9 @@ from analysis.findings.channel_limits import LIMITS
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.stages.signals.filters import period_ns
+from analysis.stages.signals.filters import median_period_ns
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
-from analysis.stages.signals.timestamps import FIRST_DATE_NS, relative_step_scatter
+from analysis.stages.signals.timestamps import FIRST_DATE_NS, measure_relative_step_scatter
 from estimators.arrays import Bools, Floats, Ints
 from estimators.errors import counted
 
@@ -18,13 +18,13 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
     """Find steps of a topic longer than `gap_periods` of its period."""
     found: list[Symptom] = []
     settings = inputs.machine.settings.align
-    topics = series_of_a_channel_by_topic(inputs)
+    topics = select_one_series_per_topic(inputs)
     others = {name: [t for n, (t, _) in topics.items() if n != name] for name in topics}
     for name, (t, _) in topics.items():
-        period = float(period_ns(t))
+        period = float(median_period_ns(t))
         steps = np.diff(t)
         holes = np.flatnonzero(steps > settings.gap_periods * period)
-        holes = holes[~_are_recorder_pauses(t[holes], t[holes + 1], others[name])]
+        holes = holes[~mark_recorder_pauses(t[holes], t[holes + 1], others[name])]
         if not holes.size:
             continue
         missing = float(steps[holes].sum()) / float(t[-1] - t[0])
@@ -35,21 +35,21 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
                 f"{counted(holes.size, 'gap')}, the longest {steps[longest] / 1e9:.2f} s, together "
                 f"{missing:.1%} of the log",
                 channel=name,
-                span_ns=inputs.since_first_sample_ns(t[longest], t[longest + 1]),
+                span_ns=inputs.convert_to_relative_ns(t[longest], t[longest + 1]),
             )
         )
     return keep_strongest_symptom(found)
 
 
-def _are_recorder_pauses(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
+def mark_recorder_pauses(begin_ns: Ints, end_ns: Ints, other_topics_ns: list[Ints]) -> Bools:
     """Mark gaps (gaps,) that are pauses of the recorder, in which no topic has a sample."""
-    alone = np.zeros(begin.size, np.bool_)
-    for t in others:
-        inside = np.searchsorted(t, end - LIMITS.recorder_pause_edge_ns) - np.searchsorted(
-            t, begin + LIMITS.recorder_pause_edge_ns
+    alone = np.zeros(begin_ns.size, np.bool_)
+    for t in other_topics_ns:
+        inside = np.searchsorted(t, end_ns - LIMITS.recorder_pause_edge_ns) - np.searchsorted(
+            t, begin_ns + LIMITS.recorder_pause_edge_ns
         )
         alone |= inside > 0
-    return ~alone & (end - begin > LIMITS.recorder_pause_ns) & bool(others)
+    return ~alone & (end_ns - begin_ns > LIMITS.recorder_pause_ns) & bool(other_topics_ns)
 
 
 def find_repeated_rows(inputs: FindingInputs) -> list[Symptom]:
@@ -69,8 +69,8 @@ def find_repeated_rows(inputs: FindingInputs) -> list[Symptom]:
                 f"{end - begin + 1:,} rows from {again_s:,.1f} s on repeat those from "
                 f"{start_s:,.1f} s on to the last digit{times}: they are left out, and what was "
                 "done meanwhile was not recorded",
-                channel=inputs.channel_of_topic(topic),
-                span_ns=inputs.since_first_sample_ns(int(t[begin]), int(t[end])),
+                channel=inputs.find_channel_of_topic(topic),
+                span_ns=inputs.convert_to_relative_ns(int(t[begin]), int(t[end])),
             )
         )
     return keep_strongest_symptom(found)
@@ -79,8 +79,10 @@ def find_repeated_rows(inputs: FindingInputs) -> list[Symptom]:
 def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
     """Find topics whose time steps scatter, apart from gaps."""
     found: list[Symptom] = []
-    for name, (t, _) in series_of_a_channel_by_topic(inputs).items():
-        uneven = relative_step_scatter(inputs.raw[inputs.machine.channels[name].topic or "table"])
+    for name, (t, _) in select_one_series_per_topic(inputs).items():
+        uneven = measure_relative_step_scatter(
+            inputs.raw[inputs.machine.channels[name].topic or "table"]
+        )
         if uneven is not None:
             found.append(
                 Symptom(
@@ -91,13 +93,13 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
                 )
             )
             continue
-        period = float(period_ns(t))
+        period = float(median_period_ns(t))
         steps = np.diff(t) / period
         steps = steps[steps < inputs.machine.settings.align.gap_periods]
         if steps.size < 100:
             continue
         scatter = float(np.std(steps))
-        least, says = step_scatter(inputs, name)
+        least, says = measure_step_scatter(inputs, name)
         found.append(
             Symptom(
                 scatter / least,
@@ -109,7 +111,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
     return keep_strongest_symptom(found)
 
 
-def step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
+def measure_step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
     """Relevant scatter of a topic's time steps, and whether its readings confirm the stamps.
 
     Returns:
@@ -119,7 +121,7 @@ def step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
     weight, weighted = 0.0, 0.0
     for channel in inputs.equation_channels_in_log:
         if inputs.machine.channels[channel].topic == topic:
-            share, std = stamp_fidelity_and_std(*inputs.series[channel])
+            share, std = estimate_stamp_fidelity_and_std(*inputs.series[channel])
             if np.isfinite([share, std]).all() and std > 0.0:
                 weight, weighted = weight + std**-2, weighted + share * std**-2
     if not weight:
@@ -138,7 +140,7 @@ def step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
     return LIMITS.uneven_steps, ""
 
 
-def stamp_fidelity_and_std(t: Ints, x: Floats) -> tuple[float, float]:
+def estimate_stamp_fidelity_and_std(t: Ints, x: Floats) -> tuple[float, float]:
     """Estimate whether readings were taken at their stamps (1) or evenly spaced (0).
 
     A reading taken at its stamp differs from the mean of its neighbours by the slope times the
@@ -173,11 +175,11 @@ def stamp_fidelity_and_std(t: Ints, x: Floats) -> tuple[float, float]:
 def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
     """Find a step in the latency between header stamps and log times, beyond drift."""
     found: list[Symptom] = []
-    for topic, (log, latency_s) in _latencies_by_topic(inputs).items():
-        level, std_s = usual_latencies_and_std_s(latency_s)
+    for topic, (log, latency_s) in latencies_by_topic(inputs).items():
+        level, std_s = estimate_typical_latencies_and_std_s(latency_s)
         if level is None:
             continue
-        at, jump_s, left_s = _find_largest_step(level)
+        at, jump_s, left_s = find_largest_latency_step(level)
         # a clock that drifts has no one step
         if left_s > line_residual_std_s(level):
             continue
@@ -189,8 +191,8 @@ def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
                 strength,
                 f"header stamps of {topic} jump by {1e3 * jump_s:.1f} ± {1e3 * std_s:.1f} ms "
                 "against log time",
-                channel=inputs.channel_of_topic(topic),
-                span_ns=inputs.since_first_sample_ns(when, when),
+                channel=inputs.find_channel_of_topic(topic),
+                span_ns=inputs.convert_to_relative_ns(when, when),
             )
         )
     return keep_strongest_symptom(found)
@@ -216,7 +218,7 @@ def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:
             float(np.nan_to_num(strength)),
             f"the clock of {drift.faster} runs {drift.drift_ppm:.0f} ± {drift.drift_std_ppm:.0f} "
             f"ppm faster than that of {drift.slower}{explains}",
-            channel=inputs.channel_of_topic(wrong),
+            channel=inputs.find_channel_of_topic(wrong),
         )
     ]
 
@@ -228,7 +230,7 @@ def _find_drifting_channel(inputs: FindingInputs, faster: str, slower: str) -> s
     return slower if slower == topic else faster
 
 
-def series_of_a_channel_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
+def select_one_series_per_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     """Stamps and readings of one equation channel of each topic."""
     topics: dict[str | None, str] = {}
     for name in inputs.equation_channels_in_log:
@@ -236,7 +238,7 @@ def series_of_a_channel_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints,
     return {name: inputs.series[name] for name in topics.values()}
 
 
-def _latencies_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
+def latencies_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     """Log times in ns and latency of the header stamps above its minimum in s, by topic."""
     out: dict[str, tuple[Ints, Floats]] = {}
     for topic, frame in inputs.raw.items():
@@ -250,7 +252,7 @@ def _latencies_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]
     return out
 
 
-def usual_latencies_and_std_s(latency_s: Floats) -> tuple[Floats | None, float]:
+def estimate_typical_latencies_and_std_s(latency_s: Floats) -> tuple[Floats | None, float]:
     """Typical latency of each part, (parts,) in s, and its standard deviation."""
     parts = np.array_split(latency_s, LIMITS.latency_parts)
     level = np.array([float(np.median(part)) for part in parts])
@@ -258,18 +260,20 @@ def usual_latencies_and_std_s(latency_s: Floats) -> tuple[Floats | None, float]:
     return level, max(float(np.median(changes)) * STD_OF_MAD, 1e-5)
 
 
-def _find_largest_step(level: Floats) -> tuple[int, float, float]:
+def find_largest_latency_step(latency_s: Floats) -> tuple[int, float, float]:
     """Index and height in s of the largest step, and the standard deviation around it in s."""
-    count = np.arange(1, level.size)
-    before = np.cumsum(level)[:-1] / count
-    after = (level.sum() - np.cumsum(level)[:-1]) / (level.size - count)
-    gain = count * (level.size - count) * (after - before) ** 2
+    count = np.arange(1, latency_s.size)
+    before = np.cumsum(latency_s)[:-1] / count
+    after = (latency_s.sum() - np.cumsum(latency_s)[:-1]) / (latency_s.size - count)
+    gain = count * (latency_s.size - count) * (after - before) ** 2
     at = int(np.argmax(gain)) + 1
-    left = np.concatenate([level[:at] - level[:at].mean(), level[at:] - level[at:].mean()])
+    left = np.concatenate(
+        [latency_s[:at] - latency_s[:at].mean(), latency_s[at:] - latency_s[at:].mean()]
+    )
     return at, float(after[at - 1] - before[at - 1]), float(np.std(left))
 
 
-def line_residual_std_s(level: Floats) -> float:
+def line_residual_std_s(latency_s: Floats) -> float:
     """Standard deviation in s that remains after fitting a line."""
-    x = np.arange(level.size, dtype=np.float64)
-    return float(np.std(level - np.polyval(np.polyfit(x, level, 1), x)))
+    x = np.arange(latency_s.size, dtype=np.float64)
+    return float(np.std(latency_s - np.polyval(np.polyfit(x, latency_s, 1), x)))

@@ -13,7 +13,7 @@ from analysis.diagnosis.check_inputs import CheckInputs
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.fit_causes import relative_mass_u
+from analysis.findings.fit_causes import relative_mass_uncertainty_of_answer
 from analysis.model.methods import METHODS, FeedKind
 from analysis.model.schema import column_values
 from analysis.stages.estimation import fit_quality
@@ -25,13 +25,13 @@ def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
     """Find useful braking that the gate rejects, in a log with few other windows."""
     if (
         not inputs.machine.settings.gate.exclude_braking
-        or relative_mass_u(inputs) < LIMITS.poor_answer_u
+        or relative_mass_uncertainty_of_answer(inputs) < LIMITS.poor_answer_u
     ):
         return []
     reasons = inputs.check_inputs.gated["reason_x"].cast(str)
     told = int((reasons != "warming_up").sum())
     refused = float((reasons == "braking").sum()) / max(told, 1)
-    ratio = _braking_over_driving_mass(inputs.check_inputs)
+    ratio = braking_to_driving_mass_ratio(inputs.check_inputs)
     if not abs(ratio - 1.0) < LIMITS.braking_mass_tolerance:
         return []
     return [
@@ -46,7 +46,7 @@ def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _braking_over_driving_mass(evidence: CheckInputs) -> float:
+def braking_to_driving_mass_ratio(evidence: CheckInputs) -> float:
     """Mass from braking over mass from driving, without the gate; NaN if undetermined."""
     motion = evidence.straight_motion
     A = np.column_stack([motion.A[:, :2], np.sign(motion.speed)])
@@ -62,7 +62,7 @@ def _fit_mass_and_std(A: np.ndarray, f: np.ndarray, chosen_rows: Bools) -> tuple
     return mass_kg, std_kg
 
 
-def find_wind_up(inputs: FindingInputs) -> list[Symptom]:
+def find_estimator_wind_up(inputs: FindingInputs) -> list[Symptom]:
     """Find recursive estimates that forget at constant speed (wind-up)."""
     found = [
         sign for name in inputs.estimates if (sign := find_growing_std(inputs, name)) is not None
@@ -93,8 +93,8 @@ def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
     # a recursion begins anew with each load, and learns in each start
     load = np.searchsorted(find_load_change_rows(inputs.check_inputs.weighing), rows, "right")
     parts = np.flatnonzero(mark_run_starts(starts) | mark_run_starts(load))
-    least_kg = apply_to_parts(np.fmin.accumulate, std_kg, parts)
-    steady = apply_to_parts(np.cumsum, cruises.astype(np.float64), parts)
+    least_kg = apply_by_part(np.fmin.accumulate, std_kg, parts)
+    steady = apply_by_part(np.cumsum, cruises.astype(np.float64), parts)
     grown = np.minimum(np.log(std_kg / least_kg), -0.5 * steady * np.log(trace.forgetting))
     grown[~cruises | ~np.isfinite(grown)] = -np.inf
     if np.count_nonzero(np.isfinite(grown)) < LIMITS.wind_up_min_estimates:
@@ -116,6 +116,6 @@ def mark_run_starts(x: Bools | Ints) -> Bools:
     return np.diff(x.astype(np.int64), prepend=0) > 0
 
 
-def apply_to_parts(function: Callable[[Floats], Floats], x: Floats, parts: Ints) -> Floats:
+def apply_by_part(function: Callable[[Floats], Floats], x: Floats, parts: Ints) -> Floats:
     """Apply a function to each part of (n,) values; `parts` holds their first indices."""
     return np.concatenate([function(part) for part in np.split(x, parts)])

@@ -12,7 +12,7 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_corrected, refit_with_answer_u
 from analysis.findings.unsigned_channels import find_unsigned_speed, is_never_negative
 from analysis.model.schema import column_values
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
 
@@ -57,19 +57,19 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
         return []
     names: tuple[str, ...] = ()
     if of_force < -LIMITS.signed_correlation and not (by_imu and gain < 0.0):
-        names = inputs.measured_channels("force_x_N") or inputs.measured_channels(
+        names = inputs.select_measured_channels("force_x_N") or inputs.select_measured_channels(
             "torque_left_N_m", "torque_right_N_m"
         )
     elif by_imu and gain < 0.0:
         names = (
-            inputs.measured_channels(ACC)
+            inputs.select_measured_channels(ACC)
             if of_force < -LIMITS.signed_correlation
             else inputs.speed_channels
         )
     # a speed without its sign makes every drive in reverse look like one of the wrong sign
     if not names or find_unsigned_speed(inputs):
         return []
-    setting, value = inputs.propose_scales(names, -1.0)
+    setting, value = inputs.propose_scale_settings(names, -1.0)
     strength = max(
         abs(of_force if of_force < -LIMITS.signed_correlation else gain)
         / LIMITS.signed_correlation,
@@ -84,7 +84,7 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
             setting=setting,
             value=value,
             change=lambda: refit_with_answer_u(
-                inputs, lambda motion: multiply_channel(motion, names[0], -1.0), 0.05
+                inputs, lambda motion: scale_channel(motion, names[0], -1.0), 0.05
             ),
         )
     ]
@@ -92,7 +92,7 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
 
 def _find_flipped_side(inputs: FindingInputs) -> list[Symptom]:
     """Find left and right torques that oppose each other in straight driving."""
-    sides = inputs.measured_channels("torque_left_N_m", "torque_right_N_m")
+    sides = inputs.select_measured_channels("torque_left_N_m", "torque_right_N_m")
     if len(sides) < 2:
         return []
     left, right = (column_values(inputs.aligned, name) for name in sides)
@@ -110,7 +110,7 @@ def _find_flipped_side(inputs: FindingInputs) -> list[Symptom]:
     wrong = sides[
         int(np.argmin([float((each * np.sign(along))[speeding].mean()) for each in (left, right)]))
     ]
-    setting, value = inputs.propose_scales((wrong,), -1.0)
+    setting, value = inputs.propose_scale_settings((wrong,), -1.0)
     return [
         Symptom(
             LIMITS.sign_rank * abs(together),
@@ -125,7 +125,7 @@ def _find_flipped_side(inputs: FindingInputs) -> list[Symptom]:
 def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
     """Find wheel speeds whose turning direction contradicts the gyroscope."""
     gyro = "yaw_rate_rad_s"
-    sides = inputs.measured_channels("speed_left_m_s", "speed_right_m_s")
+    sides = inputs.select_measured_channels("speed_left_m_s", "speed_right_m_s")
     width = inputs.machine.machine.track_width_m
     if len(sides) < 2 or gyro not in inputs.aligned.columns or width is None:
         return []
@@ -134,14 +134,14 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
     used = np.isfinite(turns) & np.isfinite(rate) & ~inputs.standing_samples
     if used.sum() < 200:
         return []
-    step = rows_in_duration(LIMITS.independent_rows_s, inputs.machine.settings.align.rate_hz)
+    step = count_rows_in_duration(LIMITS.independent_rows_s, inputs.machine.settings.align.rate_hz)
     x, y = rate[used][::step], turns[used][::step]
     if float(np.sqrt((x**2).mean())) < LIMITS.turn_rad_s or not y.any():
         return []
     together = float(x @ y) / float(np.sqrt((x @ x) * (y @ y)))
     if together > -LIMITS.signed_correlation:
         return []
-    torques = inputs.measured_channels("torque_left_N_m", "torque_right_N_m")
+    torques = inputs.select_measured_channels("torque_left_N_m", "torque_right_N_m")
     names = (*sides, *torques)
     channels = inputs.machine.channels
     pairs = [(names[i], names[i ^ 1]) for i in range(len(names))]
@@ -166,16 +166,16 @@ def find_wrong_unit(inputs: FindingInputs) -> list[Symptom]:
     """Find ratios of speed, acceleration and force that match a common unit conversion."""
     # a mass in the wrong unit may be the acceleration's
     found = (
-        _find_unit_by_gravity(inputs)
-        or _find_unit_by_speed(inputs)
-        or _find_unit_by_empty_mass(inputs)
+        _find_wrong_unit_by_gravity(inputs)
+        or _find_wrong_unit_by_speed(inputs)
+        or _find_wrong_unit_by_empty_mass(inputs)
     )
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _find_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
+def _find_wrong_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
     """Compare the accelerometer's z axis at standstill with gravity."""
-    names = inputs.measured_channels(*_ACC_AXES)
+    names = inputs.select_measured_channels(*_ACC_AXES)
     reads, _ = inputs.standstill_mean_and_std(_ACC_AXES[2])
     share = reads / inputs.machine.machine.gravity_m_s2
     near = [
@@ -185,7 +185,7 @@ def _find_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
     ]
     if not near or ACC not in names:
         return []
-    setting, value = inputs.propose_scales(names, 1.0 / near[0])
+    setting, value = inputs.propose_scale_settings(names, 1.0 / near[0])
     return [
         Symptom(
             10.0 * abs(float(np.log(share))) / LIMITS.signed_correlation,
@@ -195,13 +195,13 @@ def _find_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
             setting=setting,
             value=value,
             change=lambda: refit_with_answer_u(
-                inputs, lambda motion: multiply_channel(motion, ACC, 1.0 / near[0]), 0.05
+                inputs, lambda motion: scale_channel(motion, ACC, 1.0 / near[0]), 0.05
             ),
         )
     ]
 
 
-def _reads_gravity(inputs: FindingInputs) -> bool:
+def _does_z_axis_read_gravity(inputs: FindingInputs) -> bool:
     """Whether the z axis reads ±g at rest, so that its unit is m/s²."""
     reads, _ = inputs.standstill_mean_and_std(_ACC_AXES[2])
     return bool(
@@ -209,7 +209,7 @@ def _reads_gravity(inputs: FindingInputs) -> bool:
     )
 
 
-def _name_units_by_speed_ratio(inputs: FindingInputs) -> dict[float, str]:
+def _list_wrong_units_by_ratio(inputs: FindingInputs) -> dict[float, str]:
     """Names of wrong units by the ratio of accelerometer to wheels that each would cause."""
     found = {1.0 / times: what for times, what in _SPEED_UNITS.items()}
     radius_m = inputs.machine.machine.wheel_radius_m
@@ -218,17 +218,17 @@ def _name_units_by_speed_ratio(inputs: FindingInputs) -> dict[float, str]:
     return {**{radius_m / times: what for times, what in _WHEEL_UNITS.items()}, **found}
 
 
-def _find_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
+def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     """Compare the accelerometer with the wheels and with gravity."""
     gain = inputs.checks.get("acceleration_gain", np.nan)
     seen = fit_accelerometer_gain(inputs)
     # what hardly moves has any gain
     if not gain > 0.0 or seen is None or not seen[1] < LIMITS.known_ratio_u * abs(seen[0]):
         return []
-    units = _name_units_by_speed_ratio(inputs)
+    units = _list_wrong_units_by_ratio(inputs)
     channels = dict.fromkeys(units, inputs.speed_channels)
-    if not _reads_gravity(inputs):
-        channels |= dict.fromkeys(_ACC_UNITS, inputs.measured_channels(*_ACC_AXES))
+    if not _does_z_axis_read_gravity(inputs):
+        channels |= dict.fromkeys(_ACC_UNITS, inputs.select_measured_channels(*_ACC_AXES))
     near = {
         ratio: abs(float(np.log(gain / ratio)))
         for ratio, names in channels.items()
@@ -246,7 +246,7 @@ def _find_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     names = channels[ratio]
     # the accelerometer's scale from the wheels' side, or the other way round
     times = 1.0 / ratio if names[0] == ACC else ratio
-    setting, value = inputs.propose_scales(names, times)
+    setting, value = inputs.propose_scale_settings(names, times)
     told = all(channels[each] == names for each in alike)
     what = " or ".join(
         {**units, **_ACC_UNITS}[each] for each in sorted(alike, key=near.__getitem__)
@@ -259,20 +259,20 @@ def _find_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
             setting=setting if told else None,
             value=value if told else None,
             change=lambda: refit_with_answer_u(
-                inputs, lambda motion: multiply_channel(motion, names[0], times), 0.05
+                inputs, lambda motion: scale_channel(motion, names[0], times), 0.05
             ),
         )
     ]
 
 
-def _find_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
+def _find_wrong_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     """Compare the mass with that of the empty machine."""
     ratio = inputs.checks.get("empty_mass_ratio", np.nan)
     empty_kg = inputs.machine.machine.empty_mass_kg
     fit = inputs.own_fit
     if fit is not None and empty_kg and fit.mass_kg > 0:
         ratio = fit.mass_kg / empty_kg
-    names = inputs.measured_channels("force_x_N") or inputs.measured_channels(
+    names = inputs.select_measured_channels("force_x_N") or inputs.select_measured_channels(
         "torque_left_N_m", "torque_right_N_m"
     )
     if fit is None:
@@ -287,7 +287,7 @@ def _find_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
         np.log(ratio / near)
     ):
         return []
-    setting, value = inputs.propose_scales(names, 1.0 / near)
+    setting, value = inputs.propose_scale_settings(names, 1.0 / near)
     return [
         Symptom(
             10.0 * abs(float(np.log(ratio))) / LIMITS.signed_correlation,
@@ -296,13 +296,13 @@ def _find_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
             setting=setting,
             value=value,
             change=lambda: refit_with_answer_u(
-                inputs, lambda motion: multiply_channel(motion, names[0], 1.0 / near), 0.05
+                inputs, lambda motion: scale_channel(motion, names[0], 1.0 / near), 0.05
             ),
         )
     ]
 
 
-def multiply_channel(motion: MotionSamples, channel: str, factor: float) -> MotionSamples:
+def scale_channel(motion: MotionSamples, channel: str, factor: float) -> MotionSamples:
     """The motion with one channel multiplied by a factor."""
     if channel == ACC:
 
@@ -321,14 +321,14 @@ def multiply_channel(motion: MotionSamples, channel: str, factor: float) -> Moti
     return replace(motion, force=motion.force * factor)
 
 
-def find_wrong_scale(inputs: FindingInputs) -> list[Symptom]:
+def find_wrong_mass_scale(inputs: FindingInputs) -> list[Symptom]:
     """Find a lightest load that contradicts the empty mass, given the scale's uncertainty."""
     found = inputs.check_inputs.empty_mass
     if found is None or not found.can_test_scale:
         return []
     return [
         Symptom(
-            abs(found.difference_in_u) / LIMITS.wrong_scale_u,
+            abs(found.difference_over_u) / LIMITS.wrong_scale_u,
             found.text,
             channel=inputs.force_channel,
         )

@@ -53,29 +53,32 @@ def find_unexplained_checks(inputs: FindingInputs) -> list[Symptom]:
 
 
 def make_unexplained_symptom(
-    judged: pl.DataFrame, causes: Collection[str], mattering: Collection[str] | None = None
+    verdict: pl.DataFrame, causes: Collection[str], mass_causes: Collection[str] | None = None
 ) -> Symptom | None:
     """Symptom of failed checks that no cause explains; None if each is explained.
 
     Args:
-        judged: the frame `verdict`.
+        verdict: the frame `verdict`.
         causes: keys of the causes that the log shows.
-        mattering: keys of those that invalidate the mass, move it by about its uncertainty, or
+        mass_causes: keys of those that invalidate the mass, move it by about its uncertainty, or
             have an effect on it that is not known; None: all.
     """
-    told, matter = set(causes), set(causes if mattering is None else mattering)
-    failed = [row for row in judged.iter_rows(named=True) if _is_unexplained(row, told, matter)]
+    told, matter = set(causes), set(causes if mass_causes is None else mass_causes)
+    failed = [
+        row for row in verdict.iter_rows(named=True) if _is_check_unexplained(row, told, matter)
+    ]
     if not failed:
         return None
     said = "; ".join(
-        f"{row['check']} {_value_and_limit_text(row)}: {row['meaning']}" for row in failed
+        f"{row['check']} {_format_value_and_limit(row)}: {row['meaning']}" for row in failed
     )
     return Symptom(
-        max(map(_excess_over_limit, failed)), f"no known cause explains the failed checks: {said}"
+        max(map(_value_to_limit_ratio, failed)),
+        f"no known cause explains the failed checks: {said}",
     )
 
 
-def _is_unexplained(row: Mapping[str, Any], causes: set[str], mattering: set[str]) -> bool:
+def _is_check_unexplained(row: Mapping[str, Any], causes: set[str], mass_causes: set[str]) -> bool:
     """Whether a failed check of the mass has no cause among those found."""
     if row["about"] != "mass" or row["passed"] is not False or row["consequence"] not in _COSTS:
         return False
@@ -83,11 +86,11 @@ def _is_unexplained(row: Mapping[str, Any], causes: set[str], mattering: set[str
     if check in _OF_ONE_THING:
         accounts = causes & set(_OF_ONE_THING[check])
     else:
-        accounts = mattering | causes & set(_OF_ITS_QUANTITY.get(check, ()))
+        accounts = mass_causes | causes & set(_OF_ITS_QUANTITY.get(check, ()))
     return not accounts - set(_BEND_NOTHING)
 
 
-def _value_and_limit_text(row: Mapping[str, Any]) -> str:
+def _format_value_and_limit(row: Mapping[str, Any]) -> str:
     """Value and the limit that it exceeds, as text."""
     if row["value"] is None:
         return "has no value"
@@ -97,7 +100,7 @@ def _value_and_limit_text(row: Mapping[str, Any]) -> str:
     return f"{row['value']:.3g} {limit}"
 
 
-def _excess_over_limit(row: Mapping[str, Any]) -> float:
+def _value_to_limit_ratio(row: Mapping[str, Any]) -> float:
     """Value over its limit, as the strength of the symptom."""
     value, limit = row["value"], row["maximum"]
     if value is None or not limit or limit < 0.0:

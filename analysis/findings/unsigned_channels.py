@@ -5,7 +5,7 @@ import numpy as np
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 
 
 def find_unsigned_channel(inputs: FindingInputs) -> list[Symptom]:
@@ -52,7 +52,7 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
     straight = inputs.check_inputs.straight_motion
     if not straight.complete.any():
         return []
-    fewest = rows_in_duration(
+    fewest = count_rows_in_duration(
         LIMITS.unsigned_braking_s,
         inputs.machine.settings.align.rate_hz,
         LIMITS.unsigned_min_samples,

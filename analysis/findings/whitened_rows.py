@@ -14,7 +14,7 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
 from estimators.arrays import Floats, Ints
-from estimators.numerics.fit_loss import group_rows
+from estimators.numerics.fit_loss import list_rows_by_group
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class EquationRows:
     size_N: float = 1.0
 
 
-def whitened_force_rows(
+def build_whitened_force_rows(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     mass_kg: Floats,
@@ -58,7 +58,7 @@ def whitened_force_rows(
         brakes: whether braking counts as driving.
     """
     taken = samples_in_whole_blocks(motion.group, LIMITS.force_mean_samples)
-    usual_kg = float(np.median(mass_kg[motion.used]))
+    usual_kg = float(np.median(mass_kg[motion.is_fittable]))
     std = float(
         np.sqrt(
             (g := np.array([usual_kg, friction, -1.0]))
@@ -67,7 +67,7 @@ def whitened_force_rows(
         )
     )
     # a force without noise is known to its last digit
-    std = max(std, np.finfo(np.float64).eps * motion.largest_force) or 1.0
+    std = max(std, np.finfo(np.float64).eps * motion.force_95_percent) or 1.0
     a, v, f = motion.acceleration[taken], motion.speed[taken], motion.force[taken]
     along = motion.progress[taken]
     rate = _force_rate(motion.force, motion.rate_hz)[taken]
@@ -104,13 +104,15 @@ def whitened_force_rows(
     )
 
 
-def whitened_wheel_rows(motion: MotionSamples, noise: ColumnNoiseModel) -> EquationRows | None:
+def build_whitened_wheel_rows(
+    motion: MotionSamples, noise: ColumnNoiseModel
+) -> EquationRows | None:
     """Build the whitened rows of wheels against accelerometer; None without an accelerometer."""
     reads = motion.specific_force if motion.without_gravity is None else motion.without_gravity
     if reads is None:
         return None
     step_s = 1.0 / motion.rate_hz
-    rounding_m_s = np.finfo(np.float64).eps * motion.largest_speed
+    rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percent
     of_speed = max(float(noise.covariance(LIMITS.wheel_mean_samples)[1, 1]), rounding_m_s**2)
     of_acc = (
         float(noise.covariance(LIMITS.accumulated_noise_samples)[0, 0])
@@ -120,14 +122,14 @@ def whitened_wheel_rows(motion: MotionSamples, noise: ColumnNoiseModel) -> Equat
     )
     found: list[Floats] = []
     of_gained = 0.0
-    for part in group_rows(motion.group):
+    for part in list_rows_by_group(motion.group):
         count = part.size // LIMITS.wheel_mean_samples
         if count < LIMITS.wheel_min_means:
             continue
         part = part[: count * LIMITS.wheel_mean_samples]
         a, v, f = reads[part], motion.speed[part], motion.force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
-        white, added = whitening_matrix(count, of_speed, of_acc)
+        white, added = compute_whitening_matrix(count, of_speed, of_acc)
         of_gained += added
         means = (
             block_sums(
@@ -146,7 +148,7 @@ def whitened_wheel_rows(motion: MotionSamples, noise: ColumnNoiseModel) -> Equat
 
 
 @lru_cache(maxsize=256)
-def whitening_matrix(count: int, of_speed: float, of_acc: float) -> tuple[Floats, float]:
+def compute_whitening_matrix(count: int, of_speed: float, of_acc: float) -> tuple[Floats, float]:
     """Matrix that whitens the noise of a stretch and removes its mean and slope.
 
     It also returns the accelerometer's share of that noise, summed over the rows.
@@ -165,17 +167,17 @@ def whitening_matrix(count: int, of_speed: float, of_acc: float) -> tuple[Floats
     return rows, float(np.einsum("ij,jk,ik->", rows, adds_up, rows))
 
 
-def samples_in_whole_blocks(group: Ints, samples: int) -> Ints:
+def samples_in_whole_blocks(group: Ints, block_size: int) -> Ints:
     """Indices of the samples in whole blocks of the given size within each stretch."""
-    own = [part[: part.size // samples * samples] for part in group_rows(group)]
+    own = [part[: part.size // block_size * block_size] for part in list_rows_by_group(group)]
     return np.concatenate([np.zeros(0, np.int64), *own]).astype(np.int64)
 
 
-def block_sums(x: Floats, samples: int) -> Floats:
+def block_sums(x: Floats, block_size: int) -> Floats:
     """Sums of blocks of so many samples, (blocks,)."""
-    blocks = x.reshape(-1, samples)
+    blocks = x.reshape(-1, block_size)
     total = blocks[:, 0].copy()
-    for k in range(1, samples):
+    for k in range(1, block_size):
         total += blocks[:, k]
     return total
 
@@ -260,7 +262,7 @@ class ProjectedEquation:
             variance,
         )
 
-    def information_about(self, name: str) -> float:
+    def remaining_information(self, name: str) -> float:
         """Remaining information about a candidate cause."""
         return self.information.get(name, 0.0)
 

@@ -29,7 +29,11 @@ def rank_concerns(
     )
     placed = results.join(without, on="key", how="left")
     reasons = pl.concat(
-        [*concerns_of_results(placed), concerns_of_cycles(cycles), concerns_of_findings(findings)]
+        [
+            *list_result_concerns(placed),
+            list_payload_concerns(cycles),
+            list_finding_concerns(findings),
+        ]
     )
     ranked = (
         reasons.sort("weight", "why", descending=[True, False])
@@ -48,7 +52,7 @@ def rank_concerns(
     )
 
 
-def concerns_of_results(results: pl.DataFrame) -> list[pl.DataFrame]:
+def list_result_concerns(results: pl.DataFrame) -> list[pl.DataFrame]:
     """Frames of recordings with a problem in `results`, one frame per kind of problem."""
     missing, cycles = pl.col("cycles_without_mass"), pl.col("cycles")
     lost = pl.col("lost_cycles")
@@ -94,7 +98,7 @@ def concerns_of_results(results: pl.DataFrame) -> list[pl.DataFrame]:
     ]
 
 
-def concerns_of_cycles(cycles: pl.LazyFrame) -> pl.DataFrame:
+def list_payload_concerns(cycles: pl.LazyFrame) -> pl.DataFrame:
     """Payloads far from the machine's others, by median and median absolute deviation."""
     payload = pl.col("payload_kg")
     apart = (payload - payload.median().over("machine")).abs().alias("apart")
@@ -124,7 +128,7 @@ def concerns_of_cycles(cycles: pl.LazyFrame) -> pl.DataFrame:
     )
 
 
-def concerns_of_findings(findings: pl.LazyFrame) -> pl.DataFrame:
+def list_finding_concerns(findings: pl.LazyFrame) -> pl.DataFrame:
     """Likeliest cause of each recording, unless it is only informative."""
     change = pl.col("mass_change_kg").round(0).cast(pl.Int64, strict=False).cast(pl.String)
     return (

@@ -67,7 +67,7 @@ class LineChange(NamedTuple):
     scale_limit_1: float
 
     @property
-    def has_moved(self) -> bool:
+    def has_line_moved(self) -> bool:
         """Whether either change exceeds its limit."""
         return abs(self.zero_kg) > self.zero_limit_kg or abs(self.scale_1) > self.scale_limit_1
 
@@ -97,11 +97,11 @@ def find_line_changes(calibrations: Sequence[FleetCalibration]) -> list[LineChan
         before = last.get((each.machine, each.method))
         last[each.machine, each.method] = each
         if before is not None:
-            found.append(calibration_line_change(before, each))
+            found.append(compare_calibration_lines(before, each))
     return found
 
 
-def calibration_line_change(before: FleetCalibration, after: FleetCalibration) -> LineChange:
+def compare_calibration_lines(before: FleetCalibration, after: FleetCalibration) -> LineChange:
     """Change of offset and slope between two calibrations."""
     middle = (before.centre_kg + after.centre_kg) / 2.0
     (old, old_kg2), (new, new_kg2) = (

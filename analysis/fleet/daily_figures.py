@@ -45,7 +45,7 @@ def make_daily_figures(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.DataFr
     )
 
 
-def weekly_tonnes(results: pl.DataFrame) -> pl.DataFrame:
+def sum_weekly_tonnes(results: pl.DataFrame) -> pl.DataFrame:
     """Tonnes per machine and week.
 
     Random errors of recordings add in squares. Systematic ones add linearly, since all recordings
@@ -59,10 +59,10 @@ def weekly_tonnes(results: pl.DataFrame) -> pl.DataFrame:
     """
     week = pl.col("day").str.to_date().dt.truncate("1w").alias("week")
     dated = results.filter(pl.col("day") != UNDATED)
-    return sum_results(dated.with_columns(week), ["machine", "week"])
+    return sum_results_by_group(dated.with_columns(week), ["machine", "week"])
 
 
-def sum_results(results: pl.DataFrame, group_columns: list[str]) -> pl.DataFrame:
+def sum_results_by_group(results: pl.DataFrame, group_columns: list[str]) -> pl.DataFrame:
     """Recordings, loads and tonnes grouped by some columns; see `weekly`."""
     return (
         results.group_by(group_columns)
@@ -72,7 +72,7 @@ def sum_results(results: pl.DataFrame, group_columns: list[str]) -> pl.DataFrame
             pl.col("payload_kg").sum(),
             (pl.col("payload_u_random_kg") ** 2).sum().sqrt().alias("payload_u_random_kg"),
             pl.col("payload_u_common_kg").sum(),
-            count_recordings_without_scale().alias("without_scale"),
+            make_count_of_recordings_without_scale().alias("without_scale"),
         )
         .with_columns(
             (pl.col("payload_u_random_kg") ** 2 + pl.col("payload_u_common_kg") ** 2)
@@ -99,7 +99,7 @@ def sum_machines(machines: pl.DataFrame) -> Mapping[str, float]:
     }
 
 
-def count_recordings_without_scale() -> pl.Expr:
+def make_count_of_recordings_without_scale() -> pl.Expr:
     """Expression: number of recordings whose tonnes have an unknown scale."""
     unknown = pl.col("scale_unknown").fill_null("") != ""
     return (unknown & (pl.col("cycles_counted") > 0)).sum().cast(pl.Int64)

@@ -103,19 +103,21 @@ TABLES: Final[Mapping[str, Frame]] = {
 }
 
 
-def table_schema(name: str) -> pl.Schema:
+def make_table_schema(name: str) -> pl.Schema:
     """Columns of a table: key, machine, day and start, then those of the frame."""
     columns = (*OF_RESULT, *TABLES[name].columns)
-    return pl.Schema({column.name: stored_dtype(column) for column in columns})
+    return pl.Schema({column.name: choose_stored_dtype(column) for column in columns})
 
 
-def stored_dtype(column: Column) -> pl.DataType:
+def choose_stored_dtype(column: Column) -> pl.DataType:
     """Column type in Parquet; enumerations are stored as text, which every reader supports."""
     dtype = column.dtype() if isinstance(column.dtype, type) else column.dtype
     return pl.String() if isinstance(dtype, pl.Enum) else dtype
 
 
-def rows_of_table(name: str, frame: pl.DataFrame, key_values: Mapping[str, object]) -> pl.DataFrame:
+def convert_rows_for_table(
+    name: str, frame: pl.DataFrame, key_values: Mapping[str, object]
+) -> pl.DataFrame:
     """Convert rows of a frame to rows of its table.
 
     Args:
@@ -123,7 +125,7 @@ def rows_of_table(name: str, frame: pl.DataFrame, key_values: Mapping[str, objec
         frame: frame with some or all of its columns; missing ones become null.
         key_values: values of key, machine, day and t0_unix_ns.
     """
-    schema = table_schema(name)
+    schema = make_table_schema(name)
     given = frame.with_columns(**{each: pl.lit(value) for each, value in key_values.items()})
     return given.select(
         (pl.col(each) if each in given.columns else pl.lit(None)).cast(dtype).alias(each)
@@ -131,7 +133,9 @@ def rows_of_table(name: str, frame: pl.DataFrame, key_values: Mapping[str, objec
     )
 
 
-def tables_of_run(run: Run, other_frames: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+def make_tables_of_run(
+    run: Run, other_frames: Mapping[str, pl.DataFrame]
+) -> dict[str, pl.DataFrame]:
     """All tables of a run except `results`.
 
     Args:
@@ -146,7 +150,7 @@ def tables_of_run(run: Run, other_frames: Mapping[str, pl.DataFrame]) -> dict[st
     }
 
 
-def result_row(run: Run) -> dict[str, object]:
+def make_result_row(run: Run) -> dict[str, object]:
     """Columns of `results` that the run itself determines."""
     about, frames = run.provenance, run.frames
     verdict = Verdict.from_frame(frames["verdict"])

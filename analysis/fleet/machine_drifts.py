@@ -110,9 +110,9 @@ class MachineChart(NamedTuple):
         return std * (100.0 + self.change) if self.signal.logarithm else std
 
 
-def drift_limit() -> float:
+def compute_drift_limit() -> float:
     """Limit of each chart that allows half a false alarm per machine and year in total."""
-    return cusum_limit(len(SIGNALS) * _DAYS / LIMITS.false_alarms_per_year)
+    return find_cusum_limit(len(SIGNALS) * _DAYS / LIMITS.false_alarms_per_year)
 
 
 def make_machine_charts(days: pl.DataFrame) -> list[MachineChart]:
@@ -121,7 +121,7 @@ def make_machine_charts(days: pl.DataFrame) -> list[MachineChart]:
     Args:
         days: frame of `daily`.
     """
-    limit = drift_limit()
+    limit = compute_drift_limit()
     found: list[MachineChart] = []
     for _, rows in days.group_by("machine", maintain_order=True):
         parts = rows.with_columns(part=pl.col("calibration").rle_id())
@@ -134,19 +134,19 @@ def make_machine_charts(days: pl.DataFrame) -> list[MachineChart]:
     return found
 
 
-def chart_quantity(part: pl.DataFrame, signal: ChartedQuantity, limit: float) -> MachineChart:
+def chart_quantity(days: pl.DataFrame, signal: ChartedQuantity, limit: float) -> MachineChart:
     """Chart of one quantity of a machine between two calibrations."""
-    values = part[signal.column].to_numpy()
+    values = days[signal.column].to_numpy()
     if signal.logarithm:
         # what is not positive has no share to change by
         kept = values > 0.0
-        part, values = part.filter(pl.Series(kept)), np.log(values[kept])
+        days, values = days.filter(pl.Series(kept)), np.log(values[kept])
     raw = np.exp(values) if signal.logarithm else values
     return MachineChart(
-        str(part["machine"].first()),
+        str(days["machine"].first()),
         signal,
-        str(part["calibration"].first()),
-        tuple(part["day"].to_list()),
+        str(days["calibration"].first()),
+        tuple(days["day"].to_list()),
         tuple(float(value) for value in raw),
         make_control_chart(values, limit),
     )
@@ -157,7 +157,7 @@ def make_control_chart(values: Floats, limit: float) -> ControlChart:
 
     Args:
         values: (n,) values in order of time, without NaN.
-        limit: limit of the sums, from `cusum_limit`.
+        limit: limit of the sums, from `find_cusum_limit`.
     """
     innovation = standardise_innovations(whiten_series(values))
     up, down = np.zeros(values.size), np.zeros(values.size)
@@ -174,7 +174,7 @@ def make_control_chart(values: Floats, limit: float) -> ControlChart:
         up[n], down[n] = high, low
         if flagged is None and max(high, low) > limit:
             flagged, since = n, begins[0 if high > low else 1]
-    change, std = change_and_std_since(values, since)
+    change, std = estimate_change_and_std_at(values, since)
     return ControlChart(innovation, up, down, limit, flagged, since, change, std)
 
 
@@ -218,7 +218,7 @@ def standardise_innovations(values: Floats) -> Floats:
     return found
 
 
-def change_and_std_since(values: Floats, since_row: int | None) -> tuple[float, float]:
+def estimate_change_and_std_at(values: Floats, since_row: int | None) -> tuple[float, float]:
     """Change of the mean of the values (n,) at a row, and its standard deviation."""
     if since_row is None or since_row < 2 or values.size - since_row < 2:
         return float("nan"), float("nan")
@@ -228,7 +228,7 @@ def change_and_std_since(values: Floats, since_row: int | None) -> tuple[float, 
 
 
 @cache
-def cusum_limit(run_length: float) -> float:
+def find_cusum_limit(run_length: float) -> float:
     """CUSUM limit, in standard deviations, for false alarms on average `run_length` values apart.
 
     Args:
@@ -239,12 +239,14 @@ def cusum_limit(run_length: float) -> float:
     while high - low > 1e-3:
         middle = (low + high) / 2.0
         low, high = (
-            (middle, high) if average_run_length(middle) < 2.0 * run_length else (low, middle)
+            (middle, high)
+            if compute_average_run_length(middle) < 2.0 * run_length
+            else (low, middle)
         )
     return (low + high) / 2.0
 
 
-def average_run_length(limit: float, shift: float = 0.0) -> float:
+def compute_average_run_length(limit: float, shift: float = 0.0) -> float:
     """Average run length of one CUSUM from 0, for normal values.
 
     Args:

@@ -55,17 +55,17 @@ Z: Final = Axis(
 )
 
 
-def available_axes(excitation: pl.DataFrame) -> tuple[Axis, ...]:
+def list_available_axes(excitation: pl.DataFrame) -> tuple[Axis, ...]:
     """The axes that the channels allow: z needs a yaw torque, rate and acceleration."""
-    return axes_of_columns(excitation.columns)
+    return list_axes_of_columns(excitation.columns)
 
 
-def axes_of_columns(columns: Iterable[str]) -> tuple[Axis, ...]:
+def list_axes_of_columns(columns: Iterable[str]) -> tuple[Axis, ...]:
     """The axes that the columns of `excitation` allow."""
     return (X, Z) if set(YAW_COLUMNS) <= set(columns) else (X,)
 
 
-def regressor_columns(axis: Axis, settings: Settings) -> tuple[str, ...]:
+def list_regressor_columns(axis: Axis, settings: Settings) -> tuple[str, ...]:
     """Columns of `excitation` for A and f of an axis, that of f last."""
     if axis is Z:
         return ("yaw_acc_rad_s2", "yaw_rate_rad_s", "torque_z_N_m")
@@ -73,18 +73,18 @@ def regressor_columns(axis: Axis, settings: Settings) -> tuple[str, ...]:
     return ("regressor_acc_x_m_s2", "speed_x_m_s", *direction, "force_x_N")
 
 
-def regressor_and_force(
+def make_regressor_and_force(
     axis: Axis, excitation: pl.DataFrame, settings: Settings
 ) -> tuple[Floats, Floats]:
     """A (rows, p) and f (rows,) of an axis; NaN if a sample is missing."""
     return (
-        straight_regressor_and_force(excitation, settings)
+        make_straight_regressor_and_force(excitation, settings)
         if axis is X
-        else spin_regressor_and_torque(excitation)
+        else make_spin_regressor_and_torque(excitation)
     )
 
 
-def straight_regressor_and_force(
+def make_straight_regressor_and_force(
     excitation: pl.DataFrame, settings: Settings
 ) -> tuple[Floats, Floats]:
     """A (rows, 2 or 3) and f (rows,) of the x row of (7); NaN if a sample is missing.
@@ -93,7 +93,7 @@ def straight_regressor_and_force(
     accelerometer's 9.81 m/s² in a_z.
     """
     direction = column_values(excitation, "direction_x_1") if settings.forces.coulomb else None
-    A = planar_rows.straight_regressor(
+    A = planar_rows.make_straight_regressor(
         column_values(excitation, "regressor_acc_x_m_s2"),
         column_values(excitation, "speed_x_m_s"),
         direction,
@@ -101,15 +101,15 @@ def straight_regressor_and_force(
     return np.ascontiguousarray(A), column_values(excitation, "force_x_N")
 
 
-def spin_regressor_and_torque(excitation: pl.DataFrame) -> tuple[Floats, Floats]:
+def make_spin_regressor_and_torque(excitation: pl.DataFrame) -> tuple[Floats, Floats]:
     """A (rows, 2) and τ (rows,) of the yaw row of (8); NaN if a sample is missing."""
-    A = planar_rows.spin_regressor(
+    A = planar_rows.make_spin_regressor(
         column_values(excitation, "yaw_acc_rad_s2"), column_values(excitation, "yaw_rate_rad_s")
     )
     return np.ascontiguousarray(A), column_values(excitation, "torque_z_N_m")
 
 
-def theta_columns(axis: Axis, theta: Floats, std: Floats) -> dict[str, Floats]:
+def make_parameter_columns(axis: Axis, theta: Floats, std: Floats) -> dict[str, Floats]:
     """Parameters (rows, p) and their standard deviations, by the frames' column names."""
     columns: dict[str, Floats] = {}
     for i, (name, name_std) in enumerate(axis.parameters[: theta.shape[1]]):
@@ -118,17 +118,17 @@ def theta_columns(axis: Axis, theta: Floats, std: Floats) -> dict[str, Floats]:
     return columns
 
 
-def trace_columns(axis: Axis, traced: Trace) -> dict[str, Floats]:
+def make_trace_columns(axis: Axis, traced: Trace) -> dict[str, Floats]:
     """Values of a trace, by the frames' column names."""
     return {
-        **theta_columns(axis, traced.theta, traced.std),
+        **make_parameter_columns(axis, traced.theta, traced.std),
         axis.residual_rms: traced.residual_rms,
         "condition_1": traced.condition,
     }
 
 
 def read_parameters_and_stds(axis: Axis, estimates: pl.DataFrame) -> tuple[Floats, Floats]:
-    """Parameters and standard deviations, (rows, p) each, from columns of `theta_columns`."""
+    """Parameters and standard deviations, (rows, p) each, from `make_parameter_columns`."""
     present = [pair for pair in axis.parameters if pair[0] in estimates.columns]
     theta = np.column_stack([column_values(estimates, name) for name, _ in present])
     std = np.column_stack([column_values(estimates, name) for _, name in present])

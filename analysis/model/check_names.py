@@ -68,8 +68,8 @@ def replace_former_names_in_evidence(text: str) -> str:
     return before + mark + _NAME_WITH_VALUE.sub(_replace_matched_name, checks) if mark else text
 
 
-def _replace_matched_name(found: re.Match[str]) -> str:
-    return found[1] + PRESENT_NAMES.get(found[2], found[2])
+def _replace_matched_name(match: re.Match[str]) -> str:
+    return match[1] + PRESENT_NAMES.get(match[2], match[2])
 
 
 #: Column with names of checks, and how they are replaced, by the frame or table that has it.

@@ -56,35 +56,35 @@ def take_fingerprint(
         machine: resolved machine file, as JSON-compatible values.
         settings: its settings, as JSON-compatible values.
     """
-    digests = {name: frame_digest(frame) for name, frame in frames.items()}
+    digests = {name: digest_frame(frame) for name, frame in frames.items()}
     return Fingerprint(
-        inputs=_json_digest(sorted(inputs)),
-        settings=_json_digest([machine, settings]),
-        results=_json_digest(list(digests.items())),
+        inputs=_digest_json(sorted(inputs)),
+        settings=_digest_json([machine, settings]),
+        results=_digest_json(list(digests.items())),
         frames=digests,
     )
 
 
-def frame_digest(frame: pl.DataFrame) -> str:
+def digest_frame(frame: pl.DataFrame) -> str:
     """Digest of a frame: its height, and name, dtype, values and nulls of each column in order.
 
     Values count bit for bit: 0.0 differs from -0.0, and so do NaNs with different bits. Memory
     below a null does not count.
     """
     if frame.height < LIMITS.threaded_rows:
-        columns = list(map(_column_digest, frame.get_columns()))
+        columns = list(map(_digest_column, frame.get_columns()))
     else:
         with ThreadPoolExecutor() as pool:  # hashlib releases the interpreter's lock
-            columns = list(pool.map(_column_digest, frame.get_columns()))
-    return _json_digest([frame.height, columns])
+            columns = list(pool.map(_digest_column, frame.get_columns()))
+    return _digest_json([frame.height, columns])
 
 
-def _json_digest(value: Any) -> str:
+def _digest_json(value: Any) -> str:
     text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _column_digest(series: pl.Series) -> str:
+def _digest_column(series: pl.Series) -> str:
     values, nulls = hashlib.sha256(), hashlib.sha256()
     for part in (
         series[begin : begin + LIMITS.hashed_rows]
@@ -95,7 +95,7 @@ def _column_digest(series: pl.Series) -> str:
         for array in iter_value_arrays(part):
             values.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).data)
     about = [series.name, *_describe_dtype(series.dtype)]
-    return _json_digest([about, values.hexdigest(), nulls.hexdigest()])
+    return _digest_json([about, values.hexdigest(), nulls.hexdigest()])
 
 
 def _describe_dtype(dtype: pl.DataType) -> list[Any]:
@@ -104,20 +104,20 @@ def _describe_dtype(dtype: pl.DataType) -> list[Any]:
     return [str(dtype)]
 
 
-def iter_value_arrays(part: pl.Series) -> Iterator[NDArray[Any]]:
+def iter_value_arrays(series: pl.Series) -> Iterator[NDArray[Any]]:
     """Yield the values of a column as arrays, zero or empty for nulls."""
-    dtype = part.dtype
+    dtype = series.dtype
     if isinstance(dtype, pl.Enum):
         # polars stores a code in as few bytes as the categories need
-        yield _fill_null(part.to_physical().cast(pl.UInt32), 0).to_numpy()
+        yield _fill_null(series.to_physical().cast(pl.UInt32), 0).to_numpy()
     elif dtype.is_integer() or dtype.is_float():
-        yield _fill_null(part, 0).to_numpy()
+        yield _fill_null(series, 0).to_numpy()
     elif dtype == pl.Boolean:
-        yield np.packbits(_fill_null(part, value=False).to_numpy())
+        yield np.packbits(_fill_null(series, value=False).to_numpy())
     elif dtype.is_temporal():
-        yield from iter_value_arrays(part.to_physical())
+        yield from iter_value_arrays(series.to_physical())
     else:
-        texts = part if dtype == pl.String else _write_values_as_text(part)
+        texts = series if dtype == pl.String else _write_values_as_text(series)
         encoded = "".join(_fill_null(texts, "").to_list()).encode()
         yield _fill_null(texts.str.len_bytes().cast(pl.UInt64), 0).to_numpy()
         yield np.frombuffer(encoded, np.uint8)

@@ -24,7 +24,7 @@ from analysis.model.model_limits import LIMITS
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.model.settings import Settings
 from analysis.model.strict_config import STRICT
-from estimators.errors import nearest
+from estimators.errors import suggest_choice
 
 # TOML can write nan and inf, which are no scale, delay or length
 _DERIVATIVE = re.compile(r"d/dt\s+(\w+)")
@@ -56,7 +56,7 @@ class LogSection(BaseModel):
     sort_times: bool | None = None
 
     @model_serializer(mode="wrap")
-    def _keep_given_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _serialise_given_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Keep the given keys only, so that a later version's keys change no earlier file."""
         return {name: value for name, value in handler(self).items() if value is not None}
 
@@ -75,7 +75,7 @@ class Channel(BaseModel):
     derive: str | None = None
 
     @property
-    def derivative_of(self) -> str | None:
+    def differentiated_channel(self) -> str | None:
         """The channel that `derive = "d/dt NAME"` differentiates."""
         match = _DERIVATIVE.fullmatch((self.derive or "").strip())
         return match[1] if match else None
@@ -87,7 +87,7 @@ class Channel(BaseModel):
         return (match[1], match[2]) if match else None
 
     @property
-    def angle_of(self) -> tuple[str, str] | None:
+    def angle_and_quaternion_field(self) -> tuple[str, str] | None:
         """The angle and the quaternion's field of `derive = "pitch(FIELD)"` or `"roll(FIELD)"`."""
         match = _ANGLE.fullmatch((self.derive or "").strip())
         return (match[1], match[2]) if match else None
@@ -95,23 +95,28 @@ class Channel(BaseModel):
     @property
     def expression(self) -> Expression | None:
         """The arithmetic of `derive = "torque_N_m / 0.35 [m]"`; None where it is another form."""
-        if self.derive is None or self.derivative_of or self.averaged_channels or self.angle_of:
+        if (
+            self.derive is None
+            or self.differentiated_channel
+            or self.averaged_channels
+            or self.angle_and_quaternion_field
+        ):
             return None
         return parse_expression(self.derive.strip())
 
     @property
     def is_derivative(self) -> bool:
         """Whether it is made by a derivative."""
-        tree = self.expression if self.derive and not self.derivative_of else None
-        return self.derivative_of is not None or (
+        tree = self.expression if self.derive and not self.differentiated_channel else None
+        return self.differentiated_channel is not None or (
             tree is not None and any(iter_differentiated_channels(tree))
         )
 
     @property
     def fields(self) -> tuple[str, ...]:
         """The fields that are read from its topic; none where it is made of other channels."""
-        if self.angle_of:
-            return tuple(f"{self.angle_of[1]}.{part}" for part in "xyzw")
+        if self.angle_and_quaternion_field:
+            return tuple(f"{self.angle_and_quaternion_field[1]}.{part}" for part in "xyzw")
         return () if self.field is None else (self.field,)
 
     @property
@@ -123,13 +128,15 @@ class Channel(BaseModel):
                     n for n in iter_channel_names(self.expression) if n not in BODY_NUMBERS
                 )
             )
-        return self.averaged_channels or ((self.derivative_of,) if self.derivative_of else ())
+        return self.averaged_channels or (
+            (self.differentiated_channel,) if self.differentiated_channel else ()
+        )
 
     @model_validator(mode="after")
     def _require_field_or_derivation(self) -> Self:
         if (self.field is None) == (self.derive is None):
             raise ValueError("give either 'field' (with 'topic') or 'derive'")
-        if self.angle_of:
+        if self.angle_and_quaternion_field:
             if self.unit is not None or self.scale != 1.0 or self.offset:
                 raise ValueError("an angle of a quaternion takes no 'unit', 'scale' or 'offset'")
             return self
@@ -164,18 +171,18 @@ class Machine(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _resolve_wheel_scale(cls, given: Any) -> Any:
+    def _resolve_wheel_scale(cls, content: Any) -> Any:
         """Replace `scale = "wheel_radius_m"` by the machine's wheel radius, in m/rad."""
-        if not isinstance(given, Mapping) or not isinstance(given.get("channels"), Mapping):
-            return given
-        body = given.get("machine")
+        if not isinstance(content, Mapping) or not isinstance(content.get("channels"), Mapping):
+            return content
+        body = content.get("machine")
         if not isinstance(body, Mapping):
-            return given  # that it has no such table says more than what needs it
+            return content  # that it has no such table says more than what needs it
         radius_m = body.get(_WHEEL_RADIUS)
-        misspelt = {*given} - {*cls.model_fields} | {*body} - {*Body.model_fields}
+        misspelt = {*content} - {*cls.model_fields} | {*body} - {*Body.model_fields}
         if radius_m is None and misspelt:
-            return given  # likewise
-        channels = dict(given["channels"])
+            return content  # likewise
+        channels = dict(content["channels"])
         for name, channel in channels.items():
             if isinstance(channel, Mapping) and channel.get("scale") == _WHEEL_RADIUS:
                 if radius_m is None:
@@ -183,7 +190,7 @@ class Machine(BaseModel):
                         f'channels.{name}: scale = "wheel_radius_m" needs machine.wheel_radius_m'
                     )
                 channels[name] = {**channel, "scale": radius_m}
-        return {**given, "channels": channels}
+        return {**content, "channels": channels}
 
     @model_validator(mode="after")
     def _check_channels(self) -> Self:
@@ -193,7 +200,7 @@ class Machine(BaseModel):
                 if source not in self.channels and channel.expression is not None:
                     raise ValueError(
                         f"channels.{name}: '{source}' is neither a channel nor a key of [machine]; "
-                        f"{nearest(source, (*self.channels, *BODY_NUMBERS))}"
+                        f"{suggest_choice(source, (*self.channels, *BODY_NUMBERS))}"
                     )
         # what arithmetic alone needs has a name of its own: current_A
         known |= {
@@ -204,8 +211,11 @@ class Machine(BaseModel):
         }
         for name, channel in self.channels.items():
             if name not in known:
-                raise ValueError(f"channels.{name}: no such column; {nearest(name, known)}")
-            if channel.angle_of and name != f"{channel.angle_of[0]}_rad":
+                raise ValueError(f"channels.{name}: no such column; {suggest_choice(name, known)}")
+            if (
+                channel.angle_and_quaternion_field
+                and name != f"{channel.angle_and_quaternion_field[0]}_rad"
+            ):
                 raise ValueError(f"channels.{name}: '{channel.derive}' does not compute {name}")
             for source in channel.direct_source_channels:
                 if source not in self.channels:
@@ -215,7 +225,7 @@ class Machine(BaseModel):
             ):
                 if key in BODY_NUMBERS and getattr(self.machine, key) is None:
                     raise ValueError(f"channels.{name}: machine.{key} is not given")
-        self.derivation_order()
+        self.order_channels_by_derivation()
         self._check_required_channels()
         self._check_wheel_radius()
         return self
@@ -276,14 +286,17 @@ class Machine(BaseModel):
         """Whether what multiplies the mass is the speed's derivative."""
         channel = self.channels.get("acc_x_m_s2")
         kinematic = self.settings.forces.acceleration == "kinematic"
-        return kinematic and channel is not None and channel.derivative_of == "speed_x_m_s"
+        return kinematic and channel is not None and channel.differentiated_channel == "speed_x_m_s"
 
     @property
     def differentiates_wheels(self) -> bool:
         """Whether acceleration is differentiated from wheel speed, which may slip."""
-        return self.differentiates_speed and self.channels["speed_x_m_s"].derivative_of is None
+        return (
+            self.differentiates_speed
+            and self.channels["speed_x_m_s"].differentiated_channel is None
+        )
 
-    def derivation_order(self) -> list[str]:
+    def order_channels_by_derivation(self) -> list[str]:
         """Channel names with sources first.
 
         Raises:

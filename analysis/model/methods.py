@@ -162,13 +162,13 @@ def _make_rtls_options(chosen: MethodOptions, noise: AxisNoise) -> "RtlsOptions"
     return RtlsOptions(noise.ratios, chosen.forgetting)
 
 
-def _methods_by_name(*rows: Method) -> Mapping[str, Method]:
+def _index_methods_by_name(*rows: Method) -> Mapping[str, Method]:
     return {row.name: row for row in rows}
 
 
 _WINDOWED: Final = (FeedKind.WINDOWS, LogSummary.MEAN)
 _RECURSIVE: Final = (FeedKind.SETTLED, LogSummary.LAST)
-METHODS: Final = _methods_by_name(
+METHODS: Final = _index_methods_by_name(
     Method("ls", "LS", *_WINDOWED, "incremental.ls", _make_ls_options),
     Method("rls", "RLS", *_RECURSIVE, "incremental.rls", _make_rls_options),
     Method("fgls", "FGLS", *_WINDOWED, "incremental.fgls", _make_fgls_options),

@@ -28,7 +28,7 @@ _UNREADABLE = (
 
 
 @cache
-def _make_registry() -> Any:
+def _make_unit_registry() -> Any:
     import pint
 
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
@@ -36,26 +36,26 @@ def _make_registry() -> Any:
 
 def unit_registry() -> Any:
     """Unit registry of pint."""
-    return _make_registry()
+    return _make_unit_registry()
 
 
 @cache
-def gain_and_offset_to_si(unit: str, si: str) -> tuple[float, float]:
-    """Gain and offset that convert a number from `unit` to `si`, a unit of the schema.
+def gain_and_offset_to_si(unit: str, si_unit: str) -> tuple[float, float]:
+    """Gain and offset that convert a number from `unit` to `si_unit`, a unit of the schema.
 
     Raises:
         MachineError: an unknown unit, or one of another dimension.
     """
-    target = si.replace("·", "*").replace("²", "**2").replace("°", "degree")
-    if unit in (si, target):
+    target = si_unit.replace("·", "*").replace("²", "**2").replace("°", "degree")
+    if unit in (si_unit, target):
         return 1.0, 0.0  # pint takes half a second to load its units
     import pint
 
-    registry = _make_registry()
+    registry = _make_unit_registry()
     try:
         zero, one = (registry.Quantity(x, unit).to(target).magnitude for x in (0.0, 1.0))
     except pint.DimensionalityError as error:
-        raise MachineError(f"unit {unit!r} cannot be converted to {si}") from error
+        raise MachineError(f"unit {unit!r} cannot be converted to {si_unit}") from error
     except (pint.PintError, *_UNREADABLE) as error:
         raise MachineError(
             f"no unit {unit!r}; write for example 'km/h', 'deg/s' or 'kN'"
@@ -139,7 +139,7 @@ _SIGNS: Final = str.maketrans(
 )
 
 
-def pint_name_of_unit(text: str) -> str | None:
+def find_pint_name(text: str) -> str | None:
     """Pint's name of a unit as users write it; None if unknown.
 
     Args:
@@ -170,7 +170,7 @@ def split_unit_from_name(name: str) -> tuple[str, str | None]:
     words = re.split(r"[_\s.]+", name)
     for count in range(min(LIMITS.suffix_words, len(words) - 1), 0, -1):
         is_word = words[-1].lower() in _WORDS_BEHIND
-        unit = None if is_word else pint_name_of_unit("_".join(words[-count:]))
+        unit = None if is_word else find_pint_name("_".join(words[-count:]))
         # a lone letter at the end is an axis or a side more often than tonnes
         if unit and (count > 1 or len(words[-1]) > 1 or words[-1] in "sNAVWmg"):
             return "_".join(words[:-count]), unit
@@ -178,6 +178,6 @@ def split_unit_from_name(name: str) -> tuple[str, str | None]:
         last = name[hump.start() :]
         if len(last) < LIMITS.clear_unit_letters and name[hump.start() - 1] in _PREFIXES:
             continue
-        if last.isalnum() and last not in ("Min", "In") and (unit := pint_name_of_unit(last)):
+        if last.isalnum() and last not in ("Min", "In") and (unit := find_pint_name(last)):
             return name[: hump.start()], unit
     return name, None

@@ -909,7 +909,7 @@ FRAMES: Final[dict[str, Frame]] = {
 }
 
 
-def frame_schema(name: str) -> Frame:
+def find_frame_declaration(name: str) -> Frame:
     """Declaration of a frame by its name in a run (`estimates/ls` → estimates).
 
     Raises:
@@ -933,10 +933,10 @@ def build_frame(name: str, columns: Mapping[str, NDArray[Any] | pl.Series]) -> p
     )
 
 
-def _make_declared_frame(name: str, given: Mapping[str, pl.Series]) -> pl.DataFrame:
+def _make_declared_frame(name: str, columns: Mapping[str, pl.Series]) -> pl.DataFrame:
     """Frame of the given columns in declared order and dtypes."""
-    declared = frame_schema(name)
-    unknown = given.keys() - {column.name for column in declared.columns}
+    declared = find_frame_declaration(name)
+    unknown = columns.keys() - {column.name for column in declared.columns}
     if unknown:
         raise KeyError(
             f"{name}: columns without a declaration: {sorted(unknown)}; declare them in "
@@ -947,7 +947,7 @@ def _make_declared_frame(name: str, given: Mapping[str, pl.Series]) -> pl.DataFr
         [
             series if series.dtype == column.dtype else series.cast(column.dtype)
             for column in declared.columns
-            if (series := given.get(column.name)) is not None
+            if (series := columns.get(column.name)) is not None
         ]
     )
 

@@ -10,12 +10,12 @@ from analysis.model.methods import METHODS, MethodOptions
 from analysis.model.prior_settings import PriorSettings
 from analysis.model.strict_config import STRICT
 from analysis.model.verdict_limits import VerdictLimits
-from estimators.errors import nearest
+from estimators.errors import suggest_choice
 
 
 def _check_method(name: str) -> str:
     if name not in METHODS:
-        raise ValueError(f"no method '{name}'; {nearest(name, METHODS)}")
+        raise ValueError(f"no method '{name}'; {suggest_choice(name, METHODS)}")
     return name
 
 
@@ -191,7 +191,7 @@ class PlanarSettings(BaseModel):
     )
 
 
-def nearest_setting(key: str, parts: Mapping[str, type[BaseModel]]) -> str | None:
+def suggest_setting(key: str, parts: Mapping[str, type[BaseModel]]) -> str | None:
     """The setting, with its stage, whose name is most like a key that is none."""
     stages = {name: stage for stage, part in parts.items() for name in part.model_fields}
     close = get_close_matches(key, stages, n=1)
@@ -229,12 +229,12 @@ class Settings(BaseModel):
         for key, value in content.items():
             if key in cls.model_fields or isinstance(value, Mapping | BaseModel):
                 continue
-            if meant := nearest_setting(key, cls.stage_models()):
+            if meant := suggest_setting(key, cls.list_stage_models()):
                 raise ValueError(f"unknown key '{key}'; did you mean 'settings.{meant}'?")
         return content
 
     @classmethod
-    def stage_models(cls) -> dict[str, type[BaseModel]]:
+    def list_stage_models(cls) -> dict[str, type[BaseModel]]:
         """The model of each part, by its name."""
         return {
             name: field.annotation

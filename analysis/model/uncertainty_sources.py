@@ -37,7 +37,7 @@ def sort_largest_first(sources: Iterable[UncertaintySource]) -> list[Uncertainty
     return sorted(sources, key=lambda source: np.inf if source.u is None else -source.u)
 
 
-def names_of_unknown_scale_sources(sources: Iterable[UncertaintySource]) -> list[str]:
+def unknown_scale_source_names(sources: Iterable[UncertaintySource]) -> list[str]:
     """Names of scale sources whose uncertainty the machine file lacks."""
     return [source.name for source in sources if source.u is None]
 
@@ -47,7 +47,7 @@ def root_sum_of_squares(parts: Iterable[float]) -> float:
     return float(np.sqrt(sum(part**2 for part in parts)))
 
 
-def combined_u(sources: Iterable[UncertaintySource], *kinds: str) -> float:
+def combine_u(sources: Iterable[UncertaintySource], *kinds: str) -> float:
     """Root sum of squares of the sources of some kinds, or of all."""
     return float(np.sqrt(sum(s.u**2 for s in sources if s.u and (not kinds or s.kind in kinds))))
 
@@ -76,7 +76,7 @@ class Scale:
     by_load: bool = False
     remedy: str = "known loads"
 
-    def to_source(self, u: float | None) -> UncertaintySource:
+    def make_uncertainty_source(self, u: float | None) -> UncertaintySource:
         """Source in a budget, with its effect on the quantity."""
         shrinks = f"{self.remedy}; {self.setting} states what is known"
         return UncertaintySource(self.name, "scale", u, self.meaning, shrinks)
@@ -91,7 +91,7 @@ def has_torque_of_sides(machine: Machine) -> bool:
     return "torque_z_N_m" not in machine.channels
 
 
-def relative_uncertainty_or_none(u: float | None, value: float | None) -> float | None:
+def relative_uncertainty(u: float | None, value: float | None) -> float | None:
     """A standard uncertainty over its value; None if one of them is not stated."""
     return None if u is None or value is None else u / value
 
@@ -115,7 +115,7 @@ SCALES: Final = (
     Scale(
         "force_share",
         lambda machine: machine.machine.force_share < 1.0,
-        lambda machine: relative_uncertainty_or_none(
+        lambda machine: relative_uncertainty(
             machine.machine.force_share_u, machine.machine.force_share
         ),
         "machine.force_share_u",
@@ -132,7 +132,7 @@ SCALES: Final = (
     Scale(
         "wheel_radius",
         _derives_force_from_torque,
-        lambda machine: relative_uncertainty_or_none(
+        lambda machine: relative_uncertainty(
             machine.machine.wheel_radius_u_m, machine.machine.wheel_radius_m
         ),
         "machine.wheel_radius_u_m",
@@ -151,7 +151,7 @@ SCALES: Final = (
 TRACK_WIDTH: Final = Scale(
     "track_width",
     has_torque_of_sides,
-    lambda machine: relative_uncertainty_or_none(
+    lambda machine: relative_uncertainty(
         machine.machine.track_width_u_m, machine.machine.track_width_m
     ),
     "machine.track_width_u_m",

@@ -93,13 +93,13 @@ class Verdict:
         return any(check.about == "inertia" for check in self.checks)
 
     @property
-    def can_tell_inertia(self) -> bool:
+    def can_estimate_inertia(self) -> bool:
         """Whether there are spins, none of their checks failed, and the force has a sign."""
         signless = any(check.check in _SIGNS for check in self.withholding_checks("mass"))
         return self.has_spins and not signless and not self.withholding_checks("inertia")
 
     @property
-    def is_contradicted(self) -> bool:
+    def has_failed_by_number(self) -> bool:
         """Whether a check failed by its number rather than for lack of data."""
         return any(
             check.passed is False
@@ -133,6 +133,6 @@ class Verdict:
         """The fields as JSON-compatible values."""
         return {
             "can_weigh": self.can_weigh,
-            "tells_inertia": self.can_tell_inertia,
+            "tells_inertia": self.can_estimate_inertia,
             "checks": [check.to_dict() for check in self.checks],
         }

@@ -18,7 +18,7 @@ def mark_samples_in_windows(accepted: Bools, window: int) -> Bools:
     return flag_windows(accepted[::-1], window)[::-1]
 
 
-def runs_of_flagged_samples(flag: Bools) -> tuple[Ints, Ints]:
+def find_flagged_runs(flag: Bools) -> tuple[Ints, Ints]:
     """First and last sample of each run of flagged samples, (runs,) each."""
     edges = np.diff(np.concatenate([[0], flag.astype(np.int8), [0]]))
     return np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1

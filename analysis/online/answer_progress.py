@@ -48,7 +48,7 @@ class AnswerProgress:
         return self.manoeuvre_u_kg / math.sqrt(self.manoeuvres) if self.manoeuvres else None
 
     @property
-    def percent(self) -> float | None:
+    def information_percent(self) -> float | None:
         """Information gained towards the target, in percent: (target / uncertainty)²."""
         if self.until_u_kg is None:
             return None
@@ -57,16 +57,16 @@ class AnswerProgress:
         return min(100.0, 100.0 * (self.until_u_kg / self.u_kg) ** 2)
 
     @property
-    def starts_missing(self) -> int | None:
+    def missing_manoeuvre_count(self) -> int | None:
         """Number of further such manoeuvres needed; None before the first."""
         if not self.manoeuvres or self.until_u_kg is None:
             return None
         return max(0, math.ceil((self.manoeuvre_u_kg / self.until_u_kg) ** 2) - self.manoeuvres)
 
     @property
-    def reverse_missing(self) -> int | None:
+    def missing_reverse_count(self) -> int | None:
         """Number of them in reverse, so that slope and constant force cancel."""
-        missing = self.starts_missing
+        missing = self.missing_manoeuvre_count
         if missing is None:
             return None
         return max(0, min(missing, (self.manoeuvres + missing) // 2 - self.reverse))
@@ -97,14 +97,14 @@ class AnswerProgress:
         )
 
 
-def target_u_kg(body: Body, until_u_kg: float | None) -> float | None:
+def choose_target_u_kg(body: Body, requested_u_kg: float | None) -> float | None:
     """Target uncertainty in kg: the given one, or a fraction of the empty mass; None without."""
-    if until_u_kg is not None or body.empty_mass_kg is None:
-        return until_u_kg
+    if requested_u_kg is not None or body.empty_mass_kg is None:
+        return requested_u_kg
     return LIMITS.target_u_1 * body.empty_mass_kg
 
 
-def missing_manoeuvres_text(missing: int | None, reverse: int | None) -> str:
+def describe_missing_manoeuvres(missing: int | None, reverse: int | None) -> str:
     """Missing manoeuvres in words; empty if none is missing or the number is unknown.
 
     Args:

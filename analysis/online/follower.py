@@ -11,9 +11,9 @@ import polars as pl
 
 from analysis.model.axes import X
 from analysis.model.machine import Machine
-from analysis.online.answer_progress import AnswerProgress, target_u_kg
-from analysis.online.gate_state import GateRow, cell_as_float
-from analysis.online.growing_log import GrowingLog, causal_machine
+from analysis.online.answer_progress import AnswerProgress, choose_target_u_kg
+from analysis.online.gate_state import GateRow, convert_cell_to_float
+from analysis.online.growing_log import GrowingLog, make_causal_machine
 from analysis.online.on_board import OnlineState, TimedEstimate, finish, start, step
 from analysis.online.online_limits import LIMITS
 from analysis.online.online_report import (
@@ -70,7 +70,7 @@ class _RowTimeline:
             self.breaks.append((self.rows, place))
         self.rows += 1
 
-    def time_of_row_ns(self, row: int) -> int:
+    def find_row_time_ns(self, row: int) -> int:
         begin, place = next(each for each in reversed(self.breaks) if each[0] <= row)
         return round((place + row - begin) * self.step_ns)
 
@@ -100,7 +100,7 @@ class Follower:
             until_u_kg: target standard uncertainty of a load's mass; None for 2 % of the empty
                 mass, if known.
         """
-        self.log = GrowingLog(causal_machine(machine))
+        self.log = GrowingLog(make_causal_machine(machine))
         self.last_gate: GateRow | None = None
         self.last_mass: PooledEstimate | None = None
         #: of the last spin: inertia and friction of turning
@@ -110,7 +110,7 @@ class Follower:
         self.manoeuvres = 0
         self.spins = 0
         #: of the load that the machine carries now
-        self.progress = AnswerProgress(target_u_kg(machine.machine, until_u_kg))
+        self.progress = AnswerProgress(choose_target_u_kg(machine.machine, until_u_kg))
         #: since when the machine has moved ahead (speed in m/s) or backwards, the newest last
         self._directions: deque[tuple[int, float]] = deque(maxlen=LIMITS.max_directions)
         self._noise, self._valid_s = noise, valid_s
@@ -210,7 +210,7 @@ class Follower:
     ) -> dict[str, tuple[int, Estimate]]:
         assert self._times is not None
         return {
-            name: (self._times.time_of_row_ns(row), each) for name, (row, each) in found.items()
+            name: (self._times.find_row_time_ns(row), each) for name, (row, each) in found.items()
         }
 
     def _update_mass(self, estimates: Mapping[str, tuple[int, Estimate]]) -> bool:
@@ -234,7 +234,7 @@ class Follower:
 
     def _note_direction(self, t_ns: int, row: Mapping[str, Any]) -> None:
         """Note when the driving direction changes."""
-        speed = cell_as_float(row["speed_x_m_s"])
+        speed = convert_cell_to_float(row["speed_x_m_s"])
         if row["phase"] in (None, "standstill") or not speed:
             return
         if not self._directions or (speed < 0.0) != (self._directions[-1][1] < 0.0):
@@ -268,9 +268,9 @@ class Follower:
             load_u_kg=progress.u_kg,
             load_manoeuvres=progress.manoeuvres,
             until_u_kg=progress.until_u_kg,
-            percent=progress.percent,
-            starts_missing=progress.starts_missing,
-            reverse_missing=progress.reverse_missing,
+            percent=progress.information_percent,
+            starts_missing=progress.missing_manoeuvre_count,
+            reverse_missing=progress.missing_reverse_count,
             spin_validity=spin_validity,
             inertia_z_kg_m2=None if turning is None else float(turning.theta[0]),
             inertia_u_kg_m2=None if turning is None else float(turning.std[0]),

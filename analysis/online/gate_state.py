@@ -18,11 +18,11 @@ from analysis.stages.gating.gate_rules import (
     UNKNOWN,
     decide_windows,
     flag_rows_by_reason,
-    is_braking,
+    mark_braking_rows,
 )
-from analysis.stages.motion.phases import TURNS, speed_rate_span_rows, yaw_speeding_sign
+from analysis.stages.motion.phases import TURNS, count_speed_rate_rows, sign_of_yaw_rate_change
 from estimators.arrays import Bools, Floats, Ints
-from estimators.methods.incremental import WindowState, window_statistics
+from estimators.methods.incremental import WindowState, compute_gate_statistics
 from estimators.methods.ls import WindowStatistics
 from estimators.numerics import nearest_neighbours
 
@@ -55,7 +55,7 @@ class GateRow:
     reason: str
     ksg_nat: float = float("nan")
 
-    def gate_columns(self, axis: Axis = X) -> dict[str, float]:
+    def make_gate_columns(self, axis: Axis = X) -> dict[str, float]:
         """The numbers by their column names in `gate`."""
         letter = axis.letter
         return {
@@ -101,7 +101,7 @@ class GateState:
         return self.last["braking"]
 
 
-def start_gate(axis: Axis, settings: Settings) -> GateState:
+def make_initial_gate_state(axis: Axis, settings: Settings) -> GateState:
     """State before the first row."""
     nothing = np.zeros(1, np.bool_)
     reasons = flag_rows_by_reason(
@@ -112,19 +112,19 @@ def start_gate(axis: Axis, settings: Settings) -> GateState:
         row=-1,
         first_whole=None,
         last=dict.fromkeys(("gap", *reasons), _NEVER),
-        accelerations=(float("nan"),) * speed_rate_span_rows(settings) if axis is X else (),
-        yaw_rates=(float("nan"),) * (speed_rate_span_rows(settings) + 1) if axis is Z else (),
+        accelerations=(float("nan"),) * count_speed_rate_rows(settings) if axis is X else (),
+        yaw_rates=(float("nan"),) * (count_speed_rate_rows(settings) + 1) if axis is Z else (),
         known=False,
         kind=None,
         segment_id=-1,
-        braking_lag=speed_rate_span_rows(settings) + settings.smooth.samples
+        braking_lag=count_speed_rate_rows(settings) + settings.smooth.samples
         if settings.gate.exclude_braking
         else 1,
     )
 
 
-def step_gate(
-    before: GateState,
+def judge_window(
+    state: GateState,
     window: WindowState,
     row: Mapping[str, Any],
     settings: Settings,
@@ -133,19 +133,19 @@ def step_gate(
     """Judge the window that ends at this row.
 
     Args:
-        before: state after the previous row.
+        state: state after the previous row.
         window: window including this row.
         row: a row of `excitation`.
         settings: settings with window, thresholds and rejections.
         noise: (p + 1, p + 1) noise covariance of a row of [A f]; None if unknown.
     """
-    now = append_row(before, window, row, settings)
+    now = append_gate_row(state, window, row, settings)
     samples = settings.gate.window_samples
     holds = {why: np.array([now.row - last < samples]) for why, last in now.last.items()}
     complete = now.row >= samples - 1 and not holds["gap"][0]
 
     def estimate_window_information(_: Ints) -> Floats:
-        return nearest_neighbours.window_mutual_information(
+        return nearest_neighbours.estimate_window_mutual_information(
             window.z[0].copy(),
             window.z[-1].copy(),
             samples,
@@ -155,7 +155,7 @@ def step_gate(
 
     decided = decide_windows(
         now.axis,
-        window_statistics(window, noise) if complete else _INCOMPLETE,
+        compute_gate_statistics(window, noise) if complete else _INCOMPLETE,
         np.array([now.first_whole is None or now.row < now.first_whole + samples - 1]),
         holds,
         estimate_window_information,
@@ -176,24 +176,24 @@ def step_gate(
     )
 
 
-def append_row(
-    before: GateState, window: WindowState, row: Mapping[str, Any], settings: Settings
+def append_gate_row(
+    state: GateState, window: WindowState, row: Mapping[str, Any], settings: Settings
 ) -> GateState:
     """State including this row."""
-    k, name = before.row + 1, row["phase"]
+    k, name = state.row + 1, row["phase"]
     sample = window.z[:, -1]
-    axis, phase = before.axis, np.array([_CODES[name]], np.uint8)
+    axis, phase = state.axis, np.array([_CODES[name]], np.uint8)
     known = name is not None
     missing = not (np.isfinite(sample).all() and known)
-    brakes = slows = is_braking(phase)
+    brakes = slows = mark_braking_rows(phase)
     slips = np.zeros(1, np.bool_)
-    accelerations, yaw_rates = before.accelerations, before.yaw_rates
+    accelerations, yaw_rates = state.accelerations, state.yaw_rates
     if axis is X:
         accelerations = (*accelerations[1:], _forward_acceleration(row))
         slips = _is_slipping(row, accelerations, settings)
     else:
-        yaw_rates = (*yaw_rates[1:], cell_as_float(row["yaw_rate_rad_s"]))
-        slows = yaw_speeding_sign(np.array(yaw_rates), settings)[-1:] < 0
+        yaw_rates = (*yaw_rates[1:], convert_cell_to_float(row["yaw_rate_rad_s"]))
+        slows = sign_of_yaw_rate_change(np.array(yaw_rates), settings)[-1:] < 0
     flags = flag_rows_by_reason(axis, phase, sample[-1:], slows, slips, settings.gate)
     happens = {"gap": missing, **{why: bool(flag[0]) for why, flag in flags.items()}}
     kind = None
@@ -202,31 +202,31 @@ def append_row(
         alone = name in TURNS or (settings.gate.exclude_braking and bool(brakes[0]))
         kind = name if alone else ""
     return replace(
-        before,
+        state,
         row=k,
-        first_whole=k if before.first_whole is None and not missing else before.first_whole,
-        last={why: k if happens[why] else last for why, last in before.last.items()},
+        first_whole=k if state.first_whole is None and not missing else state.first_whole,
+        last={why: k if happens[why] else last for why, last in state.last.items()},
         accelerations=accelerations,
         yaw_rates=yaw_rates,
         known=known,
         kind=kind,
-        segment_id=before.segment_id + (known and kind != before.kind),
+        segment_id=state.segment_id + (known and kind != state.kind),
     )
 
 
 def _is_slipping(
     row: Mapping[str, Any], accelerations: tuple[float, ...], settings: Settings
 ) -> Bools:
-    rate = np.array([cell_as_float(row["speed_rate_x_m_s2"])])
+    rate = np.array([convert_cell_to_float(row["speed_rate_x_m_s2"])])
     return find_slipping_samples(rate, np.array(accelerations), settings)
 
 
 def _forward_acceleration(row: Mapping[str, Any]) -> float:
-    pitch = np.array([cell_as_float(row["pitch_rad"])]) if "pitch_rad" in row else None
-    measured = np.array([cell_as_float(row.get("specific_force_x_m_s2"))])
+    pitch = np.array([convert_cell_to_float(row["pitch_rad"])]) if "pitch_rad" in row else None
+    measured = np.array([convert_cell_to_float(row.get("specific_force_x_m_s2"))])
     return float(subtract_gravity(measured, pitch)[0])
 
 
-def cell_as_float(value: float | None) -> float:
+def convert_cell_to_float(value: float | None) -> float:
     """Cell as a float; NaN if missing."""
     return np.nan if value is None else float(value)

@@ -17,16 +17,16 @@ from analysis.model.machine import Machine
 from analysis.model.schema import HINTS
 from analysis.online.online_limits import LIMITS
 from analysis.stages.motion.forces import compute_excitation
-from analysis.stages.motion.phases import speed_rate_span_rows
+from analysis.stages.motion.phases import count_speed_rate_rows
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import Origin, align_on_grid, find_grid_origin
 from analysis.stages.signals.derive import derive, read_measured_channels
-from analysis.stages.signals.grid_rate import machine_at_rate_of_log
+from analysis.stages.signals.grid_rate import set_rate_from_log
 from analysis.stages.signals.held_readings import (
     HeldReadings,
     drop_repeated_rows,
     find_held_channels,
-    held_reading_notes,
+    write_held_reading_notes,
 )
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
@@ -61,7 +61,7 @@ class LogBasis:
         return self.origin.start_ns + self.origin.late_ns
 
 
-def causal_machine(machine: Machine) -> Machine:
+def make_causal_machine(machine: Machine) -> Machine:
     """The machine for following: with causal filters, without optional channels."""
     needed = {
         source for channel in machine.channels.values() for source in channel.direct_source_channels
@@ -80,7 +80,7 @@ class GrowingLog:
     """Newest samples of a log, and the state of its rows.
 
     Attributes:
-        machine: machine from `causal_machine`.
+        machine: machine from `make_causal_machine`.
         basis: basis; None until the first seconds are available.
         late_samples: number of samples that came after their rows were given.
     """
@@ -137,14 +137,14 @@ class GrowingLog:
             frame = concatenate_samples(parts)
             if self.basis is not None:
                 frame = self._add_unix_stamps(topic, frame)
-                self._count_late(frame)
+                self._count_late_samples(frame)
             parts.clear()
             before = self._raw.get(topic)
             kept = frame if before is None else concatenate_samples([before, frame])
             self._raw[topic] = sort_by_time(kept, "unix_ns" if self.basis else "log_time_ns")
         self._new.clear()
 
-    def _count_late(self, frame: pl.DataFrame) -> None:
+    def _count_late_samples(self, frame: pl.DataFrame) -> None:
         assert self.basis is not None
         if self._last_t_ns >= 0:
             known = self._last_t_ns + self.basis.t0_unix_ns
@@ -168,7 +168,7 @@ class GrowingLog:
                 missing = ", ".join(t for t in self.topics if t not in self._raw)
                 raise DataError(f"no message arrived on the topics {missing}")
             return False
-        head = cut_to_first_seconds(self._raw)
+        head = cut_topics_to_first_seconds(self._raw)
         if head is None:
             if not is_whole:
                 return False
@@ -176,13 +176,13 @@ class GrowingLog:
         placed, labels, _ = assign_timestamps(head)
         read, _ = read_measured_channels(placed, self.machine)
         held = find_held_channels(read)
-        notes = held_reading_notes(read, held)
+        notes = write_held_reading_notes(read, held)
         read = drop_repeated_rows(read, held)
-        machine, chosen = machine_at_rate_of_log(read, self.machine)
+        machine, chosen = set_rate_from_log(read, self.machine)
         channels, _ = derive(read, machine)
         self.basis = LogBasis(
             machine,
-            {topic: log_time_offset_ns(frame, labels[topic]) for topic, frame in head.items()},
+            {topic: find_log_time_offset_ns(frame, labels[topic]) for topic, frame in head.items()},
             labels,
             find_grid_origin(channels, machine),
             held,
@@ -200,7 +200,7 @@ class GrowingLog:
         read, _ = read_measured_channels(self._raw, machine)
         channels, _ = derive(drop_repeated_rows(read, self.basis.held), machine)
         # the mean, the speed rate over it, and an acceleration averaged over the span of that
-        looks_back = settings.smooth.samples + 2 * speed_rate_span_rows(settings) + 2
+        looks_back = settings.smooth.samples + 2 * count_speed_rate_rows(settings) + 2
         step_ns = 1e9 / settings.align.rate_hz
         after_ns = self._last_t_ns - round(looks_back * step_ns)
         aligned = align_on_grid(channels, machine, self.basis.origin, after_ns, is_whole=is_whole)
@@ -241,7 +241,9 @@ def sort_by_time(frame: pl.DataFrame, key: str) -> pl.DataFrame:
     return frame if frame[key].is_sorted() else frame.sort(key, maintain_order=True)
 
 
-def cut_to_first_seconds(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame] | None:
+def cut_topics_to_first_seconds(
+    topics: Mapping[str, pl.DataFrame],
+) -> dict[str, pl.DataFrame] | None:
     """First seconds of every topic, up to a common time; None if one has fewer.
 
     The cut does not depend on how much was available, so that following again begins equally.
@@ -256,7 +258,7 @@ def cut_to_first_seconds(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.Dat
     return {t: f.filter(f["log_time_ns"] <= max(reached)) for t, f in topics.items()}
 
 
-def log_time_offset_ns(frame: pl.DataFrame, label: str) -> int | None:
+def find_log_time_offset_ns(frame: pl.DataFrame, label: str) -> int | None:
     """Offset subtracted from log times; None if header stamps are used.
 
     Header stamps that scatter are identified by their label: log time is used although they exist.

@@ -15,10 +15,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, axes_of_columns, regressor_columns
+from analysis.model.axes import Axis, list_axes_of_columns, list_regressor_columns
 from analysis.model.methods import METHODS, AxisNoise, FeedKind, Method
 from analysis.model.settings import Settings
-from analysis.online.gate_state import GateRow, GateState, cell_as_float, start_gate, step_gate
+from analysis.online.gate_state import (
+    GateRow,
+    GateState,
+    convert_cell_to_float,
+    judge_window,
+    make_initial_gate_state,
+)
 from analysis.stages.noise.column_noise import collect_axis_noise
 from estimators.arrays import Floats
 from estimators.estimate import Estimate
@@ -176,16 +182,16 @@ def _start_axes(state: OnlineState, row: Mapping[str, Any]) -> tuple[AxisState, 
     settings = state.settings
     window = settings.gate.window_samples
     found: list[AxisState] = []
-    for axis in axes_of_columns(row):
-        parameters = len(regressor_columns(axis, settings)) - 1
+    for axis in list_axes_of_columns(row):
+        parameters = len(list_regressor_columns(axis, settings)) - 1
         found.append(
             AxisState(
                 settings,
                 axis,
                 collect_axis_noise(axis, settings, state.noise),
-                incremental.start_window(parameters, window),
-                start_gate(axis, settings),
-                incremental.start_pool(parameters),
+                incremental.make_empty_window(parameters, window),
+                make_initial_gate_state(axis, settings),
+                incremental.make_empty_pool(parameters),
                 (-1,) * window,
                 (False,) * window,
             )
@@ -195,10 +201,10 @@ def _start_axes(state: OnlineState, row: Mapping[str, Any]) -> tuple[AxisState, 
 
 def _step_axis(state: AxisState, row: Mapping[str, Any]) -> tuple[AxisState, AxisStep]:
     settings = state.settings
-    names = regressor_columns(state.axis, settings)
-    sample = np.array([cell_as_float(row.get(name)) for name in names])
-    window = incremental.step_window(state.window, sample)
-    gate_row, gate = step_gate(state.gate, window, row, settings, state.noise.mean)
+    names = list_regressor_columns(state.axis, settings)
+    sample = np.array([convert_cell_to_float(row.get(name)) for name in names])
+    window = incremental.advance_window(state.window, sample)
+    gate_row, gate = judge_window(state.gate, window, row, settings, state.noise.mean)
     state = replace(
         state,
         window=window,
@@ -208,11 +214,11 @@ def _step_axis(state: AxisState, row: Mapping[str, Any]) -> tuple[AxisState, Axi
     )
     estimates: dict[str, TimedEstimate] = {}
     if gate_row.accepted:
-        state, estimates = estimate_windowed(state, gate.row)
+        state, estimates = estimate_windowed_methods(state, gate.row)
     while state.settling and gate.row - state.settling[0].row >= gate.braking_lag - 1:
-        state, fed = feed_recursive(state)
+        state, fed = feed_recursive_methods(state)
         estimates |= fed
-    if any(methods_with_feed(state, FeedKind.SEGMENTS)):
+    if any(iter_methods_with_feed(state, FeedKind.SEGMENTS)):
         state, finished = pool_settled_samples(state, gate.row)
         estimates |= finished
     return state, AxisStep(gate_row, estimates)
@@ -220,32 +226,34 @@ def _step_axis(state: AxisState, row: Mapping[str, Any]) -> tuple[AxisState, Axi
 
 def _finish_axis(state: AxisState) -> Iterator[Mapping[str, TimedEstimate]]:
     while state.settling:
-        state, fed = feed_recursive(state)
+        state, fed = feed_recursive_methods(state)
         yield fed
     for pending in state.pending:
         if _begins_next_manoeuvre(state, pending):
-            yield _pooled_estimates(state)
+            yield _make_pooled_estimates(state)
             state = _start_empty_pool(state)
         state = pool_sample(state, pending)
-    yield _pooled_estimates(state)
+    yield _make_pooled_estimates(state)
 
 
-def estimate_windowed(state: AxisState, row: int) -> tuple[AxisState, dict[str, TimedEstimate]]:
+def estimate_windowed_methods(
+    state: AxisState, row: int
+) -> tuple[AxisState, dict[str, TimedEstimate]]:
     """Estimates of every windowed method for the accepted window that ends at `row`."""
     settings, window = state.settings, state.window
     estimates = {
         method.name: TimedEstimate(row, method.step(window, settings.smooth.samples, options))
-        for method, options in methods_with_feed(state, FeedKind.WINDOWS)
+        for method, options in iter_methods_with_feed(state, FeedKind.WINDOWS)
     }
-    if any(methods_with_feed(state, FeedKind.SETTLED)):
+    if any(iter_methods_with_feed(state, FeedKind.SETTLED)):
         state = replace(state, settling=(*state.settling, SettlingWindow(row, window)))
-    if any(methods_with_feed(state, FeedKind.SEGMENTS)):
+    if any(iter_methods_with_feed(state, FeedKind.SEGMENTS)):
         newest = min(row - state.accepted_row, settings.gate.window_samples)
         state = queue_for_pooling(state, row, newest)
     return replace(state, accepted_row=row), estimates
 
 
-def methods_with_feed(state: AxisState, feed: FeedKind) -> Iterator[tuple[Method, Any]]:
+def iter_methods_with_feed(state: AxisState, feed: FeedKind) -> Iterator[tuple[Method, Any]]:
     """Methods of the settings with this kind of feed, and their options."""
     for name in state.settings.trace.methods:
         method = METHODS[name]
@@ -253,7 +261,7 @@ def methods_with_feed(state: AxisState, feed: FeedKind) -> Iterator[tuple[Method
             yield method, method.options(state.settings.trace, state.noise)
 
 
-def feed_recursive(state: AxisState) -> tuple[AxisState, dict[str, TimedEstimate]]:
+def feed_recursive_methods(state: AxisState) -> tuple[AxisState, dict[str, TimedEstimate]]:
     """Feed the recursive methods the oldest settling window, unless braking has followed."""
     settings, (row, window) = state.settings, state.settling[0]
     state = replace(state, settling=state.settling[1:])
@@ -263,18 +271,18 @@ def feed_recursive(state: AxisState) -> tuple[AxisState, dict[str, TimedEstimate
     mean = settings.smooth.samples
     pasts = dict(state.pasts)
     estimates: dict[str, TimedEstimate] = {}
-    for method, options in methods_with_feed(state, FeedKind.SETTLED):
+    for method, options in iter_methods_with_feed(state, FeedKind.SETTLED):
         past = pasts.get(method.name)
         pasts[method.name], estimate = method.step(window, past, newest, mean, options)
         estimates[method.name] = TimedEstimate(row, estimate)
     return replace(state, pasts=pasts, fed_row=row), estimates
 
 
-def queue_for_pooling(state: AxisState, row: int, newest: int) -> AxisState:
+def queue_for_pooling(state: AxisState, row: int, new_samples: int) -> AxisState:
     """Queue the newest samples of an accepted window for pooling, unless they stand."""
     pending = [
         PendingSample(row + 1 - back, state.segments[-back], state.window.z[:, -back].copy())
-        for back in range(newest, 0, -1)
+        for back in range(new_samples, 0, -1)
         if not state.standstill[-back]
     ]
     return replace(state, pending=(*state.pending, *pending))
@@ -292,12 +300,12 @@ def pool_settled_samples(
     state = replace(state, pending=tuple(waiting))
     is_awaited = any(each.segment_id == state.pooled_id for each in waiting)
     if is_manoeuvre_over(state, row) and not is_awaited:
-        return _start_empty_pool(state), _pooled_estimates(state)
+        return _start_empty_pool(state), _make_pooled_estimates(state)
     return state, {}
 
 
-def _begins_next_manoeuvre(state: AxisState, pending: PendingSample) -> bool:
-    return state.pool.samples > 0 and pending.segment_id != state.pooled_id
+def _begins_next_manoeuvre(state: AxisState, pending_sample: PendingSample) -> bool:
+    return state.pool.samples > 0 and pending_sample.segment_id != state.pooled_id
 
 
 def is_manoeuvre_over(state: AxisState, row: int) -> bool:
@@ -319,27 +327,27 @@ def is_manoeuvre_over(state: AxisState, row: int) -> bool:
     return since >= window - 1 or max(refused, state.accepted_row) > last_row
 
 
-def pool_sample(state: AxisState, pending: PendingSample) -> AxisState:
+def pool_sample(state: AxisState, pending_sample: PendingSample) -> AxisState:
     """Pool a sample, unless braking has excluded it."""
-    if state.gate.last_braking_row >= pending.row:
+    if state.gate.last_braking_row >= pending_sample.row:
         return state
     return replace(
         state,
-        pool=state.pool.add(pending.sample),
-        pooled_id=pending.segment_id,
-        pooled_row=pending.row,
+        pool=state.pool.add(pending_sample.sample),
+        pooled_id=pending_sample.segment_id,
+        pooled_row=pending_sample.row,
     )
 
 
 def _start_empty_pool(state: AxisState) -> AxisState:
-    return replace(state, pool=incremental.start_pool(len(state.window.z) - 1), pooled_id=-1)
+    return replace(state, pool=incremental.make_empty_pool(len(state.window.z) - 1), pooled_id=-1)
 
 
-def _pooled_estimates(state: AxisState) -> Mapping[str, TimedEstimate]:
+def _make_pooled_estimates(state: AxisState) -> Mapping[str, TimedEstimate]:
     if state.pool.samples == 0:
         return {}
     mean = state.settings.smooth.samples
     return {
         method.name: TimedEstimate(state.pooled_row, method.step(state.pool, mean, options))
-        for method, options in methods_with_feed(state, FeedKind.SEGMENTS)
+        for method, options in iter_methods_with_feed(state, FeedKind.SEGMENTS)
     }

@@ -107,17 +107,17 @@ class OnlineReport:
         return {name: getattr(self, name) for name in self.__slots__}
 
 
-def report_schema() -> dict[str, Any]:
+def make_report_schema() -> dict[str, Any]:
     """JSON schema of a report."""
     return {
         "title": "payscope.OnlineReport",
         "type": "object",
-        "properties": describe_fields(OnlineReport),
+        "properties": describe_report_fields(OnlineReport),
         "required": [each.name for each in fields(OnlineReport)],
     }
 
 
-def describe_fields(report: type[Any]) -> dict[str, dict[str, Any]]:
+def describe_report_fields(report: type[Any]) -> dict[str, dict[str, Any]]:
     """JSON type of each field: one of some words, or a number or text that may be null."""
     return {each.name: _describe_json_type(each.type) for each in fields(report)}
 
@@ -145,15 +145,15 @@ def judge_mass(
     limits = (0.0, math.inf)
     if empty is not None:
         limits = (LIMITS.min_over_empty_1 * empty, LIMITS.max_over_empty_1 * empty)
-    return _judge_age(last_estimate, t_ns, valid_s, limits)
+    return _judge_estimate_age(last_estimate, t_ns, valid_s, limits)
 
 
 def judge_spin(last_estimate: PooledEstimate | None, t_ns: int, valid_s: float) -> Validity:
     """Validity of the last inertia at a grid time; it only has to be positive and recent."""
-    return _judge_age(last_estimate, t_ns, valid_s, (0.0, math.inf))
+    return _judge_estimate_age(last_estimate, t_ns, valid_s, (0.0, math.inf))
 
 
-def _judge_age(
+def _judge_estimate_age(
     last_estimate: PooledEstimate | None, t_ns: int, valid_s: float, limits: tuple[float, float]
 ) -> Validity:
     """Validity of the last estimate by its size, uncertainty and age."""

@@ -13,7 +13,7 @@ import polars as pl
 from analysis.model.settings import Settings
 from analysis.online.on_board import finish, start, step
 from analysis.online.online_limits import LIMITS
-from estimators.interpreted import compile_at_once
+from estimators.interpreted import force_compilation
 
 
 def rehearse(settings: Settings, noise: pl.DataFrame | None = None) -> None:
@@ -23,15 +23,15 @@ def rehearse(settings: Settings, noise: pl.DataFrame | None = None) -> None:
         settings: settings of the follower.
         noise: noise of the follower.
     """
-    with compile_at_once():
+    with force_compilation():
         state = start(settings, noise)
-        for row in rehearsal_rows(settings):
+        for row in iter_rehearsal_rows(settings):
             state = step(state, row).state
         for _ in finish(state):
             pass
 
 
-def rehearsal_rows(settings: Settings) -> Iterator[Mapping[str, Any]]:
+def iter_rehearsal_rows(settings: Settings) -> Iterator[Mapping[str, Any]]:
     """Rows of `excitation`: standstill for half a window, then acceleration."""
     window = settings.gate.window_samples
     speed = 0.0

@@ -10,7 +10,7 @@ from typing import Any, Final, Literal, Self, TypeAlias
 
 from analysis.model.answer import Answer, answer
 from analysis.model.run_record import Run
-from analysis.online.online_report import describe_fields
+from analysis.online.online_report import describe_report_fields
 
 #: valid: the checks let it pass; withheld: a check withholds it; none_yet: the log so far is too
 #: short for any; failed: the log could not be replayed.
@@ -106,15 +106,15 @@ class ReplayReport:
         return replace(self, age_s=max(0.0, (unix_ns - self.unix_ns) / 1e9))
 
     @property
-    def closed_loads(self) -> tuple[LoadReport, ...]:
+    def select_closed_loads(self) -> tuple[LoadReport, ...]:
         """Loads that no later manoeuvre joins, as far as this replay knows."""
         return self.loads if self.is_whole else self.loads[:-1]
 
 
-def replay_report_schema() -> dict[str, Any]:
+def make_replay_report_schema() -> dict[str, Any]:
     """JSON schema of a report."""
-    properties = describe_fields(ReplayReport)
-    load = {"type": "object", "properties": describe_fields(LoadReport)}
+    properties = describe_report_fields(ReplayReport)
+    load = {"type": "object", "properties": describe_report_fields(LoadReport)}
     properties["loads"] = {"type": "array", "items": load}
     properties["withheld_by"] = {"type": "array", "items": {"type": "string"}}
     return {
@@ -130,7 +130,7 @@ def report_replay(run: Run) -> ReplayReport:
     found, t_ns = answer(run), run.frames["excitation"]["t_ns"]
     t0_unix_ns, last_ns = run.provenance.t0_unix_ns, int(t_ns[-1]) if t_ns.len() else 0
     loads = tuple(iter_load_reports(found, t0_unix_ns))
-    turning = find_fit_of_turning(found.planar)
+    turning = find_turning_fit(found.planar)
     inertia = finite_or_none(turning["inertia_z_kg_m2"]) if turning else None
     return ReplayReport(
         event="replay",
@@ -150,16 +150,16 @@ def report_replay(run: Run) -> ReplayReport:
     )
 
 
-def find_fit_of_turning(planar: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
+def find_turning_fit(planar: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
     """The fit with an inertia, of joint motion before arcs; without an inertia, the first fit."""
     fits = [row for kind in _FITS_OF_TURNING for row in planar if row["kind"] == kind]
     has_inertia = (row for row in fits if finite_or_none(row["inertia_z_kg_m2"]) is not None)
     return next(has_inertia, fits[0] if fits else None)
 
 
-def iter_load_reports(found: Answer, t0_unix_ns: int) -> Iterator[LoadReport]:
+def iter_load_reports(answer: Answer, t0_unix_ns: int) -> Iterator[LoadReport]:
     """Yield the load states of an answer that have a time."""
-    for row in found.loads:
+    for row in answer.loads:
         if row["start_t_ns"] is None:
             continue  # nothing was fitted
         mass_kg, u_kg = row["mass_kg"], row["u_kg"]

@@ -7,9 +7,9 @@ from typing import Final
 import polars as pl
 
 from analysis.calibration.campaign.by_method import calibrate_methods
-from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs
+from analysis.calibration.campaign.method_errors import compute_start_errors
 from analysis.paper import printed_numbers
-from analysis.paper.confidence_intervals import mean_intervals
+from analysis.paper.confidence_intervals import compute_mean_intervals
 from analysis.paper.paper_limits import LIMITS
 from analysis.paper.replayed_campaign import ReplayedCampaign
 from analysis.paper.simulated_sources import CAMPAIGNS, START, Extract, Extracts
@@ -48,15 +48,15 @@ def make_figure_5_data(campaign: ReplayedCampaign) -> Figure5:
     return Figure5(series, highest_nat)
 
 
-def masses_by_method_and_load(campaign: ReplayedCampaign) -> pl.DataFrame:
+def tabulate_masses_by_method_and_load(campaign: ReplayedCampaign) -> pl.DataFrame:
     """Masses and their errors by method and load of one campaign, for Figures 6 to 8.
 
     Returns:
         Frame `calibration`, and r.m.s. errors over the trials of each load in kg: `rms_kg` (line
         fitted to all loads) and `rms_left_out_kg` (line fitted without that load).
     """
-    estimates = campaign.estimate_by_method_and_trial()
-    errors = calibrated_errors_of_runs(estimates).group_by("method", "load_kg").agg(
+    estimates = campaign.tabulate_masses_by_method_and_trial()
+    errors = compute_start_errors(estimates).group_by("method", "load_kg").agg(
         rms_kg=(pl.col("error_kg") ** 2).mean().sqrt(),
         rms_left_out_kg=(pl.col("error_left_out_kg") ** 2).mean().sqrt(),
     )  # fmt: skip
@@ -65,11 +65,11 @@ def masses_by_method_and_load(campaign: ReplayedCampaign) -> pl.DataFrame:
     )
 
 
-LOADS: Final = Extract(CAMPAIGNS, masses_by_method_and_load)
+LOADS: Final = Extract(CAMPAIGNS, tabulate_masses_by_method_and_load)
 
 
 def _concatenate_loads(extracts: Extracts) -> pl.DataFrame:
-    return pl.concat(extracts.results_of_extract(LOADS), how="vertical_relaxed")
+    return pl.concat(extracts.list_results_of_extract(LOADS), how="vertical_relaxed")
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,7 @@ class Figure6:
 
 def make_figure_6_data(extracts: Extracts) -> Figure6:
     """Average the raw masses over the campaigns."""
-    means = mean_intervals(
+    means = compute_mean_intervals(
         _concatenate_loads(extracts),
         ["method", "load_kg", "reference_kg"],
         ["estimate_kg", "estimate_std_kg"],
@@ -123,7 +123,7 @@ class Figure7:
 def make_figure_7_data(extracts: Extracts) -> Figure7:
     """Average the calibrated masses over the campaigns."""
     spread = pl.col("estimate_std_kg") * pl.col("alpha_1")
-    table = mean_intervals(
+    table = compute_mean_intervals(
         _concatenate_loads(extracts).with_columns(calibrated_std_kg=spread),
         ["method", "load_kg", "reference_kg"],
         ["calibrated_kg", "calibrated_std_kg", "error_kg", "error_left_out_kg"],
@@ -146,7 +146,7 @@ class Figure8:
 
 def make_figure_8_data(extracts: Extracts) -> Figure8:
     """Average the r.m.s. errors by load and method over the campaigns."""
-    table = mean_intervals(
+    table = compute_mean_intervals(
         _concatenate_loads(extracts), ["method", "load_kg"], ["rms_kg", "rms_left_out_kg"]
     )
     ratios = table.group_by("load_kg", maintain_order=True).agg(

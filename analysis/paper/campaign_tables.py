@@ -9,13 +9,13 @@ import polars as pl
 
 from analysis.calibration.campaign.by_method import calibrate_methods
 from analysis.paper import printed_numbers
-from analysis.paper.confidence_intervals import keys_of_lowest_error, mean_intervals
+from analysis.paper.confidence_intervals import compute_mean_intervals, find_keys_of_lowest_error
 from analysis.paper.replayed_campaign import (
     ERRORS,
     ReplayedCampaign,
-    calibrated_mass_errors,
+    compute_calibrated_mass_errors,
+    compute_trial_bound_kg,
     replay_with_gate,
-    trial_bound_kg,
 )
 from analysis.paper.simulated_sources import CAMPAIGNS, CHAINED_CAMPAIGNS, Extract, Extracts
 from analysis.paper.torque_chain import TorqueChain
@@ -57,7 +57,7 @@ class Table2:
 def fit_calibration_lines(campaign: ReplayedCampaign, chain: str) -> pl.DataFrame:
     """Fit (19) to a campaign; one row per method with `chain`, `alpha_1` and `beta_kg`."""
     return (
-        calibrate_methods(campaign.estimate_by_method_and_trial())
+        calibrate_methods(campaign.tabulate_masses_by_method_and_trial())
         .group_by("method", maintain_order=True)
         .agg(pl.lit(chain).alias("chain"), pl.col("alpha_1", "beta_kg").first())
     )
@@ -72,10 +72,13 @@ CHAINED_LINES: Final = Extract(
 def make_table_2(extracts: Extracts) -> Table2:
     """Mean slope and offset of the calibration line by chain and method, over the campaigns."""
     lines = pl.concat(
-        [*extracts.results_of_extract(IDEAL_LINES), *extracts.results_of_extract(CHAINED_LINES)],
+        [
+            *extracts.list_results_of_extract(IDEAL_LINES),
+            *extracts.list_results_of_extract(CHAINED_LINES),
+        ],
         how="vertical_relaxed",
     )
-    means = mean_intervals(lines, ["chain", "method"], ["alpha_1", "beta_kg"])
+    means = compute_mean_intervals(lines, ["chain", "method"], ["alpha_1", "beta_kg"])
     printed = pl.DataFrame({"method": printed_numbers.METHODS, **printed_numbers.TABLE_2}).rename(
         {"alpha_1": "paper_alpha_1", "beta_kg": "paper_beta_kg"}
     )
@@ -131,7 +134,7 @@ class SweptTable:
     best_kg: float
 
 
-def errors_by_setting(
+def compute_errors_by_setting(
     campaign: ReplayedCampaign, setting: str, values: Collection[float]
 ) -> pl.DataFrame:
     """Errors with gate and estimators rerun for each value of a setting, one row per value."""
@@ -141,8 +144,8 @@ def errors_by_setting(
             campaign, campaign.settings.with_changes({f"gate.{setting}": value})
         )
         frames.append(
-            calibrated_mass_errors(again).with_columns(
-                pl.lit(float(value)).alias(setting), bound_kg=pl.lit(trial_bound_kg(again))
+            compute_calibrated_mass_errors(again).with_columns(
+                pl.lit(float(value)).alias(setting), bound_kg=pl.lit(compute_trial_bound_kg(again))
             )
         )
     return pl.concat(frames)
@@ -152,12 +155,14 @@ THRESHOLD: Final = "threshold_nat"
 WINDOW: Final = "window_samples"
 OVER_THRESHOLDS: Final = Extract(
     CAMPAIGNS,
-    partial(errors_by_setting, setting=THRESHOLD, values=tuple(printed_numbers.TABLE_3_KG)),
+    partial(compute_errors_by_setting, setting=THRESHOLD, values=tuple(printed_numbers.TABLE_3_KG)),
 )
 OVER_WINDOWS: Final = Extract(
     CAMPAIGNS,
     partial(
-        errors_by_setting, setting=WINDOW, values=tuple(map(round, printed_numbers.TABLE_4_KG))
+        compute_errors_by_setting,
+        setting=WINDOW,
+        values=tuple(map(round, printed_numbers.TABLE_4_KG)),
     ),
 )
 
@@ -165,27 +170,29 @@ OVER_WINDOWS: Final = Extract(
 def make_table_3(extracts: Extracts) -> SweptTable:
     """Average the errors by threshold over the campaigns."""
     return _make_swept_table(
-        extracts.results_of_extract(OVER_THRESHOLDS), THRESHOLD, printed_numbers.TABLE_3_KG
+        extracts.list_results_of_extract(OVER_THRESHOLDS), THRESHOLD, printed_numbers.TABLE_3_KG
     )
 
 
 def make_table_4(extracts: Extracts) -> SweptTable:
     """Average the errors by window length over the campaigns."""
     return _make_swept_table(
-        extracts.results_of_extract(OVER_WINDOWS), WINDOW, printed_numbers.TABLE_4_KG
+        extracts.list_results_of_extract(OVER_WINDOWS), WINDOW, printed_numbers.TABLE_4_KG
     )
 
 
 def _make_swept_table(
     campaigns: Sequence[pl.DataFrame], setting: str, printed: Mapping[float, Sequence[float]]
 ) -> SweptTable:
-    table = _mean_errors_by_setting(pl.concat(campaigns, how="vertical_relaxed"), setting, printed)
+    table = _average_errors_by_setting(
+        pl.concat(campaigns, how="vertical_relaxed"), setting, printed
+    )
     best_kg = table["run_left_out_kg"].min()
     assert isinstance(best_kg, float)
     return SweptTable(
         frame=table,
         best_printed={
-            method: keys_of_lowest_error({at: row[i] for at, row in printed.items()})
+            method: find_keys_of_lowest_error({at: row[i] for at, row in printed.items()})
             for i, method in enumerate(printed_numbers.METHODS)
         },
         extremes=tuple(
@@ -203,10 +210,10 @@ def _make_swept_table(
     )
 
 
-def _mean_errors_by_setting(
+def _average_errors_by_setting(
     campaigns: pl.DataFrame, setting: str, printed: Mapping[float, Sequence[float]]
 ) -> pl.DataFrame:
-    means = mean_intervals(campaigns, [setting, "method"], [*ERRORS, "bound_kg", "runs"])
+    means = compute_mean_intervals(campaigns, [setting, "method"], [*ERRORS, "bound_kg", "runs"])
     known = pl.DataFrame(
         [
             {setting: at, "method": method, "paper_kg": error}
@@ -227,7 +234,7 @@ def _mean_errors_by_setting(
 def find_best_and_worst_setting(method: str, setting: str, part: pl.DataFrame) -> ErrorExtremes:
     """The values of a setting with the least and the largest error of a method."""
     known = dict(part.select(setting, "run_left_out_kg").drop_nulls().iter_rows())
-    (best, *_), worst = keys_of_lowest_error(known), max(known, key=lambda at: known[at])
+    (best, *_), worst = find_keys_of_lowest_error(known), max(known, key=lambda at: known[at])
     high = part.filter(pl.col(setting) == best)["run_left_out_kg_high"][0]
     alike = tuple(at for at, error in known.items() if high is not None and error <= high)
     return ErrorExtremes(method, best, known[best], worst, known[worst], alike, len(known))

@@ -11,13 +11,13 @@ from typing import Any, Final, Literal, TypeAlias
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs
+from analysis.calibration.campaign.method_errors import compute_start_errors
 from analysis.model.settings import Settings
 from analysis.paper import printed_numbers
 from analysis.paper.campaign_tables import OVER_WINDOWS, WINDOW
-from analysis.paper.confidence_intervals import mean_intervals, rms_interval
+from analysis.paper.confidence_intervals import bootstrap_rms_interval, compute_mean_intervals
 from analysis.paper.paper_limits import LIMITS
-from analysis.paper.replayed_campaign import ReplayedCampaign, reestimate
+from analysis.paper.replayed_campaign import ReplayedCampaign, estimate_with_gate
 from analysis.paper.simulated_sources import CAMPAIGNS, CRUISES, Extract, Extracts
 from analysis.paper.table1 import AT_LENGTH
 from analysis.stages.gating.gate import gate_windows
@@ -56,15 +56,19 @@ def replay_with_accepted_windows(
     if window_rule != "gated":
         refused = _INCOMPLETE if window_rule == "ungated" else (*_INCOMPLETE, "braking")
         gated = gated.with_columns(accepted_x=~pl.col("reason_x").cast(pl.String).is_in(refused))
-    return reestimate(campaign, gated, settings)
+    return estimate_with_gate(campaign, gated, settings)
 
 
-def cruise_errors_kg(campaign: ReplayedCampaign) -> tuple[float, ...]:
+def compute_cruise_errors_kg(campaign: ReplayedCampaign) -> tuple[float, ...]:
     """Errors of RLS at the end of the cruise of a single trial, for each of `CRUISE_FED`."""
-    return tuple(cruise_error_kg(campaign, how, directional) for how, directional in CRUISE_FED)
+    return tuple(
+        compute_cruise_error_kg(campaign, how, directional) for how, directional in CRUISE_FED
+    )
 
 
-def cruise_error_kg(campaign: ReplayedCampaign, window_rule: Fed, directional: bool) -> float:
+def compute_cruise_error_kg(
+    campaign: ReplayedCampaign, window_rule: Fed, directional: bool
+) -> float:
     """Error of RLS at the end of the cruise; NaN without an estimate."""
     methods = {"trace.methods": ("rls",), "trace.directional_forgetting": directional}
     again = replay_with_accepted_windows(
@@ -77,7 +81,7 @@ def cruise_error_kg(campaign: ReplayedCampaign, window_rule: Fed, directional: b
     return float(before["mass_kg"][-1] - campaign.trials["mass_kg"][0])
 
 
-def errors_for_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
+def compute_claim_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
     """Errors of one campaign that the claims concern.
 
     Returns:
@@ -87,12 +91,12 @@ def errors_for_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
     """
     rls = campaign.settings.with_changes({"trace.methods": ("rls",)})
     without: tuple[Fed, ...] = ("no braking", "ungated")
-    estimates = {"gated": campaign.estimate_by_method_and_trial()} | {
-        how: replay_with_accepted_windows(campaign, how, rls).estimate_by_method_and_trial()
+    estimates = {"gated": campaign.tabulate_masses_by_method_and_trial()} | {
+        how: replay_with_accepted_windows(campaign, how, rls).tabulate_masses_by_method_and_trial()
         for how in without
     }
     return pl.concat(
-        calibrated_errors_of_runs(masses)
+        compute_start_errors(masses)
         .group_by("method", maintain_order=True)
         .agg(
             pl.lit(how).alias("fed"),
@@ -104,17 +108,17 @@ def errors_for_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
     )
 
 
-CAMPAIGN_ERRORS: Final = Extract(CAMPAIGNS, errors_for_claims)
-CRUISE_ERRORS: Final = Extract(CRUISES, cruise_errors_kg)
+CAMPAIGN_ERRORS: Final = Extract(CAMPAIGNS, compute_claim_errors)
+CRUISE_ERRORS: Final = Extract(CRUISES, compute_cruise_errors_kg)
 TEN_SECONDS: Final = AT_LENGTH[LIMITS.optimal_window_s]
 
 
-def ls_buffer_bytes(window_samples: int) -> int:
+def compute_ls_buffer_bytes(window_samples: int) -> int:
     """Size in bytes of the rows of [A f] that OLS stores in order to subtract the oldest."""
     return window_samples * (_PARAMETERS + 1) * _FLOAT_BYTES
 
 
-def rls_state_bytes() -> int:
+def compute_rls_state_bytes() -> int:
     """Size in bytes of the state of RLS: θ, P, sum of squares and its weight (`rls.RlsState`)."""
     return (_PARAMETERS + _PARAMETERS**2 + 2) * _FLOAT_BYTES
 
@@ -181,8 +185,8 @@ class BufferErrors:
 
 def compare_claims(extracts: Extracts) -> Claims:
     """Compare every claim with windows, campaigns and cruises."""
-    means = mean_intervals(
-        pl.concat(extracts.results_of_extract(CAMPAIGN_ERRORS), how="vertical_relaxed"),
+    means = compute_mean_intervals(
+        pl.concat(extracts.list_results_of_extract(CAMPAIGN_ERRORS), how="vertical_relaxed"),
         ["method", "fed"],
         ["rms_kg", "rms_left_out_kg", "mean_abs_kg"],
     )
@@ -191,7 +195,7 @@ def compare_claims(extracts: Extracts) -> Claims:
         pl.col("method").is_in(printed_numbers.METHODS)
     )
     buffer = _make_buffer_rows(
-        pl.concat(extracts.results_of_extract(OVER_WINDOWS), how="vertical_relaxed")
+        pl.concat(extracts.list_results_of_extract(OVER_WINDOWS), how="vertical_relaxed")
     )
     rows = [
         *buffer,
@@ -205,7 +209,7 @@ def compare_claims(extracts: Extracts) -> Claims:
             make_claim_row("experiment", "trial", row, "mean_abs_kg")
             for row in gated.iter_rows(named=True)
         ),
-        *_make_cruise_rows(np.array(extracts.results_of_extract(CRUISE_ERRORS))),
+        *make_cruise_rows(np.array(extracts.list_results_of_extract(CRUISE_ERRORS))),
         *_make_campaign_rows(means),
     ]
     frame = pl.DataFrame(rows, infer_schema_length=None).with_columns(
@@ -232,14 +236,14 @@ def compare_claims(extracts: Extracts) -> Claims:
         experiment_mass_percent=_value_range(experiment["of_mass_percent"]),
         experiment_range_percent=_value_range(experiment["of_load_range_percent"]),
         reduced=tuple(share >= 100.0 * printed_numbers.REDUCTION for share in smaller),
-        saved_by=best_remedy_of_rls(means),
+        saved_by=find_best_rls_remedy(means),
         buffer=_compare_buffers(frame.filter(pl.col("claim") == "buffer")),
     )
 
 
 def _make_buffer_rows(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
     """Errors of OLS and RLS by window length, and the memory of each."""
-    means = mean_intervals(
+    means = compute_mean_intervals(
         campaigns.filter(pl.col("method").is_in(["ls", "rls"])),
         [WINDOW, "method"],
         ["run_left_out_kg"],
@@ -247,7 +251,9 @@ def _make_buffer_rows(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for row in means.iter_rows(named=True):
         samples = round(row[WINDOW])
-        held = ls_buffer_bytes(samples) if row["method"] == "ls" else rls_state_bytes()
+        held = (
+            compute_ls_buffer_bytes(samples) if row["method"] == "ls" else compute_rls_state_bytes()
+        )
         of_window = {"window_samples": samples, "buffer_bytes": held}
         rows.append(make_claim_row("buffer", "trial", {**row, **of_window}, "run_left_out_kg"))
     return rows
@@ -291,10 +297,10 @@ def _make_window_row(row: Mapping[str, Any]) -> dict[str, Any]:
     return make_claim_row("simulation", "window", {**row, **ends}, "bias_kg")
 
 
-def _make_cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
+def make_cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
     """Rows of findings from errors (cruises, 4), one column for each of `CRUISE_FED`."""
     rng = np.random.default_rng(0)
-    found = [rms_interval(errors, rng) for errors in errors_kg.T]
+    found = [bootstrap_rms_interval(errors, rng) for errors in errors_kg.T]
     ungated_kg = found[0][0]
     return [
         make_claim_row(
@@ -305,7 +311,9 @@ def _make_cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
                 "fed": how,
                 "directional": directional,
                 **dict(zip(("rms", "rms_low", "rms_high"), each, strict=True)),
-                "smaller_percent": _reduction_percent(each[0], ungated_kg) if number else None,
+                "smaller_percent": _compute_reduction_percent(each[0], ungated_kg)
+                if number
+                else None,
             },
             "rms",
         )
@@ -319,7 +327,7 @@ def _make_campaign_rows(means: pl.DataFrame) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for row in rls.iter_rows(named=True):
         gated = row["fed"] != "ungated"
-        smaller = _reduction_percent(row["rms_left_out_kg"], ungated_kg) if gated else None
+        smaller = _compute_reduction_percent(row["rms_left_out_kg"], ungated_kg) if gated else None
         rows.append(
             make_claim_row(
                 "reduction", "trial", {**row, "smaller_percent": smaller}, "rms_left_out_kg"
@@ -328,11 +336,13 @@ def _make_campaign_rows(means: pl.DataFrame) -> list[dict[str, Any]]:
     return rows
 
 
-def _reduction_percent(error_kg: float, ungated_kg: float) -> float:
+def _compute_reduction_percent(error_kg: float, ungated_kg: float) -> float:
     return 100.0 * (1.0 - error_kg / ungated_kg)
 
 
-def best_remedy_of_rls(means: pl.DataFrame) -> Literal["nothing", "refusing braking", "the index"]:
+def find_best_rls_remedy(
+    means: pl.DataFrame,
+) -> Literal["nothing", "refusing braking", "the index"]:
     """Compare RLS on short starts: gated, without braking, ungated."""
     rls = means.filter(pl.col("method") == "rls")
     by_fed = dict(rls.select("fed", "rms_left_out_kg").iter_rows())

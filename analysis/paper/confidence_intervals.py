@@ -9,7 +9,7 @@ from analysis.paper.paper_limits import LIMITS
 from estimators.arrays import Floats
 
 
-def mean_intervals(
+def compute_mean_intervals(
     repetitions: pl.DataFrame, group_columns: Sequence[str], values: Sequence[str]
 ) -> pl.DataFrame:
     """Means over independent repetitions with Student's interval.
@@ -47,7 +47,7 @@ def mean_intervals(
     return pl.DataFrame(columns)
 
 
-def rms_interval(errors: Floats, rng: np.random.Generator) -> tuple[float, float, float]:
+def bootstrap_rms_interval(errors: Floats, rng: np.random.Generator) -> tuple[float, float, float]:
     """Root mean square of independent errors with its percentile bootstrap interval.
 
     The errors need not share one variance: windows that start at different phases do not.
@@ -71,6 +71,6 @@ def rms_interval(errors: Floats, rng: np.random.Generator) -> tuple[float, float
     return float(np.sqrt(squares.mean())), float(low), float(high)
 
 
-def keys_of_lowest_error(errors: Mapping[float, float]) -> list[float]:
+def find_keys_of_lowest_error(errors: Mapping[float, float]) -> list[float]:
     """Keys of the smallest error, ties included."""
     return [at for at, error in errors.items() if error == min(errors.values())]

@@ -12,7 +12,9 @@ from analysis.simulation.scenario.scenario import SimulatedSensors
 from estimators.arrays import Floats
 
 
-def equation_noise(sensors: SimulatedSensors, mass_kg: float, friction_N_s_m: float) -> float:
+def equation_noise_std_newtons(
+    sensors: SimulatedSensors, mass_kg: float, friction_N_s_m: float
+) -> float:
     """Standard deviation σ in N of one sample of f - a m - v b, before any moving mean."""
     return float(
         np.sqrt(
@@ -23,19 +25,23 @@ def equation_noise(sensors: SimulatedSensors, mass_kg: float, friction_N_s_m: fl
     )
 
 
-def mass_bounds_kg(noise_N: float, aa: Floats, av: Floats, vv: Floats) -> Floats:
+def compute_mass_bounds_kg(
+    noise_N: float, sum_a_squared: Floats, sum_a_v: Floats, sum_v_squared: Floats
+) -> Floats:
     """Smallest standard deviation of the mass, in kg.
 
     Args:
-        noise_N: σ of a sample (`equation_noise`).
-        aa: (...,) sum of the squared noise-free accelerations of the samples used.
-        av: (...,) sum of acceleration times speed.
-        vv: (...,) sum of the squared speeds.
+        noise_N: σ of a sample (`equation_noise_std_newtons`).
+        sum_a_squared: (...,) sum of the squared noise-free accelerations of the samples used.
+        sum_a_v: (...,) sum of acceleration times speed.
+        sum_v_squared: (...,) sum of the squared speeds.
 
     Returns:
         (...,); infinite if the samples cannot separate mass from friction.
     """
-    determinant = aa * vv - av**2
+    determinant = sum_a_squared * sum_v_squared - sum_a_v**2
     # to working precision
-    known = determinant > 1e-14 * aa * vv
-    return noise_N * np.sqrt(np.where(known, vv, np.inf) / np.where(known, determinant, 1.0))
+    known = determinant > 1e-14 * sum_a_squared * sum_v_squared
+    return noise_N * np.sqrt(
+        np.where(known, sum_v_squared, np.inf) / np.where(known, determinant, 1.0)
+    )

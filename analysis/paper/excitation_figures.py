@@ -11,7 +11,7 @@ from analysis.model.schema import column_values
 from analysis.model.settings import Settings
 from analysis.paper import printed_numbers
 from analysis.paper.paper_limits import LIMITS
-from analysis.paper.replayed_campaign import ReplayedCampaign, reestimate
+from analysis.paper.replayed_campaign import ReplayedCampaign, estimate_with_gate
 from analysis.paper.simulated_sources import LINEAR, ROTATION, Extract
 from analysis.stages.gating.gate import gate_windows
 from estimators.arrays import Floats
@@ -81,7 +81,7 @@ def make_figure_3_data(campaign: ReplayedCampaign) -> Figure3:
             "gate.exclude_braking": False,
         }
     )
-    estimates = estimates_from_complete_windows(campaign, settings).replayed.frames
+    estimates = estimate_from_complete_windows(campaign, settings).replayed.frames
     truth = campaign.trials.row(0, named=True)
     series = pl.concat(
         _select_plotted_rows(estimates[f"estimates/{method}"]).select(
@@ -99,8 +99,8 @@ def make_figure_3_data(campaign: ReplayedCampaign) -> Figure3:
     return Figure3(
         frame=series,
         true_mass_kg=truth["mass_kg"],
-        rms_kg=rms_error_by_method(series, "mass_kg", "true_mass_kg"),
-        converging=early_and_late_rms_errors(series),
+        rms_kg=compute_rms_error_by_method(series, "mass_kg", "true_mass_kg"),
+        converging=compute_early_and_late_rms_errors(series),
         memory_samples=(1.0 + settings.trace.forgetting) / (1.0 - settings.trace.forgetting),
         window_samples=settings.gate.window_samples,
     )
@@ -128,7 +128,7 @@ class Figure4:
 def make_figure_4_data(campaign: ReplayedCampaign) -> Figure4:
     """Yaw inertia and friction over time under a triangular torque, by the yaw row of (8)."""
     excitation = campaign.replayed.frames["excitation"]
-    A = planar_rows.spin_regressor(
+    A = planar_rows.make_spin_regressor(
         column_values(excitation, "yaw_acc_rad_s2"), column_values(excitation, "yaw_rate_rad_s")
     )
     A, f = np.ascontiguousarray(A), column_values(excitation, "torque_z_N_m")
@@ -142,7 +142,9 @@ def make_figure_4_data(campaign: ReplayedCampaign) -> Figure4:
     noise = (*A[standing].std(axis=0), f[standing].std())
     truth = campaign.trials.row(0, named=True)
     series = pl.concat(
-        _spin_series(method, _trace_estimates(method, A, f, window, complete, noise), excitation)
+        _make_spin_series(
+            method, _trace_estimates(method, A, f, window, complete, noise), excitation
+        )
         for method in printed_numbers.METHODS
     ).with_columns(
         true_inertia_z_kg_m2=pl.lit(truth["inertia_z_kg_m2"]),
@@ -155,19 +157,19 @@ def make_figure_4_data(campaign: ReplayedCampaign) -> Figure4:
         frame=series,
         true_inertia_z_kg_m2=truth["inertia_z_kg_m2"],
         true_friction_z_N_m_s=truth["friction_z_N_m_s"],
-        rms_kg_m2=rms_error_by_method(series, "inertia_z_kg_m2", "true_inertia_z_kg_m2"),
+        rms_kg_m2=compute_rms_error_by_method(series, "inertia_z_kg_m2", "true_inertia_z_kg_m2"),
         bias_kg_m2=dict(biases.iter_rows()),
     )
 
 
-def estimates_from_complete_windows(
+def estimate_from_complete_windows(
     campaign: ReplayedCampaign, settings: Settings
 ) -> ReplayedCampaign:
     """Estimates from every complete window in the figure, without the end of the drive."""
     gated = gate_windows(campaign.replayed.frames["excitation"], settings)
     incomplete = pl.col("reason_x").cast(pl.String).is_in(("warming_up", "gap"))
     shown = ~incomplete & (pl.col("t_ns") <= round(LIMITS.figure_s * 1e9))
-    return reestimate(campaign, gated.with_columns(accepted_x=shown), settings)
+    return estimate_with_gate(campaign, gated.with_columns(accepted_x=shown), settings)
 
 
 def _trace_estimates(
@@ -184,7 +186,7 @@ def _trace_estimates(
             return tls.trace(A, f, window, complete, tls.TlsOptions(noise[:-1], noise[-1]))
 
 
-def _spin_series(method: str, traced: Trace, excitation: pl.DataFrame) -> pl.DataFrame:
+def _make_spin_series(method: str, traced: Trace, excitation: pl.DataFrame) -> pl.DataFrame:
     return _select_plotted_rows(
         pl.DataFrame(
             {
@@ -204,15 +206,17 @@ def _select_plotted_rows(frame: pl.DataFrame) -> pl.DataFrame:
     return seconds.filter(pl.col("t_s") <= LIMITS.figure_s)
 
 
-def rms_error_by_method(series: pl.DataFrame, value: str, true: str) -> dict[str, float]:
+def compute_rms_error_by_method(
+    series: pl.DataFrame, value: str, true_column: str
+) -> dict[str, float]:
     """R.m.s. error of each method over the whole figure."""
     errors = series.group_by("method", maintain_order=True).agg(
-        ((pl.col(value) - pl.col(true)) ** 2).mean().sqrt()
+        ((pl.col(value) - pl.col(true_column)) ** 2).mean().sqrt()
     )
     return dict(errors.iter_rows())
 
 
-def early_and_late_rms_errors(series: pl.DataFrame) -> dict[str, EarlyAndLateRms]:
+def compute_early_and_late_rms_errors(series: pl.DataFrame) -> dict[str, EarlyAndLateRms]:
     """R.m.s. error of LS and RLS in the first `converging_s`, and later."""
     squares = series.with_columns(
         square=(pl.col("mass_kg") - pl.col("true_mass_kg")) ** 2,

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.paper.cramer_rao import equation_noise, mass_bounds_kg
+from analysis.paper.cramer_rao import compute_mass_bounds_kg, equation_noise_std_newtons
 from analysis.paper.paper_limits import LIMITS
 from analysis.simulation import Scenario, solve_motion
 from analysis.simulation.scenario.manoeuvres import Excite
 from analysis.simulation.scenario.scenario import SimulatedSensors
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
-from analysis.stages.motion.smooth import trailing_mean
+from analysis.stages.motion.smooth import compute_trailing_mean
 from estimators.arrays import Floats
 
 
@@ -67,7 +67,7 @@ class SteadyDrive:
         measured = true + noise * rng.standard_normal(true.shape)
         # the mean of a row's first samples reaches into the row before: those are cut off
         smoothed = [
-            trailing_mean(column.ravel(), smooth_samples).reshape(column.shape)[:, before:]
+            compute_trailing_mean(column.ravel(), smooth_samples).reshape(column.shape)[:, before:]
             for column in np.moveaxis(measured, -1, 0)
         ]
         return MeasuredWindows(
@@ -79,12 +79,12 @@ class SteadyDrive:
 
     def _bounds_kg(self, sensors: SimulatedSensors, true: Floats) -> Floats:
         a, v = true[..., 0], true[..., 1]
-        noise_N = equation_noise(sensors, self.mass_kg, self.friction_N_s_m)
+        noise_N = equation_noise_std_newtons(sensors, self.mass_kg, self.friction_N_s_m)
         sums = ((x * y).sum(axis=1) for x, y in ((a, a), (a, v), (v, v)))
-        return mass_bounds_kg(noise_N, *sums)
+        return compute_mass_bounds_kg(noise_N, *sums)
 
 
-def scenario_with_waveforms(
+def make_waveform_scenario(
     scenario: Scenario, *, force: ForceWave | None, torque: TorqueWave | None
 ) -> Scenario:
     """Scenario with one run without load, five periods of these waveforms."""
@@ -104,7 +104,7 @@ def integrate_steady_drive(scenario: Scenario, force: ForceWave | None = None) -
         force: the waveform.
     """
     force = force or ForceWave()
-    motion = solve_motion(scenario_with_waveforms(scenario, force=force, torque=None), 0.0)
+    motion = solve_motion(make_waveform_scenario(scenario, force=force, torque=None), 0.0)
     steps = round(force.period_s * scenario.sensors.rate_hz * LIMITS.phases_per_sample)
     time_s = force.period_s * (LIMITS.settled_periods + np.arange(steps) / steps)
     true = motion.sample_channels(time_s)

@@ -11,11 +11,11 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.campaign.by_method import calibrate_methods
-from analysis.calibration.campaign.campaign_readings import masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs, rms_errors
+from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
+from analysis.calibration.campaign.method_errors import compute_rms_errors, compute_start_errors
 from analysis.model.run_record import Run
 from analysis.model.settings import Settings
-from analysis.paper.cramer_rao import equation_noise, mass_bounds_kg
+from analysis.paper.cramer_rao import compute_mass_bounds_kg, equation_noise_std_newtons
 from analysis.simulation import Scenario
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows, mark_samples_in_windows
@@ -45,18 +45,18 @@ class ReplayedCampaign:
         """Settings of the replay."""
         return self.replayed.provenance.settings
 
-    def estimate_by_method_and_trial(self) -> pl.DataFrame:
+    def tabulate_masses_by_method_and_trial(self) -> pl.DataFrame:
         """One mass per method and trial."""
-        return masses_by_method_and_run(self.replayed, self.trials)
+        return average_masses_by_method_and_run(self.replayed, self.trials)
 
 
 def replay_with_gate(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
     """Rerun gate and estimators with other settings; earlier stages are unchanged."""
     excitation = campaign.replayed.frames["excitation"]
-    return reestimate(campaign, gate_windows(excitation, settings), settings)
+    return estimate_with_gate(campaign, gate_windows(excitation, settings), settings)
 
 
-def reestimate(
+def estimate_with_gate(
     campaign: ReplayedCampaign, gated: pl.DataFrame, settings: Settings
 ) -> ReplayedCampaign:
     """Rerun the estimates of a campaign on the windows that `gated` accepts."""
@@ -74,26 +74,26 @@ def reestimate(
     return replace(campaign, replayed=replayed)
 
 
-def calibrated_mass_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
+def compute_calibrated_mass_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
     """Errors of the calibrated masses.
 
     Returns:
         One row per method: `method`, `runs` (number with a mass), and r.m.s. errors in kg: `run_kg`
         and `run_left_out_kg` of single trials, `mean_kg` and `mean_left_out_kg` of load means.
     """
-    estimates = campaign.estimate_by_method_and_trial()
-    single = calibrated_errors_of_runs(estimates).group_by("method", maintain_order=True).agg(
+    estimates = campaign.tabulate_masses_by_method_and_trial()
+    single = compute_start_errors(estimates).group_by("method", maintain_order=True).agg(
         pl.col("mass_kg").count().alias("runs"),
         (pl.col("error_kg") ** 2).mean().sqrt().alias("run_kg"),
         (pl.col("error_left_out_kg") ** 2).mean().sqrt().alias("run_left_out_kg"),
     )  # fmt: skip
-    means = rms_errors(calibrate_methods(estimates)).select(
+    means = compute_rms_errors(calibrate_methods(estimates)).select(
         "method", mean_kg="rmse_kg", mean_left_out_kg="rmse_left_out_kg"
     )
     return single.join(means, "method", "left", maintain_order="left")
 
 
-def trial_bound_kg(campaign: ReplayedCampaign) -> float:
+def compute_trial_bound_kg(campaign: ReplayedCampaign) -> float:
     """Cramér–Rao bound of a trial's mass, r.m.s. over the trials with an accepted window.
 
     It uses all samples in accepted windows of the trial except true braking, where (7) does not
@@ -115,9 +115,9 @@ def trial_bound_kg(campaign: ReplayedCampaign) -> float:
         .agg(aa=(a * a).sum(), av=(a * v).sum(), vv=(v * v).sum())
     )
     noise_N = [
-        equation_noise(scenario.sensors, row["mass_kg"], row["friction_N_s_m"])
+        equation_noise_std_newtons(scenario.sensors, row["mass_kg"], row["friction_N_s_m"])
         for row in motion.iter_rows(named=True)
     ]
     sums = (motion[name].to_numpy() for name in ("aa", "av", "vv"))
-    bounds_kg = np.array(noise_N) * mass_bounds_kg(1.0, *sums)
+    bounds_kg = np.array(noise_N) * compute_mass_bounds_kg(1.0, *sums)
     return float(np.sqrt((bounds_kg**2).mean())) if bounds_kg.size else float("nan")

@@ -14,11 +14,11 @@ from analysis.model.machine import Channel, Machine
 from analysis.paper.paper_excitation import (
     SteadyDrive,
     integrate_steady_drive,
-    scenario_with_waveforms,
+    make_waveform_scenario,
 )
 from analysis.paper.paper_limits import LIMITS
 from analysis.paper.replayed_campaign import ReplayedCampaign
-from analysis.paper.torque_chain import TorqueChain, record_through_chain
+from analysis.paper.torque_chain import TorqueChain, apply_torque_chain
 from analysis.simulation import Scenario, SimulatedLog
 from analysis.simulation.scenario.scenario import SimulatedSensors
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
@@ -57,7 +57,7 @@ class StudySettings:
     campaigns: int
     replay: Callable[[Scenario, Machine, Chain], ReplayedCampaign]
 
-    def scenario_of_repetition(self, repetition: int) -> Scenario:
+    def make_scenario_of_repetition(self, repetition: int) -> Scenario:
         """Scenario of a repetition."""
         return self.scenario.with_seed(self.scenario.sensors.seed + repetition)
 
@@ -89,7 +89,7 @@ class Extracts:
         """Add the result of an extract from another repetition."""
         self._made.setdefault(extract, []).append(result)
 
-    def results_of_extract(self, extract: Extract[Any, T]) -> list[T]:
+    def list_results_of_extract(self, extract: Extract[Any, T]) -> list[T]:
         """Results of an extract from all repetitions."""
         return self._made[extract]
 
@@ -106,7 +106,7 @@ class Repetition(NamedTuple):
     take: Callable[[], None]
 
 
-def machine_with_paper_noise(machine: Machine) -> Machine:
+def set_paper_noise(machine: Machine) -> Machine:
     """Machine with the paper's noise instead of the log's."""
     return machine.model_copy(update={"settings": machine.settings.with_changes(PAPER_NOISE)})
 
@@ -138,12 +138,12 @@ def plan_repetitions(
 def _add_repetition(
     source: SimulationSource[Any],
     repetition: int,
-    wanted: Iterable[Extract[Any, Any]],
+    wanted_extracts: Iterable[Extract[Any, Any]],
     study: StudySettings,
     extracts: Extracts,
 ) -> None:
     made = source.make(study, repetition)
-    for extract in wanted:
+    for extract in wanted_extracts:
         extracts.add(extract, extract.make(made))
 
 
@@ -173,7 +173,7 @@ def _replay_seeded_campaign(study: StudySettings, repetition: int) -> ReplayedCa
         }
     )
     machine = study.machine.model_copy(update={"settings": settings})
-    return study.replay(study.scenario_of_repetition(repetition), machine, _return_log)
+    return study.replay(study.make_scenario_of_repetition(repetition), machine, _return_log)
 
 
 def _replay_torque_chain_campaign(study: StudySettings, repetition: int) -> ReplayedCampaign:
@@ -181,35 +181,35 @@ def _replay_torque_chain_campaign(study: StudySettings, repetition: int) -> Repl
     printed = study.machine.machine.model_copy(update={"force_share": 1.0})
     machine = study.machine.model_copy(update={"machine": printed})
     return study.replay(
-        study.scenario_of_repetition(repetition),
+        study.make_scenario_of_repetition(repetition),
         machine,
-        lambda log: record_through_chain(log, TorqueChain()),
+        lambda log: apply_torque_chain(log, TorqueChain()),
     )
 
 
 def _replay_straight_drive(study: StudySettings, _: int) -> ReplayedCampaign:
-    driven = scenario_with_waveforms(study.scenario, force=ForceWave(), torque=None)
+    driven = make_waveform_scenario(study.scenario, force=ForceWave(), torque=None)
     return study.replay(driven, study.machine, _return_log)
 
 
 def _replay_spin(study: StudySettings, _: int) -> ReplayedCampaign:
-    driven = scenario_with_waveforms(study.scenario, force=None, torque=TorqueWave())
+    driven = make_waveform_scenario(study.scenario, force=None, torque=TorqueWave())
     yaw = {"yaw_acc_rad_s2": Channel(derive="d/dt yaw_rate_rad_s")}
     machine = study.machine.model_copy(update={"channels": {**study.machine.channels, **yaw}})
     return study.replay(driven, machine, _return_log)
 
 
 def _replay_start(study: StudySettings, _: int) -> ReplayedCampaign:
-    return study.replay(one_start_scenario(study.scenario), study.machine, _return_log)
+    return study.replay(make_one_start_scenario(study.scenario), study.machine, _return_log)
 
 
 def _replay_cruise(study: StudySettings, repetition: int) -> ReplayedCampaign:
-    short = one_start_scenario(study.scenario_of_repetition(repetition))
+    short = make_one_start_scenario(study.make_scenario_of_repetition(repetition))
     campaign = short.campaign.model_copy(update={"cruise_s": LIMITS.cruise_s})
     return study.replay(short.model_copy(update={"campaign": campaign}), study.machine, _return_log)
 
 
-def one_start_scenario(scenario: Scenario) -> Scenario:
+def make_one_start_scenario(scenario: Scenario) -> Scenario:
     """Scenario with one start and stop without load."""
     campaign = scenario.campaign.model_copy(update={"loads_kg": (0.0,), "runs": 1})
     return scenario.model_copy(update={"campaign": campaign})

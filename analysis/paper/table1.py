@@ -16,7 +16,7 @@ import numpy as np
 import polars as pl
 
 from analysis.paper import printed_numbers
-from analysis.paper.confidence_intervals import keys_of_lowest_error, rms_interval
+from analysis.paper.confidence_intervals import bootstrap_rms_interval, find_keys_of_lowest_error
 from analysis.paper.paper_excitation import MeasuredWindows, SteadyDrive
 from analysis.paper.paper_limits import LIMITS
 from analysis.paper.simulated_sources import OSCILLATION, Extract, Extracts, SteadyStudy
@@ -51,7 +51,7 @@ class Table1:
         forgetting_1: λ of RLS.
         half_s: half-life of the memory of RLS.
         longest: row of RLS at the longest window.
-        raw: row of TLS in raw units at the noise of `errors_in_raw_units`.
+        raw: row of TLS in raw units at the noise of `compute_errors_in_raw_units`.
         scaled: row of TLS on columns scaled by their noise, at the same noise.
     """
 
@@ -76,12 +76,14 @@ def make_table_1(extracts: Extracts) -> Table1:
     table = pl.concat([extracts.single_result(extract) for extract in AT_LENGTH.values()])
     beside = table.filter(pl.col("paper_kg").is_not_null())
     ours = {
-        str(method): keys_of_lowest_error(dict(part.select("window_s", "rmse_kg").iter_rows()))[0]
+        str(method): find_keys_of_lowest_error(
+            dict(part.select("window_s", "rmse_kg").iter_rows())
+        )[0]
         for (method,), part in table.group_by("method", maintain_order=True)
     }
     long = table.filter((pl.col("window_s") >= LONG_S) & pl.col("method").is_in(["ls", "tls"]))
     over_bound = long["over_bound_1"].to_list()
-    long_rms = worst_rms_over_bound_with_interval(long)
+    long_rms = find_worst_rms_over_bound(long)
     forgetting = RlsOptions().forgetting
     noisier = {
         row["method"]: row for row in extracts.single_result(RAW_UNITS).iter_rows(named=True)
@@ -92,7 +94,7 @@ def make_table_1(extracts: Extracts) -> Table1:
         below_bound=beside.filter(pl.col("paper_kg") < pl.col("bound_kg")).height,
         rare=beside.filter(pl.col("paper_kg") > RARE * pl.col("rmse_kg")).height,
         best_printed_s={
-            method: keys_of_lowest_error(
+            method: find_keys_of_lowest_error(
                 {at: row[i] for at, row in printed_numbers.TABLE_1_KG.items()}
             )[0]
             for i, method in enumerate(printed_numbers.METHODS)
@@ -109,11 +111,11 @@ def make_table_1(extracts: Extracts) -> Table1:
     )
 
 
-def worst_rms_over_bound_with_interval(long: pl.DataFrame) -> tuple[float, float, float]:
+def find_worst_rms_over_bound(long_window_errors: pl.DataFrame) -> tuple[float, float, float]:
     """R.m.s. of the errors over their bounds, of the worse method, with its χ² interval."""
     from scipy.stats import chi2
 
-    by_method = long.group_by("method", maintain_order=True).agg(
+    by_method = long_window_errors.group_by("method", maintain_order=True).agg(
         square=(pl.col("over_bound_1") ** 2).mean(), windows=pl.col("trials").sum()
     )
     square, windows = by_method.sort("square").select("square", "windows").row(-1)
@@ -122,15 +124,17 @@ def worst_rms_over_bound_with_interval(long: pl.DataFrame) -> tuple[float, float
     return square**0.5, float(low) ** 0.5, float(high) ** 0.5
 
 
-def has_reached_bound(largest: float, rms: tuple[float, float, float]) -> bool | None:
+def has_reached_bound(
+    largest_ratio: float, rms_interval_1: tuple[float, float, float]
+) -> bool | None:
     """Whether the bound is reached; None if the interval leaves it open."""
-    _, low, high = rms
+    _, low, high = rms_interval_1
     if low > LIMITS.reached_bound_ratio:
         return False
-    return True if max(largest, high) <= LIMITS.reached_bound_ratio else None
+    return True if max(largest_ratio, high) <= LIMITS.reached_bound_ratio else None
 
 
-def errors_by_window_length(
+def compute_errors_by_window_length(
     drive: SteadyDrive,
     sensors: SimulatedSensors,
     windows: int,
@@ -160,12 +164,12 @@ def errors_by_window_length(
     for window_s in windows_s:
         # a length's windows are the same whichever other lengths are asked for
         rng = np.random.default_rng([sensors.seed, round(window_s * 1e3)])
-        bound_kg, strict_kg, errors = bounds_and_errors_kg(
+        bound_kg, strict_kg, errors = compute_bounds_and_errors_kg(
             drive, sensors, window_s, smooth_samples, windows, methods, rng
         )
         printed = printed_numbers.values_by_method(printed_numbers.TABLE_1_KG.get(window_s))
         for method, error in errors.items():
-            rmse, low, high = rms_interval(error, rng)
+            rmse, low, high = bootstrap_rms_interval(error, rng)
             known = error[np.isfinite(error)]
             rows.append(
                 {
@@ -186,17 +190,17 @@ def errors_by_window_length(
     return pl.DataFrame(rows, schema_overrides={"paper_kg": pl.Float64})
 
 
-def errors_in_raw_units(
+def compute_errors_in_raw_units(
     drive: SteadyDrive, sensors: SimulatedSensors, windows: int
 ) -> pl.DataFrame:
     """`window_errors` at 2 s and a noise under which total least squares needs scaled columns."""
     noisier = sensors.model_copy(update={"force_noise_N": 150.0, "acc_noise_m_s2": 0.03})
-    return errors_by_window_length(
+    return compute_errors_by_window_length(
         drive, noisier, windows, windows_s=(2.0,), methods=("tls", "tls_raw")
     )
 
 
-def bounds_and_errors_kg(
+def compute_bounds_and_errors_kg(
     drive: SteadyDrive,
     sensors: SimulatedSensors,
     window_s: float,
@@ -215,12 +219,14 @@ def bounds_and_errors_kg(
         seen = drive.measure_windows(sensors, samples, smooth_samples, count, rng)
         bounds.append(np.stack([seen.bound_kg, seen.strict_bound_kg]))
         for method in methods:
-            errors[method].append(window_masses_kg(method, seen, sensors) - drive.mass_kg)
+            errors[method].append(estimate_window_masses_kg(method, seen, sensors) - drive.mass_kg)
     bound_kg, strict_kg = np.sqrt((np.concatenate(bounds, axis=1) ** 2).mean(axis=1))
     return float(bound_kg), float(strict_kg), {m: np.concatenate(e) for m, e in errors.items()}
 
 
-def window_masses_kg(method: str, windows: MeasuredWindows, sensors: SimulatedSensors) -> Floats:
+def estimate_window_masses_kg(
+    method: str, windows: MeasuredWindows, sensors: SimulatedSensors
+) -> Floats:
     """Mass (windows,) of every window, NaN if it has none."""
     _, samples, parameters = windows.A.shape
     if method == "rls":
@@ -251,17 +257,19 @@ def window_masses_kg(method: str, windows: MeasuredWindows, sensors: SimulatedSe
     return traced.theta[:, 0]
 
 
-def _errors_at_length(study: SteadyStudy, window_s: float) -> pl.DataFrame:
-    return errors_by_window_length(study.drive, study.sensors, study.windows, windows_s=(window_s,))
+def _compute_errors_at_length(study: SteadyStudy, window_s: float) -> pl.DataFrame:
+    return compute_errors_by_window_length(
+        study.drive, study.sensors, study.windows, windows_s=(window_s,)
+    )
 
 
 def _study_raw_units(study: SteadyStudy) -> pl.DataFrame:
-    return errors_in_raw_units(study.drive, study.sensors, study.windows)
+    return compute_errors_in_raw_units(study.drive, study.sensors, study.windows)
 
 
 #: The rows of each length.
 AT_LENGTH: Final = {
-    window_s: Extract(OSCILLATION, partial(_errors_at_length, window_s=window_s))
+    window_s: Extract(OSCILLATION, partial(_compute_errors_at_length, window_s=window_s))
     for window_s in printed_numbers.TABLE_1_KG
 }
 RAW_UNITS: Final = Extract(OSCILLATION, _study_raw_units)

@@ -37,7 +37,7 @@ class TorqueChain:
         return front_kg / (empty_kg + load_kg)
 
 
-def record_through_chain(simulated: SimulatedLog, chain: TorqueChain) -> SimulatedLog:
+def apply_torque_chain(simulated: SimulatedLog, chain: TorqueChain) -> SimulatedLog:
     """Log with the torques, and their noise, that this chain would record."""
     machine = simulated.scenario.machine
     share = chain.front_axle_fraction(machine.mass_kg, simulated.load_kg)

@@ -17,18 +17,22 @@ from analysis.model.axes import Axis, X, Z
 from analysis.model.machine import Machine
 from analysis.model.schema import FRAMES, build_frame
 from analysis.model.settings import Settings
-from analysis.model.uncertainty_sources import names_of_unknown_scale_sources
+from analysis.model.uncertainty_sources import unknown_scale_source_names
 from analysis.model.verdict import Verdict
 from analysis.planar.planar_budget import (
+    combine_standard_uncertainty,
+    compute_quantity_gradient,
     list_uncertainty_sources,
     make_budget_rows,
-    quantity_gradient,
-    standard_uncertainty,
 )
 from analysis.planar.planar_limits import LIMITS
-from analysis.planar.planar_motion import make_drive
+from analysis.planar.planar_motion import make_planar_drive
 from analysis.planar.planar_regressor import Regressor
-from analysis.planar.planar_samples import PlanarSamples, collect_planar_samples, planar_noise
+from analysis.planar.planar_samples import (
+    PlanarSamples,
+    collect_planar_samples,
+    compute_planar_column_noise,
+)
 from analysis.planar.planar_terms import TERMS, select_terms_of_drive
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import mark_samples_to_pool
@@ -123,10 +127,10 @@ def fit_arcs(
     # an arc is one stretch of the log
     rows = np.flatnonzero(steady)
     firsts, lasts = rows[begins[lasting]], rows[(begins + counts - 1)[lasting]]
-    known = Prior.around_zero({}, 2)
-    for stage, told in zip(_STAGES, (verdict.can_weigh, verdict.can_tell_inertia), strict=True):
+    known = Prior.make_zero_mean({}, 2)
+    for stage, told in zip(_STAGES, (verdict.can_weigh, verdict.can_estimate_inertia), strict=True):
         if told:
-            known = known.joined_with(prior_from_axis(log, gated, start, *stage))
+            known = known.combine_with(make_prior_from_axis(log, gated, start, *stage))
     # a yaw torque counts once spins have vouched for it
     both = "friction_z_N_m_s" in known.names
     parts = [("arc", slice(first, last + 1)) for first, last in zip(firsts, lasts, strict=True)]
@@ -135,7 +139,7 @@ def fit_arcs(
     for kind, part in parts:
         of = np.full(arc_id.size, -1)
         of[part] = np.where(np.isin(arc_id[part], lasting_ids), arc_id[part], -1)
-        fitted = fit_in_rounds(log, of, start, known, _BOTH if both else _FORCE)
+        fitted = fit_planar_iteratively(log, of, start, known, _BOTH if both else _FORCE)
         row = _make_fit_row(kind, log, of >= 0, fitted, known.names)
         reason = "accepted"
         if not np.isfinite(row["com_x_m"]):
@@ -145,7 +149,7 @@ def fit_arcs(
         yield _withhold_undetermined(row, reason, withheld=not verdict.can_weigh)
 
 
-def prior_from_axis(
+def make_prior_from_axis(
     log: PlanarLog,
     gated: pl.DataFrame,
     start: Floats,
@@ -154,24 +158,26 @@ def prior_from_axis(
     columns: tuple[int, ...],
 ) -> Prior:
     """Prior for an arc by straight motion or spins, with the terms that only these have."""
-    nothing = Prior.around_zero({}, 2)
+    nothing = Prior.make_zero_mean({}, 2)
     if axis is Z and not log.plane.has_torque:
         return nothing
     used = mark_samples_to_pool(log.excitation, gated, log.machine.settings, axis)
     used &= log.plane.known
     if not used.any():
         return nothing
-    fitted = fit_in_rounds(log, np.where(used, 0, -1), start, nothing, rows, columns).estimate
+    fitted = fit_planar_iteratively(
+        log, np.where(used, 0, -1), start, nothing, rows, columns
+    ).estimate
     if not np.isfinite(fitted.theta).all():
         return nothing
-    own = [n for n, name in enumerate(fitted.parameters) if is_of_one_axis_only(name, axis)]
+    own = [n for n, name in enumerate(fitted.parameters) if occurs_on_one_axis_only(name, axis)]
     mean = np.zeros((2, len(own)))
     mean[rows] = fitted.by_axis[:, own]
     names = tuple(fitted.parameters[n] for n in own)
     return Prior(names, mean, fitted.covariance[np.ix_(own, own)])
 
 
-def is_of_one_axis_only(name: str, axis: Axis) -> bool:
+def occurs_on_one_axis_only(name: str, axis: Axis) -> bool:
     """Whether a parameter or term occurs in the equation of one axis only."""
     return name in PARAMETERS or any(
         term.name == name and term.axes == axis.letter for term in TERMS
@@ -186,9 +192,9 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
         return None
     of = np.where(used, 0, -1)
     start = base_parameters.fit(
-        plane.motion, plane.f, PARAMETERS, of, noise=planar_noise(plane, used)
+        plane.motion, plane.f, PARAMETERS, of, noise=compute_planar_column_noise(plane, used)
     ).coefficients
-    fitted = fit_in_rounds(log, of, start, Prior.around_zero({}, 2), _BOTH)
+    fitted = fit_planar_iteratively(log, of, start, Prior.make_zero_mean({}, 2), _BOTH)
     row = _make_fit_row("joint", log, used, fitted, ())
     estimate = fitted.estimate
     variance = np.var(plane.f, axis=0, where=used[:, None])
@@ -197,13 +203,13 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
         estimate.residual_rms**2, variance, out=np.full(2, np.nan), where=variance > 0.0
     )
     row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
-    believed = is_fit_plausible(plane, estimate, row, settings) and not verdict.is_contradicted
+    believed = is_fit_plausible(plane, estimate, row, settings) and not verdict.has_failed_by_number
     reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"
     return _withhold_undetermined(row, reason, withheld=not believed), fitted
 
 
 def is_fit_plausible(
-    plane: PlanarSamples, estimate: BaseEstimate, row: Mapping[str, Any], settings: Settings
+    samples: PlanarSamples, estimate: BaseEstimate, row: Mapping[str, Any], settings: Settings
 ) -> bool:
     """Whether the joint fit passes, on its own ungated samples, what straight motion must pass."""
     limits = settings.verdict
@@ -211,13 +217,13 @@ def is_fit_plausible(
     # of a mass and an inertia; those that the motion does not determine are not told anyway
     told = np.isfinite(estimate.theta[:2])
     theta, std = estimate.theta[:2][told], estimate.std[:2][told]
-    force = plane.f[:, 0]
-    driving = fit_quality.share_along_motion(
-        plane.motion.speed, force, plane.known & (plane.pace > 0)
+    force = samples.f[:, 0]
+    driving = fit_quality.force_fraction_along_motion(
+        samples.motion.speed, force, samples.known & (samples.pace > 0)
     )
-    along = np.column_stack([plane.motion.specific_force_x, plane.motion.speed])
-    opposing = fit_quality.share_against_motion(
-        along, force, plane.known & (plane.pace < 0), plane.known & (plane.pace > 0)
+    along = np.column_stack([samples.motion.specific_force_x, samples.motion.speed])
+    opposing = fit_quality.force_fraction_against_motion(
+        along, force, samples.known & (samples.pace < 0), samples.known & (samples.pace > 0)
     )
     return (
         explained >= limits.r_squared_min
@@ -227,7 +233,7 @@ def is_fit_plausible(
     )
 
 
-def fit_in_rounds(
+def fit_planar_iteratively(
     log: PlanarLog,
     segment_id: Ints,
     start: Floats,
@@ -245,21 +251,21 @@ def fit_in_rounds(
         rows: fitted equations: force, yaw torque, or both.
         columns: indices of the fitted parameters among the six.
     """
-    told = fit_with_coefficients(log, segment_id, start, prior, rows, columns)
+    told = fit_planar_once(log, segment_id, start, prior, rows, columns)
     for _ in range(LIMITS.motion_fit_rounds - 1):
         coefficients = start.copy()
         found = told.estimate.coefficients[: len(columns)]
         if np.isfinite(found).all():
             coefficients[list(columns)] = found
-        told = fit_with_coefficients(log, segment_id, coefficients, prior, rows, columns)
+        told = fit_planar_once(log, segment_id, coefficients, prior, rows, columns)
     return told
 
 
-def fit_with_coefficients(
+def fit_planar_once(
     log: PlanarLog,
     segment_id: Ints,
     coefficients: Floats,
-    known: Prior,
+    known_prior: Prior,
     rows: slice,
     columns: tuple[int, ...],
 ) -> PlanarFit:
@@ -267,19 +273,21 @@ def fit_with_coefficients(
     where = np.flatnonzero(segment_id >= 0)
     part = slice(int(where[0]), int(where[-1]) + 1)
     of_columns = np.array(columns)
-    drive = make_drive(log.plane, log.excitation, log.machine, coefficients)
+    drive = make_planar_drive(log.plane, log.excitation, log.machine, coefficients)
     # the noise of a column that is not fitted would tell a term that is a share of it
     terms = [
         (term, std)
         for term, std in select_terms_of_drive(drive, "xz"[rows])
-        if term.mixed_columns(drive, rows) <= set(columns)
+        if term.list_mixed_columns(drive, rows) <= set(columns)
     ]
     names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
-    width = {term.name: std for term, std in terms if term.name not in known.names}
+    width = {term.name: std for term, std in terms if term.name not in known_prior.names}
     regressor = Regressor.from_drive(drive.cut(part), of_columns, [term for term, _ in terms], rows)
     used, arm_y_m = segment_id >= 0, regressor.imu_position_m[1]
-    noise = planar_noise(log.plane, used, arm_y_m)[rows][:, of_columns]
-    prior = prior_for_rows(known, rows, names).joined_with(Prior.around_zero(width, noise.shape[0]))
+    noise = compute_planar_column_noise(log.plane, used, arm_y_m)[rows][:, of_columns]
+    prior = restrict_prior_to_rows(known_prior, rows, names).combine_with(
+        Prior.make_zero_mean(width, noise.shape[0])
+    )
     fitted = base_parameters.fit(
         regressor,
         log.plane.f[part, rows],
@@ -292,12 +300,12 @@ def fit_with_coefficients(
     names = prior.names
     for term, _ in terms:
         if term.least_u and term.name in width:
-            fitted = fitted.with_uncertainty_of(term.name, term.least_u)
+            fitted = fitted.add_parameter_uncertainty(term.name, term.least_u)
             names = (*names, term.name)
     return PlanarFit(fitted, names)
 
 
-def prior_for_rows(prior: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
+def restrict_prior_to_rows(prior: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
     """The part of a prior that a fit of these rows has parameters of."""
     own = [n for n, name in enumerate(prior.names) if name in names]
     return Prior(
@@ -328,24 +336,27 @@ def _make_fit_row(
             for name, single in zip(found.parameters, found.identifiable, strict=True)
             if single
         ),
-        "combinations": "; ".join(found.combination_texts()),
+        "combinations": "; ".join(found.format_combinations()),
     }
 
     def u_of(gradient: Floats) -> float:
-        return standard_uncertainty(estimate, gradient, fitted.response_names, log.machine)
+        return combine_standard_uncertainty(estimate, gradient, fitted.response_names, log.machine)
 
     for name, value in zip(estimate.parameters, estimate.theta, strict=True):
         if name in PARAMETERS and name not in known:
-            row[name], row[_COLUMNS[name]] = float(value), u_of(quantity_gradient(estimate, name))
+            row[name], row[_COLUMNS[name]] = (
+                float(value),
+                u_of(compute_quantity_gradient(estimate, name)),
+            )
     for axis, moment in zip("xy", MOMENTS, strict=True):
         value, gradient = estimate.slope(moment, "mass_kg")
         row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u_of(gradient)
     row["predicted_std_com_m"] = row["com_x_std_m"]
     told = {*MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
-    row["scale_unknown"] = missing_values_text(
-        fitted, [quantity_gradient(estimate, name) for name in sorted(told)], log.machine
+    row["scale_unknown"] = describe_missing_settings(
+        fitted, [compute_quantity_gradient(estimate, name) for name in sorted(told)], log.machine
     )
-    row["com_scale_unknown"] = missing_values_text(
+    row["com_scale_unknown"] = describe_missing_settings(
         fitted, [estimate.slope(moment, "mass_kg")[1] for moment in MOMENTS], log.machine
     )
     for name, rms in zip(
@@ -355,13 +366,13 @@ def _make_fit_row(
     return row
 
 
-def missing_values_text(fitted: PlanarFit, gradients: list[Floats], machine: Machine) -> str:
+def describe_missing_settings(fitted: PlanarFit, gradients: list[Floats], machine: Machine) -> str:
     """Values missing in the machine file that any of these quantities needs."""
     told = [g for g in gradients if np.isfinite(g).all()]
     each = [
         list_uncertainty_sources(fitted.estimate, g, fitted.response_names, machine) for g in told
     ]
-    names = (name for found in each for name in names_of_unknown_scale_sources(found))
+    names = (name for found in each for name in unknown_scale_source_names(found))
     return ", ".join(dict.fromkeys(names))
 
 

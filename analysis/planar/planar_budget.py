@@ -11,7 +11,7 @@ from analysis.model.uncertainty_sources import (
     SCALES,
     TRACK_WIDTH,
     UncertaintySource,
-    combined_u,
+    combine_u,
     has_torque_of_sides,
     sort_largest_first,
 )
@@ -34,7 +34,7 @@ _QUANTITIES: Final = {
 }
 
 
-def quantity_gradient(estimate: BaseEstimate, name: str) -> Floats:
+def compute_quantity_gradient(estimate: BaseEstimate, name: str) -> Floats:
     """Gradient (p,) of a parameter or quantity by the parameters."""
     return np.array([float(each == name) for each in estimate.parameters])
 
@@ -71,11 +71,11 @@ def list_uncertainty_sources(
         else:
             stated[term.stated.name] = float(np.hypot(stated.get(term.stated.name, 0.0), u))
     return sort_largest_first(
-        [*found, *machine_uncertainty_sources(estimate, gradient, stated, machine)]
+        [*found, *iter_machine_uncertainty_sources(estimate, gradient, stated, machine)]
     )
 
 
-def machine_uncertainty_sources(
+def iter_machine_uncertainty_sources(
     estimate: BaseEstimate, gradient: Floats, fitted: dict[str, float], machine: Machine
 ) -> Iterator[UncertaintySource]:
     """Uncertainty sources that the machine file states or should state."""
@@ -102,20 +102,24 @@ def machine_uncertainty_sources(
                 continue
         u = scale.u(machine)
         part = fitted.get(scale.name, 0.0)
-        yield scale.to_source(None if u is None else float(np.hypot(u * change, part)))
+        yield scale.make_uncertainty_source(
+            None if u is None else float(np.hypot(u * change, part))
+        )
     if IMU_POSITION.applies(machine):
         known = IMU_POSITION.u(machine) is not None
-        yield IMU_POSITION.to_source(fitted.get(IMU_POSITION.name, 0.0) if known else None)
+        yield IMU_POSITION.make_uncertainty_source(
+            fitted.get(IMU_POSITION.name, 0.0) if known else None
+        )
 
 
-def standard_uncertainty(
+def combine_standard_uncertainty(
     estimate: BaseEstimate, gradient: Floats, terms: tuple[str, ...], machine: Machine
 ) -> float:
     """Combined standard uncertainty of a quantity; NaN if the motion does not determine it."""
     at = np.flatnonzero(gradient)
     if not np.isfinite(estimate.covariance[np.ix_(at, at)]).all():
         return float("nan")
-    return combined_u(list_uncertainty_sources(estimate, gradient, terms, machine))
+    return combine_u(list_uncertainty_sources(estimate, gradient, terms, machine))
 
 
 def make_budget_rows(
@@ -134,12 +138,12 @@ def make_budget_rows(
         if row.get(quantity) is None or not np.isfinite(row[quantity]):
             continue
         if quantity in PARAMETERS:
-            gradient = quantity_gradient(estimate, quantity)
+            gradient = compute_quantity_gradient(estimate, quantity)
         else:
             moment = MOMENTS["xy".index(quantity[4])]
             gradient = estimate.slope(moment, "mass_kg")[1]
         found = list_uncertainty_sources(estimate, gradient, terms, machine)
-        total = combined_u(found)
+        total = combine_u(found)
         parts += [
             {
                 "quantity": quantity,

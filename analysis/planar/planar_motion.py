@@ -79,40 +79,40 @@ class PlanarDrive:
     @property
     def mass_kg(self) -> float:
         """Mass by the previous fit, else by the machine file."""
-        told = self._coefficient_of_term("mass_kg")
+        told = self._read_term_coefficient("mass_kg")
         return told if told > 0.0 else self.machine.machine.empty_mass_kg or 0.0
 
     @property
     def inertia_z_kg_m2(self) -> float:
         """Yaw inertia by the previous fit; 0 if undetermined."""
-        return self._coefficient_of_term("inertia_z_kg_m2")
+        return self._read_term_coefficient("inertia_z_kg_m2")
 
     @property
     def moment_x_kg_m(self) -> float:
         """First moment in x (forward)."""
-        return self._coefficient_of_term("first_moment_x_kg_m")
+        return self._read_term_coefficient("first_moment_x_kg_m")
 
     @property
     def moment_y_kg_m(self) -> float:
         """First moment in y (left)."""
-        return self._coefficient_of_term("first_moment_y_kg_m")
+        return self._read_term_coefficient("first_moment_y_kg_m")
 
     @property
     def turning_friction(self) -> float:
         """Viscous friction of turning, in N·m·s."""
-        return self._coefficient_of_term("friction_z_N_m_s")
+        return self._read_term_coefficient("friction_z_N_m_s")
 
     @property
     def half_track_m(self) -> float:
         """Lever arm of each side's force; 1 m without a track width."""
-        return half_track_m(self.machine)
+        return read_half_track_m(self.machine)
 
     @property
     def machine_weight(self) -> float:
         """Weight of the machine, in N."""
         return self.mass_kg * self.gravity_m_s2
 
-    def _coefficient_of_term(self, name: str) -> float:
+    def _read_term_coefficient(self, name: str) -> float:
         return float(self.coefficients[_AT[name]])
 
     def cut(self, part: slice) -> "PlanarDrive":
@@ -135,19 +135,19 @@ class PlanarDrive:
         )
 
 
-def make_drive(
-    plane: PlanarSamples, excitation: pl.DataFrame, machine: Machine, coefficients: Floats
+def make_planar_drive(
+    samples: PlanarSamples, excitation: pl.DataFrame, machine: Machine, coefficients: Floats
 ) -> PlanarDrive:
     """Compute the inputs of the terms.
 
     Args:
-        plane: motion and forces, of all samples of `excitation`.
+        samples: motion and forces, of all samples of `excitation`.
         excitation: frame with the rate of the speed.
         machine: machine file.
         coefficients: (6,) coefficients of the previous fit; 0 if not determined.
     """
-    motion, rate_hz = plane.motion, machine.settings.align.rate_hz
-    used = plane.usable & plane.moving
+    motion, rate_hz = samples.motion, machine.settings.align.rate_hz
+    used = samples.usable & samples.moving
     force, torque = (motion[:] @ coefficients).T
     span = max(machine.settings.smooth.samples // 2, 1)
     step_s = 2.0 * span / rate_hz
@@ -171,7 +171,7 @@ def make_drive(
         motion.speed, column_values(excitation, "speed_rate_x_m_s2"), LIMITS.moving_min_m_s
     )
     direction_z = direction(motion.yaw_rate, motion.yaw_acceleration, LIMITS.turning_min_rad_s)
-    spins = np.abs(motion.speed) < half_track_m(machine) * np.abs(motion.yaw_rate)
+    spins = np.abs(motion.speed) < read_half_track_m(machine) * np.abs(motion.yaw_rate)
     term_inputs = np.stack(
         [
             averaged(force),
@@ -181,31 +181,35 @@ def make_drive(
             central_difference(motion.speed * np.abs(force)),
             np.where(spins, 0.0, direction_x),
             np.where(spins, direction_x, 0.0),
-            np.where(plane.turning, direction_z, 0.0),
+            np.where(samples.turning, direction_z, 0.0),
             t / max(float(t[-1]), 1.0) - 0.5,
             np.cumsum(np.nan_to_num(motion.yaw_rate)) / rate_hz,
         ]
     )
-    turns = used & plane.turning
+    turns = used & samples.turning
     return PlanarDrive(
-        plane,
+        samples,
         machine,
         coefficients,
         np.nan_to_num(term_inputs),
-        robust_maximum(plane.f[:, 0], used),
-        robust_maximum(plane.f[:, 1], turns),
-        robust_maximum(motion.speed, used),
-        robust_maximum(motion.yaw_rate, turns),
-        robust_maximum(motion.specific_force_y, turns),
+        find_robust_maximum(samples.f[:, 0], used),
+        find_robust_maximum(samples.f[:, 1], turns),
+        find_robust_maximum(motion.speed, used),
+        find_robust_maximum(motion.yaw_rate, turns),
+        find_robust_maximum(motion.specific_force_y, turns),
     )
 
 
-def half_track_m(machine: Machine) -> float:
+def read_half_track_m(machine: Machine) -> float:
     """Distance of each side's wheels from the middle, in m; 1 m without a track width."""
     return (machine.machine.track_width_m or 2.0) / 2.0
 
 
-def robust_maximum(x: Floats, used: Bools) -> float:
+def find_robust_maximum(values: Floats, is_used: Bools) -> float:
     """Maximum without outliers; a small positive number if there is none."""
-    found = float(np.quantile(np.abs(x[used]), LIMITS.reached_quantile)) if used.any() else 0.0
+    found = (
+        float(np.quantile(np.abs(values[is_used]), LIMITS.reached_quantile))
+        if is_used.any()
+        else 0.0
+    )
     return max(found, 1e-6)

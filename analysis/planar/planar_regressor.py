@@ -8,8 +8,8 @@ import numpy as np
 from analysis.planar.planar_motion import PlanarDrive
 from analysis.planar.planar_terms import (
     Term,
-    measures_lateral_specific_force,
-    measures_specific_force,
+    has_forward_accelerometer,
+    has_lateral_accelerometer,
 )
 from estimators.arrays import Floats, Ints
 from estimators.planar.planar_rows import PARAMETERS
@@ -77,7 +77,7 @@ class Regressor:
 
         It is (0, 0) where no accelerometer is used, or not all six columns are fitted.
         """
-        if self.columns.size < len(PARAMETERS) or not measures_specific_force(self.drive.machine):
+        if self.columns.size < len(PARAMETERS) or not has_forward_accelerometer(self.drive.machine):
             return 0.0, 0.0
         return self.drive.machine.machine.imu.position_m[:2]
 
@@ -87,9 +87,9 @@ class Regressor:
         x_m, y_m = self.imu_position_m
         if x_m or y_m:
             mass, inertia, moment_x, moment_y, *_ = range(len(PARAMETERS))
-            # `move_to_origin` adds ω² x + ω̇ y to s_x, and ω² y - ω̇ x to s_y
+            # `transfer_to_origin` adds ω² x + ω̇ y to s_x, and ω² y - ω̇ x to s_y
             found[0, mass, [moment_x, moment_y]] = -x_m, -y_m
             found[1, moment_y, inertia] = -y_m
-            if measures_lateral_specific_force(self.drive.machine):
+            if has_lateral_accelerometer(self.drive.machine):
                 found[1, moment_x, inertia] = -x_m
         return found

@@ -7,12 +7,12 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.model.axes import Z, available_axes
+from analysis.model.axes import Z, list_available_axes
 from analysis.model.schema import column_values
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import mark_possible_braking
-from analysis.stages.motion.phases import TURNS, speeding_sign, yaw_speeding_sign
-from analysis.stages.noise.column_noise import stds_after_moving_mean
+from analysis.stages.motion.phases import TURNS, sign_of_speed_change, sign_of_yaw_rate_change
+from analysis.stages.noise.column_noise import compute_stds_after_moving_mean
 from estimators.arrays import Bools, Floats
 from estimators.planar import planar_rows
 
@@ -51,7 +51,7 @@ class PlanarSamples:
         """Slice of the samples, sharing their memory."""
         return PlanarSamples(
             t_ns=self.t_ns[part],
-            motion=self.motion.cut(part),
+            motion=self.motion.slice_samples(part),
             f=self.f[part],
             known=self.known[part],
             usable=self.usable[part],
@@ -67,7 +67,7 @@ def collect_planar_samples(
     excitation: pl.DataFrame, settings: Settings, noise: pl.DataFrame | None = None
 ) -> PlanarSamples:
     """Collect the samples for the planar fits."""
-    n, has_torque = excitation.height, Z in available_axes(excitation)
+    n, has_torque = excitation.height, Z in list_available_axes(excitation)
     phase = excitation["phase"]
     speed = column_values(excitation, "speed_x_m_s")
     yaw_rate = column_values(excitation, "yaw_rate_rad_s")
@@ -82,20 +82,20 @@ def collect_planar_samples(
     )
     torque = column_values(excitation, "torque_z_N_m") if has_torque else zero
     f = np.column_stack([column_values(excitation, "force_x_N"), torque])
-    known = motion.complete_samples() & np.isfinite(f).all(axis=1)
+    known = motion.mark_complete_samples() & np.isfinite(f).all(axis=1)
     known &= phase.is_not_null().to_numpy()
     turning = phase.is_in(TURNS).fill_null(False).to_numpy()
     rate = column_values(excitation, "speed_rate_x_m_s2")
-    along = speeding_sign(speed, rate, settings.phases.steady_acc_m_s2, settings)
+    along = sign_of_speed_change(speed, rate, settings.phases.steady_acc_m_s2, settings)
     # the yaw rate of straight driving is not steered
-    about = np.where(turning, yaw_speeding_sign(yaw_rate, settings), 0.0)
+    about = np.where(turning, sign_of_yaw_rate_change(yaw_rate, settings), 0.0)
     slows = (along < 0) | (about < 0)
     usable = known
     if settings.gate.exclude_braking:
         stands = (phase == "standstill").fill_null(True).to_numpy()
         speeds_up = ((along > 0) | (about > 0)) & ~slows
         usable = known & ~mark_possible_braking(slows, settings)
-        usable &= ~is_end_of_stop(slows, speeds_up, stands)
+        usable &= ~mark_ends_of_stops(slows, speeds_up, stands)
     return PlanarSamples(
         t_ns=excitation["t_ns"].to_numpy(),
         motion=motion,
@@ -106,37 +106,39 @@ def collect_planar_samples(
         turning=turning,
         pace=along,
         has_torque=has_torque,
-        noise=stds_after_moving_mean(settings, noise),
+        noise=compute_stds_after_moving_mean(settings, noise),
     )
 
 
-def is_end_of_stop(slows: Bools, speeds_up: Bools, stands: Bools) -> Bools:
+def mark_ends_of_stops(is_slowing: Bools, is_speeding_up: Bools, is_standing: Bools) -> Bools:
     """Samples between braking and the following stand, (n,).
 
     Unmeasured brakes still act there, too gently to be classified as braking.
     """
-    event = np.select([slows, speeds_up, stands], [1, 2, 3], 0)
+    event = np.select([is_slowing, is_speeding_up, is_standing], [1, 2, 3], 0)
     rows = np.arange(event.size)
     before = np.maximum.accumulate(np.where(event > 0, rows, 0))
     after = np.minimum.accumulate(np.where(event > 0, rows, event.size - 1)[::-1])[::-1]
     return (event == 0) & (event[before] == 1) & (event[after] == 3)
 
 
-def planar_noise(plane: PlanarSamples, used: Bools, arm_y_m: float = 0.0) -> Floats:
+def compute_planar_column_noise(
+    samples: PlanarSamples, is_used: Bools, arm_y_m: float = 0.0
+) -> Floats:
     """Noise of each column of each row after the moving mean.
 
     Args:
-        plane: motion with the noise of its channels.
-        used: (n,) samples of the fit.
+        samples: motion with the noise of its channels.
+        is_used: (n,) samples of the fit.
         arm_y_m: position of the IMU to the left, if the noise that the yaw acceleration brings into
             the accelerometer's columns by this lever arm is not to be included.
 
     Returns:
         (2, 6) r.m.s. by row and column.
     """
-    motion, noise = plane.motion, plane.noise
+    motion, noise = samples.motion, samples.noise
     speed_rms, yaw_rate_rms = (
-        float(np.sqrt(np.mean(x**2, where=used))) for x in (motion.speed, motion.yaw_rate)
+        float(np.sqrt(np.mean(x**2, where=is_used))) for x in (motion.speed, motion.yaw_rate)
     )
     acc, speed = noise["regressor_acc_x_m_s2"], noise["speed_x_m_s"]
     yaw_rate, yaw_acc = noise["yaw_rate_rad_s"], noise["yaw_acc_rad_s2"]
@@ -144,4 +146,6 @@ def planar_noise(plane: PlanarSamples, used: Bools, arm_y_m: float = 0.0) -> Flo
         acc = float(np.sqrt(max(acc**2 - (arm_y_m * yaw_acc) ** 2, 0.0)))
     # of ω v, or of an accelerometer, whichever is more
     sideways = float(np.hypot(speed_rms * yaw_rate, yaw_rate_rms * speed))
-    return planar_rows.column_noise(yaw_rate_rms, acc, max(acc, sideways), speed, yaw_rate, yaw_acc)
+    return planar_rows.compute_column_noise_rms(
+        yaw_rate_rms, acc, max(acc, sideways), speed, yaw_rate, yaw_acc
+    )

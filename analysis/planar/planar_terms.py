@@ -17,7 +17,7 @@ from analysis.model.prior_settings import PriorSettings
 from analysis.model.uncertainty_sources import IMU_POSITION, SCALES, Scale, has_torque_of_sides
 from analysis.planar.planar_limits import LIMITS
 from analysis.planar.planar_motion import PlanarDrive, TurningSamples
-from analysis.weighing.nuisances import constant_force_std, coulomb_std
+from analysis.weighing.nuisances import constant_force_prior_std, friction_force_prior_std
 from estimators.arrays import Floats
 
 #: Column of the force and of the yaw torque; None: nothing.
@@ -57,59 +57,62 @@ class Term:
     least_u: float = 0.0
     mixture: Callable[[PlanarDrive], Mixture] = lambda _: ({}, {})
 
-    def mixed_columns(self, drive: PlanarDrive, rows: slice) -> set[int]:
+    def list_mixed_columns(self, drive: PlanarDrive, rows: slice) -> set[int]:
         """Columns among the six that it is a share of, in these rows."""
         return {n for row in self.mixture(drive)[rows] for n, share in row.items() if share}
 
 
-def measures_specific_force(machine: Machine) -> bool:
+def has_forward_accelerometer(machine: Machine) -> bool:
     """Whether an accelerometer measures the forward specific force, gravity included."""
     return machine.settings.forces.acceleration == "specific_force"
 
 
-def measures_lateral_specific_force(machine: Machine) -> bool:
+def has_lateral_accelerometer(machine: Machine) -> bool:
     """Whether an accelerometer measures the lateral specific force."""
-    return measures_specific_force(machine) and "specific_force_y_m_s2" in machine.channels
+    return has_forward_accelerometer(machine) and "specific_force_y_m_s2" in machine.channels
 
 
-def has_unseen_slope(machine: Machine) -> bool:
+def has_unmeasured_slope(machine: Machine) -> bool:
     """Whether no channel shows the slope along the machine."""
-    return not measures_specific_force(machine) and "pitch_rad" not in machine.channels
+    return not has_forward_accelerometer(machine) and "pitch_rad" not in machine.channels
 
 
-def _has_unseen_slope_sideways(machine: Machine) -> bool:
-    return not measures_lateral_specific_force(machine) and "roll_rad" not in machine.channels
+def _has_unmeasured_lateral_slope(machine: Machine) -> bool:
+    return not has_lateral_accelerometer(machine) and "roll_rad" not in machine.channels
 
 
 def _has_unknown_slope(machine: Machine) -> bool:
-    return has_unseen_slope(machine) or _has_unseen_slope_sideways(machine)
+    return has_unmeasured_slope(machine) or _has_unmeasured_lateral_slope(machine)
 
 
-def unmeasured_gravity_columns(m: TurningSamples, along: Floats, across: Floats) -> Columns:
+def make_unmeasured_gravity_columns(m: TurningSamples, along: Floats, across: Floats) -> Columns:
     """Force of an unmeasured gravity component (along, across) the machine."""
-    x = along if has_unseen_slope(m.drive.machine) else 0.0 * along
-    y = across if _has_unseen_slope_sideways(m.drive.machine) else 0.0 * across
-    return m.drive.mass_kg * x, m.drive.moment_x_kg_m * y - m.drive.moment_y_kg_m * x
+    x = along if has_unmeasured_slope(m.drive.machine) else 0.0 * along
+    y = across if _has_unmeasured_lateral_slope(m.drive.machine) else 0.0 * across
+    return (m.drive.mass_kg * x, m.drive.moment_x_kg_m * y - m.drive.moment_y_kg_m * x)
 
 
-def _slip_columns(m: TurningSamples) -> Columns:
+def _make_slip_columns(m: TurningSamples) -> Columns:
     """Columns of longitudinal slip in both equations."""
     slips = np.abs(m.speed) * np.abs(m.force)
     sideways = None
-    if not measures_lateral_specific_force(m.drive.machine) and m.drive.mass_kg:
+    if not has_lateral_accelerometer(m.drive.machine) and m.drive.mass_kg:
         sideways = -m.drive.moment_x_kg_m / m.drive.mass_kg * m.yaw_rate * np.sign(m.speed) * slips
-    along = -m.slip_rate if not measures_specific_force(m.drive.machine) else None
+    along = -m.slip_rate if not has_forward_accelerometer(m.drive.machine) else None
     return along, sideways
 
 
-def _gyro_bias_columns(m: TurningSamples) -> Columns:
-    sideways = 0.0 if measures_lateral_specific_force(m.drive.machine) else m.drive.moment_x_kg_m
-    return -2.0 * m.drive.moment_x_kg_m * m.yaw_rate, sideways * m.speed + m.drive.turning_friction
+def _make_gyro_bias_columns(m: TurningSamples) -> Columns:
+    sideways = 0.0 if has_lateral_accelerometer(m.drive.machine) else m.drive.moment_x_kg_m
+    return (
+        -2.0 * m.drive.moment_x_kg_m * m.yaw_rate,
+        sideways * m.speed + m.drive.turning_friction,
+    )
 
 
-def _gyro_gain_mixture(drive: PlanarDrive) -> Mixture:
+def _make_gyro_gain_mixture(drive: PlanarDrive) -> Mixture:
     """How an error of the gyroscope's gain mixes the parameters."""
-    sideways = 0.0 if measures_lateral_specific_force(drive.machine) else drive.moment_x_kg_m
+    sideways = 0.0 if has_lateral_accelerometer(drive.machine) else drive.moment_x_kg_m
     turned = {
         _INERTIA: drive.inertia_z_kg_m2,
         _FRICTION_Z: drive.turning_friction,
@@ -118,35 +121,35 @@ def _gyro_gain_mixture(drive: PlanarDrive) -> Mixture:
     return {_MOMENT_X: 2.0 * drive.moment_x_kg_m, _MOMENT_Y: drive.moment_y_kg_m}, turned
 
 
-def _accelerometer_gain_mixture(drive: PlanarDrive) -> Mixture:
-    sideways = drive.moment_x_kg_m if measures_lateral_specific_force(drive.machine) else 0.0
+def _make_accelerometer_gain_mixture(drive: PlanarDrive) -> Mixture:
+    sideways = drive.moment_x_kg_m if has_lateral_accelerometer(drive.machine) else 0.0
     return {_MASS: drive.mass_kg}, {_MOMENT_X: sideways, _MOMENT_Y: drive.moment_y_kg_m}
 
 
-def turning_torque_columns(m: TurningSamples, moment_kg_m: float) -> Columns:
+def make_turning_torque_columns(m: TurningSamples, moment_kg_m: float) -> Columns:
     """Yaw torque of an acceleration ω² per metre, which the six columns lack."""
     return None, moment_kg_m * m.yaw_rate**2
 
 
-def _lateral_arm_mixture(drive: PlanarDrive) -> Mixture:
+def _make_lateral_arm_mixture(drive: PlanarDrive) -> Mixture:
     """How an unknown arm of the sideways force mixes the parameters."""
     # the sideways force, in proportion to the mass: m s_y + mc_x ω̇
     return {}, {_MOMENT_X: drive.mass_kg, _INERTIA: drive.moment_x_kg_m}
 
 
-def _imu_x_mixture(drive: PlanarDrive) -> Mixture:
+def _make_imu_x_mixture(drive: PlanarDrive) -> Mixture:
     """How an error of the IMU's position ahead mixes the parameters."""
-    sideways = drive.moment_x_kg_m if measures_lateral_specific_force(drive.machine) else 0.0
+    sideways = drive.moment_x_kg_m if has_lateral_accelerometer(drive.machine) else 0.0
     return {_MOMENT_X: -drive.mass_kg}, {_INERTIA: -sideways}
 
 
-def _imu_y_mixture(drive: PlanarDrive) -> Mixture:
+def _make_imu_y_mixture(drive: PlanarDrive) -> Mixture:
     """How an error of the IMU's position to the left mixes the parameters."""
     return {_MOMENT_Y: -drive.mass_kg}, {_INERTIA: -drive.moment_y_kg_m}
 
 
 def _coulomb_prior_std(drive: PlanarDrive, priors: PriorSettings) -> float:
-    return coulomb_std(drive.peak_force_N, drive.machine_weight, priors)
+    return friction_force_prior_std(drive.peak_force_N, drive.machine_weight, priors)
 
 
 def _imu_position_prior_std(drive: PlanarDrive, _: PriorSettings) -> float:
@@ -158,7 +161,7 @@ TERMS: Final = (
     Term(
         "const",
         lambda m: (m.one, None),
-        lambda d, s: constant_force_std(d.peak_force_N, d.machine_weight, s),
+        lambda d, s: constant_force_prior_std(d.peak_force_N, d.machine_weight, s),
         "a constant force: offset of the force, tilt or bias of the accelerometer",
         "starts in both directions, or at different throttles",
         "x",
@@ -261,7 +264,7 @@ TERMS: Final = (
         "an accelerometer whose position is known: the force then determines the centre of mass "
         "alone",
         "z",
-        mixture=_lateral_arm_mixture,
+        mixture=_make_lateral_arm_mixture,
     ),
     Term(
         "turning_drift",
@@ -305,16 +308,16 @@ TERMS: Final = (
     ),
     Term(
         "slip_acceleration",
-        _slip_columns,
+        _make_slip_columns,
         lambda d, s: d.mass_kg * s.wheel_slip / d.peak_force_N,
         "longitudinal slip: wheels gain speed that the machine does not",
         "an accelerometer on the body",
         "xz",
-        lambda machine: not measures_lateral_specific_force(machine),
+        lambda machine: not has_lateral_accelerometer(machine),
     ),
     Term(
         "slope_along",
-        lambda m: unmeasured_gravity_columns(m, np.cos(m.heading_rad), -np.sin(m.heading_rad)),
+        lambda m: make_unmeasured_gravity_columns(m, np.cos(m.heading_rad), -np.sin(m.heading_rad)),
         lambda d, s: s.const_weight_share * d.gravity_m_s2,
         "a slope along the machine where the log begins, which no channel measures",
         "level ground; an accelerometer, or channels of pitch and roll",
@@ -323,7 +326,7 @@ TERMS: Final = (
     ),
     Term(
         "slope_across",
-        lambda m: unmeasured_gravity_columns(m, np.sin(m.heading_rad), np.cos(m.heading_rad)),
+        lambda m: make_unmeasured_gravity_columns(m, np.sin(m.heading_rad), np.cos(m.heading_rad)),
         lambda d, s: s.const_weight_share * d.gravity_m_s2,
         "a slope across the machine where the log begins, which no channel measures",
         "level ground; an accelerometer, or channels of pitch and roll",
@@ -337,12 +340,12 @@ TERMS: Final = (
         "gain of the accelerometer",
         "an accelerometer that is calibrated",
         "xz",
-        measures_specific_force,
-        mixture=_accelerometer_gain_mixture,
+        has_forward_accelerometer,
+        mixture=_make_accelerometer_gain_mixture,
     ),
     Term(
         "yaw_rate_bias",
-        _gyro_bias_columns,
+        _make_gyro_bias_columns,
         lambda _, s: s.yaw_rate_bias_rad_s,
         "bias of the gyroscope",
         "a gyroscope that is zeroed at standstill",
@@ -355,7 +358,7 @@ TERMS: Final = (
         "gain of the gyroscope",
         "turning a known angle",
         "xz",
-        mixture=_gyro_gain_mixture,
+        mixture=_make_gyro_gain_mixture,
     ),
     Term(
         f"{IMU_POSITION.name}_x",
@@ -367,12 +370,12 @@ TERMS: Final = (
         "xz",
         IMU_POSITION.applies,
         IMU_POSITION,
-        mixture=_imu_x_mixture,
+        mixture=_make_imu_x_mixture,
     ),
     Term(
         f"{IMU_POSITION.name}_y",
-        lambda m: turning_torque_columns(
-            m, m.drive.moment_x_kg_m if measures_lateral_specific_force(m.drive.machine) else 0.0
+        lambda m: make_turning_torque_columns(
+            m, m.drive.moment_x_kg_m if has_lateral_accelerometer(m.drive.machine) else 0.0
         ),
         _imu_position_prior_std,
         f"{IMU_POSITION.meaning}, to the left",
@@ -380,7 +383,7 @@ TERMS: Final = (
         "xz",
         IMU_POSITION.applies,
         IMU_POSITION,
-        mixture=_imu_y_mixture,
+        mixture=_make_imu_y_mixture,
     ),
 )
 

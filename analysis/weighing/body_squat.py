@@ -20,12 +20,12 @@ import numpy as np
 from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.fitted_stretches import stretch_spans
 from analysis.weighing.haul_route import Route
-from analysis.weighing.motion_samples import Floats, MotionSamples, ground_speed_ratio
+from analysis.weighing.motion_samples import Floats, MotionSamples, ground_to_wheel_speed_ratio
 from analysis.weighing.pitch_squat import fit_instrumental_variables, pitch_squat_cross_products
 from analysis.weighing.uneven_ground import random_walk_ratio
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
-from estimators.numerics.autocorrelation import student_factor
+from estimators.numerics.autocorrelation import student_to_normal_ratio
 
 #: Columns of a stretch before those of the grade: gain by load, gain, slip, delay.
 _OWN_COLUMNS: Final = 4
@@ -83,15 +83,17 @@ def estimate_load_squat(
         None if the change is undetermined.
     """
     if wheels.pitch_shows_squat:
-        gain, variance = gain_change_and_variance_by_squat(
+        gain, variance = estimate_gain_change_and_variance(
             wheels.squat[0], estimate_squat_by_pitch(motion, loads)
         )
         return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
-    widths = np.empty(0) if route is None else _grade_prior_std(route)
-    found = _estimate_by_wheels(_make_stretch_rows(motion, wheels, loads, route), widths)
+    widths = np.empty(0) if route is None else grade_prior_stds(route)
+    found = estimate_gain_change_by_wheels(
+        make_centred_stretch_rows(motion, wheels, loads, route), widths
+    )
     if wheels.squat[0] > 0.0:
         seen = None if found is None else (found.gain, found.variance)
-        gain, variance = gain_change_and_variance_by_squat(wheels.squat[0], seen)
+        gain, variance = estimate_gain_change_and_variance(wheels.squat[0], seen)
         return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
     if found is None:
         return None
@@ -119,18 +121,21 @@ def estimate_load_squat(
     return LoadSquat(value if squats else 0.0, std, relative_load)
 
 
-def gain_change_and_variance_by_squat(
-    share: float, pitch_change: tuple[float, float] | None
+def estimate_gain_change_and_variance(
+    load_transfer_fraction: float, pitch_change: tuple[float, float] | None
 ) -> tuple[float, float]:
     """Change of gain with the load, and its variance, from the squat of the loaded body.
 
     Linear springs give way in proportion to the mass that they hold.
 
     Args:
-        share: squat at the reference mass, as a fraction of the acceleration.
+        load_transfer_fraction: squat at the reference mass, as a fraction of the acceleration.
         pitch_change: change that the pitch shows, and its variance; None if unknown.
     """
-    mean, variance = -share, (LIMITS.squat_growth_std * share) ** 2
+    mean, variance = (
+        -load_transfer_fraction,
+        (LIMITS.squat_growth_std * load_transfer_fraction) ** 2,
+    )
     if pitch_change is None:
         return mean, variance
     shown, shown_variance = pitch_change
@@ -141,7 +146,7 @@ def gain_change_and_variance_by_squat(
 _Stretch = tuple[Floats, Floats, Floats, float]
 
 
-def _make_stretch_rows(
+def make_centred_stretch_rows(
     motion: MotionSamples, wheels: WheelKinematics, loads: RelativeLoads, route: Route | None
 ) -> list[_Stretch]:
     """Centred columns (means, 4 and those of the grade), response, time and load of each stretch.
@@ -153,9 +158,9 @@ def _make_stretch_rows(
     known = wheels.is_consistent
     delay_s, slip_1_N = (wheels.delay_s[0], wheels.slip_1_N[0]) if known else (0.0, 0.0)
     in_time = motion.advance_speed(delay_s)
-    ground = in_time.speed * ground_speed_ratio(in_time.speed, motion.force, slip_1_N)
-    relative = loads.relative_load_of(motion.unit)
-    along = route and (route.relative_distance_to_dump(motion), route.heading_from_dump(motion))
+    ground = in_time.speed * ground_to_wheel_speed_ratio(in_time.speed, motion.force, slip_1_N)
+    relative = loads.relative_loads_of_units(motion.unit)
+    along = route and (route.relative_distances_to_dump(motion), route.headings_from_dump(motion))
     found: list[_Stretch] = []
     for begin, end in stretch_spans(motion.group).tolist():
         means = (end - begin) // LIMITS.squat_mean_samples
@@ -171,7 +176,7 @@ def _make_stretch_rows(
         )
         if along:
             place, heading = (each[part] for each in along)
-            columns = np.hstack([columns, _integrate_grade(place, heading) / motion.rate_hz])
+            columns = np.hstack([columns, integrate_grade(place, heading) / motion.rate_hz])
         y = ground[part] - gained
         both = (
             np.column_stack([columns, y]).reshape(means, LIMITS.squat_mean_samples, -1).mean(axis=1)
@@ -182,18 +187,20 @@ def _make_stretch_rows(
     return found
 
 
-def _integrate_grade(place: Floats, heading: Floats) -> Floats:
+def integrate_grade(position_1: Floats, heading: Floats) -> Floats:
     """Sums over the samples of the grade's level and of its change over each part of the route.
 
     Args:
-        place: (n,) distance from the dump over the route's length.
+        position_1: (n,) distance from the dump over the route's length.
         heading: (n,) 1 with the front away from the dump, -1 towards it.
 
     Returns:
         (n, 1 + parts) sums up to the middle of each sample.
     """
     risen = np.clip(
-        place[:, None] * LIMITS.squat_grade_parts - np.arange(LIMITS.squat_grade_parts), 0.0, 1.0
+        position_1[:, None] * LIMITS.squat_grade_parts - np.arange(LIMITS.squat_grade_parts),
+        0.0,
+        1.0,
     )
     grade = heading[:, None] * np.insert(risen, 0, 1.0, axis=1)
     return np.cumsum(grade, axis=0) - grade / 2.0
@@ -211,7 +218,7 @@ def estimate_squat_by_pitch(
     assert motion.without_gravity is not None
     gravity = motion.specific_force - motion.without_gravity
     squats = pitch_squat_cross_products(gravity, motion)
-    relative = loads.relative_load_of(motion.unit)[squats.first]
+    relative = loads.relative_loads_of_units(motion.unit)[squats.first]
     if relative.size < LIMITS.squat_min_stretches or np.ptp(relative) == 0.0:
         return None
     # beside the share and the rate, the share that grows with the load
@@ -223,7 +230,7 @@ def estimate_squat_by_pitch(
         return None
     theta, covariance = solved
     # the accelerometer reads more by what the pitch adds, and the mass is less by it
-    variance = float(covariance[0, 0]) * student_factor(relative.size - theta.size) ** 2
+    variance = float(covariance[0, 0]) * student_to_normal_ratio(relative.size - theta.size) ** 2
     return -float(theta[0]), variance
 
 
@@ -243,25 +250,27 @@ class GainChangeByLoad:
     residual_ratio: float
 
 
-def is_explained_by_grades(found: GainChangeByLoad, wheels: WheelKinematics) -> bool:
+def is_explained_by_grades(gain_change: GainChangeByLoad, wheels: WheelKinematics) -> bool:
     """Whether grades that recur with the load explain the change of gain.
 
     Grades bend the comparison either way and leave most of the disagreement; springs only make the
     accelerometer read more, and explain it.
     """
-    if abs(found.gain) < LIMITS.squat_by_load_min_std * float(np.sqrt(found.variance)):
+    if abs(gain_change.gain) < LIMITS.squat_by_load_min_std * float(np.sqrt(gain_change.variance)):
         return False
-    explained = wheels.is_consistent or found.residual_ratio < LIMITS.squat_residual_ratio
-    return found.gain > 0.0 or not explained
+    explained = wheels.is_consistent or gain_change.residual_ratio < LIMITS.squat_residual_ratio
+    return gain_change.gain > 0.0 or not explained
 
 
-def _grade_prior_std(route: Route) -> Floats:
+def grade_prior_stds(route: Route) -> Floats:
     """Prior standard deviations of the grade's columns, as acceleration of gravity in m/s²."""
     change = LIMITS.grade_change_m_s2 * random_walk_ratio(route.length_m / LIMITS.squat_grade_parts)
     return np.append(LIMITS.grade_m_s2, np.full(LIMITS.squat_grade_parts, change))
 
 
-def _estimate_by_wheels(rows: list[_Stretch], grade_std: Floats) -> GainChangeByLoad | None:
+def estimate_gain_change_by_wheels(
+    rows: list[_Stretch], grade_std: Floats
+) -> GainChangeByLoad | None:
     """Change of gain with the load from the wheels; None if undetermined.
 
     Args:
@@ -291,7 +300,7 @@ def _estimate_by_wheels(rows: list[_Stretch], grade_std: Floats) -> GainChangeBy
     noise = np.array([variance / (time @ time) for *_, time, _ in rows])
     count = slopes.size
     scatter = max(float(np.var(slopes, ddof=1) - noise.mean()), 0.0)
-    scatter *= student_factor(count - 1) ** 2
+    scatter *= student_to_normal_ratio(count - 1) ** 2
     part = [_whiten_random_slope(X, y, time, scatter / variance) for X, y, time, _ in rows]
     X, y = (np.concatenate([each[i] for each in part]) for i in (0, 1))
     shared = np.concatenate([each[2] for each in part])
@@ -312,21 +321,21 @@ def _estimate_by_wheels(rows: list[_Stretch], grade_std: Floats) -> GainChangeBy
     meat = scores.T @ scores * count / freedom + prior_information * variance
     # stretches that agree by chance tell no more than white noise lets them
     found = max(float((bread @ meat @ bread)[0, 0]), float(bread[0, 0]) * variance)
-    found *= student_factor(freedom) ** 2
+    found *= student_to_normal_ratio(freedom) ** 2
     return GainChangeByLoad(float(theta[0] / scale[0]), found / float(scale[0]) ** 2, left)
 
 
 def _whiten_random_slope(
-    columns: Floats, y: Floats, time: Floats, ratio: float
+    columns: Floats, y: Floats, time_s: Floats, variance_ratio: float
 ) -> tuple[Floats, Floats, Floats]:
-    """Whiten a stretch whose random slope has `ratio` times the variance of a row.
+    """Whiten a stretch whose random slope has `variance_ratio` times the variance of a row.
 
     An infinite ratio projects the slope out.
     """
-    square = float(time @ time)
-    kept = 0.0 if np.isinf(ratio) else 1.0 / np.sqrt(1.0 + ratio * square)
+    square = float(time_s @ time_s)
+    kept = 0.0 if np.isinf(variance_ratio) else 1.0 / np.sqrt(1.0 + variance_ratio * square)
 
     def whiten_along_time(x: Floats) -> Floats:
-        return x - (1.0 - kept) * np.multiply.outer(time, time @ x / square)
+        return x - (1.0 - kept) * np.multiply.outer(time_s, time_s @ x / square)
 
-    return whiten_along_time(columns), whiten_along_time(y), whiten_along_time(time)
+    return whiten_along_time(columns), whiten_along_time(y), whiten_along_time(time_s)

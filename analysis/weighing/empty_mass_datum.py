@@ -21,10 +21,10 @@ from analysis.model.machine_body import Body
 from analysis.model.uncertainty_sources import (
     SCALES,
     UncertaintySource,
-    combined_u,
+    combine_u,
     sort_largest_first,
 )
-from analysis.weighing.mass_budget import budget_of_mass
+from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.weighing_limits import LIMITS
@@ -49,7 +49,7 @@ _CARRIED: Final = UncertaintySource(
 )
 
 
-def weighbridge_ticket_notes(body: Body, begin_ns: int) -> list[str]:
+def note_outdated_weighbridge_ticket(body: Body, begin_ns: int) -> list[str]:
     """Notes on a weighbridge ticket of another day than the log.
 
     Args:
@@ -70,7 +70,7 @@ def weighbridge_ticket_notes(body: Body, begin_ns: int) -> list[str]:
     ]
 
 
-def names_of_factors_without_u(sources: Sequence[UncertaintySource]) -> list[str]:
+def factor_names_without_uncertainty(sources: Sequence[UncertaintySource]) -> list[str]:
     """Names of the factors of unknown uncertainty that an empty machine determines."""
     return [s.name for s in sources if s.u is None and s.name not in _BY_LOAD]
 
@@ -98,18 +98,18 @@ class EmptyMachine:
         return self.machine.machine
 
     @cached_property
-    def mass_with_rotating_kg(self) -> float:
+    def mass_with_rotating_parts_kg(self) -> float:
         """Weighed empty mass including rotating mass, in kg."""
         return float(self.weights @ self.weighing.fit.masses_kg) - self.carried_kg[0]
 
     @cached_property
     def uncertainty_sources(self) -> list[UncertaintySource]:
         """Sources of the empty mass' uncertainty."""
-        found = budget_of_mass(self.weighing, self.machine, self.weights)
+        found = make_mass_budget(self.weighing, self.machine, self.weights)
         return [*found, replace(_CARRIED, u=self.carried_kg[1])]
 
     @cached_property
-    def _stated_kg(self) -> float | None:
+    def _stated_empty_mass_kg(self) -> float | None:
         """Empty mass stated in the machine file, with fuel and rotating mass, in kg."""
         empty_kg = self._body.empty_mass_kg
         if empty_kg is None:
@@ -117,7 +117,7 @@ class EmptyMachine:
         return empty_kg + self.fuel_kg[0] + self._body.rotating_mass_kg
 
     @property
-    def _stated_u_kg(self) -> float | None:
+    def _stated_empty_mass_u_kg(self) -> float | None:
         """Standard uncertainty of the stated empty mass and of the fuel on board, in kg."""
         u_kg = self._body.empty_mass_u_kg
         return None if u_kg is None else float(np.hypot(u_kg, self.fuel_kg[1]))
@@ -125,66 +125,68 @@ class EmptyMachine:
     @property
     def contradiction_text(self) -> str:
         """Why the weighed and the stated empty mass cannot be of one machine; "" if they can."""
-        stated_kg = self._stated_kg
+        stated_kg = self._stated_empty_mass_kg
         if stated_kg is None:
             return ""
         scale_kg = (
-            LIMITS.unknown_scale_u * self.mass_with_rotating_kg
-            if names_of_factors_without_u(self.uncertainty_sources)
+            LIMITS.unknown_scale_u * self.mass_with_rotating_parts_kg
+            if factor_names_without_uncertainty(self.uncertainty_sources)
             else 0.0
         )
-        u_kg = float(np.hypot(combined_u(self.uncertainty_sources), scale_kg))
-        allowed_kg = LIMITS.empty_mass_agreement_u * float(np.hypot(u_kg, self._stated_u_kg or 0.0))
-        if abs(self.mass_with_rotating_kg - stated_kg) <= allowed_kg:
+        u_kg = float(np.hypot(combine_u(self.uncertainty_sources), scale_kg))
+        allowed_kg = LIMITS.empty_mass_agreement_u * float(
+            np.hypot(u_kg, self._stated_empty_mass_u_kg or 0.0)
+        )
+        if abs(self.mass_with_rotating_parts_kg - stated_kg) <= allowed_kg:
             return ""
-        here_kg = self.mass_with_rotating_kg - self._body.rotating_mass_kg
+        here_kg = self.mass_with_rotating_parts_kg - self._body.rotating_mass_kg
         return (
             f"empty_mass: the empty machine weighs {here_kg:,.0f} ± {u_kg:,.0f} kg here, and "
             f"{self._body.empty_mass_kg:,.0f} kg by its machine file"
         )
 
     @property
-    def weighed_over_stated_and_u(self) -> tuple[float, float] | None:
+    def weighed_to_stated_ratio_and_u(self) -> tuple[float, float] | None:
         """Weighed over stated empty mass, and its standard uncertainty; None without one."""
-        stated_kg, stated_u_kg = self._stated_kg, self._stated_u_kg
+        stated_kg, stated_u_kg = self._stated_empty_mass_kg, self._stated_empty_mass_u_kg
         if stated_kg is None or stated_u_kg is None:
             return None
-        u_kg = combined_u(self.uncertainty_sources, "random", "common")
+        u_kg = combine_u(self.uncertainty_sources, "random", "common")
         turns_u_kg = self._body.rotating_mass_u_kg
         u_1 = float(np.linalg.norm([u_kg, stated_u_kg, turns_u_kg])) / stated_kg
-        return self.mass_with_rotating_kg / stated_kg, u_1
+        return self.mass_with_rotating_parts_kg / stated_kg, u_1
 
-    def relate_to_empty_mass(self, payload_weights: Floats) -> "EmptyDatum | None":
+    def make_payload_datum(self, payload_weights: Floats) -> "EmptyDatum | None":
         """Relate payloads to the empty mass; None if that does not reduce their uncertainty.
 
         Args:
             payload_weights: (masses,) weights of the sum of payloads whose variance is minimised.
         """
-        stated_kg, stated_u_kg = self._stated_kg, self._stated_u_kg
+        stated_kg, stated_u_kg = self._stated_empty_mass_kg, self._stated_empty_mass_u_kg
         sum_kg = float(payload_weights @ self.weighing.fit.masses_kg)
         if (
             stated_kg is None
             or stated_u_kg is None
             or sum_kg <= 0.0
-            or self.mass_with_rotating_kg <= 0.0
+            or self.mass_with_rotating_parts_kg <= 0.0
         ):
             return None
-        in_ratio = 1.0 / self.mass_with_rotating_kg
+        in_ratio = 1.0 / self.mass_with_rotating_parts_kg
 
         def make_datum(by_kg: float) -> EmptyDatum:
             return EmptyDatum(
                 self,
                 by_kg,
-                1.0 + by_kg * (stated_kg - self.mass_with_rotating_kg),
+                1.0 + by_kg * (stated_kg - self.mass_with_rotating_parts_kg),
                 by_kg * stated_u_kg,
             )
 
-        if names_of_factors_without_u(self.uncertainty_sources):
+        if factor_names_without_uncertainty(self.uncertainty_sources):
             found = make_datum(in_ratio)
             # of masses so far apart that rounding leaves no ratio
             return found if found.scale_1 > 0.0 else None
         own_kg2 = self._variance_of_weighted_sum(payload_weights)
-        empty_kg2 = combined_u(self.uncertainty_sources) ** 2
+        empty_kg2 = combine_u(self.uncertainty_sources) ** 2
         ratio_kg2 = self._variance_of_weighted_sum(
             payload_weights - in_ratio * sum_kg * self.weights
         )
@@ -198,14 +200,14 @@ class EmptyMachine:
         found = make_datum(float(np.clip(by_kg, 0.0, in_ratio)))
         if (
             found.scale_1 <= 0.0
-            or combined_u(found.payload_uncertainty_sources(payload_weights)) ** 2 >= own_kg2
+            or combine_u(found.payload_uncertainty_sources(payload_weights)) ** 2 >= own_kg2
         ):
             return None
         return found
 
     def _variance_of_weighted_sum(self, weights: Floats) -> float:
         """Variance of a weighted sum of masses, in kg²."""
-        return combined_u(budget_of_mass(self.weighing, self.machine, weights)) ** 2
+        return combine_u(make_mass_budget(self.weighing, self.machine, weights)) ** 2
 
 
 @dataclass(frozen=True)
@@ -224,7 +226,7 @@ class EmptyDatum:
     scale_1: float
     ticket_1: float
 
-    def payload_sensitivities_to_masses(self, payload: Floats) -> Floats:
+    def payload_sensitivities(self, payload: Floats) -> Floats:
         """(masses,) sensitivities of a payload to errors of the masses, over its factor.
 
         Args:
@@ -241,10 +243,8 @@ class EmptyDatum:
         """
         empty = self.empty
         payload_kg = abs(float(payload @ empty.weighing.fit.masses_kg))
-        found = budget_of_mass(
-            empty.weighing, empty.machine, self.payload_sensitivities_to_masses(payload)
-        )
-        known = names_of_factors_without_u(found)
+        found = make_mass_budget(empty.weighing, empty.machine, self.payload_sensitivities(payload))
+        known = factor_names_without_uncertainty(found)
         kept = [
             replace(each, u=None if each.u is None else each.u * abs(self.scale_1))
             for each in found
@@ -272,5 +272,5 @@ def payload_uncertainty_sources(
         weights: (masses,) weights in the sum.
     """
     if datum is None:
-        return budget_of_mass(weighing, machine, weights)
+        return make_mass_budget(weighing, machine, weights)
     return datum.payload_uncertainty_sources(weights)

@@ -46,7 +46,7 @@ class EmptyMassDrift:
         """Relative standard uncertainty of the force's gain due to the change."""
         return LIMITS.empty_drift_u_1 * abs(self.change_1)
 
-    def responses_kg(self, masses_kg: Floats) -> Floats:
+    def mass_responses_kg(self, masses_kg: Floats) -> Floats:
         """(3, masses) response of each mass to a gain with this drift, in kg.
 
         The first row is a gain that is stated for either end of the log. The second is its course,
@@ -67,9 +67,9 @@ def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
     states, loads = fit.states, fit.found.relative_loads
     if states is None or loads is None or not states.load_returns:
         return None
-    light = ~loads.is_loaded_in(states.unit)
+    light = ~loads.are_loaded(states.unit)
     # a small load is light as well, and what is beside it is lighter
-    light = np.flatnonzero(light & is_lightest_nearby(fit.masses_kg[states.membership]))
+    light = np.flatnonzero(light & are_local_minima(fit.masses_kg[states.membership]))
     first = light[np.unique(states.membership[light], return_index=True)[1]]
     if first.size < LIMITS.empty_drift_min_states:
         return None
@@ -86,11 +86,11 @@ def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
         u_1,
         LIMITS.fuel_loss_1_h * hours,
         tuple(states.membership[np.sort(first)].tolist()),
-        _empty_mass_near_states(fit.masses_kg, states.membership, light) / mean_kg - 1.0,
+        empty_masses_around_states_kg(fit.masses_kg, states.membership, light) / mean_kg - 1.0,
     )
 
 
-def _empty_mass_near_states(masses_kg: Floats, membership: Ints, empty: Ints) -> Floats:
+def empty_masses_around_states_kg(masses_kg: Floats, membership: Ints, empty: Ints) -> Floats:
     """(2, states) mass of the empty machine before and after each state, in kg.
 
     Args:
@@ -107,7 +107,7 @@ def _empty_mass_near_states(masses_kg: Floats, membership: Ints, empty: Ints) ->
     )
 
 
-def is_lightest_nearby(mass_kg: Floats) -> Bools:
+def are_local_minima(mass_kg: Floats) -> Bools:
     """Whether a load is no heavier than those before and after, (n,).
 
     Args:

@@ -7,9 +7,9 @@ from typing import Self
 
 import numpy as np
 
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import count_samples_since_start, is_last_of_stretch
-from analysis.weighing.force_hysteresis import Play, force_direction
+from analysis.weighing.force_hysteresis import Play, trace_force_direction
 from analysis.weighing.haul_route import Route
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
@@ -19,18 +19,18 @@ from analysis.weighing.motion_samples import (
     Floats,
     Ints,
     MotionSamples,
-    ground_speed_ratio,
+    ground_to_wheel_speed_ratio,
 )
 from analysis.weighing.nuisances import ColumnInputs, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics import group_sums
-from estimators.numerics.fit_loss import group_rows
+from estimators.numerics.fit_loss import list_rows_by_group
 from estimators.numerics.group_mean import fill_trailing_group_means
-from estimators.numerics.group_sums import NoiseMoments, as_slice
+from estimators.numerics.group_sums import NoiseMoments, convert_to_slice
 from estimators.threads import map_in_threads
 
 
-def are_masses_possible(mass_kg: Floats) -> Bools:
+def mark_plausible_masses(mass_kg: Floats) -> Bools:
     """Mark plausible masses, (n,): positive, and not far above the median of all."""
     return (mass_kg > 0.0) & (mass_kg < LOAD_LIMITS.max_mass_over_median * np.median(mass_kg))
 
@@ -59,7 +59,7 @@ class RelativeLoads:
         An implausible mass is replaced by a typical one, or it would dominate the contrast of all
         loads.
         """
-        mass_kg = np.where(are_masses_possible(mass_kg), mass_kg, np.median(mass_kg))
+        mass_kg = np.where(mark_plausible_masses(mass_kg), mass_kg, np.median(mass_kg))
         reference_kg = float(np.mean(mass_kg))
         if not reference_kg > 0.0:
             return None
@@ -71,13 +71,13 @@ class RelativeLoads:
         """Root mean square of the relative loads, above 0."""
         return max(float(np.sqrt(np.mean(self.value**2))), 1e-9)
 
-    def is_loaded_in(self, unit: Ints) -> Bools:
+    def are_loaded(self, unit: Ints) -> Bools:
         """Whether these manoeuvres carry more than midway between light and heavy loads, (n,)."""
-        return self.relative_load_of(unit) > float(
+        return self.relative_loads_of_units(unit) > float(
             np.quantile(self.value, LIMITS.load_contrast_quantiles).mean()
         )
 
-    def relative_load_of(self, unit: Ints) -> Floats:
+    def relative_loads_of_units(self, unit: Ints) -> Floats:
         """Relative load of these manoeuvres, (n,); an unknown one takes that of the one before."""
         # samples come in runs of one manoeuvre
         first = np.flatnonzero(np.diff(unit, prepend=unit[:1] - 1))
@@ -189,12 +189,12 @@ class FitColumns:
             fitted = _find_fitted_samples(piece, previous.lag_s)
             return _make_piece_columns(piece, fitted, noise, terms, previous)
 
-        pieces = map_in_threads(make_columns, list(motion.pieces))
+        pieces = map_in_threads(make_columns, list(motion.split_into_pieces))
         return cls(pieces, terms, previous, motion.rate_hz)
 
     def average_to_rows(self, noise: ColumnNoiseModel, samples: int) -> FitRows:
         """Average the columns over so many samples."""
-        return _average_pieces(
+        return _average_all_pieces(
             self.pieces.__getitem__,
             [piece.group for piece in self.pieces],
             noise,
@@ -221,9 +221,9 @@ def average_columns(
         samples: length of the longest mean.
         previous: estimates of earlier rounds.
     """
-    pieces = motion.pieces
+    pieces = motion.split_into_pieces
     fitted = [_find_fitted_samples(piece, previous.lag_s) for piece in pieces]
-    return _average_pieces(
+    return _average_all_pieces(
         lambda number: _make_piece_columns(pieces[number], fitted[number], noise, terms, previous),
         [piece.group[own] for piece, own in zip(pieces, fitted, strict=True)],
         noise,
@@ -234,7 +234,7 @@ def average_columns(
     )
 
 
-def _average_pieces(
+def _average_all_pieces(
     make_columns: Callable[[int], "_PieceColumns"],
     groups: list[Ints],
     noise: ColumnNoiseModel,
@@ -254,8 +254,8 @@ def _average_pieces(
         uneven_1_s: see `PreviousEstimates`.
         rate_hz: rate of the grid.
     """
-    stride = stride_between_means(samples)
-    kept = [np.flatnonzero(_select_every_nth_sample(group, stride)) for group in groups]
+    stride = fitted_mean_stride(samples)
+    kept = [np.flatnonzero(select_every_nth_sample(group, stride)) for group in groups]
     ends = np.cumsum([each.size for each in kept]).tolist()
     places = [slice(end - each.size, end) for each, end in zip(kept, ends, strict=True)]
     A, f = np.empty((ends[-1], 2 + len(terms))), np.empty(ends[-1])
@@ -272,12 +272,12 @@ def _average_pieces(
     occurs = np.bincount(counts) > 0
     lengths, which = np.flatnonzero(occurs), (np.cumsum(occurs) - 1)[counts]
     covariances = np.stack([noise.covariance(int(length)) for length in lengths])
-    weight = _row_weights(A[:, :2], f, covariances, which)
+    weight = row_weights(A[:, :2], f, covariances, which)
 
     def weigh_rows(number: int) -> tuple[Floats, Floats]:
         (group, raw), rows = pieces[number], places[number]
         A[rows] *= weight[rows, None]
-        return _noise_moments(terms, group, raw, covariances, which[rows], weight[rows])
+        return noise_moments(terms, group, raw, covariances, which[rows], weight[rows])
 
     added = map_in_threads(weigh_rows, range(len(places)))
     f *= weight
@@ -290,22 +290,22 @@ def _average_pieces(
         group,
         np.concatenate([raw.direction for _, raw in pieces]),
         NoiseMoments(*(np.concatenate(each) for each in zip(*added, strict=True))),
-        max(rows_in_duration(LIMITS.shortest_stretch_s, rate_hz) // stride, 6),
+        max(count_rows_in_duration(LIMITS.shortest_stretch_s, rate_hz) // stride, 6),
         terms,
     )
 
 
-def whiten_random_intercepts(A: Floats, f: Floats, group: Ints, ratio: float) -> None:
+def whiten_random_intercepts(A: Floats, f: Floats, group: Ints, variance_ratio: float) -> None:
     """Subtract from each stretch the part of its mean that a random intercept explains.
 
     Args:
         A: (rows, p) columns, changed in place.
         f: (rows,) force, changed in place.
         group: (rows,) number of the stretch.
-        ratio: variance of the intercepts over that of a row.
+        variance_ratio: variance of the intercepts over that of a row.
     """
-    for part in group_rows(group):
-        off, rows = 1.0 - 1.0 / np.sqrt(1.0 + ratio * part.size), as_slice(part)
+    for part in list_rows_by_group(group):
+        off, rows = 1.0 - 1.0 / np.sqrt(1.0 + variance_ratio * part.size), convert_to_slice(part)
         A[rows] -= off * A[rows].mean(axis=0)
         f[rows] -= off * f[rows].mean()
 
@@ -339,7 +339,7 @@ def _make_piece_columns(
         acceleration = acceleration + previous.motion_gain * own
     loads = previous.relative_loads
     zeros = np.zeros(motion.speed.size)
-    relative_load = zeros if loads is None else loads.relative_load_of(motion.unit)
+    relative_load = zeros if loads is None else loads.relative_loads_of_units(motion.unit)
     if previous.swing.lever_s2 and motion.specific_force is not None:
         # springs give way in proportion to the mass
         swing_m_s2 = previous.swing.swing_m_s2(motion.specific_force, motion.rate_hz)
@@ -350,10 +350,10 @@ def _make_piece_columns(
         acceleration,
         zeros if wheels is None else wheels,
         speed,
-        ground_speed_ratio(speed, acting, previous.slip_1_N),
+        ground_to_wheel_speed_ratio(speed, acting, previous.slip_1_N),
         acting,
         derive_force_rate(force, motion.rate_hz, force_std, keep_small=wheels is not None),
-        zeros if previous.play is None else force_direction(force, previous.play),
+        zeros if previous.play is None else trace_force_direction(force, previous.play),
         motion.direction,
         motion.progress,
         motion.samples_since_start / motion.rate_hz,
@@ -361,7 +361,7 @@ def _make_piece_columns(
         relative_load if loads is None else relative_load / loads.rms,
         motion.place_1,
         motion.travelled_m,
-        *_route_positions_and_length_m(motion, previous),
+        *route_positions_and_length_m(motion, previous),
         previous.slip_s_m,
         previous.transfer_s2_m,
         0.0 if previous.play is None else previous.play.by_force_1_N,
@@ -374,12 +374,12 @@ def _make_piece_columns(
     return _PieceColumns(A, force[fitted], motion.group[fitted], raw)
 
 
-def stride_between_means(samples: int) -> int:
+def fitted_mean_stride(samples: int) -> int:
     """Stride in samples between the means that are fitted."""
     return max(1, samples // LIMITS.rows_per_mean)
 
 
-def _route_positions_and_length_m(
+def route_positions_and_length_m(
     motion: MotionSamples, previous: PreviousEstimates
 ) -> tuple[Floats, float]:
     """Position of each sample on the route, (n,), and the route's length in m.
@@ -389,32 +389,32 @@ def _route_positions_and_length_m(
     loads, route = previous.relative_loads, previous.route
     if loads is None or route is None:
         return np.zeros(motion.speed.size), 0.0
-    return route.relative_distance_to_dump(motion), route.length_m
+    return route.relative_distances_to_dump(motion), route.length_m
 
 
 def _find_fitted_samples(motion: MotionSamples, lag_s: float) -> Ints:
     """Samples in stretches, but for the first ones of each, whose force is from before it."""
-    fitted, lag = motion.used, math.ceil(abs(lag_s) * motion.rate_hz)
+    fitted, lag = motion.is_fittable, math.ceil(abs(lag_s) * motion.rate_hz)
     if lag:
         fitted = fitted & ((motion.samples_since_start >= lag) | is_last_of_stretch(motion.group))
     return np.flatnonzero(fitted)
 
 
-def _select_every_nth_sample(group: Ints, stride: int) -> Bools:
+def select_every_nth_sample(group: Ints, stride: int) -> Bools:
     """Select every `stride`-th sample of each stretch, at least its last one, (n,)."""
     since = count_samples_since_start(group)
     short = is_last_of_stretch(group) & (since < stride - 1)
     return (group >= 0) & ((since % stride == stride - 1) | short)
 
 
-def _row_weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> Floats:
+def row_weights(A: Floats, force: Floats, covariances: Floats, row_indices: Ints) -> Floats:
     """Square root of each row's weight, (rows,); a start's first means hold few samples."""
     mass, friction = np.linalg.lstsq(A, force, rcond=None)[0]
     gradient = np.array([mass, friction, -1.0])
     variances = np.array([gradient @ covariance @ gradient for covariance in covariances])
     if not variances[-1] > 0.0:  # noise that adds up to none is that of every row
-        return np.ones(which.size)
-    return np.sqrt(variances[-1] / np.maximum(variances[which], variances[-1]))
+        return np.ones(row_indices.size)
+    return np.sqrt(variances[-1] / np.maximum(variances[row_indices], variances[-1]))
 
 
 def derive_force_rate(force: Floats, rate_hz: float, noise_N: float, *, keep_small: bool) -> Floats:
@@ -428,34 +428,36 @@ def derive_force_rate(force: Floats, rate_hz: float, noise_N: float, *, keep_sma
             Slip needs them: without them masses were 0.3 % off where wheels slip by 2 %, and slip
             of 4 to 10 % looked like a load that grows at every start.
     """
-    halves = sorted({rows_in_duration(s, rate_hz) for s in LIMITS.force_rate_half_widths_s})
+    halves = sorted({count_rows_in_duration(s, rate_hz) for s in LIMITS.force_rate_half_widths_s})
     for half in halves if keep_small else ():
-        rate, std = _derive_by_parabola(force, half, rate_hz, noise_N)
+        rate, std = derive_by_parabola(force, half, rate_hz, noise_N)
         clear = LIMITS.force_rate_min_std if half == 1 else LIMITS.clear_force_rate_std
         if float(np.sqrt(np.mean(rate**2))) > clear * std:
             return rate
-    rate, std = _derive_by_parabola(force, halves[0], rate_hz, noise_N)
+    rate, std = derive_by_parabola(force, halves[0], rate_hz, noise_N)
     return np.where(np.abs(rate) > LIMITS.force_rate_min_std * std, rate, 0.0)
 
 
-def _derive_by_parabola(
-    force: Floats, half: int, rate_hz: float, noise_N: float
+def derive_by_parabola(
+    force: Floats, half_width_rows: int, rate_hz: float, noise_N: float
 ) -> tuple[Floats, float]:
-    """Slope of a parabola through `half` rows to either side, (n,) in N/s, and its noise."""
+    """Slope of a parabola through so many rows to either side, (n,) in N/s, and its noise."""
     steps = (
-        np.arange(half, -half - 1, -1) * rate_hz / float(2 * (np.arange(1, half + 1) ** 2).sum())
+        np.arange(half_width_rows, -half_width_rows - 1, -1)
+        * rate_hz
+        / float(2 * (np.arange(1, half_width_rows + 1) ** 2).sum())
     )
     # beyond its ends the force is as there: a force of 0 would begin and end with a jump
-    slope = np.convolve(np.pad(force, half, mode="edge"), steps, "valid")
+    slope = np.convolve(np.pad(force, half_width_rows, mode="edge"), steps, "valid")
     return slope, noise_N * float(np.sqrt(steps @ steps))
 
 
-def _noise_moments(
+def noise_moments(
     terms: tuple[Nuisance, ...],
     group: Ints,
     raw: ColumnInputs,
     covariances: Floats,
-    which: Ints,
+    row_indices: Ints,
     weight: Floats,
 ) -> tuple[Floats, Floats]:
     """Noise terms of AᵀA and Aᵀf by acceleration, speed and force, by stretch.
@@ -465,7 +467,7 @@ def _noise_moments(
         group: (rows,) stretch of each row.
         raw: means that the columns are made of.
         covariances: (kinds, 3, 3) noise covariance of means of each length.
-        which: (rows,) kind of each row.
+        row_indices: (rows,) kind of each row.
         weight: (rows,) factor of each row.
     """
     ids, index = np.unique(group, return_inverse=True)
@@ -476,11 +478,11 @@ def _noise_moments(
             if by is not None:
                 slopes.append(by(raw) * weight)
                 places.append((j, channel))
-    return group_sums.noise_moments(
+    return group_sums.sum_noise_moments(
         np.stack(slopes),
         np.array(places, np.int64),
         covariances,
-        which,
+        row_indices,
         index,
         (ids.size, 2 + len(terms)),
     )

@@ -11,24 +11,24 @@ from analysis.weighing.haul_route import Route
 from analysis.weighing.joint_result import (
     JointFit,
     PriorMeans,
-    resistance_slope,
+    resistance_slope_at_mean_speed,
     term_index,
 )
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
-from analysis.weighing.load_states import LoadStates, unit_of_each_stretch
+from analysis.weighing.load_states import LoadStates, units_of_stretches
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import (
     Nuisance,
     const_prior_std,
-    split_const_by_weight,
-    split_coulomb_by_weight,
-    split_measured_offset,
+    split_constant_force_std,
+    split_constant_term_by_weight,
+    split_coulomb_term_by_weight,
 )
 from analysis.weighing.uneven_ground import BY_GROUND
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.joint import prior_fit
-from estimators.joint.group_effects import GroupEffects, group_effects
+from estimators.joint.group_effects import GroupEffects, estimate_group_effects
 from estimators.joint.prior_fit import Grouping, Solution
 
 
@@ -106,7 +106,7 @@ class FitTask:
         known = begin.found if begin else self.initial_estimates
         known = known if shift else replace(known, lag_s=0.0)
         solution, mean, known_s = None, std, 0.0
-        cost = begin and self._slip_cost(begin.theta, begin.solution, begin.terms)
+        cost = begin and self._compute_slip_cost(begin.theta, begin.solution, begin.terms)
         for number in range(rounds):
             mean, std = self._priors_of_round(cost)
             self._narrow_gain_drift_prior(std)
@@ -127,7 +127,7 @@ class FitTask:
             )
             if not np.isfinite(solution.theta).all():
                 break
-            cost = self._slip_cost(solution.theta, solution, self.terms)
+            cost = self._compute_slip_cost(solution.theta, solution, self.terms)
             if cost.slip_1_N is not None and self._slip_and_std_from_wheels() is None:
                 known = replace(known, slip_1_N=cost.slip_1_N[0])
             known, moved = self._update_estimates(known, solution.theta, shift=shift)
@@ -161,10 +161,10 @@ class FitTask:
             masses_kg: (states,) masses; None uses the manoeuvres' own estimates.
         """
         states = self.states
-        if states is None or states.count < 2:
+        if states is None or states.state_count < 2:
             return None
         masses_kg = states.means_kg if masses_kg is None else masses_kg
-        splits = (split_const_by_weight, split_coulomb_by_weight)
+        splits = (split_constant_term_by_weight, split_coulomb_term_by_weight)
         shares = [split(self.motion, self.priors).expected for split in splits]
         return RelativeLoads.from_masses(
             states.unit, masses_kg[states.membership], (shares[0], shares[1])
@@ -174,21 +174,21 @@ class FitTask:
         """Find the route between the places where these loads are loaded and dumped."""
         if loads is None:
             return None
-        return Route.from_motion(self.motion, loads.unit, loads.is_loaded_in(loads.unit))
+        return Route.from_motion(self.motion, loads.unit, loads.are_loaded(loads.unit))
 
     def _update_estimates(
-        self, before: PreviousEstimates, theta: Floats, *, shift: bool
+        self, previous: PreviousEstimates, theta: Floats, *, shift: bool
     ) -> tuple[PreviousEstimates, float]:
         """Update the estimates by a round, and return the change of the lag in s."""
         masses = theta.size - 1 - len(self.terms)
         names = (term.name for term in self.terms)
         by_name = dict(zip(names, theta[masses + 1 :].tolist(), strict=True))
         late_s = by_name["lag"]
-        lag_s = float(np.clip(before.lag_s + late_s, -LIMITS.longest_lag_s, LIMITS.longest_lag_s))
-        share, _ = split_measured_offset(self.motion, self.priors)
+        lag_s = float(np.clip(previous.lag_s + late_s, -LIMITS.longest_lag_s, LIMITS.longest_lag_s))
+        share, _ = split_constant_force_std(self.motion, self.priors)
         width = const_prior_std(self.motion, self.priors)
         after = replace(
-            before,
+            previous,
             lag_s=lag_s if shift else 0.0,
             transfer_s2_m=by_name.get("load_transfer", 0.0),
             offset_N=float(
@@ -204,25 +204,27 @@ class FitTask:
         )
         return after, abs(late_s)
 
-    def group_effects_of_fit(self, fit: JointFit, rows: FitRows) -> GroupEffects:
+    def manoeuvre_masses(self, fit: JointFit, rows: FitRows) -> GroupEffects:
         """Mass of each manoeuvre by itself, given the shared parameters of a fit."""
-        mean, std = self._priors_of_round(self._slip_cost(fit.theta, fit.solution, fit.terms))
+        mean, std = self._priors_of_round(
+            self._compute_slip_cost(fit.theta, fit.solution, fit.terms)
+        )
         if 1 < self.motion.separate_drive_count < LIMITS.drift_min_drives:
             std[term_index("gain_drift", self.terms)] *= LIMITS.left_out_prior_ratio
         # loads that alternate and ground that does are told apart by the fit of both, not here
         ground = [place for place, term in enumerate(self.terms) if term.source == BY_GROUND]
-        mean[ground] = fit.theta[fit.count + 1 :][ground]
+        mean[ground] = fit.theta[fit.mass_count + 1 :][ground]
         std[ground] *= LIMITS.left_out_prior_ratio
         lag = term_index("lag", self.terms)
         mean[lag] -= fit.found.lag_s
-        return group_effects(
+        return estimate_group_effects(
             rows.A,
             rows.f,
             rows.group,
             rows.noise,
             np.append(0.0, mean),
             np.append(np.inf, std),
-            np.unique(unit_of_each_stretch(self.motion), return_inverse=True)[1],
+            np.unique(units_of_stretches(self.motion), return_inverse=True)[1],
         )
 
     def _speed_delay_s(self) -> float:
@@ -254,15 +256,17 @@ class FitTask:
             mean[place], std[place] = term.mean, term.std
         return mean, std
 
-    def _slip_cost(self, theta: Floats, found: Solution, terms: tuple[Nuisance, ...]) -> _SlipCost:
+    def _compute_slip_cost(
+        self, theta: Floats, estimates: Solution, terms: tuple[Nuisance, ...]
+    ) -> _SlipCost:
         """Cost of slip, computed from the estimates of a round."""
         count = theta.size - 1 - len(terms)
         mass_kg = float(np.mean(theta[:count]))
-        friction = max(resistance_slope(theta, terms, self.motion), 0.0)
+        friction = max(resistance_slope_at_mean_speed(theta, terms, self.motion), 0.0)
         if self.motion.wheel_acceleration is None or not mass_kg > 0.0:
             return _SlipCost(mass_kg, friction, None)
         place = term_index("slip_acceleration", terms)
-        std = float(found.fit.std[count + 1 + place])
+        std = float(estimates.fit.std[count + 1 + place])
         if not std < LIMITS.slip_posterior_fraction * terms[place].width(self.motion, self.priors):
             return _SlipCost(mass_kg, friction, None)
         return _SlipCost(
@@ -300,10 +304,10 @@ class FitTask:
         """Set the prior of the slip terms to friction times slip, if the wheels determine slip."""
         at = term_index("slip", self.terms)
         friction = cost.friction_N_s_m
-        std[at] = min(std[at], friction * self.priors.wheel_slip / self.motion.largest_force)
+        std[at] = min(std[at], friction * self.priors.wheel_slip / self.motion.force_95_percent)
         std[at] = max(
             std[at],
-            LIMITS.min_slip_std_fraction * self.priors.wheel_slip / self.motion.largest_speed,
+            LIMITS.min_slip_std_fraction * self.priors.wheel_slip / self.motion.speed_95_percent,
         )
         self._set_slip_prior(
             at, -friction, self._slip_and_std_from_wheels() or cost.slip_1_N, mean, std
@@ -315,10 +319,15 @@ class FitTask:
         return wheels.slip_1_N if wheels is not None and wheels.is_consistent else None
 
     def _set_slip_prior(
-        self, at: int, cost: float, slip: tuple[float, float] | None, mean: Floats, std: Floats
+        self,
+        term_index: int,
+        cost: float,
+        slip: tuple[float, float] | None,
+        mean: Floats,
+        std: Floats,
     ) -> None:
         """Set the prior of a term that is `cost` times the slip, if slip is known."""
         if slip is not None:
             slip_1_N, u_1_N = slip
-            mean[at] = cost * slip_1_N
-            std[at] = np.hypot(cost * u_1_N, LIMITS.min_slip_std_fraction * std[at])
+            mean[term_index] = cost * slip_1_N
+            std[term_index] = np.hypot(cost * u_1_N, LIMITS.min_slip_std_fraction * std[term_index])

@@ -43,29 +43,29 @@ def running_standstill_count(excitation: pl.DataFrame) -> Ints:
     return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
 
 
-def running_gap_count(known: Bools, shortest: int) -> Ints:
+def running_gap_count(has_value: Bools, shortest: int) -> Ints:
     """Number of gaps of at least `shortest` samples up to each sample, (n,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], known, [True]]).astype(np.int8)))
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], has_value, [True]]).astype(np.int8)))
     first, end = edges[::2], edges[1::2]
-    begun = np.zeros(known.size, np.int64)
+    begun = np.zeros(has_value.size, np.int64)
     begun[first[end - first >= shortest]] = 1
     return np.cumsum(begun)
 
 
-def cut_drives(stood: Ints, longest: int) -> Ints:
-    """Number the manoeuvres, (n,), and split drives of twice `longest` samples or more."""
-    cuts = np.append(True, stood[1:] != stood[:-1])
+def number_drives(stop_count: Ints, longest_samples: int) -> Ints:
+    """Number the manoeuvres, (n,), and split drives of twice `longest_samples` samples or more."""
+    cuts = np.append(True, stop_count[1:] != stop_count[:-1])
     drive_begins = np.flatnonzero(cuts)
-    for first, end in zip(drive_begins, np.append(drive_begins[1:], stood.size), strict=True):
-        cuts[np.arange(first + longest, end - longest + 1, longest)] = True
-    return (np.cumsum(cuts) - 1 + stood[0]).astype(np.int64)
+    for first, end in zip(drive_begins, np.append(drive_begins[1:], stop_count.size), strict=True):
+        cuts[np.arange(first + longest_samples, end - longest_samples + 1, longest_samples)] = True
+    return (np.cumsum(cuts) - 1 + stop_count[0]).astype(np.int64)
 
 
-def fitted_manoeuvre_of_samples(
+def number_fitted_manoeuvres(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     machine: Machine,
-    moves_m_s: float,
+    moving_threshold_m_s: float,
     noise_m_s: float,
     *,
     braking: bool,
@@ -86,7 +86,7 @@ def fitted_manoeuvre_of_samples(
         stands = (phase == "standstill").fill_null(False).to_numpy()
         speed = column_values(excitation, "speed_x_m_s")
         brakes &= mark_falls_beyond_noise(speed, noise_m_s, settings)
-        brakes |= mark_stopping_samples(speed, stands, moves_m_s, settings)
+        brakes |= mark_stopping_samples(speed, stands, moving_threshold_m_s, settings)
         driving &= ~mark_possible_braking(brakes, settings)
     return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
 
@@ -101,7 +101,7 @@ def driving_directions(group: Ints, speed: Floats) -> Floats:
     return out
 
 
-def once_each(compute: Callable[[T], Ints]) -> Callable[[T], Ints]:
+def memoise(compute: Callable[[T], Ints]) -> Callable[[T], Ints]:
     """Compute once for each samples, and keep the result with them as a cached property is."""
     name = compute.__name__
 
@@ -136,7 +136,7 @@ def stretch_spans(group: Ints) -> Ints:
     return np.column_stack([first, last + 1])
 
 
-def cut_stretches(group: Ints, unit: Ints) -> Ints:
+def split_stretches_at_units(group: Ints, unit: Ints) -> Ints:
     """Split stretches at manoeuvre borders and number them again, (n,)."""
     used = group >= 0
     cut = used & (is_first_of_stretch(group) | np.append(False, unit[1:] != unit[:-1]))
@@ -144,34 +144,32 @@ def cut_stretches(group: Ints, unit: Ints) -> Ints:
 
 
 def extend_to_break_away(
-    group: Ints, speed: Floats, moves_m_s: float, look_back: int, settled: int
+    group: Ints, speed: Floats, moving_threshold_m_s: float, max_rows: int, phase_start: int
 ) -> Ints:
     """Extend manoeuvres, (n,), back to where their speed leaves the noise, before their phase."""
-    smooth = np.abs(_three_sample_mean(speed)) > moves_m_s
+    smooth = np.abs(three_sample_mean(speed)) > moving_threshold_m_s
     grown = group.copy()
     for begin in np.flatnonzero(is_first_of_stretch(group)):
         first = int(begin)
-        while (
-            first > 0 and begin - first < look_back and smooth[first - 1] and group[first - 1] < 0
-        ):
+        while first > 0 and begin - first < max_rows and smooth[first - 1] and group[first - 1] < 0:
             first -= 1
         if first < begin:
             grown[first:begin] = group[begin]
-            grown[first : first + settled] = -1
+            grown[first : first + phase_start] = -1
     return grown
 
 
-def number_one_way_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
+def number_one_way_runs(group: Ints, speed: Floats, has_reversal: int) -> Ints:
     """Number the runs that move one way, (n,), -1 elsewhere: at a reversal friction turns."""
     used = group >= 0
-    forwards = _three_sample_mean(speed) > 0.0
+    forwards = three_sample_mean(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
-    near = flag_windows(turns, mixed) | flag_windows(turns[::-1], mixed + 1)[::-1]
+    near = flag_windows(turns, has_reversal) | flag_windows(turns[::-1], has_reversal + 1)[::-1]
     group = np.where(used & ~near, 2 * group + forwards, -1)
     return np.where(group >= 0, np.cumsum(is_first_of_stretch(group)) - 1, -1).astype(np.int64)
 
 
-def drop_standing_runs(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
+def drop_stretches_at_noise_speed(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
     """Stretch of each sample, (n,); -1 where its speed never exceeds the noise: no starts.
 
     If the noise is below the motion threshold, slow samples count as motion.
@@ -180,40 +178,40 @@ def drop_standing_runs(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
     if noise_m_s <= LIMITS.moving_speed_m_s or not used.any():
         return group
     first = np.flatnonzero(is_first_of_stretch(group))
-    fastest = np.maximum.reduceat(np.where(used, np.abs(_three_sample_mean(speed)), 0.0), first)
+    fastest = np.maximum.reduceat(np.where(used, np.abs(three_sample_mean(speed)), 0.0), first)
     moves = fastest > noise_m_s
     return np.where(used & moves[group], group, -1)
 
 
-def _three_sample_mean(speed: Floats) -> Floats:
+def three_sample_mean(speed: Floats) -> Floats:
     """Mean of each sample and its two neighbours, (n,) in m/s."""
     return np.convolve(speed, np.ones(3) / 3.0, "same")
 
 
-def mark_missing_rows(aligned: pl.DataFrame) -> Bools:
+def mark_rows_without_data(aligned: pl.DataFrame) -> Bools:
     """Mark the grid rows without information, (n,)."""
     if "left_out" not in aligned.columns:
         return np.zeros(aligned.height, np.bool_)
     return aligned["left_out"].to_numpy()
 
 
-def make_centred_progress(samples: int) -> Floats:
+def make_centred_ramp(samples: int) -> Floats:
     """Evenly spaced values from -1/2 to 1/2, (samples,)."""
     return np.arange(samples) / max(samples, 1) - 0.5
 
 
-def advance_in_stretches(x: Floats, group: Ints, late: float) -> Floats:
+def advance_in_stretches(x: Floats, group: Ints, delay_rows: float) -> Floats:
     """Signal (n,) advanced by a cubic per stretch: lines low-pass it on a slow grid.
 
     Args:
         x: (n,) the signal.
         group: (n,) stretch of each sample, negative for none.
-        late: delay in samples.
+        delay_rows: delay in samples.
     """
-    if not late and np.isfinite(x).all():
+    if not delay_rows and np.isfinite(x).all():
         return x
-    whole = math.floor(late)
-    part = late - whole
+    whole = math.floor(delay_rows)
+    part = delay_rows - whole
     first, end = max(1 - whole, 0), min(x.size - 2 - whole, x.size)
     moved, by_cubic = np.empty(x.size), np.zeros(x.size, np.bool_)
     if part and first < end:
@@ -234,5 +232,5 @@ def advance_in_stretches(x: Floats, group: Ints, late: float) -> Floats:
             inside &= group[row : row + end - first] == own
         by_cubic[first:end] = inside
     by_line = np.flatnonzero(~by_cubic)
-    moved[by_line] = np.interp(by_line + late, np.arange(x.size, dtype=np.float64), x)
+    moved[by_line] = np.interp(by_line + delay_rows, np.arange(x.size, dtype=np.float64), x)
     return moved

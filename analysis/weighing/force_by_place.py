@@ -17,26 +17,26 @@ from analysis.weighing.weighing_limits import LIMITS
 BY_PLACE: Final = "place"
 
 
-def _make_spring_column(place_1: Floats) -> Floats:
+def make_spring_column(place_1: Floats) -> Floats:
     """Column (n,) of a force proportional to the position; 1 at the end of the path."""
     return 2.0 * place_1
 
 
-def _half_wave_cosine(place_1: Floats, half_waves: int) -> Floats:
+def half_wave_cosine(place_1: Floats, half_waves: int) -> Floats:
     """Cosine (n,) over the path with a number of half waves."""
     return np.cos(np.pi * half_waves * (place_1 + 0.5))
 
 
-def _make_wave_term(half_waves: int) -> Nuisance:
+def _make_position_wave_term(half_waves: int) -> Nuisance:
     """Term of a force that varies with the place as a half wave."""
     return Nuisance(
         f"place_{half_waves}",
         "N",
-        lambda m: _half_wave_cosine(m.place_1, half_waves),
-        lambda e, s: s.place_share * e.largest_force / half_waves,
+        lambda m: half_wave_cosine(m.place_1, half_waves),
+        lambda e, s: s.place_share * e.force_95_percent / half_waves,
         "a force that depends on the place on a short path: gravity, a cable, a cam",
         "strokes at different accelerations over the same path",
-        applies=lambda e: e.is_on_bench,
+        applies=lambda e: e.is_bench_log,
         source=BY_PLACE,
     )
 
@@ -60,30 +60,29 @@ _OF_EVERY_LOAD: Final = (
     Nuisance(
         "spring",
         "N",
-        lambda m: _make_spring_column(m.place_1),
-        lambda e, s: s.place_share * e.largest_force,
+        lambda m: make_spring_column(m.place_1),
+        lambda e, s: s.place_share * e.force_95_percent,
         "a force in proportion to the place on a short path, at its ends: a spring, gravity",
         "strokes at different accelerations over the same path",
-        applies=lambda e: e.is_on_bench,
+        applies=lambda e: e.is_bench_log,
         source=BY_PLACE,
     ),
-    *map(_make_wave_term, range(1, LIMITS.path_half_waves + 1)),
+    *map(_make_position_wave_term, range(1, LIMITS.path_half_waves + 1)),
 )
 #: Behind the nuisances that every log may have.
 PLACE: Final = (*_OF_EVERY_LOAD, *map(_load_proportional_term, _OF_EVERY_LOAD))
 
 
-def make_place_force_columns(place_1: Floats) -> Floats:
+def make_position_force_columns(place_1: Floats) -> Floats:
     """(n, terms) columns of a spring and of half waves at positions on the path."""
     waves = (
-        _half_wave_cosine(place_1, half_waves)
-        for half_waves in range(1, LIMITS.path_half_waves + 1)
+        half_wave_cosine(place_1, half_waves) for half_waves in range(1, LIMITS.path_half_waves + 1)
     )
-    return np.column_stack([_make_spring_column(place_1), *waves])
+    return np.column_stack([make_spring_column(place_1), *waves])
 
 
-def make_place_slope_columns(place_1: Floats) -> Floats:
+def make_position_force_slopes(place_1: Floats) -> Floats:
     """(n, terms) derivatives of these columns by the position."""
     numbers = np.pi * np.arange(1, LIMITS.path_half_waves + 1)
     waves = -numbers * np.sin(numbers * (place_1[:, None] + 0.5))
-    return np.column_stack([np.full(place_1.size, _make_spring_column(np.ones(1))), waves])
+    return np.column_stack([np.full(place_1.size, make_spring_column(np.ones(1))), waves])

@@ -12,16 +12,16 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics.play import follow_with_play
 
 
-def _hysteresis_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
+def hysteresis_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
     """Prior standard deviation of half the loop, in N."""
-    return (priors.hysteresis_share or LIMITS.hysteresis_prior_share) * motion.largest_force
+    return (priors.hysteresis_share or LIMITS.hysteresis_prior_share) * motion.force_95_percent
 
 
 #: Added to a fit whose log shows hysteresis, or whose machine file expects it.
@@ -29,7 +29,7 @@ HYSTERESIS: Final = Nuisance(
     "hysteresis",
     "N",
     lambda m: -m.force_rises_1,
-    _hysteresis_prior_std,
+    hysteresis_prior_std,
     "a force that reads less while it rises and more while it falls: friction in its sensor or "
     "behind it",
     "a force without hysteresis: a torque at the wheels instead of a pressure or a current",
@@ -52,7 +52,7 @@ class Play(NamedTuple):
     by_force_1_N: float
 
 
-def choose_play(motion: MotionSamples, noise: ColumnNoiseModel, samples: int) -> Play:
+def choose_hysteresis_play(motion: MotionSamples, noise: ColumnNoiseModel, samples: int) -> Play:
     """Choose a share of the largest force, and the shortest mean whose noise is well below it.
 
     Args:
@@ -60,8 +60,8 @@ def choose_play(motion: MotionSamples, noise: ColumnNoiseModel, samples: int) ->
         noise: noise of acceleration, speed and force.
         samples: length of the fitted means.
     """
-    longest = rows_in_duration(LIMITS.hysteresis_mean_s, motion.rate_hz)
-    half_N = LIMITS.hysteresis_turn_share * motion.largest_force
+    longest = count_rows_in_duration(LIMITS.hysteresis_mean_s, motion.rate_hz)
+    half_N = LIMITS.hysteresis_turn_share * motion.force_95_percent
     noise_N, mean = 0.0, longest
     for mean in (*(1 << k for k in range(longest.bit_length() - 1)), longest):
         noise_N = LIMITS.hysteresis_turn_std * float(np.sqrt(noise.covariance(mean)[2, 2]))
@@ -71,7 +71,7 @@ def choose_play(motion: MotionSamples, noise: ColumnNoiseModel, samples: int) ->
     return Play(half_N, mean, min(samples / mean, 1.0) / half_N)
 
 
-def force_direction(force: Floats, play: Play) -> Floats:
+def trace_force_direction(force: Floats, play: Play) -> Floats:
     """Whether the force (n,) rises (1), falls (-1) or has just turned (between), (n,)."""
     before = play.mean // 2
     padded = np.pad(force, (before, play.mean - 1 - before), mode="edge")

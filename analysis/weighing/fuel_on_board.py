@@ -52,7 +52,7 @@ class FuelOnBoard:
         rate_u_1 = LIMITS.unknown_fuel_rate_u if body.fuel_gain_u is None else body.fuel_gain_u
         return cls(body.fuel, rate_u_1, t_ns, np.cumsum(rate_L_h * hours))
 
-    def mass_since_ticket_and_u_kg(self, at_ns: Floats, weights: Floats) -> tuple[float, float]:
+    def extra_fuel_mass_and_u_kg(self, at_ns: Floats, weights: Floats) -> tuple[float, float]:
         """Fuel mass beyond that on the ticket, and its standard uncertainty, in kg.
 
         Args:

@@ -18,15 +18,15 @@ from analysis.model.machine_body import Body
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.fitted_stretches import is_first_of_stretch
-from analysis.weighing.joint_fit import JointFitInputs, applicable_terms, joint_fit
+from analysis.weighing.joint_fit import JointFitInputs, applicable_terms, fit_jointly
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_limits import LIMITS
-from analysis.weighing.load_search import search_and_fit_load_states
+from analysis.weighing.load_search import fit_with_load_search
 from analysis.weighing.load_states import (
     LoadStates,
-    load_change_kinds,
-    means_by_state,
-    unit_of_each_sample,
+    classify_all_load_changes,
+    units_of_samples,
+    weighted_means_by_state,
 )
 from analysis.weighing.motion_samples import Bools, ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
@@ -69,7 +69,7 @@ class DirectionGain:
         return self.threshold_1 < abs(self.gain_1 - 1.0) < LIMITS.direction_gain_max_1
 
     @property
-    def is_rival(self) -> bool:
+    def could_explain_several_loads(self) -> bool:
         """Whether the answer has several loads, which may be this gain instead."""
         return self.loads > 1
 
@@ -96,99 +96,99 @@ def find_direction_gain(
     motion = fit.motion
     if body.force_gain_in_reverse is not None or not motion.drives_both_ways:
         return None
-    turns = int(np.count_nonzero(np.diff(_drives_forwards(motion))))
+    turns = int(np.count_nonzero(np.diff(manoeuvres_forwards(motion))))
     if fit.states is None or turns < LIMITS.direction_gain_min_turns:
         return None
-    several = fit.count > 1
-    if several and (not do_loads_follow_direction(fit) or _does_ticket_tell_loads(fit, body)):
+    several = fit.mass_count > 1
+    if several and (not loads_follow_direction(fit) or _does_ticket_confirm_loads(fit, body)):
         return None
     one = FitTask(
         motion,
         noise,
-        priors if fit.effects is None else fit.effects.priors_without_left_out_effects(priors),
-        (*applicable_terms(motion, several=False), GAIN_BY_DIRECTION),
+        priors if fit.effects is None else fit.effects.exclude_unlikely_effects(priors),
+        (*applicable_terms(motion, has_several_loads=False), GAIN_BY_DIRECTION),
         fit.kinematics,
         None,
         fit.found.uneven_1_s,
     ).fit_means(fit.mean_samples, 2, shift=fit.shifted)
-    found = _gain_of_one_load(one, fit)
+    found = _estimate_gain_with_one_load(one, fit)
     if not found.is_significant:
         return None
     if not several:
         return found
     corrected = replace(motion, force=motion.force * (1.0 - one.theta[-1] * motion.direction))
     inputs = JointFitInputs.prepare(corrected, noise, priors, fit)
-    left = search_and_fit_load_states(joint_fit(inputs), inputs, body.repeatability_kg)
-    if left.count > 1 or left.states is None:
+    left = fit_with_load_search(fit_jointly(inputs), inputs, body.repeatability_kg)
+    if left.mass_count > 1 or left.states is None:
         return None
-    heavy = _is_heavy(fit.states, _drives_forwards(motion))
-    return None if do_payloads_scatter(left.states, heavy) else found
+    heavy = are_nearer_to_heavy_mass(fit.states, manoeuvres_forwards(motion))
+    return None if heavy_masses_scatter_more(left.states, heavy) else found
 
 
-def _gain_of_one_load(one: JointFit, answer: JointFit) -> DirectionGain:
+def _estimate_gain_with_one_load(one_load_fit: JointFit, answer_fit: JointFit) -> DirectionGain:
     """Gain in reverse over that forwards, from the last term of a fit with one load.
 
     Its standard deviation is at least that by which the manoeuvres of each direction scatter.
     """
-    share, std = float(one.theta[-1]), float(one.fit.std[-1])
-    if answer.count == 1:
-        std = max(std, _std_of_difference_kg(answer) / 2.0 / abs(answer.mass_kg))
-    return DirectionGain((1.0 - share) / (1.0 + share), 2.0 * std, answer.count)
+    share, std = float(one_load_fit.theta[-1]), float(one_load_fit.fit.std[-1])
+    if answer_fit.mass_count == 1:
+        std = max(std, std_of_difference_kg(answer_fit) / 2.0 / abs(answer_fit.mass_kg))
+    return DirectionGain((1.0 - share) / (1.0 + share), 2.0 * std, answer_fit.mass_count)
 
 
-def _std_of_difference_kg(fit: JointFit) -> float:
+def std_of_difference_kg(fit: JointFit) -> float:
     """Standard deviation of the difference between the directions' mean masses, in kg."""
     states = fit.states
     assert states is not None
-    forwards = _drives_forwards(fit.motion)
+    forwards = manoeuvres_forwards(fit.motion)
     variances = [
-        max(_variance_over_noise(states.level_kg[each], states.std_kg[each]), 1.0)
+        max(_variance_to_noise_ratio(states.level_kg[each], states.std_kg[each]), 1.0)
         / float((states.std_kg[each] ** -2.0).sum())
         for each in (forwards, ~forwards)
     ]
     return float(np.sqrt(sum(variances)))
 
 
-def do_loads_follow_direction(fit: JointFit) -> bool:
+def loads_follow_direction(fit: JointFit) -> bool:
     """Whether loads alternate with the direction, and nothing besides the masses tells of them."""
     states, motion = fit.states, fit.motion
     assert states is not None
     if motion.empty is not None:
         return False
-    forwards = _drives_forwards(motion)
-    agree = float(np.mean(_is_heavy(states, forwards) == forwards))
+    forwards = manoeuvres_forwards(motion)
+    agree = float(np.mean(are_nearer_to_heavy_mass(states, forwards) == forwards))
     if max(agree, 1.0 - agree) < LIMITS.loads_by_direction_fraction:
         return False
     changes = np.diff(states.membership) != 0
-    hinted = load_change_kinds(motion)[changes] >= HINTED
+    hinted = classify_all_load_changes(motion)[changes] >= HINTED
     return float(np.mean(hinted)) < LIMITS.hinted_loads_fraction
 
 
-def _drives_forwards(motion: MotionSamples) -> Bools:
+def manoeuvres_forwards(motion: MotionSamples) -> Bools:
     """Whether each manoeuvre goes forwards, (units,)."""
-    first = np.flatnonzero(motion.used)[is_first_of_stretch(unit_of_each_sample(motion))]
+    first = np.flatnonzero(motion.is_fittable)[is_first_of_stretch(units_of_samples(motion))]
     return motion.direction[first] > 0.0
 
 
-def _masses_by_direction_kg(states: LoadStates, forwards: Bools) -> tuple[float, float]:
+def masses_by_direction_kg(states: LoadStates, forwards: Bools) -> tuple[float, float]:
     """Mean mass of the manoeuvres in reverse and forwards, in kg."""
     each = forwards.astype(np.int64)
-    reverse_kg, forwards_kg = means_by_state(states.level_kg, states.std_kg**-2.0, each)
+    reverse_kg, forwards_kg = weighted_means_by_state(states.level_kg, states.std_kg**-2.0, each)
     return float(reverse_kg), float(forwards_kg)
 
 
-def _is_heavy(states: LoadStates, forwards: Bools) -> Bools:
+def are_nearer_to_heavy_mass(states: LoadStates, forwards: Bools) -> Bools:
     """Whether each manoeuvre is nearer to the heavier direction's mass, (units,)."""
-    return states.level_kg > float(np.mean(_masses_by_direction_kg(states, forwards)))
+    return states.level_kg > float(np.mean(masses_by_direction_kg(states, forwards)))
 
 
-def _does_ticket_tell_loads(fit: JointFit, body: Body) -> bool:
+def _does_ticket_confirm_loads(fit: JointFit, body: Body) -> bool:
     """Whether the lighter direction has the stated empty mass, and the heavier one has not."""
     if body.empty_mass_kg is None:
         return False
     assert fit.states is not None
-    forwards = _drives_forwards(fit.motion)
-    light_kg, heavy_kg = sorted(_masses_by_direction_kg(fit.states, forwards))
+    forwards = manoeuvres_forwards(fit.motion)
+    light_kg, heavy_kg = sorted(masses_by_direction_kg(fit.states, forwards))
     empty_kg = body.empty_mass_kg + body.rotating_mass_kg
     gain_u_kg = (body.force_gain_u or 0.0) * empty_kg
     u_kg = float(np.linalg.norm([fit.u_kg, body.empty_mass_u_kg or 0.0, gain_u_kg]))
@@ -198,7 +198,7 @@ def _does_ticket_tell_loads(fit: JointFit, body: Body) -> bool:
     )
 
 
-def do_payloads_scatter(states: LoadStates, heavy: Bools) -> bool:
+def heavy_masses_scatter_more(states: LoadStates, heavy: Bools) -> bool:
     """Whether the heavier manoeuvres scatter more than the lighter ones, as payloads do.
 
     Args:
@@ -206,7 +206,8 @@ def do_payloads_scatter(states: LoadStates, heavy: Bools) -> bool:
         heavy: (units,) whether each manoeuvre was heavy before.
     """
     spread = [
-        _variance_over_noise(states.level_kg[each], states.std_kg[each]) for each in (heavy, ~heavy)
+        _variance_to_noise_ratio(states.level_kg[each], states.std_kg[each])
+        for each in (heavy, ~heavy)
     ]
     freedom = [int(each.sum()) - 1 for each in (heavy, ~heavy)]
     if min(freedom) < 1 or not spread[1] > 0.0:
@@ -215,10 +216,10 @@ def do_payloads_scatter(states: LoadStates, heavy: Bools) -> bool:
     return chance < LIMITS.payload_scatter_probability
 
 
-def _variance_over_noise(level_kg: Floats, std_kg: Floats) -> float:
+def _variance_to_noise_ratio(mass_kg: Floats, std_kg: Floats) -> float:
     """Variance about the weighted mean over that of the noise."""
-    if level_kg.size < 2:
+    if mass_kg.size < 2:
         return 0.0
     weight = std_kg**-2.0
-    mean_kg = float(weight @ level_kg / weight.sum())
-    return float(weight @ (level_kg - mean_kg) ** 2) / (level_kg.size - 1)
+    mean_kg = float(weight @ mass_kg / weight.sum())
+    return float(weight @ (mass_kg - mean_kg) ** 2) / (mass_kg.size - 1)

@@ -1,13 +1,13 @@
 """Loads that change in motion: of single manoeuvres, and of all manoeuvres alike.
 
 `find_growing_loads` compares the residual of a manoeuvre with a mass that grows evenly over it, and
-with the other manoeuvres. A change that all share is hidden in their common terms; `fit_filling`
-gives it a term of its own. Beside that term, friction that drives or a resistance that falls with
-the square of the speed is what a growing load leaves in the others.
+with the other manoeuvres. A change that all share is hidden in their common terms;
+`fit_growing_load` gives it a term of its own. Beside that term, friction that drives or a
+resistance that falls with the square of the speed is what a growing load leaves in the others.
 
 A load that changes while a manoeuvre creeps for a second or two shows in no residual:
-`find_creeps_between_loads` finds such manoeuvres by their speed and by the different loads that are
-moved before and after.
+`find_creeping_load_changes` finds such manoeuvres by their speed and by the different loads that
+are moved before and after.
 """
 
 from dataclasses import dataclass
@@ -20,19 +20,19 @@ from scipy.special import ndtri
 
 from analysis.model.settings import PriorSettings
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.weighing.fit_columns import FitRows, average_columns, stride_between_means
+from analysis.weighing.fit_columns import FitRows, average_columns, fitted_mean_stride
 from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit, term_index
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.load_states import (
     LoadStates,
-    unit_of_each_sample,
-    unit_of_each_stretch,
+    units_of_samples,
+    units_of_stretches,
 )
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, Ints, MotionSamples
 from analysis.weighing.nuisances import FILLING
-from estimators.numerics.autocorrelation import student_factor
-from estimators.numerics.fit_loss import group_ids, group_rows
+from estimators.numerics.autocorrelation import student_to_normal_ratio
+from estimators.numerics.fit_loss import list_group_numbers, list_rows_by_group
 
 #: Mass, friction and constant of its own: a start may differ in all of them, in friction by such a
 #: share of it and in the constant by such a share of the largest force (one standard deviation).
@@ -82,7 +82,7 @@ class LoadFilling:
     is_possible: bool = True
 
     @property
-    def evidence(self) -> float:
+    def significance(self) -> float:
         """The deviations; 0 if the growth changes no mass and no payload by its uncertainty.
 
         Long logs make a misfit significant even if it changes no mass. 0 also if nothing fills the
@@ -99,7 +99,7 @@ class LoadFilling:
         return self.effect_kg if shown else 0.0
 
 
-def fit_filling(
+def fit_growing_load(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
 ) -> LoadFilling:
     """Refit with a load that grows equally at every start, and with positive resistances.
@@ -116,7 +116,7 @@ def fit_filling(
     grown = refit_with_changes(fit, noise, priors, (FILLING,), rows=rows)
     names = [term.name for term in fit.terms]
     resistances = [term_index(name, fit.terms) for name in _RESISTANCES if name in names]
-    at = [grown.theta.size - 1, *(fit.count + 1 + place for place in resistances)]
+    at = [grown.theta.size - 1, *(fit.mass_count + 1 + place for place in resistances)]
     found, covariance = grown.theta[at], grown.fit.covariance[np.ix_(at, at)]
     std = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(std, std)
@@ -130,25 +130,29 @@ def fit_filling(
     missed_by_none = nnls(whitened[:, 1:], whitened @ (found / std))[1]
     better = max(missed_by_none**2 - missed**2, 0.0) / max(grown.fit.misfit_ratio, 1.0)
     # what the masses are beside that growth and those resistances
-    follows = np.linalg.lstsq(covariance, grown.fit.covariance[at, : fit.count])[0]
-    moved = grown.theta[: fit.count] + (best * std - found) @ follows - fit.theta[: fit.count]
-    of_sums = chain(map(fit.weights_of_state, range(fit.count)), mean_payload_weights(fit))
+    follows = np.linalg.lstsq(covariance, grown.fit.covariance[at, : fit.mass_count])[0]
+    moved = (
+        grown.theta[: fit.mass_count] + (best * std - found) @ follows - fit.theta[: fit.mass_count]
+    )
+    of_sums = chain(
+        map(fit.weights_of_state, range(fit.mass_count)), mean_payload_weight_vectors(fit)
+    )
     moves_u = [abs(float(each @ moved)) / max(fit.sum_u_kg(each), 1e-9) for each in of_sums]
     return LoadFilling(
         float(best[0] * std[0]), float(np.sqrt(better)), float(np.max(np.array(moves_u))), moved
     )
 
 
-def mean_payload_weights(fit: JointFit) -> list[Floats]:
+def mean_payload_weight_vectors(fit: JointFit) -> list[Floats]:
     """(masses,) weights of the mean payload: heavy manoeuvres less light ones; none of one load."""
     loads, states = fit.found.relative_loads, fit.states
     if loads is None or states is None:
         return []
-    loaded = loads.is_loaded_in(states.unit)
+    loaded = loads.are_loaded(states.unit)
     if loaded.all() or not loaded.any():
         return []
     each = np.where(loaded, 1.0 / loaded.sum(), -1.0 / (~loaded).sum())
-    return [np.bincount(states.membership, each, fit.count).astype(np.float64)]
+    return [np.bincount(states.membership, each, fit.mass_count).astype(np.float64)]
 
 
 def find_growing_loads(
@@ -165,15 +169,15 @@ def find_growing_loads(
         return ()
     motion = fit.motion if motion is None else motion
     rows = average_columns(motion, noise, fit.terms, fit.mean_samples, fit.found)
-    unit = np.where(rows.group >= 0, unit_of_each_stretch(motion)[np.maximum(rows.group, 0)], -1)
-    by_unit = dict(zip(group_ids(unit).tolist(), group_rows(unit), strict=True))
+    unit = np.where(rows.group >= 0, units_of_stretches(motion)[np.maximum(rows.group, 0)], -1)
+    by_unit = dict(zip(list_group_numbers(unit).tolist(), list_rows_by_group(unit), strict=True))
     none = np.empty(0, np.int64)
-    numbers = np.unique(unit_of_each_stretch(motion))
+    numbers = np.unique(units_of_stretches(motion))
     parts = [by_unit.get(each, none) for each in numbers.tolist()]
     told = [part.size >= LIMITS.growth_min_rows for part in parts]
     if sum(told) < LIMITS.growth_min_manoeuvres:
         return ()
-    left = _residual_force(fit, rows, unit)
+    left = residual_force(fit, rows, unit)
     usual = np.median(np.abs(left[unit >= 0]))
     for part in parts:
         # the jerk of a stop is no load; what lasts for half of a manoeuvre is none
@@ -184,31 +188,31 @@ def find_growing_loads(
         )
         left[part] = left[part].clip(-most, most)
     variance = _row_variance(fit, noise)
-    friction = float(np.hypot(fit.viscous, fit.fit.std[fit.count]))
+    friction = float(np.hypot(fit.viscous_friction, fit.fit.std[fit.mass_count]))
     own = (
         LIMITS.own_friction_fraction * friction,
-        LIMITS.own_constant_fraction * fit.motion.largest_force,
+        LIMITS.own_constant_fraction * fit.motion.force_95_percent,
     )
     tied = np.sqrt(variance) / np.maximum([np.inf, *own], 1e-9)
     if not (np.isfinite(tied).all() and np.isfinite(left[unit >= 0]).all()):
         return ()  # of a fit that determines nothing
     slopes = np.array(
-        [_regress_mass_slope(rows.A[part], left[part], tied) for part in compress(parts, told)]
+        [regress_mass_growth(rows.A[part], left[part], tied) for part in compress(parts, told)]
     )
     number, slopes = numbers[told][slopes[:, 1] > 0.0], slopes[slopes[:, 1] > 0.0]
     if number.size < LIMITS.growth_min_manoeuvres:
         return ()
     kg, square = slopes.T
-    kg = kg - fit_common_growth(fit.masses_kg[_find_states(fit.states, number)], kg)
+    kg = kg - expected_growth_by_mass(fit.masses_kg[states_of_units(fit.states, number)], kg)
     apart = STD_OF_MAD * float(np.median(np.abs(kg)))
     std_kg = np.sqrt(variance / square + apart**2)
-    limit = -float(ndtri(LIMITS.growth_false_alarm_probability / 2.0 / kg.size)) * student_factor(
-        kg.size - 1
-    )
+    limit = -float(
+        ndtri(LIMITS.growth_false_alarm_probability / 2.0 / kg.size)
+    ) * student_to_normal_ratio(kg.size - 1)
     # what no machine carries is no load, however surely the manoeuvre misses the model
     carried = np.abs(kg) < LIMITS.max_growth_fraction * abs(fit.mass_kg)
-    carried &= kg > -_max_plausible_loss_kg(fit)
-    used, of_sample = np.flatnonzero(motion.used), unit_of_each_sample(motion)
+    carried &= kg > -max_plausible_loss_kg(fit)
+    used, of_sample = np.flatnonzero(motion.is_fittable), units_of_samples(motion)
     return tuple(
         LoadGrowth(
             int(number[k]),
@@ -221,12 +225,12 @@ def find_growing_loads(
     )
 
 
-def _find_states(states: LoadStates, unit: Ints) -> Ints:
+def states_of_units(states: LoadStates, unit: Ints) -> Ints:
     """Index of the load state of manoeuvres by their number, (n,); undefined beyond them."""
     return states.membership[np.searchsorted(states.unit, unit).clip(0, states.unit.size - 1)]
 
 
-def fit_common_growth(mass_kg: Floats, growth_kg: Floats) -> Floats:
+def expected_growth_by_mass(mass_kg: Floats, growth_kg: Floats) -> Floats:
     """Growth that manoeuvres of such a mass have in common, (n,) in kg: what the model misses.
 
     What it misses (a dead band, rolling resistance) grows with the load, so that starts with the
@@ -249,9 +253,9 @@ def fit_common_growth(mass_kg: Floats, growth_kg: Floats) -> Floats:
     return common_kg
 
 
-def _max_plausible_loss_kg(fit: JointFit) -> float:
+def max_plausible_loss_kg(fit: JointFit) -> float:
     """Largest plausible loss of a load in kg, by the carried mass if other loads give it."""
-    if fit.count == 1:
+    if fit.mass_count == 1:
         return float("inf")
     return LIMITS.max_loss_load_ratio * float(np.ptp(fit.masses_kg))
 
@@ -267,7 +271,7 @@ def max_loss_kg(fit: JointFit, unit: int) -> float:
         unit: number of the manoeuvre in the samples.
     """
     states = fit.states
-    if states is None or fit.count == 1:
+    if states is None or fit.mass_count == 1:
         return float("inf")
     first, end = (int(np.searchsorted(states.unit, unit, side)) for side in ("left", "right"))
     places = np.array([first] if end > first else [first - 1, first]).clip(0, states.unit.size - 1)
@@ -276,7 +280,7 @@ def max_loss_kg(fit: JointFit, unit: int) -> float:
     return max(float(each @ fit.masses_kg) + fit.sum_u_kg(each) for each in loads)
 
 
-def find_creeps_between_loads(fit: JointFit) -> Ints:
+def find_creeping_load_changes(fit: JointFit) -> Ints:
     """Find slow manoeuvres between two different loads, in a log whose loads return.
 
     Args:
@@ -288,9 +292,9 @@ def find_creeps_between_loads(fit: JointFit) -> Ints:
     states, none = fit.states, np.empty(0, np.int64)
     if states is None or not states.load_returns:
         return none
-    place = np.searchsorted(states.unit, unit_of_each_sample(fit.motion))
+    place = np.searchsorted(states.unit, units_of_samples(fit.motion))
     top_m_s = np.zeros(states.unit.size)
-    np.maximum.at(top_m_s, place, np.abs(fit.motion.speed[fit.motion.used]))
+    np.maximum.at(top_m_s, place, np.abs(fit.motion.speed[fit.motion.is_fittable]))
     creeps = top_m_s < LIMITS.creep_speed_ratio * np.median(top_m_s)
     drives = np.flatnonzero(~creeps)
     after = np.searchsorted(drives, np.arange(creeps.size))
@@ -300,14 +304,14 @@ def find_creeps_between_loads(fit: JointFit) -> Ints:
     return states.unit[between & changes]
 
 
-def _residual_force(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
+def residual_force(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
     """Residual force of the rows, (n,) in N; undefined for rows outside manoeuvres."""
     assert fit.states is not None
-    masses = fit.theta[: fit.count][_find_states(fit.states, unit)]
+    masses = fit.theta[: fit.mass_count][states_of_units(fit.states, unit)]
     return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ fit.shared_parameters
 
 
-def _regress_mass_slope(A: Floats, residual: Floats, std_ratios: Floats) -> tuple[float, float]:
+def regress_mass_growth(A: Floats, residual: Floats, std_ratios: Floats) -> tuple[float, float]:
     """Regress a residual on a linearly growing mass; returns the slope and its information.
 
     The manoeuvre's own mass, friction and constant are projected out as far as they may differ:
@@ -327,6 +331,6 @@ def _regress_mass_slope(A: Floats, residual: Floats, std_ratios: Floats) -> tupl
 def _row_variance(fit: JointFit, noise: ColumnNoiseModel) -> float:
     """Variance of a row by sensor noise, summed over overlapping rows, in N²."""
     samples = fit.mean_samples
-    gradient = np.array([fit.mass_kg, fit.viscous, -1.0])
-    overlap = samples / stride_between_means(samples)
+    gradient = np.array([fit.mass_kg, fit.viscous_friction, -1.0])
+    overlap = samples / fitted_mean_stride(samples)
     return overlap * float(gradient @ noise.covariance(samples) @ gradient)

@@ -11,7 +11,7 @@ import numpy as np
 from analysis.weighing.fitted_stretches import is_first_of_stretch
 from analysis.weighing.haul_route import add_missed_visits
 from analysis.weighing.load_limits import LIMITS
-from analysis.weighing.load_states import load_change_kinds, unit_of_each_sample
+from analysis.weighing.load_states import classify_all_load_changes, units_of_samples
 from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples
 from estimators.joint.group_effects import HINTED
 
@@ -22,28 +22,26 @@ def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
     States that only follow the driving direction count only if something else shows that loads
     change; a machine with another response in reverse would have loads otherwise.
     """
-    kind = load_change_kinds(motion)
-    first = np.flatnonzero(motion.used)[is_first_of_stretch(unit_of_each_sample(motion))]
+    kind = classify_all_load_changes(motion)
+    first = np.flatnonzero(motion.is_fittable)[is_first_of_stretch(units_of_samples(motion))]
     forwards = motion.direction[first] > 0.0
     begins_m = motion.driven_m[first]
     visits = [
         np.isin(begins_m[1:], add_missed_visits(begins_m[1:][each], begins_m[1:]))
-        for each in find_recurrent_visits(begins_m, forwards)
+        for each in find_visits_of_recurrent_stops(begins_m, forwards)
     ]
     changes = [each & (kind > 0) for each in visits]
-    taking_turns = [
-        _find_loaded_between_standstills(on, off) for on, off in combinations(visits, 2)
-    ]
+    taking_turns = [mark_loaded_manoeuvres(on, off) for on, off in combinations(visits, 2)]
     changes += [np.diff(loaded) & (kind > 0) for loaded in taking_turns]
     return [
         np.append(0, np.cumsum(each))
         for each in changes
         if each.any()
-        and (not _follows_direction(each, forwards) or _is_each_load_hinted(kind[each]))
+        and (not _follows_direction(each, forwards) or _has_each_load_a_strong_change(kind[each]))
     ]
 
 
-def find_recurrent_visits(begins_m: Floats, forwards: Bools) -> list[Bools]:
+def find_visits_of_recurrent_stops(begins_m: Floats, forwards: Bools) -> list[Bools]:
     """Visits to each recurrent stop, as flags (units - 1,) of the standstills.
 
     Stands are of one place if they are as far after the last turn and before the next one, between
@@ -62,7 +60,7 @@ def find_recurrent_visits(begins_m: Floats, forwards: Bools) -> list[Bools]:
     until_m = bounds_m[np.searchsorted(turns_m, here_m, "right") + 1] - here_m
     between = 2 * forwards[:-1] + forwards[1:]
     near = between[:, None] == between
-    tolerance_m = LIMITS.same_place_1 * _medians_by_kind(since_m + until_m, between)
+    tolerance_m = LIMITS.same_place_1 * medians_by_kind(since_m + until_m, between)
     for way_m in (since_m, until_m):
         # before the first turn and behind the last one the other way tells alone
         near &= ~(np.abs(way_m[:, None] - way_m) > tolerance_m)
@@ -79,17 +77,17 @@ def find_recurrent_visits(begins_m: Floats, forwards: Bools) -> list[Bools]:
     return found
 
 
-def _medians_by_kind(values: Floats, kind: Ints) -> Floats:
+def medians_by_kind(values: Floats, kinds: Ints) -> Floats:
     """Median of the known values of the same kind, for each value, (n,); NaN if none is known."""
     medians = np.full(values.size, np.nan)
-    for each in np.unique(kind):
-        known = values[(kind == each) & np.isfinite(values)]
+    for each in np.unique(kinds):
+        known = values[(kinds == each) & np.isfinite(values)]
         if known.size:
-            medians[kind == each] = np.median(known)
+            medians[kinds == each] = np.median(known)
     return medians
 
 
-def _find_loaded_between_standstills(loading_stands: Bools, unloading_stands: Bools) -> Bools:
+def mark_loaded_manoeuvres(loading_stands: Bools, unloading_stands: Bools) -> Bools:
     """Manoeuvres between a loading stand and the next unloading stand, (units,)."""
     stand = np.arange(1, loading_stands.size + 1)
     last_on = np.maximum.accumulate(np.where(loading_stands, stand, 0))
@@ -100,12 +98,12 @@ def _find_loaded_between_standstills(loading_stands: Bools, unloading_stands: Bo
     return np.append(begins, np.where(none_yet, begins, last_on > last_off))
 
 
-def _is_each_load_hinted(kind: Ints) -> bool:
+def _has_each_load_a_strong_change(change_kinds: Ints) -> bool:
     """Whether each load has at least one change that is not only a change of direction."""
-    return float((kind >= HINTED).mean()) >= LIMITS.hinted_change_fraction
+    return float((change_kinds >= HINTED).mean()) >= LIMITS.hinted_change_fraction
 
 
-def _follows_direction(changes: Bools, forwards: Bools) -> bool:
+def _follows_direction(has_load_change: Bools, forwards: Bools) -> bool:
     """Whether alternating states only follow the driving direction."""
-    alike = float(np.mean((np.append(0, np.cumsum(changes)) % 2 == 1) == forwards))
+    alike = float(np.mean((np.append(0, np.cumsum(has_load_change)) % 2 == 1) == forwards))
     return max(alike, 1.0 - alike) > LIMITS.direction_state_fraction

@@ -26,17 +26,21 @@ class Route:
     length_m: float
 
     @classmethod
-    def from_motion(cls, motion: MotionSamples, numbers: Ints, loaded: Bools) -> Self | None:
+    def from_motion(
+        cls, motion: MotionSamples, manoeuvre_numbers: Ints, loaded: Bools
+    ) -> Self | None:
         """Find the dumps; None if there is none between two manoeuvres.
 
         Args:
             motion: the samples.
-            numbers: (manoeuvres,) numbers of the manoeuvres, ascending.
+            manoeuvre_numbers: (manoeuvres,) numbers of the manoeuvres, ascending.
             loaded: (manoeuvres,) whether each manoeuvre carries a load.
         """
         last = motion.unit.size - 1
-        begins_m = motion.driven_m[np.searchsorted(motion.unit, numbers).clip(0, last)]
-        ends_m = motion.driven_m[(np.searchsorted(motion.unit, numbers, "right") - 1).clip(0, last)]
+        begins_m = motion.driven_m[np.searchsorted(motion.unit, manoeuvre_numbers).clip(0, last)]
+        ends_m = motion.driven_m[
+            (np.searchsorted(motion.unit, manoeuvre_numbers, "right") - 1).clip(0, last)
+        ]
         fills_m = begins_m[1:][loaded[1:] & ~loaded[:-1]]
         dumps = ~loaded[1:] & loaded[:-1]
         if not dumps.any():
@@ -49,12 +53,12 @@ class Route:
         length_m = max(LIMITS.route_over_haul * float(np.median(hauls_m)), 1.0)
         return cls(add_missed_visits(dumps_m, begins_m), length_m)
 
-    def relative_distance_to_dump(self, motion: MotionSamples) -> Floats:
+    def relative_distances_to_dump(self, motion: MotionSamples) -> Floats:
         """Distance of samples from the nearest dump over the route's length, (n,), at most 1."""
         ahead, behind = self._distances_to_dumps_m(motion)
         return np.minimum(np.minimum(ahead, behind) / self.length_m, 1.0)
 
-    def heading_from_dump(self, motion: MotionSamples) -> Floats:
+    def headings_from_dump(self, motion: MotionSamples) -> Floats:
         """Heading of samples, (n,): 1 with the front away from the nearest dump, -1 towards it."""
         ahead, behind = self._distances_to_dumps_m(motion)
         return np.where(behind < ahead, motion.direction, -motion.direction)

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from analysis.model.settings import PriorSettings
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.body_squat import estimate_load_squat
 from analysis.weighing.fit_columns import (
     FitColumns,
@@ -17,7 +17,7 @@ from analysis.weighing.fit_columns import (
 )
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.force_by_place import PLACE
-from analysis.weighing.force_hysteresis import HYSTERESIS, choose_play
+from analysis.weighing.force_hysteresis import HYSTERESIS, choose_hysteresis_play
 from analysis.weighing.joint_result import JointFit, MotionResponses
 from analysis.weighing.load_states import LoadStates
 from analysis.weighing.log_effects import LikelyEffects
@@ -31,7 +31,7 @@ from analysis.weighing.motion_samples import (
 from analysis.weighing.nuisances import NUISANCES, Nuisance
 from analysis.weighing.uneven_ground import GROUND
 from analysis.weighing.weighing_limits import LIMITS
-from analysis.weighing.wheel_comparison import compare_wheels, wheels_show_squat
+from analysis.weighing.wheel_comparison import compare_wheels, do_wheels_show_squat
 from analysis.weighing.wheel_kinematics import WheelKinematics
 
 
@@ -68,24 +68,25 @@ class JointFitInputs:
         noise = CachedNoise(noise)
         uneven_1_s = 0.0 if before is None else before.found.uneven_1_s
         known = None if before is None else before.kinematics
-        wheels = _find_wheel_kinematics(motion, noise, priors, known)
+        wheels = _estimate_wheel_kinematics(motion, noise, priors, known)
         return cls(motion, noise, priors, wheels, uneven_1_s)
 
 
-def joint_fit(inputs: JointFitInputs, states: LoadStates | None = None) -> JointFit:
+def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     """Fit with the shortest mean whose uncertainty is nearly the smallest."""
     motion = inputs.motion
-    several = states is not None and states.count > 1
-    terms = applicable_terms(motion, several=several)
+    several = states is not None and states.state_count > 1
+    terms = applicable_terms(motion, has_several_loads=several)
     whole = FitTask(
         motion, inputs.noise, inputs.priors, terms, inputs.wheels, states, inputs.uneven_1_s
     )
     part = whole.cut_to_first_stretches(LIMITS.pilot_stretches)
     part = part if part.motion.has_enough_motion else whole
     longest = (
-        int(np.median(np.bincount(motion.group[motion.used]))) / LIMITS.disjoint_means_per_stretch
+        int(np.median(np.bincount(motion.group[motion.is_fittable])))
+        / LIMITS.disjoint_means_per_stretch
     )
-    means = {rows_in_duration(mean_s, motion.rate_hz) for mean_s in LIMITS.means_s}
+    means = {count_rows_in_duration(mean_s, motion.rate_hz) for mean_s in LIMITS.means_s}
     means = sorted(means | {*LIMITS.slow_grid_mean_rows} if 1 in means else means)
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
     columns = FitColumns.from_motion(part.motion, inputs.noise, terms, part.initial_estimates)
@@ -111,26 +112,26 @@ def joint_fit(inputs: JointFitInputs, states: LoadStates | None = None) -> Joint
     )
     whole = _compare_wheels_after_pilot_fit(inputs, whole, best)
     chosen = _fit_all_stretches(whole, best.mean_samples)
-    share = _relative_averaging_effect(
+    share = _relative_effect_of_mean_length(
         first, next(k for k, found in enumerate(first) if found is best)
     )
-    transient = rows_in_duration(LIMITS.transient_mean_s, motion.rate_hz)
+    transient = count_rows_in_duration(LIMITS.transient_mean_s, motion.rate_hz)
     misfit = chosen.solution.misfit_ratio
     swings = several and motion.by_accelerometer and misfit > LIMITS.max_misfit_ratio
     if swings and transient > best.mean_samples:
         # what all starts have in common and no term describes averages out over a longer mean
         longer = _fit_all_stretches(whole, transient)
         if longer.solution.misfit_ratio < misfit:
-            share, chosen = _relative_averaging_effect([chosen, longer], 1), longer
+            share, chosen = _relative_effect_of_mean_length([chosen, longer], 1), longer
     return replace(chosen, averaging_share=share)
 
 
-def applicable_terms(motion: MotionSamples, *, several: bool) -> tuple[Nuisance, ...]:
+def applicable_terms(motion: MotionSamples, *, has_several_loads: bool) -> tuple[Nuisance, ...]:
     """Terms that apply to these samples; terms by load only with several loads."""
     return tuple(
         term
         for term in (*NUISANCES, *PLACE, *LOW_GEARS, *GROUND)
-        if term.applies(motion) and (several or not term.by_load)
+        if term.applies(motion) and (has_several_loads or not term.by_load)
     )
 
 
@@ -143,7 +144,7 @@ def _compare_wheels_after_pilot_fit(
     # slip is of the force on the ground at that moment
     in_time = inputs.motion.advance_force(pilot.lag_s)
     acting = replace(in_time, force=pilot.found.ground_force(in_time))
-    wheels = _find_wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
+    wheels = _estimate_wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
     return replace(task, wheels=wheels)
 
 
@@ -160,7 +161,7 @@ def _fit_all_stretches(task: FitTask, samples: int) -> JointFit:
     return replace(chosen, lag_shape_kg=chosen.masses_kg - other.masses_kg)
 
 
-def _find_wheel_kinematics(
+def _estimate_wheel_kinematics(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
@@ -175,33 +176,37 @@ def _find_wheel_kinematics(
     return None if found is None else found.apply_learnt_priors(priors)
 
 
-def _relative_averaging_effect(by_length: list[JointFit], place: int) -> float:
+def _relative_effect_of_mean_length(fits_by_length: list[JointFit], length_index: int) -> float:
     """Relative effect of the mean's length on the mass; 0 if it may be noise."""
-    best, longer = by_length[place], by_length[place + 1 :]
+    best, longer = fits_by_length[length_index], fits_by_length[length_index + 1 :]
     if best.mass_kg == 0.0:
         return 0.0
-    rows = by_length[0].mean_samples == 1
+    rows = fits_by_length[0].mean_samples == 1
     if any(_masses_differ(best, other, rows=rows) for other in longer):
         # anywhere between the two is as likely
         return (longer[-1].mass_kg / best.mass_kg - 1.0) / float(np.sqrt(3.0))
-    if not longer and place and _masses_differ(best, by_length[place - 1], rows=rows):
+    if (
+        not longer
+        and length_index
+        and _masses_differ(best, fits_by_length[length_index - 1], rows=rows)
+    ):
         # the longest has no other but the shorter, and may still be as far from the truth
-        return 1.0 - by_length[place - 1].mass_kg / best.mass_kg
+        return 1.0 - fits_by_length[length_index - 1].mass_kg / best.mass_kg
     return LIMITS.slow_grid_hidden_1_s / best.motion.rate_hz if rows else 0.0
 
 
-def _masses_differ(one: JointFit, other: JointFit, *, rows: bool) -> bool:
+def _masses_differ(fit_a: JointFit, fit_b: JointFit, *, rows: bool) -> bool:
     """Whether means of two lengths give significantly different masses.
 
     For single rows every relevant difference counts, even if noise explains it.
     """
-    difference_kg = abs(one.mass_kg - other.mass_kg)
+    difference_kg = abs(fit_a.mass_kg - fit_b.mass_kg)
     if rows:
-        return difference_kg > LIMITS.slow_grid_mean_length_fraction * abs(one.mass_kg)
-    first, second = one.u_kg, other.u_kg
+        return difference_kg > LIMITS.slow_grid_mean_length_fraction * abs(fit_a.mass_kg)
+    first, second = fit_a.u_kg, fit_b.u_kg
     expected_kg = float(np.sqrt(max(abs(first**2 - second**2), min(first, second) ** 2 / 4.0)))
     return difference_kg > max(
-        LIMITS.mean_length_std * expected_kg, LIMITS.mean_length_fraction * abs(one.mass_kg)
+        LIMITS.mean_length_std * expected_kg, LIMITS.mean_length_fraction * abs(fit_a.mass_kg)
     )
 
 
@@ -226,7 +231,7 @@ def refit_with_changes(
         rows: `make_refit_rows` of the earlier fit, with at least these terms, if already computed.
     """
     if earlier_fit.effects is not None:
-        priors = earlier_fit.effects.priors_without_left_out_effects(priors)
+        priors = earlier_fit.effects.exclude_unlikely_effects(priors)
     terms = (*earlier_fit.terms, *extra_terms)
     task = FitTask(
         earlier_fit.motion, noise, priors, terms, earlier_fit.kinematics, earlier_fit.states
@@ -235,7 +240,7 @@ def refit_with_changes(
     fitted = task.fit_means(
         earlier_fit.mean_samples, rounds, shift=earlier_fit.shifted, begin=earlier_fit, rows=rows
     )
-    if fitted.count != earlier_fit.count:
+    if fitted.mass_count != earlier_fit.mass_count:
         # of other loads
         return fitted
     return replace(
@@ -262,7 +267,7 @@ def drop_unlikely_effects(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> JointFit:
     """Refit without the effects that the log is unlikely to have."""
-    likely = LikelyEffects.from_fit(fit.fit, fit.count, fit.terms, fit.prior_std)
+    likely = LikelyEffects.from_fit(fit.fit, fit.mass_count, fit.terms, fit.prior_std)
     fit = replace(fit, effects=likely)
     return refit_with_changes(fit, noise, priors, rounds=2) if likely and likely.left_out else fit
 
@@ -285,19 +290,19 @@ def add_hysteresis(
         The fit, and its `make_refit_rows` with the terms of the checks.
     """
     fit.solution.drop_samples()
-    found = replace(fit.found, play=choose_play(fit.motion, noise, fit.mean_samples))
+    found = replace(fit.found, play=choose_hysteresis_play(fit.motion, noise, fit.mean_samples))
     played = replace(fit, found=found)
     rows = make_refit_rows(played, noise, (*terms_of_checks, HYSTERESIS))
     tested = refit_with_changes(fit, noise, priors, (HYSTERESIS,), rows=rows)
     half_width_N = float(tested.theta[-1])
     # the standard deviation takes longer than the estimate
-    shown = half_width_N > LIMITS.hysteresis_min_share * fit.motion.largest_force and (
+    shown = half_width_N > LIMITS.hysteresis_min_share * fit.motion.force_95_percent and (
         half_width_N > LIMITS.hysteresis_min_std * float(tested.fit.std[-1])
     )
     if not (shown or priors.hysteresis_share):
         return fit, rows
     looped = refit_with_changes(played, noise, priors, (HYSTERESIS,), rounds=2)
-    if looped.count != fit.count or not np.isfinite(looped.theta).all():
+    if looped.mass_count != fit.mass_count or not np.isfinite(looped.theta).all():
         return fit, rows
     looped = replace(looped, hysteresis_kg=looped.masses_kg - fit.masses_kg)
     return looped, make_refit_rows(looped, noise, terms_of_checks)
@@ -308,7 +313,7 @@ def fit_gain_by_load(fit: JointFit, priors: PriorSettings) -> JointFit:
     wheels, loads, states = fit.kinematics, fit.found.relative_loads, fit.states
     if wheels is None or loads is None or states is None:
         return fit
-    squats = wheels.squat[0] > 0.0 or wheels_show_squat(wheels, fit.motion)
+    squats = wheels.squat[0] > 0.0 or do_wheels_show_squat(wheels, fit.motion)
     told = fit.motion.without_gravity is None or squats
     if not (fit.motion.by_accelerometer and told):
         return fit
@@ -331,7 +336,7 @@ def add_motion_responses(fit: JointFit, noise: ColumnNoiseModel, priors: PriorSe
     """Compute the masses' responses to errors of the motion by a refit with each error."""
     if fit.kinematics is None or not fit.motion.by_accelerometer:
         return fit
-    known, count = fit.found, fit.count
+    known, count = fit.found, fit.mass_count
 
     def mass_response(changed: PreviousEstimates, step: float) -> Floats:
         other = refit_with_changes(replace(fit, found=changed), noise, priors)

@@ -9,7 +9,7 @@ import numpy as np
 from analysis.model.uncertainty_sources import root_sum_of_squares
 from analysis.weighing.body_squat import LoadSquat
 from analysis.weighing.fit_columns import PreviousEstimates
-from analysis.weighing.force_by_place import BY_PLACE, make_place_force_columns
+from analysis.weighing.force_by_place import BY_PLACE, make_position_force_columns
 from analysis.weighing.force_hysteresis import HYSTERESIS
 from analysis.weighing.load_states import LoadStates
 from analysis.weighing.log_effects import LikelyEffects
@@ -103,58 +103,58 @@ class JointFit:
         return replace(self.solution.fit, theta=self.theta)
 
     @property
-    def count(self) -> int:
+    def mass_count(self) -> int:
         """Number of masses."""
         return self.theta.size - 1 - len(self.terms)
 
     @property
-    def viscous(self) -> float:
+    def viscous_friction(self) -> float:
         """Viscous friction in N·s/m."""
-        return float(self.theta[self.count])
+        return float(self.theta[self.mass_count])
 
     @property
-    def resistance_slope(self) -> float:
+    def resistance_speed_slope(self) -> float:
         """Slope of resistance over speed, in N·s/m; never negative."""
-        return max(resistance_slope(self.theta, self.terms, self.motion), 0.0)
+        return max(resistance_slope_at_mean_speed(self.theta, self.terms, self.motion), 0.0)
 
     @property
-    def position_dependent_force(self) -> Floats | None:
+    def force_by_position(self) -> Floats | None:
         """Position-dependent force, (n,) in N; None if there is likely none."""
         own = [k for k, term in enumerate(self.terms) if term.source == BY_PLACE]
         if not own or (self.effects is not None and BY_PLACE in self.effects.left_out):
             return None
-        found_N = self.theta[self.count + 1 + np.array(own)]
-        columns = make_place_force_columns(self.motion.place_1)
+        found_N = self.theta[self.mass_count + 1 + np.array(own)]
+        columns = make_position_force_columns(self.motion.place_1)
         force = columns @ found_N[: columns.shape[1]]
         loads, by_load_N = self.found.relative_loads, found_N[columns.shape[1] :]
         if loads is None or not by_load_N.size:
             return force
-        return force + loads.relative_load_of(self.motion.unit) * (columns @ by_load_N)
+        return force + loads.relative_loads_of_units(self.motion.unit) * (columns @ by_load_N)
 
     @property
     def shared_parameters(self) -> Floats:
         """(1 + terms,) friction and terms, for columns whose force is advanced by its lag."""
-        shared = self.theta[self.count :].copy()
+        shared = self.theta[self.mass_count :].copy()
         if self.shifted:
             shared[1 + term_index("lag", self.terms)] = 0.0
         return shared
 
     @property
-    def friction(self) -> tuple[float, float]:
+    def viscous_friction_and_std(self) -> tuple[float, float]:
         """Viscous friction and its standard deviation, in N·s/m."""
-        return self.viscous, float(self.fit.std[self.count])
+        return self.viscous_friction, float(self.fit.std[self.mass_count])
 
     @cached_property
-    def posterior(self) -> tuple[Floats, Floats]:
+    def term_posteriors(self) -> tuple[Floats, Floats]:
         """Posterior means of the terms, (terms,), and their standard deviations, (terms,)."""
-        own = self.fit.std[self.count + 1 :]
-        by_means = self._mean_sensitivities[:, self.count + 1 :]
+        own = self.fit.std[self.mass_count + 1 :]
+        by_means = self._mean_sensitivities[:, self.mass_count + 1 :]
         return self._term_values, np.sqrt(own**2 + (by_means**2).sum(axis=0))
 
     @cached_property
     def _mean_sensitivities(self) -> Floats:
         """(terms, p) response of the estimates to one standard uncertainty of each learnt mean."""
-        responses = self.fit.responses[self.count + 1 :]
+        responses = self.fit.responses[self.mass_count + 1 :]
         return responses * (self.prior_means.mean_u / self.prior_std)[:, None]
 
     @cached_property
@@ -166,10 +166,10 @@ class JointFit:
         """
         uncertain = np.flatnonzero(self.prior_means.mean_u > 0.0)
         names = [self.terms[k].name for k in uncertain]
-        moved_kg = self._mean_sensitivities[uncertain, : self.count]
+        moved_kg = self._mean_sensitivities[uncertain, : self.mass_count]
         wheels = self.kinematics
         if wheels is not None and wheels.mean_u.any():
-            each = np.eye(self.theta.size)[: self.count]
+            each = np.eye(self.theta.size)[: self.mass_count]
             by_wheels = (
                 np.array([self._wheel_sensitivities_kg(weights) for weights in each])
                 * wheels.mean_u
@@ -190,17 +190,17 @@ class JointFit:
 
     @property
     def _term_values(self) -> Floats:
-        return self.theta[self.count + 1 :]
+        return self.theta[self.mass_count + 1 :]
 
     @property
     def term_t_values(self) -> dict[str, float]:
         """Estimate over its standard deviation from the log alone, by term."""
-        value, std = self.posterior
+        value, std = self.term_posteriors
         found = np.abs(value) / std
         return dict(zip((term.name for term in self.terms), found.tolist(), strict=True))
 
     @property
-    def distances_from_priors(self) -> dict[str, float]:
+    def prior_deviations_by_term(self) -> dict[str, float]:
         """Distance of each term from its prior mean, in prior standard deviations.
 
         The lag is excluded, and so are terms of single places of the ground.
@@ -212,13 +212,13 @@ class JointFit:
         }
 
     @property
-    def main_state(self) -> int:
+    def most_frequent_state(self) -> int:
         """Index of the state with the most manoeuvres."""
         return 0 if self.states is None else int(np.bincount(self.states.membership).argmax())
 
     def weights_of_state(self, state: int) -> Floats:
         """(masses,) weights that select one mass."""
-        out = np.zeros(self.count)
+        out = np.zeros(self.mass_count)
         out[state] = 1.0
         return out
 
@@ -228,7 +228,7 @@ class JointFit:
         Args:
             weights: (masses,) of each mass in the sum.
         """
-        wide = np.concatenate([weights, np.zeros(self.theta.size - self.count)])
+        wide = np.concatenate([weights, np.zeros(self.theta.size - self.mass_count)])
         fit = self.fit
         summed = np.flatnonzero(wide)
 
@@ -242,7 +242,7 @@ class JointFit:
         parts = {
             "noise": weighted_std(fit.noise),
             **{
-                term.name: abs(float(fit.responses[self.count + 1 + i] @ wide))
+                term.name: abs(float(fit.responses[self.mass_count + 1 + i] @ wide))
                 for i, term in enumerate(self.terms)
             },
             "channel_noise": abs(float(fit.doubt @ wide)),
@@ -295,11 +295,11 @@ class JointFit:
 
         Slip measured by the wheels narrows its prior.
         """
-        found = self.fit.responses[self.count + 1 :, : self.count].copy()
+        found = self.fit.responses[self.mass_count + 1 :, : self.mass_count].copy()
         slip = term_index("slip", self.terms)
-        alone_kg = abs(float(found[slip] @ self.weights_of_state(self.main_state)))
+        alone_kg = abs(float(found[slip] @ self.weights_of_state(self.most_frequent_state)))
         if alone_kg > 0.0:
-            known_kg = self.u_parts_kg(self.weights_of_state(self.main_state))["slip"]
+            known_kg = self.u_parts_kg(self.weights_of_state(self.most_frequent_state))["slip"]
             found[slip] *= min(known_kg / alone_kg, 1.0)
         return found
 
@@ -308,7 +308,7 @@ class JointFit:
 
         The three are correlated; each part is what remains once those before are known.
         """
-        wheels, friction = self.kinematics, self.resistance_slope
+        wheels, friction = self.kinematics, self.resistance_speed_slope
         if wheels is None or not wheels.is_consistent:
             return {}
         moves = self._wheel_sensitivities_kg(weights)
@@ -323,12 +323,12 @@ class JointFit:
 
     def _wheel_sensitivities_kg(self, weights: Floats) -> Floats:
         """(3,) response of a sum of masses to one unit of slip, gain and delay of the wheels."""
-        friction = self.resistance_slope
-        slip = self.count + 1 + term_index("slip", self.terms)
+        friction = self.resistance_speed_slope
+        slip = self.mass_count + 1 + term_index("slip", self.terms)
         # one standard deviation of the prior moves the masses by so much
         response = float(self.fit.responses[slip] @ weights)
         width = self.prior_std[term_index("slip", self.terms)]
-        of_masses = weights[: self.count]
+        of_masses = weights[: self.mass_count]
         masses_kg = float(of_masses @ self.masses_kg)
         late = -friction * float(weights.sum())
         if self.by_motion is not None:
@@ -336,7 +336,7 @@ class JointFit:
         return np.array(
             [
                 -friction * response / width,
-                -masses_kg if self.corrects_gain else 0.0,
+                -masses_kg if self.is_gain_corrected else 0.0,
                 late if self.motion.by_accelerometer else 0.0,
             ]
         )
@@ -347,19 +347,19 @@ class JointFit:
         late, gain, wheels = 0.0, 0.0, self.kinematics
         if wheels is not None and wheels.is_consistent and self.motion.by_accelerometer:
             late = wheels.delay_s[0] - self.found.speed_late_s
-        if wheels is not None and self.corrects_gain:
+        if wheels is not None and self.is_gain_corrected:
             gain = wheels.gain_by_prior[0]
-        masses = self.theta[: self.count]
+        masses = self.theta[: self.mass_count]
         by_load = 1.0 if self.squat is None else self.squat.mass_overestimation_factor
-        return (masses - self.resistance_slope * late) / (1.0 + gain) / by_load
+        return (masses - self.resistance_speed_slope * late) / (1.0 + gain) / by_load
 
     @property
     def mass_kg(self) -> float:
         """Mass of the load state with most manoeuvres."""
-        return float(self.masses_kg[self.main_state])
+        return float(self.masses_kg[self.most_frequent_state])
 
     @property
-    def corrects_gain(self) -> bool:
+    def is_gain_corrected(self) -> bool:
         """Whether the mass is corrected for the accelerometer's gain within its prior."""
         wheels = self.kinematics
         if wheels is None or not self.motion.by_accelerometer:
@@ -369,14 +369,16 @@ class JointFit:
     @property
     def u_kg(self) -> float:
         """Standard uncertainty of that mass from this log alone, without the scale."""
-        return self.sum_u_kg(self.weights_of_state(self.main_state))
+        return self.sum_u_kg(self.weights_of_state(self.most_frequent_state))
 
     def sum_u_kg(self, weights: Floats) -> float:
         """Standard uncertainty of a sum of masses, in kg."""
         return root_sum_of_squares(self.u_parts_kg(weights).values())
 
 
-def resistance_slope(theta: Floats, terms: tuple[Nuisance, ...], motion: MotionSamples) -> float:
+def resistance_slope_at_mean_speed(
+    theta: Floats, terms: tuple[Nuisance, ...], motion: MotionSamples
+) -> float:
     """Slope of resistance over speed at the mean speed, in N·s/m.
 
     Args:
@@ -388,7 +390,9 @@ def resistance_slope(theta: Floats, terms: tuple[Nuisance, ...], motion: MotionS
     by_name = dict(zip((term.name for term in terms), found, strict=True))
     quadratic = by_name.get("quadratic", 0.0)
     # air does not push
-    return viscous if quadratic <= 0.0 else viscous + 2.0 * quadratic * motion.mean_speed
+    return (
+        viscous if quadratic <= 0.0 else viscous + 2.0 * quadratic * motion.mean_absolute_speed_m_s
+    )
 
 
 def term_index(name: str, terms: tuple[Nuisance, ...]) -> int:

@@ -13,9 +13,9 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import MOVED, SCALE, build_frame
-from analysis.model.uncertainty_sources import combined_u
-from analysis.weighing.load_frames import weights_of_difference
-from analysis.weighing.mass_budget import budget_of_mass
+from analysis.model.uncertainty_sources import combine_u
+from analysis.weighing.load_frames import payload_weights
+from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.wheel_kinematics import TERMS
@@ -38,7 +38,7 @@ class LearntErrors:
     by_fit_kg: Floats
 
     @classmethod
-    def from_weighing(cls, weighing: Weighing) -> "LearntErrors":
+    def estimate_from_weighing(cls, weighing: Weighing) -> "LearntErrors":
         """Estimate them from a fit with learnt priors as wide as their means are uncertain.
 
         The deviation of a term is divided between the error of its mean and the variation between
@@ -54,12 +54,12 @@ class LearntErrors:
         std = np.array([learnt[name].std for _, name in own])
         share = mean_u / (mean_u**2 + std**2)
         at = np.array([k for k, _ in own], np.int64)
-        place = at + fit.count + 1
+        place = at + fit.mass_count + 1
         apart = fit.theta[place] - [learnt[name].mean for _, name in own]
         found = fit.fit.covariance[np.ix_(place, place)] * np.outer(share, share)
         covariance = np.eye(len(own) + len(by_wheels))
         covariance[: len(own), : len(own)] = found + np.diag(std**2 / (mean_u**2 + std**2))
-        together = -fit.fit.covariance[: fit.count, place] * share
+        together = -fit.fit.covariance[: fit.mass_count, place] * share
         return cls(
             (*(name for _, name in own), *by_wheels),
             np.append(-share * apart, np.zeros(len(by_wheels))),
@@ -75,14 +75,14 @@ class LearntErrors:
         own = dict(zip(names, moved_kg, strict=True))
         by_fit = (
             dict(zip(self.terms, self.by_fit_kg, strict=False))
-            if weighing.corrects_learnt_means
+            if weighing.has_corrected_learnt_means
             else {}
         )
-        none = np.zeros(weighing.fit.count)
+        none = np.zeros(weighing.fit.mass_count)
         return np.array([by_fit.get(term, own.get(term, none)) for term in self.terms])
 
 
-def make_learnt_mean_responses(
+def make_learnt_mean_frames(
     weighing: Weighing | None, machine: Machine, loads: pl.DataFrame, payloads: Mapping[int, Floats]
 ) -> dict[str, pl.DataFrame]:
     """Make the frames `responses` and `learnt_errors`; none without learnt priors.
@@ -95,9 +95,9 @@ def make_learnt_mean_responses(
     """
     if weighing is None or weighing.informed is None:
         return {}
-    fit, errors = weighing.fit, LearntErrors.from_weighing(weighing)
+    fit, errors = weighing.fit, LearntErrors.estimate_from_weighing(weighing)
     empty = loads.filter("empty")["load_id"].to_list()
-    states = range(fit.count)
+    states = range(fit.mass_count)
     of_mass, of_payload, of_cycle = MOVED
     moved_kg = errors.mass_shifts_kg(weighing)
 
@@ -106,7 +106,7 @@ def make_learnt_mean_responses(
 
     rows = make_rows_of_kind(of_mass, {k: fit.weights_of_state(k) for k in states})
     if empty:
-        against = {k: weights_of_difference(weighing, k, empty) for k in states if k not in empty}
+        against = {k: payload_weights(weighing, k, empty) for k in states if k not in empty}
         rows += make_rows_of_kind(of_payload, against)
     rows += make_rows_of_kind(of_cycle, payloads)
     known = [
@@ -115,7 +115,7 @@ def make_learnt_mean_responses(
             "other": other,
             "error_1": errors.mean[i],
             "covariance_1": value,
-            "told": weighing.corrects_learnt_means and one not in TERMS,
+            "told": weighing.has_corrected_learnt_means and one not in TERMS,
         }
         for i, one in enumerate(errors.terms)
         for other, value in zip(errors.terms, errors.covariance[i].tolist(), strict=True)
@@ -132,22 +132,22 @@ def _make_mass_response_rows(
     machine: Machine,
     terms: Sequence[str],
     moved_kg: Floats,
-    sums: Mapping[int, Floats],
+    weights_of_sums: Mapping[int, Floats],
 ) -> list[dict[str, object]]:
     """Rows with the responses of sums of masses: one per term, and one for the scale."""
-    if not sums:
+    if not weights_of_sums:
         return []
     fit = weighing.fit
-    total = np.sum(list(sums.values()), axis=0)
+    total = np.sum(list(weights_of_sums.values()), axis=0)
     total_kg = abs(float(total @ fit.masses_kg))
     # the same share of all
     scale_1 = (
-        combined_u(budget_of_mass(weighing, machine, total), "scale") / total_kg
+        combine_u(make_mass_budget(weighing, machine, total), "scale") / total_kg
         if total_kg
         else 0.0
     )
     rows: list[dict[str, object]] = []
-    for number, weights in sums.items():
+    for number, weights in weights_of_sums.items():
         by_term = dict(zip(terms, (moved_kg @ weights).tolist(), strict=True))
         by_term[SCALE] = scale_1 * float(weights @ fit.masses_kg)
         rows += [

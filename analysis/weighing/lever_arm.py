@@ -23,13 +23,13 @@ from typing import Final, Self
 
 import numpy as np
 
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import stretch_spans
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from analysis.weighing.pitch_squat import fit_instrumental_variables
-from analysis.weighing.stretch_means import EVERY, MEAN, average_overlapping
+from analysis.weighing.stretch_means import EVERY, MEAN, take_overlapping_means
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_unless_short_log
 from estimators.numerics.in_order import sum_in_order
 
 
@@ -49,7 +49,7 @@ class BodySwing:
     frequency_hz: float = 1.0
     damping_1: float = 1.0
 
-    def with_gravity(self, squat_1: float) -> "BodySwing":
+    def add_gravity_swing(self, squat_1: float) -> "BodySwing":
         """Add the swing of a squat by g s whose gravity was removed by the pitch."""
         return replace(self, lever_s2=self.lever_s2 - squat_1 / self.omega_1_s**2)
 
@@ -65,13 +65,15 @@ class BodySwing:
 
     def swing_m_s2(self, measured: Floats, rate_hz: float) -> Floats:
         """κ · y'' computed from a reading on the body, (n,) in m/s²."""
-        return self._filter(measured, rate_hz, (self.lever_s2, 0.0, 0.0))
+        return self._filter_reading(measured, rate_hz, (self.lever_s2, 0.0, 0.0))
 
     def pitch_rate_m_s3(self, measured: Floats, rate_hz: float) -> Floats:
         """Rate y' of the pitch variable from a reading on the body, (n,) in m/s³."""
-        return self._filter(measured, rate_hz, (0.0, 1.0, 0.0))
+        return self._filter_reading(measured, rate_hz, (0.0, 1.0, 0.0))
 
-    def _filter(self, x: Floats, rate_hz: float, numerator: tuple[float, ...]) -> Floats:
+    def _filter_reading(
+        self, signal: Floats, rate_hz: float, numerator: tuple[float, ...]
+    ) -> Floats:
         from scipy.signal import bilinear, lfilter, lfilter_zi
 
         omega_1_s = self.omega_1_s
@@ -79,7 +81,7 @@ class BodySwing:
         swings = 1.0 + self.lever_s2 * omega_1_s**2
         below = (swings, 2.0 * self.damping_1 * omega_1_s, omega_1_s**2)
         b, a = bilinear(omega_1_s**2 * np.array(numerator), below, rate_hz)
-        return lfilter(b, a, x, zi=lfilter_zi(b, a) * x[0])[0]
+        return lfilter(b, a, signal, zi=lfilter_zi(b, a) * signal[0])[0]
 
 
 def estimate_swing(measured: Floats, motion: MotionSamples, springs: BodySwing) -> BodySwing | None:
@@ -101,7 +103,7 @@ def estimate_swing(measured: Floats, motion: MotionSamples, springs: BodySwing) 
     return replace(found, u_s2=float(np.hypot(found.u_s2, LIMITS.lever_shape_u * found.lever_s2)))
 
 
-def fit_springs(measured: Floats, motion: MotionSamples) -> BodySwing | None:
+def fit_spring_rates(measured: Floats, motion: MotionSamples) -> BodySwing | None:
     """Springs that leave the smallest residual between wheels and accelerometer.
 
     Args:
@@ -171,7 +173,7 @@ class _WheelComparison:
         """Prepare the stretches that are long enough; None if there are too few."""
         if motion.rate_hz < LIMITS.lever_min_rate_hz:
             return None
-        lag = max(rows_in_duration(LIMITS.lever_lag_s, motion.rate_hz) // EVERY, 1)
+        lag = max(count_rows_in_duration(LIMITS.lever_lag_s, motion.rate_hz) // EVERY, 1)
         shortest = MEAN + EVERY * max(2 * lag, LIMITS.lever_min_rows)
         bounds = stretch_spans(motion.group)
         spans = bounds[np.diff(bounds)[:, 0] >= shortest]
@@ -183,7 +185,7 @@ class _WheelComparison:
             gained[first:end] = (np.cumsum(a) - a / 2.0) / motion.rate_hz
         slipping = np.abs(motion.speed) * motion.force
         columns = (gained, slipping, -measured, motion.speed - gained)
-        return cls(motion, spans, lag, _difference_means(columns, spans, lag))
+        return cls(motion, spans, lag, differences_of_means(columns, spans, lag))
 
     def estimate_swing_with_springs(self, springs: BodySwing) -> tuple[BodySwing, float] | None:
         """Lever arm with these springs, and the mean square residual."""
@@ -191,7 +193,7 @@ class _WheelComparison:
         assert motion.specific_force is not None
         swings = springs.pitch_rate_m_s3(motion.specific_force, motion.rate_hz)
         by_force = springs.pitch_rate_m_s3(motion.force, motion.rate_hz)
-        own = _difference_means((-swings, -by_force), self.spans, self.lag)
+        own = differences_of_means((-swings, -by_force), self.spans, self.lag)
         parts = [np.column_stack(both) for both in zip(self.shared, own, strict=True)]
         scale = np.sqrt(np.mean([(rows**2).mean(axis=0) for rows in parts], axis=0))
         if not (scale > 0.0).all():
@@ -213,21 +215,21 @@ class _WheelComparison:
         return found, left * float(scale[response]) ** 2
 
 
-def _difference_means(columns: tuple[Floats, ...], spans: Ints, lag: int) -> list[Floats]:
-    """Centred differences over `lag` means of each column, (means - lag, columns) a stretch."""
-    ends = np.cumsum((spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag)[:-1]
-    rows = np.column_stack([_difference_means_of_column(x, spans, lag) for x in columns])
+def differences_of_means(columns: tuple[Floats, ...], spans: Ints, lag_means: int) -> list[Floats]:
+    """Centred differences over `lag_means` means of each column, (means - lag, columns) each."""
+    ends = np.cumsum((spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag_means)[:-1]
+    rows = np.column_stack([_differences_of_column_means(x, spans, lag_means) for x in columns])
     return np.split(rows, ends)
 
 
-@compiled_ahead
-def _difference_means_of_column(x: Floats, spans: Ints, lag: int) -> Floats:
+@compiled_unless_short_log
+def _differences_of_column_means(x: Floats, spans: Ints, lag_means: int) -> Floats:
     """Centred differences of a column, the stretches one after another."""
-    counts = (spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag
+    counts = (spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag_means
     out, row = np.empty(counts.sum()), 0
     for number in range(len(spans)):
-        means = average_overlapping(x[spans[number, 0] : spans[number, 1]])
-        differences = means[lag:] - means[:-lag]
+        means = take_overlapping_means(x[spans[number, 0] : spans[number, 1]])
+        differences = means[lag_means:] - means[:-lag_means]
         out[row : row + counts[number]] = differences - sum_in_order(differences) / counts[number]
         row += counts[number]
     return out

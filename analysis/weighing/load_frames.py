@@ -7,14 +7,14 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import CALIBRATED, FRAMES, build_frame
-from analysis.model.uncertainty_sources import combined_u, names_of_unknown_scale_sources
+from analysis.model.uncertainty_sources import combine_u, unknown_scale_source_names
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_limits import LIMITS
-from analysis.weighing.load_states import LoadStates, unit_of_each_sample
-from analysis.weighing.mass_budget import budget_of_mass, relative_mass_uncertainty
+from analysis.weighing.load_states import LoadStates, units_of_samples
+from analysis.weighing.mass_budget import make_mass_budget, relative_mass_uncertainty
 from analysis.weighing.motion_samples import Floats, Ints
 from analysis.weighing.nuisance_frames import make_empty_frame
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
@@ -44,13 +44,13 @@ def make_load_frame(
     if weighing is None:
         return _make_unknown_load()
     fit = weighing.fit
-    times = _span_of_each_state(fit, excitation)
+    times = _time_spans_of_states(fit, excitation)
     empty = find_empty_states(weighing, times, machine)
     since_ticket_kg = _fuel_since_ticket_and_u_kg(weighing, empty, times, fuel)
     datum, against = _choose_empty_datum_or_reason(weighing, empty, machine, since_ticket_kg)
     rows = [
         _make_load_row(weighing, state, empty, times[state], machine, verdict, datum)
-        for state in range(fit.count)
+        for state in range(fit.mass_count)
     ]
     said = "; ".join(
         filter(
@@ -71,20 +71,20 @@ def make_load_frame(
     )
 
 
-def _span_of_each_state(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int]]:
+def _time_spans_of_states(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int]]:
     """Begin and end of each load state."""
     states = fit.states
     assert states is not None
     t_ns = excitation["t_ns"].to_numpy()
-    used = np.flatnonzero(fit.motion.used)
-    of = states.membership[_manoeuvre_index_of_samples(fit, states)]
-    inside = (used[of == state] for state in range(fit.count))
+    used = np.flatnonzero(fit.motion.is_fittable)
+    of = states.membership[manoeuvre_indices(fit, states)]
+    inside = (used[of == state] for state in range(fit.mass_count))
     return [(int(t_ns[samples[0]]), int(t_ns[samples[-1]])) for samples in inside]
 
 
-def _manoeuvre_index_of_samples(fit: JointFit, states: LoadStates) -> Ints:
+def manoeuvre_indices(fit: JointFit, states: LoadStates) -> Ints:
     """Index of each fitted sample's manoeuvre, (n,), among those with a load state."""
-    return np.searchsorted(states.unit, unit_of_each_sample(fit.motion))
+    return np.searchsorted(states.unit, units_of_samples(fit.motion))
 
 
 def find_load_change_rows(weighing: Weighing | None) -> list[int]:
@@ -92,8 +92,8 @@ def find_load_change_rows(weighing: Weighing | None) -> list[int]:
     if weighing is None or weighing.fit.states is None:
         return []
     fit, states = weighing.fit, weighing.fit.states
-    of = states.membership[_manoeuvre_index_of_samples(fit, states)]
-    used = np.flatnonzero(fit.motion.used)
+    of = states.membership[manoeuvre_indices(fit, states)]
+    used = np.flatnonzero(fit.motion.is_fittable)
     return used[np.flatnonzero(np.diff(of) != 0) + 1].tolist()
 
 
@@ -108,7 +108,7 @@ def find_empty_states(
     not. The lightest of many alone would be the one with the largest error.
     """
     fit, body, settings = weighing.fit, machine.machine, machine.settings.loads
-    if fit.count < 2:
+    if fit.mass_count < 2:
         return []
     if settings.empty_from_s is not None and settings.empty_to_s is not None:
         first, last = settings.empty_from_s * 1e9, settings.empty_to_s * 1e9
@@ -124,7 +124,7 @@ def find_empty_states(
         return []
     lightest = int(np.argmin(fit.masses_kg))
     difference_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
-    u_kg = combined_u(budget_of_mass(weighing, machine, fit.weights_of_state(lightest)))
+    u_kg = combine_u(make_mass_budget(weighing, machine, fit.weights_of_state(lightest)))
     u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
     carried_kg = float(np.ptp(fit.masses_kg))
     if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
@@ -142,8 +142,8 @@ def _find_equally_light_states(weighing: Weighing, lightest: int, machine: Machi
     for state in np.argsort(fit.masses_kg, kind="stable").tolist():
         if state == lightest:
             continue
-        weights = weights_of_difference(weighing, state, found)
-        random_kg = combined_u(budget_of_mass(weighing, machine, weights), "random")
+        weights = payload_weights(weighing, state, found)
+        random_kg = combine_u(make_mass_budget(weighing, machine, weights), "random")
         if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
             break
         found.append(state)
@@ -162,7 +162,7 @@ def _fuel_since_ticket_and_u_kg(
         return 0.0, 0.0
     count = np.bincount(states.membership)[empty]
     middles_ns = np.mean([state_spans_ns[state] for state in empty], axis=1)
-    return fuel.mass_since_ticket_and_u_kg(middles_ns, count / count.sum())
+    return fuel.extra_fuel_mass_and_u_kg(middles_ns, count / count.sum())
 
 
 def _choose_empty_datum_or_reason(
@@ -170,38 +170,38 @@ def _choose_empty_datum_or_reason(
 ) -> tuple[EmptyDatum | None, str]:
     """Datum of the empty states for payloads, or the reason why the log contradicts it."""
     fit = weighing.fit
-    if not empty or len(empty) == fit.count:
+    if not empty or len(empty) == fit.mass_count:
         return None, ""
-    weights = _weights_of_mean(fit, empty)
+    weights = mean_mass_weights(fit, empty)
     found = EmptyMachine(weighing, machine, weights, fuel_kg=fuel_kg)
     if found.contradiction_text:
         return None, f"{found.contradiction_text}: payloads are on the log's own scale"
-    others = [state for state in range(fit.count) if state not in empty]
-    payloads = np.sum([weights_of_difference(weighing, state, empty) for state in others], axis=0)
-    return found.relate_to_empty_mass(payloads), ""
+    others = [state for state in range(fit.mass_count) if state not in empty]
+    payloads = np.sum([payload_weights(weighing, state, empty) for state in others], axis=0)
+    return found.make_payload_datum(payloads), ""
 
 
-def weights_of_difference(weighing: Weighing, state: int, empty: list[int]) -> Floats:
+def payload_weights(weighing: Weighing, state: int, empty: list[int]) -> Floats:
     """(masses,) weights of a mass minus the mean of the empty states.
 
     Where the empty mass drifts, the mean is of those before and after the state.
     """
     weights = weighing.fit.weights_of_state(state)
     if weighing.significant_empty_mass_drift is not None:
-        empty = _nearest_before_and_after(state, empty)
-    return weights - _weights_of_mean(weighing.fit, empty) if empty else weights
+        empty = _nearest_empty_states(state, empty)
+    return weights - mean_mass_weights(weighing.fit, empty) if empty else weights
 
 
-def _nearest_before_and_after(state: int, empty: list[int]) -> list[int]:
+def _nearest_empty_states(state: int, empty: list[int]) -> list[int]:
     before, after = ([e for e in empty if e < state], [e for e in empty if e > state])
     return before[-1:] + after[:1]
 
 
-def _weights_of_mean(fit: JointFit, states: list[int]) -> Floats:
+def mean_mass_weights(fit: JointFit, states: list[int]) -> Floats:
     """(masses,) weights of the mean mass of states, by number of manoeuvres."""
     assert fit.states is not None
     count = np.bincount(fit.states.membership).astype(np.float64)
-    weights = np.zeros(fit.count)
+    weights = np.zeros(fit.mass_count)
     weights[states] = count[states] / count[states].sum()
     return weights
 
@@ -217,9 +217,9 @@ def _make_load_row(
 ) -> dict[str, object]:
     fit, body, states = weighing.fit, machine.machine, weighing.fit.states
     assert states is not None
-    sources = budget_of_mass(weighing, machine, fit.weights_of_state(state))
+    sources = make_mass_budget(weighing, machine, fit.weights_of_state(state))
     mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
-    u_kg = combined_u(sources)
+    u_kg = combine_u(sources)
     withheld = [check.check for check in verdict.withholding_checks("mass")]
     # as the check of that name judges the load that most manoeuvres are of
     known = (
@@ -229,12 +229,12 @@ def _make_load_row(
     if not known and "relative_u" not in withheld:
         withheld.append("relative_u")
     payload, unknown = _payload_with_uncertainty(weighing, state, empty, machine, datum)
-    friction = fit.friction
+    friction = fit.viscous_friction_and_std
     numbers = {
         "mass_kg": mass_kg,
         "u_kg": u_kg,
-        "u_random_kg": combined_u(sources, "random"),
-        "u_common_kg": combined_u(sources, "common", "scale"),
+        "u_random_kg": combine_u(sources, "random"),
+        "u_common_kg": combine_u(sources, "common", "scale"),
         **payload,
         "friction_x_N_s_m": friction[0],
         "friction_x_std_N_s_m": friction[1],
@@ -253,7 +253,7 @@ def _make_load_row(
         "scatter_known": states.scatter_known,
         "mean_samples": fit.mean_samples,
         "braking_left_out": weighing.braking_left_out,
-        "scale_unknown": ", ".join(names_of_unknown_scale_sources(sources)),
+        "scale_unknown": ", ".join(unknown_scale_source_names(sources)),
         "payload_scale_unknown": ", ".join(unknown),
         "withheld": bool(withheld),
         "withheld_for": ", ".join(withheld),
@@ -272,23 +272,23 @@ def _payload_with_uncertainty(
     names = ("kg", "u_kg", "u_random_kg")
     if not empty and body.empty_mass_kg is None:
         return {f"{of}_{name}": None for of in ("payload", "own_payload") for name in names}, []
-    weights = weights_of_difference(weighing, state, empty)
-    sources = budget_of_mass(weighing, machine, weights)
+    weights = payload_weights(weighing, state, empty)
+    sources = make_mass_budget(weighing, machine, weights)
     own_kg = float(weights @ fit.masses_kg)
-    u_kg = combined_u(sources)
+    u_kg = combine_u(sources)
     if not empty:
         own_kg -= body.rotating_mass_kg + (body.empty_mass_kg or 0.0)
         u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
-    own = (own_kg, u_kg, combined_u(sources, "random"))
+    own = (own_kg, u_kg, combine_u(sources, "random"))
     told = own
     if datum is not None:
         sources = datum.payload_uncertainty_sources(weights)
-        told = (datum.scale_1 * own_kg, combined_u(sources), combined_u(sources, "random"))
+        told = (datum.scale_1 * own_kg, combine_u(sources), combine_u(sources, "random"))
     found: dict[str, float | None] = {
         f"payload_{n}": value for n, value in zip(names, told, strict=True)
     }
     found |= {f"own_payload_{n}": value for n, value in zip(names, own, strict=True)}
-    return found, names_of_unknown_scale_sources(sources)
+    return found, unknown_scale_source_names(sources)
 
 
 def _load_states_note(fit: JointFit, machine: Machine) -> str:
@@ -299,7 +299,7 @@ def _load_states_note(fit: JointFit, machine: Machine) -> str:
     if states.other is not None:
         others = int(states.other.membership.max()) + 1
         readings = sorted(
-            [(fit.count, states.scatter_kg), (others, states.other.scatter_kg)],
+            [(fit.mass_count, states.scatter_kg), (others, states.other.scatter_kg)],
             key=lambda reading: reading[0],
         )
         texts = [
@@ -359,8 +359,8 @@ def make_manoeuvre_frame(
         return make_empty_frame("manoeuvres")
     fit, states = weighing.fit, weighing.fit.states
     t_ns = excitation["t_ns"].to_numpy()
-    used = np.flatnonzero(fit.motion.used)
-    place = _manoeuvre_index_of_samples(fit, states)
+    used = np.flatnonzero(fit.motion.is_fittable)
+    place = manoeuvre_indices(fit, states)
     first = np.flatnonzero(np.append(True, np.diff(place) > 0))
     last = np.append(first[1:] - 1, place.size - 1)
     # the nuisances that the answer took off have its bias as well

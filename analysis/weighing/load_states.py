@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.stages.signals.grid_rate import rows_in_duration
-from analysis.weighing.fitted_stretches import is_first_of_stretch, is_last_of_stretch, once_each
+from analysis.stages.signals.grid_rate import count_rows_in_duration
+from analysis.weighing.fitted_stretches import is_first_of_stretch, is_last_of_stretch, memoise
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
-from estimators.joint.changepoints import Partitions, find_partitions
+from estimators.joint.changepoints import Partitions, find_best_partitions
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TURNED, GroupEffects
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.joint.random_intercepts import RandomIntercepts
@@ -67,7 +67,7 @@ class LoadStates:
     log_odds: float = 0.0
 
     @property
-    def count(self) -> int:
+    def state_count(self) -> int:
         """Number of states."""
         return int(self.membership.max()) + 1
 
@@ -75,13 +75,13 @@ class LoadStates:
     def means_kg(self) -> Floats:
         """(states,) mean mass of each state's manoeuvres, in kg."""
         weight = 1.0 / (self.std_kg**2 + self.scatter_kg**2)
-        return means_by_state(self.level_kg, weight, self.membership)
+        return weighted_means_by_state(self.level_kg, weight, self.membership)
 
     @property
     def bic(self) -> float:
         """Bayesian information criterion of the states (Schwarz 1978)."""
         variance = self.scatter_kg**2 + float(np.median(self.std_kg**2))
-        return self.membership.size * float(np.log(variance)) + self.count * float(
+        return self.membership.size * float(np.log(variance)) + self.state_count * float(
             np.log(self.membership.size)
         )
 
@@ -101,7 +101,7 @@ class LoadStates:
 
     def restrict_to(self, motion: MotionSamples) -> "LoadStates":
         """These states for a motion with other manoeuvres, numbered again."""
-        unit = np.unique(unit_of_each_stretch(motion))
+        unit = np.unique(units_of_stretches(motion))
         place = np.searchsorted(self.unit, unit, "right") - 1
         place = place.clip(0, self.unit.size - 1)
         return replace(
@@ -138,13 +138,13 @@ class LoadStates:
 
     def random_intercepts(self, motion: MotionSamples) -> RandomIntercepts:
         """States of the motion's stretches, as random intercepts."""
-        number = np.searchsorted(self.unit, unit_of_each_stretch(motion))
+        number = np.searchsorted(self.unit, units_of_stretches(motion))
         scatter_kg = self.scatter_kg if self.freedom > 0 else 0.0
         return RandomIntercepts(self.membership[number], number, scatter_kg, self.freedom)
 
 
-@once_each
-def unit_of_each_stretch(motion: MotionSamples) -> Ints:
+@memoise
+def units_of_stretches(motion: MotionSamples) -> Ints:
     """Manoeuvre of each stretch, (stretches,).
 
     A stretch too short or too steady to determine a mass joins the manoeuvre before it, or the one
@@ -152,9 +152,9 @@ def unit_of_each_stretch(motion: MotionSamples) -> Ints:
     """
     unit = motion.unit[is_first_of_stretch(motion.group)]
     number, of = np.unique(unit, return_inverse=True)
-    samples = np.bincount(of, weights=np.bincount(motion.group[motion.used]))
+    samples = np.bincount(of, weights=np.bincount(motion.group[motion.is_fittable]))
     tells = samples >= min(
-        rows_in_duration(
+        count_rows_in_duration(
             LIMITS.informative_manoeuvre_s, motion.rate_hz, LIMITS.informative_manoeuvre_samples
         ),
         samples.max(),
@@ -172,34 +172,34 @@ def unit_of_each_stretch(motion: MotionSamples) -> Ints:
         left, here, right = (of == each for each in (before[short], short, after[short]))
         begin, end = first[here][0], last[here][-1]
         sooner, later = (last[left][-1], begin), (end, first[right][0])
-        at_begin, at_end = (classify_change(motion, *span, *span) for span in (sooner, later))
+        at_begin, at_end = (classify_load_change(motion, *span, *span) for span in (sooner, later))
         if at_begin > 1 and at_end == 1:
             goes[short] = after[short]
     return number[goes][of]
 
 
-def speed_ranges_m_s(motion: MotionSamples, unit: Ints, units: int) -> Floats:
+def speed_ranges_m_s(motion: MotionSamples, unit_of_sample: Ints, unit_count: int) -> Floats:
     """Range of the speeds of each manoeuvre, (units,) in m/s.
 
     Args:
         motion: the samples.
-        unit: (stretches,) manoeuvre of each, from 0.
-        units: number of manoeuvres.
+        unit_of_sample: (stretches,) manoeuvre of each, from 0.
+        unit_count: number of manoeuvres.
     """
-    used = np.flatnonzero(motion.used)
-    of, speed = unit[motion.group[used]], motion.speed[used]
-    least, most = np.full(units, np.inf), np.full(units, -np.inf)
+    used = np.flatnonzero(motion.is_fittable)
+    of, speed = unit_of_sample[motion.group[used]], motion.speed[used]
+    least, most = np.full(unit_count, np.inf), np.full(unit_count, -np.inf)
     np.minimum.at(least, of, speed)
     np.maximum.at(most, of, speed)
     return most - least
 
 
-def unit_of_each_sample(motion: MotionSamples) -> Ints:
+def units_of_samples(motion: MotionSamples) -> Ints:
     """Manoeuvre of each fitted sample, (used samples,)."""
-    return unit_of_each_stretch(motion)[motion.group[motion.used]]
+    return units_of_stretches(motion)[motion.group[motion.is_fittable]]
 
 
-def load_change_kinds(motion: MotionSamples) -> Ints:
+def classify_all_load_changes(motion: MotionSamples) -> Ints:
     """Kind of evidence for a load change between successive manoeuvres, (units - 1,).
 
     Returns:
@@ -207,13 +207,13 @@ def load_change_kinds(motion: MotionSamples) -> Ints:
         change of direction, `RESTARTED` after a gap as between files, `HINTED` if boom or bucket
         moved, `FILLED` if the machine dug, `NAMED` at a border of the times named empty.
     """
-    used = np.flatnonzero(motion.used)
-    first = np.flatnonzero(np.append(True, np.diff(unit_of_each_sample(motion)) > 0))
+    used = np.flatnonzero(motion.is_fittable)
+    first = np.flatnonzero(np.append(True, np.diff(units_of_samples(motion)) > 0))
     last = np.append(first[1:], used.size) - 1
     # a boom may go up before the machine stands, and come down when it moves again
     middle = used[(first + last) // 2]
     spans = zip(used[last[:-1]], used[first[1:]], middle[:-1], middle[1:], strict=True)
-    kind = np.array([classify_change(motion, *span) for span in spans], np.int64)
+    kind = np.array([classify_load_change(motion, *span) for span in spans], np.int64)
     # a bucket is in front: it is filled and emptied where the machine arrives, and then backs out
     arrives, leaves = motion.direction[used[last[:-1]]], motion.direction[used[first[1:]]]
     backs_out = (kind == 1) & (arrives > 0.0) & (leaves < 0.0)
@@ -221,34 +221,36 @@ def load_change_kinds(motion: MotionSamples) -> Ints:
     return np.where(backs_out & ~seen, TURNED, kind)
 
 
-def classify_change(motion: MotionSamples, end: int, begin: int, since: int, until: int) -> int:
+def classify_load_change(
+    motion: MotionSamples, end_row: int, begin_row: int, since: int, until: int
+) -> int:
     """Kind of evidence for a load change between two manoeuvres.
 
     Args:
         motion: samples, with arm angles and digging.
-        end: last sample of the first manoeuvre.
-        begin: first sample of the second one.
+        end_row: last sample of the first manoeuvre.
+        begin_row: first sample of the second one.
         since: first sample of the boom to examine.
         until: end sample of the boom to examine.
     """
-    if motion.digs is not None and motion.digs[end : begin + 1].any():
+    if motion.digs is not None and motion.digs[end_row : begin_row + 1].any():
         return FILLED
-    if motion.empty is not None and motion.empty[end] != motion.empty[begin]:
+    if motion.empty is not None and motion.empty[end_row] != motion.empty[begin_row]:
         return NAMED
-    if motion.empty is not None and motion.empty[end]:
+    if motion.empty is not None and motion.empty[end_row]:
         return 0
-    if motion.stood is not None and motion.stood[end] == motion.stood[begin]:
+    if motion.stood is not None and motion.stood[end_row] == motion.stood[begin_row]:
         return 0
     moved = any(
-        _known_range(arm[since : until + 1]) > LIMITS.arm_movement_rad for arm in motion.arms
+        _value_range(arm[since : until + 1]) > LIMITS.arm_movement_rad for arm in motion.arms
     )
     if moved:
         return HINTED
-    silent = motion.silences is not None and motion.silences[end] != motion.silences[begin]
+    silent = motion.silences is not None and motion.silences[end_row] != motion.silences[begin_row]
     return RESTARTED if silent else 1
 
 
-def _known_range(x: Floats) -> float:
+def _value_range(x: Floats) -> float:
     """Maximum minus minimum of the known values; 0 if none is known."""
     known = x[np.isfinite(x)]
     return float(np.ptp(known)) if known.size else 0.0
@@ -265,29 +267,31 @@ def find_load_states(
         repeatability_kg: scatter of manoeuvres of one load, if the machine file states it.
     """
     if not (np.isfinite(units.y).all() and (units.variance > 0.0).all()):
-        return single_unknown_state(manoeuvre_ids)
-    typical_kg = _typical_mass_kg(units)
-    found = find_partitions(
+        return make_single_unknown_state(manoeuvre_ids)
+    typical_kg = median_mass_kg(units)
+    found = find_best_partitions(
         units,
         LIMITS.largest_load_fraction * typical_kg,
         LIMITS.repeatability_fraction * typical_kg,
         repeatability_kg,
     )
     best = found.best if _is_partition_credible(found, repeatability_kg) else found.single
-    other = found.several if best.states == 1 else found.single
+    other = found.several if best.level_stretch_count == 1 else found.single
     states = _make_load_states(units, manoeuvre_ids, best)
     if repeatability_kg is not None:
         states = replace(states, scatter_kg=repeatability_kg, freedom=np.inf)
-    probability = found.single_probability if best.states > 1 else 1.0 - found.single_probability
+    probability = (
+        found.single_probability if best.level_stretch_count > 1 else 1.0 - found.single_probability
+    )
     return replace(
         states,
         single_probability=found.single_probability,
-        other=_alternative_partition(units, best, other, probability),
+        other=find_alternative_partition(units, best, other, probability),
         log_odds=best.log_posterior - found.single.log_posterior,
     )
 
 
-def states_of_partition(
+def make_states_of_partition(
     units: GroupEffects, manoeuvre_ids: Ints, membership: Ints, *, usual_scatter: bool = True
 ) -> LoadStates:
     """Load states of a given partition.
@@ -298,9 +302,9 @@ def states_of_partition(
         membership: (units,) load state of each manoeuvre, numbered by time.
         usual_scatter: whether to assume the usual scatter, if `units` are of other loads.
     """
-    typical_kg = _typical_mass_kg(units)
+    typical_kg = median_mass_kg(units)
     posterior = PartitionPosterior(units, LIMITS.largest_load_fraction * typical_kg, 0.0, None)
-    partition = posterior.evaluate(Stretches.from_boundaries(membership, units.kind))
+    partition = posterior.evaluate_partition(Stretches.from_boundaries(membership, units.kind))
     states = _make_load_states(units, manoeuvre_ids, partition)
     if not usual_scatter:
         return states
@@ -315,28 +319,28 @@ def _make_load_states(units: GroupEffects, manoeuvre_ids: Ints, best: Partition)
         level_kg,
         np.sqrt(units.variance),
         *_scatter_dof_and_birge_ratio(level_kg, units.variance, best),
-        load_returns=np.unique(best.level).size < best.states
-        or _count_reversals(best) >= LIMITS.load_return_reversals,
+        load_returns=np.unique(best.level).size < best.level_stretch_count
+        or _count_load_reversals(best) >= LIMITS.load_return_reversals,
     )
 
 
-def _typical_mass_kg(units: GroupEffects) -> float:
+def median_mass_kg(units: GroupEffects) -> float:
     """Typical mass in kg; the noise level if no manoeuvre has a mass."""
     return float(max(np.median(np.abs(units.y)), np.median(np.sqrt(units.variance))))
 
 
-def _count_reversals(found: Partition) -> int:
+def _count_load_reversals(states: Partition) -> int:
     """Number of increases followed by a decrease of the load, or vice versa."""
-    rises = np.sign(np.diff(found.levels))
+    rises = np.sign(np.diff(states.levels))
     return int(np.count_nonzero(np.diff(rises[rises != 0.0])))
 
 
-def _alternative_partition(
+def find_alternative_partition(
     units: GroupEffects, best: Partition, other: Partition | None, probability: float
 ) -> AlternativePartition | None:
     """The alternative partition that the manoeuvres allow; None if the log determines one."""
     doubted = LIMITS.single_load_min_probability
-    if best.states == 1:
+    if best.level_stretch_count == 1:
         doubted = LIMITS.several_loads_min_probability
     if other is None or probability < doubted:
         return None
@@ -346,46 +350,46 @@ def _alternative_partition(
     return AlternativePartition(other.state, differs_kg, scatter_kg, probability)
 
 
-def single_unknown_state(manoeuvre_ids: Ints) -> LoadStates:
+def make_single_unknown_state(manoeuvre_ids: Ints) -> LoadStates:
     """One state of these manoeuvres, with unknown mass."""
     one, nothing = np.zeros(manoeuvre_ids.size, np.int64), np.full(manoeuvre_ids.size, np.nan)
     return LoadStates(manoeuvre_ids, one, nothing, nothing, 0.0, 0.0, float("nan"))
 
 
-def _is_partition_credible(found: Partitions, repeatability_kg: float | None) -> bool:
+def _is_partition_credible(posterior: Partitions, repeatability_kg: float | None) -> bool:
     """Whether to accept the most probable partition rather than a single state."""
-    few = found.best.freedom < LIMITS.scatter_min_freedom
-    doubted = found.single_probability > LIMITS.single_load_min_probability
+    few = posterior.best.dof < LIMITS.scatter_min_freedom
+    doubted = posterior.single_probability > LIMITS.single_load_min_probability
     return repeatability_kg is not None or not (few and doubted)
 
 
-def means_by_state(level: Floats, weight: Floats, state: Ints) -> Floats:
+def weighted_means_by_state(mass_kg: Floats, weight: Floats, state: Ints) -> Floats:
     """Weighted means by state, (states,).
 
     Args:
-        level: (units,) mass of each manoeuvre.
+        mass_kg: (units,) mass of each manoeuvre.
         weight: (units,) weight of each manoeuvre.
         state: (units,) state of each manoeuvre, from 0.
     """
-    return np.bincount(state, weights=weight * level) / np.bincount(state, weights=weight)
+    return np.bincount(state, weights=weight * mass_kg) / np.bincount(state, weights=weight)
 
 
 def _scatter_dof_and_birge_ratio(
-    level: Floats, variance: Floats, found: Partition
+    mass_kg: Floats, variance: Floats, found: Partition
 ) -> tuple[float, float, float]:
     """Scatter about the states (Paule & Mandel 1982), degrees of freedom and Birge ratio."""
-    freedom, state = found.freedom, found.level[found.state]
+    freedom, state = found.dof, found.level[found.state]
     if freedom < 1:
         return 0.0, 0.0, float("nan")
 
     def reduced_chi_square(tau: float) -> float:
         weight = 1.0 / (variance + tau**2)
-        mean = means_by_state(level, weight, state)
-        return float(weight @ (level - mean[state]) ** 2) / freedom
+        mean = weighted_means_by_state(mass_kg, weight, state)
+        return float(weight @ (mass_kg - mean[state]) ** 2) / freedom
 
     if (ratio := float(np.sqrt(reduced_chi_square(0.0)))) <= 1.0:
         return 0.0, float(freedom), ratio
-    low, high = 0.0, float(np.ptp(level)) + 1e-9
+    low, high = 0.0, float(np.ptp(mass_kg)) + 1e-9
     for _ in range(LIMITS.scatter_rounds):
         middle = (low + high) / 2.0
         low, high = (middle, high) if reduced_chi_square(middle) > 1.0 else (low, middle)

@@ -66,20 +66,20 @@ class LikelyEffects:
 
     @classmethod
     def from_fit(
-        cls, fit: MapFit, masses: int, terms: tuple[Nuisance, ...], prior_std: Floats
+        cls, fit: MapFit, mass_count: int, terms: tuple[Nuisance, ...], prior_std: Floats
     ) -> Self | None:
         """Compute the probabilities of all choices of effects; None without effects.
 
         Args:
             fit: fit of masses, friction and terms.
-            masses: number of masses.
+            mass_count: number of masses.
             terms: the nuisances.
             prior_std: (terms,) prior standard deviations; the prior means are 0.
         """
         own = [place for place, term in enumerate(terms) if term.name in EFFECTS]
         if not own or not np.isfinite(fit.covariance).all():
             return None
-        at, variance = masses + 1 + np.array(own), prior_std[own] ** 2
+        at, variance = mass_count + 1 + np.array(own), prior_std[own] ** 2
         found, covariance = fit.theta[at], fit.covariance[np.ix_(at, at)]
         precision = np.linalg.inv(covariance)
         squares, vectors = np.linalg.eigh(precision - np.diag(1.0 / variance))
@@ -101,13 +101,13 @@ class LikelyEffects:
         probability = np.exp(evidence - evidence.max())
         probability /= probability.sum()
         best = int(np.argmax(probability))
-        response = fit.covariance[:masses, at] @ precision
+        response = fit.covariance[:mass_count, at] @ precision
         _, kept, mean, spread = choices[best]
         others = [choice for number, choice in enumerate(choices) if number != best]
         removed_kg = {
             name: response @ (choices[combinations.index(fewer)][2] - mean)
             for place, name in enumerate(names)
-            if (fewer := _drop_effect(combinations[best], place)) != combinations[best]
+            if (fewer := _without_effect(combinations[best], place)) != combinations[best]
         }
         return cls(
             tuple(sorted({name for name, has in zip(effect, kept, strict=True) if not has})),
@@ -118,7 +118,7 @@ class LikelyEffects:
             removed_kg,
         )
 
-    def priors_without_left_out_effects(self, priors: PriorSettings) -> PriorSettings:
+    def exclude_unlikely_effects(self, priors: PriorSettings) -> PriorSettings:
         """Priors that exclude the effects that are left out."""
         keys = [key for name in self.left_out for key in _WIDTHS[name]]
         return priors.model_copy(
@@ -136,9 +136,9 @@ class LikelyEffects:
         return float(np.sqrt(self.probability @ (moved**2 + np.maximum(wider, 0.0))))
 
 
-def _drop_effect(kept: tuple[bool, ...], place: int) -> tuple[bool, ...]:
+def _without_effect(kept: tuple[bool, ...], effect_index: int) -> tuple[bool, ...]:
     """The same choice of effects without one effect."""
-    return (*kept[:place], False, *kept[place + 1 :])
+    return (*kept[:effect_index], False, *kept[effect_index + 1 :])
 
 
 def _invert_precision(precision: Floats) -> Floats:

@@ -19,21 +19,21 @@ from analysis.weighing.weighing_limits import LIMITS
 BY_GEAR: Final = "gears"
 
 
-def _low_gear_fraction(speed: Floats, quarter_m_s: float) -> Floats:
+def low_gear_fraction(speed: Floats, speed_at_quarter_m_s: float) -> Floats:
     """Fraction of the first gear's rotating mass at each speed, (n,)."""
-    return (1.0 + (speed / quarter_m_s) ** 2) ** -2
+    return (1.0 + (speed / speed_at_quarter_m_s) ** 2) ** -2
 
 
-def _remaining_slope_s_m(speed: Floats, quarter_m_s: float) -> Floats:
+def low_gear_slope_s_m(speed: Floats, quarter_m_s: float) -> Floats:
     """Derivative of the remaining gear inertia by the speed, (n,) in s/m."""
     return -4.0 * speed / quarter_m_s**2 * (1.0 + (speed / quarter_m_s) ** 2) ** -3
 
 
-def _do_speeds_span_gears(motion: MotionSamples) -> bool:
+def _speeds_span_several_gears(motion: MotionSamples) -> bool:
     """Whether speeds reach from that of a first gear to that of a road."""
-    if motion.largest_speed <= LIMITS.road_speed_m_s:
+    if motion.speed_95_percent <= LIMITS.road_speed_m_s:
         return False
-    slow = np.abs(motion.speed[motion.used]) < LIMITS.first_gear_m_s
+    slow = np.abs(motion.speed[motion.is_fittable]) < LIMITS.first_gear_m_s
     return float(slow.mean()) > LIMITS.first_gear_min_fraction
 
 
@@ -43,7 +43,7 @@ def _gear_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
 
 def _make_gear_term(quarter_m_s: float) -> Nuisance:
     def fraction_in_low_gear(m: ColumnInputs) -> Floats:
-        return _low_gear_fraction(m.speed, quarter_m_s)
+        return low_gear_fraction(m.speed, quarter_m_s)
 
     return Nuisance(
         f"low_gears_{quarter_m_s:.0f}_m_s",
@@ -52,9 +52,9 @@ def _make_gear_term(quarter_m_s: float) -> Nuisance:
         _gear_prior_std,
         "rotating mass of low gears, which falls with the speed",
         "starts at different throttles; driving without a change of gear",
-        by_speed=lambda m: m.acceleration * _remaining_slope_s_m(m.speed, quarter_m_s),
+        by_speed=lambda m: m.acceleration * low_gear_slope_s_m(m.speed, quarter_m_s),
         by_acceleration=fraction_in_low_gear,
-        applies=_do_speeds_span_gears,
+        applies=_speeds_span_several_gears,
         source=BY_GEAR,
     )
 

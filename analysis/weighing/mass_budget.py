@@ -9,7 +9,7 @@ from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import (
     SCALES,
     UncertaintySource,
-    combined_u,
+    combine_u,
     root_sum_of_squares,
     sort_largest_first,
 )
@@ -146,7 +146,7 @@ _PARTS: Final = {
 }
 
 
-def budget_of_mass(
+def make_mass_budget(
     weighing: Weighing, machine: Machine, weights: Floats
 ) -> list[UncertaintySource]:
     """Uncertainty sources of a sum of masses, the largest first, unknown ones last.
@@ -158,11 +158,11 @@ def budget_of_mass(
     """
     fit, body = weighing.fit, machine.machine
     sum_kg = abs(float(weights @ fit.masses_kg))
-    loaded_kg = abs(float(weights @ (fit.masses_kg * _relative_loads(fit, machine))))
+    loaded_kg = abs(float(weights @ (fit.masses_kg * relative_loads_of_states(fit, machine))))
     terms = {term.name: term for term in fit.terms}
     sources: list[UncertaintySource] = []
     parts_kg = fit.u_parts_kg(weights)
-    parts_kg |= _widening_by_checks(weighing, weights, parts_kg)
+    parts_kg |= uncertainty_by_failed_checks_kg(weighing, weights, parts_kg)
     for source in {term.source: None for term in fit.terms if term.source}:
         own_kg = [parts_kg.pop(name) for name, term in terms.items() if term.source == source]
         parts_kg[source] = float(np.linalg.norm(own_kg))
@@ -176,7 +176,9 @@ def budget_of_mass(
     for scale in SCALES:
         if scale.applies(machine):
             relative, of_kg = scale.u(machine), loaded_kg if scale.by_load else sum_kg
-            sources.append(scale.to_source(None if relative is None else relative * of_kg))
+            sources.append(
+                scale.make_uncertainty_source(None if relative is None else relative * of_kg)
+            )
     # of a difference it cancels
     rotating_u_kg = body.rotating_mass_u_kg * abs(float(weights.sum()))
     if rotating_u_kg:
@@ -198,32 +200,32 @@ def relative_mass_uncertainty(weighing: Weighing, machine: Machine, state: int) 
     It decides whether the load has a mass: NaN if the fit has no number, infinite if the mass is
     not positive.
     """
-    sources = budget_of_mass(weighing, machine, weighing.fit.weights_of_state(state))
+    sources = make_mass_budget(weighing, machine, weighing.fit.weights_of_state(state))
     mass_kg = float(weighing.fit.masses_kg[state]) - machine.machine.rotating_mass_kg
-    if not np.isfinite([mass_kg, combined_u(sources)]).all():
+    if not np.isfinite([mass_kg, combine_u(sources)]).all():
         return float("nan")
-    return combined_u(sources, "random", "common") / mass_kg if mass_kg > 0.0 else float("inf")
+    return combine_u(sources, "random", "common") / mass_kg if mass_kg > 0.0 else float("inf")
 
 
-def _change_without_friction_kg(fit: JointFit, weights: Floats) -> float:
+def change_without_friction_kg(fit: JointFit, weights: Floats) -> float:
     """Change of a sum of masses if viscous friction were known to be zero, in kg."""
-    at = fit.count
+    at = fit.mass_count
     responses = fit.fit.responses
     by_friction = (fit.fit.noise + fit.fit.scatter)[at] + responses.T @ responses[:, at]
-    return -fit.viscous * float(weights @ by_friction[:at]) / float(by_friction[at])
+    return -fit.viscous_friction * float(weights @ by_friction[:at]) / float(by_friction[at])
 
 
-def _relative_loads(fit: JointFit, machine: Machine) -> Floats:
+def relative_loads_of_states(fit: JointFit, machine: Machine) -> Floats:
     """(masses,) mass of each state over the empty machine's, or the lightest state's, less 1."""
     body = machine.machine
     empty_kg = float(np.min(fit.masses_kg))
     if body.empty_mass_kg is not None:
         empty_kg = body.empty_mass_kg + body.rotating_mass_kg
     # to a machine without a mass no load is relative
-    return fit.masses_kg / empty_kg - 1.0 if empty_kg else np.zeros(fit.count)
+    return fit.masses_kg / empty_kg - 1.0 if empty_kg else np.zeros(fit.mass_count)
 
 
-def _widening_by_checks(
+def uncertainty_by_failed_checks_kg(
     weighing: Weighing, weights: Floats, parts_kg: dict[str, float]
 ) -> dict[str, float]:
     """Additional uncertainty of a sum of masses where a check fails, in kg by cause."""
@@ -239,7 +241,7 @@ def _widening_by_checks(
         found["drifted_gain"] = LIMITS.half_gain_drift * abs(drift_kg)
     drift = weighing.significant_empty_mass_drift
     if drift is not None:
-        drift_kg = float(np.linalg.norm(drift.responses_kg(fit.masses_kg) @ weights))
+        drift_kg = float(np.linalg.norm(drift.mass_responses_kg(fit.masses_kg) @ weights))
         found["drifted_gain"] = max(found.get("drifted_gain", 0.0), drift_kg)
     curved_kg = (
         abs(weighing.curvature.mass_change_kg) * share if weighing.curvature.is_significant else 0.0
@@ -258,9 +260,9 @@ def _widening_by_checks(
         found["curvature"] = curved_kg
     if weighing.by_direction is not None:
         found["gain_by_direction"] = weighing.by_direction.u_1 * abs(float(weights @ fit.masses_kg))
-    viscous, std = fit.friction
+    viscous, std = fit.viscous_friction_and_std
     if viscous < -LIMITS.falling_friction_std * std:
-        found["falling_friction"] = abs(_change_without_friction_kg(fit, weights))
+        found["falling_friction"] = abs(change_without_friction_kg(fit, weights))
     if weighing.braking_doubted:
         found["braking"] = abs(weighing.braking_kg) / 2.0 * share
     leans_kg = abs(float(weights @ (weighing.doubled_kg - fit.masses_kg)))

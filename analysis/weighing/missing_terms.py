@@ -80,7 +80,7 @@ def make_candidate_terms(fit: JointFit) -> tuple[Nuisance, ...]:
     if any(term.source == BY_PLACE for term in fit.terms):
         # strokes over one path have the same speed at each place: a spring looks like such a gain
         return ()
-    force_N, speed_m_s = fit.motion.largest_force, fit.motion.largest_speed
+    force_N, speed_m_s = fit.motion.force_95_percent, fit.motion.speed_95_percent
     return (
         Nuisance(
             "force_saturation",
@@ -100,8 +100,8 @@ def make_candidate_terms(fit: JointFit) -> tuple[Nuisance, ...]:
         *(
             _make_gain_term(
                 f"gain_below_{share:.0%}",
-                _bell(share * speed_m_s),
-                _bell_slope(share * speed_m_s),
+                _make_bell(share * speed_m_s),
+                _make_bell_slope(share * speed_m_s),
                 "a gain of the force, or a scale of the speed, that changes at low speed",
             )
             for share in LIMITS.low_speed_fractions
@@ -109,7 +109,7 @@ def make_candidate_terms(fit: JointFit) -> tuple[Nuisance, ...]:
         *(
             _make_gain_term(
                 f"gain_step_at_{share:.0%}",
-                _below(share * speed_m_s),
+                _make_low_speed_mark(share * speed_m_s),
                 np.zeros_like,
                 "a gain of the force, or a scale of the speed, that steps where a gear is changed",
             )
@@ -149,15 +149,15 @@ def _make_gain_term(
     )
 
 
-def _bell(width_m_s: float) -> Callable[[Floats], Floats]:
+def _make_bell(width_m_s: float) -> Callable[[Floats], Floats]:
     return lambda speed: np.exp(-((speed / width_m_s) ** 2))
 
 
-def _bell_slope(width_m_s: float) -> Callable[[Floats], Floats]:
+def _make_bell_slope(width_m_s: float) -> Callable[[Floats], Floats]:
     return lambda speed: -2.0 * speed / width_m_s**2 * np.exp(-((speed / width_m_s) ** 2))
 
 
-def _below(limit_m_s: float) -> Callable[[Floats], Floats]:
+def _make_low_speed_mark(limit_m_s: float) -> Callable[[Floats], Floats]:
     return lambda speed: (np.abs(speed) < limit_m_s).astype(float)
 
 
@@ -173,7 +173,7 @@ def fit_force_curvature(
         rows: rows of the fit and of `CURVATURE`, if already computed.
     """
     curved = refit_with_changes(fit, noise, priors, (CURVATURE,), rows=rows).fit
-    moved = float(curved.theta[fit.main_state] - fit.theta[fit.main_state])
+    moved = float(curved.theta[fit.most_frequent_state] - fit.theta[fit.most_frequent_state])
     if abs(moved) > LIMITS.curvature_max_fraction * abs(fit.mass_kg):
         # with accelerations of one size the term is collinear with the mass
         return ForceCurvature(0.0, 0.0, fit.mass_kg)
@@ -201,7 +201,7 @@ def find_missing_terms(
     for term in terms:
         del other  # of a shift its rows are hundreds of megabytes
         other = refit_with_changes(fit, noise, priors, (term,), rows=rows)
-        effect_kg = other.theta[: fit.count] - fit.theta[: fit.count]
+        effect_kg = other.theta[: fit.mass_count] - fit.theta[: fit.mass_count]
         # the standard deviation takes longer than the estimate
         if not _largest_relative_effect(effect_kg, fit) > LIMITS.missing_term_min_relative_effect:
             continue
@@ -214,6 +214,6 @@ def find_missing_terms(
     return tuple(sorted(found, key=lambda each: -_largest_relative_effect(each.effect_kg, fit)))
 
 
-def _largest_relative_effect(effect_kg: Floats, fit: JointFit) -> float:
+def _largest_relative_effect(mass_changes_kg: Floats, fit: JointFit) -> float:
     """Largest change of a mass over its uncertainty."""
-    return float(np.max(np.abs(effect_kg) / fit.fit.std[: fit.count]))
+    return float(np.max(np.abs(mass_changes_kg) / fit.fit.std[: fit.mass_count]))

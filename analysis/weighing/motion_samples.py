@@ -16,28 +16,28 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
 from analysis.model.windows import flag_windows
-from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.motion.forces import compute_longitudinal_force, compute_regressor_acceleration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import (
     advance_in_stretches,
     count_samples_since_start,
-    cut_drives,
-    cut_stretches,
     driving_directions,
-    drop_standing_runs,
+    drop_stretches_at_noise_speed,
     extend_to_break_away,
-    fitted_manoeuvre_of_samples,
-    make_centred_progress,
-    mark_missing_rows,
+    make_centred_ramp,
+    mark_rows_without_data,
+    number_drives,
+    number_fitted_manoeuvres,
     number_one_way_runs,
     path_positions,
     running_gap_count,
     running_standstill_count,
+    split_stretches_at_units,
     stretch_spans,
 )
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_unless_short_log
 
 #: Wheels of which less rolls say nothing of the ground's speed.
 _LEAST_GROUND: Final = 0.5
@@ -129,47 +129,49 @@ class MotionSamples:
 
     def cut_to_first_stretches(self, stretches: int) -> "MotionSamples":
         """Cut the samples to the first stretches."""
-        if not self.used.any() or int(self.group.max()) < stretches:
+        if not self.is_fittable.any() or int(self.group.max()) < stretches:
             return self
         end = int(np.argmax(self.group >= stretches))
-        return replace(self._select_samples(slice(0, end)), progress=make_centred_progress(end))
+        return replace(self._select_samples(slice(0, end)), progress=make_centred_ramp(end))
 
-    def keep_near_fitted(self, reach_s: float) -> "MotionSamples":
+    def drop_samples_far_from_fitted(self, reach_s: float) -> "MotionSamples":
         """Drop samples farther than `reach_s` from all that may be fitted.
 
         Time shifts of force or speed up to `reach_s` are not affected.
         """
         size = math.ceil(reach_s * self.rate_hz) + 1
-        near = flag_windows(self.used, size) | flag_windows(self.used[::-1], size)[::-1]
+        near = (
+            flag_windows(self.is_fittable, size) | flag_windows(self.is_fittable[::-1], size)[::-1]
+        )
         return self._select_samples(np.flatnonzero(near))
 
-    def _select_samples(self, cut: slice | Ints) -> "MotionSamples":
+    def _select_samples(self, selection: slice | Ints) -> "MotionSamples":
         """Select a subset of the samples."""
         level, measured = self.without_gravity, self.specific_force
         wheels = self.wheel_acceleration
         return replace(
             self,
-            acceleration=self.acceleration[cut],
-            speed=self.speed[cut],
-            force=self.force[cut],
-            group=self.group[cut],
-            direction=self.direction[cut],
-            unit=self.unit[cut],
-            specific_force=None if measured is None else measured[cut],
-            without_gravity=None if level is None else level[cut],
-            wheel_acceleration=None if wheels is None else wheels[cut],
-            progress=self.progress[cut],
-            driven_m=self.driven_m[cut],
-            place_1=self.place_1[cut],
-            arms=tuple(each[cut] for each in self.arms),
-            digs=None if self.digs is None else self.digs[cut],
-            empty=None if self.empty is None else self.empty[cut],
-            stood=None if self.stood is None else self.stood[cut],
-            silences=None if self.silences is None else self.silences[cut],
+            acceleration=self.acceleration[selection],
+            speed=self.speed[selection],
+            force=self.force[selection],
+            group=self.group[selection],
+            direction=self.direction[selection],
+            unit=self.unit[selection],
+            specific_force=None if measured is None else measured[selection],
+            without_gravity=None if level is None else level[selection],
+            wheel_acceleration=None if wheels is None else wheels[selection],
+            progress=self.progress[selection],
+            driven_m=self.driven_m[selection],
+            place_1=self.place_1[selection],
+            arms=tuple(each[selection] for each in self.arms),
+            digs=None if self.digs is None else self.digs[selection],
+            empty=None if self.empty is None else self.empty[selection],
+            stood=None if self.stood is None else self.stood[selection],
+            silences=None if self.silences is None else self.silences[selection],
         )
 
     @cached_property
-    def pieces(self) -> tuple["MotionSamples", ...]:
+    def split_into_pieces(self) -> tuple["MotionSamples", ...]:
         """Split into pieces of whole stretches, with the samples around that their means need."""
         spans = stretch_spans(self.group)
         whole = np.flatnonzero(np.diff(spans[:, 0] // _PIECE)) + 1
@@ -213,53 +215,55 @@ class MotionSamples:
         return way - way[np.arange(way.size) - self.samples_since_start]
 
     @cached_property
-    def used(self) -> Bools:
+    def is_fittable(self) -> Bools:
         """Whether each sample may be fitted, (n,)."""
         return self.group >= 0
 
     @cached_property
-    def largest_force(self) -> float:
+    def force_95_percent(self) -> float:
         """95 % quantile of the force, in N."""
-        return float(np.quantile(np.abs(self.force[self.used]), 0.95))
+        return float(np.quantile(np.abs(self.force[self.is_fittable]), 0.95))
 
     @cached_property
-    def largest_speed(self) -> float:
+    def speed_95_percent(self) -> float:
         """95 % quantile of the speed, in m/s."""
-        return float(np.quantile(np.abs(self.speed[self.used]), 0.95))
+        return float(np.quantile(np.abs(self.speed[self.is_fittable]), 0.95))
 
     @cached_property
-    def mean_speed(self) -> float:
+    def mean_absolute_speed_m_s(self) -> float:
         """Mean of the absolute speed, in m/s."""
-        return float(np.mean(np.abs(self.speed[self.used])))
+        return float(np.mean(np.abs(self.speed[self.is_fittable])))
 
     @cached_property
     def approximate_mass_kg(self) -> float:
         """Typical large force over typical large acceleration, in kg."""
-        reached = float(np.quantile(np.abs(self.acceleration[self.used]), 0.95))
-        return self.largest_force / reached if reached else 0.0
+        reached = float(np.quantile(np.abs(self.acceleration[self.is_fittable]), 0.95))
+        return self.force_95_percent / reached if reached else 0.0
 
     @property
     def has_enough_motion(self) -> bool:
         """Whether force, speed and acceleration are large enough to scale the priors."""
-        return self.approximate_mass_kg > 0.0 and self.largest_speed > 0.0
+        return self.approximate_mass_kg > 0.0 and self.speed_95_percent > 0.0
 
     @cached_property
     def manoeuvre_count(self) -> int:
         """Number of manoeuvres that may be fitted."""
-        return int(np.unique(self.unit[self.used]).size)
+        return int(np.unique(self.unit[self.is_fittable]).size)
 
     @cached_property
     def separate_drive_count(self) -> int:
         """Number of drives that may be fitted between which a load may change."""
-        return int(np.unique((self.unit if self.stood is None else self.stood)[self.used]).size)
+        return int(
+            np.unique((self.unit if self.stood is None else self.stood)[self.is_fittable]).size
+        )
 
     @cached_property
     def record_count(self) -> int:
         """Number of records, separated by gaps."""
-        return 1 if self.silences is None else int(np.unique(self.silences[self.used]).size)
+        return 1 if self.silences is None else int(np.unique(self.silences[self.is_fittable]).size)
 
     @cached_property
-    def is_on_bench(self) -> bool:
+    def is_bench_log(self) -> bool:
         """Whether it moves back and forth on one short path, which no vehicle does."""
         driven_m = float(np.abs(self.speed).sum()) / self.rate_hz
         return self.drives_both_ways and 0.0 < self.path_m < min(
@@ -269,7 +273,7 @@ class MotionSamples:
     @cached_property
     def drives_both_ways(self) -> bool:
         """Whether it drives forwards and in reverse, be it for a single start."""
-        forwards = self.direction[self.used] > 0
+        forwards = self.direction[self.is_fittable] > 0
         return bool(forwards.any() and not forwards.all())
 
 
@@ -294,14 +298,14 @@ def collect_motion_samples(
     """
     settings = machine.settings
     speed = column_values(aligned, "speed_x_m_s")
-    force = longitudinal_force(aligned, machine.machine)
-    acceleration = regressor_acceleration(aligned, machine)
+    force = compute_longitudinal_force(aligned, machine.machine)
+    acceleration = compute_regressor_acceleration(aligned, machine)
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
     noise_m_s = LIMITS.moving_speed_std * float(np.sqrt(noise.covariance(3)[1, 1]))
     moves_m_s = max(noise_m_s, LIMITS.moving_speed_m_s)
     smoothed_m_s = float(np.sqrt(noise.covariance(settings.smooth.samples)[1, 1]))
-    group = fitted_manoeuvre_of_samples(
+    group = number_fitted_manoeuvres(
         excitation, gated, machine, moves_m_s, smoothed_m_s, braking=braking
     )
     filtered = any(channel.is_derivative for channel in machine.channels.values())
@@ -315,21 +319,23 @@ def collect_motion_samples(
         settled,
     )
     # a lag moves the force, and its derivative looks to both sides: neither into a gap
-    clear = rows_in_duration(LIMITS.gap_margin_s, settings.align.rate_hz)
-    silent = ~known | mark_missing_rows(aligned)
+    clear = count_rows_in_duration(LIMITS.gap_margin_s, settings.align.rate_hz)
+    silent = ~known | mark_rows_without_data(aligned)
     near_gap = flag_windows(silent, clear) | flag_windows(silent[::-1], clear)[::-1]
     group = number_one_way_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
-    group = drop_standing_runs(group, np.where(known, speed, 0.0), noise_m_s)
+    group = drop_stretches_at_noise_speed(group, np.where(known, speed, 0.0), noise_m_s)
     measured = _read_grid_column(aligned, "specific_force_x_m_s2", known)
     pitch = _read_grid_column(aligned, "pitch_rad", known)
     level = None
     if measured is not None and pitch is not None:
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
     stood = running_standstill_count(excitation)
-    unit = cut_drives(stood, rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz))
-    longest_hole = rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
+    unit = number_drives(
+        stood, count_rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz)
+    )
+    longest_hole = count_rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
     silences = running_gap_count(known, longest_hole)
-    group = cut_stretches(group, unit)
+    group = split_stretches_at_units(group, unit)
     return MotionSamples(
         np.where(known, acceleration, 0.0),
         np.where(known, speed, 0.0),
@@ -341,28 +347,28 @@ def collect_motion_samples(
         measured,
         level,
         _read_grid_column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
-        make_centred_progress(speed.size),
+        make_centred_ramp(speed.size),
         np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
         *path_positions(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
-        _empty_machine_weight(machine, acceleration, force, group >= 0),
+        empty_machine_weight(machine, acceleration, force, group >= 0),
         tuple(column_values(aligned, name) for name in _ARMS if name in aligned.columns),
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
-        samples_named_empty(aligned, machine),
+        mark_samples_stated_empty(aligned, machine),
         stood,
         silences,
         machine.machine.wheel_radius_u_1,
     )
 
 
-@compiled_ahead
-def ground_speed_ratio(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
+@compiled_unless_short_log
+def ground_to_wheel_speed_ratio(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
     """Ground speed over wheel speed, (n,), for a slip of κ = F / C."""
     return 1.0 / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)
 
 
-def _empty_machine_weight(
+def empty_machine_weight(
     machine: Machine, acceleration: Floats, force: Floats, used: Bools
 ) -> float:
     """Weight of the empty machine in N, estimated from force over acceleration if not stated."""
@@ -374,7 +380,7 @@ def _empty_machine_weight(
     return body.gravity_m_s2 * of_force / max(of_acceleration, 1e-3)
 
 
-def samples_named_empty(aligned: pl.DataFrame, machine: Machine) -> Bools | None:
+def mark_samples_stated_empty(aligned: pl.DataFrame, machine: Machine) -> Bools | None:
     """Samples that `settings.loads` names as empty machine, (n,); None if it names none."""
     loads = machine.settings.loads
     if loads.empty_from_s is None or loads.empty_to_s is None:
@@ -383,7 +389,7 @@ def samples_named_empty(aligned: pl.DataFrame, machine: Machine) -> Bools | None
     return (t_s >= loads.empty_from_s) & (t_s <= loads.empty_to_s)
 
 
-def _read_grid_column(aligned: pl.DataFrame, name: str, known: Bools) -> Floats | None:
+def _read_grid_column(aligned: pl.DataFrame, name: str, has_value: Bools) -> Floats | None:
     if name not in aligned.columns:
         return None
-    return np.where(known, column_values(aligned, name), 0.0)
+    return np.where(has_value, column_values(aligned, name), 0.0)

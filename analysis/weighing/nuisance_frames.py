@@ -7,8 +7,8 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import FRAMES, build_frame
-from analysis.model.uncertainty_sources import combined_u
-from analysis.weighing.mass_budget import budget_of_mass
+from analysis.model.uncertainty_sources import combine_u
+from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.wheel_kinematics import TERMS
 
@@ -31,29 +31,29 @@ def make_nuisance_frame(weighing: Weighing | None) -> pl.DataFrame:
 def _make_term_rows(weighing: Weighing) -> pl.DataFrame:
     """Rows of the terms of the fit."""
     fit, own = weighing.fit, weighing.alone
-    parts_kg = fit.u_parts_kg(fit.weights_of_state(fit.main_state))
+    parts_kg = fit.u_parts_kg(fit.weights_of_state(fit.most_frequent_state))
     prior_std, mean_u = fit.prior_std.copy(), fit.prior_means.mean_u.copy()
     columns = {
         "term": [term.name for term in fit.terms],
         "unit": [term.unit for term in fit.terms],
         "prior_mean": fit.prior_means.mean,
         "prior_std": prior_std,
-        "posterior": fit.posterior[0],
-        "posterior_std": fit.posterior[1],
+        "posterior": fit.term_posteriors[0],
+        "posterior_std": fit.term_posteriors[1],
         "u_kg": [parts_kg[term.name] for term in fit.terms],
         "meaning": [term.meaning for term in fit.terms],
     }
     if own is None:
         return pl.DataFrame(columns)
-    learnt = weighing.learnt if weighing.corrects_learnt_means else {}
+    learnt = weighing.learnt if weighing.has_corrected_learnt_means else {}
     for place, term in enumerate(fit.terms):
         if term.name in learnt and not fit.prior_means.mean_u[place]:
             prior_std[place] = learnt[term.name].std
             mean_u[place] = learnt[term.name].mean_u
     alone = {
         "prior_mean_u": mean_u,
-        "alone": own.posterior[0],
-        "alone_std": own.posterior[1],
+        "alone": own.term_posteriors[0],
+        "alone_std": own.term_posteriors[1],
         "alone_prior_mean": own.prior_means.mean,
         "alone_prior_std": own.prior_std,
     }
@@ -66,8 +66,8 @@ def _make_wheel_rows(weighing: Weighing) -> pl.DataFrame:
     wheels = fit.kinematics
     if wheels is None or not wheels.is_consistent or wheels.gain_counts:
         return pl.DataFrame()
-    parts_kg = fit.u_parts_kg(fit.weights_of_state(fit.main_state))
-    said = list(wheels.values_by_term.values())
+    parts_kg = fit.u_parts_kg(fit.weights_of_state(fit.most_frequent_state))
+    said = list(wheels.estimates_by_prior_name.values())
     rows: dict[str, object] = {
         "term": TERMS,
         "unit": [unit for unit, _ in _OF_WHEELS],
@@ -83,8 +83,8 @@ def _make_wheel_rows(weighing: Weighing) -> pl.DataFrame:
         alone = wheels if wheels.own is None else wheels.own
         rows |= {
             "prior_mean_u": wheels.mean_u,
-            "alone": [value for value, _ in alone.values_by_term.values()],
-            "alone_std": [std for _, std in alone.values_by_term.values()],
+            "alone": [value for value, _ in alone.estimates_by_prior_name.values()],
+            "alone_std": [std for _, std in alone.estimates_by_prior_name.values()],
             "alone_prior_mean": [0.0] * len(TERMS),
             "alone_prior_std": alone.prior_std,
         }
@@ -96,14 +96,14 @@ def make_budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFra
     if weighing is None:
         return make_empty_frame("budget")
     fit = weighing.fit
-    rows = [_make_source_rows(weighing, machine, state) for state in range(fit.count)]
+    rows = [_make_source_rows(weighing, machine, state) for state in range(fit.mass_count)]
     return build_frame("budget", pl.concat(rows).to_dict())
 
 
 def _make_source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
     """Uncertainty budget of a load, one row per source."""
-    sources = budget_of_mass(weighing, machine, weighing.fit.weights_of_state(state))
-    total = combined_u(sources)
+    sources = make_mass_budget(weighing, machine, weighing.fit.weights_of_state(state))
+    total = combine_u(sources)
     u_kg = np.array([np.nan if source.u is None else source.u for source in sources])
     return pl.DataFrame(
         {

@@ -116,12 +116,12 @@ class Nuisance:
     source: str = ""
 
 
-def constant_force_std(largest_N: float, weight_N: float, priors: PriorSettings) -> float:
+def constant_force_prior_std(largest_N: float, weight_N: float, priors: PriorSettings) -> float:
     """Prior standard deviation of a constant force in N, from driving force and weight."""
     return float(np.hypot(priors.const_share * largest_N, priors.const_weight_share * weight_N))
 
 
-def coulomb_std(largest_N: float, weight_N: float, priors: PriorSettings) -> float:
+def friction_force_prior_std(largest_N: float, weight_N: float, priors: PriorSettings) -> float:
     """Prior standard deviation of Coulomb friction and rolling resistance in N, likewise."""
     return float(
         np.hypot(priors.direction_share * largest_N, priors.direction_weight_share * weight_N)
@@ -130,15 +130,15 @@ def coulomb_std(largest_N: float, weight_N: float, priors: PriorSettings) -> flo
 
 def const_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
     """Prior standard deviation of the term `const`, in N."""
-    return constant_force_std(motion.largest_force, motion.weight, priors)
+    return constant_force_prior_std(motion.force_95_percent, motion.weight, priors)
 
 
 def coulomb_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
     """Prior standard deviation of the Coulomb term, in N."""
-    return coulomb_std(motion.largest_force, motion.weight, priors)
+    return friction_force_prior_std(motion.force_95_percent, motion.weight, priors)
 
 
-def split_measured_offset(motion: MotionSamples, priors: PriorSettings) -> tuple[float, float]:
+def split_constant_force_std(motion: MotionSamples, priors: PriorSettings) -> tuple[float, float]:
     """Split a constant force, by the priors, into measurement error and acting force.
 
     The log determines only their sum.
@@ -146,7 +146,7 @@ def split_measured_offset(motion: MotionSamples, priors: PriorSettings) -> tuple
     Returns:
         Expected fraction of measurement error, and the standard deviation in N.
     """
-    wrong = priors.const_share * motion.largest_force
+    wrong = priors.const_share * motion.force_95_percent
     coulomb = 0.0 if motion.drives_both_ways else coulomb_prior_std(motion, priors)
     acts = float(np.hypot(priors.const_weight_share * motion.weight, coulomb))
     both = float(np.hypot(wrong, acts))
@@ -169,28 +169,28 @@ class WeightShare:
     std_N: float
 
     @classmethod
-    def from_parts(cls, newtons: float, of_weight: float) -> Self:
+    def from_parts(cls, constant_std_N: float, weight_std_N: float) -> Self:
         """Split a force whose parts have these standard deviations in N."""
-        both = float(np.hypot(newtons, of_weight))
-        return cls((of_weight / both) ** 2, newtons * of_weight / both)
+        both = float(np.hypot(constant_std_N, weight_std_N))
+        return cls((weight_std_N / both) ** 2, constant_std_N * weight_std_N / both)
 
 
-def split_const_by_weight(motion: MotionSamples, priors: PriorSettings) -> WeightShare:
+def split_constant_term_by_weight(motion: MotionSamples, priors: PriorSettings) -> WeightShare:
     """Split the constant force; it includes Coulomb friction if all driving is one way."""
-    newtons = priors.const_share * motion.largest_force
+    newtons = priors.const_share * motion.force_95_percent
     of_weight = priors.const_weight_share * motion.weight
     if motion.drives_both_ways:
         return WeightShare.from_parts(newtons, of_weight)
     return WeightShare.from_parts(
-        float(np.hypot(newtons, priors.direction_share * motion.largest_force)),
+        float(np.hypot(newtons, priors.direction_share * motion.force_95_percent)),
         float(np.hypot(of_weight, priors.direction_weight_share * motion.weight)),
     )
 
 
-def split_coulomb_by_weight(motion: MotionSamples, priors: PriorSettings) -> WeightShare:
+def split_coulomb_term_by_weight(motion: MotionSamples, priors: PriorSettings) -> WeightShare:
     """Split the friction force."""
     return WeightShare.from_parts(
-        priors.direction_share * motion.largest_force,
+        priors.direction_share * motion.force_95_percent,
         priors.direction_weight_share * motion.weight,
     )
 
@@ -198,7 +198,7 @@ def split_coulomb_by_weight(motion: MotionSamples, priors: PriorSettings) -> Wei
 def weight_const_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
     """Prior standard deviation of `weight_const` in N: its split, and a sagging body."""
     sags = priors.sag_weight_share * motion.weight
-    return float(np.hypot(split_const_by_weight(motion, priors).std_N, sags))
+    return float(np.hypot(split_constant_term_by_weight(motion, priors).std_N, sags))
 
 
 def _make_warming_term(name: str) -> Nuisance:
@@ -208,7 +208,7 @@ def _make_warming_term(name: str) -> Nuisance:
         name,
         "N·s/m",
         lambda m: m.speed * shape.share(m.progress),
-        lambda e, s: s.viscous_drift_share * e.largest_force / e.largest_speed,
+        lambda e, s: s.viscous_drift_share * e.force_95_percent / e.speed_95_percent,
         shape.meaning,
         "a machine that is warm",
         by_speed=lambda m: shape.share(m.progress),
@@ -249,7 +249,7 @@ NUISANCES: Final = (
         "slip",
         "s/m",
         lambda m: np.abs(m.ground_speed) * m.force,
-        lambda e, s: s.wheel_slip / e.largest_speed,
+        lambda e, s: s.wheel_slip / e.speed_95_percent,
         "longitudinal slip: friction of a wheel speed that is not the ground's",
         "an accelerometer beside the wheel speed, or starts at different throttles",
         by_speed=lambda m: np.sign(m.speed) * m.force,
@@ -266,7 +266,7 @@ NUISANCES: Final = (
                 + np.abs(m.ground_speed) * m.force_rate
             )
         ),
-        lambda e, s: e.approximate_mass_kg * s.wheel_slip / e.largest_force,
+        lambda e, s: e.approximate_mass_kg * s.wheel_slip / e.force_95_percent,
         "longitudinal slip: wheels gain speed that the machine does not",
         "an accelerometer on the body",
         by_force=lambda m: -np.sign(m.speed) * m.wheel_acceleration,
@@ -277,7 +277,7 @@ NUISANCES: Final = (
         "quadratic",
         "N·s²/m²",
         lambda m: m.speed * np.abs(m.speed),
-        lambda e, s: s.quadratic_share * e.largest_force / e.largest_speed**2,
+        lambda e, s: s.quadratic_share * e.force_95_percent / e.speed_95_percent**2,
         "resistance that grows with the square of the speed",
         "cruising at several speeds",
         by_speed=lambda m: 2.0 * np.abs(m.speed),
@@ -306,7 +306,7 @@ NUISANCES: Final = (
         "offset",
         "N",
         lambda m: -m.slip_s_m * np.abs(m.speed) - m.transfer_s2_m * m.acceleration,
-        lambda e, s: max(split_measured_offset(e, s)[1], LIMITS.min_offset_std_N),
+        lambda e, s: max(split_constant_force_std(e, s)[1], LIMITS.min_offset_std_N),
         "what the constant force has of an error of the measured force, beside what is expected "
         "of it: neither slip nor load transfer act on it",
         "a measured force that is zeroed",
@@ -338,7 +338,7 @@ NUISANCES: Final = (
         "weight_direction",
         "N",
         lambda m: m.direction * m.relative_load,
-        lambda e, s: split_coulomb_by_weight(e, s).std_N,
+        lambda e, s: split_coulomb_term_by_weight(e, s).std_N,
         "what of Coulomb friction is in proportion to the weight with its load (rolling "
         "resistance), beside what is expected of it",
         "starts at different throttles with each load",

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
-from analysis.weighing.joint_fit import JointFitInputs, joint_fit
+from analysis.weighing.joint_fit import JointFitInputs, fit_jointly
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.weighing_limits import LIMITS
@@ -28,7 +28,7 @@ class AlternativeMotion:
     u_kg: float
 
     @property
-    def mass_shift_in_u(self) -> float:
+    def mass_shift_over_u(self) -> float:
         """Change of the mass in standard uncertainties; infinite if the refit has no mass."""
         return abs(self.kg) / self.u_kg if np.isfinite(self.kg) else float("inf")
 
@@ -39,9 +39,9 @@ def wheel_imu_disagreement(fit: JointFit) -> float:
     The part that the speed's noise explains does not count.
     """
     wheels = fit.kinematics
-    if wheels is None or not fit.motion.largest_speed:
+    if wheels is None or not fit.motion.speed_95_percent:
         return float("nan")
-    return wheels.disagreement_m_s / fit.motion.largest_speed
+    return wheels.disagreement_m_s / fit.motion.speed_95_percent
 
 
 def refit_with_wheel_or_imu_motion(
@@ -68,7 +68,7 @@ def refit_with_wheel_or_imu_motion(
         by_accelerometer=not by_wheels,
     )
     of_other = _OtherMotionNoise(noise, motion.rate_hz, by_wheels=by_wheels)
-    found = joint_fit(JointFitInputs.prepare(other, of_other, priors), fit.states)
+    found = fit_jointly(JointFitInputs.prepare(other, of_other, priors), fit.states)
     return AlternativeMotion(found.mass_kg - fit.mass_kg, float(np.hypot(found.u_kg, fit.u_kg)))
 
 

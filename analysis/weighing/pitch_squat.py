@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
-from analysis.weighing.stretch_means import EVERY, MEAN, average_overlapping
+from analysis.weighing.stretch_means import EVERY, MEAN, take_overlapping_means
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.numerics.fit_loss import group_rows
+from estimators.numerics.fit_loss import list_rows_by_group
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,24 +42,24 @@ def pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -> PitchP
     assert motion.without_gravity is not None
     first: list[int] = []
     products: list[Floats] = []
-    channels = (motion.without_gravity, motion.force / motion.largest_force, gravity)
-    for part in group_rows(motion.group):
+    channels = (motion.without_gravity, motion.force / motion.force_95_percent, gravity)
+    for part in list_rows_by_group(motion.group):
         travelled_m = np.cumsum(np.abs(motion.speed[part])) / motion.rate_hz
         near = part[travelled_m < LIMITS.grade_reach_m]
         if near.size < MEAN + EVERY * (LIMITS.pitch_min_rows + 2 * LIMITS.pitch_rate_means):
             continue
-        a, force, pitch = (average_overlapping(channel[near]) for channel in channels)
+        a, force, pitch = (take_overlapping_means(channel[near]) for channel in channels)
         grade = np.vander(
-            trim_to_means_with_rate(average_overlapping(travelled_m[: near.size]))
+            trim_to_means_with_rate(take_overlapping_means(travelled_m[: near.size]))
             / LIMITS.grade_reach_m,
             LIMITS.grade_degree + 1,
         )
         rows = np.column_stack(
             [
                 trim_to_means_with_rate(force),
-                _rate_of_means(force),
+                _difference_of_outer_means(force),
                 trim_to_means_with_rate(a),
-                _rate_of_means(a),
+                _difference_of_outer_means(a),
                 trim_to_means_with_rate(pitch),
             ]
         )
@@ -70,14 +70,14 @@ def pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -> PitchP
     return PitchProducts(np.array(first, np.int64), both[:, :, 2], both[:, :, :2])
 
 
-def trim_to_means_with_rate(x: Floats) -> Floats:
+def trim_to_means_with_rate(means: Floats) -> Floats:
     """The means without the outer ones, which have no rate."""
-    return x[LIMITS.pitch_rate_means : -LIMITS.pitch_rate_means]
+    return means[LIMITS.pitch_rate_means : -LIMITS.pitch_rate_means]
 
 
-def _rate_of_means(x: Floats) -> Floats:
+def _difference_of_outer_means(means: Floats) -> Floats:
     """Rate of change by differences of means that are a fixed number of means apart."""
-    return x[2 * LIMITS.pitch_rate_means :] - x[: -2 * LIMITS.pitch_rate_means]
+    return means[2 * LIMITS.pitch_rate_means :] - means[: -2 * LIMITS.pitch_rate_means]
 
 
 def fit_instrumental_variables(columns: Floats, response: Floats) -> tuple[Floats, Floats] | None:

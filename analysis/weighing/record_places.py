@@ -12,18 +12,18 @@ import numpy as np
 from analysis.weighing.fit_columns import FitRows
 from analysis.weighing.force_by_place import (
     BY_PLACE,
-    make_place_force_columns,
-    make_place_slope_columns,
+    make_position_force_columns,
+    make_position_force_slopes,
 )
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.weighing_limits import LIMITS
 
 
-def align_records(motion: MotionSamples) -> MotionSamples:
+def align_bench_records(motion: MotionSamples) -> MotionSamples:
     """Align the paths of a bench's records by their position-dependent force."""
-    used = motion.used
-    if motion.silences is None or not used.any() or not motion.is_on_bench:
+    used = motion.is_fittable
+    if motion.silences is None or not used.any() or not motion.is_bench_log:
         return motion
     record = np.unique(motion.silences[used], return_inverse=True)[1]
     records = int(record.max()) + 1
@@ -52,36 +52,34 @@ def align_records(motion: MotionSamples) -> MotionSamples:
 
 
 def find_record_offsets(
-    straight: Floats, force: Floats, place_1: Floats, of_record: Floats
+    path_m: Floats, force: Floats, place_1: Floats, record_of_sample: Floats
 ) -> Floats:
     """Offset of each record's position from the first one's, by the force at each position.
 
     Args:
-        straight: (n, columns) columns of the other forces: a mass per record, friction, a constant.
+        path_m: (n, columns) columns of the other forces: a mass per record, friction, a constant.
         force: (n,) force in N.
         place_1: (n,) positions, with each record centred on its own path.
-        of_record: (n, records) 1 if the sample belongs to the record.
+        record_of_sample: (n, records) 1 if the sample belongs to the record.
 
     Returns:
         (records,) offsets to add to the positions, as fractions of the path.
     """
-    records = of_record.shape[1]
+    records = record_of_sample.shape[1]
     off_1 = np.zeros(records)
     best_1, least = off_1, np.inf
     for _ in range(LIMITS.place_rounds):
-        place = place_1 + of_record @ off_1
-        known = np.column_stack((straight, make_place_force_columns(place)))
-        found, missed = _ridge_solution_and_residual(
-            known, force, np.full(known.shape[1], LIMITS.free_column_std)
-        )
+        place = place_1 + record_of_sample @ off_1
+        known = np.column_stack((path_m, make_position_force_columns(place)))
+        found, missed = _solve_ridge(known, force, np.full(known.shape[1], LIMITS.free_column_std))
         cost = float(missed @ missed) / max(float(force @ force), 1e-300)
         if cost >= least * (1.0 - 1e-9):
             break
         best_1, least = off_1, cost
-        slope = make_place_slope_columns(place) @ found[straight.shape[1] :]
-        moving = np.column_stack((known, slope[:, None] * of_record[:, 1:]))
+        slope = make_position_force_slopes(place) @ found[path_m.shape[1] :]
+        moving = np.column_stack((known, slope[:, None] * record_of_sample[:, 1:]))
         free = np.full(moving.shape[1], LIMITS.free_column_std)
-        step = _ridge_solution_and_residual(moving, force, free)[0][known.shape[1] :]
+        step = _solve_ridge(moving, force, free)[0][known.shape[1] :]
         step = np.append(0.0, step).clip(-LIMITS.max_record_step_1, LIMITS.max_record_step_1)
         if float(np.abs(step).max()) < LIMITS.record_tolerance_1:
             break
@@ -89,43 +87,41 @@ def find_record_offsets(
     return best_1
 
 
-def rows_for_load_search(found: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
+def make_load_search_rows(fit: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
     """Rows for the search of load states, with or without weight in the force by place.
 
     A one-mass fit cannot tell how much of that force is weight, so none and all of it are tried.
     After a fit of several masses the weight is that of the mass being searched, not of the one
     found before.
     """
-    motion, states = found.motion, found.states
-    if not (motion.record_count > 1 and motion.is_on_bench and found.mass_kg > 0.0):
+    motion, states = fit.motion, fit.states
+    if not (motion.record_count > 1 and motion.is_bench_log and fit.mass_kg > 0.0):
         return (rows,)
-    theta = found.theta[found.count + 1 :]
-    place = [
-        n for n, term in enumerate(found.terms) if term.source == BY_PLACE and not term.by_load
-    ]
-    if found.count == 1 or states is None:
-        return rows, add_weight_by_place(rows, place, theta[place] / found.mass_kg)
-    grows = [n for n, term in enumerate(found.terms) if term.source == BY_PLACE and term.by_load]
-    usual_kg = float(np.mean(found.masses_kg[states.membership]))
-    taken = add_weight_by_place(rows, place, theta[grows] / usual_kg)
+    theta = fit.theta[fit.mass_count + 1 :]
+    place = [n for n, term in enumerate(fit.terms) if term.source == BY_PLACE and not term.by_load]
+    if fit.mass_count == 1 or states is None:
+        return rows, add_position_dependent_weight(rows, place, theta[place] / fit.mass_kg)
+    grows = [n for n, term in enumerate(fit.terms) if term.source == BY_PLACE and term.by_load]
+    usual_kg = float(np.mean(fit.masses_kg[states.membership]))
+    taken = add_position_dependent_weight(rows, place, theta[grows] / usual_kg)
     taken.A[:, 2 + np.array(grows)] = 0.0
     return (taken,)
 
 
-def add_weight_by_place(rows: FitRows, place: list[int], weight_m_s2: Floats) -> FitRows:
+def add_position_dependent_weight(
+    rows: FitRows, position_m: list[int], weight_m_s2: Floats
+) -> FitRows:
     """Add the position-dependent weight per kg to the column that multiplies the mass."""
     A = rows.A.copy()
-    A[:, 0] += rows.A[:, 2:][:, place] @ weight_m_s2
+    A[:, 0] += rows.A[:, 2:][:, position_m] @ weight_m_s2
     return replace(rows, A=A)
 
 
-def _ridge_solution_and_residual(
-    columns: Floats, force: Floats, free: Floats
-) -> tuple[Floats, Floats]:
+def _solve_ridge(columns: Floats, force: Floats, is_unpenalised: Floats) -> tuple[Floats, Floats]:
     """Ridge regression with all but the free columns penalised; solution and residual."""
     size = np.sqrt(np.mean(columns**2, axis=0))
     size[size == 0.0] = 1.0
     scaled = columns / size
-    normal = scaled.T @ scaled + np.diag(free**-2.0)
+    normal = scaled.T @ scaled + np.diag(is_unpenalised**-2.0)
     found = np.linalg.solve(normal, scaled.T @ force)
     return found / size, force - scaled @ found

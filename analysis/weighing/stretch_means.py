@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.motion_samples import Floats, Ints
-from estimators.interpreted import compiled_ahead
-from estimators.numerics.fit_loss import group_rows
+from estimators.interpreted import compiled_unless_short_log
+from estimators.numerics.fit_loss import list_rows_by_group
 from estimators.numerics.in_order import sum_in_order
 
 #: Means of so many samples are compared; stretches shorter than ten of them are not.
@@ -16,8 +16,8 @@ MEAN: Final = 10
 EVERY: Final = 3
 
 
-@compiled_ahead
-def average_overlapping(x: Floats) -> Floats:
+@compiled_unless_short_log
+def take_overlapping_means(x: Floats) -> Floats:
     """Overlapping means (means,) of `MEAN` samples, one every `EVERY`."""
     out = np.empty((x.size - MEAN) // EVERY + 1)
     for i in range(out.size):
@@ -25,7 +25,7 @@ def average_overlapping(x: Floats) -> Floats:
     return out
 
 
-@compiled_ahead
+@compiled_unless_short_log
 def subtract_fitted_line(x: Floats) -> Floats:
     """Residual (n,) of a linear fit."""
     middle = (x.size - 1) / 2.0
@@ -37,12 +37,12 @@ def subtract_fitted_line(x: Floats) -> Floats:
 def stretch_trend_columns(group: Ints) -> Floats:
     """A constant and a slope column for each stretch, (rows, 2)."""
     return np.concatenate(
-        [_orthonormal_constant_and_slope(part.size) for part in group_rows(group)]
+        [orthonormal_constant_and_slope(part.size) for part in list_rows_by_group(group)]
     )
 
 
 @cache
-def _orthonormal_constant_and_slope(samples: int) -> Floats:
+def orthonormal_constant_and_slope(samples: int) -> Floats:
     """Orthonormal columns of a constant and a slope, (samples, 2)."""
     ramp = np.linspace(-1.0, 1.0, samples)
     return np.linalg.qr(np.column_stack([np.ones(samples), ramp]))[0]

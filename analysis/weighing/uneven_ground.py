@@ -22,7 +22,7 @@ from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import ColumnInputs, Nuisance
-from estimators.interpreted import compiled_ahead, compiled_inline
+from estimators.interpreted import compiled_inline, compiled_unless_short_log
 
 #: What all of it is in the budget.
 BY_GROUND: Final = "ground"
@@ -40,12 +40,12 @@ class _DrivingDirection:
     name: str
     sign: float
 
-    def terms(self) -> list[Nuisance]:
+    def make_terms(self) -> list[Nuisance]:
         """Terms at the loading places, then along the way: for all loads, and by load."""
         places = list(pairwise(LIMITS.loading_places_m))
         found = [
             self._make_load_difference_term(
-                "", lambda m: np.ones(m.speed.size), self._loading_place_std
+                "", lambda m: np.ones(m.speed.size), self._loading_place_prior_std
             )
         ]
         for begin_m, end_m in places:
@@ -79,21 +79,21 @@ class _DrivingDirection:
         return Nuisance(
             f"ground_{self.name}{name}",
             "N",
-            lambda m: _restrict_to_direction(column(m), m.direction, self.sign),
+            lambda m: restrict_to_direction(column(m), m.direction, self.sign),
             width,
             f"{meaning}, {self.name}",
             "more cycles; a pitch channel; even ground",
-            applies=self._applies,
+            applies=self._drives_in_direction,
             by_load=True,
             source=BY_GROUND,
         )
 
     @staticmethod
-    def _loading_place_std(motion: MotionSamples, priors: PriorSettings) -> float:
+    def _loading_place_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
         return priors.ground_share * motion.weight
 
-    def _applies(self, motion: MotionSamples) -> bool:
-        ways = motion.direction[motion.used] == self.sign
+    def _drives_in_direction(self, motion: MotionSamples) -> bool:
+        ways = motion.direction[motion.is_fittable] == self.sign
         return (
             motion.manoeuvre_count >= LIMITS.ground_min_manoeuvres
             and float(ways.mean()) > LIMITS.direction_min_fraction
@@ -102,35 +102,35 @@ class _DrivingDirection:
 
 def _make_ramp_between(begin_m: float, end_m: float) -> Callable[[ColumnInputs], Floats]:
     """Function that rises from 0 to 1 between two travelled distances."""
-    return lambda m: _clipped_ramp(m.travelled_m, begin_m, end_m)
+    return lambda m: _linear_ramp_values(m.travelled_m, begin_m, end_m)
 
 
 @compiled_inline
-def _ramp_at(place: float, begin: float, end: float) -> float:
+def _linear_ramp(position: float, begin: float, end: float) -> float:
     """Linear from 0 at `begin` to 1 at `end`, constant outside."""
-    return min(max((place - begin) / (end - begin), 0.0), 1.0)
+    return min(max((position - begin) / (end - begin), 0.0), 1.0)
 
 
-@compiled_ahead
-def _clipped_ramp(place: Floats, begin: float, end: float) -> Floats:
-    """Ramp at each place, as `place`."""
-    out = np.empty(place.size)
+@compiled_unless_short_log
+def _linear_ramp_values(positions: Floats, begin: float, end: float) -> Floats:
+    """Ramp at each place, as `positions`."""
+    out = np.empty(positions.size)
     for k in range(out.size):
-        out[k] = _ramp_at(place[k], begin, end)
+        out[k] = _linear_ramp(positions[k], begin, end)
     return out
 
 
-@compiled_ahead
-def _scaled_ramp(scale: Floats, place: Floats, begin: float, end: float, ratio: float) -> Floats:
+@compiled_unless_short_log
+def scaled_ramp(scale: Floats, positions: Floats, begin: float, end: float, ratio: float) -> Floats:
     """Ramp at each place in proportion to `ratio` and to a scale (n,)."""
-    out = np.empty(place.size)
+    out = np.empty(positions.size)
     for k in range(out.size):
-        out[k] = scale[k] * (_ramp_at(place[k], begin, end) * ratio)
+        out[k] = scale[k] * (_linear_ramp(positions[k], begin, end) * ratio)
     return out
 
 
-@compiled_ahead
-def _restrict_to_direction(column: Floats, direction: Floats, sign: float) -> Floats:
+@compiled_unless_short_log
+def restrict_to_direction(column: Floats, direction: Floats, sign: float) -> Floats:
     """Column (n,) in one driving direction, 0 in the other."""
     out = np.zeros(column.size)
     for k in range(out.size):
@@ -156,7 +156,7 @@ def _make_route_term(part: int) -> Nuisance:
 
     def route_column(m: ColumnInputs) -> Floats:
         ratio = random_walk_ratio(m.route_length_m / LIMITS.route_parts)
-        return _scaled_ramp(m.loaded_direction, m.route_1, begin, end, ratio)
+        return scaled_ramp(m.loaded_direction, m.route_1, begin, end, ratio)
 
     return Nuisance(
         f"ground_route_{part + 1}_of_{LIMITS.route_parts}",
@@ -173,7 +173,7 @@ def _make_route_term(part: int) -> Nuisance:
 
 #: Behind the other terms.
 GROUND: Final = (
-    *_DrivingDirection("forward", 1.0).terms(),
-    *_DrivingDirection("reverse", -1.0).terms(),
+    *_DrivingDirection("forward", 1.0).make_terms(),
+    *_DrivingDirection("reverse", -1.0).make_terms(),
     *map(_make_route_term, range(LIMITS.route_parts)),
 )

@@ -12,16 +12,16 @@ from analysis.model.axes import X
 from analysis.model.machine import Machine
 from analysis.model.prior_settings import LearntTerm, PriorSettings
 from analysis.stages.noise.column_noise import ColumnNoise
-from analysis.stages.signals.grid_rate import rows_in_duration
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 from analysis.weighing.empty_mass_drift import EmptyMassDrift, estimate_empty_mass_drift
 from analysis.weighing.gain_by_direction import DirectionGain, find_direction_gain
 from analysis.weighing.growing_load import (
     LoadFilling,
     LoadGrowth,
-    find_creeps_between_loads,
+    find_creeping_load_changes,
     find_growing_loads,
-    fit_filling,
+    fit_growing_load,
 )
 from analysis.weighing.joint_fit import (
     JointFitInputs,
@@ -29,11 +29,11 @@ from analysis.weighing.joint_fit import (
     add_motion_responses,
     drop_unlikely_effects,
     fit_gain_by_load,
-    joint_fit,
+    fit_jointly,
     refit_with_changes,
 )
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.load_search import search_and_fit_load_states
+from analysis.weighing.load_search import fit_with_load_search
 from analysis.weighing.missing_terms import (
     ForceCurvature,
     MissingTerm,
@@ -53,7 +53,7 @@ from analysis.weighing.other_motion import (
     refit_with_wheel_or_imu_motion,
     wheel_imu_disagreement,
 )
-from analysis.weighing.record_places import align_records
+from analysis.weighing.record_places import align_bench_records
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS
 
@@ -103,7 +103,7 @@ class Weighing:
     learnt: Mapping[str, LearntTerm] = field(default_factory=dict[str, LearntTerm])
 
     @property
-    def corrects_learnt_means(self) -> bool:
+    def has_corrected_learnt_means(self) -> bool:
         """Whether the answer's fit already corrects the errors of learnt means."""
         return self.informed is self.fit
 
@@ -164,7 +164,7 @@ def weigh(
         found = _weigh_with_priors(
             aligned, excitation, gated, noise, machine, widen_learnt_priors(priors)
         )
-        if found is not None and found.fit.count > 1:
+        if found is not None and found.fit.mass_count > 1:
             return replace(found, informed=found.fit, learnt={**priors.learnt})
     return _weigh_with_priors(aligned, excitation, gated, noise, machine, priors)
 
@@ -179,7 +179,7 @@ def _weigh_with_priors(
 ) -> Weighing | None:
     """Weigh with the given priors instead of the machine's."""
     settings = machine.settings
-    known = ColumnNoise.of_axis(X, noise, settings.noise)
+    known = ColumnNoise.select_axis_noise(X, noise, settings.noise)
     if known is None or excitation.height < SIGNAL_LIMITS.window_min_readings:
         return None
     rate_hz = settings.align.rate_hz
@@ -189,20 +189,20 @@ def _weigh_with_priors(
         found = collect_motion_samples(
             aligned, excitation, gated, machine, columns, braking=braking
         )
-        return align_records(found)
+        return align_bench_records(found)
 
     def fit_load_states(motion: MotionSamples, begin: JointFit | None = None) -> JointFit:
         fitted = JointFitInputs.prepare(motion, columns, priors, begin)
         states = None if begin is None or begin.states is None else begin.states.restrict_to(motion)
-        return search_and_fit_load_states(
-            joint_fit(fitted, states), fitted, machine.machine.repeatability_kg
+        return fit_with_load_search(
+            fit_jointly(fitted, states), fitted, machine.machine.repeatability_kg
         )
 
     whole = select_motion(braking=True)
     if not _has_enough_samples(whole):
         return None
     fit = fit_load_states(whole)
-    excluded = find_creeps_between_loads(fit).tolist()
+    excluded = find_creeping_load_changes(fit).tolist()
     if excluded:
         whole = _exclude_manoeuvres(whole, excluded)
         fit = fit_load_states(whole, fit)
@@ -219,9 +219,11 @@ def _weigh_with_priors(
         driving = _exclude_manoeuvres(select_motion(braking=False), excluded)
         if _has_enough_samples(driving):
             fitted = JointFitInputs.prepare(driving, columns, priors, fit)
-            alone = joint_fit(fitted, fit.states and fit.states.restrict_to(driving))
+            alone = fit_jointly(fitted, fit.states and fit.states.restrict_to(driving))
             # driving that its own model does not fit is no witness against braking
-            beyond = max(alone.distances_from_priors.values()) > settings.verdict.beyond_prior_max
+            beyond = (
+                max(alone.prior_deviations_by_term.values()) > settings.verdict.beyond_prior_max
+            )
             if not beyond and not fit_force_curvature(alone, columns, priors).is_significant:
                 braking_kg = mean_mass_difference_kg(fit, alone)
                 allowed = LIMITS.braking_left_out_u * float(np.hypot(fit.u_kg, alone.u_kg))
@@ -229,9 +231,7 @@ def _weigh_with_priors(
                     allowed, LIMITS.braking_min_fraction * abs(alone.mass_kg)
                 )
                 if left_out:
-                    fit = search_and_fit_load_states(
-                        alone, fitted, machine.machine.repeatability_kg
-                    )
+                    fit = fit_with_load_search(alone, fitted, machine.machine.repeatability_kg)
     doubted = not left_out and abs(braking_kg) > LIMITS.braking_doubted_u * fit.u_kg
 
     fit = drop_unlikely_effects(fit, columns, priors)
@@ -241,10 +241,10 @@ def _weigh_with_priors(
     fit = add_motion_responses(fit, columns, priors)
     if fit.mass_kg == 0.0:  # of a force that is 0 wherever the machine accelerates
         return None
-    alone = _fit_without_learnt(fit, columns, priors)
+    alone = refit_without_learnt_priors(fit, columns, priors)
     own, own_priors = (fit, priors) if alone is None else (alone, _drop_learnt_priors(priors))
     halved_kg, doubled_kg = (
-        refit_with_changes(fit, columns, _scale_prior_stds(priors, factor), rows=rows).masses_kg
+        refit_with_changes(fit, columns, _multiply_prior_stds(priors, factor), rows=rows).masses_kg
         for factor in (0.5, 2.0)
     )
     return Weighing(
@@ -256,7 +256,7 @@ def _weigh_with_priors(
         doubted,
         fit_force_curvature(fit, columns, priors, rows),
         replace(
-            fit_filling(own, columns, own_priors, rows if own is fit else None),
+            fit_growing_load(own, columns, own_priors, rows if own is fit else None),
             is_possible=machine.machine.digs,
         ),
         grown,
@@ -277,10 +277,10 @@ def _weigh_with_priors(
 
 def _has_enough_samples(motion: MotionSamples) -> bool:
     """Whether enough samples may be fitted."""
-    fewest = rows_in_duration(
+    fewest = count_rows_in_duration(
         LIMITS.shortest_log_s, motion.rate_hz, SIGNAL_LIMITS.window_min_readings
     )
-    return int(motion.used.sum()) >= fewest and motion.has_enough_motion
+    return int(motion.is_fittable.sum()) >= fewest and motion.has_enough_motion
 
 
 def _exclude_manoeuvres(motion: MotionSamples, excluded_units: Sequence[int]) -> MotionSamples:
@@ -288,7 +288,7 @@ def _exclude_manoeuvres(motion: MotionSamples, excluded_units: Sequence[int]) ->
     return motion.exclude_samples(np.isin(motion.unit, excluded_units))
 
 
-def _fit_without_learnt(
+def refit_without_learnt_priors(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> JointFit | None:
     """Refit without learnt priors; None if no prior was learnt."""
@@ -314,18 +314,20 @@ def widen_learnt_priors(priors: PriorSettings) -> PriorSettings:
     return priors.model_copy(update={"learnt": learnt})
 
 
-def mean_mass_difference_kg(one: JointFit, other: JointFit) -> float:
+def mean_mass_difference_kg(fit_a: JointFit, fit_b: JointFit) -> float:
     """Mean difference of two fits' masses over the same manoeuvres, in kg."""
-    mine, theirs = one.states, other.states
+    mine, theirs = fit_a.states, fit_b.states
     if mine is None or theirs is None:
-        return one.mass_kg - other.mass_kg
+        return fit_a.mass_kg - fit_b.mass_kg
     _, a, b = np.intersect1d(mine.unit, theirs.unit, return_indices=True)
     if not a.size:
-        return one.mass_kg - other.mass_kg
-    return float(np.mean(one.masses_kg[mine.membership[a]] - other.masses_kg[theirs.membership[b]]))
+        return fit_a.mass_kg - fit_b.mass_kg
+    return float(
+        np.mean(fit_a.masses_kg[mine.membership[a]] - fit_b.masses_kg[theirs.membership[b]])
+    )
 
 
-def _scale_prior_stds(priors: PriorSettings, factor: float) -> PriorSettings:
+def _multiply_prior_stds(priors: PriorSettings, factor: float) -> PriorSettings:
     """Priors with their standard deviations multiplied by a factor."""
     learnt = {
         name: term.model_copy(update={"std": term.std * factor})

@@ -16,7 +16,7 @@ from analysis.weighing.fitted_stretches import stretch_spans
 from analysis.weighing.lever_arm import (
     BodySwing,
     estimate_swing,
-    fit_springs,
+    fit_spring_rates,
     subtract_swing,
 )
 from analysis.weighing.motion_samples import (
@@ -24,25 +24,25 @@ from analysis.weighing.motion_samples import (
     Floats,
     Ints,
     MotionSamples,
-    ground_speed_ratio,
+    ground_to_wheel_speed_ratio,
 )
 from analysis.weighing.nuisances import const_prior_std
 from analysis.weighing.pitch_squat import estimate_pitch_squat
 from analysis.weighing.stretch_means import (
     EVERY,
     MEAN,
-    average_overlapping,
     stretch_trend_columns,
     subtract_fitted_line,
+    take_overlapping_means,
 )
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS, WheelKinematics
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_unless_short_log
 from estimators.joint import prior_fit
 from estimators.joint.map_fit import MapFit
 from estimators.joint.prior_fit import Grouping
-from estimators.numerics.autocorrelation import autocovariance_loss
-from estimators.numerics.fit_loss import group_rows
+from estimators.numerics.autocorrelation import compute_autocovariance_loss
+from estimators.numerics.fit_loss import list_rows_by_group
 from estimators.numerics.group_sums import NoiseMoments
 from estimators.numerics.in_order import sum_in_order
 from estimators.numerics.small_systems import NOTHING
@@ -74,14 +74,14 @@ def compare_wheels(
         return found
     level = motion.without_gravity
     measured = motion.specific_force if level is None else level
-    springs = springs or fit_springs(measured, motion)
+    springs = springs or fit_spring_rates(measured, motion)
     swing = None if springs is None else estimate_swing(measured, motion, springs)
     if swing is None:
         return replace(found, springs=springs)
     still = _compare_wheels_and_accelerometer(subtract_swing(motion, swing), noise, priors, earlier)
     if still is None:
         return None
-    swing = swing if level is None else swing.with_gravity(still.squat[0])
+    swing = swing if level is None else swing.add_gravity_swing(still.squat[0])
     return replace(still, swing=swing, springs=springs)
 
 
@@ -101,22 +101,22 @@ def _compare_wheels_and_accelerometer(
     told = (
         None if earlier is None or not earlier.can_start_next_comparison else earlier.own or earlier
     )
-    found = _fit_comparison(motion.specific_force, motion, noise, priors, told)
+    found = _fit_wheel_comparison(motion.specific_force, motion, noise, priors, told)
     if found is None:
         return None
     if motion.without_gravity is None:
         return _subtract_squat(found, motion.specific_force, motion, noise, priors, told)
-    level = _fit_comparison(motion.without_gravity, motion, noise, priors, told)
+    level = _fit_wheel_comparison(motion.without_gravity, motion, noise, priors, told)
     if level is None:
         return found
     squat = estimate_pitch_squat(motion.specific_force - motion.without_gravity, motion)
     if squat is not None:
         # on even ground what is left of gravity is less than the noise of the pitch
         upright = motion.specific_force - squat[0] * motion.without_gravity
-        even = _fit_comparison(upright, motion, noise, priors, told)
+        even = _fit_wheel_comparison(upright, motion, noise, priors, told)
         best = level if even is None or level.mismatch < even.mismatch else even
         # a pitch that is filtered or of a map shows less of a squat than the wheels do
-        shown = not wheels_show_squat(best, motion)
+        shown = not do_wheels_show_squat(best, motion)
         if shown and (best.is_consistent or best.mismatch < found.mismatch):
             return replace(best, squat=squat, pitch_shows_squat=True)
     agrees = level.disagreement_m_s < LIMITS.gravity_disagreement_ratio * found.disagreement_m_s
@@ -125,16 +125,16 @@ def _compare_wheels_and_accelerometer(
     return _subtract_squat(found, motion.specific_force, motion, noise, priors, told)
 
 
-def wheels_show_squat(found: WheelKinematics, motion: MotionSamples) -> bool:
+def do_wheels_show_squat(comparison: WheelKinematics, motion: MotionSamples) -> bool:
     """Whether wheels of known radius show that the accelerometer reads too much, as squat does."""
     radius_u_1 = motion.wheel_radius_u_1
-    if radius_u_1 is None or not found.gain_counts:
+    if radius_u_1 is None or not comparison.gain_counts:
         return False
-    return -found.gain[0] > LIMITS.gain_min_std * radius_u_1
+    return -comparison.gain[0] > LIMITS.gain_min_std * radius_u_1
 
 
 def _subtract_squat(
-    found: WheelKinematics,
+    comparison: WheelKinematics,
     measured: Floats,
     motion: MotionSamples,
     noise: ColumnNoiseModel,
@@ -146,20 +146,24 @@ def _subtract_squat(
     A body that pitches as it gains speed makes the accelerometer read more than the wheels. Grades
     that recur with every start have the same effect, but leave a residual between the two.
     """
-    share, radius_u_1 = -found.gain[0], motion.wheel_radius_u_1
-    if radius_u_1 is None or not wheels_show_squat(found, motion) or share > LIMITS.max_squat_1:
-        return found
-    even = _fit_comparison(measured * (1.0 - share), motion, noise, priors, earlier)
+    share, radius_u_1 = -comparison.gain[0], motion.wheel_radius_u_1
+    if (
+        radius_u_1 is None
+        or not do_wheels_show_squat(comparison, motion)
+        or share > LIMITS.max_squat_1
+    ):
+        return comparison
+    even = _fit_wheel_comparison(measured * (1.0 - share), motion, noise, priors, earlier)
     if even is None or even.gain_counts:
-        return found
-    unexplained_m_s = LIMITS.squat_residual_ratio * found.disagreement_m_s
+        return comparison
+    unexplained_m_s = LIMITS.squat_residual_ratio * comparison.disagreement_m_s
     if not even.is_consistent and even.disagreement_m_s > unexplained_m_s:
-        return found
-    u = float(np.linalg.norm([found.gain[1], radius_u_1, LIMITS.speed_scale_squat_u * share]))
+        return comparison
+    u = float(np.linalg.norm([comparison.gain[1], radius_u_1, LIMITS.speed_scale_squat_u * share]))
     return replace(even, squat=(share, u))
 
 
-def _fit_comparison(
+def _fit_wheel_comparison(
     measured: Floats,
     motion: MotionSamples,
     noise: ColumnNoiseModel,
@@ -167,7 +171,7 @@ def _fit_comparison(
     earlier: WheelKinematics | None = None,
 ) -> WheelKinematics | None:
     """Fit the comparison, starting from an earlier one if there is one."""
-    slip_std = priors.wheel_slip / motion.largest_force
+    slip_std = priors.wheel_slip / motion.force_95_percent
 
     def prior_stds(gain_std: float, slip_1_N: float, slip_std: float = slip_std) -> Floats:
         offset = slip_1_N * const_prior_std(motion, priors)
@@ -179,7 +183,7 @@ def _fit_comparison(
         told = Grouping(shortest=10 * MEAN // EVERY, taken=taken, loss=loss)
         return prior_fit.solve(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
 
-    largest = LIMITS.max_slip_fraction / motion.largest_force
+    largest = LIMITS.max_slip_fraction / motion.force_95_percent
     delay_s, slip_1_N, about = 0.0, 0.0, slip_std
     if earlier is not None:
         delay_s, slip_1_N = earlier.delay_s[0], earlier.slip_1_N[0]
@@ -190,7 +194,7 @@ def _fit_comparison(
     lines = loss = None
     if earlier is not None:
         lines = stretch_trend_columns(rows[2])
-        loss = autocovariance_loss(rows[2], lines)
+        loss = compute_autocovariance_loss(rows[2], lines)
     wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     for number in range(LIMITS.slip_passes):
         late_s, slips_1_N = float(wide.theta[2]), float(wide.theta[1])
@@ -209,10 +213,10 @@ def _fit_comparison(
         # only the last one's deviations count
         if lines is None and number == LIMITS.slip_passes - 1:
             lines = stretch_trend_columns(rows[2])
-            loss = autocovariance_loss(rows[2], lines)
+            loss = compute_autocovariance_loss(rows[2], lines)
         wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     # a speed without noise is known to its last digit
-    rounding_m_s = np.finfo(np.float64).eps * motion.largest_speed
+    rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percent
     noise_m_s = max(float(np.sqrt(noise.covariance(MEAN)[1, 1])), rounding_m_s)
     free = wide.fit
     if free.theta[1] < -LIMITS.negative_slip_std * free.std[1]:
@@ -226,7 +230,7 @@ def _fit_comparison(
     std = prior_stds(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
     found = free if counts else solve_rows(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
-    least = _min_stds_from_noise(rows, noise, std, 1.0 / motion.rate_hz)
+    least = lower_bound_stds(rows, noise, std, 1.0 / motion.rate_hz)
     widened = np.maximum(least / found.std, 1.0)
     covariance = found.covariance * np.outer(widened, widened)
     values = list(
@@ -259,7 +263,7 @@ def is_gain_significant(fit: MapFit, noise_m_s: float) -> bool:
     return bool(abs(fit.theta[0]) > max(LIMITS.gain_min_1, times * fit.std[0]))
 
 
-def _min_stds_from_noise(
+def lower_bound_stds(
     rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float
 ) -> Floats:
     """Lower bound of the standard deviations from instrument noise alone, (4,).
@@ -279,7 +283,7 @@ def _min_stds_from_noise(
     # of a column of nothing its prior is all that is known
     scale = np.where(squares > NOTHING, np.sqrt(squares), 1.0)
     X = X / scale
-    added = np.concatenate([np.cumsum(X[part][::-1], axis=0) for part in group_rows(group)])
+    added = np.concatenate([np.cumsum(X[part][::-1], axis=0) for part in list_rows_by_group(group)])
     scores = of_mean * added.T @ added + of_speed * X.T @ X
     gram = X.T @ X
     variance = float(np.trace(scores)) / X.shape[1]
@@ -298,7 +302,7 @@ def _make_comparison_rows(
     spans = spans[np.diff(spans)[:, 0] >= 10 * MEAN]
     if not spans.size:
         return None
-    X, y, group, ground = centred_means(
+    X, y, group, ground = centre_means_by_stretch(
         measured, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
     )
     covariance = noise.covariance(MEAN)
@@ -308,8 +312,8 @@ def _make_comparison_rows(
     return X, y, group, NoiseMoments(grams, np.zeros((len(spans), 4)))
 
 
-@compiled_ahead
-def centred_means(
+@compiled_unless_short_log
+def centre_means_by_stretch(
     measured: Floats, speed: Floats, force: Floats, spans: Ints, step_s: float, slip_1_N: float
 ) -> tuple[Floats, Floats, Ints, Floats]:
     """Means of columns and response, each stretch without its line.
@@ -335,14 +339,14 @@ def centred_means(
         a, v, f = measured[part], speed[part], force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
         # by the accelerometer: from the wheels it takes what it begins with, its tilt and its bias
-        slipping = v * ground_speed_ratio(v, f, slip_1_N) - gained
+        slipping = v * ground_to_wheel_speed_ratio(v, f, slip_1_N) - gained
         ground = np.abs(gained + slipping - subtract_fitted_line(slipping))
         rows = slice(row, row + counts[number])
-        y[rows] = subtract_fitted_line(average_overlapping(v - gained))
-        X[rows, 0] = subtract_fitted_line(average_overlapping(gained))
-        X[rows, 1] = subtract_fitted_line(average_overlapping(ground * f))
-        X[rows, 2] = subtract_fitted_line(average_overlapping(-a))
-        of_ground = average_overlapping(ground)
+        y[rows] = subtract_fitted_line(take_overlapping_means(v - gained))
+        X[rows, 0] = subtract_fitted_line(take_overlapping_means(gained))
+        X[rows, 1] = subtract_fitted_line(take_overlapping_means(ground * f))
+        X[rows, 2] = subtract_fitted_line(take_overlapping_means(-a))
+        of_ground = take_overlapping_means(ground)
         X[rows, 3] = subtract_fitted_line(-of_ground)
         group[rows] = number
         squares[number] = sum_in_order(of_ground * of_ground)

@@ -54,7 +54,7 @@ class WheelKinematics:
     own: "WheelKinematics | None" = None
 
     @property
-    def values_by_term(self) -> dict[str, tuple[float, float]]:
+    def estimates_by_prior_name(self) -> dict[str, tuple[float, float]]:
         """Slip, gain and delay, by the names of their learnt priors."""
         return dict(zip(TERMS, (self.slip_1_N, self.gain_by_prior, self.delay_s), strict=True))
 

@@ -3,9 +3,9 @@
 Each unit (a manoeuvre, say) has y = level + x β + δ + ε: ε of a known variance v, δ the scatter
 between units of one level, β effects that all units share and about which the units know something
 of their own. The partition is the one with the largest posterior probability
-(`partition_posterior`). Given β and the scatter it is found exactly (`optimal_partition`), and so
-are two levels that take turns. Of the most probable one only the changes are kept that are sure,
-one after another.
+(`partition_posterior`). Given β and the scatter it is found exactly (`find_cheapest_partition`),
+and so are two levels that take turns. Of the most probable one only the changes are kept that are
+sure, one after another.
 
 Jackson et al. 2005, An algorithm for optimal partitioning of data on an interval; Killick et al.
 2012, Optimal detection of changepoints with a linear computational cost.
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_unless_short_log
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TURNED, GroupEffects
 from estimators.joint.joint_limits import LIMITS
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
@@ -47,40 +47,42 @@ class Partitions:
     single_probability: float
 
 
-def find_partitions(
-    units: GroupEffects, spread: float, usual: float, scatter: float | None = None
+def find_best_partitions(
+    unit_values: GroupEffects, spread: float, usual: float, scatter: float | None = None
 ) -> Partitions:
     """Find the most probable partition.
 
     Args:
-        units: the units in order.
+        unit_values: the units in order.
         spread: largest plausible distance between levels.
         usual: typical standard deviation between units of one level.
         scatter: known standard deviation between units of one level; None if unknown.
     """
-    n = units.y.size
-    typical = float(np.sqrt(np.median(units.variance)))
+    n = unit_values.y.size
+    typical = float(np.sqrt(np.median(unit_values.variance)))
     scatters = (
         [times * typical for times in LIMITS.tried_scatters] if scatter is None else [scatter]
     )
-    one, each_own = np.zeros(n, np.int64), np.append(0, np.cumsum(units.kind > 0))
+    one, each_own = np.zeros(n, np.int64), np.append(0, np.cumsum(unit_values.kind > 0))
     # with many changes, effects that one level needs hide them from every search that begins there
     least_kinds = (TURNED, RESTARTED, HINTED, FILLED, NAMED)
-    hinted = [np.append(0, np.cumsum(units.kind >= least)) for least in least_kinds if n > 1]
-    noise_alone = PartitionPosterior(units, spread, 0.0, None)
-    begin = [noise_alone.effects(one), noise_alone.effects(np.arange(n))]
+    hinted = [np.append(0, np.cumsum(unit_values.kind >= least)) for least in least_kinds if n > 1]
+    noise_alone = PartitionPosterior(unit_values, spread, 0.0, None)
+    begin = [noise_alone.estimate_effects(one), noise_alone.estimate_effects(np.arange(n))]
     found: dict[bytes, tuple[Partition, PartitionPosterior]] = {}
     stretches: dict[bytes, Stretches] = {}
     for tau in scatters:
-        posterior = PartitionPosterior(units, spread, tau, usual if scatter is None else None)
+        posterior = PartitionPosterior(unit_values, spread, tau, usual if scatter is None else None)
         tried = {each.tobytes() for each in (one, each_own, *hinted)}
         for effects in begin if n > 1 else []:
             tried |= _propose_partitions(posterior, effects)
         # in an order that does not change from process to process, as sums depend on it
         for key in sorted(tried):
             if key not in stretches:
-                stretches[key] = Stretches.from_boundaries(np.frombuffer(key, np.int64), units.kind)
-            each = posterior.evaluate(stretches[key])
+                stretches[key] = Stretches.from_boundaries(
+                    np.frombuffer(key, np.int64), unit_values.kind
+                )
+            each = posterior.evaluate_partition(stretches[key])
             if key not in found or each.log_posterior > found[key][0].log_posterior:
                 found[key] = each, posterior
     single, _ = found[one.tobytes()]
@@ -90,14 +92,14 @@ def find_partitions(
     if not others:
         return Partitions(single, single, None, probability)
     several, posterior = max(others, key=lambda each: each[0].log_posterior)
-    several = move_to_record_ends(several, posterior)
+    several = move_changes_to_record_ends(several, posterior)
     best = single
     if several.log_posterior > single.log_posterior:
-        best = _drop_unsure_changes(several, posterior)
-    return Partitions(best, single, best if best.states > 1 else several, probability)
+        best = _drop_uncertain_changes(several, posterior)
+    return Partitions(best, single, best if best.level_stretch_count > 1 else several, probability)
 
 
-def move_to_record_ends(best: Partition, posterior: PartitionPosterior) -> Partition:
+def move_changes_to_record_ends(partition: Partition, posterior: PartitionPosterior) -> Partition:
     """Move changes to the nearest end of a record if that is more probable.
 
     The searches assume one probability of a change everywhere; the posterior knows the boundaries'
@@ -105,53 +107,57 @@ def move_to_record_ends(best: Partition, posterior: PartitionPosterior) -> Parti
     """
     kind = posterior.units.kind
     ends = np.flatnonzero(kind == RESTARTED) + 1
-    for change in np.flatnonzero(np.diff(best.state)) + 1 if ends.size else ():
-        changes = np.flatnonzero(np.diff(best.state)) + 1
+    for change in np.flatnonzero(np.diff(partition.state)) + 1 if ends.size else ():
+        changes = np.flatnonzero(np.diff(partition.state)) + 1
         low = max(changes[changes < change], default=0)
         high = min(changes[changes > change], default=kind.size + 1)
         for end in (*ends[ends < change][-1:], *ends[ends > change][:1]):
             if low < end < high:
                 moved = np.sort(np.append(changes[changes != change], end))
                 state = np.searchsorted(moved, np.arange(kind.size + 1), "right")
-                tried = posterior.evaluate(Stretches.from_boundaries(state, kind))
-                best = max((best, tried), key=lambda each: each.log_posterior)
-    return best
+                tried = posterior.evaluate_partition(Stretches.from_boundaries(state, kind))
+                partition = max((partition, tried), key=lambda each: each.log_posterior)
+    return partition
 
 
-def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Partition:
+def _drop_uncertain_changes(partition: Partition, posterior: PartitionPosterior) -> Partition:
     """Drop uncertain changes, the least certain first."""
-    while best.states > 1:
-        first = np.flatnonzero(np.diff(best.state)) + 1
-        least = np.argsort(np.abs(np.diff(best.levels)), kind="stable")[: LIMITS.removable_changes]
+    while partition.level_stretch_count > 1:
+        first = np.flatnonzero(np.diff(partition.state)) + 1
+        least = np.argsort(np.abs(np.diff(partition.levels)), kind="stable")[
+            : LIMITS.removable_changes
+        ]
         # each change alone, and both of a level, which lets its neighbours be one
         joints = [first[k : k + many] for k in least for many in (1, 2)]
         plainer = [
-            posterior.evaluate(
-                Stretches.from_boundaries(_merge_states_at(best.state, joint), posterior.units.kind)
+            posterior.evaluate_partition(
+                Stretches.from_boundaries(
+                    _merge_states_at_boundaries(partition.state, joint), posterior.units.kind
+                )
             )
             for joint in joints
         ]
-        allowed = [_min_log_odds_of_change(posterior.units.kind[joint - 1]) for joint in joints]
+        allowed = [_min_log_odds(posterior.units.kind[joint - 1]) for joint in joints]
         margin = [
-            each.log_posterior - (best.log_posterior - odds)
+            each.log_posterior - (partition.log_posterior - odds)
             for each, odds in zip(plainer, allowed, strict=True)
         ]
         likeliest = int(np.argmax(margin))
         if margin[likeliest] < 0.0:
             break
-        best = plainer[likeliest]
-    return best
+        partition = plainer[likeliest]
+    return partition
 
 
-def _min_log_odds_of_change(kind: Ints) -> float:
+def _min_log_odds(change_kind: Ints) -> float:
     """Minimum log odds of a change that is reported.
 
     At the end of a record even odds suffice, since both sides are separate records.
     """
-    return 0.0 if (kind == RESTARTED).all() else _SURE
+    return 0.0 if (change_kind == RESTARTED).all() else _SURE
 
 
-def _merge_states_at(state: Ints, boundaries: Ints) -> Ints:
+def _merge_states_at_boundaries(state: Ints, boundaries: Ints) -> Ints:
     """Merge the states on both sides of the given boundaries."""
     changes = np.diff(state, prepend=0)
     changes[boundaries] = 0
@@ -164,7 +170,7 @@ def _propose_partitions(posterior: PartitionPosterior, effects: Floats) -> set[b
     level = units.y - units.x @ effects
     tried = {assign_two_levels(level, posterior.variance, units.kind).tobytes()}
     if np.count_nonzero(units.kind == FILLED) > 1:
-        tried |= find_fill_cycles(posterior, effects)
+        tried |= propose_fill_cycle_partitions(posterior, effects)
     for probability in LIMITS.candidate_probabilities:
         for window in LIMITS.candidate_windows:
             tried |= _iterate_partition_and_effects(
@@ -173,7 +179,7 @@ def _propose_partitions(posterior: PartitionPosterior, effects: Floats) -> set[b
     return tried
 
 
-def find_fill_cycles(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
+def propose_fill_cycle_partitions(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
     """Candidates with alternate filling and emptying, iterated with their effects."""
     units, tried = posterior.units, set[bytes]()
     for _ in range(LIMITS.partition_max_rounds):
@@ -181,7 +187,7 @@ def find_fill_cycles(posterior: PartitionPosterior, effects: Floats) -> set[byte
         if state.tobytes() in tried:
             break
         tried.add(state.tobytes())
-        effects = posterior.effects(state)
+        effects = posterior.estimate_effects(state)
     return tried
 
 
@@ -194,87 +200,87 @@ def _iterate_partition_and_effects(
     cost[units.kind == 0] = LIMITS.impossible_change_cost
     tried: set[bytes] = set()
     for _ in range(LIMITS.partition_max_rounds):
-        state = optimal_partition(units.y - units.x @ effects, weight, cost, spread)
+        state = find_cheapest_partition(units.y - units.x @ effects, weight, cost, spread)
         key = state.tobytes()
         if key in tried:
             break
         tried.add(key)
-        effects = posterior.effects(state)
+        effects = posterior.estimate_effects(state)
     return tried
 
 
-def assign_two_levels(level: Floats, variance: Floats, kind: Ints) -> Ints:
+def assign_two_levels(values: Floats, variance: Floats, change_kinds: Ints) -> Ints:
     """Assign the units to two alternating levels with the least sum of squares.
 
     Args:
-        level: (n,) level of each unit, for given effects.
+        values: (n,) level of each unit, for given effects.
         variance: (n,) variance of each level.
-        kind: (n - 1,) kind of each boundary.
+        change_kinds: (n - 1,) kind of each boundary.
     """
-    order = np.argsort(level, kind="stable")
+    order = np.argsort(values, kind="stable")
     weight = (1.0 / variance)[order]
-    below, first = np.cumsum(weight)[:-1], np.cumsum(weight * level[order])[:-1]
-    total, whole = below[-1] + weight[-1], first[-1] + weight[-1] * level[order[-1]]
+    below, first = np.cumsum(weight)[:-1], np.cumsum(weight * values[order])[:-1]
+    total, whole = below[-1] + weight[-1], first[-1] + weight[-1] * values[order[-1]]
     above = total - below
     # units that weigh next to nothing beside the others part nothing
     between = np.divide(first**2, below, out=np.zeros(below.size), where=below > 0.0)
     between += np.divide((whole - first) ** 2, above, out=np.zeros(below.size), where=above > 0.0)
-    heavy = level > level[order[int(np.argmax(between))]]
-    return np.append(0, np.cumsum((np.diff(heavy) != 0) & (kind > 0)))
+    heavy = values > values[order[int(np.argmax(between))]]
+    return np.append(0, np.cumsum((np.diff(heavy) != 0) & (change_kinds > 0)))
 
 
-def assign_cycle_states(level: Floats, variance: Floats, kind: Ints) -> Ints:
+def assign_cycle_states(values: Floats, variance: Floats, change_kinds: Ints) -> Ints:
     """Assign two levels: heavy after each filling, until the light level fits better.
 
     Args:
-        level: (n,) level of each unit, for given effects.
+        values: (n,) level of each unit, for given effects.
         variance: (n,) variance of each level.
-        kind: (n - 1,) kind of each boundary.
+        change_kinds: (n - 1,) kind of each boundary.
     """
     weight = 1.0 / variance
-    part = np.append(0, np.cumsum(kind == FILLED))
+    part = np.append(0, np.cumsum(change_kinds == FILLED))
     first = np.flatnonzero(np.append(True, np.diff(part) > 0))
-    size = np.diff(np.append(first, level.size))
+    size = np.diff(np.append(first, values.size))
     # at first each is emptied halfway; what comes before the first filling is light
-    heavy = (np.arange(level.size) - first[part] < size[part] / 2.0) & (part > 0)
+    heavy = (np.arange(values.size) - first[part] < size[part] / 2.0) & (part > 0)
     for _ in range(LIMITS.partition_max_rounds):
         if heavy.all() or not heavy.any():
             break
-        low, high = (np.average(level[each], weights=weight[each]) for each in (~heavy, heavy))
-        gain = weight * ((level - low) ** 2 - (level - high) ** 2)
+        low, high = (np.average(values[each], weights=weight[each]) for each in (~heavy, heavy))
+        gain = weight * ((values - low) ** 2 - (values - high) ** 2)
         before = heavy
-        heavy = find_heavy_units(gain, first)
+        heavy = mark_heavy_units(gain, first)
         if np.array_equal(heavy, before):
             break
-    return np.append(0, np.cumsum((np.diff(heavy) != 0) & (kind > 0)))
+    return np.append(0, np.cumsum((np.diff(heavy) != 0) & (change_kinds > 0)))
 
 
-@compiled_ahead
-def find_heavy_units(gain: Floats, first: Ints) -> NDArray[np.bool_]:
+@compiled_unless_short_log
+def mark_heavy_units(gains: Floats, first_units: Ints) -> NDArray[np.bool_]:
     """Mark the heavy units: each stretch up to its largest cumulative gain, (n,).
 
     Args:
-        gain: (n,) gain of each unit if heavy.
-        first: (stretches,) first unit of each stretch.
+        gains: (n,) gain of each unit if heavy.
+        first_units: (stretches,) first unit of each stretch.
     """
-    heavy = np.zeros(gain.size, np.bool_)
-    for part in range(first.size):
-        end = first[part + 1] if part + 1 < first.size else gain.size
-        total, most, until = 0.0, 0.0, first[part]
-        for k in range(first[part], end):
-            total += gain[k]
+    heavy = np.zeros(gains.size, np.bool_)
+    for part in range(first_units.size):
+        end = first_units[part + 1] if part + 1 < first_units.size else gains.size
+        total, most, until = 0.0, 0.0, first_units[part]
+        for k in range(first_units[part], end):
+            total += gains[k]
             if total > most:
                 most, until = total, k + 1
-        heavy[first[part] : until] = True
+        heavy[first_units[part] : until] = True
     return heavy
 
 
-@compiled_ahead
-def optimal_partition(level: Floats, weight: Floats, cost: Floats, spread: float) -> Ints:
+@compiled_unless_short_log
+def find_cheapest_partition(values: Floats, weight: Floats, cost: Floats, spread: float) -> Ints:
     """Partition that minimises Σ w (y - ȳ)² + log(W L²/2π) per level plus the changes' cost.
 
     Args:
-        level: (n,) y.
+        values: (n,) y.
         weight: (n,) w, reciprocal variance of each value; W is its sum over a level.
         cost: (n - 1,) cost of a change between neighbours; may be negative.
         spread: L, largest plausible distance between levels.
@@ -282,8 +288,8 @@ def optimal_partition(level: Floats, weight: Floats, cost: Floats, spread: float
     Returns:
         (n,) numbers of the levels, from 0.
     """
-    n = level.size
-    y = level - sum_in_order(level) / n
+    n = values.size
+    y = values - sum_in_order(values) / n
     w, wy, wyy = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
     w[1:], wy[1:], wyy[1:] = np.cumsum(weight), np.cumsum(weight * y), np.cumsum(weight * y * y)
     area = spread * spread / (2.0 * np.pi)
@@ -315,11 +321,11 @@ def optimal_partition(level: Floats, weight: Floats, cost: Floats, spread: float
                 begins[kept] = begins[k]
                 kept += 1
         alive = kept
-    return _number_levels_from_begins(before)
+    return number_levels(before)
 
 
-@compiled_ahead
-def _number_levels_from_begins(first_unit_of_level: Ints) -> Ints:
+@compiled_unless_short_log
+def number_levels(first_unit_of_level: Ints) -> Ints:
     """Level number of each unit (n,), from the first unit of the level that ends there."""
     end = first_unit_of_level.size - 1
     begins = np.zeros(end, np.int64)

@@ -109,7 +109,7 @@ class FactoredGain:
         return crossed
 
 
-def eliminate_levels(
+def solve_by_elimination(
     clean: BorderedMatrix,
     scores: tuple[BorderedMatrix, Floats, float],
     priors: tuple[Floats, Floats],
@@ -171,12 +171,12 @@ def eliminate_levels(
     )
 
 
-def has_many_levels(equations: BorderedMatrix) -> bool:
+def is_elimination_worthwhile(equations: BorderedMatrix) -> bool:
     """Whether the levels are worth eliminating one by one."""
     return equations.diagonal.size >= LIMITS.eliminated_levels
 
 
-def floor_meats(
+def raise_meats_to_white_noise(
     meats: BorderedMatrix, gram: BorderedMatrix, white: float
 ) -> BorderedMatrix | Floats:
     """Raise each direction of the meats to a minimum fraction of its white-noise value.
@@ -186,15 +186,15 @@ def floor_meats(
     Returns:
         The meats times the variance `white` of the residuals.
     """
-    if has_many_levels(gram) and meats.is_at_least_fraction_of(
+    if is_elimination_worthwhile(gram) and meats.exceeds_fraction(
         gram, LIMITS.min_white_fraction, LIMITS.gain_rounding_fraction
     ):
-        return meats.scale(white)
+        return meats.multiply_by_number(white)
     squares, vectors = np.linalg.eigh(gram.to_dense())
     root = vectors * np.sqrt(np.maximum(squares, squares[-1] * LIMITS.gain_rounding_fraction))
     half = np.linalg.solve(root, meats.to_dense())
     of_white, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
     if of_white[0] >= LIMITS.min_white_fraction:
-        return meats.scale(white)
+        return meats.multiply_by_number(white)
     kept = root @ directions
     return (kept * np.maximum(of_white, LIMITS.min_white_fraction)) @ kept.T * white

@@ -7,9 +7,9 @@ import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.joint.joint_limits import LIMITS
-from estimators.numerics.autocorrelation import pooled_autocorrelation
-from estimators.numerics.group_sums import GroupSums, NoiseMoments, column_scales
-from estimators.numerics.sandwich import meat
+from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation
+from estimators.numerics.group_sums import GroupSums, NoiseMoments, compute_column_scales
+from estimators.numerics.sandwich import compute_sandwich_meat
 
 #: Kinds of boundaries where something besides the units tells a change: a machine backs out of
 #: where it drove to, a record ends and another begins, it may (a boom that moves), it nearly always
@@ -44,7 +44,7 @@ class GroupEffects:
     kind: Ints
 
 
-def group_effects(
+def estimate_group_effects(
     A: Floats,
     f: Floats,
     group: Ints,
@@ -71,9 +71,9 @@ def group_effects(
     """
     used = group >= 0
     n = int(used.sum())
-    f, scale = np.where(used, f, 0.0), column_scales(A, group)
+    f, scale = np.where(used, f, 0.0), compute_column_scales(A, group)
     A = A if used.all() else np.where(used[:, None], A, 0.0)
-    sums = GroupSums.from_groups(A, f, group, noise, scale)
+    sums = GroupSums.sum_groups(A, f, group, noise, scale)
     of_group = np.zeros(f.size, np.int64)
     for part, number in zip(sums.rows, unit, strict=True):
         of_group[part] = number
@@ -105,13 +105,15 @@ def group_effects(
         level = y - x @ beta
         residual = f - A[:, 0] * (level[of_group] / scale[0]) - A[:, 1:] @ (beta / scale[1:])
         residual = np.where(used, residual, 0.0)
-        correlation, _ = pooled_autocorrelation(residual, group, own_columns)
+        correlation, _ = estimate_pooled_autocorrelation(residual, group, own_columns)
         white = float(residual @ residual) / max(n - level.size, 1)
         variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
     first = np.ascontiguousarray(A[:, :1])
     sandwiched = sum(
         float(
-            meat(first, group, int(group[part[0]]), int(part[0]), int(part[-1]), correlation)[0, 0]
+            compute_sandwich_meat(
+                first, group, int(group[part[0]]), int(part[0]), int(part[-1]), correlation
+            )[0, 0]
         )
         for part in sums.rows
     )

@@ -83,7 +83,7 @@ class CommonResidual:
     ratio: float
 
     @classmethod
-    def from_groups(
+    def average_groups(
         cls, rows: list[Ints], residual: Floats, direction: Floats
     ) -> "CommonResidual | None":
         """Average the residuals of groups; None of fewer than three.

@@ -18,7 +18,7 @@ from scipy.linalg.lapack import dposv
 from scipy.special import betaln
 
 from estimators.arrays import Bools, Floats, Ints
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_unless_short_log
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, GroupEffects
 from estimators.joint.joint_limits import LIMITS
 
@@ -49,12 +49,12 @@ class Partition:
     log_posterior: float
 
     @property
-    def states(self) -> int:
+    def level_stretch_count(self) -> int:
         """Number of stretches of units at one level."""
         return self.levels.size
 
     @property
-    def freedom(self) -> int:
+    def dof(self) -> int:
         """Number of units minus number of levels."""
         return self.state.size - int(self.level.max()) - 1
 
@@ -78,8 +78,8 @@ class Stretches:
         """Number the stretches of units with boundaries of these kinds."""
         return cls(
             state,
-            _level_choices_with_log_priors(int(state[-1]) + 1),
-            _log_prior(kind, np.diff(state) > 0),
+            list_level_choices(int(state[-1]) + 1),
+            _log_prior_of_changes(kind, np.diff(state) > 0),
         )
 
 
@@ -108,21 +108,21 @@ class PartitionPosterior:
         if usual is not None:
             self._log -= (scatter / usual) ** 2 / 2.0
 
-    def effects(self, state: Ints) -> Floats:
+    def estimate_effects(self, state: Ints) -> Floats:
         """Posterior mean of the effects β, (r,), with one level for every stretch.
 
         Args:
             state: (n,) stretch numbers, ascending.
         """
-        whole, right, _ = self._normal_equations(self._sums_by_state(state))
+        whole, right, _ = self._eliminate_levels(self._sums_by_state(state))
         return solve_with_log_determinant(whole, right)[0]
 
-    def evaluate(self, stretches: Stretches) -> Partition:
+    def evaluate_partition(self, stretches: Stretches) -> Partition:
         """Levels, effects and log posterior of a partition."""
         by_state = self._sums_by_state(stretches.state)
         best, logs = None, []
         for weight, level in stretches.levels:
-            log, levels, effects = self._integrate_levels(_sum_by_level(by_state, level))
+            log, levels, effects = self._integrate_levels(sum_by_level(by_state, level))
             logs.append(weight + log)
             if best is None or logs[-1] > best[0]:
                 best = logs[-1], levels[level], level, effects
@@ -135,7 +135,7 @@ class PartitionPosterior:
         first = np.append(0, np.flatnonzero(np.diff(state)) + 1)
         return np.add.reduceat(self._sums, first)
 
-    def _normal_equations(self, sums: Floats) -> tuple[Floats, Floats, float]:
+    def _eliminate_levels(self, sums: Floats) -> tuple[Floats, Floats, float]:
         """Normal equations of β, (r, r) and (r,), and the remaining sum of squares.
 
         Args:
@@ -147,7 +147,7 @@ class PartitionPosterior:
 
     def _integrate_levels(self, sums: Floats) -> tuple[float, Floats, Floats]:
         """Log likelihood with levels and β integrated out, the levels, and β."""
-        whole, right, squares = self._normal_equations(sums)
+        whole, right, squares = self._eliminate_levels(sums)
         effects, log_determinant = solve_with_log_determinant(whole, right)
         own = 1.0 / sums[:, 0]
         levels = self._middle + own * (sums[:, -1] - sums[:, 1:-1] @ effects)
@@ -157,37 +157,39 @@ class PartitionPosterior:
         return log + _log_level_likelihood(levels, own, self.spread), levels, effects
 
 
-@compiled_ahead
-def _sum_by_level(values: Floats, level: Ints) -> Floats:
+@compiled_unless_short_log
+def sum_by_level(values: Floats, level_index: Ints) -> Floats:
     """Sum (states, columns) by level, (levels, columns)."""
-    sums = np.zeros((level.max() + 1, values.shape[1]))
-    for state in range(level.size):
+    sums = np.zeros((level_index.max() + 1, values.shape[1]))
+    for state in range(level_index.size):
         for i in range(values.shape[1]):
-            sums[level[state], i] += values[state, i]
+            sums[level_index[state], i] += values[state, i]
     return sums
 
 
-def solve_with_log_determinant(normal_matrix: Floats, right: Floats) -> tuple[Floats, float]:
+def solve_with_log_determinant(
+    normal_matrix: Floats, right_hand_side: Floats
+) -> tuple[Floats, float]:
     """Solution of normal equations, and log determinant.
 
     If rounding makes them singular, both are of the determined subspace.
     """
-    if not right.size:
-        return right, 0.0
+    if not right_hand_side.size:
+        return right_hand_side, 0.0
     # once factored, both are at hand; numpy's own pair takes three times as long
-    factor, solution, fault = dposv(normal_matrix, right)
+    factor, solution, fault = dposv(normal_matrix, right_hand_side)
     if fault:
         values, vectors = np.linalg.eigh(normal_matrix)
         kept = values > np.finfo(np.float64).eps * values.size * values[-1]
         values, vectors = values[kept], vectors[:, kept]
-        return vectors @ (vectors.T @ right / values), float(np.log(values).sum())
+        return vectors @ (vectors.T @ right_hand_side / values), float(np.log(values).sum())
     return solution, 2.0 * float(np.log(factor.diagonal()).sum())
 
 
-def _level_choices_with_log_priors(states: int) -> list[tuple[float, Ints]]:
+def list_level_choices(state_count: int) -> list[tuple[float, Ints]]:
     """Possible level indices of the states, (states,), each with its log probability."""
-    own = np.arange(states)
-    if states <= 2:
+    own = np.arange(state_count)
+    if state_count <= 2:
         return [(0.0, own)]
     back = [
         (_THIRD + _HALF, np.unique(np.where(own % 2 == which, -1, own), return_inverse=True)[1])
@@ -196,59 +198,63 @@ def _level_choices_with_log_priors(states: int) -> list[tuple[float, Ints]]:
     return [(_THIRD, own), (_THIRD, own % 2), *back]
 
 
-def _log_level_likelihood(level: Floats, variance: Floats, spread: float) -> float:
+def _log_level_likelihood(level_values: Floats, variance: Floats, spread: float) -> float:
     """Log likelihood of levels with the given variances, with their spread integrated out."""
-    if level.size == 1:
+    if level_values.size == 1:
         return -float(np.log(spread))
     each = (_DEVIATIONS[:, None] * spread) ** 2 + variance
     total = (1.0 / each).sum(axis=1)
-    mean = (level / each).sum(axis=1) / total
-    misfit = ((level - mean[:, None]) ** 2 / each).sum(axis=1)
+    mean = (level_values / each).sum(axis=1) / total
+    misfit = ((level_values - mean[:, None]) ** 2 / each).sum(axis=1)
     logs = np.log(2.0 * np.pi * each).sum(axis=1) + np.log(total / (2.0 * np.pi))
     return float(np.logaddexp.reduce(-0.5 * (misfit + logs)) - np.log(spread * _DEVIATIONS.size))
 
 
-def _log_prior(kind: Ints, changes: Bools) -> float:
+def _log_prior_of_changes(change_kinds: Ints, changes: Bools) -> float:
     """Log prior probability of the changes.
 
     Where something is filled, one emptying between two fillings is equally likely.
     """
-    named, filling = kind == NAMED, kind == FILLED
+    named, filling = change_kinds == NAMED, change_kinds == FILLED
     if named.any():
         said = np.where(
             changes[named],
             np.log1p(-LIMITS.misnamed_probability),
             np.log(LIMITS.misnamed_probability),
         )
-        return float(said.sum()) + _log_prior(kind[~named], changes[~named])
+        return float(said.sum()) + _log_prior_of_changes(change_kinds[~named], changes[~named])
     if not filling.any():
-        return _log_prior_by_rate_of_changes(kind, changes)
+        return _log_prior_of_unknown_rate(change_kinds, changes)
     # or what is taken for a filling has nothing to do with it in this series
-    apart = _log_prior_by_rate_of_changes(np.where(filling, 1, kind), changes) + float(
+    apart = _log_prior_of_unknown_rate(np.where(filling, 1, change_kinds), changes) + float(
         np.log(LIMITS.unrelated_filling_probability)
     )
     return float(
         np.logaddexp(
-            apart, _log_cycle_prior(kind, changes) + np.log1p(-LIMITS.unrelated_filling_probability)
+            apart,
+            log_prior_of_work_cycles(change_kinds, changes)
+            + np.log1p(-LIMITS.unrelated_filling_probability),
         )
     )
 
 
-def _log_cycle_prior(kind: Ints, changes: Bools) -> float:
+def log_prior_of_work_cycles(change_kinds: Ints, changes: Bools) -> float:
     """Log prior probability of changes of the load as work cycles, without its constant.
 
     A cycle has one change at its filling and one, the dump, before the next filling: preferably
     where a hint is.
 
     Args:
-        kind: (n - 1,) kind of each boundary between manoeuvres.
+        change_kinds: (n - 1,) kind of each boundary between manoeuvres.
         changes: (n - 1,) whether the load changes there.
     """
-    filling = kind == FILLED
+    filling = change_kinds == FILLED
     filled = filling & changes
     stretch, number = np.cumsum(filled), int(filled.sum()) + 1
     weight = np.where(
-        filling | (kind == 0), 0.0, np.where(kind == HINTED, LIMITS.hinted_emptying_ratio, 1.0)
+        filling | (change_kinds == 0),
+        0.0,
+        np.where(change_kinds == HINTED, LIMITS.hinted_emptying_ratio, 1.0),
     )
     total = np.bincount(stretch, weight, minlength=number)
     emptied = changes & ~filling
@@ -274,7 +280,7 @@ def _log_cycle_prior(kind: Ints, changes: Bools) -> float:
     return float(fillings.sum()) + float(each.sum()) + where
 
 
-def _log_prior_by_rate_of_changes(kind: Ints, changes: Bools) -> float:
+def _log_prior_of_unknown_rate(change_kinds: Ints, changes: Bools) -> float:
     """Log prior under which no change is as likely as any, and all rates are equally likely.
 
     If other evidence indicates changes, either their rate is as likely as it is high, or the
@@ -282,8 +288,8 @@ def _log_prior_by_rate_of_changes(kind: Ints, changes: Bools) -> float:
     rate of changes.
     """
     total = 0.0
-    for each in np.unique(kind[kind > 0]):
-        places, used = int((kind == each).sum()), int(changes[kind == each].sum())
+    for each in np.unique(change_kinds[change_kinds > 0]):
+        places, used = int((change_kinds == each).sum()), int(changes[change_kinds == each].sum())
         if each == RESTARTED:
             by_rate = float(np.exp(betaln(used + 1, places - used + 1)))
             one_each = (

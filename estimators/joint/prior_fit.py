@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import toeplitz
 
 from estimators.arrays import Floats, Ints
-from estimators.joint.gain_matrix import Gain, floor_meats
+from estimators.joint.gain_matrix import Gain, raise_meats_to_white_noise
 from estimators.joint.joint_limits import LIMITS
 from estimators.joint.map_fit import CommonResidual, MapFit
 from estimators.joint.prior_solution import (
@@ -25,12 +25,12 @@ from estimators.joint.prior_solution import (
 )
 from estimators.joint.random_intercepts import InterceptShape, RandomIntercepts
 from estimators.numerics.autocorrelation import (
-    autocovariance_loss,
-    pooled_autocorrelation,
-    student_factor,
+    compute_autocovariance_loss,
+    estimate_pooled_autocorrelation,
+    student_to_normal_ratio,
 )
-from estimators.numerics.group_sums import GroupSums, NoiseMoments, column_scales
-from estimators.numerics.sandwich import meat
+from estimators.numerics.group_sums import GroupSums, NoiseMoments, compute_column_scales
+from estimators.numerics.sandwich import compute_sandwich_meat
 from estimators.threads import release_freed_memory
 
 
@@ -43,7 +43,7 @@ class Grouping:
         shortest: minimum samples of a group that is compared with others.
         levels: levels of the first parameter; None uses one, and widens by groups that disagree.
         taken: (n, q) columns projected out of each group's response and columns; None: none.
-        loss: `autocovariance_loss` of the fit, if already computed.
+        loss: `compute_autocovariance_loss` of the fit, if already computed.
     """
 
     direction: Floats | None = None
@@ -85,21 +85,21 @@ class _SolvedSamples:
         return float(np.sqrt(residual @ residual / int((self.group >= 0).sum())))
 
     @property
-    def compared(self) -> list[int]:
+    def compared_group_numbers(self) -> list[int]:
         """Numbers of the groups with enough samples to be compared."""
         rows = self.sums.rows
         return [i for i, part in enumerate(rows) if part.size >= self.grouping.shortest]
 
     @property
-    def direction(self) -> Floats:
+    def residual_signs(self) -> Floats:
         """(n,) signs that make the groups' residuals comparable."""
         given = self.grouping.direction
         return np.ones(self.solved.residual.size) if given is None else given
 
     def common_residual(self) -> CommonResidual | None:
         """Residual common to the groups that are compared; None of fewer than three."""
-        rows = [self.sums.rows[i] for i in self.compared]
-        return CommonResidual.from_groups(rows, self.solved.residual, self.direction)
+        rows = [self.sums.rows[i] for i in self.compared_group_numbers]
+        return CommonResidual.average_groups(rows, self.solved.residual, self.residual_signs)
 
     def to_map_fit(self) -> MapFit:
         """The estimates with all parts of their uncertainty."""
@@ -114,7 +114,9 @@ class _SolvedSamples:
         levels, n = grouping.levels, int((group >= 0).sum())
         meats = np.stack(
             [
-                meat(A, group, int(group[part[0]]), int(part[0]), int(part[-1]), correlation)
+                compute_sandwich_meat(
+                    A, group, int(group[part[0]]), int(part[0]), int(part[-1]), correlation
+                )
                 for part in sums.rows
             ]
         ) / np.outer(self.scale, self.scale)
@@ -123,36 +125,36 @@ class _SolvedSamples:
         turns = turned.turns[shape.levels.unit]
         meats = turns @ (meats + sums.noise_gram * alike) @ turns.transpose(0, 2, 1)
         covariance = gain.propagate_covariance(
-            floor_meats(shape.expand_square(meats), turned.gram, white)
+            raise_meats_to_white_noise(shape.expand_group_matrices(meats), turned.gram, white)
         )
-        covariance *= student_factor(max(n / alike - theta.size, 1.0)) ** 2
-        told = self.compared
-        own = shape.by_group(theta)
+        covariance *= student_to_normal_ratio(max(n / alike - theta.size, 1.0)) ** 2
+        told = self.compared_group_numbers
+        own = shape.select_group_parameters(theta)
         cleaned = sums.grams - kept * sums.noise_gram
         scores = (sums.crosses - kept * sums.noise_cross) - np.einsum("gij,gj->gi", cleaned, own)
-        spread = shape.expand_rows(np.einsum("gij,gj->gi", turns, scores))[told]
+        spread = shape.expand_group_rows(np.einsum("gij,gj->gi", turns, scores))[told]
         scatter = gain.propagate_covariance(turned.scatter)
         if levels is not None:
-            scatter *= student_factor(levels.freedom) ** 2
+            scatter *= student_to_normal_ratio(levels.freedom) ** 2
         # what a unit's scatter does not explain: stretches within it disagree as well
-        count = shape.levels.count
-        grown, ratio = between_group_covariance(gain, spread, covariance + scatter, count)
+        count = shape.levels.level_count
+        grown, ratio = estimate_between_group_covariance(gain, spread, covariance + scatter, count)
         scatter = scatter + grown
-        misfit, common = _common_misfit(
+        misfit, common = estimate_common_misfit(
             gain,
             A,
             self.common_residual(),
             _InformativeGroups([sums.rows[i] for i in told], turns[told] / self.scale, shape, told),
-            self.direction,
+            self.residual_signs,
         )
         # where noise is nearly all there is, what was not taken off is doubted whole
         doubt = gain.apply_to_vector(turned.taken, uncertain_noise_fraction(kept))
-        scale = shape.widen(self.scale)
+        scale = shape.repeat_at_every_level(self.scale)
         units = np.outer(scale, scale)
         return MapFit(
             self.theta,
             covariance / units,
-            (gain.bread * np.sqrt(shape.widen(self.precision))).T / scale,
+            (gain.bread * np.sqrt(shape.repeat_at_every_level(self.precision))).T / scale,
             scatter / units,
             misfit / units,
             doubt / scale,
@@ -261,12 +263,16 @@ def solve(
     grouping = Grouping() if grouping is None else grouping
     levels = grouping.levels
     n, p = int((group >= 0).sum()), A.shape[1]
-    count = 1 if levels is None else levels.count
+    count = 1 if levels is None else levels.level_count
     nothing = UndeterminedFit(np.full(p + count - 1, np.nan), group)
     if n <= p + count:
         return nothing
-    A, f, scale = np.ascontiguousarray(A), np.where(group >= 0, f, 0.0), column_scales(A, group)
-    sums = GroupSums.from_groups(A, f, group, noise, scale)
+    A, f, scale = (
+        np.ascontiguousarray(A),
+        np.where(group >= 0, f, 0.0),
+        compute_column_scales(A, group),
+    )
+    sums = GroupSums.sum_groups(A, f, group, noise, scale)
     one = np.zeros(len(sums.rows), np.int64)
     shape = InterceptShape(
         RandomIntercepts(one, np.arange(one.size)) if levels is None else levels, p, scale[0]
@@ -275,14 +281,14 @@ def solve(
     believed = precision * prior_mean * scale
     # a fit of few parameters takes nothing out of many groups
     taken = A if grouping.taken is None and len(sums.rows) < LIMITS.few_groups else grouping.taken
-    loss = autocovariance_loss(group, taken) if grouping.loss is None else grouping.loss
+    loss = compute_autocovariance_loss(group, taken) if grouping.loss is None else grouping.loss
     try:
         solved = solve_with_priors(
             A, f, group, sums, scale, shape, (precision, believed), (taken, loss)
         )
     except np.linalg.LinAlgError:
         return nothing
-    theta = solved.theta / shape.widen(scale)
+    theta = solved.theta / shape.repeat_at_every_level(scale)
     return PriorSolution(
         _SolvedSamples(theta, A, group, sums, shape, precision, scale, grouping, solved)
     )
@@ -330,19 +336,19 @@ class _InformativeGroups:
     shape: InterceptShape
     number: list[int]
 
-    def common_residual_scores(self, A: Floats, direction: Floats, length: int) -> Floats:
+    def common_residual_scores(self, A: Floats, direction: Floats, group_length: int) -> Floats:
         """(length, wide) scores caused by a common residual of 1 at each place in the groups."""
-        count = self.shape.levels.count
-        total = np.zeros((length, count + A.shape[1] - 1))
+        count = self.shape.levels.level_count
+        total = np.zeros((group_length, count + A.shape[1] - 1))
         for part, turn, number in zip(self.rows, self.turns, self.number, strict=True):
-            inside = part[:length]
+            inside = part[:group_length]
             own = A[inside] @ turn.T * direction[part[part.size // 2]]
             total[: inside.size, self.shape.levels.membership[number]] += own[:, 0]
             total[: inside.size, count:] += own[:, 1:]
         return total
 
 
-def between_group_covariance(
+def estimate_between_group_covariance(
     gain: Gain, scores: Floats, covariance: Floats, levels: int
 ) -> tuple[Floats, float]:
     """Covariance due to disagreeing groups, (p, p), and Birge ratio of the first parameter."""
@@ -359,15 +365,15 @@ def between_group_covariance(
     if ratio <= 1.0 + LIMITS.disagreeing_std * np.sqrt(2.0 / freedom):
         return np.zeros_like(covariance), float(np.sqrt(ratio))
     # every parameter grows as the first does: a full matrix of few groups is no covariance
-    grown = covariance * (ratio * student_factor(float(freedom)) ** 2 - 1.0)
+    grown = covariance * (ratio * student_to_normal_ratio(float(freedom)) ** 2 - 1.0)
     return grown, float(np.sqrt(ratio))
 
 
-def _common_misfit(
+def estimate_common_misfit(
     gain: Gain,
     A: Floats,
-    common: CommonResidual | None,
-    informative: _InformativeGroups,
+    common_residual: CommonResidual | None,
+    informative_groups: _InformativeGroups,
     direction: Floats,
 ) -> tuple[Floats, float]:
     """Covariance due to a residual common to all groups, (wide, wide), and its ratio to noise.
@@ -375,14 +381,14 @@ def _common_misfit(
     The excess over the noise counts as one draw of an error with the common residual's
     correlation: repetition in every group does not average it out.
     """
-    wide = informative.shape.levels.count + A.shape[1] - 1
+    wide = informative_groups.shape.levels.level_count + A.shape[1] - 1
     nothing = np.zeros((wide, wide))
-    if common is None:
+    if common_residual is None:
         return nothing, float("nan")
-    if not common.ratio > LIMITS.common_misfit_ratio:
-        return nothing, common.ratio
-    mean, length = common.mean, common.length
-    correlation, _ = pooled_autocorrelation(mean, np.zeros(mean.size, np.int64), None)
-    moved = gain.apply_to_rows(informative.common_residual_scores(A, direction, length))
+    if not common_residual.ratio > LIMITS.common_misfit_ratio:
+        return nothing, common_residual.ratio
+    mean, length = common_residual.mean, common_residual.length
+    correlation, _ = estimate_pooled_autocorrelation(mean, np.zeros(mean.size, np.int64), None)
+    moved = gain.apply_to_rows(informative_groups.common_residual_scores(A, direction, length))
     lasts = toeplitz(np.concatenate([correlation, np.zeros(length)])[:length])
-    return moved.T @ lasts @ moved * common.excess, common.ratio
+    return moved.T @ lasts @ moved * common_residual.excess, common_residual.ratio

@@ -11,11 +11,16 @@ from typing import NamedTuple
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_with_array_form
-from estimators.joint.gain_matrix import DenseGain, Gain, eliminate_levels, has_many_levels
+from estimators.interpreted import compiled_unless_short_log, compiled_with_array_form
+from estimators.joint.gain_matrix import (
+    DenseGain,
+    Gain,
+    is_elimination_worthwhile,
+    solve_by_elimination,
+)
 from estimators.joint.joint_limits import LIMITS
 from estimators.joint.random_intercepts import InterceptShape
-from estimators.numerics.autocorrelation import pooled_autocorrelation
+from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation
 from estimators.numerics.bordered_matrix import BorderedMatrix
 from estimators.numerics.group_sums import GroupSums
 
@@ -51,7 +56,7 @@ def _weight_units(
     units: GroupSums,
     shape: InterceptShape,
     level_of_unit: Ints,
-    kept: float,
+    subtracted_noise_fraction: float,
     theta: Floats,
     variance: float,
 ) -> WeightedNormalEquations:
@@ -59,7 +64,13 @@ def _weight_units(
     sums = units.grams, units.crosses, units.noise_gram, units.noise_cross
     tau = shape.levels.scatter * shape.scale
     turns, clean, gram, scatter, bare, taken = compute_weighted_equations(
-        sums, level_of_unit, shape.levels.count, kept, theta, tau**2, variance
+        sums,
+        level_of_unit,
+        shape.levels.level_count,
+        subtracted_noise_fraction,
+        theta,
+        tau**2,
+        variance,
     )
     return WeightedNormalEquations(
         turns,
@@ -71,12 +82,12 @@ def _weight_units(
     )
 
 
-@compiled_ahead
+@compiled_unless_short_log
 def compute_weighted_equations(
     sums: tuple[Floats, Floats, Floats, Floats],
     level_of_unit: Ints,
-    count: int,
-    kept: float,
+    level_count: int,
+    subtracted_noise_fraction: float,
     theta: Floats,
     scatter_square: float,
     variance: float,
@@ -86,8 +97,8 @@ def compute_weighted_equations(
     Args:
         sums: sums by unit: AᵀA, Aᵀf, and the noise contribution to each.
         level_of_unit: (units,) level of each unit.
-        count: number of levels.
-        kept: fraction of the noise that is subtracted.
+        level_count: number of levels.
+        subtracted_noise_fraction: fraction of the noise that is subtracted.
         theta: (wide,) parameters, the levels first.
         scatter_square: τ².
         variance: σ².
@@ -95,23 +106,31 @@ def compute_weighted_equations(
     grams, crosses, noise_gram, noise_cross = sums
     ratio = scatter_square / variance
     units, p, _ = grams.shape
-    wide = count + p - 1
+    wide = level_count + p - 1
     k = p - 1
     turns = np.zeros((units, p, p))
-    clean_d, gram_d, scatter_d = np.zeros(count), np.zeros(count), np.zeros(count)
-    clean_r, gram_r, scatter_r = np.zeros((count, k)), np.zeros((count, k)), np.zeros((count, k))
-    clean_b, gram_b, scatter_b = np.zeros((k, count)), np.zeros((k, count)), np.zeros((k, count))
+    clean_d, gram_d, scatter_d = np.zeros(level_count), np.zeros(level_count), np.zeros(level_count)
+    clean_r, gram_r, scatter_r = (
+        np.zeros((level_count, k)),
+        np.zeros((level_count, k)),
+        np.zeros((level_count, k)),
+    )
+    clean_b, gram_b, scatter_b = (
+        np.zeros((k, level_count)),
+        np.zeros((k, level_count)),
+        np.zeros((k, level_count)),
+    )
     clean_c, gram_c, scatter_c = np.zeros((k, k)), np.zeros((k, k)), np.zeros((k, k))
     bare, taken = np.zeros(wide), np.zeros(wide)
-    place, own = np.arange(count - 1, wide), np.empty(p)
+    place, own = np.arange(level_count - 1, wide), np.empty(p)
     g, c, moved = np.empty((p, p)), np.empty(p), np.empty(p)
     for u in range(units):
         place[0] = level_of_unit[u]
         for i in range(p):
             own[i] = theta[place[i]]
-            c[i] = crosses[u, i] - kept * noise_cross[u, i]
+            c[i] = crosses[u, i] - subtracted_noise_fraction * noise_cross[u, i]
             for j in range(p):
-                g[i, j] = grams[u, i, j] - kept * noise_gram[u, i, j]
+                g[i, j] = grams[u, i, j] - subtracted_noise_fraction * noise_gram[u, i, j]
         weight = ratio / (1.0 + ratio * max(g[0, 0], 0.0))
         full = ratio / (1.0 + ratio * grams[u, 0, 0])
         for i in range(p):
@@ -156,19 +175,19 @@ def compute_weighted_equations(
 
 
 def _subtract_fit_by_arrays(
-    A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, count: int
+    A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, level_count: int
 ) -> Floats:
     """Residuals f - A θ, with the level of each group's unit; 0 without a group."""
     A = np.where(group[:, None] >= 0, A, 0.0)
     left = f - A[:, 0] * theta[level_of_unit[group]]
-    for column, value in zip(A.T[1:], theta[count:], strict=True):
+    for column, value in zip(A.T[1:], theta[level_count:], strict=True):
         left -= column * value
     return np.where(group >= 0, left, 0.0)
 
 
 @compiled_with_array_form(_subtract_fit_by_arrays)
-def residual_of_grouped_samples(
-    A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, count: int
+def compute_grouped_residuals(
+    A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, level_count: int
 ) -> Floats:
     """Residuals f - A θ, (n,); 0 for samples without a group (group < 0).
 
@@ -178,10 +197,10 @@ def residual_of_grouped_samples(
         group: (n,) group of each sample, from 0.
         theta: (wide,) parameters, the levels first.
         level_of_unit: (groups,) level of each group.
-        count: number of levels.
+        level_count: number of levels.
     """
     out = np.zeros(f.size)
-    shared = theta[count:]
+    shared = theta[level_count:]
     for k in range(f.size):
         if group[k] >= 0:
             left = f[k] - A[k, 0] * theta[level_of_unit[group[k]]]
@@ -212,7 +231,7 @@ def solve_with_priors(
     scale: Floats,
     shape: InterceptShape,
     priors: tuple[Floats, Floats],
-    correlated: tuple[Floats | None, Floats],
+    common_columns_and_loss: tuple[Floats | None, Floats],
 ) -> SolutionParts:
     """Solve (G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀, with S the covariance of b - G θ.
 
@@ -227,13 +246,14 @@ def solve_with_priors(
         scale: (p,) divisors of the columns; `theta` and priors are of the scaled ones.
         shape: relation of a group's parameters to all parameters.
         priors: (p,) precisions P⁻¹, and (p,) P⁻¹ θ₀.
-        correlated: (n, q) columns projected out of each group, and their `autocovariance_loss`.
+        common_columns_and_loss: (n, q) columns projected out of each group, and their
+            `compute_autocovariance_loss`.
 
     Raises:
         LinAlgError: the samples do not determine it.
     """
     n = int((group >= 0).sum())
-    (precision, believed), (taken, loss) = priors, correlated
+    (precision, believed), (taken, loss) = priors, common_columns_and_loss
     index = np.full(f.size, -1, np.int64)
     for i, part in enumerate(sums.rows):
         index[part] = i
@@ -242,33 +262,35 @@ def solve_with_priors(
     # the first residuals are the textbook's: from those of nothing fitted, three rounds are too few
     first = np.linalg.lstsq(gram, cross, rcond=None)[0]
     one_level = np.zeros(len(sums.rows), np.int64)
-    left = residual_of_grouped_samples(A, f, index, first / scale, one_level, 1)
+    left = compute_grouped_residuals(A, f, index, first / scale, one_level, 1)
     variance = float(left @ left) / n
-    theta = shape.widen(np.asarray(first, np.float64))
-    wide_precision, wide_believed, wide_scale = map(shape.widen, (precision, believed, scale))
+    theta = shape.repeat_at_every_level(np.asarray(first, np.float64))
+    wide_precision, wide_believed, wide_scale = map(
+        shape.repeat_at_every_level, (precision, believed, scale)
+    )
     solved: SolutionParts | None = None
     units, of_units, level_of_unit = (
         sums.sum_by_unit(shape.levels.unit),
-        shape.level_of_units,
+        shape.level_of_each_unit,
         shape.levels.membership,
     )
     for _ in range(LIMITS.solution_rounds):
         if not variance > 0.0:
             raise np.linalg.LinAlgError("no residuals")
-        share = largest_noise_share(added, gram + variance * np.diag(precision))
+        share = largest_noise_fraction(added, gram + variance * np.diag(precision))
         kept = min(1.0, LIMITS.max_noise_fraction / share) if share > 0 else 1.0
         turned = _weight_units(units, shape, of_units, kept, theta, variance)
         if solved is None:
-            theta = _solve_for_white_noise(turned, (wide_precision, wide_believed), variance)
+            theta = solve_for_white_noise(turned, (wide_precision, wide_believed), variance)
             turned = _weight_units(units, shape, of_units, kept, theta, variance)
         doubted = uncertain_noise_fraction(kept) * turned.taken
-        theta, gain = _solve_with_common_error(
+        theta, gain = solve_with_common_error(
             turned, (wide_precision, wide_believed), variance, doubted
         )
-        residual = residual_of_grouped_samples(
-            A, f, index, theta / wide_scale, level_of_unit, shape.levels.count
+        residual = compute_grouped_residuals(
+            A, f, index, theta / wide_scale, level_of_unit, shape.levels.level_count
         )
-        correlation, _ = pooled_autocorrelation(residual, group, taken, loss)
+        correlation, _ = estimate_pooled_autocorrelation(residual, group, taken, loss)
         with np.errstate(over="ignore"):  # of what rounding alone determines
             white = float(residual @ residual) / (n - theta.size)
         solved = SolutionParts(theta, gain, residual, correlation, white, share, kept, turned)
@@ -277,14 +299,14 @@ def solve_with_priors(
     return solved
 
 
-def _solve_for_white_noise(
+def solve_for_white_noise(
     equations: WeightedNormalEquations, priors: tuple[Floats, Floats], variance: float
 ) -> Floats:
     """Estimates (wide,) for white noise, S = σ² G: where the iteration begins."""
     precision, believed = priors
     wanted = equations.bare / variance + believed
-    if has_many_levels(equations.clean):
-        clean = equations.clean.scale(1.0 / variance)
+    if is_elimination_worthwhile(equations.clean):
+        clean = equations.clean.multiply_by_number(1.0 / variance)
         m = clean.diagonal.size
         regular = BorderedMatrix(
             clean.diagonal + precision[:m],
@@ -297,40 +319,44 @@ def _solve_for_white_noise(
     return found @ wanted
 
 
-def _solve_with_common_error(
+def solve_with_common_error(
     equations: WeightedNormalEquations,
     priors: tuple[Floats, Floats],
     variance: float,
     common_error: Floats,
 ) -> tuple[Floats, Gain]:
     """Estimates (wide,) and gain for S = σ² AᵀA plus an error common to all samples."""
-    if has_many_levels(equations.clean):
+    if is_elimination_worthwhile(equations.clean):
         trace = variance * equations.gram.trace + float(common_error @ common_error)
         scores = (
             equations.gram,
             common_error / np.sqrt(variance),
             LIMITS.ridge_fraction * trace / variance,
         )
-        return eliminate_levels(equations.clean, scores, priors, equations.bare, variance)
+        return solve_by_elimination(equations.clean, scores, priors, equations.bare, variance)
     precision, believed = priors
     clean = equations.clean.to_dense()
-    weighed = weighted_gram(clean, equations.gram.to_dense(), variance, common_error)
+    weighed = compute_weighted_gram(clean, equations.gram.to_dense(), variance, common_error)
     bread = np.asarray(np.linalg.inv(weighed @ clean + np.diag(precision)), np.float64)
     return bread @ (weighed @ equations.bare + believed), DenseGain(bread, bread @ weighed)
 
 
-def uncertain_noise_fraction(kept: float) -> float:
+def uncertain_noise_fraction(subtracted_noise_fraction: float) -> float:
     """Uncertain fraction of the noise; noise that is not subtracted is entirely uncertain."""
-    return LIMITS.uncertain_correction_fraction * kept + (1.0 - kept)
+    return LIMITS.uncertain_correction_fraction * subtracted_noise_fraction + (
+        1.0 - subtracted_noise_fraction
+    )
 
 
-def weighted_gram(clean: Floats, gram: Floats, variance: float, doubted: Floats) -> Floats:
+def compute_weighted_gram(
+    clean: Floats, gram: Floats, variance: float, uncertain_noise: Floats
+) -> Floats:
     """G S⁻¹ for S = σ² AᵀA plus an error common to all samples."""
-    S = variance * gram + np.outer(doubted, doubted)
+    S = variance * gram + np.outer(uncertain_noise, uncertain_noise)
     return np.linalg.solve(S + LIMITS.ridge_fraction * np.trace(S) * np.eye(len(S)), clean).T
 
 
-def largest_noise_share(noise: Floats, gram: Floats) -> float:
+def largest_noise_fraction(noise: Floats, gram: Floats) -> float:
     """Largest fraction of noise in any direction of the columns."""
     if not noise.any():
         return 0.0

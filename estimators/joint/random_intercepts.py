@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_unless_short_log
 from estimators.numerics.bordered_matrix import BorderedMatrix
 
 
@@ -27,7 +27,7 @@ class RandomIntercepts:
     freedom: float = np.inf
 
     @property
-    def count(self) -> int:
+    def level_count(self) -> int:
         """Number of levels."""
         return int(self.membership.max()) + 1
 
@@ -40,46 +40,50 @@ class InterceptShape:
     p: int
     scale: float
 
-    def widen(self, values: Floats) -> Floats:
+    def repeat_at_every_level(self, values: Floats) -> Floats:
         """Expand (p,) of a group to (wide,), with the first value at every level."""
-        return np.concatenate([np.full(self.levels.count, values[0]), values[1:]])
+        return np.concatenate([np.full(self.levels.level_count, values[0]), values[1:]])
 
-    def by_group(self, theta: Floats) -> Floats:
+    def select_group_parameters(self, theta: Floats) -> Floats:
         """Parameters of each group, (groups, p)."""
         membership = self.levels.membership
-        shared = np.broadcast_to(theta[self.levels.count :], (membership.size, self.p - 1))
+        shared = np.broadcast_to(theta[self.levels.level_count :], (membership.size, self.p - 1))
         return np.column_stack([theta[membership], shared])
 
-    def expand_rows(self, values: Floats) -> Floats:
+    def expand_group_rows(self, values: Floats) -> Floats:
         """Expand (groups, p) to (groups, wide)."""
-        count, membership = self.levels.count, self.levels.membership
+        count, membership = self.levels.level_count, self.levels.membership
         out = np.zeros((membership.size, count + self.p - 1))
         out[np.arange(membership.size), membership] = values[:, 0]
         out[:, count:] = values[:, 1:]
         return out
 
-    def expand_square(self, values: Floats) -> BorderedMatrix:
+    def expand_group_matrices(self, values: Floats) -> BorderedMatrix:
         """Sum of (groups, p, p) expanded to (wide, wide)."""
         return BorderedMatrix(
-            *sum_matrices_by_level(values, self.levels.membership, self.levels.count)
+            *sum_matrices_by_level(values, self.levels.membership, self.levels.level_count)
         )
 
     @property
-    def level_of_units(self) -> Ints:
+    def level_of_each_unit(self) -> Ints:
         """(units,) level of each unit."""
         out = np.zeros(int(self.levels.unit.max()) + 1, np.int64)
         out[self.levels.unit] = self.levels.membership
         return out
 
 
-@compiled_ahead
+@compiled_unless_short_log
 def sum_matrices_by_level(
-    values: Floats, membership: Ints, count: int
+    values: Floats, membership: Ints, level_count: int
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Parts of the sum of (groups, p, p), with first row and column at the group's level."""
     groups, p, _ = values.shape
     k = p - 1
-    diagonal, right, below = np.zeros(count), np.zeros((count, k)), np.zeros((k, count))
+    diagonal, right, below = (
+        np.zeros(level_count),
+        np.zeros((level_count, k)),
+        np.zeros((k, level_count)),
+    )
     corner = np.zeros((k, k))
     for g in range(groups):
         level = membership[g]

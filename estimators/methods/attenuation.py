@@ -12,16 +12,23 @@ import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.methods.ls import solve_windows
-from estimators.numerics.small_systems import factor, inverse_spd, packed_index, substitute
+from estimators.numerics.small_systems import (
+    factor_packed_ldl,
+    find_packed_index,
+    invert_positive_definite,
+    solve_factored_in_place,
+)
 
 
-def attenuation(G: Floats, theta: Floats, added: Floats, loading: Floats | None = None) -> Floats:
+def compute_attenuation(
+    G: Floats, theta: Floats, added_noise: Floats, loading: Floats | None = None
+) -> Floats:
     """Attenuation (AᵀA - N)⁻¹ N θ of each parameter, by noise source.
 
     Args:
         G: (p, p) AᵀA as measured.
         theta: (p,) its least-squares solution.
-        added: (s,) n·σ² of each source.
+        added_noise: (s,) n·σ² of each source.
         loading: (p, s) loading of each column on each source, N = L diag(added) Lᵀ; None: each
             column has its own source.
 
@@ -30,10 +37,10 @@ def attenuation(G: Floats, theta: Floats, added: Floats, loading: Floats | None 
         only noise.
     """
     L = np.eye(theta.size) if loading is None else loading
-    return inverse_spd(G - L * added @ L.T) @ (L * (added * (L.T @ theta)))
+    return invert_positive_definite(G - L * added_noise @ L.T) @ (L * (added_noise * (L.T @ theta)))
 
 
-def window_attenuations(
+def compute_window_attenuations(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, noise: Floats
 ) -> Floats:
     """Correction for attenuation of each window that ends at `index`, (rows, p).
@@ -53,7 +60,7 @@ def window_attenuations(
     clean = solve_windows(A, f, window, index).grams.T.copy()
     for i in range(p):
         for j in range(i, p):
-            clean[packed_index(i, j, p)] -= added[i, j]
+            clean[find_packed_index(i, j, p)] -= added[i, j]
     drawn = np.ascontiguousarray(added[:p, :p] @ theta.T - added[:p, p:])
-    substitute(*factor(clean, p, p), drawn)
+    solve_factored_in_place(*factor_packed_ldl(clean, p, p), drawn)
     return drawn.T

@@ -13,11 +13,15 @@ import numpy as np
 from estimators.arrays import Bools, Floats, Ints
 from estimators.estimate import Estimate, Trace
 from estimators.methods import ls
-from estimators.numerics.normal_equations import gram, residual_sums_of_squares, solve
-from estimators.numerics.reweighted import reweighted_sums
-from estimators.numerics.rolling import sum_windows, window_ends
-from estimators.numerics.sandwich import window_std
-from estimators.numerics.small_systems import lstsq
+from estimators.numerics.normal_equations import (
+    compute_residual_sums_of_squares,
+    extract_packed_gram,
+    solve_packed_equations,
+)
+from estimators.numerics.reweighted import sum_reweighted_products
+from estimators.numerics.rolling import find_accepted_window_ends, sum_window_products
+from estimators.numerics.sandwich import compute_one_window_stds
+from estimators.numerics.small_systems import solve_least_squares_by_svd
 from estimators.threads import run_in_chunks
 
 
@@ -50,9 +54,9 @@ def fit(
     if guard == 0.0:
         return first
     root = 1.0 / np.sqrt(np.maximum(residual**2, guard))
-    theta = lstsq(A * root[:, None], f * root)
+    theta = solve_least_squares_by_svd(A * root[:, None], f * root)
     residual = f - A @ theta
-    std = window_std(A, A.T @ A, residual, autocorrelation)
+    std = compute_one_window_stds(A, A.T @ A, residual, autocorrelation)
     return Estimate(theta, std, float(np.sqrt((residual**2).mean())), first.condition)
 
 
@@ -63,23 +67,31 @@ def solve_windows(
     out = ls.Windows.empty(index.size, A.shape[1])
 
     def solve_rows(rows: slice) -> None:
-        products = sum_windows(A, f, window, index[rows])
-        theta = reweight(A, f, window, index[rows], products, options)
-        out.keep(rows, products, theta, gram(products), residual_sums_of_squares(products, theta))
+        products = sum_window_products(A, f, window, index[rows])
+        theta = reweight_windows(A, f, window, index[rows], products, options)
+        out.store_windows(
+            rows,
+            products,
+            theta,
+            extract_packed_gram(products),
+            compute_residual_sums_of_squares(products, theta),
+        )
 
     run_in_chunks(solve_rows, index.size)
     return out
 
 
-def reweight(
+def reweight_windows(
     A: Floats, f: Floats, window: int, index: Ints, products: Floats, options: FglsOptions
 ) -> Floats:
     """θ (p, rows) of windows with packed products (entries, rows): OLS, then weighted."""
-    first = solve(products)
+    first = solve_packed_equations(products)
     # fᵀf less what is explained knows no residual below its own rounding
     square = np.maximum(first.rss, np.finfo(np.float64).eps * products[-1])
     limit = options.floor * np.sqrt(square / window)
-    return solve(reweighted_sums(A, f, window, index, first.theta, limit, True)).theta
+    return solve_packed_equations(
+        sum_reweighted_products(A, f, window, index, first.theta, limit, True)
+    ).theta
 
 
 def trace(
@@ -95,7 +107,7 @@ def trace(
         options: the guard.
     """
     options = options or FglsOptions()
-    index = window_ends(accepted, window)
+    index = find_accepted_window_ends(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
     return ls.estimate_window_stds(A, f, window, index, solve_windows(A, f, window, index, options))

@@ -12,25 +12,33 @@ import numpy as np
 
 from estimators.arrays import Bools, Floats, Ints
 from estimators.estimate import Estimate, Trace
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_unless_short_log
 from estimators.methods import ls
 from estimators.methods.method_limits import LIMITS
 from estimators.numerics.autocorrelation import (
-    pooled_autocorrelation,
-    residuals_of_disjoint_windows,
+    compute_disjoint_window_residuals,
+    estimate_pooled_autocorrelation,
 )
-from estimators.numerics.normal_equations import gram, residual_sums_of_squares, solve
+from estimators.numerics.normal_equations import (
+    compute_residual_sums_of_squares,
+    extract_packed_gram,
+    solve_packed_equations,
+)
 from estimators.numerics.reweighted import (
     AT_ONCE,
-    batch_starts,
-    copy_consecutive,
-    load_samples,
+    copy_consecutive_estimates,
+    copy_samples_to_buffer,
+    find_batch_begins,
     residuals,
-    reweighted_sums,
+    sum_reweighted_products,
 )
-from estimators.numerics.rolling import sample_products, sum_windows, window_ends
-from estimators.numerics.sandwich import window_std, window_stds
-from estimators.numerics.small_systems import lstsq, packed_index
+from estimators.numerics.rolling import (
+    fill_sample_products,
+    find_accepted_window_ends,
+    sum_window_products,
+)
+from estimators.numerics.sandwich import compute_all_window_stds, compute_one_window_stds
+from estimators.numerics.small_systems import find_packed_index, solve_least_squares_by_svd
 from estimators.threads import run_in_chunks
 
 
@@ -65,14 +73,14 @@ def fit(
     for _ in range(LIMITS.reweighting_max_steps):
         residual = f - A @ theta
         root = np.sqrt(np.minimum(1.0, limit / np.maximum(np.abs(residual), limit)))
-        following = lstsq(A * root[:, None], f * root)
+        following = solve_least_squares_by_svd(A * root[:, None], f * root)
         moved = np.abs(following - theta).max() / max(np.abs(following).max(), 1e-300)
         theta = following
         if moved < LIMITS.huber_tolerance:
             break
     residual = f - A @ theta
     pseudo = np.clip(residual, -limit, limit) / (np.abs(residual) <= limit).mean()
-    std = window_std(A, A.T @ A, pseudo, autocorrelation)
+    std = compute_one_window_stds(A, A.T @ A, pseudo, autocorrelation)
     return Estimate(theta, std, float(np.sqrt((residual**2).mean())), first.condition)
 
 
@@ -90,7 +98,7 @@ class ResidualStatistics(NamedTuple):
     squares: Floats
 
 
-def reweight(
+def solve_windows_robustly(
     A: Floats, f: Floats, window: int, index: Ints, products: Floats, options: HuberOptions
 ) -> tuple[Floats, ResidualStatistics]:
     """Solve windows with packed products (entries, rows); returns θ (p, rows) and statistics.
@@ -98,27 +106,29 @@ def reweight(
     Huber's loss is piecewise quadratic, so Newton's method reaches its minimum exactly, mostly
     within five steps; other windows are iteratively reweighted.
     """
-    theta = solve(products).theta
-    limit = options.bend * median_absolute_residuals(A, f, window, index, theta) / 0.6745
+    theta = solve_packed_equations(products).theta
+    limit = options.bend * compute_median_absolute_residuals(A, f, window, index, theta) / 0.6745
     left = np.flatnonzero(limit > 0.0)
     for step in range(LIMITS.newton_steps + LIMITS.reweighting_max_steps):
         if left.size == 0:
             break
-        sums = _sum_newton_equations if step < LIMITS.newton_steps else reweighted_sums
+        sums = _sum_newton_equations if step < LIMITS.newton_steps else sum_reweighted_products
         now = theta[:, left]
-        following = solve(sums(A, f, window, index[left], now, limit[left], False)).theta
+        following = solve_packed_equations(
+            sums(A, f, window, index[left], now, limit[left], False)
+        ).theta
         stuck = np.isnan(following).any(axis=0)
         theta[:, left] = following = np.where(stuck, now, following)
         moved = np.abs(following - now).max(axis=0)
         left = left[stuck | (moved > LIMITS.huber_tolerance * np.abs(following).max(axis=0))]
-    kept, squares = _pseudo_residuals(A, f, window, index, theta, limit)
+    kept, squares = summarise_clipped_residuals(A, f, window, index, theta, limit)
     # without a limit nothing is clipped; one sample at least, where rounding keeps none
     kept = np.where(limit > 0.0, np.maximum(kept, 1.0 / window), 1.0)
     return theta, ResidualStatistics(limit, kept, squares / kept**2)
 
 
-@compiled_ahead
-def median_absolute_residuals(
+@compiled_unless_short_log
+def compute_median_absolute_residuals(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats
 ) -> Floats:
     """Median absolute residual of each window, (rows,)."""
@@ -136,13 +146,13 @@ def median_absolute_residuals(
     return out
 
 
-@compiled_ahead
+@compiled_unless_short_log
 def _sum_newton_equations(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats, _squared: bool
 ) -> Floats:
     """Normal equations of a Newton step; samples above the limit add a constant force.
 
-    Arguments and return value are those of `reweighted_sums`.
+    Arguments and return value are those of `sum_reweighted_products`.
     """
     p = A.shape[1]
     entries = (p + 1) * (p + 2) // 2
@@ -150,14 +160,14 @@ def _sum_newton_equations(
     raw = np.empty((entries, window + AT_ONCE))
     pull, full = np.empty(AT_ONCE), np.empty(AT_ONCE)
     out = np.zeros((entries, index.size))
-    begins = batch_starts(index)
+    begins = find_batch_begins(index)
     for number in range(begins.size - 1):
         begin: int = begins[number]
         end: int = begins[number + 1]
         m = end - begin
-        load_samples(A, f, index[begin] - window + 1, window + m - 1, z)
-        sample_products(z, window + m - 1, raw)
-        now, bends = copy_consecutive(theta, begin, end), limit[begin:end]
+        copy_samples_to_buffer(A, f, index[begin] - window + 1, window + m - 1, z)
+        fill_sample_products(z, window + m - 1, raw)
+        now, bends = copy_consecutive_estimates(theta, begin, end), limit[begin:end]
         sums = np.zeros((entries, m))
         for s in range(window):
             residuals(z, s, now, pull)
@@ -169,11 +179,11 @@ def _sum_newton_equations(
                 full[k] = 1.0 if inside else 0.0
             for i in range(p):
                 for j in range(i, p):
-                    entry = packed_index(i, j, p + 1)
+                    entry = find_packed_index(i, j, p + 1)
                     total, product = sums[entry], raw[entry, s : s + m]
                     for k in range(m):
                         total[k] += full[k] * product[k]
-                total, column = sums[packed_index(i, p, p + 1)], z[i, s : s + m]
+                total, column = sums[find_packed_index(i, p, p + 1)], z[i, s : s + m]
                 for k in range(m):
                     total[k] += pull[k] * column[k]
         for entry in range(entries):
@@ -183,8 +193,8 @@ def _sum_newton_equations(
     return out
 
 
-@compiled_ahead
-def _pseudo_residuals(
+@compiled_unless_short_log
+def summarise_clipped_residuals(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats
 ) -> tuple[Floats, Floats]:
     """Fraction of |r| ≤ limit, and sum of clipped r², of each window, (rows,) each."""
@@ -192,13 +202,13 @@ def _pseudo_residuals(
     z = np.empty((p + 1, window + AT_ONCE))
     e = np.empty(AT_ONCE)
     kept, squares = np.zeros(index.size), np.zeros(index.size)
-    begins = batch_starts(index)
+    begins = find_batch_begins(index)
     for number in range(begins.size - 1):
         begin: int = begins[number]
         end: int = begins[number + 1]
         m = end - begin
-        load_samples(A, f, index[begin] - window + 1, window + m - 1, z)
-        now, bends = copy_consecutive(theta, begin, end), limit[begin:end]
+        copy_samples_to_buffer(A, f, index[begin] - window + 1, window + m - 1, z)
+        now, bends = copy_consecutive_estimates(theta, begin, end), limit[begin:end]
         inside, square = kept[begin:end], squares[begin:end]
         for s in range(window):
             residuals(z, s, now, e)
@@ -223,7 +233,7 @@ def trace(
         options: tuning constant of the weights.
     """
     options = options or HuberOptions()
-    index = window_ends(accepted, window)
+    index = find_accepted_window_ends(accepted, window)
     p = A.shape[1]
     if index.size == 0:
         return Trace.empty(p)
@@ -231,21 +241,25 @@ def trace(
     statistics = ResidualStatistics(*(np.empty(index.size) for _ in ResidualStatistics._fields))
 
     def solve_rows(rows: slice) -> None:
-        products = sum_windows(A, f, window, index[rows])
-        theta, of_rows = reweight(A, f, window, index[rows], products, options)
-        solved.keep(
-            rows, products, theta, gram(products), residual_sums_of_squares(products, theta)
+        products = sum_window_products(A, f, window, index[rows])
+        theta, of_rows = solve_windows_robustly(A, f, window, index[rows], products, options)
+        solved.store_windows(
+            rows,
+            products,
+            theta,
+            extract_packed_gram(products),
+            compute_residual_sums_of_squares(products, theta),
         )
         for whole, part in zip(statistics, of_rows, strict=True):
             whole[rows] = part
 
     run_in_chunks(solve_rows, index.size)
-    residual, owner = residuals_of_disjoint_windows(A, f, solved.theta, index, window)
+    residual, owner = compute_disjoint_window_residuals(A, f, solved.theta, index, window)
     used = owner >= 0
     row = owner[used]
     limit = statistics.limit[row]
     residual[used] = np.clip(residual[used], -limit, limit) / statistics.kept[row]
-    correlation, _ = pooled_autocorrelation(residual, owner, A)
-    std = window_stds(A, solved.grams, statistics.squares, index, window, correlation)
+    correlation, _ = estimate_pooled_autocorrelation(residual, owner, A)
+    std = compute_all_window_stds(A, solved.grams, statistics.squares, index, window, correlation)
     rms = np.sqrt(solved.rss / window)
     return Trace(index, solved.theta, std, rms, solved.condition, correlation)

@@ -14,38 +14,47 @@ import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.estimate import Estimate
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_unless_short_log
 from estimators.methods import rls as recursion
 from estimators.methods import rtls as total_recursion
 from estimators.methods.fgls import FglsOptions
-from estimators.methods.fgls import reweight as reweight_fgls
+from estimators.methods.fgls import reweight_windows as reweight_fgls
 from estimators.methods.huber import HuberOptions
-from estimators.methods.huber import reweight as reweight_huber
-from estimators.methods.ls import LsOptions, WindowStatistics, least_squares, predict_statistics
-from estimators.methods.pooled import PooledOptions, add_sample, subtract_noise
+from estimators.methods.huber import solve_windows_robustly as reweight_huber
+from estimators.methods.ls import (
+    LsOptions,
+    WindowStatistics,
+    compute_statistics_from_products,
+    solve_least_squares,
+)
+from estimators.methods.pooled import PooledOptions, add_one_sample_product, subtract_expected_noise
 from estimators.methods.rls import RlsOptions, RlsState
 from estimators.methods.rtls import RtlsOptions
-from estimators.methods.tls import TlsOptions, solve_scaled
+from estimators.methods.tls import TlsOptions, solve_scaled_tls
 from estimators.numerics import directional_forgetting
-from estimators.numerics.mutual_information import correlation
+from estimators.numerics.mutual_information import fill_correlations
 from estimators.numerics.normal_equations import (
+    compute_residual_sums_of_squares,
     count_columns,
-    gram,
-    residual_sums_of_squares,
-    solve,
+    extract_packed_gram,
+    solve_packed_equations,
 )
-from estimators.numerics.recursive import discounted_counts, feed_products, pad_entries_to_lanes
+from estimators.numerics.recursive import (
+    accumulate_discounted_products,
+    count_discounted_samples,
+    pad_entries_to_lanes,
+)
 from estimators.numerics.rolling import (
-    add_centre,
-    count_lanes,
+    count_padded_lanes,
     fill_centred_terms,
     fill_suffix_sums,
+    uncentre_moments,
 )
 from estimators.numerics.small_systems import (
-    condition_numbers,
-    inverse_spd,
-    pack,
-    scaled_condition_from_gram,
+    compute_condition_numbers,
+    compute_scaled_condition,
+    invert_positive_definite,
+    pack_symmetric_matrix,
     unpack_leading_block,
 )
 
@@ -72,11 +81,11 @@ class WindowState(NamedTuple):
     moments: Floats
 
 
-def start_window(parameters: int, window: int) -> WindowState:
+def make_empty_window(parameters: int, window: int) -> WindowState:
     """Empty state before the first sample."""
     q = parameters + 1
     entries = q * (q + 1) // 2
-    lanes = count_lanes(q + entries)
+    lanes = count_padded_lanes(q + entries)
     return WindowState(
         np.full((q, window), np.nan),
         0,
@@ -88,8 +97,8 @@ def start_window(parameters: int, window: int) -> WindowState:
     )
 
 
-@compiled_ahead
-def step_window(state: WindowState, sample: Floats) -> WindowState:
+@compiled_unless_short_log
+def advance_window(state: WindowState, sample: Floats) -> WindowState:
     """Advance by one sample (p + 1,): the regressor's row, then the force.
 
     Once in `window` samples the suffix sums are recomputed, with as many additions.
@@ -119,73 +128,81 @@ def step_window(state: WindowState, sample: Floats) -> WindowState:
         for lane in range(prefix.size):
             moments[lane, 0] = suffix[lane, since] + prefix[lane]
         products = np.empty(state.products.shape)
-        add_centre(moments, centre, window, 0, 1, products)
+        uncentre_moments(moments, centre, window, 0, 1, products)
     return WindowState(z, seen, centre, suffix, prefix, products, moments)
 
 
-def window_statistics(state: WindowState, noise: Floats | None = None) -> WindowStatistics:
+def compute_gate_statistics(state: WindowState, noise: Floats | None = None) -> WindowStatistics:
     """Statistics of the current window for the gate, (1,) each.
 
     `noise` is as for `ls.window_statistics`.
     """
     window = state.z.shape[1]
     rho, spread = np.empty(1), np.empty(1)
-    correlation(state.moments, state.centre, window, rho, spread)
-    return WindowStatistics(rho, spread, *predict_statistics(state.products, window, noise))
+    fill_correlations(state.moments, state.centre, window, rho, spread)
+    return WindowStatistics(
+        rho, spread, *compute_statistics_from_products(state.products, window, noise)
+    )
 
 
-def ls(state: WindowState, mean: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some
+def ls(state: WindowState, mean_samples: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some
     """Ordinary least squares of the current window."""
-    A, f, end = _make_log_of_window(state)
-    theta, _ = least_squares(A, f, f.size, end, state.products)
-    return _make_window_estimate(state, theta, gram(state.products), mean)
+    A, f, end = make_log_of_window(state)
+    theta, _ = solve_least_squares(A, f, f.size, end, state.products)
+    return make_window_estimate(state, theta, extract_packed_gram(state.products), mean_samples)
 
 
-def fgls(state: WindowState, mean: int, options: FglsOptions) -> Estimate:
+def fgls(state: WindowState, mean_samples: int, options: FglsOptions) -> Estimate:
     """Feasible generalised least squares of the current window: O(window)."""
-    A, f, end = _make_log_of_window(state)
+    A, f, end = make_log_of_window(state)
     theta = reweight_fgls(A, f, f.size, end, state.products, options)
-    return _make_window_estimate(state, theta, gram(state.products), mean)
+    return make_window_estimate(state, theta, extract_packed_gram(state.products), mean_samples)
 
 
-def tls(state: WindowState, mean: int, options: TlsOptions) -> Estimate:
+def tls(state: WindowState, mean_samples: int, options: TlsOptions) -> Estimate:
     """Total least squares of the current window."""
-    return _make_window_estimate(state, *solve_scaled(state.products, options), mean)
+    return make_window_estimate(state, *solve_scaled_tls(state.products, options), mean_samples)
 
 
-def huber(state: WindowState, mean: int, options: HuberOptions) -> Estimate:
+def huber(state: WindowState, mean_samples: int, options: HuberOptions) -> Estimate:
     """Huber regression of the current window: at most a hundred steps of O(window)."""
-    A, f, end = _make_log_of_window(state)
+    A, f, end = make_log_of_window(state)
     theta, residuals = reweight_huber(A, f, f.size, end, state.products, options)
-    return _make_window_estimate(state, theta, gram(state.products), mean, residuals.squares)
+    return make_window_estimate(
+        state, theta, extract_packed_gram(state.products), mean_samples, residuals.squares
+    )
 
 
-def _make_log_of_window(state: WindowState) -> tuple[Floats, Floats, Ints]:
+def make_log_of_window(state: WindowState) -> tuple[Floats, Floats, Ints]:
     """The window as a log: A (window, p), f (window,) and its end (1,)."""
     A = np.ascontiguousarray(state.z[:-1].T)
     return A, state.z[-1].copy(), np.array([state.z.shape[1] - 1])
 
 
-def _make_window_estimate(
-    state: WindowState, theta: Floats, G: Floats, mean: int, squares: Floats | None = None
+def make_window_estimate(
+    state: WindowState, theta: Floats, G: Floats, mean_samples: int, squares: Floats | None = None
 ) -> Estimate:
     """Estimate of one window from θ (p, 1), packed AᵀA (entries, 1) and RSS (1,)."""
     q, window = state.z.shape
     p = q - 1
-    rss = residual_sums_of_squares(state.products, theta)
+    rss = compute_residual_sums_of_squares(state.products, theta)
     return Estimate(
         theta[:, 0].copy(),
-        estimate_stds(G[:, 0], p, rss if squares is None else squares, window, mean),
+        compute_textbook_stds(
+            G[:, 0], p, rss if squares is None else squares, window, mean_samples
+        ),
         float(np.sqrt(rss[0] / window)),
-        float(condition_numbers(state.products, q, p)[0]),
+        float(compute_condition_numbers(state.products, q, p)[0]),
     )
 
 
-def estimate_stds(G: Floats, p: int, rss: Floats, samples: int, mean: int) -> Floats:
-    """Textbook standard deviations (p,), with `mean` residual samples counted as one."""
-    freedom = samples - p * mean
-    variance = rss[0] / freedom * mean if freedom > 0 else np.nan
-    return np.sqrt(variance * np.diagonal(inverse_spd(unpack_leading_block(G, p, p))))
+def compute_textbook_stds(
+    G: Floats, p: int, rss: Floats, samples: int, mean_samples: int
+) -> Floats:
+    """Textbook standard deviations (p,), with `mean_samples` residual samples counted as one."""
+    freedom = samples - p * mean_samples
+    variance = rss[0] / freedom * mean_samples if freedom > 0 else np.nan
+    return np.sqrt(variance * np.diagonal(invert_positive_definite(unpack_leading_block(G, p, p))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,35 +221,35 @@ class WindowHistory:
 
 
 def _add_new_samples_to_history(
-    state: WindowState, past: WindowHistory, newest: int, forgetting: float
+    state: WindowState, past: WindowHistory, new_samples: int, forgetting: float
 ) -> WindowHistory:
     """Add the newest samples of the window to the history."""
-    A, f, _ = _make_log_of_window(state)
-    fed = np.arange(f.size - newest, f.size)
+    A, f, _ = make_log_of_window(state)
+    fed = np.arange(f.size - new_samples, f.size)
     products, squares = past.products.copy(), past.squares.copy()
-    feed_products(A, f, fed, forgetting, products)
-    feed_products(A, f, fed, forgetting**2, squares)
+    accumulate_discounted_products(A, f, fed, forgetting, products)
+    accumulate_discounted_products(A, f, fed, forgetting**2, squares)
     return WindowHistory(
-        products, squares, float(discounted_counts(newest, forgetting, past.weight)[-1])
+        products, squares, float(count_discounted_samples(new_samples, forgetting, past.weight)[-1])
     )
 
 
-def _recursive_estimate(
-    theta: Floats, past: WindowHistory, R: Floats, rss: float, mean: int, condition: float
+def make_recursive_estimate(
+    theta: Floats, past: WindowHistory, R: Floats, rss: float, mean_samples: int, condition: float
 ) -> Estimate:
     """Estimate from θ = R⁻¹ Aᵀf, whose errors are R⁻¹ (p, p) times the errors of Aᵀf."""
     p = theta.size
-    bread = inverse_spd(R)
+    bread = invert_positive_definite(R)
     M = unpack_leading_block(past.squares, p + 1, p)
-    std = np.sqrt(rss / past.weight * mean * np.diagonal(bread @ M @ bread))
+    std = np.sqrt(rss / past.weight * mean_samples * np.diagonal(bread @ M @ bread))
     return Estimate(theta, std, float(np.sqrt(rss / past.weight)), condition)
 
 
 def rls(
     state: WindowState,
     past: WindowHistory | RlsState | None,
-    newest: int,
-    mean: int,
+    new_samples: int,
+    mean_samples: int,
     options: RlsOptions,
 ) -> tuple[WindowHistory | RlsState, Estimate]:
     """Feed the newest samples of an accepted window, or start with its OLS estimate.
@@ -240,89 +257,103 @@ def rls(
     Args:
         state: the window.
         past: state after the previous accepted window; None for the first.
-        newest: number of samples that were in no accepted window before.
-        mean: length of the moving mean in samples.
+        new_samples: number of samples that were in no accepted window before.
+        mean_samples: length of the moving mean in samples.
         options: forgetting; with directional forgetting `past` is an `RlsState`.
     """
     if options.directional:
         assert not isinstance(past, WindowHistory)
-        return _step_directional_rls(state, past, newest, mean, options)
+        return _step_directional_rls(state, past, new_samples, mean_samples, options)
     assert not isinstance(past, RlsState)
-    return _step_exponential_rls(state, past, newest, mean, options)
+    return _step_exponential_rls(state, past, new_samples, mean_samples, options)
 
 
 def _step_exponential_rls(
-    state: WindowState, past: WindowHistory | None, newest: int, mean: int, options: RlsOptions
+    state: WindowState,
+    past: WindowHistory | None,
+    new_samples: int,
+    mean_samples: int,
+    options: RlsOptions,
 ) -> tuple[WindowHistory, Estimate]:
     """One step of RLS with exponential forgetting; the first starts from the window."""
     p = len(state.z) - 1
     entries = len(state.products)
     if past is None:
-        A, f, _ = _make_log_of_window(state)
+        A, f, _ = make_log_of_window(state)
         begin = recursion.start(A, f, options)
         R, G = (
             np.diag(1.0 / np.diagonal(begin.P)),
             unpack_leading_block(state.products[:, 0], p + 1, p),
         )
         squares = np.zeros((p + 1, p + 1))
-        squares[:p, :p] = R @ inverse_spd(G) @ R
+        squares[:p, :p] = R @ invert_positive_definite(G) @ R
         past = WindowHistory(
-            pad_entries_to_lanes(pack(recursion.information(begin))),
-            pad_entries_to_lanes(pack(squares)),
+            pad_entries_to_lanes(pack_symmetric_matrix(recursion.initial_gram_matrix(begin))),
+            pad_entries_to_lanes(pack_symmetric_matrix(squares)),
             begin.weight,
         )
-        theta, rss, condition = begin.theta, begin.square, scaled_condition_from_gram(G)
+        theta, rss, condition = begin.theta, begin.square, compute_scaled_condition(G)
     else:
-        past = _add_new_samples_to_history(state, past, newest, options.forgetting)
-        solved = solve(past.products[:entries].reshape(-1, 1))
+        past = _add_new_samples_to_history(state, past, new_samples, options.forgetting)
+        solved = solve_packed_equations(past.products[:entries].reshape(-1, 1))
         R = unpack_leading_block(past.products, p + 1, p)
         theta, rss, condition = (
             solved.theta[:, 0],
             float(solved.rss[0]),
-            scaled_condition_from_gram(R),
+            compute_scaled_condition(R),
         )
-    return past, _recursive_estimate(theta, past, R, rss, mean, condition)
+    return past, make_recursive_estimate(theta, past, R, rss, mean_samples, condition)
 
 
 def _step_directional_rls(
-    state: WindowState, past: RlsState | None, newest: int, mean: int, options: RlsOptions
+    state: WindowState,
+    past: RlsState | None,
+    new_samples: int,
+    mean_samples: int,
+    options: RlsOptions,
 ) -> tuple[RlsState, Estimate]:
     """One step of RLS with directional forgetting; the first starts from the window."""
-    A, f, _ = _make_log_of_window(state)
+    A, f, _ = make_log_of_window(state)
     if past is None:
         past = recursion.start(A, f, options)
         p = past.theta.size
         R = unpack_leading_block(state.products[:, 0], p + 1, p)
     else:
-        ends = np.array([f.size - 1 - newest, f.size - 1])
+        ends = np.array([f.size - 1 - new_samples, f.size - 1])
         theta, _, P, sums = directional_forgetting.run_recursion_over_windows(
             A, f, f.size, ends, options.forgetting, past.theta, past.P, (past.square, past.weight)
         )
         past = RlsState(theta[-1], P[-1], *sums)
-        R = inverse_spd(past.P)
+        R = invert_positive_definite(past.P)
     rms = float(np.sqrt(max(past.square, 0.0) / past.weight))
-    std = rms * np.sqrt(mean * np.diagonal(inverse_spd(R)))
-    return past, Estimate(past.theta, std, rms, scaled_condition_from_gram(R))
+    std = rms * np.sqrt(mean_samples * np.diagonal(invert_positive_definite(R)))
+    return past, Estimate(past.theta, std, rms, compute_scaled_condition(R))
 
 
 def rtls(
-    state: WindowState, past: WindowHistory | None, newest: int, mean: int, options: RtlsOptions
+    state: WindowState,
+    past: WindowHistory | None,
+    new_samples: int,
+    mean_samples: int,
+    options: RtlsOptions,
 ) -> tuple[WindowHistory, Estimate]:
     """Recursive total least squares; the arguments are those of `rls`."""
     p, entries = len(state.z) - 1, len(state.products)
     if past is None:
-        A, f, _ = _make_log_of_window(state)
+        A, f, _ = make_log_of_window(state)
         begin = total_recursion.start(A, f, options)
-        products = pad_entries_to_lanes(pack(total_recursion.unscale_gram(begin, options)))
+        products = pad_entries_to_lanes(
+            pack_symmetric_matrix(total_recursion.unscale_gram(begin, options))
+        )
         past = WindowHistory(products, pad_entries_to_lanes(state.products[:, 0]), begin.weight)
     else:
-        past = _add_new_samples_to_history(state, past, newest, options.forgetting)
+        past = _add_new_samples_to_history(state, past, new_samples, options.forgetting)
     products = past.products[:entries].reshape(-1, 1)
-    theta, clean = solve_scaled(products, options.noise)
-    rss = float(residual_sums_of_squares(products, theta)[0])
-    condition = float(condition_numbers(products, p + 1, p)[0])
+    theta, clean = solve_scaled_tls(products, options.noise)
+    rss = float(compute_residual_sums_of_squares(products, theta)[0])
+    condition = float(compute_condition_numbers(products, p + 1, p)[0])
     R = unpack_leading_block(clean[:, 0], p, p)
-    return past, _recursive_estimate(theta[:, 0], past, R, rss, mean, condition)
+    return past, make_recursive_estimate(theta[:, 0], past, R, rss, mean_samples, condition)
 
 
 @dataclass(frozen=True, slots=True)
@@ -335,26 +366,28 @@ class Pool:
     def add(self, sample: Floats) -> "Pool":
         """Add one sample (p + 1,)."""
         products = self.products.copy()
-        add_sample(sample[:-1].copy(), sample[-1], products)
+        add_one_sample_product(sample[:-1].copy(), sample[-1], products)
         return Pool(products, self.samples + 1)
 
-    def estimate(self, mean: int, options: PooledOptions) -> Estimate:
+    def estimate(self, mean_samples: int, options: PooledOptions) -> Estimate:
         """Least squares over all samples of the pool."""
         products = self.products.reshape(-1, 1)
         counts = np.array([float(self.samples)])
         theta, p = (
-            solve(subtract_noise(products, counts, options)).theta,
+            solve_packed_equations(subtract_expected_noise(products, counts, options)).theta,
             count_columns(products) - 1,
         )
-        rss = residual_sums_of_squares(products, theta)
+        rss = compute_residual_sums_of_squares(products, theta)
         return Estimate(
             theta[:, 0],
-            estimate_stds(gram(products)[:, 0], p, rss, self.samples, mean),
+            compute_textbook_stds(
+                extract_packed_gram(products)[:, 0], p, rss, self.samples, mean_samples
+            ),
             float(np.sqrt(rss[0] / self.samples)),
-            float(condition_numbers(products, p + 1, p)[0]),
+            float(compute_condition_numbers(products, p + 1, p)[0]),
         )
 
 
-def start_pool(parameters: int) -> Pool:
+def make_empty_pool(parameters: int) -> Pool:
     """Empty pool before the first sample."""
     return Pool(np.zeros((parameters + 1) * (parameters + 2) // 2), 0)

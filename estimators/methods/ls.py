@@ -14,23 +14,27 @@ import numpy as np
 
 from estimators.arrays import Bools, Floats, Ints
 from estimators.estimate import Estimate, Trace
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_unless_short_log
 from estimators.methods.method_limits import LIMITS
 from estimators.numerics.autocorrelation import (
-    pooled_autocorrelation,
-    residuals_of_disjoint_windows,
+    compute_disjoint_window_residuals,
+    estimate_pooled_autocorrelation,
 )
-from estimators.numerics.mutual_information import correlated_sums
-from estimators.numerics.normal_equations import gram, solve
-from estimators.numerics.rolling import sum_windows, window_ends
-from estimators.numerics.sandwich import meat, window_std, window_stds
+from estimators.numerics.mutual_information import sum_windows_with_correlation
+from estimators.numerics.normal_equations import extract_packed_gram, solve_packed_equations
+from estimators.numerics.rolling import find_accepted_window_ends, sum_window_products
+from estimators.numerics.sandwich import (
+    compute_all_window_stds,
+    compute_one_window_stds,
+    compute_sandwich_meat,
+)
 from estimators.numerics.small_systems import (
-    condition_numbers,
-    factor,
+    compute_condition_numbers,
+    compute_scaled_condition,
+    factor_packed_ldl,
     invert,
-    lstsq,
-    scaled_condition_from_gram,
-    substitute,
+    solve_factored_in_place,
+    solve_least_squares_by_svd,
 )
 from estimators.threads import run_in_chunks
 
@@ -59,12 +63,12 @@ def fit(
         θ with the sandwich standard deviation.
     """
     del options
-    theta = lstsq(A, f)
+    theta = solve_least_squares_by_svd(A, f)
     residual = f - A @ theta
     gram = A.T @ A
-    std = window_std(A, gram, residual, autocorrelation)
+    std = compute_one_window_stds(A, gram, residual, autocorrelation)
     rms = float(np.sqrt((residual**2).mean()))
-    return Estimate(theta, std, rms, float(scaled_condition_from_gram(gram)))
+    return Estimate(theta, std, rms, float(compute_scaled_condition(gram)))
 
 
 class Windows(NamedTuple):
@@ -92,7 +96,7 @@ class Windows(NamedTuple):
             np.empty(rows),
         )
 
-    def keep(
+    def store_windows(
         self, rows: slice, products: Floats, theta: Floats, grams: Floats, rss: Floats
     ) -> None:
         """Store θ (p, m), grams (entries, m) and RSS (m,) of windows with these packed products."""
@@ -100,7 +104,7 @@ class Windows(NamedTuple):
         self.theta[rows] = theta.T
         self.grams[rows] = grams.T
         self.rss[rows] = rss
-        self.condition[rows] = condition_numbers(products, p + 1, p)
+        self.condition[rows] = compute_condition_numbers(products, p + 1, p)
 
 
 def solve_windows(A: Floats, f: Floats, window: int, index: Ints) -> Windows:
@@ -108,15 +112,15 @@ def solve_windows(A: Floats, f: Floats, window: int, index: Ints) -> Windows:
     out = Windows.empty(index.size, A.shape[1])
 
     def solve_rows(rows: slice) -> None:
-        products = sum_windows(A, f, window, index[rows])
-        theta, rss = least_squares(A, f, window, index[rows], products)
-        out.keep(rows, products, theta, gram(products), rss)
+        products = sum_window_products(A, f, window, index[rows])
+        theta, rss = solve_least_squares(A, f, window, index[rows], products)
+        out.store_windows(rows, products, theta, extract_packed_gram(products), rss)
 
     run_in_chunks(solve_rows, index.size)
     return out
 
 
-def least_squares(
+def solve_least_squares(
     A: Floats, f: Floats, window: int, index: Ints, products: Floats
 ) -> tuple[Floats, Floats]:
     """θ (p, rows) and RSS (rows,) of windows with packed products (entries, rows).
@@ -124,20 +128,20 @@ def least_squares(
     Normal equations lose twice the digits of the condition number. For ill-conditioned windows one
     correction by the residuals regains half of them (Björck 1987).
     """
-    solved = solve(products)
+    solved = solve_packed_equations(products)
     theta = solved.theta
     p = len(theta)
-    poor = np.flatnonzero(condition_numbers(products, p + 1, p) > LIMITS.poor_condition)
+    poor = np.flatnonzero(compute_condition_numbers(products, p + 1, p) > LIMITS.poor_condition)
     if poor.size:
-        correction = normal_equation_residual(A, f, window, index[poor], theta[:, poor])
+        correction = compute_normal_equation_residual(A, f, window, index[poor], theta[:, poor])
         L, inverse = np.take(solved.L, poor, axis=2), np.take(solved.inverse, poor, axis=1)
-        substitute(L, inverse, correction)
+        solve_factored_in_place(L, inverse, correction)
         theta[:, poor] += correction
     return theta, solved.rss
 
 
-@compiled_ahead
-def normal_equation_residual(
+@compiled_unless_short_log
+def compute_normal_equation_residual(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats
 ) -> Floats:
     """Aᵀ(f - A θ) of each window, (p, rows): zero except for rounding of θ (p, rows)."""
@@ -174,7 +178,7 @@ class WindowStatistics(NamedTuple):
     noise_share: Floats
 
 
-def window_statistics(
+def compute_window_statistics(
     A: Floats, f: Floats, window: int, index: Ints, noise: Floats | None = None
 ) -> WindowStatistics:
     """Compute the gate's statistics of the windows that end at `index`, in one pass.
@@ -189,9 +193,9 @@ def window_statistics(
     out = WindowStatistics(*(np.empty(index.size) for _ in WindowStatistics._fields))
 
     def fill_rows(rows: slice) -> None:
-        products, *seen = correlated_sums(A, f, window, index[rows])
+        products, *seen = sum_windows_with_correlation(A, f, window, index[rows])
         for whole, part in zip(
-            out, (*seen, *predict_statistics(products, window, noise)), strict=True
+            out, (*seen, *compute_statistics_from_products(products, window, noise)), strict=True
         ):
             whole[rows] = part
 
@@ -199,19 +203,19 @@ def window_statistics(
     return out
 
 
-def predict_statistics(
+def compute_statistics_from_products(
     products: Floats, window: int, noise: Floats | None
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Last four fields of `WindowStatistics`, (m,) each, from packed products (entries, m)."""
-    solved = solve(products)
+    solved = solve_packed_equations(products)
     p = len(solved.theta)
     # (G⁻¹)₁₁ is the first entry of the solution for the first unit vector
     unit = np.zeros(solved.theta.shape)
     unit[0] = 1.0
-    substitute(solved.L, solved.inverse, unit)
+    solve_factored_in_place(solved.L, solved.inverse, unit)
     variance = solved.rss / max(window - p, 1)
     partial, share = np.empty(variance.size), np.zeros(variance.size)
-    _raise_variances_by_noise(
+    raise_variances_by_noise(
         solved.theta,
         unit,
         np.zeros((p + 1, p + 1)) if noise is None else noise,
@@ -220,18 +224,23 @@ def predict_statistics(
         partial,
         share,
     )
-    return np.sqrt(variance * unit[0]), condition_numbers(products, p + 1, p), partial, share
+    return (
+        np.sqrt(variance * unit[0]),
+        compute_condition_numbers(products, p + 1, p),
+        partial,
+        share,
+    )
 
 
-@compiled_ahead
-def _raise_variances_by_noise(
+@compiled_unless_short_log
+def raise_variances_by_noise(
     theta: Floats,
     unit: Floats,
     noise: Floats,
     window: int,
     variance: Floats,
-    partial: Floats,
-    share: Floats,
+    partial_sums: Floats,
+    noise_fraction: Floats,
 ) -> None:
     """Raise variances (m,) to at least those of noise; fill in partial sums and shares (m,).
 
@@ -245,22 +254,22 @@ def _raise_variances_by_noise(
         own, of_force = noise[i, i], 2.0 * noise[i, p]
         for k in range(m):
             least[k] += (own * x[k] - of_force) * x[k]
-            share[k] += own * u[k] * u[k]
+            noise_fraction[k] += own * u[k] * u[k]
         for j in range(i + 1, p):
             y, w = theta[j], unit[j]
             twice = 2.0 * noise[i, j]
             for k in range(m):
                 least[k] += twice * x[k] * y[k]
-                share[k] += twice * u[k] * w[k]
+                noise_fraction[k] += twice * u[k] * w[k]
     first = unit[0]
     for k in range(m):
         variance[k] = least[k] if least[k] > variance[k] else variance[k]
         # u₁ is never zero where G has an inverse, and NaN where it has none
-        partial[k] = 1.0 / first[k]
-        share[k] *= window * partial[k]
+        partial_sums[k] = 1.0 / first[k]
+        noise_fraction[k] *= window * partial_sums[k]
 
 
-def residual_noise(theta: Floats, noise: Floats) -> Floats:
+def residual_noise_variance(theta: Floats, noise: Floats) -> Floats:
     """Noise variance (m,) of f - A θ, from θ (p, m) and the noise covariance of [A f]."""
     p = len(theta)
     own = np.einsum("ik,ij,jk->k", theta, noise[:p, :p], theta)
@@ -281,7 +290,7 @@ def trace(
         options: no options.
     """
     del options
-    index = window_ends(accepted, window)
+    index = find_accepted_window_ends(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
     return estimate_window_stds(A, f, window, index, solve_windows(A, f, window, index))
@@ -290,14 +299,16 @@ def trace(
 def estimate_window_stds(A: Floats, f: Floats, window: int, index: Ints, solved: Windows) -> Trace:
     """Standard deviations of solved windows, from the log's residual autocorrelation."""
     theta, grams, rss, condition = solved
-    residual, owner = residuals_of_disjoint_windows(A, f, theta, index, window)
-    correlation, _ = pooled_autocorrelation(residual, owner, A)
-    std = window_stds(A, grams, rss, index, window, correlation)
+    residual, owner = compute_disjoint_window_residuals(A, f, theta, index, window)
+    correlation, _ = estimate_pooled_autocorrelation(residual, owner, A)
+    std = compute_all_window_stds(A, grams, rss, index, window, correlation)
     return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)
 
 
-@compiled_ahead
-def mean_weights(A: Floats, breads: Floats, index: Ints, window: int) -> tuple[Floats, Ints]:
+@compiled_unless_short_log
+def compute_mean_weights(
+    A: Floats, breads: Floats, index: Ints, window: int
+) -> tuple[Floats, Ints]:
     """Weights c_k (n, p), and 0 for samples inside an accepted window, -1 for others, (n,).
 
     Breads (p, p, rows) are the windows' ω G⁻¹.
@@ -331,14 +342,14 @@ def mean_weights(A: Floats, breads: Floats, index: Ints, window: int) -> tuple[F
     return weights, inside
 
 
-def mean_estimate(
+def average_estimates(
     A: Floats,
     f: Floats,
     window: int,
     index: Ints,
     theta: Floats,
     std: Floats,
-    systematic: Floats | None = None,
+    systematic_std: Floats | None = None,
 ) -> tuple[Floats, Floats]:
     """Weighted mean of θ over all rows of a windowed trace, with its standard deviation.
 
@@ -351,8 +362,8 @@ def mean_estimate(
         index: (rows,) last sample of each window, ascending.
         theta: (rows, p) estimates of the windows.
         std: (rows, p) standard deviations of the estimates.
-        systematic: (rows, p) errors of one sign in all windows that the residuals do not show and
-            that no mean reduces; None for none.
+        systematic_std: (rows, p) errors of one sign in all windows that the residuals do not show
+            and that no mean reduces; None for none.
 
     Returns:
         (p,) mean and (p,) standard deviations, NaN if no window has an estimate.
@@ -365,14 +376,14 @@ def mean_estimate(
     grams = np.ascontiguousarray(least.grams.T)
     known = np.maximum(std[:, 0], np.finfo(float).tiny ** 0.25)
     share = known**-2.0 / (known**-2.0).sum()
-    breads = invert(*factor(grams, A.shape[1], A.shape[1])) * share
-    weights, inside = mean_weights(A, breads, index, window)
+    breads = invert(*factor_packed_ldl(grams, A.shape[1], A.shape[1])) * share
+    weights, inside = compute_mean_weights(A, breads, index, window)
     # the residuals' own correlation, which a window where TLS is wild would hide
-    residual, owner = residuals_of_disjoint_windows(A, f, least.theta, index, window)
-    correlation, variance = pooled_autocorrelation(residual, owner, A)
-    cover = meat(weights, inside, 0, 0, f.size - 1, correlation)
-    white = meat(weights, inside, 0, 0, f.size - 1, np.ones(1))
+    residual, owner = compute_disjoint_window_residuals(A, f, least.theta, index, window)
+    correlation, variance = estimate_pooled_autocorrelation(residual, owner, A)
+    cover = compute_sandwich_meat(weights, inside, 0, 0, f.size - 1, correlation)
+    white = compute_sandwich_meat(weights, inside, 0, 0, f.size - 1, np.ones(1))
     deviation = np.sqrt(np.maximum(np.diag(cover), np.diag(white)) * variance)
-    if systematic is not None:
-        deviation = np.hypot(deviation, share @ systematic[solved])
+    if systematic_std is not None:
+        deviation = np.hypot(deviation, share @ systematic_std[solved])
     return share @ theta, deviation

@@ -9,13 +9,17 @@ import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.estimate import Trace
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_unless_short_log
 from estimators.methods.method_limits import LIMITS
-from estimators.numerics.autocorrelation import pooled_autocorrelation, scale_widening
-from estimators.numerics.fit_loss import group_ids
-from estimators.numerics.normal_equations import count_columns, solve
-from estimators.numerics.sandwich import meat, standard_deviations
-from estimators.numerics.small_systems import condition_numbers, packed_index, unpack_leading_block
+from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation, std_widening_factor
+from estimators.numerics.fit_loss import list_group_numbers
+from estimators.numerics.normal_equations import count_columns, solve_packed_equations
+from estimators.numerics.sandwich import compute_sandwich_meat, compute_sandwich_stds
+from estimators.numerics.small_systems import (
+    compute_condition_numbers,
+    find_packed_index,
+    unpack_leading_block,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,34 +35,36 @@ class PooledOptions:
     noise: Floats | None = None
 
 
-@compiled_ahead
-def _add_samples(A: Floats, f: Floats, used: Ints, row_of: Ints, products: Floats) -> None:
+@compiled_unless_short_log
+def add_sample_products(
+    A: Floats, f: Floats, used_samples: Ints, column_of_sample: Ints, products: Floats
+) -> None:
     """Add the products of sample used[i] to column row_of[i] of packed sums (entries, ids)."""
-    for i in range(used.size):
-        k: int = used[i]
-        row: int = row_of[i]
-        add_sample(A[k], f[k], products[:, row])
+    for i in range(used_samples.size):
+        k: int = used_samples[i]
+        row: int = column_of_sample[i]
+        add_one_sample_product(A[k], f[k], products[:, row])
 
 
-@compiled_ahead
-def add_sample(a: Floats, f: float, products: Floats) -> None:
+@compiled_unless_short_log
+def add_one_sample_product(a: Floats, f: float, products: Floats) -> None:
     """Add one sample's products to a packed sum (entries,)."""
     p = a.size
     for i in range(p):
         for j in range(i, p):
-            products[packed_index(i, j, p + 1)] += a[i] * a[j]
-        products[packed_index(i, p, p + 1)] += a[i] * f
-    products[packed_index(p, p, p + 1)] += f * f
+            products[find_packed_index(i, j, p + 1)] += a[i] * a[j]
+        products[find_packed_index(i, p, p + 1)] += a[i] * f
+    products[find_packed_index(p, p, p + 1)] += f * f
 
 
-def subtract_noise(products: Floats, counts: Floats, options: PooledOptions) -> Floats:
+def subtract_expected_noise(products: Floats, counts: Floats, options: PooledOptions) -> Floats:
     """Packed sums (entries, ids) of counts (ids,) samples, less the expected noise products."""
     if options.noise is None:
         return products
     clean, q = products.copy(), count_columns(products)
     for i in range(q - 1):
         for j in range(i, q):
-            clean[packed_index(i, j, q)] -= counts * options.noise[i, j]
+            clean[find_packed_index(i, j, q)] -= counts * options.noise[i, j]
     return clean
 
 
@@ -78,32 +84,32 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     options = options or PooledOptions()
     p = A.shape[1]
     used = np.flatnonzero(segment_id >= 0)
-    ids = group_ids(segment_id).astype(np.int64)
+    ids = list_group_numbers(segment_id).astype(np.int64)
     if ids.size == 0:
         return Trace.empty(p)
     row_of = np.searchsorted(ids, segment_id[used])
     products = np.zeros(((p + 1) * (p + 2) // 2, ids.size))
-    _add_samples(A, f, used, row_of, products)
+    add_sample_products(A, f, used, row_of, products)
     counts = np.bincount(row_of, minlength=ids.size).astype(float)
     first, last = np.empty(ids.size, np.int64), np.empty(ids.size, np.int64)
     # of several assignments to one place the last one holds
     first[row_of[::-1]], last[row_of] = used[::-1], used
-    ordinary = solve(products).theta.T
-    clean = subtract_noise(products, counts, options)
-    theta = np.ascontiguousarray(solve(clean).theta.T)
-    condition = condition_numbers(products, p + 1, p)
+    ordinary = solve_packed_equations(products).theta.T
+    clean = subtract_expected_noise(products, counts, options)
+    theta = np.ascontiguousarray(solve_packed_equations(clean).theta.T)
+    condition = compute_condition_numbers(products, p + 1, p)
     residual = np.zeros(f.size)
     residual[used] = f[used] - np.einsum("ij,ij->i", A[used], theta[row_of])
     solved = np.isfinite(theta[:, 0])
     group = np.full(f.size, -1, np.int64)
     group[used] = np.where(solved[row_of], segment_id[used], -1)
-    correlation, _ = pooled_autocorrelation(residual, group, A)
+    correlation, _ = estimate_pooled_autocorrelation(residual, group, A)
     rss = np.bincount(row_of, weights=residual[used] ** 2, minlength=ids.size)
     std = np.empty((ids.size, p))
     for row in range(ids.size):
-        B = meat(A, segment_id, ids[row], first[row], last[row], correlation)
+        B = compute_sandwich_meat(A, segment_id, ids[row], first[row], last[row], correlation)
         gram = unpack_leading_block(clean[:, row], p + 1, p)
-        known = standard_deviations(gram, B, float(rss[row]), float(counts[row]))
-        std[row] = known * scale_widening(counts[row], correlation)
+        known = compute_sandwich_stds(gram, B, float(rss[row]), float(counts[row]))
+        std[row] = known * std_widening_factor(counts[row], correlation)
     std = np.hypot(std, LIMITS.uncertain_correction_fraction * (theta - ordinary))
     return Trace(last, theta, std, np.sqrt(rss / counts), condition, correlation)

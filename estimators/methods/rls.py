@@ -15,27 +15,27 @@ from estimators.estimate import Trace
 from estimators.methods.ls import solve_windows
 from estimators.numerics import directional_forgetting as directional
 from estimators.numerics.autocorrelation import (
-    pooled_autocorrelation,
-    residuals_of_disjoint_windows,
+    compute_disjoint_window_residuals,
+    estimate_pooled_autocorrelation,
 )
-from estimators.numerics.normal_equations import solve
+from estimators.numerics.normal_equations import solve_packed_equations
 from estimators.numerics.recursive import (
-    discounted_counts,
-    discounted_meats,
-    fed_samples,
-    feed_products,
+    accumulate_discounted_meats,
+    accumulate_discounted_products,
+    count_discounted_samples,
+    iter_sample_chunks,
+    list_fed_samples,
     pad_entries_to_lanes,
-    sample_chunks,
 )
-from estimators.numerics.rolling import window_ends
-from estimators.numerics.sandwich import meat, recursive_stds
+from estimators.numerics.rolling import find_accepted_window_ends
+from estimators.numerics.sandwich import compute_recursive_stds, compute_sandwich_meat
 from estimators.numerics.small_systems import (
-    condition_numbers,
-    factor,
+    compute_condition_numbers,
+    compute_scaled_condition,
+    factor_packed_ldl,
     invert,
-    lstsq,
-    pack,
-    scaled_condition_from_gram,
+    pack_symmetric_matrix,
+    solve_least_squares_by_svd,
 )
 
 
@@ -79,7 +79,7 @@ def start(A: Floats, f: Floats, options: RlsOptions | None = None) -> RlsState:
         options: forgetting; not used here.
     """
     del options
-    theta = lstsq(A, f)
+    theta = solve_least_squares_by_svd(A, f)
     residual = f - A @ theta
     variances = A.var(axis=0)
     # a column that stays the same (Coulomb's sign while driving) would make P₀ infinite
@@ -129,13 +129,13 @@ def trace(
         estimate of the first window.
     """
     options = options or RlsOptions()
-    index = window_ends(accepted, window)
+    index = find_accepted_window_ends(accepted, window)
     p = A.shape[1]
     if index.size == 0:
         return Trace.empty(p)
     first = slice(index[0] - window + 1, index[0] + 1)
     begin = start(A[first], f[first], options)
-    run = feed_along_samples if options.directional else _trace_exponential_forgetting
+    run = trace_directional_forgetting if options.directional else _trace_exponential_forgetting
     return run(A, f, window, index, options.forgetting, begin)
 
 
@@ -145,25 +145,28 @@ def _trace_exponential_forgetting(
     """Solve the discounted normal equations of (12)-(15), for exponential forgetting."""
     rows, p = index.size, A.shape[1]
     first = slice(index[0] - window + 1, index[0] + 1)
-    fed, seen = fed_samples(index, window)
+    fed, seen = list_fed_samples(index, window)
     theta, rms, condition = np.empty((rows, p)), np.empty(rows), np.empty(rows)
     gram: Floats = np.asarray(A[first].T @ A[first], np.float64)
     theta[0], rms[0] = begin.theta, np.sqrt(begin.square / begin.weight)
-    condition[0] = scaled_condition_from_gram(gram)
-    past, weight = pad_entries_to_lanes(pack(information(begin))), np.array([begin.weight])
+    condition[0] = compute_scaled_condition(gram)
+    past, weight = (
+        pad_entries_to_lanes(pack_symmetric_matrix(initial_gram_matrix(begin))),
+        np.array([begin.weight]),
+    )
     entries = (p + 1) * (p + 2) // 2
-    for of_chunk, of_rows, at_rows in sample_chunks(seen):
-        sums = feed_products(A, f, fed[of_chunk], forgetting, past)
-        solved = solve(sums[:entries])
-        weight = discounted_counts(sums.shape[1], forgetting, float(weight[-1]))
+    for of_chunk, of_rows, at_rows in iter_sample_chunks(seen):
+        sums = accumulate_discounted_products(A, f, fed[of_chunk], forgetting, past)
+        solved = solve_packed_equations(sums[:entries])
+        weight = count_discounted_samples(sums.shape[1], forgetting, float(weight[-1]))
         theta[of_rows] = np.take(solved.theta, at_rows, axis=1).T
         rms[of_rows] = np.sqrt(solved.rss[at_rows] / weight[at_rows])
-        condition[of_rows] = condition_numbers(np.take(sums, at_rows, axis=1), p + 1, p)
+        condition[of_rows] = compute_condition_numbers(np.take(sums, at_rows, axis=1), p + 1, p)
     correlation, variance = _estimate_window_autocorrelation(A, f, window, index)
     # P₀⁻¹ θ₀ is linear in the first window's force: what stands for A there
     R = np.diag(1.0 / np.diagonal(begin.P))
     as_fed: Floats = np.ascontiguousarray(A[first] @ (np.linalg.pinv(gram) @ R))
-    std = window_stds(A, as_fed, index, fed, seen, forgetting, R, correlation)
+    std = compute_recursion_stds(A, as_fed, index, fed, seen, forgetting, R, correlation)
     return Trace(index, theta, std * np.sqrt(variance), rms, condition, correlation)
 
 
@@ -175,22 +178,24 @@ def _estimate_window_autocorrelation(
     The autocorrelation of the recursion itself is unknown.
     """
     least = solve_windows(A, f, window, index).theta
-    return pooled_autocorrelation(*residuals_of_disjoint_windows(A, f, least, index, window), A)
+    return estimate_pooled_autocorrelation(
+        *compute_disjoint_window_residuals(A, f, least, index, window), A
+    )
 
 
-def information(state: RlsState) -> Floats:
+def initial_gram_matrix(state: RlsState) -> Floats:
     """Discounted Gram matrix of [A f], (p+1, p+1), that is equivalent to an initial state."""
     R = np.diag(1.0 / np.diagonal(state.P))
     h = R @ state.theta
     return np.block([[R, h[:, None]], [h[None, :], np.array([[state.square + state.theta @ h]])]])
 
 
-def window_stds(
+def compute_recursion_stds(
     A: Floats,
     first: Floats,
     index: Ints,
     fed: Ints,
-    seen: Ints,
+    fed_count: Ints,
     forgetting: float,
     R: Floats,
     correlation: Floats,
@@ -198,19 +203,29 @@ def window_stds(
     """Standard deviations (rows, p) for residuals of variance 1: diag R⁻¹ M R⁻¹, R = P⁻¹."""
     one, none, start = np.zeros(len(first), np.int64), np.ones(1), int(index[0])
     meats, white = (
-        discounted_meats(
-            A, first, fed, seen, start, forgetting, forgetting**2, r,
-            pad_entries_to_lanes(pack(meat(first, one, 0, 0, len(first) - 1, r))),
+        accumulate_discounted_meats(
+            A, first, fed, fed_count, start, forgetting, forgetting**2, r,
+            pad_entries_to_lanes(
+                pack_symmetric_matrix(compute_sandwich_meat(first, one, 0, 0, len(first) - 1, r))
+            ),
         )
         for r in (correlation, none)
     )  # fmt: skip
-    bread = discounted_meats(
-        A, first, fed, seen, start, forgetting, forgetting, none, pad_entries_to_lanes(pack(R))
+    bread = accumulate_discounted_meats(
+        A,
+        first,
+        fed,
+        fed_count,
+        start,
+        forgetting,
+        forgetting,
+        none,
+        pad_entries_to_lanes(pack_symmetric_matrix(R)),
     )
-    return recursive_stds(bread, meats, white)
+    return compute_recursive_stds(bread, meats, white)
 
 
-def feed_along_samples(
+def trace_directional_forgetting(
     A: Floats, f: Floats, window: int, index: Ints, forgetting: float, begin: RlsState
 ) -> Trace:
     """Run the recursion with directional forgetting."""
@@ -223,20 +238,24 @@ def feed_along_samples(
     correlation, variance = _estimate_window_autocorrelation(A, f, window, index)
     gram = A[first].T @ A[first]
     bread: Floats = np.asarray(np.linalg.pinv(gram), np.float64)
-    B = meat(A[first], np.zeros(window, np.int64), 0, 0, window - 1, correlation)
+    B = compute_sandwich_meat(A[first], np.zeros(window, np.int64), 0, 0, window - 1, correlation)
     cover: Floats = np.asarray(bread @ B @ bread, np.float64)
     ahead = np.zeros((correlation.size, p))
     for j in range(correlation.size - 1):
         # the first window's samples that the residual j + 1 after it still knows
         near = correlation[j + 1 :][:window]
         ahead[j] = bread @ (near @ A[first][::-1][: near.size])
-    std = directional.window_stds(A, window, index, forgetting, begin.P, cover, ahead, correlation)
+    std = directional.propagate_window_stds(
+        A, window, index, forgetting, begin.P, cover, ahead, correlation
+    )
     # a tapered correlation need not be positive definite: never below uncorrelated residuals
     none = np.zeros((1, p))
-    white = directional.window_stds(A, window, index, forgetting, begin.P, bread, none, np.ones(1))
+    white = directional.propagate_window_stds(
+        A, window, index, forgetting, begin.P, bread, none, np.ones(1)
+    )
     std = np.maximum(std, white) * np.sqrt(variance)
     upper = np.triu_indices(p)
-    R = invert(*factor(np.ascontiguousarray(P[:, *upper].T), p, p))[upper]
-    condition = condition_numbers(R, p, p)
-    condition[0] = scaled_condition_from_gram(gram)
+    R = invert(*factor_packed_ldl(np.ascontiguousarray(P[:, *upper].T), p, p))[upper]
+    condition = compute_condition_numbers(R, p, p)
+    condition[0] = compute_scaled_condition(gram)
     return Trace(index, theta, std, rms, condition, correlation)

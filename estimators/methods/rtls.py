@@ -11,21 +11,21 @@ import numpy as np
 
 from estimators.arrays import Bools, Floats, Ints
 from estimators.estimate import Trace
-from estimators.interpreted import compiled_ahead
-from estimators.methods.tls import TlsOptions, solve_scaled
-from estimators.numerics.autocorrelation import pooled_autocorrelation
-from estimators.numerics.normal_equations import residual_sums_of_squares
+from estimators.interpreted import compiled_unless_short_log
+from estimators.methods.tls import TlsOptions, solve_scaled_tls
+from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation
+from estimators.numerics.normal_equations import compute_residual_sums_of_squares
 from estimators.numerics.recursive import (
-    discounted_counts,
-    discounted_meats,
-    fed_samples,
-    feed_products,
+    accumulate_discounted_meats,
+    accumulate_discounted_products,
+    count_discounted_samples,
+    iter_sample_chunks,
+    list_fed_samples,
     pad_entries_to_lanes,
-    sample_chunks,
 )
-from estimators.numerics.rolling import window_ends
-from estimators.numerics.sandwich import meat, recursive_stds
-from estimators.numerics.small_systems import condition_numbers, pack
+from estimators.numerics.rolling import find_accepted_window_ends
+from estimators.numerics.sandwich import compute_recursive_stds, compute_sandwich_meat
+from estimators.numerics.small_systems import compute_condition_numbers, pack_symmetric_matrix
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ def start(A: Floats, f: Floats, options: RtlsOptions | None = None) -> RtlsState
     scale = options.noise.scales(p)
     z = np.column_stack([A / scale, f])
     C: Floats = z.T @ z
-    return RtlsState(tls_parameters(C, options), C, float(f.size))
+    return RtlsState(solve_tls_from_gram(C, options), C, float(f.size))
 
 
 def step(state: RtlsState, a: Floats, f: float, options: RtlsOptions | None = None) -> RtlsState:
@@ -67,14 +67,14 @@ def step(state: RtlsState, a: Floats, f: float, options: RtlsOptions | None = No
     scale = options.noise.scales(a.size)
     z = np.append(a / scale, f)
     C = options.forgetting * state.C + np.outer(z, z)
-    return RtlsState(tls_parameters(C, options), C, options.forgetting * state.weight + 1.0)
+    return RtlsState(solve_tls_from_gram(C, options), C, options.forgetting * state.weight + 1.0)
 
 
-def tls_parameters(C: Floats, options: RtlsOptions) -> Floats:
+def solve_tls_from_gram(gram: Floats, options: RtlsOptions) -> Floats:
     """Estimate (p,) from a scaled Gram matrix; NaN if A without its noise is singular."""
-    units = np.append(options.noise.scales(len(C) - 1), 1.0)
-    products = pack(C * np.outer(units, units)).reshape(-1, 1)
-    return solve_scaled(products, options.noise)[0][:, 0]
+    units = np.append(options.noise.scales(len(gram) - 1), 1.0)
+    products = pack_symmetric_matrix(gram * np.outer(units, units)).reshape(-1, 1)
+    return solve_scaled_tls(products, options.noise)[0][:, 0]
 
 
 def unscale_gram(state: RtlsState, options: RtlsOptions) -> Floats:
@@ -100,7 +100,7 @@ def trace(
         first window.
     """
     options = options or RtlsOptions()
-    index = window_ends(accepted, window)
+    index = find_accepted_window_ends(accepted, window)
     p = A.shape[1]
     if index.size == 0:
         return Trace.empty(p)
@@ -111,39 +111,41 @@ def trace(
     grams = np.empty((rows, p * (p + 1) // 2))
 
     def store_rows(of_rows: slice, products: Floats, weight: Floats) -> None:
-        x, clean = solve_scaled(products, options.noise)
+        x, clean = solve_scaled_tls(products, options.noise)
         theta[of_rows], grams[of_rows] = x.T, clean.T
-        rms[of_rows] = np.sqrt(residual_sums_of_squares(products, x) / weight)
-        condition[of_rows] = condition_numbers(products, p + 1, p)
+        rms[of_rows] = np.sqrt(compute_residual_sums_of_squares(products, x) / weight)
+        condition[of_rows] = compute_condition_numbers(products, p + 1, p)
 
     past, weight = (
-        pad_entries_to_lanes(pack(unscale_gram(begin, options))),
+        pad_entries_to_lanes(pack_symmetric_matrix(unscale_gram(begin, options))),
         np.array([begin.weight]),
     )
     entries = (p + 1) * (p + 2) // 2
     store_rows(slice(0, 1), past[:entries].reshape(-1, 1), weight)
-    fed, seen = fed_samples(index, window)
-    for of_chunk, of_rows, at_rows in sample_chunks(seen):
-        sums = feed_products(A, f, fed[of_chunk], decay, past)
-        weight = discounted_counts(sums.shape[1], decay, float(weight[-1]))
+    fed, seen = list_fed_samples(index, window)
+    for of_chunk, of_rows, at_rows in iter_sample_chunks(seen):
+        sums = accumulate_discounted_products(A, f, fed[of_chunk], decay, past)
+        weight = count_discounted_samples(sums.shape[1], decay, float(weight[-1]))
         store_rows(of_rows, sums[:entries, at_rows], weight[at_rows])
-    residual, owner = fed_sample_residuals(A, f, theta, index, window)
+    residual, owner = compute_fed_residuals(A, f, theta, index, window)
     # the recursion's memory is long: its residuals carry no window's fit to correct for
-    correlation, variance = pooled_autocorrelation(residual, owner, None)
+    correlation, variance = estimate_pooled_autocorrelation(residual, owner, None)
     one = np.zeros(window, np.int64)
     meats, white = (
-        discounted_meats(
+        accumulate_discounted_meats(
             A, A[first], fed, seen, int(index[0]), decay, decay**2, r,
-            pad_entries_to_lanes(pack(meat(A[first], one, 0, 0, window - 1, r))),
+            pad_entries_to_lanes(
+                pack_symmetric_matrix(compute_sandwich_meat(A[first], one, 0, 0, window - 1, r))
+            ),
         )
         for r in (correlation, np.ones(1))
     )  # fmt: skip
-    std = recursive_stds(grams, meats, white) * np.sqrt(variance)
+    std = compute_recursive_stds(grams, meats, white) * np.sqrt(variance)
     return Trace(index, theta, std, rms, condition, correlation)
 
 
-@compiled_ahead
-def fed_sample_residuals(
+@compiled_unless_short_log
+def compute_fed_residuals(
     A: Floats, f: Floats, theta: Floats, index: Ints, window: int
 ) -> tuple[Floats, Ints]:
     """Residual of each fed sample by the state after it, (n,), with group 0, or -1 if not fed."""

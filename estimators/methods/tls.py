@@ -12,20 +12,24 @@ import numpy as np
 
 from estimators.arrays import Bools, Floats, Ints
 from estimators.estimate import Estimate, Trace
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_unless_short_log
 from estimators.methods import ls
 from estimators.methods.method_limits import LIMITS
-from estimators.numerics.normal_equations import count_columns, gram, residual_sums_of_squares
-from estimators.numerics.rolling import sum_windows, window_ends
-from estimators.numerics.sandwich import window_std
+from estimators.numerics.normal_equations import (
+    compute_residual_sums_of_squares,
+    count_columns,
+    extract_packed_gram,
+)
+from estimators.numerics.rolling import find_accepted_window_ends, sum_window_products
+from estimators.numerics.sandwich import compute_one_window_stds
 from estimators.numerics.small_systems import (
-    factor,
-    pack,
-    packed_index,
-    packed_index_table,
-    scaled_condition_from_gram,
-    solve_spd,
-    substitute,
+    compute_scaled_condition,
+    factor_packed_ldl,
+    find_packed_index,
+    make_packed_index_table,
+    pack_symmetric_matrix,
+    solve_factored_in_place,
+    solve_positive_definite,
 )
 from estimators.threads import run_in_chunks
 
@@ -71,13 +75,13 @@ def fit(
     theta = -Vt[-1, :p] / Vt[-1, p] / scale
     residual = f - A @ theta
     gram = (scaled.T @ scaled - s[-1] ** 2 * np.eye(p)) * np.outer(scale, scale)
-    std = window_std(A, gram, residual, autocorrelation)
-    theta = np.where(np.isnan(solve_spd(gram, gram[0])), np.nan, theta)
+    std = compute_one_window_stds(A, gram, residual, autocorrelation)
+    theta = np.where(np.isnan(solve_positive_definite(gram, gram[0])), np.nan, theta)
     rms = float(np.sqrt((residual**2).mean()))
-    return Estimate(theta, std, rms, float(scaled_condition_from_gram(A.T @ A)))
+    return Estimate(theta, std, rms, float(compute_scaled_condition(A.T @ A)))
 
 
-def solve_scaled(products: Floats, options: TlsOptions) -> tuple[Floats, Floats]:
+def solve_scaled_tls(products: Floats, options: TlsOptions) -> tuple[Floats, Floats]:
     """Total least squares of m windows from their packed products (entries, m).
 
     The smallest root of φ comes by Newton (Rayleigh quotients) inside a shrinking bracket: φ falls
@@ -91,47 +95,47 @@ def solve_scaled(products: Floats, options: TlsOptions) -> tuple[Floats, Floats]
     q = count_columns(products)
     p, m = q - 1, products.shape[1]
     scale = np.append(options.scales(p), 1.0)
-    units = pack(np.outer(scale, scale))[:, None]
+    units = pack_symmetric_matrix(np.outer(scale, scale))[:, None]
     C = products / units
     shifted = C.copy()
     # λ and the bracket around it
     roots = np.zeros((3, m))
     roots[2] = np.inf
     done = np.zeros(m, np.bool_)
-    x = _solve_shifted(C, shifted, roots[0])
+    x = solve_shifted_system(C, shifted, roots[0])
     for _ in range(LIMITS.root_max_steps):
-        if _step_newton(C, x, roots, done):
+        if take_newton_step(C, x, roots, done):
             break
-        x = _solve_shifted(C, shifted, roots[0])
-    return x / scale[:p, None], gram(shifted * units)
+        x = solve_shifted_system(C, shifted, roots[0])
+    return x / scale[:p, None], extract_packed_gram(shifted * units)
 
 
-def _solve_shifted(C: Floats, shifted: Floats, lam: Floats) -> Floats:
+def solve_shifted_system(C: Floats, shifted: Floats, eigenvalue: Floats) -> Floats:
     """Solve (G - λI) x = h for x (p, m) at the current λ (m,); `shifted` receives G - λI."""
     q = count_columns(C)
-    rows = packed_index_table(q)
+    rows = make_packed_index_table(q)
     for i in range(q - 1):
-        shifted[rows[i][i]] = C[rows[i][i]] - lam
+        shifted[rows[i][i]] = C[rows[i][i]] - eigenvalue
     x = C[list(rows[q - 1][: q - 1])]
-    substitute(*factor(shifted, q, q - 1), x)
+    solve_factored_in_place(*factor_packed_ldl(shifted, q, q - 1), x)
     return x
 
 
-@compiled_ahead
-def _step_newton(C: Floats, x: Floats, roots: Floats, done: Bools) -> bool:
+@compiled_unless_short_log
+def take_newton_step(gram: Floats, x: Floats, roots: Floats, done: Bools) -> bool:
     """Update λ, low and high (3, m) where not `done` (m,); returns whether all are done.
 
     A step below rounding is skipped, so that x (p, m) stays the solution for λ.
     """
     p, m = x.shape
     lam, low, high = roots[0], roots[1], roots[2]
-    ff = C[packed_index(p, p, p + 1)]
+    ff = gram[find_packed_index(p, p, p + 1)]
     value = np.empty(m)
     slope = np.ones(m)
     for k in range(m):
         value[k] = ff[k] - lam[k]
     for i in range(p):
-        h, solution = C[packed_index(i, p, p + 1)], x[i]
+        h, solution = gram[find_packed_index(i, p, p + 1)], x[i]
         for k in range(m):
             value[k] -= h[k] * solution[k]
             slope[k] += solution[k] * solution[k]
@@ -159,9 +163,11 @@ def solve_windows(
     out = ls.Windows.empty(index.size, A.shape[1])
 
     def solve_rows(rows: slice) -> None:
-        products = sum_windows(A, f, window, index[rows])
-        theta, clean = solve_scaled(products, options)
-        out.keep(rows, products, theta, clean, residual_sums_of_squares(products, theta))
+        products = sum_window_products(A, f, window, index[rows])
+        theta, clean = solve_scaled_tls(products, options)
+        out.store_windows(
+            rows, products, theta, clean, compute_residual_sums_of_squares(products, theta)
+        )
 
     run_in_chunks(solve_rows, index.size)
     return out
@@ -180,7 +186,7 @@ def trace(
         options: noise of each column.
     """
     options = options or TlsOptions()
-    index = window_ends(accepted, window)
+    index = find_accepted_window_ends(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
     return ls.estimate_window_stds(A, f, window, index, solve_windows(A, f, window, index, options))

@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_with_array_form
-from estimators.numerics.fit_loss import fit_loss, group_ids
+from estimators.interpreted import compiled_unless_short_log, compiled_with_array_form
+from estimators.numerics.fit_loss import compute_fit_loss, list_group_numbers
 from estimators.numerics.in_order import sum_axis_in_order
 from estimators.numerics.numerics_limits import LIMITS
 
@@ -23,7 +23,7 @@ _AT_ONCE = 16
 _BLOCK: Final = 2048
 
 
-@compiled_ahead
+@compiled_unless_short_log
 def _sum_lag_products(
     residual: Floats, group: Ints, lags: int, every: int
 ) -> tuple[Floats, Floats]:
@@ -48,12 +48,12 @@ def _sum_lag_products(
                     for j in range(min(lags, end - first)):
                         pairs[j] += min(last, end - j) - first
                     # a group may have holes
-                    add_pairs_beyond_hole(residual, group, first, last, end, sums, pairs)
+                    add_lag_products_across_gap(residual, group, first, last, end, sums, pairs)
         begin = end
     return sums[:lags], pairs
 
 
-def _add_run_by_arrays(run: Floats, count: int, sums: Floats) -> None:
+def _add_run_products_by_arrays(run: Floats, count: int, sums: Floats) -> None:
     """Form of `_add_lag_products_of_run` by whole arrays."""
     padded = np.zeros(run.size + sums.size)
     padded[: run.size] = run
@@ -62,7 +62,7 @@ def _add_run_by_arrays(run: Floats, count: int, sums: Floats) -> None:
     sums[:] = sum_axis_in_order(terms, 0)
 
 
-@compiled_with_array_form(_add_run_by_arrays)
+@compiled_with_array_form(_add_run_products_by_arrays)
 def _add_lag_products_of_run(run: Floats, count: int, sums: Floats) -> None:
     """Add the products of the first samples with their successors, many lags at once."""
     n = min(run.size, count + sums.size)
@@ -89,8 +89,8 @@ def _add_lag_products_of_run(run: Floats, count: int, sums: Floats) -> None:
                 own[d] += e * others[d]
 
 
-@compiled_ahead
-def add_pairs_beyond_hole(
+@compiled_unless_short_log
+def add_lag_products_across_gap(
     residual: Floats, group: Ints, first: int, last: int, end: int, sums: Floats, pairs: Floats
 ) -> None:
     """Add the pairs of a run's samples with samples of its group beyond a hole."""
@@ -103,7 +103,7 @@ def add_pairs_beyond_hole(
                 pairs[other - i] += 1.0
 
 
-def autocovariance_loss(group: Ints, A: Floats | None) -> Floats:
+def compute_autocovariance_loss(group: Ints, A: Floats | None) -> Floats:
     """Loss of autocovariance of the residuals caused by fitting A, (lags, lags).
 
     It does not depend on the residuals, so repeated fits of the same A can reuse it.
@@ -112,15 +112,15 @@ def autocovariance_loss(group: Ints, A: Floats | None) -> Floats:
         group: (n,) fit that each sample belongs to, negative for none.
         A: (n, p) regressor fitted to each group; None if nothing was fitted.
     """
-    n, groups = int((group >= 0).sum()), group_ids(group).size
+    n, groups = int((group >= 0).sum()), list_group_numbers(group).size
     if n <= groups * (0 if A is None else A.shape[1]):
         return np.zeros((0, 0))
     # no more lags than a quarter of a typical fit can tell
     limit = min(max(1, n // groups // 4), LIMITS.max_lags)
-    return np.zeros((limit, limit)) if A is None else fit_loss(A, group, limit)
+    return np.zeros((limit, limit)) if A is None else compute_fit_loss(A, group, limit)
 
 
-def pooled_autocorrelation(
+def estimate_pooled_autocorrelation(
     residual: Floats, group: Ints, A: Floats | None, loss: Floats | None = None
 ) -> tuple[Floats, float]:
     """Residual autocorrelation over all groups, and variance of the residuals.
@@ -135,7 +135,7 @@ def pooled_autocorrelation(
         residual: (n,) residuals; ignored where group < 0.
         group: (n,) fit that each residual comes from, negative for none.
         A: (n, p) regressor fitted to each group; None if nothing was fitted.
-        loss: the fit's `autocovariance_loss`, if already computed.
+        loss: the fit's `compute_autocovariance_loss`, if already computed.
 
     Returns:
         (lags,) tapered autocorrelation, 1 first; and the variance at lag 0.
@@ -145,7 +145,7 @@ def pooled_autocorrelation(
     """
     if residual.size != group.size:
         raise ValueError(f"{residual.size} residuals, but groups of {group.size}")
-    loss = autocovariance_loss(group, A) if loss is None else loss
+    loss = compute_autocovariance_loss(group, A) if loss is None else loss
     limit, n = len(loss), int((group >= 0).sum())
     if not limit:
         return np.ones(1), float("nan")
@@ -158,56 +158,56 @@ def pooled_autocorrelation(
     noise = 2.0 * np.sqrt(np.log10(max(n, 10)) / n)
     run = max(5, int(np.ceil(np.sqrt(np.log10(max(n, 10))))))
     # the loss keeps every lag below zero: put it back first, by the lags up to the first quiet one
-    kept = first_quiet_lag(found, noise, 1)
-    kept = first_quiet_lag(
-        restore_lost_covariance(found, loss, flat_top_weights(kept, limit)), noise, run
+    kept = find_first_insignificant_lag(found, noise, 1)
+    kept = find_first_insignificant_lag(
+        restore_lost_covariance(found, loss, make_flat_top_weights(kept, limit)), noise, run
     )
-    taper = flat_top_weights(kept, limit)
+    taper = make_flat_top_weights(kept, limit)
     restored = restore_lost_covariance(found, loss, taper)
     both_sides = np.where(np.arange(limit) > 0, 2.0, 1.0) * taper
     long_run = max(float(both_sides @ restored), 0.0)
     growth = max(long_run / max(float(both_sides @ found), 1e-3 * found[0]), 1.0)
     freedom = n / float(both_sides @ taper) / growth**2
-    allowed = (student_factor(freedom) ** 2 - 1.0) * long_run / both_sides.sum()
+    allowed = (student_to_normal_ratio(freedom) ** 2 - 1.0) * long_run / both_sides.sum()
     corrected = (taper * (restored + allowed))[taper > 0.0]
     return corrected / corrected[0], float(corrected[0])
 
 
-@compiled_ahead
-def flat_top_weights(kept: int, limit: int) -> Floats:
-    """Weights (limit,) of the lags: 1 up to `kept`, falling to 0 at twice as many."""
-    width = min(2 * kept, limit)
-    out = np.empty(limit)
-    for lag in range(limit):
+@compiled_unless_short_log
+def make_flat_top_weights(kept_lags: int, lag_count: int) -> Floats:
+    """Weights (limit,) of the lags: 1 up to `kept_lags`, falling to 0 at twice as many."""
+    width = min(2 * kept_lags, lag_count)
+    out = np.empty(lag_count)
+    for lag in range(lag_count):
         out[lag] = min(max(2.0 * (1.0 - lag / width), 0.0), 1.0)
     return out
 
 
-@compiled_ahead
-def first_quiet_lag(covariance: Floats, noise: float, run: int) -> int:
-    """First lag from which `run` lags, or all remaining ones, stay within the noise."""
+@compiled_unless_short_log
+def find_first_insignificant_lag(covariance: Floats, noise: float, min_run: int) -> int:
+    """First lag from which `min_run` lags, or all remaining ones, stay within the noise."""
     first = 1
     for lag in range(1, covariance.size):
         if not abs(covariance[lag] / covariance[0]) < noise:
             first = lag + 1
-        elif lag - first + 1 >= run:
+        elif lag - first + 1 >= min_run:
             break
     return first
 
 
-def restore_lost_covariance(found: Floats, loss: Floats, taper: Floats) -> Floats:
+def restore_lost_covariance(autocovariance: Floats, loss: Floats, taper: Floats) -> Floats:
     """Autocovariances (lags,) with the loss from fitting restored.
 
     It is restored by substitution; where a fit leaves little, solving would be unstable.
     """
-    restored = found
+    restored = autocovariance
     # of residuals that no fit took anything out of there is nothing to put back
     for _ in range(LIMITS.loss_rounds if loss.any() else 0):
-        restored = found + loss @ (taper * restored)
+        restored = autocovariance + loss @ (taper * restored)
     return restored
 
 
-def residuals_of_disjoint_windows(
+def compute_disjoint_window_residuals(
     A: Floats, f: Floats, theta: Floats, index: Ints, window: int
 ) -> tuple[Floats, Ints]:
     """Select disjoint windows that cover the solved ones, and compute their residuals.
@@ -227,7 +227,7 @@ def residuals_of_disjoint_windows(
     return residual, owner
 
 
-@compiled_ahead
+@compiled_unless_short_log
 def _fill_window_residuals(
     A: Floats,
     f: Floats,
@@ -249,7 +249,7 @@ def _fill_window_residuals(
                     residual[k] -= A[k, c] * theta[row, c]
 
 
-def student_factor(dof: float) -> float:
+def student_to_normal_ratio(dof: float) -> float:
     """Student's t over the normal quantile at 95 %, by the Cornish-Fisher expansion.
 
     The error is below 0.5 % from 3 degrees of freedom on; fewer count as 3.
@@ -258,10 +258,10 @@ def student_factor(dof: float) -> float:
     return 1.0 + x * (1.2104 + x * (1.4335 + x * (1.2904 + x * 0.89)))
 
 
-def scale_widening(samples: float, correlation: Floats) -> float:
+def std_widening_factor(samples: float, correlation: Floats) -> float:
     """Widening of a deviation whose scale is estimated from `samples` correlated residuals.
 
     The effective number of residuals follows from the sum of squared correlations (Bartlett).
     """
     alike = 2.0 * float(correlation @ correlation) - float(correlation[0]) ** 2
-    return student_factor(samples / alike)
+    return student_to_normal_ratio(samples / alike)

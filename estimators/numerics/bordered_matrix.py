@@ -39,7 +39,7 @@ class BorderedMatrix(NamedTuple):
         """Sum of the diagonal."""
         return float(self.diagonal.sum() + np.trace(self.corner))
 
-    def scale(self, factor: float) -> "BorderedMatrix":
+    def multiply_by_number(self, factor: float) -> "BorderedMatrix":
         """The matrix times a number."""
         return BorderedMatrix(*(factor * part for part in self))
 
@@ -69,9 +69,7 @@ class BorderedMatrix(NamedTuple):
         )
         return np.concatenate([columns[:m] / self.diagonal - scaled @ shared, shared])
 
-    def is_at_least_fraction_of(
-        self, other: "BorderedMatrix", fraction: float, rounding: float
-    ) -> bool:
+    def exceeds_fraction(self, other: "BorderedMatrix", fraction: float, rounding: float) -> bool:
         """Whether it is at least a fraction of another such matrix in every direction.
 
         Directions of less than `rounding` of the largest corner element are not looked at.

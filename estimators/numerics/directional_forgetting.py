@@ -7,11 +7,11 @@ recursion runs in its covariance form, and its error's covariance by the error's
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_unless_short_log
 
 
-@compiled_ahead
-def update_gain(P: Floats, a: Floats, forgetting: float) -> Floats:
+@compiled_unless_short_log
+def update_gain_by_sample(P: Floats, a: Floats, forgetting: float) -> Floats:
     """Gain of one sample; P is updated in place."""
     p = a.size
     Pa = np.zeros(p)
@@ -29,7 +29,7 @@ def update_gain(P: Floats, a: Floats, forgetting: float) -> Floats:
     return Pa / (1.0 + r)
 
 
-@compiled_ahead
+@compiled_unless_short_log
 def run_recursion_over_windows(
     A: Floats,
     f: Floats,
@@ -59,7 +59,7 @@ def run_recursion_over_windows(
             error = f[k]
             for c in range(p):
                 error -= A[k, c] * theta[c]
-            gain = update_gain(P, A[k], forgetting)
+            gain = update_gain_by_sample(P, A[k], forgetting)
             after = f[k]
             for c in range(p):
                 theta[c] += gain[c] * error
@@ -72,22 +72,22 @@ def run_recursion_over_windows(
     return out, rms, covariance, (square, weight)
 
 
-@compiled_ahead
-def window_stds(
+@compiled_unless_short_log
+def propagate_window_stds(
     A: Floats,
     window: int,
     index: Ints,
     forgetting: float,
     P: Floats,
-    cover: Floats,
-    ahead: Floats,
+    first_covariance: Floats,
+    first_lag_covariances: Floats,
     correlation: Floats,
 ) -> Floats:
     """Standard deviations for residuals of variance 1, from the recursion's error equation.
 
     With F = I - K aᵀ the error obeys e ← F e + K u. Its covariance needs the covariance of e with
-    the next residuals, which their correlation carries along: `ahead[j]` = cov(e, u of the sample j
-    + 1 ahead).
+    the next residuals, which their correlation carries along: `first_lag_covariances[j]` = cov(e, u
+    of the sample j + 1 ahead).
 
     Args:
         A: (n, p) regressor.
@@ -95,16 +95,16 @@ def window_stds(
         index: (rows,) last samples of the accepted windows.
         forgetting: λ.
         P: (p, p) covariance factor at the end of the first window.
-        cover: (p, p) covariance of the first estimate.
-        ahead: (lags, p) its covariance with the following residuals.
+        first_covariance: (p, p) covariance of the first estimate.
+        first_lag_covariances: (lags, p) its covariance with the following residuals.
         correlation: (lags,) residual autocorrelation, 1 first.
     """
     rows = index.size
     p = A.shape[1]
     lags = correlation.size
     P = P.copy()
-    S = cover.copy()
-    C = ahead.copy()
+    S = first_covariance.copy()
+    C = first_lag_covariances.copy()
     F = np.empty((p, p))
     half = np.empty((p, p))
     share = np.empty(p)
@@ -116,7 +116,7 @@ def window_stds(
         for k in range(first, index[row] + 1):
             gap = k - last - 1
             last = k
-            gain = update_gain(P, A[k], forgetting)
+            gain = update_gain_by_sample(P, A[k], forgetting)
             for i in range(p):
                 for c in range(p):
                     F[i, c] = (1.0 if i == c else 0.0) - gain[i] * A[k, c]

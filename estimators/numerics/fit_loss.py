@@ -10,7 +10,7 @@ change.
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_with_array_form
+from estimators.interpreted import compiled_unless_short_log, compiled_with_array_form
 from estimators.numerics.in_order import multiply_vectors, sum_axis_in_order
 from estimators.numerics.numerics_limits import LIMITS
 
@@ -29,7 +29,7 @@ def _sum_products_by_arrays(Q: Floats, distances: int) -> Floats:
 
 
 @compiled_with_array_form(_sum_products_by_arrays)
-def products_at_distances(Q: Floats, distances: int) -> Floats:
+def sum_products_at_distances(Q: Floats, distances: int) -> Floats:
     """Σ_k Q_ki Q_(k+d)c of Q (n, p) for d < distances, as (p, p, distances)."""
     n, p = Q.shape
     # zeros behind the end, so that all distances have as many terms
@@ -55,7 +55,7 @@ def products_at_distances(Q: Floats, distances: int) -> Floats:
     return cross
 
 
-def _add_loss_by_arrays(Q: Floats, loss: Floats) -> None:
+def add_loss_by_arrays(Q: Floats, loss: Floats) -> None:
     """Add the loss (lags, lags) of a fit with orthonormal basis Q (n, p), without loops over n."""
     n, p = Q.shape
     lags = len(loss)
@@ -81,8 +81,8 @@ def _add_loss_by_arrays(Q: Floats, loss: Floats) -> None:
         loss[j + 1 :, j] += (0.5 if j == 0 else 1.0) * more[1:]
 
 
-@compiled_with_array_form(_add_loss_by_arrays)
-def _add_autocovariance_loss(Q: Floats, loss: Floats) -> None:
+@compiled_with_array_form(add_loss_by_arrays)
+def add_autocovariance_loss(Q: Floats, loss: Floats) -> None:
     """Add one fit's tr(D_j R_l) - tr(D_j M R_l M) to loss (lags, lags); Q is (n, p).
 
     With S_j the sum of the shifts by ±j (D_j = S_j / 2), that is tr(Qᵀ S_j S_l Q) less half of
@@ -91,7 +91,7 @@ def _add_autocovariance_loss(Q: Floats, loss: Floats) -> None:
     """
     n, p = Q.shape
     lags = loss.shape[0]
-    cross = products_at_distances(Q, 2 * lags - 1)
+    cross = sum_products_at_distances(Q, 2 * lags - 1)
     both = cross[:, :, :lags] + cross[:, :, :lags].transpose(1, 0, 2)
     columns = np.ascontiguousarray(Q.T)
     reversed_columns = np.ascontiguousarray(Q.T[:, ::-1])
@@ -126,8 +126,8 @@ def _add_autocovariance_loss(Q: Floats, loss: Floats) -> None:
                 loss[j + d, j] += (0.5 if j == 0 else 1.0) * more
 
 
-@compiled_ahead
-def orthonormal_basis(A: Floats) -> Floats:
+@compiled_unless_short_log
+def make_orthonormal_basis(A: Floats) -> Floats:
     """Orthonormal basis of the columns of A (n, p), without dependent columns."""
     n, p = A.shape
     Q = np.zeros((n, p))
@@ -151,7 +151,7 @@ def orthonormal_basis(A: Floats) -> Floats:
     return Q
 
 
-def group_spans(group: Ints, groups: Ints) -> Ints:
+def find_group_spans(group: Ints, groups: Ints) -> Ints:
     """First and last sample of each of `groups` (ascending), (fits, 2)."""
     fit = np.minimum(np.searchsorted(groups, group), groups.size - 1)
     inside = np.flatnonzero(groups[fit] == group)
@@ -168,8 +168,8 @@ def _sum_loss_by_arrays(A: Floats, group: Ints, spans: Ints, lags: int) -> Float
         mine = group[first : last + 1] == group[first]
         for j in range(min(lags, mine.size)):
             pairs[j] += np.count_nonzero(mine[: mine.size - j] & mine[j:])
-        _add_autocovariance_loss(
-            orthonormal_basis(np.where(mine[:, None], A[first : last + 1], 0.0)), loss
+        add_autocovariance_loss(
+            make_orthonormal_basis(np.where(mine[:, None], A[first : last + 1], 0.0)), loss
         )
     return loss / np.maximum(pairs, 1.0)[:, None]
 
@@ -190,14 +190,14 @@ def sum_autocovariance_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> F
                 others = group[first + k : first + min(k + lags, n)]
                 for j in range(np.uint64(others.size)):
                     pairs[j] += 1.0 if others[j] == group[first] else 0.0
-        _add_autocovariance_loss(orthonormal_basis(B), loss)
+        add_autocovariance_loss(make_orthonormal_basis(B), loss)
     for j in range(lags):
         for m in range(lags):
             loss[j, m] /= max(pairs[j], 1.0)
     return loss
 
 
-def group_ids(group: Ints) -> Ints:
+def list_group_numbers(group: Ints) -> Ints:
     """Numbers of the groups (fits, windows, segments) that occur, ascending.
 
     Args:
@@ -211,8 +211,8 @@ def group_ids(group: Ints) -> Ints:
     return used[np.append(True, steps > 0)] if used.size else used
 
 
-def group_rows(group: Ints) -> list[Ints]:
-    """Samples of each group, in the order of `group_ids`.
+def list_rows_by_group(group: Ints) -> list[Ints]:
+    """Samples of each group, in the order of `list_group_numbers`.
 
     Args:
         group: (n,) group of each sample, negative for none.
@@ -227,7 +227,7 @@ def group_rows(group: Ints) -> list[Ints]:
     return list(np.split(rows, ends)) if rows.size else []
 
 
-def fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
+def compute_fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
     """Loss of the residuals' autocovariance at each lag, (lags, lags).
 
     Args:
@@ -238,8 +238,8 @@ def fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
     Returns:
         B with E[mean e_i e_{i+j}] = r_j - Σ_l B_jl r_l.
     """
-    ids = group_ids(group)
+    ids = list_group_numbers(group)
     if A.shape[1] * lags * ids.size < 0.005 * np.count_nonzero(group >= 0):
         return np.zeros((lags, lags))
     some = ids[np.linspace(0, ids.size - 1, min(ids.size, LIMITS.sampled_fits)).astype(np.int64)]
-    return sum_autocovariance_loss(A, group, group_spans(group, some), lags)
+    return sum_autocovariance_loss(A, group, find_group_spans(group, some), lags)

@@ -9,7 +9,7 @@ from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_with_array_form
 
 
-def find_runs(group: Ints) -> Iterator[tuple[int, int]]:
+def iter_group_runs(group: Ints) -> Iterator[tuple[int, int]]:
     """First and end sample of each run of one group (n,)."""
     begins = np.flatnonzero(np.diff(group)) + 1
     bounds = [0, *begins.tolist(), group.size] if group.size else []
@@ -20,7 +20,7 @@ def _average_by_arrays(
     columns: Floats, group: Ints, samples: int, rows: Ints, mean: Floats
 ) -> Ints:
     count = np.empty(rows.size, np.int64)
-    for first, end in find_runs(group):
+    for first, end in iter_group_runs(group):
         own = slice(*np.searchsorted(rows, (first, end)))
         after = rows[own] + 1 - first
         before = np.maximum(after - samples, 0)

@@ -6,9 +6,9 @@ from typing import Self
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_with_array_form
-from estimators.numerics.fit_loss import group_rows
-from estimators.numerics.group_mean import find_runs
+from estimators.interpreted import compiled_unless_short_log, compiled_with_array_form
+from estimators.numerics.fit_loss import list_rows_by_group
+from estimators.numerics.group_mean import iter_group_runs
 from estimators.numerics.in_order import sum_axis_in_order
 from estimators.numerics.small_systems import NOTHING
 
@@ -28,20 +28,20 @@ class NoiseMoments:
 
 def _sum_moments_by_arrays(
     slopes: Floats,
-    places: Ints,
+    column_and_channel: Ints,
     covariances: Floats,
-    which: Ints,
+    sample_kinds: Ints,
     group: Ints,
     shape: tuple[int, int],
 ) -> tuple[Floats, Floats]:
     groups, p = shape
     gram, cross = np.zeros((groups, p, p)), np.zeros((groups, p))
     s, t = np.tril_indices(len(slopes))
-    column, channel = places.T
-    pairs = covariances[:, channel[s], channel[t]][which].T
+    column, channel = column_and_channel.T
+    pairs = covariances[:, channel[s], channel[t]][sample_kinds].T
     squares = slopes[s] * slopes[t] * pairs
-    singles = slopes * covariances[:, channel, -1][which].T
-    for first, end in find_runs(group):
+    singles = slopes * covariances[:, channel, -1][sample_kinds].T
+    for first, end in iter_group_runs(group):
         g = group[first]
         np.add.at(cross[g], column, sum_axis_in_order(singles[:, first:end], 1))
         totals = sum_axis_in_order(squares[:, first:end], 1)
@@ -53,11 +53,11 @@ def _sum_moments_by_arrays(
 
 
 @compiled_with_array_form(_sum_moments_by_arrays)
-def noise_moments(
+def sum_noise_moments(
     slopes: Floats,
-    places: Ints,
+    column_and_channel: Ints,
     covariances: Floats,
-    which: Ints,
+    sample_kinds: Ints,
     group: Ints,
     shape: tuple[int, int],
 ) -> tuple[Floats, Floats]:
@@ -65,9 +65,10 @@ def noise_moments(
 
     Args:
         slopes: (slopes, n) nonzero derivatives of columns by channels.
-        places: (slopes, 2) column and channel of each; the last channel is the response.
+        column_and_channel: (slopes, 2) column and channel of each; the last channel is the
+            response.
         covariances: (kinds, channels, channels) noise covariances of the channels.
-        which: (n,) kind of each sample.
+        sample_kinds: (n,) kind of each sample.
         group: (n,) group of each sample, from 0.
         shape: number of groups and columns.
 
@@ -84,13 +85,15 @@ def noise_moments(
     for kind in range(kinds):
         pair = 0
         for s in range(count):
-            own[kind, s] = covariances[kind, places[s, 1], response]
+            own[kind, s] = covariances[kind, column_and_channel[s, 1], response]
             for t in range(s + 1):
-                pairs[kind, pair] = covariances[kind, places[s, 1], places[t, 1]]
+                pairs[kind, pair] = covariances[
+                    kind, column_and_channel[s, 1], column_and_channel[t, 1]
+                ]
                 pair += 1
     squares, singles, here = np.zeros(pairs.shape[1]), np.zeros(count), np.empty(count)
     for k in range(n):
-        by_pair, by_slope = pairs[which[k]], own[which[k]]
+        by_pair, by_slope = pairs[sample_kinds[k]], own[sample_kinds[k]]
         for s in range(count):
             here[s] = slopes[s, k]
         pair = 0
@@ -104,11 +107,11 @@ def noise_moments(
             g = group[k]
             pair = 0
             for s in range(count):
-                i = places[s, 0]
+                i = column_and_channel[s, 0]
                 cross[g, i] += singles[s]
                 singles[s] = 0.0
                 for t in range(s + 1):
-                    j = places[t, 0]
+                    j = column_and_channel[t, 0]
                     gram[g, i, j] += squares[pair]
                     if s != t:
                         gram[g, j, i] += squares[pair]
@@ -117,7 +120,7 @@ def noise_moments(
     return gram, cross
 
 
-def column_scales(A: Floats, group: Ints) -> Floats:
+def compute_column_scales(A: Floats, group: Ints) -> Floats:
     """Divisors (p,) that make the columns' mean square 1.
 
     Sums are divided by them instead of columns, which would be copied.
@@ -166,12 +169,12 @@ class GroupSums:
     noise_cross: Floats
 
     @classmethod
-    def from_groups(
+    def sum_groups(
         cls, A: Floats, f: Floats, group: Ints, noise: NoiseMoments | None, scale: Floats
     ) -> Self:
         """Sum the products of the columns, divided by (p,) `scale`, by group."""
-        rows, square = group_rows(group), np.outer(scale, scale)
-        own = [as_slice(part) for part in rows]
+        rows, square = list_rows_by_group(group), np.outer(scale, scale)
+        own = [convert_to_slice(part) for part in rows]
         grams = np.stack([A[part].T @ A[part] for part in own]) / square
         crosses = np.stack([A[part].T @ f[part] for part in own]) / scale
         if noise is None:
@@ -193,11 +196,11 @@ class GroupSums:
         )
 
 
-@compiled_ahead
-def sum_matrices_by_unit(values: Floats, unit: Ints, units: int) -> Floats:
+@compiled_unless_short_log
+def sum_matrices_by_unit(values: Floats, unit: Ints, unit_count: int) -> Floats:
     """Sum (groups, q, p) over the groups of each unit, in their order: (units, q, p)."""
     groups, q, p = values.shape
-    out = np.zeros((units, q, p))
+    out = np.zeros((unit_count, q, p))
     for g in range(groups):
         for i in range(q):
             for j in range(p):
@@ -205,7 +208,7 @@ def sum_matrices_by_unit(values: Floats, unit: Ints, units: int) -> Floats:
     return out
 
 
-def as_slice(rows: Ints) -> slice | Ints:
+def convert_to_slice(rows: Ints) -> slice | Ints:
     """Rows as a slice if consecutive, so that indexing makes no copy."""
     first, last = int(rows[0]), int(rows[-1]) + 1
     return slice(first, last) if last - first == rows.size else rows

@@ -37,15 +37,15 @@ def _dot_in_order(x: Floats, y: Floats) -> float:
     return float(x @ y)
 
 
-def _make_primitive(by_library: Callable[..., Any], loop: Callable[..., Any]) -> Any:
+def _make_primitive(library_call: Callable[..., Any], compiled_loop: Callable[..., Any]) -> Any:
     """Library call for the interpreter, loop for compiled code; both sum in order."""
 
     def import_and_compile() -> Any:
         from estimators.compiled import compiled  # imports numba, which is slow
 
-        return compiled(loop)
+        return compiled(compiled_loop)
 
-    return Primitive(by_library, import_and_compile)
+    return Primitive(library_call, import_and_compile)
 
 
 #: Σ x of a vector

@@ -3,16 +3,21 @@
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead
-from estimators.numerics.rolling import add_centre, make_workspace, pairs_of_blocks, sum_pair
-from estimators.numerics.small_systems import packed_index
+from estimators.interpreted import compiled_unless_short_log
+from estimators.numerics.rolling import (
+    make_workspace,
+    split_into_block_pairs,
+    sum_block_pair,
+    uncentre_moments,
+)
+from estimators.numerics.small_systems import find_packed_index
 from estimators.threads import run_in_chunks
 
 #: A smaller share of Σx² than this is rounding, not variance.
 _NO_SPREAD = 1e-24
 
 
-def window_correlation(x: Floats, y: Floats, window: int) -> tuple[Floats, Floats]:
+def compute_window_correlation(x: Floats, y: Floats, window: int) -> tuple[Floats, Floats]:
     """Pearson's ρ of x and y over every window of exactly `window` samples.
 
     Sums of deviations (see `estimators.numerics.rolling`) keep the digits despite a large mean or
@@ -33,42 +38,44 @@ def window_correlation(x: Floats, y: Floats, window: int) -> tuple[Floats, Float
 
     def fill_rows(rows: slice) -> None:
         ends = np.arange(rows.start, rows.stop) + window - 1
-        _, rho[ends], spread[ends] = correlated_sums(A, y, window, ends)
+        _, rho[ends], spread[ends] = sum_windows_with_correlation(A, y, window, ends)
 
     run_in_chunks(fill_rows, max(x.size - window + 1, 0))
     return rho, spread
 
 
-@compiled_ahead
-def correlated_sums(
+@compiled_unless_short_log
+def sum_windows_with_correlation(
     A: Floats, f: Floats, window: int, index: Ints
 ) -> tuple[Floats, Floats, Floats]:
-    """`rolling.sum_windows`, plus the correlation of A's first column with f.
+    """`rolling.sum_window_products`, plus the correlation of A's first column with f.
 
     Returns:
         (entries, rows) packed products, (rows,) ρ and (rows,) relative variance, as in
-        `window_correlation`.
+        `compute_window_correlation`.
     """
     q = A.shape[1] + 1
     work = make_workspace(q, window)
     products = np.empty((q * (q + 1) // 2, index.size))
     rho, spread = np.empty(index.size), np.empty(index.size)
-    pairs = pairs_of_blocks(window, index)
+    pairs = split_into_block_pairs(window, index)
     for number in range(pairs.size - 1):
         row: int = pairs[number]
         end: int = pairs[number + 1]
-        sum_pair(A, f, window, index, row, end, work)
-        add_centre(work.moments, work.centre, window, row, end, products)
-        correlation(work.moments, work.centre, window, rho[row:end], spread[row:end])
+        sum_block_pair(A, f, window, index, row, end, work)
+        uncentre_moments(work.moments, work.centre, window, row, end, products)
+        fill_correlations(work.moments, work.centre, window, rho[row:end], spread[row:end])
     return products, rho, spread
 
 
-@compiled_ahead
-def correlation(moments: Floats, centre: Floats, window: int, rho: Floats, spread: Floats) -> None:
+@compiled_unless_short_log
+def fill_correlations(
+    moments: Floats, centre: Floats, window: int, rho: Floats, spread: Floats
+) -> None:
     """Compute ρ and relative variance (m,) of first and last series (see `rolling.Workspace`)."""
     q = centre.size
     dx, dy, dxx = moments[0], moments[q - 1], moments[q]
-    dxy, dyy = moments[q + q - 1], moments[q + packed_index(q - 1, q - 1, q)]
+    dxy, dyy = moments[q + q - 1], moments[q + find_packed_index(q - 1, q - 1, q)]
     for k in range(rho.size):
         x, y = dx[k] / window, dy[k] / window
         sxx, sxy, syy = dxx[k] - x * dx[k], dxy[k] - x * dy[k], dyy[k] - y * dy[k]
@@ -84,7 +91,7 @@ def correlation(moments: Floats, centre: Floats, window: int, rho: Floats, sprea
         rho[k] = value if least > _NO_SPREAD else np.nan
 
 
-def information_index(rho: Floats) -> Floats:
+def correlation_to_information_index(rho: Floats) -> Floats:
     """The index (11), -½ ln(1 - ρ) in nat: ρ = 1 → ∞, 0 → 0, -1 → -0.3466; NaN stays NaN.
 
     It is not a mutual information (which depends on ρ²), but it is monotone in ρ: gating on Î ≥ γ
@@ -94,9 +101,9 @@ def information_index(rho: Floats) -> Floats:
         return -0.5 * np.log1p(-rho)
 
 
-def gaussian_information(rho: Floats) -> Floats:
+def correlation_to_gaussian_information(rho: Floats) -> Floats:
     """The mutual information (10) of normal variables, -½ ln(1 - ρ²) in nat; NaN stays NaN.
 
     Either sign of ρ counts: Î ≥ γ is |ρ| ≥ √(1 - exp(-2γ)).
     """
-    return information_index(rho * rho)
+    return correlation_to_information_index(rho * rho)

@@ -10,18 +10,18 @@ from estimators.compiled import compiled
 
 
 @compiled
-def tabulate_digamma(upto: int) -> Floats:
+def tabulate_digamma(max_n: int) -> Floats:
     """ψ(n) for n = 1 … upto at index n; ψ(n + 1) = ψ(n) + 1/n."""
-    psi = np.empty(upto + 1)
+    psi = np.empty(max_n + 1)
     psi[0] = np.nan
     psi[1] = -0.5772156649015329
-    for n in range(1, upto):
+    for n in range(1, max_n):
         psi[n + 1] = psi[n] + 1.0 / n
     return psi
 
 
 @compiled
-def window_mutual_information(
+def estimate_window_mutual_information(
     x: Floats, y: Floats, window: int, index: Ints, neighbours: int
 ) -> Floats:
     """I(x; y) of the windows that end at `index`, without a distribution assumption.

@@ -5,7 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from estimators.arrays import Floats
-from estimators.numerics.small_systems import factor, packed_index_table, substitute
+from estimators.numerics.small_systems import (
+    factor_packed_ldl,
+    make_packed_index_table,
+    solve_factored_in_place,
+)
 
 
 class Solution(NamedTuple):
@@ -22,24 +26,24 @@ def count_columns(products: Floats) -> int:
     return (int(np.sqrt(8 * len(products) + 1)) - 1) // 2
 
 
-def solve(products: Floats) -> Solution:
+def solve_packed_equations(products: Floats) -> Solution:
     """Solve AᵀA θ = Aᵀf of m windows, from packed products (entries, m)."""
     q = count_columns(products)
     p = q - 1
-    L, inverse = factor(products, q, p)
-    *sides, square = packed_index_table(q)[p]
+    L, inverse = factor_packed_ldl(products, q, p)
+    *sides, square = make_packed_index_table(q)[p]
     theta = products[sides]
-    substitute(L, inverse, theta)
+    solve_factored_in_place(L, inverse, theta)
     rss = products[square].copy()
     for side, x in zip(sides, theta, strict=True):
         rss -= products[side] * x
     return Solution(theta, L, inverse, np.maximum(rss, 0.0))
 
 
-def residual_sums_of_squares(products: Floats, theta: Floats) -> Floats:
+def compute_residual_sums_of_squares(products: Floats, theta: Floats) -> Floats:
     """Residual sums of squares (m,) for any θ (p, m): ff - 2 θᵀh + θᵀG θ."""
     p = len(theta)
-    rows = packed_index_table(p + 1)
+    rows = make_packed_index_table(p + 1)
     rss = products[rows[p][p]].copy()
     for i in range(p):
         rss -= 2.0 * theta[i] * products[rows[i][p]]
@@ -48,9 +52,9 @@ def residual_sums_of_squares(products: Floats, theta: Floats) -> Floats:
     return np.maximum(rss, 0.0)
 
 
-def gram(products: Floats) -> Floats:
+def extract_packed_gram(products: Floats) -> Floats:
     """Packed AᵀA (p(p+1)/2, m) from the products of [A f]."""
     p = count_columns(products) - 1
     return products[
-        [entry for i, row in enumerate(packed_index_table(p + 1)[:p]) for entry in row[i:p]]
+        [entry for i, row in enumerate(make_packed_index_table(p + 1)[:p]) for entry in row[i:p]]
     ]

@@ -6,22 +6,22 @@ Visintin, Differential Models of Hysteresis, 1994, ch. III.
 import numpy as np
 
 from estimators.arrays import Floats
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_unless_short_log
 
 
-@compiled_ahead
-def follow_with_play(x: Floats, half_width: float) -> Floats:
+@compiled_unless_short_log
+def follow_with_play(signal: Floats, half_width: float) -> Floats:
     """Follow a signal (n,) with play: stay until it is half a width away, then go with it.
 
     Args:
-        x: (n,) input.
+        signal: (n,) input.
         half_width: distance at which the output begins to move, in the input's unit.
 
     Returns:
         (n,) output, which begins at the input.
     """
-    out = np.empty(x.size)
-    for k in range(x.size):
-        y = x[k] if k == 0 else out[k - 1]
-        out[k] = min(max(y, x[k] - half_width), x[k] + half_width)
+    out = np.empty(signal.size)
+    for k in range(signal.size):
+        y = signal[k] if k == 0 else out[k - 1]
+        out[k] = min(max(y, signal[k] - half_width), signal[k] + half_width)
     return out

@@ -9,17 +9,22 @@ from collections.abc import Iterator
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead
-from estimators.numerics.rolling import copy_row, count_lanes, load_columns, sample_products
-from estimators.numerics.small_systems import packed_index
+from estimators.interpreted import compiled_unless_short_log
+from estimators.numerics.rolling import (
+    copy_columns_to_buffer,
+    copy_samples_to_row,
+    count_padded_lanes,
+    fill_sample_products,
+)
+from estimators.numerics.small_systems import find_packed_index
 from estimators.threads import CHUNK
 
 #: Consecutive samples that are worked on together: their sums stay in the fastest cache.
 _AT_ONCE = 512
 
 
-@compiled_ahead
-def fed_samples(index: Ints, window: int) -> tuple[Ints, Ints]:
+@compiled_unless_short_log
+def list_fed_samples(index: Ints, window: int) -> tuple[Ints, Ints]:
     """Samples fed after the first window, (fed,), and their number up to each row, (rows,)."""
     rows = index.size
     seen = np.zeros(rows, np.int64)
@@ -33,23 +38,23 @@ def fed_samples(index: Ints, window: int) -> tuple[Ints, Ints]:
     return fed, seen
 
 
-def sample_chunks(seen: Ints) -> Iterator[tuple[slice, slice, Ints]]:
+def iter_sample_chunks(fed_count: Ints) -> Iterator[tuple[slice, slice, Ints]]:
     """Split the samples fed after the first window into chunks.
 
     Args:
-        seen: (rows,) number of samples fed up to each row.
+        fed_count: (rows,) number of samples fed up to each row.
 
     Yields:
         The samples of a chunk, the rows that end in it, and the sample of each row from its start.
     """
-    for begin in range(0, int(seen[-1]), CHUNK):
-        end = min(begin + CHUNK, int(seen[-1]))
-        rows = slice(*np.searchsorted(seen, [begin, end], side="right"))
-        yield slice(begin, end), rows, seen[rows] - 1 - begin
+    for begin in range(0, int(fed_count[-1]), CHUNK):
+        end = min(begin + CHUNK, int(fed_count[-1]))
+        rows = slice(*np.searchsorted(fed_count, [begin, end], side="right"))
+        yield slice(begin, end), rows, fed_count[rows] - 1 - begin
 
 
-@compiled_ahead
-def end_of_stretch(fed: Ints, begin: int) -> int:
+@compiled_unless_short_log
+def find_consecutive_end(fed: Ints, begin: int) -> int:
     """End of the run of consecutive samples from fed[begin] on, at most `_AT_ONCE`."""
     end = begin + 1
     while end < fed.size and end - begin < _AT_ONCE and fed[end] == fed[end - 1] + 1:
@@ -57,8 +62,8 @@ def end_of_stretch(fed: Ints, begin: int) -> int:
     return end
 
 
-@compiled_ahead
-def discount(
+@compiled_unless_short_log
+def accumulate_discounted(
     terms: Floats, begin: int, end: int, forgetting: float, past: Floats, sums: Floats
 ) -> None:
     """Compute s ← λ s + term into sums (lanes, ≥ end) from `begin` on; terms start at 0.
@@ -82,13 +87,13 @@ def discount(
 
 def pad_entries_to_lanes(entries: Floats) -> Floats:
     """Pad a packed matrix (entries,) with zeros to the lanes of a discounted sum."""
-    past = np.zeros(count_lanes(entries.size))
+    past = np.zeros(count_padded_lanes(entries.size))
     past[: entries.size] = entries
     return past
 
 
-@compiled_ahead
-def discounted_meats(
+@compiled_unless_short_log
+def accumulate_discounted_meats(
     A: Floats,
     first: Floats,
     fed: Ints,
@@ -132,9 +137,9 @@ def discounted_meats(
     while begin < fed.size:
         if begin > 0 and fed[begin] != fed[begin - 1] + 1:
             stretch = begin
-        end = end_of_stretch(fed, begin)
+        end = find_consecutive_end(fed, begin)
         count = end - begin
-        load_columns(A, fed[begin], count, z)
+        copy_columns_to_buffer(A, fed[begin], count, z)
         for c in range(p):
             total = near[c]
             for k in range(count):
@@ -158,11 +163,11 @@ def discounted_meats(
                     near[c, k] += r * (A[sample, c] if i >= 0 else first[i, c])
         for i in range(p):
             for j in range(i, p):
-                term, x, y, u, v = terms[packed_index(i, j, p)], z[i], z[j], near[i], near[j]
+                term, x, y, u, v = terms[find_packed_index(i, j, p)], z[i], z[j], near[i], near[j]
                 for k in range(count):
                     term[k] = x[k] * v[k] + u[k] * y[k]
         # a plain 0 would be compiled for itself
-        discount(terms, end - end, count, decay, past, sums)
+        accumulate_discounted(terms, end - end, count, decay, past, sums)
         while row < seen.size and seen[row] <= end:
             for entry in range(entries):
                 out[row, entry] = sums[entry, seen[row] - 1 - begin]
@@ -171,8 +176,10 @@ def discounted_meats(
     return out
 
 
-@compiled_ahead
-def feed_products(A: Floats, f: Floats, fed: Ints, forgetting: float, past: Floats) -> Floats:
+@compiled_unless_short_log
+def accumulate_discounted_products(
+    A: Floats, f: Floats, fed: Ints, forgetting: float, past: Floats
+) -> Floats:
     """Discounted products (lanes, fed) of the columns of [A f] after each sample fed.
 
     Args:
@@ -187,18 +194,18 @@ def feed_products(A: Floats, f: Floats, fed: Ints, forgetting: float, past: Floa
     sums = np.empty((past.size, fed.size))
     begin = 0
     while begin < fed.size:
-        end = end_of_stretch(fed, begin)
+        end = find_consecutive_end(fed, begin)
         count = end - begin
-        load_columns(A, fed[begin], count, z)
-        copy_row(f, fed[begin], count, z[q - 1])
-        sample_products(z, count, terms)
-        discount(terms, begin, end, forgetting, past, sums)
+        copy_columns_to_buffer(A, fed[begin], count, z)
+        copy_samples_to_row(f, fed[begin], count, z[q - 1])
+        fill_sample_products(z, count, terms)
+        accumulate_discounted(terms, begin, end, forgetting, past, sums)
         begin = end
     return sums
 
 
-@compiled_ahead
-def discounted_counts(count: int, forgetting: float, weight: float) -> Floats:
+@compiled_unless_short_log
+def count_discounted_samples(count: int, forgetting: float, weight: float) -> Floats:
     """Discounted number of samples after each of `count` further ones."""
     out = np.empty(count)
     for k in range(count):

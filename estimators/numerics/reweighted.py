@@ -6,8 +6,12 @@ Consecutive windows share their samples, so one operation at a time is done on m
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_with_array_form
-from estimators.numerics.rolling import copy_row, load_columns, sample_products
+from estimators.interpreted import compiled_unless_short_log, compiled_with_array_form
+from estimators.numerics.rolling import (
+    copy_columns_to_buffer,
+    copy_samples_to_row,
+    fill_sample_products,
+)
 
 #: Consecutive windows that are weighed together: their sums stay in the fastest cache.
 AT_ONCE = 256
@@ -15,8 +19,8 @@ AT_ONCE = 256
 _IN_STEP = 4
 
 
-@compiled_ahead
-def batch_starts(index: Ints) -> Ints:
+@compiled_unless_short_log
+def find_batch_begins(index: Ints) -> Ints:
     """Begins of the batches of consecutive windows in index (rows,), (batches + 1,)."""
     begins = np.empty(index.size + 1, np.int64)
     count = 0
@@ -29,22 +33,22 @@ def batch_starts(index: Ints) -> Ints:
     return begins[: count + 1]
 
 
-@compiled_ahead
-def load_samples(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> None:
+@compiled_unless_short_log
+def copy_samples_to_buffer(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> None:
     """Copy samples of [A f] from `first` on into z (p + 1, > samples), then zeros."""
-    load_columns(A, first, samples, z)
-    copy_row(f, first, samples, z[A.shape[1]])
+    copy_columns_to_buffer(A, first, samples, z)
+    copy_samples_to_row(f, first, samples, z[A.shape[1]])
     for c in range(z.shape[0]):
         for k in range(samples, min(samples + _IN_STEP, z.shape[1])):
             z[c, k] = 0.0
 
 
-@compiled_ahead
-def copy_consecutive(theta: Floats, begin: int, end: int) -> Floats:
+@compiled_unless_short_log
+def copy_consecutive_estimates(theta: Floats, begin: int, end: int) -> Floats:
     """Copy the estimates theta (p, rows) of windows begin … end - 1."""
     out = np.empty((theta.shape[0], end - begin))
     for c in range(theta.shape[0]):
-        copy_row(theta[c], begin, end - begin, out[c])
+        copy_samples_to_row(theta[c], begin, end - begin, out[c])
     return out
 
 
@@ -56,7 +60,7 @@ def _add_weighted_by_arrays(weights: Floats, raw: Floats, sample: int, sums: Flo
 
 
 @compiled_with_array_form(_add_weighted_by_arrays)
-def add_weighted(weights: Floats, raw: Floats, sample: int, sums: Floats) -> None:
+def add_weighted_samples(weights: Floats, raw: Floats, sample: int, sums: Floats) -> None:
     """Add `_IN_STEP` samples from `sample` + k on to sums (entries, m), except the last entry."""
     entries, m = sums.shape
     u, v, w, x = weights[0], weights[1], weights[2], weights[3]
@@ -87,8 +91,8 @@ def residuals(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
             out[k] -= x[k] * column[k]
 
 
-@compiled_ahead
-def reweighted_sums(
+@compiled_unless_short_log
+def sum_reweighted_products(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats, squared: bool
 ) -> Floats:
     """Sum with weights limit / max(|r|, limit) of the residuals r, or with their squares.
@@ -111,15 +115,15 @@ def reweighted_sums(
     raw = np.empty((entries, window + AT_ONCE + _IN_STEP))
     weights = np.empty((_IN_STEP, AT_ONCE))
     out = np.zeros((entries, index.size))
-    begins = batch_starts(index)
+    begins = find_batch_begins(index)
     for number in range(begins.size - 1):
         begin: int = begins[number]
         end: int = begins[number + 1]
         m = end - begin
         first = index[begin] - window + 1
-        load_samples(A, f, first, window + m - 1, z)
-        sample_products(z, window + m - 1 + _IN_STEP, raw)
-        now, full = copy_consecutive(theta, begin, end), limit[begin:end]
+        copy_samples_to_buffer(A, f, first, window + m - 1, z)
+        fill_sample_products(z, window + m - 1 + _IN_STEP, raw)
+        now, full = copy_consecutive_estimates(theta, begin, end), limit[begin:end]
         sums = np.zeros((entries, m))
         for s in range(0, window, _IN_STEP):
             for c in range(_IN_STEP):
@@ -133,7 +137,7 @@ def reweighted_sums(
                 if s + c >= window:
                     for k in range(m):
                         weight[k] = 0.0
-            add_weighted(weights, raw, s, sums)
+            add_weighted_samples(weights, raw, s, sums)
         for entry in range(entries):
             total = sums[entry]
             for k in range(m):

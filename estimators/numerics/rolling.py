@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from estimators.arrays import Bools, Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_with_array_form
-from estimators.numerics.small_systems import packed_index
+from estimators.interpreted import compiled_unless_short_log, compiled_with_array_form
+from estimators.numerics.small_systems import find_packed_index
 
 
-def window_ends(accepted: Bools, window: int) -> Ints:
+def find_accepted_window_ends(accepted: Bools, window: int) -> Ints:
     """Last samples of the accepted windows, ascending; incomplete windows are skipped."""
     ends = np.flatnonzero(accepted).astype(np.int64)
     return ends[ends >= window - 1]
@@ -40,17 +40,17 @@ class Workspace(NamedTuple):
     moments: Floats
 
 
-@compiled_ahead
-def count_lanes(quantities: int) -> int:
+@compiled_unless_short_log
+def count_padded_lanes(quantities: int) -> int:
     """Number of sums, rounded up to a multiple of three that run in parallel."""
     return -(-quantities // 3) * 3
 
 
-@compiled_ahead
+@compiled_unless_short_log
 def make_workspace(q: int, window: int) -> Workspace:
     """Allocate the arrays for windows over q columns."""
     entries = q * (q + 1) // 2
-    lanes = count_lanes(q + entries)
+    lanes = count_padded_lanes(q + entries)
     return Workspace(
         np.zeros((q, 2 * window)),
         np.empty(q),
@@ -127,16 +127,16 @@ def fill_centred_terms(z: Floats, centre: Floats, count: int, terms: Floats) -> 
         deviation, x = terms[i], z[i]
         for k in range(count):
             deviation[k] = x[k] - centre[i]
-    sample_products(terms[:q], count, terms[q:])
+    fill_sample_products(terms[:q], count, terms[q:])
 
 
 @compiled_with_array_form(_write_pair_products_by_arrays)
-def sample_products(z: Floats, count: int, products: Floats) -> None:
+def fill_sample_products(z: Floats, count: int, products: Floats) -> None:
     """Products of the q rows of z at each of `count` samples, packed (entries, ≥ count)."""
     q = z.shape[0]
     for i in range(q):
         for j in range(i, q):
-            product, x, y = products[packed_index(i, j, q)], z[i], z[j]
+            product, x, y = products[find_packed_index(i, j, q)], z[i], z[j]
             for k in range(count):
                 product[k] = x[k] * y[k]
 
@@ -152,22 +152,25 @@ def _add_centre_by_arrays(
 
 
 @compiled_with_array_form(_add_centre_by_arrays)
-def add_centre(
+def uncentre_moments(
     moments: Floats, centre: Floats, window: int, row: int, end: int, out: Floats
 ) -> None:
     """Σ z_i z_j of windows row … end - 1, from their centred moments, into out (entries, rows)."""
     q = centre.size
     for i in range(q):
         for j in range(i, q):
-            total, central = out[packed_index(i, j, q), row:end], moments[q + packed_index(i, j, q)]
+            total, central = (
+                out[find_packed_index(i, j, q), row:end],
+                moments[q + find_packed_index(i, j, q)],
+            )
             x, y = moments[i], moments[j]
             left, right = centre[i], centre[j]
             for k in range(end - row):
                 total[k] = central[k] + right * x[k] + left * (window * right + y[k])
 
 
-@compiled_ahead
-def load_columns(A: Floats, start: int, count: int, z: Floats) -> None:
+@compiled_unless_short_log
+def copy_columns_to_buffer(A: Floats, start: int, count: int, z: Floats) -> None:
     """Copy `count` samples of A (n, p) into z (≥ p, ≥ count), a row per column."""
     samples = A[start : start + count]
     for c in range(A.shape[1]):
@@ -176,15 +179,15 @@ def load_columns(A: Floats, start: int, count: int, z: Floats) -> None:
             out[k] = samples[k, c]
 
 
-@compiled_ahead
-def copy_row(f: Floats, start: int, count: int, out: Floats) -> None:
+@compiled_unless_short_log
+def copy_samples_to_row(f: Floats, start: int, count: int, out: Floats) -> None:
     """Copy `count` samples from `start` on; a slice assignment would take longer to compile."""
     for k in range(count):
         out[k] = f[start + k]
 
 
-@compiled_ahead
-def pairs_of_blocks(window: int, index: Ints) -> Ints:
+@compiled_unless_short_log
+def split_into_block_pairs(window: int, index: Ints) -> Ints:
     """Begins of each pair of blocks in index (rows,), (pairs + 1,)."""
     begins = np.empty(index.size + 1, np.int64)
     pairs = 0
@@ -198,8 +201,8 @@ def pairs_of_blocks(window: int, index: Ints) -> Ints:
     return begins[: pairs + 1]
 
 
-@compiled_ahead
-def keep_rows(sums: Floats, index: Ints, row: int, end: int) -> None:
+@compiled_unless_short_log
+def store_requested_rows(sums: Floats, index: Ints, row: int, end: int) -> None:
     """Keep the sums of the requested rows out of all windows from index[row] on."""
     if end - row < index[end - 1] - index[row] + 1:
         for lane in range(sums.shape[0]):
@@ -208,16 +211,16 @@ def keep_rows(sums: Floats, index: Ints, row: int, end: int) -> None:
                 kept[m] = kept[index[row + m] - index[row]]
 
 
-@compiled_ahead
-def sum_pair(
+@compiled_unless_short_log
+def sum_block_pair(
     A: Floats, f: Floats, window: int, index: Ints, row: int, end: int, work: Workspace
 ) -> None:
     """Compute the moments of windows row … end - 1, which begin in one block, into `work`."""
     p = A.shape[1]
     start = index[row] - window + 1
     samples = index[end - 1] + 1 - start
-    load_columns(A, start, samples, work.z)
-    copy_row(f, start, samples, work.z[p])
+    copy_columns_to_buffer(A, start, samples, work.z)
+    copy_samples_to_row(f, start, samples, work.z[p])
     # what is left of the first block: its last sample is in every window
     left = window - start % window
     for c in range(p + 1):
@@ -225,11 +228,11 @@ def sum_pair(
     fill_centred_terms(work.z, work.centre, samples, work.terms)
     fill_suffix_sums(work.terms, left, work.moments)
     add_prefix_sums(work.terms, left, window - left, samples - window + 1, work.moments)
-    keep_rows(work.moments, index, row, end)
+    store_requested_rows(work.moments, index, row, end)
 
 
-@compiled_ahead
-def sum_windows(A: Floats, f: Floats, window: int, index: Ints) -> Floats:
+@compiled_unless_short_log
+def sum_window_products(A: Floats, f: Floats, window: int, index: Ints) -> Floats:
     """Sum the products of the columns of [A f] over windows.
 
     Args:
@@ -244,10 +247,10 @@ def sum_windows(A: Floats, f: Floats, window: int, index: Ints) -> Floats:
     q = A.shape[1] + 1
     work = make_workspace(q, window)
     out = np.empty((q * (q + 1) // 2, index.size))
-    pairs = pairs_of_blocks(window, index)
+    pairs = split_into_block_pairs(window, index)
     for number in range(pairs.size - 1):
         row: int = pairs[number]
         end: int = pairs[number + 1]
-        sum_pair(A, f, window, index, row, end, work)
-        add_centre(work.moments, work.centre, window, row, end, out)
+        sum_block_pair(A, f, window, index, row, end, work)
+        uncentre_moments(work.moments, work.centre, window, row, end, out)
     return out

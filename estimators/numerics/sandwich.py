@@ -2,25 +2,30 @@
 
 The window's own residuals give the scale: E[RSS] = s² (n - tr(G⁻¹ Aᵀ R A)), so that s² is right
 for correlated residuals as well. R = I gives the textbook formula. What few residuals leave open
-widens the deviation, so that 1.96 of it are 95 % (`autocorrelation.scale_widening`).
+widens the deviation, so that 1.96 of it are 95 % (`autocorrelation.std_widening_factor`).
 """
 
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_with_array_form
-from estimators.numerics.autocorrelation import pooled_autocorrelation, scale_widening
+from estimators.interpreted import compiled_unless_short_log, compiled_with_array_form
+from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation, std_widening_factor
 from estimators.numerics.in_order import sum_axis_in_order
 from estimators.numerics.normal_equations import count_columns
 from estimators.numerics.rolling import (
     add_prefix_sums,
-    count_lanes,
+    copy_columns_to_buffer,
+    count_padded_lanes,
     fill_suffix_sums,
-    keep_rows,
-    load_columns,
-    pairs_of_blocks,
+    split_into_block_pairs,
+    store_requested_rows,
 )
-from estimators.numerics.small_systems import factor, invert, pack, packed_index
+from estimators.numerics.small_systems import (
+    factor_packed_ldl,
+    find_packed_index,
+    invert,
+    pack_symmetric_matrix,
+)
 from estimators.threads import run_in_chunks
 
 #: Rows at once, which stay in the nearest cache.
@@ -37,14 +42,14 @@ def _sum_meat_by_arrays(
     own[:, max(-begin, 0) :] = np.where(mine, A[max(begin, 0) : last + 1].T, 0.0)
     here, tails = own[:, lags - 1 :], np.empty((len(own), last + 1 - first))
     for column, tail in zip(own, tails, strict=True):
-        _add_up_by_arrays(column, correlation, tail)
+        _add_predecessors_by_arrays(column, correlation, tail)
     products = here[:, None] * tails + tails[:, None] * here
     B = sum_axis_in_order(products, 2)
     return np.tril(B) + np.tril(B, -1).T
 
 
 @compiled_with_array_form(_sum_meat_by_arrays)
-def meat(
+def compute_sandwich_meat(
     A: Floats, group: Ints, group_number: int, first: int, last: int, correlation: Floats
 ) -> Floats:
     """Aᵀ R A, (p, p), over the samples first … last of group `group_number`.
@@ -64,7 +69,7 @@ def meat(
             for k in range(rows + lags - 1):
                 at = begin - (lags - 1) + k
                 own[k] = A[at, c] if at >= 0 and group[at] == group_number else 0.0
-            add_correlated_before(own, correlation, tail[:rows])
+            add_correlated_predecessors(own, correlation, tail[:rows])
             here[:rows, c], tails[:rows, c] = own[lags - 1 : lags - 1 + rows], tail[:rows]
         # four rows of each sum between loading and storing it, in their order
         for k in range(0, rows - 3, 4):
@@ -87,7 +92,7 @@ def meat(
     return B
 
 
-def _add_up_by_arrays(own: Floats, correlation: Floats, tail: Floats) -> None:
+def _add_predecessors_by_arrays(own: Floats, correlation: Floats, tail: Floats) -> None:
     """Half of each sample, and its correlated predecessors, by whole arrays."""
     lags, rows = correlation.size, tail.size
     tail[:] = 0.5 * own[lags - 1 : lags - 1 + rows]
@@ -95,8 +100,8 @@ def _add_up_by_arrays(own: Floats, correlation: Floats, tail: Floats) -> None:
         tail += correlation[j] * own[lags - 1 - j : lags - 1 - j + rows]
 
 
-@compiled_with_array_form(_add_up_by_arrays)
-def add_correlated_before(own: Floats, correlation: Floats, tail: Floats) -> None:
+@compiled_with_array_form(_add_predecessors_by_arrays)
+def add_correlated_predecessors(own: Floats, correlation: Floats, tail: Floats) -> None:
     """Add half of each sample and its correlated predecessors.
 
     Args:
@@ -132,18 +137,20 @@ def add_correlated_before(own: Floats, correlation: Floats, tail: Floats) -> Non
             tail[k] += correlation[j] * before[k]
 
 
-def standard_deviations(G: Floats, B: Floats, rss: float, samples: float) -> Floats:
+def compute_sandwich_stds(G: Floats, B: Floats, rss: float, samples: float) -> Floats:
     """(p,) standard deviations from AᵀA, AᵀRA and the residual sum of squares.
 
     They are never below the textbook's: a tapered correlation need not be positive definite.
     """
-    meats = pack(B).reshape(-1, 1)
-    return larger_of_sandwich_and_textbook_stds(
-        invert_packed(pack(G).reshape(1, -1)), meats, np.array([rss]), samples
+    meats = pack_symmetric_matrix(B).reshape(-1, 1)
+    return compute_larger_stds(
+        invert_packed(pack_symmetric_matrix(G).reshape(1, -1)), meats, np.array([rss]), samples
     )[:, 0]
 
 
-def window_std(A: Floats, gram: Floats, residual: Floats, autocorrelation: Floats | None) -> Floats:
+def compute_one_window_stds(
+    A: Floats, gram: Floats, residual: Floats, autocorrelation: Floats | None
+) -> Floats:
     """Standard deviations of one window's estimate, (p,): the readable form.
 
     Args:
@@ -154,13 +161,13 @@ def window_std(A: Floats, gram: Floats, residual: Floats, autocorrelation: Float
     """
     one = np.zeros(residual.size, np.int64)
     if autocorrelation is None:
-        autocorrelation, _ = pooled_autocorrelation(residual, one, A)
-    B = meat(A, one, 0, 0, residual.size - 1, autocorrelation)
-    std = standard_deviations(gram, B, float(residual @ residual), float(residual.size))
-    return std * scale_widening(residual.size, autocorrelation)
+        autocorrelation, _ = estimate_pooled_autocorrelation(residual, one, A)
+    B = compute_sandwich_meat(A, one, 0, 0, residual.size - 1, autocorrelation)
+    std = compute_sandwich_stds(gram, B, float(residual @ residual), float(residual.size))
+    return std * std_widening_factor(residual.size, autocorrelation)
 
 
-def window_stds(
+def compute_all_window_stds(
     A: Floats, grams: Floats, rss: Floats, index: Ints, window: int, correlation: Floats
 ) -> Floats:
     """Standard deviations of windowed estimates.
@@ -179,59 +186,57 @@ def window_stds(
     out = np.empty((index.size, A.shape[1]))
 
     def fill_rows(rows: slice) -> None:
-        meats = window_meats(A, window, index[rows], correlation)
-        out[rows] = larger_of_sandwich_and_textbook_stds(
-            invert_packed(grams[rows]), meats, rss[rows], window
-        ).T
+        meats = compute_window_meats(A, window, index[rows], correlation)
+        out[rows] = compute_larger_stds(invert_packed(grams[rows]), meats, rss[rows], window).T
 
     run_in_chunks(fill_rows, index.size)
-    return out * scale_widening(window, correlation)
+    return out * std_widening_factor(window, correlation)
 
 
 def invert_packed(grams: Floats) -> Floats:
     """Inverses (p, p, m) of packed matrices (m, entries)."""
     p = count_columns(grams.T)
-    return invert(*factor(np.ascontiguousarray(grams.T), p, p))
+    return invert(*factor_packed_ldl(np.ascontiguousarray(grams.T), p, p))
 
 
-def larger_of_sandwich_and_textbook_stds(
-    bread: Floats, meats: Floats, rss: Floats, samples: float
-) -> Floats:
+def compute_larger_stds(bread: Floats, meats: Floats, rss: Floats, samples: float) -> Floats:
     """Larger of the sandwich and the textbook standard deviation of each parameter, (p, m).
 
     From inverses (p, p, m), packed meats (entries, m) and RSS (m,).
     """
     p = len(bread)
-    freedom = samples - trace_of_product(bread, meats)
+    freedom = samples - compute_product_traces(bread, meats)
     freedom = np.where(freedom > 0.5, freedom, np.nan)
-    cover = rss / freedom * sandwich_variances(bread, meats)
+    cover = rss / freedom * compute_sandwich_variances(bread, meats)
     textbook = rss / max(samples - p, 1.0) * np.array([bread[i, i] for i in range(p)])
     return np.sqrt(np.where(cover > textbook, cover, textbook + 0.0 * freedom))
 
 
-def trace_of_product(bread: Floats, meats: Floats) -> Floats:
+def compute_product_traces(bread: Floats, meats: Floats) -> Floats:
     """Traces tr(G⁻¹ M), (m,)."""
     p = len(bread)
     total = np.zeros(meats.shape[1])
     for i in range(p):
         for j in range(p):
-            total += bread[i, j] * meats[packed_index(min(i, j), max(i, j), p)]
+            total += bread[i, j] * meats[find_packed_index(min(i, j), max(i, j), p)]
     return total
 
 
-def sandwich_variances(bread: Floats, meats: Floats) -> Floats:
+def compute_sandwich_variances(bread: Floats, meats: Floats) -> Floats:
     """Diagonals (p, m) of G⁻¹ M G⁻¹, from inverses (p, p, m) and packed M (entries, m)."""
     p = len(bread)
     out = np.zeros((p, meats.shape[1]))
     for i in range(p):
         for r in range(p):
             for c in range(p):
-                out[i] += bread[i, r] * bread[i, c] * meats[packed_index(min(r, c), max(r, c), p)]
+                out[i] += (
+                    bread[i, r] * bread[i, c] * meats[find_packed_index(min(r, c), max(r, c), p)]
+                )
     return out
 
 
-@compiled_ahead
-def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Floats:
+@compiled_unless_short_log
+def compute_window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Floats:
     """Aᵀ R A of the windows that end at `index`, packed (entries, rows), for windows of any length.
 
     The pairs of correlated samples inside a window are those inside its part of the first block,
@@ -240,13 +245,13 @@ def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Fl
     """
     p = A.shape[1]
     entries = p * (p + 1) // 2
-    lanes = count_lanes(entries)
+    lanes = count_padded_lanes(entries)
     z = np.zeros((p, 2 * window))
     near = np.zeros((p, 2 * window))
     terms = np.zeros((lanes, 2 * window))
     sums = np.empty((lanes, window))
     out = np.empty((entries, index.size))
-    pairs = pairs_of_blocks(window, index)
+    pairs = split_into_block_pairs(window, index)
     for number in range(pairs.size - 1):
         row: int = pairs[number]
         end: int = pairs[number + 1]
@@ -260,12 +265,12 @@ def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Fl
                 start = index[begin] - window + 1
                 samples = index[stop - 1] + 1 - start
                 left = last + 1 - start
-                load_columns(A, start, samples, z)
+                copy_columns_to_buffer(A, start, samples, z)
                 sum_correlated_neighbours(z, samples, left, 2 * left >= window, correlation, near)
                 for i in range(p):
                     for j in range(i, p):
                         term, x, y, u, v = (
-                            terms[packed_index(i, j, p)],
+                            terms[find_packed_index(i, j, p)],
                             z[i],
                             z[j],
                             near[i],
@@ -275,7 +280,7 @@ def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Fl
                             term[k] = x[k] * y[k] + (x[k] * v[k] + u[k] * y[k])
                 fill_suffix_sums(terms, left, sums)
                 add_prefix_sums(terms, left, window - left, samples - window + 1, sums)
-                keep_rows(sums, index, begin, stop)
+                store_requested_rows(sums, index, begin, stop)
                 for entry in range(entries):
                     total = sums[entry]
                     for k in range(stop - begin):
@@ -319,15 +324,17 @@ def sum_correlated_neighbours(
                 total[k] += r * x[k]
 
 
-def recursive_stds(grams: Floats, meats: Floats, white: Floats) -> Floats:
-    """Roots of diag G⁻¹ M G⁻¹, (rows, p), for residuals of variance 1; at least those of `white`.
+def compute_recursive_stds(grams: Floats, meats: Floats, white_meats: Floats) -> Floats:
+    """Roots of diag G⁻¹ M G⁻¹, (rows, p), for unit variance; at least those of `white_meats`.
 
     Args:
         grams: (rows, entries) packed G.
         meats: (rows, entries) packed M; a tapered correlation may make it indefinite.
-        white: (rows, entries) packed M of uncorrelated residuals.
+        white_meats: (rows, entries) packed M of uncorrelated residuals.
     """
     bread = invert_packed(grams)
-    squares = np.maximum(sandwich_variances(bread, meats.T), sandwich_variances(bread, white.T))
+    squares = np.maximum(
+        compute_sandwich_variances(bread, meats.T), compute_sandwich_variances(bread, white_meats.T)
+    )
     # of columns so nearly dependent that rounding is all that is left, nothing is known
     return np.sqrt(np.where(squares > 0.0, squares, np.nan)).T

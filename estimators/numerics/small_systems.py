@@ -3,7 +3,7 @@
 The last axis of every array runs over the systems, so that the inner loops do one operation on all
 of them, which the compiler vectorises; the order of operations within a system is that of one
 alone. A symmetric matrix is packed: its upper triangle row by row, entry (i, j) in row
-`packed_index(i, j, size)`.
+`find_packed_index(i, j, size)`.
 """
 
 from functools import cache
@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead, compiled_with_array_form
+from estimators.interpreted import compiled_unless_short_log, compiled_with_array_form
 
 #: A pivot that small a share of its diagonal: the columns are dependent to working precision.
 DEPENDENT = 1e-14
@@ -22,24 +22,24 @@ NOTHING = 1e-60
 _SWEEPS = 6
 
 
-def lstsq(A: Floats, f: Floats) -> Floats:
+def solve_least_squares_by_svd(A: Floats, f: Floats) -> Floats:
     """Least-squares solution of A θ = f, (p,), by SVD, for the readable forms."""
     return np.asarray(np.linalg.lstsq(A, f, rcond=None)[0], np.float64)
 
 
-@compiled_ahead
-def packed_index(i: int, j: int, size: int) -> int:
+@compiled_unless_short_log
+def find_packed_index(i: int, j: int, size: int) -> int:
     """Row of entry (i, j), i <= j, in a packed symmetric matrix of `size` columns."""
     return i * size - i * (i - 1) // 2 + j - i
 
 
-def _factor_array_form(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
+def _factor_ldl_by_arrays(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
     L, inverse = np.zeros((p, p, G.shape[1])), np.empty((p, G.shape[1]))
     for i in range(p):
-        diagonal = G[packed_index(i, i, size)]
+        diagonal = G[find_packed_index(i, i, size)]
         pivot = diagonal.copy()
         for j in range(i):
-            lower = G[packed_index(j, i, size)].copy()
+            lower = G[find_packed_index(j, i, size)].copy()
             for r in range(j):
                 lower -= L[j, r] * L[r, i]
             L[j, i] = lower
@@ -50,8 +50,8 @@ def _factor_array_form(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
     return L, inverse
 
 
-@compiled_with_array_form(_factor_array_form)
-def factor(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
+@compiled_with_array_form(_factor_ldl_by_arrays)
+def factor_packed_ldl(G: Floats, size: int, leading_size: int) -> tuple[Floats, Floats]:
     """Factor the leading p × p of m packed matrices, G = L D Lᵀ; NaN where one is singular.
 
     It uses no square roots and does not depend on the columns' units.
@@ -59,21 +59,21 @@ def factor(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
     Args:
         G: (entries, m) packed matrices of `size` columns.
         size: columns of the packed matrices.
-        p: number of columns to factor.
+        leading_size: number of columns to factor.
 
     Returns:
         (p, p, m) L, a unit lower triangle below its diagonal, and (p, m) 1 / D.
     """
     m = G.shape[1]
-    L = np.zeros((p, p, m))
-    inverse = np.empty((p, m))
-    for i in range(p):
-        diagonal = G[packed_index(i, i, size)]
+    L = np.zeros((leading_size, leading_size, m))
+    inverse = np.empty((leading_size, m))
+    for i in range(leading_size):
+        diagonal = G[find_packed_index(i, i, size)]
         pivot = inverse[i]
         for k in range(m):
             pivot[k] = diagonal[k]
         for j in range(i):
-            entry = G[packed_index(j, i, size)]
+            entry = G[find_packed_index(j, i, size)]
             lower = L[i, j]
             for k in range(m):
                 lower[k] = entry[k]
@@ -93,7 +93,7 @@ def factor(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
     return L, inverse
 
 
-def _solve_factored_array_form(L: Floats, inverse: Floats, x: Floats) -> None:
+def _solve_factored_by_arrays(L: Floats, inverse: Floats, x: Floats) -> None:
     """Form of `substitute` by whole arrays."""
     p = len(inverse)
     for i in range(p):
@@ -105,8 +105,8 @@ def _solve_factored_array_form(L: Floats, inverse: Floats, x: Floats) -> None:
             x[i] -= L[r, i] * x[r]
 
 
-@compiled_with_array_form(_solve_factored_array_form)
-def substitute(L: Floats, inverse: Floats, x: Floats) -> None:
+@compiled_with_array_form(_solve_factored_by_arrays)
+def solve_factored_in_place(L: Floats, inverse: Floats, x: Floats) -> None:
     """Solve m factored systems in place: x (p, m) is the right-hand side, then the solution."""
     p, m = inverse.shape
     for i in range(p):
@@ -130,20 +130,20 @@ def invert(L: Floats, inverse: Floats) -> Floats:
     out = np.zeros((p, p, m))
     for i in range(p):
         out[i, i] = 1.0
-        substitute(L, inverse, out[i])
+        solve_factored_in_place(L, inverse, out[i])
     return out
 
 
-def _find_conditions_array_form(G: Floats, size: int, p: int) -> Floats:
+def _find_conditions_by_arrays(G: Floats, size: int, p: int) -> Floats:
     i, j = np.triu_indices(p)
-    rows = [packed_index(a, b, size) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
-    squares = np.array([G[packed_index(a, a, size)] for a in range(p)])
+    rows = [find_packed_index(a, b, size) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
+    squares = np.array([G[find_packed_index(a, a, size)] for a in range(p)])
     N = G[rows] / np.sqrt(squares[i] * squares[j])
     for _ in range(_SWEEPS if p > 2 else 1):
         for a in range(p):
             for b in range(a + 1, p):
-                _rotate_array_form(N, p, a, b, G.shape[1])
-    values = N[[packed_index(a, a, p) for a in range(p)]]
+                _rotate_by_arrays(N, p, a, b, G.shape[1])
+    values = N[[find_packed_index(a, a, p) for a in range(p)]]
     low, high = values[0], values[0]
     for value in values[1:]:
         low, high = np.where(value < low, value, low), np.where(value > high, value, high)
@@ -152,8 +152,8 @@ def _find_conditions_array_form(G: Floats, size: int, p: int) -> Floats:
     return np.where(np.isnan(values).any(axis=0), np.inf, out)
 
 
-@compiled_with_array_form(_find_conditions_array_form)
-def condition_numbers(G: Floats, size: int, p: int) -> Floats:
+@compiled_with_array_form(_find_conditions_by_arrays)
+def compute_condition_numbers(G: Floats, size: int, leading_size: int) -> Floats:
     """Condition numbers (m,) of A, columns scaled to unit norm, from m packed AᵀA.
 
     The eigenvalues are from Jacobi rotations; a 2 × 2 matrix needs one.
@@ -161,44 +161,48 @@ def condition_numbers(G: Floats, size: int, p: int) -> Floats:
     Args:
         G: (entries, m) packed matrices of `size` columns.
         size: columns of the packed matrices.
-        p: number of leading columns to use.
+        leading_size: number of leading columns to use.
     """
     m = G.shape[1]
-    N = np.empty((p * (p + 1) // 2, m))
-    for i in range(p):
-        for j in range(i, p):
+    N = np.empty((leading_size * (leading_size + 1) // 2, m))
+    for i in range(leading_size):
+        for j in range(i, leading_size):
             entry, left, right = (
-                G[packed_index(i, j, size)],
-                G[packed_index(i, i, size)],
-                G[packed_index(j, j, size)],
+                G[find_packed_index(i, j, size)],
+                G[find_packed_index(i, i, size)],
+                G[find_packed_index(j, j, size)],
             )
-            scaled = N[packed_index(i, j, p)]
+            scaled = N[find_packed_index(i, j, leading_size)]
             for k in range(m):
                 scaled[k] = entry[k] / np.sqrt(left[k] * right[k])
-    for _ in range(_SWEEPS if p > 2 else 1):
-        for i in range(p):
-            for j in range(i + 1, p):
-                _rotate_by_jacobi(N, p, i, j, m)
+    for _ in range(_SWEEPS if leading_size > 2 else 1):
+        for i in range(leading_size):
+            for j in range(i + 1, leading_size):
+                rotate_by_jacobi(N, leading_size, i, j, m)
     low = N[0].copy()
     high = N[0].copy()
-    for i in range(1, p):
-        value = N[packed_index(i, i, p)]
+    for i in range(1, leading_size):
+        value = N[find_packed_index(i, i, leading_size)]
         for k in range(m):
             low[k] = value[k] if value[k] < low[k] else low[k]
             high[k] = value[k] if value[k] > high[k] else high[k]
     out = np.empty(m)
     for k in range(m):
         out[k] = np.sqrt(high[k] / low[k]) if low[k] > 0.0 else np.inf
-    for i in range(p):
-        value = N[packed_index(i, i, p)]
+    for i in range(leading_size):
+        value = N[find_packed_index(i, i, leading_size)]
         for k in range(m):
             # a column of zeros
             out[k] = np.inf if np.isnan(value[k]) else out[k]
     return out
 
 
-def _rotate_array_form(N: Floats, p: int, i: int, j: int, _: int) -> None:
-    a, b, c = N[packed_index(i, i, p)], N[packed_index(j, j, p)], N[packed_index(i, j, p)]
+def _rotate_by_arrays(N: Floats, p: int, i: int, j: int, _: int) -> None:
+    a, b, c = (
+        N[find_packed_index(i, i, p)],
+        N[find_packed_index(j, j, p)],
+        N[find_packed_index(i, j, p)],
+    )
     double, gap = 2.0 * c, b - a
     root = np.abs(gap) + np.sqrt(gap * gap + double * double)
     tangent = np.where(root > 0.0, np.where(gap >= 0.0, double, -double) / root, 0.0)
@@ -208,16 +212,20 @@ def _rotate_array_form(N: Floats, p: int, i: int, j: int, _: int) -> None:
     b += tangent * c
     c[:] = np.where(np.isnan(root), c, 0.0)
     for r in set(range(p)) - {i, j}:
-        x, y = (N[packed_index(min(r, k), max(r, k), p)] for k in (i, j))
+        x, y = (N[find_packed_index(min(r, k), max(r, k), p)] for k in (i, j))
         old = x.copy()
         x[:] = cosine * old - sine * y
         y[:] = sine * old + cosine * y
 
 
-@compiled_with_array_form(_rotate_array_form)
-def _rotate_by_jacobi(N: Floats, p: int, i: int, j: int, m: int) -> None:
+@compiled_with_array_form(_rotate_by_arrays)
+def rotate_by_jacobi(N: Floats, p: int, i: int, j: int, m: int) -> None:
     """One rotation of Jacobi that makes entry (i, j) zero."""
-    a, b, c = N[packed_index(i, i, p)], N[packed_index(j, j, p)], N[packed_index(i, j, p)]
+    a, b, c = (
+        N[find_packed_index(i, i, p)],
+        N[find_packed_index(j, j, p)],
+        N[find_packed_index(i, j, p)],
+    )
     sine = np.empty(m)
     cosine = np.empty(m)
     for k in range(m):
@@ -234,8 +242,8 @@ def _rotate_by_jacobi(N: Floats, p: int, i: int, j: int, m: int) -> None:
     for r in range(p):
         if r != i and r != j:
             x, y = (
-                N[packed_index(min(r, i), max(r, i), p)],
-                N[packed_index(min(r, j), max(r, j), p)],
+                N[find_packed_index(min(r, i), max(r, i), p)],
+                N[find_packed_index(min(r, j), max(r, j), p)],
             )
             for k in range(m):
                 old = x[k]
@@ -244,43 +252,49 @@ def _rotate_by_jacobi(N: Floats, p: int, i: int, j: int, m: int) -> None:
 
 
 @cache
-def packed_index_table(size: int) -> tuple[tuple[int, ...], ...]:
+def make_packed_index_table(size: int) -> tuple[tuple[int, ...], ...]:
     """Packed index of each entry (i, j) of a symmetric matrix of `size` columns, by i and j.
 
     On board they are needed many times per step; calling a compiled loop each time would be slow.
     """
     each = range(size)
-    return tuple(tuple(packed_index(min(i, j), max(i, j), size) for j in each) for i in each)
+    return tuple(tuple(find_packed_index(min(i, j), max(i, j), size) for j in each) for i in each)
 
 
 @cache
-def _upper_triangle(size: int) -> tuple[Ints, Ints]:
+def _upper_triangle_indices(size: int) -> tuple[Ints, Ints]:
     rows, columns = np.triu_indices(size)
     return rows, columns
 
 
-def pack(G: Floats) -> Floats:
+def pack_symmetric_matrix(G: Floats) -> Floats:
     """Pack one symmetric matrix (size, size) into (entries,)."""
-    return np.asarray(G[_upper_triangle(len(G))], np.float64)
+    return np.asarray(G[_upper_triangle_indices(len(G))], np.float64)
 
 
 def unpack_leading_block(entries: Floats, size: int, p: int) -> Floats:
     """Leading (p, p) of one packed symmetric matrix of `size` columns."""
-    return entries[[row[:p] for row in packed_index_table(size)[:p]]]
+    return entries[[row[:p] for row in make_packed_index_table(size)[:p]]]
 
 
-def solve_spd(G: Floats, h: Floats) -> Floats:
+def solve_positive_definite(G: Floats, h: Floats) -> Floats:
     """Solution (p,) of one system G (p, p) x = h (p,); NaN if G is singular."""
     x = np.array(h, np.float64).reshape(-1, 1)
-    substitute(*factor(pack(G).reshape(-1, 1), len(G), len(G)), x)
+    solve_factored_in_place(
+        *factor_packed_ldl(pack_symmetric_matrix(G).reshape(-1, 1), len(G), len(G)), x
+    )
     return x[:, 0]
 
 
-def inverse_spd(G: Floats) -> Floats:
+def invert_positive_definite(G: Floats) -> Floats:
     """Inverse of one symmetric positive definite matrix; NaN if it is singular."""
-    return invert(*factor(pack(G).reshape(-1, 1), len(G), len(G)))[:, :, 0]
+    return invert(*factor_packed_ldl(pack_symmetric_matrix(G).reshape(-1, 1), len(G), len(G)))[
+        :, :, 0
+    ]
 
 
-def scaled_condition_from_gram(G: Floats) -> float:
+def compute_scaled_condition(G: Floats) -> float:
     """Condition number of A from its Gram matrix G = AᵀA, columns scaled to unit norm."""
-    return float(condition_numbers(pack(G).reshape(-1, 1), len(G), len(G))[0])
+    return float(
+        compute_condition_numbers(pack_symmetric_matrix(G).reshape(-1, 1), len(G), len(G))[0]
+    )

@@ -23,12 +23,12 @@ class Prior:
     covariance: Floats
 
     @classmethod
-    def around_zero(cls, std: dict[str, float], axes: int) -> "Prior":
+    def make_zero_mean(cls, std: dict[str, float], axes: int) -> "Prior":
         """Independent prior with mean 0 and the given standard deviations."""
         variance = np.square(list(std.values()))
         return cls(tuple(std), np.zeros((axes, len(std))), np.diag(variance))
 
-    def joined_with(self, other: "Prior") -> "Prior":
+    def combine_with(self, other: "Prior") -> "Prior":
         """Combine two independent priors of different parameters."""
         mine, size = len(self.names), len(self.names) + len(other.names)
         covariance = np.zeros((size, size))
@@ -72,7 +72,7 @@ class BaseEstimate:
         """(p,) standard deviations, NaN where the motion does not determine a parameter."""
         return np.sqrt(np.diagonal(self.covariance))
 
-    def with_uncertainty_of(self, parameter: str, u: float) -> "BaseEstimate":
+    def add_parameter_uncertainty(self, parameter: str, u: float) -> "BaseEstimate":
         """Add an uncertainty of a parameter that its residuals do not show.
 
         The others follow it as their covariance with it says. It is a further row of `responses`,
@@ -100,7 +100,7 @@ class BaseEstimate:
         gradient[[i, j]] = np.array([1.0, -ratio]) / self.theta[j]
         return ratio, gradient
 
-    def quotient(self, numerator: str, denominator: str) -> tuple[float, float]:
+    def ratio_and_std(self, numerator: str, denominator: str) -> tuple[float, float]:
         """Ratio of two parameters with its first-order standard deviation, such as mc_x / m.
 
         NaN if the motion does not determine both.

@@ -14,24 +14,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.errors import DataError, nearest
-from estimators.methods.attenuation import attenuation
+from estimators.errors import DataError, suggest_choice
+from estimators.methods.attenuation import compute_attenuation
 from estimators.methods.method_limits import LIMITS as METHOD_LIMITS
 from estimators.numerics.autocorrelation import (
-    autocovariance_loss,
-    pooled_autocorrelation,
-    scale_widening,
+    compute_autocovariance_loss,
+    estimate_pooled_autocorrelation,
+    std_widening_factor,
 )
-from estimators.numerics.small_systems import inverse_spd, lstsq
+from estimators.numerics.small_systems import invert_positive_definite, solve_least_squares_by_svd
 from estimators.planar.base_estimate import BaseEstimate, Prior
 from estimators.planar.blockwise_qr import (
     BLOCK,
     Blocks,
-    residuals,
-    sandwich_meat,
-    triangular_factors,
+    compute_blockwise_residuals,
+    compute_triangular_factors,
+    sum_sandwich_meat,
 )
-from estimators.planar.identifiability import identify
+from estimators.planar.identifiability import find_identifiable_parameters
 from estimators.planar.planar_fit_limits import LIMITS
 
 
@@ -77,11 +77,13 @@ def fit(
     prior = prior or Prior((), np.zeros((k, 0)), np.zeros((0, 0)))
     for name in prior.names:
         if name not in parameters:
-            raise DataError(f"no parameter '{name}' for a prior; {nearest(name, parameters)}")
+            raise DataError(
+                f"no parameter '{name}' for a prior; {suggest_choice(name, parameters)}"
+            )
     segment_id = np.zeros(n, np.int64) if segment_id is None else segment_id
     used = segment_id >= 0
     samples = int(used.sum())
-    R = triangular_factors(A, f, used)
+    R = compute_triangular_factors(A, f, used)
     if not np.isfinite(R[..., -1]).all() and np.isfinite(R[..., :-1]).all():
         raise DataError("the forces hold NaN or infinity; exclude these samples")
 
@@ -89,26 +91,26 @@ def fit(
     free = np.setdiff1d(np.arange(p), given)
     names = [parameters[int(i)] for i in free]
     shared = np.broadcast_to(np.eye(p), (k, p, p)) if loading is None else loading
-    all_noise = None if noise is None else _column_rms(noise, shared)[free]
-    found = identify(R[..., free], names, all_noise, samples * k)
+    all_noise = None if noise is None else column_noise_rms(noise, shared)[free]
+    found = find_identifiable_parameters(R[..., free], names, all_noise, samples * k)
     columns = np.concatenate([free[found.base], given])
     added = samples * np.square(np.zeros((k, p)) if noise is None else noise)
     # of what hardly moves and has a prior, the noise is nearly all of it
     added = np.minimum(added, LIMITS.max_noise_fraction * np.square(R[..., :-1]).sum(axis=1))
     system = _System(R[..., columns], R[..., -1], added, shared[:, columns], prior, samples)
     fitted = system.solve(np.ones(k))
-    coefficients = place_in_columns(fitted.theta, columns, p)
-    residual = residuals(A, f, used, coefficients)
-    losses = fit_losses(A, columns, segment_id)
-    correlations = _autocorrelate_residuals(segment_id, residual, losses)
+    coefficients = scatter_to_columns(fitted.theta, columns, p)
+    residual = compute_blockwise_residuals(A, f, used, coefficients)
+    losses = compute_fit_losses(A, columns, segment_id)
+    correlations = autocorrelate_residuals(segment_id, residual, losses)
     if given.size and samples and np.isfinite(fitted.theta).all():
         # a prior is worth as many samples as are independent
         lasting = [max(2.0 * float(each.sum()) - 1.0, 1.0) for each in correlations]
         fitted = system.solve(np.array(lasting))
-        coefficients = place_in_columns(fitted.theta, columns, p)
-        residual = residuals(A, f, used, coefficients)
-        correlations = _autocorrelate_residuals(segment_id, residual, losses)
-    covariance = _sandwich_covariance(A, columns, segment_id, correlations, fitted, prior)
+        coefficients = scatter_to_columns(fitted.theta, columns, p)
+        residual = compute_blockwise_residuals(A, f, used, coefficients)
+        correlations = autocorrelate_residuals(segment_id, residual, losses)
+    covariance = sandwich_covariance(A, columns, segment_id, correlations, fitted, prior)
 
     single = np.append(found.identifiable[found.base], np.ones(given.size, np.bool_))
     here = columns[single]
@@ -117,10 +119,10 @@ def fit(
     return BaseEstimate(
         identifiability=found,
         parameters=tuple(parameters),
-        theta=place_in_columns(fitted.theta[single], here, p, np.nan),
-        by_axis=place_in_columns(fitted.by_axis[:, single], here, p, np.nan),
+        theta=scatter_to_columns(fitted.theta[single], here, p, np.nan),
+        by_axis=scatter_to_columns(fitted.by_axis[:, single], here, p, np.nan),
         covariance=full,
-        responses=place_in_columns(fitted.responses[:, single], here, p, np.nan),
+        responses=scatter_to_columns(fitted.responses[:, single], here, p, np.nan),
         coefficients=coefficients,
         combination=fitted.theta[~single],
         combination_std=np.sqrt(np.diagonal(covariance))[~single],
@@ -128,15 +130,17 @@ def fit(
     )
 
 
-def _column_rms(noise: Floats, loading: Floats) -> Floats:
+def column_noise_rms(noise: Floats, loading: Floats) -> Floats:
     """R.m.s. noise (p,) of each column over the axes, of all its sources."""
     return np.sqrt(np.mean(np.einsum("kcs,ks->kc", loading**2, noise**2), axis=0))
 
 
-def place_in_columns(values: Floats, at: Ints, p: int, other: float = 0.0) -> Floats:
-    """Place values (…, r) in columns `at` of p columns; the others are `other`."""
-    out = np.full((*values.shape[:-1], p), other)
-    out[..., at] = values
+def scatter_to_columns(
+    values: Floats, column_indices: Ints, p: int, fill_value: float = 0.0
+) -> Floats:
+    """Place values (…, r) in columns `column_indices` of p columns; the others are `fill_value`."""
+    out = np.full((*values.shape[:-1], p), fill_value)
+    out[..., column_indices] = values
     return out
 
 
@@ -167,7 +171,7 @@ class _FittedParameters:
     samples: int
 
     @property
-    def weight(self) -> Floats:
+    def axis_weights(self) -> Floats:
         """(k,) weights of the axes."""
         return 1.0 / (self.rms * np.sqrt(self.lasting))
 
@@ -186,13 +190,13 @@ class _System:
     prior: Prior
     samples: int
 
-    def solve(self, lasting: Floats) -> _FittedParameters:
+    def solve(self, correlation_times: Floats) -> _FittedParameters:
         """Fit with each sample's weight divided by the correlation time of its residual (k,)."""
         k, _, r = self.A.shape
         q = len(self.prior.names)
         if self.samples == 0 or r == 0:
             nothing = np.full((r, r), np.nan)
-            rms = rms_of_axes(self.f, self.samples) if self.samples else np.full(k, np.nan)
+            rms = compute_axis_rms(self.f, self.samples) if self.samples else np.full(k, np.nan)
             return _FittedParameters(
                 theta=np.full(r, np.nan),
                 by_axis=np.full((k, r), np.nan),
@@ -200,7 +204,7 @@ class _System:
                 bread=nothing,
                 doubt=nothing,
                 responses=np.full((q, r), np.nan),
-                lasting=lasting,
+                lasting=correlation_times,
                 rms=rms,
                 samples=self.samples,
             )
@@ -211,15 +215,17 @@ class _System:
         theta = np.empty(0)
         for number in range(LIMITS.weight_max_rounds):
             # the first weights are none, beside which no prior is to be weighed
-            theta = self._solve_regularised(rms, lasting, with_prior=number > 0).sum(axis=0)
+            theta = self._solve_regularised(rms, correlation_times, with_prior=number > 0).sum(
+                axis=0
+            )
             before, rms = (
                 rms,
-                np.maximum(rms_of_axes(self.f - self.A @ theta, self.samples), floor),
+                np.maximum(compute_axis_rms(self.f - self.A @ theta, self.samples), floor),
             )
             if (np.abs(rms / before - 1.0) < LIMITS.weight_tolerance).all():
                 break
-        by_axis = self._solve_regularised(rms, lasting)
-        scale = 1.0 / (rms * np.sqrt(lasting))
+        by_axis = self._solve_regularised(rms, correlation_times)
+        scale = 1.0 / (rms * np.sqrt(correlation_times))
         weighted = self.A * scale[:, None, None]
         grams = np.einsum("kqi,kqj->kij", weighted, weighted)
         whole = grams.sum(axis=0)
@@ -229,17 +235,17 @@ class _System:
         doubt = np.zeros((r, r))
         if noise.any():
             sources, loading = noise.ravel(), np.concatenate(list(self.loading), axis=1)
-            drawn = [attenuation(whole, each, sources, loading) for each in by_axis]
+            drawn = [compute_attenuation(whole, each, sources, loading) for each in by_axis]
             by_axis = by_axis + np.stack([each.sum(axis=1) for each in drawn])
             taken: Floats = np.sum(drawn, axis=0)
             doubt = METHOD_LIMITS.uncertain_correction_fraction**2 * taken @ taken.T
             added = np.einsum("kis,ks,kjs->kij", self.loading, noise, self.loading)
             grams, whole = grams - added, whole - added.sum(axis=0)
-        bread = inverse_spd(whole)
+        bread = invert_positive_definite(whole)
         theta = by_axis.sum(axis=0)
         std = np.linalg.cholesky(self.prior.covariance) if q else np.zeros((0, 0))
         responses = (bread[:, r - q :] @ precision @ std).T
-        residual = rms_of_axes(self.f - self.A @ theta, self.samples)
+        residual = compute_axis_rms(self.f - self.A @ theta, self.samples)
         return _FittedParameters(
             theta=theta,
             by_axis=by_axis,
@@ -247,13 +253,13 @@ class _System:
             bread=bread,
             doubt=doubt,
             responses=responses,
-            lasting=lasting,
+            lasting=correlation_times,
             rms=np.maximum(residual, floor),
             samples=self.samples,
         )
 
     def _solve_regularised(
-        self, rms: Floats, lasting: Floats, *, with_prior: bool = True
+        self, rms: Floats, correlation_times: Floats, *, with_prior: bool = True
     ) -> Floats:
         """Coefficients (k, r), a row per axis' force, by weighted least squares with the prior.
 
@@ -262,7 +268,7 @@ class _System:
         """
         k, s, r = self.A.shape
         q = len(self.prior.names)
-        scale = 1.0 / (rms * np.sqrt(lasting))
+        scale = 1.0 / (rms * np.sqrt(correlation_times))
         rows = (self.A * scale[:, None, None]).reshape(-1, r)
         wanted = np.zeros((k, s, k))
         for axis in range(k):
@@ -274,15 +280,15 @@ class _System:
             wanted = np.concatenate([wanted, root @ self.prior.mean.T])
         size = np.linalg.norm(rows, axis=0)
         size = np.where(size > 0.0, size, 1.0)
-        return (lstsq(rows / size, wanted) / size[:, None]).T
+        return (solve_least_squares_by_svd(rows / size, wanted) / size[:, None]).T
 
 
-def rms_of_axes(residual: Floats, samples: int) -> Floats:
+def compute_axis_rms(residual: Floats, samples: int) -> Floats:
     """R.m.s. (k,) of residuals given by their triangular factor (k, q)."""
     return np.sqrt((residual**2).sum(axis=1) / samples)
 
 
-def fit_losses(A: Blocks, columns: Ints, segment_id: Ints) -> list[Floats]:
+def compute_fit_losses(A: Blocks, columns: Ints, segment_id: Ints) -> list[Floats]:
     """Loss of autocovariance of each axis' residuals, caused by the fit."""
     k, used = A.shape[1], segment_id >= 0
     if not used.any():
@@ -291,11 +297,14 @@ def fit_losses(A: Blocks, columns: Ints, segment_id: Ints) -> list[Floats]:
     # long one that is nothing
     share = columns[: -(-columns.size // (k * np.unique(segment_id[used]).size))]
     if used.size > BLOCK:
-        return [autocovariance_loss(segment_id, None)] * k
-    return [autocovariance_loss(segment_id, axis) for axis in A[:].transpose(1, 0, 2)[..., share]]
+        return [compute_autocovariance_loss(segment_id, None)] * k
+    return [
+        compute_autocovariance_loss(segment_id, axis)
+        for axis in A[:].transpose(1, 0, 2)[..., share]
+    ]
 
 
-def _autocorrelate_residuals(
+def autocorrelate_residuals(
     segment_id: Ints, residual: Floats, losses: list[Floats]
 ) -> list[Floats]:
     """Residual autocorrelation of each axis, (lags,) each.
@@ -303,12 +312,12 @@ def _autocorrelate_residuals(
     A derivative's noise has another correlation than a sensor's.
     """
     return [
-        pooled_autocorrelation(np.ascontiguousarray(axis), segment_id, None, loss)[0]
+        estimate_pooled_autocorrelation(np.ascontiguousarray(axis), segment_id, None, loss)[0]
         for axis, loss in zip(residual.T, losses, strict=True)
     ]
 
 
-def _sandwich_covariance(
+def sandwich_covariance(
     A: Blocks,
     columns: Ints,
     segment_id: Ints,
@@ -328,8 +337,8 @@ def _sandwich_covariance(
         # determined by rounding alone: no deviation can be told
         return np.full((r, r), np.nan)
     size = np.sqrt(np.diagonal(fitted.bread))
-    weight = (fitted.weight / np.sqrt(fitted.lasting))[:, None] * size
-    B = sandwich_meat(A, columns, segment_id, correlations, weight)
+    weight = (fitted.axis_weights / np.sqrt(fitted.lasting))[:, None] * size
+    B = sum_sandwich_meat(A, columns, segment_id, correlations, weight)
     bread = fitted.bread / np.outer(size, size)
     cover = bread @ B @ bread
     white = (fitted.grams / fitted.lasting[:, None, None]).sum(axis=0) * np.outer(size, size)
@@ -346,7 +355,9 @@ def _sandwich_covariance(
         np.diagonal(plain) * samples / max(samples - r, 1.0),
     )
     # of what its prior alone tells the log says nothing, to rounding
-    std = np.sqrt(np.maximum(variance, 0.0)) * scale_widening(fitted.samples * k, correlations[0])
+    std = np.sqrt(np.maximum(variance, 0.0)) * std_widening_factor(
+        fitted.samples * k, correlations[0]
+    )
     shape: Floats = cover if np.linalg.eigvalsh(cover)[0] > 0.0 else plain
     own = np.diagonal(shape)
     stretch = std * size / np.sqrt(np.where(own > 0.0, own, np.inf))

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from estimators.arrays import Bools, Floats, Ints
-from estimators.numerics.sandwich import meat
+from estimators.numerics.sandwich import compute_sandwich_meat
 
 #: Rows at a time.
 BLOCK = 16_384
@@ -29,7 +29,7 @@ class Blocks(Protocol):
         ...
 
 
-def sample_blocks(used: Bools) -> Iterator[slice]:
+def iter_used_blocks(used: Bools) -> Iterator[slice]:
     """Slices that together contain every used sample."""
     for first in range(0, used.size, BLOCK):
         part = slice(first, min(first + BLOCK, used.size))
@@ -37,7 +37,7 @@ def sample_blocks(used: Bools) -> Iterator[slice]:
             yield part
 
 
-def triangular_factors(A: Blocks, f: Floats, used: Bools) -> Floats:
+def compute_triangular_factors(A: Blocks, f: Floats, used: Bools) -> Floats:
     """Triangular factor of [A f] of each axis, (k, p + 1, p + 1), over the used samples.
 
     Args:
@@ -47,7 +47,7 @@ def triangular_factors(A: Blocks, f: Floats, used: Bools) -> Floats:
     """
     _, k, p = A.shape
     out = np.zeros((k, p + 1, p + 1))
-    for part in sample_blocks(used):
+    for part in iter_used_blocks(used):
         both = np.concatenate([A[part], f[part][..., None]], axis=-1)[used[part]]
         for axis in range(k):
             rows = np.concatenate([out[axis], both[:, axis]])
@@ -55,15 +55,15 @@ def triangular_factors(A: Blocks, f: Floats, used: Bools) -> Floats:
     return out
 
 
-def residuals(A: Blocks, f: Floats, used: Bools, theta: Floats) -> Floats:
+def compute_blockwise_residuals(A: Blocks, f: Floats, used: Bools, theta: Floats) -> Floats:
     """Residuals f - A θ, (n, k), zero where not used; θ is (p,)."""
     out = np.zeros(f.shape)
-    for part in sample_blocks(used):
+    for part in iter_used_blocks(used):
         out[part] = np.where(used[part][:, None], f[part] - A[part] @ theta, 0.0)
     return out
 
 
-def sandwich_meat(
+def sum_sandwich_meat(
     A: Blocks, columns: Ints, segment_id: Ints, correlations: list[Floats], weight: Floats
 ) -> Floats:
     """Σ w² Aᵀ R A over axes and stretches, (r, r); each axis' stretch is its own series.
@@ -77,7 +77,7 @@ def sandwich_meat(
     """
     total = np.zeros((columns.size, columns.size))
     before = max(each.size for each in correlations) - 1
-    for part in sample_blocks(segment_id >= 0):
+    for part in iter_used_blocks(segment_id >= 0):
         # samples look back at those they correlate with, across the block's edge
         history = min(before, part.start)
         wide = slice(part.start - history, part.stop)
@@ -89,5 +89,5 @@ def sandwich_meat(
                     own = labels[history:] == label
                     first = history + int(own.argmax())
                     last = labels.size - 1 - int(own[::-1].argmax())
-                    total += meat(scaled, labels, label, first, last, correlation)
+                    total += compute_sandwich_meat(scaled, labels, label, first, last, correlation)
     return total

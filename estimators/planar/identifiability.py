@@ -38,19 +38,21 @@ class Identifiability:
     condition: float
 
     @property
-    def combinations(self) -> Floats:
+    def find_determined_combinations(self) -> Floats:
         """Sums of parameters that are determined although the single ones are not.
 
         (rank - identifiable, p): the rows of `echelon` with several parameters.
         """
         return self.echelon[~self.identifiable[self.base]]
 
-    def combination_texts(self) -> list[str]:
+    def format_combinations(self) -> list[str]:
         """The combinations as text: `mass_kg - 5 first_moment_x_kg_m`."""
-        return [_format_combination(row, self.parameters) for row in self.combinations]
+        return [
+            _format_combination(row, self.parameters) for row in self.find_determined_combinations
+        ]
 
 
-def identify(
+def find_identifiable_parameters(
     A: Floats, parameters: Sequence[str], noise: Floats | None = None, samples: int | None = None
 ) -> Identifiability:
     """Find the parameters and combinations that a motion determines.
@@ -92,7 +94,7 @@ def identify(
         smallest, slack = LIMITS.noise_margin, LIMITS.noisy_slack
     rank = int((singular > smallest).sum())
     identifiable = (Vt[:rank] ** 2).sum(0) > 1.0 - slack
-    base, echelon = row_echelon_form(Vt[:rank], identifiable)
+    base, echelon = reduce_to_row_echelon(Vt[:rank], identifiable)
     # coefficients that the test above takes for zero
     echelon[identifiable[base]] = 0.0
     echelon[np.abs(echelon) < np.sqrt(slack / p)] = 0.0
@@ -103,11 +105,11 @@ def identify(
         identifiable=identifiable,
         base=base,
         echelon=echelon * scale / scale[base][:, None],
-        condition=condition_of_base(R, base),
+        condition=condition_of_base_columns(R, base),
     )
 
 
-def row_echelon_form(rows: Floats, identifiable: Bools) -> tuple[Ints, Floats]:
+def reduce_to_row_echelon(rows: Floats, identifiable: Bools) -> tuple[Ints, Floats]:
     """Pivots (r,), ascending, and reduced row echelon form (r, p) of r independent rows.
 
     Parameters determined by themselves are pivots. Among the others the earliest column that stands
@@ -128,7 +130,7 @@ def row_echelon_form(rows: Floats, identifiable: Bools) -> tuple[Ints, Floats]:
     return base, np.asarray(np.linalg.solve(rows[:, base], rows), np.float64)
 
 
-def condition_of_base(R: Floats, base: Ints) -> float:
+def condition_of_base_columns(R: Floats, base: Ints) -> float:
     """Condition number of the base columns scaled to unit norm; infinite without any."""
     if base.size == 0:
         return np.inf

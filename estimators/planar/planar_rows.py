@@ -48,7 +48,7 @@ SPIN_PARAMETERS = ("inertia_z_kg_m2", "friction_z_N_m_s")
 ARC_PARAMETERS = ("first_moment_x_kg_m", "friction_x_N_s_m", "friction_z_N_m_s")
 
 
-def straight_regressor(
+def make_straight_regressor(
     specific_force_x: Floats, speed: Floats, direction: Floats | None = None
 ) -> Floats:
     """Stage 1, the x row of (7) alone: s_x m + v b_x [+ sign(v) c] = f_x.
@@ -70,7 +70,7 @@ def straight_regressor(
     return np.stack(columns, -1)
 
 
-def spin_regressor(yaw_acceleration: Floats, yaw_rate: Floats) -> Floats:
+def make_spin_regressor(yaw_acceleration: Floats, yaw_rate: Floats) -> Floats:
     """Stage 2, the yaw row of (8) alone: ω̇ Izz + ω b_ψ = τ_z, for a spin about the origin.
 
     Rows 1 and 2 as printed require ω̇ I13 - ω² I23 = 0 and ω̇ I23 + ω² I13 = 0, which holds for I13
@@ -86,7 +86,7 @@ def spin_regressor(yaw_acceleration: Floats, yaw_rate: Floats) -> Floats:
     return np.stack([yaw_acceleration, yaw_rate], -1)
 
 
-def arc_regressor(speed: Floats, yaw_rate: Floats) -> Floats:
+def make_arc_regressor(speed: Floats, yaw_rate: Floats) -> Floats:
     """Stage 3, an arc at constant v and ω: f_x = -ω² mc_x + v b_x, τ_z = ω v mc_x + ω b_ψ.
 
     (9) as printed equates a vector to a scalar and drops d̈ = ω × v, which is not zero on an arc.
@@ -106,7 +106,7 @@ def arc_regressor(speed: Floats, yaw_rate: Floats) -> Floats:
     return np.stack([force_x, torque_z], -2)
 
 
-def regressor(
+def make_planar_regressor(
     specific_force_x: Floats,
     specific_force_y: Floats,
     speed: Floats,
@@ -162,18 +162,18 @@ class PlanarRegressor:
 
     def __getitem__(self, part: slice) -> Floats:
         """Regressor of a slice of samples, (m, 2, 6)."""
-        return regressor(*(x[part] for x in self._channels))
+        return make_planar_regressor(*(x[part] for x in self._channels))
 
-    def cut(self, part: slice) -> "PlanarRegressor":
+    def slice_samples(self, part: slice) -> "PlanarRegressor":
         """Slice of the samples, sharing their memory."""
         return PlanarRegressor(*(x[part] for x in self._channels))
 
-    def complete_samples(self) -> Bools:
+    def mark_complete_samples(self) -> Bools:
         """(n,) whether every channel of a sample is known."""
         return np.logical_and.reduce([np.isfinite(x) for x in self._channels])
 
 
-def column_noise(
+def compute_column_noise_rms(
     yaw_rate_rms: float,
     specific_force_x: float,
     specific_force_y: float,

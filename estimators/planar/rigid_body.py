@@ -37,7 +37,7 @@ PARAMETERS = (
 ROWS = ("torque_x_N_m", "torque_y_N_m", "torque_z_N_m", "force_x_N", "force_y_N", "force_z_N")
 
 
-def skew(vector: Floats) -> Floats:
+def make_skew_matrix(vector: Floats) -> Floats:
     """S of the paper: S(a) b = a × b. (..., 3) to (..., 3, 3)."""
     x, y, z = np.moveaxis(vector, -1, 0)
     zero = np.zeros_like(x)
@@ -45,7 +45,7 @@ def skew(vector: Floats) -> Floats:
     return np.stack([np.stack(row, -1) for row in rows], -2)
 
 
-def inertia_operator(vector: Floats) -> Floats:
+def make_inertia_operator(vector: Floats) -> Floats:
     """L of the paper: L(a) [I11 I12 I13 I22 I23 I33]ᵀ = I a. (..., 3) to (..., 3, 6)."""
     x, y, z = np.moveaxis(vector, -1, 0)
     zero = np.zeros_like(x)
@@ -57,12 +57,12 @@ def inertia_operator(vector: Floats) -> Floats:
     return np.stack([np.stack(row, -1) for row in rows], -2)
 
 
-def diagonal(vector: Floats) -> Floats:
+def make_diagonal_matrix(vector: Floats) -> Floats:
     """D of the paper: the matrix that multiplies entry by entry. (..., 3) to (..., 3, 3)."""
     return vector[..., :, None] * np.eye(3)
 
 
-def regressor(
+def make_rigid_body_regressor(
     angular_velocity: Floats,
     angular_acceleration: Floats,
     velocity: Floats,
@@ -79,15 +79,15 @@ def regressor(
     Returns:
         (n, 6, 16). A single block is never invertible; stack those of a motion.
     """
-    spin = skew(angular_velocity)
+    spin = make_skew_matrix(angular_velocity)
     A = np.zeros((*angular_velocity.shape[:-1], len(ROWS), len(PARAMETERS)))
     torque, force = A[..., :3, :], A[..., 3:, :]
-    torque[..., 1:4] = -skew(specific_force)
-    torque[..., 4:10] = inertia_operator(angular_acceleration) + spin @ inertia_operator(
+    torque[..., 1:4] = -make_skew_matrix(specific_force)
+    torque[..., 4:10] = make_inertia_operator(angular_acceleration) + spin @ make_inertia_operator(
         angular_velocity
     )
-    torque[..., 10:13] = diagonal(angular_velocity)
+    torque[..., 10:13] = make_diagonal_matrix(angular_velocity)
     force[..., 0] = specific_force
-    force[..., 1:4] = skew(angular_acceleration) + spin @ spin
-    force[..., 13:16] = diagonal(velocity)
+    force[..., 1:4] = make_skew_matrix(angular_acceleration) + spin @ spin
+    force[..., 13:16] = make_diagonal_matrix(velocity)
     return A

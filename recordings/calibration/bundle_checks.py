@@ -38,7 +38,7 @@ from recordings.calibration.chain_check import check_chain, check_chain_counter
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import (
     CheckedBundle,
-    content_in_memory,
+    read_content_in_memory,
     remove_file_name_from_fault,
 )
 from recordings.calibration.evidence_document import (
@@ -119,7 +119,7 @@ def _check_without_previous_evidence(
         return bundle
     digests = {name: each.sha256 for name, each in held.items() if name not in UNLISTED}
     try:
-        document = parse_evidence(content_in_memory(held, EVIDENCE), EVIDENCE)
+        document = parse_evidence(read_content_in_memory(held, EVIDENCE), EVIDENCE)
     except EvidenceError as fault:
         strange = isinstance(fault, UnknownFormatError)
         outcome = BundleOutcome.OTHER_VERSION if strange else BundleOutcome.TAMPERED
@@ -130,7 +130,7 @@ def _check_without_previous_evidence(
     check_timestamp(bundle, held, document, authorities)
     check_signature(bundle, held, digests, document, key, keyring)
     _check_recording_names(bundle, document, digests)
-    stretch = content_in_memory(held, NOTARY) if NOTARY in held else None
+    stretch = read_content_in_memory(held, NOTARY) if NOTARY in held else None
     check_notary_stretch(bundle, document, stretch, keyring)
     readings, points = read_readings_and_points(bundle, held, document)
     bundle.readings, bundle.points = readings, points
@@ -171,7 +171,7 @@ def read_and_check_bundle_files(folder: Path, bundle: CheckedBundle) -> dict[str
         if name not in names:
             bundle.add_finding(BundleOutcome.INCOMPLETE, name, "is missing")
     if SUMS in held:
-        bundle.sums = content_in_memory(held, SUMS)
+        bundle.sums = read_content_in_memory(held, SUMS)
         try:
             compare_files_with_sums(bundle, names, held, parse_sha256sums(bundle.sums))
         except EvidenceError as fault:
@@ -185,10 +185,10 @@ def compare_files_with_sums(
     bundle: CheckedBundle,
     names: list[str],
     files: Mapping[str, BundleFile],
-    listed: Mapping[str, str],
+    expected_digests: Mapping[str, str],
 ) -> None:
     """Compare the files with SHA256SUMS in both directions."""
-    for name, digest in listed.items():
+    for name, digest in expected_digests.items():
         if name in files and files[name].sha256 != digest:
             bundle.add_finding(
                 BundleOutcome.TAMPERED, name, f"is not the file whose digest {SUMS} has"
@@ -197,7 +197,7 @@ def compare_files_with_sums(
             bundle.add_finding(
                 BundleOutcome.INCOMPLETE, name, f"is missing, although {SUMS} lists it"
             )
-    for name in sorted(set(files) - set(listed) - set(UNLISTED)):
+    for name in sorted(set(files) - set(expected_digests) - set(UNLISTED)):
         bundle.add_finding(BundleOutcome.TAMPERED, name, f"is not listed in {SUMS}")
 
 
@@ -232,7 +232,7 @@ def read_readings_and_points(
             bundle.add_finding(
                 BundleOutcome.TAMPERED, name, "is not the table whose digest evidence.json has"
             )
-    asked = [UntrustedTable(content_in_memory(files, name), schemas[name]) for name in there]
+    asked = [UntrustedTable(read_content_in_memory(files, name), schemas[name]) for name in there]
     found: dict[str, pl.DataFrame] = {}
     for name, table in zip(there, read_untrusted_tables(asked), strict=True):
         if isinstance(table, str):
@@ -266,7 +266,7 @@ def check_signature(
         return
     bundle.signed_by = SignedBy("broken")
     try:
-        signed = parse_envelope(content_in_memory(files, STATEMENT), STATEMENT)
+        signed = parse_envelope(read_content_in_memory(files, STATEMENT), STATEMENT)
         stated = None if named is None else PublicKey.from_text(named.public_key)
     except EvidenceError as fault:
         bundle.add_finding(
@@ -312,16 +312,16 @@ def _add_unsigned_findings(
 
 def identify_signer(
     bundle: CheckedBundle,
-    stated: PublicKey,
+    stated_signer: PublicKey,
     document: EvidenceDocument,
     key: PublicKey | None,
     keyring: Keyring,
 ) -> None:
     """Identify the owner of a key by the user's keyring."""
     claimed = "" if document.signer is None else document.signer.name
-    known = keyring.find_key_or_none(stated.key_id)
+    known = keyring.find_key(stated_signer.key_id)
     owner = "" if known is None else known.owner
-    by = SignedBy("unknown", claimed, owner, stated.key_id, stated.text)
+    by = SignedBy("unknown", claimed, owner, stated_signer.key_id, stated_signer.text)
     if known is not None:
         made = dt.datetime.fromisoformat(document.made).date()
         fault = known.distrust_reason(made, bundle.proven_day)
@@ -335,21 +335,21 @@ def identify_signer(
     how = "given" if key is not None else "unknown" if known is None else "known"
     bundle.signed_by = by = replace(by, how=how)
     if not by.is_trusted:
-        bundle.notes.append(_UNKNOWN_KEY.format(by, by.command_to_add_key))
+        bundle.notes.append(_UNKNOWN_KEY.format(by, by.make_add_key_command))
 
 
 def _check_signer(
     bundle: CheckedBundle,
     signed: EnvelopeContent,
-    stated: PublicKey | None,
+    stated_signer: PublicKey | None,
     document: EvidenceDocument,
 ) -> None:
     """Check that envelope and evidence name the same key."""
-    if stated is None or document.signer is None:
+    if stated_signer is None or document.signer is None:
         bundle.add_finding(
             BundleOutcome.TAMPERED, EVIDENCE, "signer: names nobody, although there is a signature"
         )
-    elif not stated.key_id == document.signer.key_id == signed.key_id:
+    elif not stated_signer.key_id == document.signer.key_id == signed.key_id:
         bundle.add_finding(
             BundleOutcome.TAMPERED, EVIDENCE, "signer.key_id: is not that of the signature's key"
         )

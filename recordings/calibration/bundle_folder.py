@@ -120,7 +120,7 @@ def read_bundle_file(folder: Path, name: str) -> BundleFile:
     keep = name not in (RECORDING, PDF) and not name.startswith(f"{RUNS}/")
     digest, size = hashlib.sha256(), 0
     parts: list[bytes] = []
-    for part in iter_bundle_file_parts(folder, name):
+    for part in iter_file_parts(folder, name):
         size += len(part)
         digest.update(part)
         if keep and size > LIMITS.held_file_bytes:
@@ -140,13 +140,13 @@ def copy_bundle_file_and_digest(folder: Path, name: str, target: Path) -> str:
     """
     digest = hashlib.sha256()
     with target.open("xb") as copy:
-        for part in iter_bundle_file_parts(folder, name):
+        for part in iter_file_parts(folder, name):
             digest.update(part)
             copy.write(part)
     return digest.hexdigest()
 
 
-def iter_bundle_file_parts(folder: Path, name: str) -> Iterator[bytes]:
+def iter_file_parts(folder: Path, name: str) -> Iterator[bytes]:
     """Read a file in parts, without following a link."""
     try:
         number = os.open(folder / name, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0))
@@ -157,7 +157,7 @@ def iter_bundle_file_parts(folder: Path, name: str) -> Iterator[bytes]:
         raise EvidenceError(f"{name}: cannot be read ({error.strerror})") from None
 
 
-def sha256sums_text(digests: dict[str, str]) -> str:
+def format_sha256sums(digests: dict[str, str]) -> str:
     """Text of `SHA256SUMS` in the format of `sha256sum -c`."""
     return "".join(f"{digests[name]}  {name}\n" for name in sorted(digests))
 
@@ -166,7 +166,7 @@ def parse_sha256sums(data: bytes) -> dict[str, str]:
     """Digests by file name.
 
     Raises:
-        EvidenceError: it is not in the format of `sha256sums_text`.
+        EvidenceError: it is not in the format of `format_sha256sums`.
     """
     try:
         lines = data.decode("ascii").splitlines()
@@ -178,7 +178,7 @@ def parse_sha256sums(data: bytes) -> dict[str, str]:
         if match is None or not is_bundle_file(match[2]) or match[2] in UNLISTED:
             raise EvidenceError(f"{SUMS}: line {number} is not the digest of a file of this bundle")
         found[match[2]] = match[1]
-    if sha256sums_text(found).encode() != data:
+    if format_sha256sums(found).encode() != data:
         raise EvidenceError(
             f"{SUMS}: was changed: its lines are not sorted, or a file appears twice"
         )

@@ -8,23 +8,27 @@ import polars as pl
 from analysis.calibration.line.calibration import Calibration
 from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shorten_text
+from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shorten_text_to_width
 
 _BOX: Final = (52.0, 22.0, WIDTH - 10.0, 196.0)
 
 
 def draw_report_pictures(document: EvidenceDocument, readings: pl.DataFrame) -> list[Drawing]:
     """Figures for which the evidence has data."""
-    fitted, points = document.calibration, readings_about_mean(document, readings)
+    fitted, points = document.calibration, compute_reading_deviations(document, readings)
     found: list[Drawing] = []
     if fitted is not None and document.kind == "calibration":
-        found += [_draw_line(fitted), _draw_residuals(fitted), _draw_budget_bars(fitted)]
+        found += [
+            _draw_calibration_line(fitted),
+            _draw_residuals(fitted),
+            _draw_budget_bars(fitted),
+        ]
     if points.height:
         found.append(_draw_points(points))
     return found
 
 
-def calibrated_intervals_kg(calibration: Calibration) -> list[tuple[float, float, float]]:
+def compute_calibrated_intervals_kg(calibration: Calibration) -> list[tuple[float, float, float]]:
     """Interval of the calibrated mass over the range of references.
 
     Each is (reference, low, high) in kg, for a run like those of the campaign.
@@ -41,9 +45,9 @@ def calibrated_intervals_kg(calibration: Calibration) -> list[tuple[float, float
     return found
 
 
-def _draw_line(calibration: Calibration) -> Drawing:
+def _draw_calibration_line(calibration: Calibration) -> Drawing:
     known = [point for point in calibration.points if point.calibrated_kg is not None]
-    edges = calibrated_intervals_kg(calibration)
+    edges = compute_calibrated_intervals_kg(calibration)
     low, high = calibration.range_kg
     percent = f"{calibration.confidence_1:.0%}".replace("%", " %")
     picture = Drawing(
@@ -56,19 +60,26 @@ def _draw_line(calibration: Calibration) -> Drawing:
     masses = [low, high, *(point.calibrated_kg or 0.0 for point in known)]
     axes = Axes.from_data([low, high], [*masses, *(e for _, *es in edges for e in es)], _BOX)
     axes.draw(picture, "reference in kg", "calibrated in kg")
-    _draw_band(picture, axes, edges)
-    picture.draw_line(*axes.place_in_drawing(low, low), *axes.place_in_drawing(high, high), "ideal")
+    _draw_interval_band(picture, axes, edges)
+    picture.draw_line(
+        *axes.convert_to_drawing_units(low, low),
+        *axes.convert_to_drawing_units(high, high),
+        "ideal",
+    )
     for point in known:
         tip = f"{point.run_id}: {point.calibrated_kg:,.1f} kg at {point.reference_kg:,.1f} kg"
         picture.draw_dot(
-            *axes.place_in_drawing(point.reference_kg, point.calibrated_kg or 0.0), "point", tip
+            *axes.convert_to_drawing_units(point.reference_kg, point.calibrated_kg or 0.0),
+            "point",
+            tip,
         )
     return picture
 
 
 def _draw_residuals(calibration: Calibration) -> Drawing:
     edges = [
-        (mass, low - mass, high - mass) for mass, low, high in calibrated_intervals_kg(calibration)
+        (mass, low - mass, high - mass)
+        for mass, low, high in compute_calibrated_intervals_kg(calibration)
     ]
     errors = [(p, p.error_kg, "point") for p in calibration.points if p.error_kg is not None]
     left = [
@@ -87,14 +98,16 @@ def _draw_residuals(calibration: Calibration) -> Drawing:
     heights = [0.0, *(e for _, e, _ in [*errors, *left]), *(e for _, *es in edges for e in es)]
     axes = Axes.from_data(list(calibration.range_kg), heights, _BOX)
     axes.draw(picture, "reference in kg", "calibrated less reference in kg")
-    _draw_band(picture, axes, edges)
+    _draw_interval_band(picture, axes, edges)
     picture.draw_line(
-        *axes.place_in_drawing(axes.x[0], 0.0), *axes.place_in_drawing(axes.x[1], 0.0), "ideal"
+        *axes.convert_to_drawing_units(axes.x[0], 0.0),
+        *axes.convert_to_drawing_units(axes.x[1], 0.0),
+        "ideal",
     )
     for point, error_kg, look in [*left, *errors]:
         what = " with its load excluded" if look == "left" else ""
         tip = f"{point.run_id}{what}: {error_kg:+,.1f} kg"
-        picture.draw_dot(*axes.place_in_drawing(point.reference_kg, error_kg), look, tip)
+        picture.draw_dot(*axes.convert_to_drawing_units(point.reference_kg, error_kg), look, tip)
     return picture
 
 
@@ -117,7 +130,7 @@ def _draw_budget_bars(calibration: Calibration) -> Drawing:
         y = 12.0 + LIMITS.row_height * number
         u_kg = calibration.u_kg if row is None else row.u_kg or 0.0
         name = "together" if row is None else row.component
-        picture.write(begin - 6, y + 10, shorten_text(name, begin - 8), "end")
+        picture.write(begin - 6, y + 10, shorten_text_to_width(name, begin - 8), "end")
         look = "left" if row is None else "bar"
         picture.fill_bar(begin, y, max(room * u_kg / max(largest, calibration.u_kg), 0.5), 12, look)
         length = room * u_kg / max(largest, calibration.u_kg)
@@ -138,24 +151,30 @@ def _draw_points(points: pl.DataFrame) -> Drawing:
     axes = Axes.from_data([0.5, len(runs) + 0.5], [0.0, *points["off_kg"].to_list()], _BOX, 0.05)
     axes.draw(picture, "run, in the order of the campaign", "reading less mean in kg")
     picture.draw_line(
-        *axes.place_in_drawing(axes.x[0], 0.0), *axes.place_in_drawing(axes.x[1], 0.0), "ideal"
+        *axes.convert_to_drawing_units(axes.x[0], 0.0),
+        *axes.convert_to_drawing_units(axes.x[1], 0.0),
+        "ideal",
     )
     place = {run: number for number, run in enumerate(runs, start=1)}
     for row in points.iter_rows(named=True):
         tip = f"{row['run_id']}, reading {row['reading']}: {row['off_kg']:+,.1f} kg"
         look = "point" if row["used"] else "rejected"
-        picture.draw_dot(*axes.place_in_drawing(place[row["run_id"]], row["off_kg"]), look, tip)
+        picture.draw_dot(
+            *axes.convert_to_drawing_units(place[row["run_id"]], row["off_kg"]), look, tip
+        )
     return picture
 
 
-def _draw_band(picture: Drawing, axes: Axes, edges: list[tuple[float, float, float]]) -> None:
+def _draw_interval_band(
+    picture: Drawing, axes: Axes, edges: list[tuple[float, float, float]]
+) -> None:
     if edges:
-        lower = [axes.place_in_drawing(mass, low) for mass, low, _ in edges]
-        upper = [axes.place_in_drawing(mass, high) for mass, _, high in edges]
+        lower = [axes.convert_to_drawing_units(mass, low) for mass, low, _ in edges]
+        upper = [axes.convert_to_drawing_units(mass, high) for mass, _, high in edges]
         picture.fill_polygon([*lower, *reversed(upper)], "band")
 
 
-def readings_about_mean(document: EvidenceDocument, readings: pl.DataFrame) -> pl.DataFrame:
+def compute_reading_deviations(document: EvidenceDocument, readings: pl.DataFrame) -> pl.DataFrame:
     """Readings with a mass, and their deviations from the mean of their run."""
     order = {run.id: number for number, run in enumerate(document.campaign.runs)}
     mean = pl.col("mass_kg").filter("used").mean().over("run_id")

@@ -7,7 +7,7 @@ import polars as pl
 from analysis.model.run_record import InputFile, Provenance, Run
 from analysis.model.schema import conform_to_schema
 from recordings.calibration.bundle_folder import RECORDING
-from recordings.calibration.calibration_text import report_paragraphs
+from recordings.calibration.calibration_text import write_report_paragraphs
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.rrd.writer import write_recording
 
@@ -49,7 +49,7 @@ def make_calibration_run(
             "recording": log.recording,
         }
         for run in document.campaign.runs
-        if (log := document.log_by_name(run.log)) is not None
+        if (log := document.find_log(run.log)) is not None
     ]
     resolved = document.weighing_machine.model_dump(mode="json")
     del resolved["settings"]
@@ -61,7 +61,7 @@ def make_calibration_run(
         notes=(
             f"evidence {document.id} of machine {document.campaign.machine.id}, "
             f"{'signed' if document.signer else 'UNSIGNED'}",
-            *report_paragraphs(document, readings, points),
+            *write_report_paragraphs(document, readings, points),
         ),
     )
     named = {"load_id": "load", "reason": "left_out_for"}

@@ -19,16 +19,16 @@ from analysis.calibration.line.calibration import Calibration
 from recordings.calibration.calibration_plots import draw_report_pictures
 from recordings.calibration.calibration_text import (
     ESTIMATORS,
-    report_paragraphs,
-    undetectable_faults,
+    describe_undetectable_faults,
+    write_report_paragraphs,
 )
-from recordings.calibration.campaign_faults import runs_without_date
+from recordings.calibration.campaign_faults import select_runs_without_date
 from recordings.calibration.certificate_text import (
-    accuracy_class_sentences,
-    certificate_rows,
+    iter_accuracy_class_sentences,
     list_missing_certificate_statements,
-    traceability_warnings,
-    weighing_rows_by_load,
+    make_certificate_rows,
+    make_traceability_warnings,
+    make_weighing_rows,
 )
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.learnt_terms_text import make_learnt_term_rows
@@ -41,7 +41,9 @@ TEMPLATE: Final = "report.html.j2"
 _NONE: Final = "–"
 
 
-def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame) -> str:
+def render_report_html(
+    document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
+) -> str:
     """HTML of the report.
 
     Args:
@@ -49,18 +51,18 @@ def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.D
         readings: frame `readings`.
         points: frame of the points, a row per run.
     """
-    return report_template().render(
+    return load_report_template().render(
         e=document,
         fitted=document.calibration,
-        title=report_title(document),
-        facts=report_facts(document),
-        certificate=certificate_rows(document),
-        warnings=traceability_warnings(document),
+        title=make_report_title(document),
+        facts=list_report_facts(document),
+        certificate=make_certificate_rows(document),
+        warnings=make_traceability_warnings(document),
         not_stated=list_missing_certificate_statements(document),
-        weighings=weighing_rows_by_load(document, readings),
-        accuracy_class_sentences=list(accuracy_class_sentences(document)),
-        words=report_paragraphs(document, readings, points),
-        unseen=undetectable_faults(document),
+        weighings=make_weighing_rows(document, readings),
+        accuracy_class_sentences=list(iter_accuracy_class_sentences(document)),
+        words=write_report_paragraphs(document, readings, points),
+        unseen=describe_undetectable_faults(document),
         pictures=draw_report_pictures(document, readings),
         width=WIDTH,
         points=_make_point_rows(points),
@@ -74,14 +76,14 @@ def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.D
 
 
 @cache
-def report_template() -> "Template":
+def load_report_template() -> "Template":
     """Compiled template of the page."""
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(
         undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters["kg"] = kilograms_text
+    environment.filters["kg"] = format_kilograms_or_dash
     source = files("recordings.calibration").joinpath(TEMPLATE).read_text(encoding="utf-8")
     return environment.from_string(source)
 
@@ -106,14 +108,14 @@ def write_report_pdf(html: str, path: Path) -> str:
     return ""
 
 
-def report_title(document: EvidenceDocument) -> str:
+def make_report_title(document: EvidenceDocument) -> str:
     """Heading of the report."""
     what = "Calibration" if document.kind == "calibration" else "Check"
     name = document.campaign.campaign.title
     return name or f"{what} of {document.machine.machine.name} {document.campaign.machine.id}"
 
 
-def report_facts(document: EvidenceDocument) -> list[tuple[str, str]]:
+def list_report_facts(document: EvidenceDocument) -> list[tuple[str, str]]:
     """Key facts of the report as (name, value)."""
     fitted = document.calibration
     found: list[tuple[str, str]] = []
@@ -135,11 +137,14 @@ def report_facts(document: EvidenceDocument) -> list[tuple[str, str]]:
             ),
             (
                 "error, in the fit / load left out",
-                f"{kilograms_text(fitted.rms_error_kg)} / "
-                f"{kilograms_text(fitted.rms_error_left_out_kg)} kg r.m.s.",
+                f"{format_kilograms_or_dash(fitted.rms_error_kg)} / "
+                f"{format_kilograms_or_dash(fitted.rms_error_left_out_kg)} kg r.m.s.",
             ),
-            ("repeatability of a reading", estimate_as_mass_text(fitted.repeatability_kg, fitted)),
-            ("day to day", estimate_as_mass_text(fitted.day_kg, fitted)),
+            (
+                "repeatability of a reading",
+                format_estimate_as_mass(fitted.repeatability_kg, fitted),
+            ),
+            ("day to day", format_estimate_as_mass(fitted.day_kg, fitted)),
         ]
     found += [
         ("expires", document.expires.isoformat()),
@@ -148,7 +153,7 @@ def report_facts(document: EvidenceDocument) -> list[tuple[str, str]]:
     return found
 
 
-def kilograms_text(value: float | None, digits: int = 1) -> str:
+def format_kilograms_or_dash(value: float | None, digits: int = 1) -> str:
     """Number of kg as text, or a dash."""
     return _NONE if value is None or not math.isfinite(value) else f"{value:,.{digits}f}"
 
@@ -163,9 +168,9 @@ def _format_with_interval(
     return f"{shown} ({least} to {most})"
 
 
-def estimate_as_mass_text(kg: float | None, calibration: Calibration) -> str:
+def format_estimate_as_mass(kg: float | None, calibration: Calibration) -> str:
     """Convert kilograms of m̂ to kilograms of mass, as text."""
-    return "unknown" if kg is None else f"{kilograms_text(kg / abs(calibration.c1_1))} kg"
+    return "unknown" if kg is None else f"{format_kilograms_or_dash(kg / abs(calibration.c1_1))} kg"
 
 
 def _make_point_rows(points: pl.DataFrame) -> list[Mapping[str, Any]]:
@@ -174,11 +179,14 @@ def _make_point_rows(points: pl.DataFrame) -> list[Mapping[str, Any]]:
             "run": point["run_id"],
             "load": point["load_id"],
             "cells": [
-                kilograms_text(point["reference_kg"]),
+                format_kilograms_or_dash(point["reference_kg"]),
                 str(point["readings"]),
                 str(point["rejected"]),
-                *(kilograms_text(point[n]) for n in ("mean_kg", "std_kg", "calibrated_kg")),
-                *(kilograms_text(point[n], 2) for n in ("error_kg", "error_left_out_kg")),
+                *(
+                    format_kilograms_or_dash(point[n])
+                    for n in ("mean_kg", "std_kg", "calibrated_kg")
+                ),
+                *(format_kilograms_or_dash(point[n], 2) for n in ("error_kg", "error_left_out_kg")),
             ],
         }
         for point in points.iter_rows(named=True)
@@ -187,7 +195,7 @@ def _make_point_rows(points: pl.DataFrame) -> list[Mapping[str, Any]]:
 
 def _make_rejected_reading_rows(readings: pl.DataFrame) -> list[Mapping[str, Any]]:
     return [
-        {**row, "mass": kilograms_text(row["mass_kg"])}
+        {**row, "mass": format_kilograms_or_dash(row["mass_kg"])}
         for row in readings.filter(~pl.col("used")).iter_rows(named=True)
     ]
 
@@ -199,7 +207,7 @@ def _make_budget_rows(fitted: Calibration | None) -> list[Mapping[str, Any]]:
         {
             "component": row.component,
             "kind": row.kind,
-            "u": kilograms_text(row.u_kg, 2),
+            "u": format_kilograms_or_dash(row.u_kg, 2),
             "freedom": _NONE if row.freedom is None else f"{row.freedom:.1f}",
             "known": row.known,
         }
@@ -214,12 +222,12 @@ def _make_reference_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
     rows: list[Mapping[str, Any]] = [
         {
             "id": mass.id,
-            "value": kilograms_text(mass.value_kg, 3),
-            "u": kilograms_text(mass.u_kg, 3),
+            "value": format_kilograms_or_dash(mass.value_kg, 3),
+            "u": format_kilograms_or_dash(mass.u_kg, 3),
             "certificate": _describe_certificate(mass),
             "issuer": mass.certificate_issuer or _NONE,
             "expires": format_day(mass.expires),
-            "shared": f"{mass.source}: {kilograms_text(mass.shared_u_kg, 3)} kg"
+            "shared": f"{mass.source}: {format_kilograms_or_dash(mass.shared_u_kg, 3)} kg"
             if mass.source
             else "",
         }
@@ -229,8 +237,8 @@ def _make_reference_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
     if document.campaign.method.estimator != "joint_payload":
         machine = {
             "id": "machine, empty",
-            "value": kilograms_text(body.empty_mass_kg, 3),
-            "u": kilograms_text(body.empty_mass_u_kg, 3),
+            "value": format_kilograms_or_dash(body.empty_mass_kg, 3),
+            "u": format_kilograms_or_dash(body.empty_mass_u_kg, 3),
             "certificate": about.empty_certificate or "none named",
             "issuer": _NONE,
             "expires": format_day(about.empty_expires),
@@ -257,7 +265,7 @@ def _make_run_rows(document: EvidenceDocument, readings: pl.DataFrame) -> list[M
         .iter_rows(named=True)
     }
     found: list[Mapping[str, Any]] = []
-    undated = runs_without_date(document)
+    undated = select_runs_without_date(document)
     for run in document.campaign.runs:
         begin = "start" if run.from_s is None else f"{run.from_s:g} s"
         end = "end" if run.to_s is None else f"{run.to_s:g} s"

@@ -10,7 +10,10 @@ from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.calibration_budget import rank_next_loads
 from estimators.errors import counted, list_some
 from recordings.calibration.bundle_limits import LIMITS
-from recordings.calibration.campaign_faults import logs_without_machine, runs_without_date
+from recordings.calibration.campaign_faults import (
+    list_logs_without_machine,
+    select_runs_without_date,
+)
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.learnt_terms_text import RUNS, TERMS
 
@@ -39,7 +42,7 @@ _UNSEEN: Final = (
 )
 
 
-def report_paragraphs(
+def write_report_paragraphs(
     document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
 ) -> list[str]:
     """Paragraphs that explain the numbers."""
@@ -50,19 +53,19 @@ def report_paragraphs(
     else:
         found += [
             *_describe_limits_and_drift(document),
-            calibration_offset_text(fitted),
+            describe_calibration_offset(fitted),
             *(f"{_capitalise_first_letter(said)}." for said in fitted.says),
             *_describe_learnt_priors(document),
-            *(limits_of_one_day_evidence(document) if document.kind == "calibration" else ()),
+            *(describe_one_day_limits(document) if document.kind == "calibration" else ()),
             *(_describe_driving_unlike_campaign(fitted) if document.kind == "calibration" else ()),
-            *(_advise_next_load(fitted) if document.kind == "calibration" else ()),
+            *(_describe_next_load(fitted) if document.kind == "calibration" else ()),
         ]
     if document.kind == "calibration":
-        found += [*as_found_sentences(document), *_describe_notary_logs(document)]
+        found += [*describe_line_as_found(document), *_describe_notary_logs(document)]
     return found
 
 
-def undetectable_faults(document: EvidenceDocument) -> list[str]:
+def describe_undetectable_faults(document: EvidenceDocument) -> list[str]:
     """Faults that no check of a bundle can find, a sentence each."""
     first = (
         ("Whether this machine has earlier evidence: this bundle names none before it.",)
@@ -73,7 +76,7 @@ def undetectable_faults(document: EvidenceDocument) -> list[str]:
         f"Whether later evidence of this machine exists: this is number {document.chain.counter}, "
         "and whoever holds a later one may keep it back. Ask for all of it.",
     )
-    undated = [run.id for run in runs_without_date(document)]
+    undated = [run.id for run in select_runs_without_date(document)]
     days = (
         (
             f"On which day these runs were made: {', '.join(undated)}. Their logs have no "
@@ -121,7 +124,7 @@ def _describe_notary_logs(document: EvidenceDocument) -> list[str]:
 
 def _describe_recording_machine(document: EvidenceDocument) -> Iterator[str]:
     """Sentences on whether this machine recorded the logs."""
-    without = logs_without_machine(document.logs)
+    without = list_logs_without_machine(document.logs)
     told = len(document.logs) - len(without)
     if without:
         yield (
@@ -173,10 +176,10 @@ def _describe_learnt_priors(document: EvidenceDocument) -> list[str]:
     ]
 
 
-def limits_of_one_day_evidence(document: EvidenceDocument) -> list[str]:
+def describe_one_day_limits(document: EvidenceDocument) -> list[str]:
     """Sentence on the limits of evidence from one day; none for format 1."""
     fitted = document.calibration
-    if fitted is None or not fitted.responses or not fitted.is_of_one_day:
+    if fitted is None or not fitted.responses or not fitted.has_single_day:
         return []
     return [
         "Evidence of one day: its intervals do not include changes from day to day. Runs of "
@@ -199,7 +202,7 @@ def _describe_driving_unlike_campaign(calibration: Calibration) -> list[str]:
     ]
 
 
-def _advise_next_load(calibration: Calibration) -> list[str]:
+def _describe_next_load(calibration: Calibration) -> list[str]:
     """Sentence on the load to run next."""
     best = rank_next_loads(calibration)[0]
     return [
@@ -209,7 +212,7 @@ def _advise_next_load(calibration: Calibration) -> list[str]:
     ]
 
 
-def calibration_offset_text(calibration: Calibration) -> str:
+def describe_calibration_offset(calibration: Calibration) -> str:
     """Sentence on the constant fraction of the output."""
     middle_kg = sum(calibration.range_kg) / 2.0
     share = calibration.beta_kg / middle_kg if middle_kg else 0.0
@@ -275,7 +278,7 @@ def _describe_estimate_error(
     return f"{text}."
 
 
-def as_found_sentences(document: EvidenceDocument) -> list[str]:
+def describe_line_as_found(document: EvidenceDocument) -> list[str]:
     """Sentences on the previous line, and its errors on these runs."""
     found, link, fitted = document.as_found, document.chain.previous, document.calibration
     if found is None or link is None:

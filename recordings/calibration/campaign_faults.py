@@ -13,7 +13,7 @@ from recordings.calibration.evidence_document import EvidenceDocument, EvidenceL
 _BEGINS: Final = "%Y-%m-%d %H:%M:%S UTC"
 
 
-def log_begin_or_none(log: EvidenceLog) -> dt.datetime | None:
+def parse_log_begin(log: EvidenceLog) -> dt.datetime | None:
     """Begin of a log; None without absolute time."""
     try:
         return dt.datetime.strptime(log.begins, _BEGINS).replace(tzinfo=dt.UTC)
@@ -22,7 +22,10 @@ def log_begin_or_none(log: EvidenceLog) -> dt.datetime | None:
 
 
 def find_day_faults(
-    campaign: CalibrationCampaign, logs: Sequence[EvidenceLog], zone: ZoneInfo, created: dt.datetime
+    campaign: CalibrationCampaign,
+    logs: Sequence[EvidenceLog],
+    zone: ZoneInfo,
+    creation: dt.datetime,
 ) -> Iterator[str]:
     """Yield a sentence for each run whose stated day disagrees with its log or with the evidence.
 
@@ -30,46 +33,46 @@ def find_day_faults(
         campaign: the campaign.
         logs: the replayed logs.
         zone: time zone of the machine.
-        created: time at which the evidence was made.
+        creation: time at which the evidence was made.
     """
     by_name = {each.log: each for each in logs}
     for run in campaign.runs:
         log = by_name.get(run.log)
-        begin = None if log is None else log_begin_or_none(log)
+        begin = None if log is None else parse_log_begin(log)
         if log is None:
             continue
         if begin is None:
-            if run.day > created.astimezone(zone).date():
+            if run.day > creation.astimezone(zone).date():
                 yield (
-                    f"run '{run.id}' of {run.day}: is after the evidence was made, {created:%F %R}"
+                    f"run '{run.id}' of {run.day}: is after the evidence was made, {creation:%F %R}"
                 )
             continue
-        start, end = _run_span(run, log, begin)
+        start, end = _compute_run_span(run, log, begin)
         first, last = start.astimezone(zone).date(), end.astimezone(zone).date()
         if not first <= run.day <= last:
             yield (
                 f"run '{run.id}' of {run.day}: its log {run.log} was recorded on {first} in the "
                 f"machine's time zone, {zone.key}"
             )
-        if end > created + dt.timedelta(seconds=LIMITS.clock_difference_s):
+        if end > creation + dt.timedelta(seconds=LIMITS.clock_difference_s):
             yield (
                 f"run '{run.id}': its log {run.log} ends {end:%F %R} UTC, after the evidence was "
-                f"made, {created:%F %R} UTC"
+                f"made, {creation:%F %R} UTC"
             )
 
 
-def runs_without_date(document: EvidenceDocument) -> list[CampaignRun]:
+def select_runs_without_date(document: EvidenceDocument) -> list[CampaignRun]:
     """Runs whose logs have no absolute time, so that their days are unproven."""
-    without = {each.log for each in document.logs if log_begin_or_none(each) is None}
+    without = {each.log for each in document.logs if parse_log_begin(each) is None}
     return [run for run in document.campaign.runs if run.log in without]
 
 
-def creation_time(document: EvidenceDocument) -> dt.datetime:
+def parse_creation_time(document: EvidenceDocument) -> dt.datetime:
     """Time at which the evidence was made, as it states."""
     return dt.datetime.fromisoformat(document.made)
 
 
-def _run_span(
+def _compute_run_span(
     run: CampaignRun, log: EvidenceLog, begin: dt.datetime
 ) -> tuple[dt.datetime, dt.datetime]:
     """Begin and end of a run, in absolute time."""
@@ -101,6 +104,6 @@ def find_machine_faults(
             )
 
 
-def logs_without_machine(logs: Sequence[EvidenceLog]) -> list[str]:
+def list_logs_without_machine(logs: Sequence[EvidenceLog]) -> list[str]:
     """Logs that do not name the machine that recorded them."""
     return [log.log for log in logs if not log.machine_id]

@@ -19,7 +19,7 @@ _PLACES: Final = {
 _MIN_E: Final = {"OIML R 51 Y(a)": 20.0, "OIML R 51 Y(b)": 10.0}
 
 
-def certificate_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
+def make_certificate_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
     """Rows of page 1: customer, place, object, time and author, as (name, text)."""
     campaign = document.campaign
     about, machine = campaign.campaign, campaign.machine
@@ -42,7 +42,7 @@ def certificate_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
         ("made by", _format_person(about.author, about.author_function)),
         ("deviations from the method", about.deviations or NOT_STATED),
         ("replaces", replaced),
-        *conditions_rows(document),
+        *make_condition_rows(document),
     ]
 
 
@@ -52,7 +52,7 @@ def _format_person(name: str, function: str) -> str:
     return f"{name}, {function or 'function ' + NOT_STATED}"
 
 
-def conditions_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
+def make_condition_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
     """Rows of the conditions of the runs, with all their values."""
     shown = {
         "temperature_degC": ("air temperature", "{:g} °C"),
@@ -62,7 +62,7 @@ def conditions_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
         "fuel": ("fuel", "{}"),
     }
     campaign = document.campaign
-    runs = [campaign.conditions_of_run(run) for run in campaign.runs]
+    runs = [campaign.find_run_conditions(run) for run in campaign.runs]
     found: list[tuple[str, str]] = []
     for key, (name, form) in shown.items():
         said = [each[key] for each in runs]
@@ -71,21 +71,21 @@ def conditions_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
     return found
 
 
-def traceability_warnings(document: EvidenceDocument) -> list[str]:
+def make_traceability_warnings(document: EvidenceDocument) -> list[str]:
     """Warnings about references that are not traceable."""
-    untraceable = document.campaign.untraceable_references
+    untraceable = document.campaign.describe_untraceable_references
     return [f"NOT TRACEABLE: {'; '.join(untraceable)}."] if untraceable else []
 
 
 def list_missing_certificate_statements(document: EvidenceDocument) -> list[str]:
     """Sentence that lists the statements of a certificate that the campaign file lacks, if any."""
-    keys = document.campaign.missing_statements
+    keys = document.campaign.missing_certificate_keys
     if not keys:
         return []
     return [f"Not stated, and ISO/IEC 17025, 7.8 asks for it: {', '.join(keys)}."]
 
 
-def weighing_rows_by_load(
+def make_weighing_rows(
     document: EvidenceDocument, readings: pl.DataFrame
 ) -> list[Mapping[str, Any]]:
     """Number of weighings of each load, with mean error and standard deviation in kg.
@@ -124,7 +124,7 @@ def weighing_rows_by_load(
     return found
 
 
-def accuracy_class_sentences(document: EvidenceDocument) -> Iterator[str]:
+def iter_accuracy_class_sentences(document: EvidenceDocument) -> Iterator[str]:
     """Sentences on Max and Min of an accuracy class, and on what its limits apply to."""
     limits = document.limits
     if limits is None:
@@ -151,6 +151,6 @@ def accuracy_class_sentences(document: EvidenceDocument) -> Iterator[str]:
     )
 
 
-def issue_day(document: EvidenceDocument) -> dt.date:
+def read_issue_day(document: EvidenceDocument) -> dt.date:
     """Date of issue."""
     return dt.date.fromisoformat(document.made[:10])

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from recordings.calibration.bundle_folder import EVIDENCE
 from recordings.calibration.bundle_limits import LIMITS
-from recordings.calibration.campaign_faults import creation_time
+from recordings.calibration.campaign_faults import parse_creation_time
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument
@@ -72,7 +72,7 @@ def check_chain(
             "is other evidence than the previous evidence given",
         )
     else:
-        if creation_time(document) < creation_time(last) - dt.timedelta(
+        if parse_creation_time(document) < parse_creation_time(last) - dt.timedelta(
             seconds=LIMITS.clock_difference_s
         ):
             what = f"is before the evidence that it follows was made, {last.made}"

@@ -66,21 +66,23 @@ class BundleFinding:
         return f"{self.kind}: {self.item}: {self.what}"
 
 
-def most_severe_outcome(findings: Sequence[BundleFinding]) -> BundleOutcome | None:
+def find_most_severe_outcome(findings: Sequence[BundleFinding]) -> BundleOutcome | None:
     """Outcome for the exit status; None without findings."""
     found = {each.outcome for each in findings}
     return next((outcome for outcome in ORDER if outcome in found), None)
 
 
-def verdict_text(place: Path, findings: Sequence[BundleFinding], text_without_findings: str) -> str:
+def format_verdict(
+    bundle_name: Path, findings: Sequence[BundleFinding], text_without_findings: str
+) -> str:
     """Result of a check in a sentence.
 
     Args:
-        place: checked folder or file.
+        bundle_name: checked folder or file.
         findings: the findings.
         text_without_findings: text for no findings.
     """
-    outcome = most_severe_outcome(findings)
+    outcome = find_most_severe_outcome(findings)
     if outcome is None:
-        return f"{place}: {text_without_findings}"
-    return f"{place}: {_NAMES[outcome].upper()} ({counted(len(findings), 'finding')})"
+        return f"{bundle_name}: {text_without_findings}"
+    return f"{bundle_name}: {_NAMES[outcome].upper()} ({counted(len(findings), 'finding')})"

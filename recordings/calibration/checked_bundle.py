@@ -44,12 +44,12 @@ class CheckedBundle:
         """Findings that invalidate evidence, without those about the machine itself."""
         return [each for each in self.findings if each.outcome in FAULTS]
 
-    def add_finding(self, outcome: BundleOutcome, item: str, what: str) -> None:
+    def add_finding(self, outcome: BundleOutcome, item: str, text: str) -> None:
         """Add a finding."""
-        self.findings.append(BundleFinding(outcome, item, what))
+        self.findings.append(BundleFinding(outcome, item, text))
 
 
-def content_in_memory(files: Mapping[str, BundleFile], name: str) -> bytes:
+def read_content_in_memory(files: Mapping[str, BundleFile], name: str) -> bytes:
     """Content of a file of the bundle that was read into memory."""
     data = files[name].data
     assert data is not None

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.calibration.campaign.campaign_fit import references_and_covariance
+from analysis.calibration.campaign.campaign_fit import make_references_and_covariance
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from recordings.calibration.evidence_document import (
@@ -17,7 +17,7 @@ from recordings.calibration.evidence_document import (
     EvidenceDocument,
     ReferenceLoad,
 )
-from recordings.signatures.canonical_json import canonical_json_bytes
+from recordings.signatures.canonical_json import encode_canonical_json
 
 #: Keys of `[machine]` and stages that no mass depends on, by the format since which they are no
 #: part of what defines it.
@@ -27,7 +27,7 @@ _NO_PART_STAGES: Final = ("loads", "planar")
 _WHOLE_FORMATS: Final = tuple(f"payscope-calibration-evidence/{number}" for number in (1, 2, 3))
 
 
-def estimator_with_digest(
+def make_estimator_with_digest(
     campaign: CalibrationCampaign,
     machine: Machine,
     absent_settings: Container[str] = (),
@@ -44,18 +44,18 @@ def estimator_with_digest(
     own = (
         _mass_definition_up_to_format_3(machine)
         if evidence_format in _WHOLE_FORMATS
-        else settings_that_define_mass(machine)
+        else select_mass_defining_settings(machine)
     )
     if absent_settings:
         own = remove_dotted_names(own, absent_settings, "machine.")
     defined = {"estimator": campaign.method.estimator, "machine": own}
     return Estimator(
         name=campaign.method.estimator,
-        definition_sha256=hashlib.sha256(canonical_json_bytes(defined)).hexdigest(),
+        definition_sha256=hashlib.sha256(encode_canonical_json(defined)).hexdigest(),
     )
 
 
-def settings_that_define_mass(machine: Machine) -> dict[str, Any]:
+def select_mass_defining_settings(machine: Machine) -> dict[str, Any]:
     """Settings of a machine that define its mass, as JSON-compatible values."""
     values = machine.model_dump(mode="json")
     for name in _NO_PART_BODY:
@@ -86,11 +86,11 @@ def remove_dotted_names(
     }
 
 
-def reference_loads_and_covariance(
+def make_reference_loads_and_covariance(
     campaign: CalibrationCampaign, machine: Machine
 ) -> tuple[tuple[ReferenceLoad, ...], tuple[tuple[float, ...], ...]]:
     """Reference loads of the evidence, and their covariance in kg²."""
-    known, covariance_kg2 = references_and_covariance(campaign, machine.machine)
+    known, covariance_kg2 = make_references_and_covariance(campaign, machine.machine)
     loads = tuple(
         ReferenceLoad(load_id=row["load_id"], reference_kg=row["reference_kg"], u_kg=float(v**0.5))
         for row, v in zip(known.to_dicts(), covariance_kg2.diagonal(), strict=True)
@@ -120,10 +120,10 @@ def evaluate_previous_line(
     )
     if previous_estimator != estimator:
         return found
-    return found.model_copy(update={"rms_error_kg": rms_error_kg(found, points)})
+    return found.model_copy(update={"rms_error_kg": compute_rms_error_kg(found, points)})
 
 
-def rms_error_kg(line: AsFound, points: pl.DataFrame) -> float | None:
+def compute_rms_error_kg(line: AsFound, points: pl.DataFrame) -> float | None:
     """Root mean square error of the calibrated masses of the points by this line."""
     errors = [
         line.alpha_1 * row["mean_kg"] + line.beta_kg - row["reference_kg"]

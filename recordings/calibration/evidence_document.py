@@ -19,19 +19,19 @@ from analysis.calibration.line.calibration import Calibration, CalibrationOption
 from analysis.calibration.line.procedure import PROCEDURES, Procedure, ProcedureNumber
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import ErrorLimits
-from analysis.calibration.use.learnt_priors import LearntPriors, machine_with_learnt_priors
+from analysis.calibration.use.learnt_priors import LearntPriors, apply_learnt_priors_to_machine
 from analysis.model.machine import Machine
 from analysis.model.strict_config import STRICT
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.released_defaults import (
-    changed_defaults_of_absent_settings,
     find_absent_settings,
+    find_changed_defaults,
     insert_dotted_values,
-    released_defaults,
+    load_released_defaults,
     remove_dotted_values,
 )
-from recordings.signatures.canonical_json import canonical_json_bytes, parse_canonical_json
+from recordings.signatures.canonical_json import encode_canonical_json, parse_canonical_json
 
 #: Format 1 does not say what the errors of learnt means did to its runs and its line.
 _FIRST: Final = "payscope-calibration-evidence/1"
@@ -216,14 +216,14 @@ class EvidenceDocument(BaseModel):
     _put_in: dict[str, Any] = PrivateAttr(default_factory=dict[str, Any])
 
     @property
-    def data(self) -> bytes:
+    def encode_json(self) -> bytes:
         """The bytes of `evidence.json`: a setting that came later stays out of earlier evidence."""
         left_out = _NOT_IN_FIRST if self.format == _FIRST else None
         values = self.model_dump(mode="json", exclude=left_out, exclude_unset=True)
-        return canonical_json_bytes(remove_dotted_values(values, self._put_in))
+        return encode_canonical_json(remove_dotted_values(values, self._put_in))
 
     @property
-    def settings_at_default(self) -> dict[str, Any]:
+    def list_settings_at_default(self) -> dict[str, Any]:
         """Settings newer than the evidence: dotted names with the default each is read with."""
         return {
             **find_absent_settings(self.machine, "machine."),
@@ -237,24 +237,24 @@ class EvidenceDocument(BaseModel):
         Args:
             values: `evidence.json`, that it was read from.
         """
-        changed = changed_defaults_of_absent_settings(self.settings_at_default, released_defaults())
+        changed = find_changed_defaults(self.list_settings_at_default, load_released_defaults())
         if not changed:
             return self
         document = EvidenceDocument.model_validate_json(
-            canonical_json_bytes(insert_dotted_values(values, changed))
+            encode_canonical_json(insert_dotted_values(values, changed))
         )
         document._put_in = changed  # noqa: SLF001  its own
         return document
 
     @property
-    def with_all_settings(self) -> "EvidenceDocument":
+    def write_out_all_settings(self) -> "EvidenceDocument":
         """The evidence with every setting of this version written out, also those at default."""
         return EvidenceDocument.model_validate_json(
-            canonical_json_bytes(self.model_dump(mode="json"))
+            encode_canonical_json(self.model_dump(mode="json"))
         )
 
     @property
-    def other_version_text(self) -> str:
+    def name_other_payscope_version(self) -> str:
         """Version that made it; "" for this one. Other versions word the page differently."""
         made = self.software.payscope
         if made == version("payscope") and self.format == FORMAT:
@@ -272,45 +272,46 @@ class EvidenceDocument(BaseModel):
         return (
             self.machine
             if self.learnt is None
-            else machine_with_learnt_priors(self.machine, self.learnt.terms)
+            else apply_learnt_priors_to_machine(self.machine, self.learnt.terms)
         )
 
-    def log_by_name(self, name: str) -> EvidenceLog | None:
+    def find_log(self, name: str) -> EvidenceLog | None:
         """The log of that name."""
         return next((each for each in self.logs if each.log == name), None)
 
 
-def parse_evidence(data: bytes, what: str) -> EvidenceDocument:
+def parse_evidence(data: bytes, source: str) -> EvidenceDocument:
     """Read `evidence.json` of a stranger.
 
     Raises:
         UnknownFormatError: it says that another version made it, and holds what this one lacks.
         EvidenceError: no canonical JSON within its bounds, or not as the schema has it.
     """
-    values = parse_canonical_json(data, what)
+    values = parse_canonical_json(data, source)
     try:
         document = EvidenceDocument.model_validate_json(data)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))
-        made = other_payscope_version(values)
+        made = find_other_payscope_version(values)
         if made:
             raise UnknownFormatError(
-                f"{what}: made by {made}, and payscope {version('payscope')} does not read all of "
+                f"{source}: made by {made}, and payscope "
+                f"{version('payscope')} does not read all of "
                 f"it ({where}: {first['msg']}): digests and signature were checked, and nothing in "
                 "it can be recomputed here"
             ) from None
         raise EvidenceError(
-            f"{what}: {where}: {first['msg']}, which the schema of evidence does not allow"
+            f"{source}: {where}: {first['msg']}, which the schema of evidence does not allow"
         ) from None
-    if document.data != data:
+    if document.encode_json != data:
         raise EvidenceError(
-            f"{what}: holds a value of a type that the schema of evidence does not allow"
+            f"{source}: holds a value of a type that the schema of evidence does not allow"
         )
     return document.fill_in_released_defaults(values)
 
 
-def other_payscope_version(values: Any) -> str:
+def find_other_payscope_version(values: Any) -> str:
     """Other version that a document states as its own; "" if it is this one, or none."""
     if not isinstance(values, dict) or not isinstance(values.get("software"), dict):
         return ""
@@ -325,7 +326,7 @@ def other_payscope_version(values: Any) -> str:
     )
 
 
-def evidence_schema_text() -> str:
+def format_evidence_schema() -> str:
     """Published schema as text: JSON Schema, draft 2020-12."""
     schema: dict[str, Any] = EvidenceDocument.model_json_schema(mode="serialization")
     schema = {
@@ -337,4 +338,4 @@ def evidence_schema_text() -> str:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(evidence_schema_text())
+    sys.stdout.write(format_evidence_schema())

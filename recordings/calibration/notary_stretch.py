@@ -7,11 +7,11 @@ from typing import Final
 from analysis.calibration.campaign.campaign_plan import NotaryStretch
 from recordings.calibration.bundle_folder import NOTARY
 from recordings.calibration.bundle_limits import LIMITS
-from recordings.calibration.campaign_faults import creation_time, log_begin_or_none
+from recordings.calibration.campaign_faults import parse_creation_time, parse_log_begin
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
-from recordings.notary.notary_check import CheckedList, check_notary_list, parse_time_or_none
+from recordings.notary.notary_check import CheckedList, check_notary_list, parse_list_time
 from recordings.notary.notary_list import NotaryEntry, split_whole_lines
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signed_by import SignedBy
@@ -55,14 +55,14 @@ def check_notary_stretch(
         return
     kept = check_notary_list(data, dt.datetime.now(dt.UTC), stretch.first)
     bundle.findings += find_stretch_faults(document, stretch, kept)
-    reasons = stretch.omission_reasons
+    reasons = stretch.omission_reasons_by_log
     bundle.notes += [
         f"{NOTARY}: {each.what} (left out: {reasons[each.counter]})"
         for each in kept.faults
         if not each.forged and each.counter in reasons
     ]
     bundle.notes += [f"{NOTARY}: {note}" for note in kept.notes]
-    bundle.notarised_by = identify_notary(bundle, document, kept, keyring)
+    bundle.notarised_by = identify_notary_signer(bundle, document, kept, keyring)
 
 
 def find_stretch_faults(
@@ -72,7 +72,7 @@ def find_stretch_faults(
     for fault in checked_list.faults:
         if fault.forged:
             yield BundleFinding(BundleOutcome.TAMPERED, NOTARY, fault.what)
-        elif fault.counter not in stretch.omission_reasons:
+        elif fault.counter not in stretch.omission_reasons_by_log:
             yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, fault.what)
     if checked_list.head is None:
         return
@@ -98,7 +98,7 @@ def find_unaccounted_logs(
     for entry in entries:
         if not stretch.first <= entry.counter <= stretch.last:
             yield f"number {entry.counter} is not among the numbers that the campaign names"
-        elif entry.counter not in stretch.omission_reasons and not any(
+        elif entry.counter not in stretch.omission_reasons_by_log and not any(
             _is_entry_of_log(log, entry) for log in logs
         ):
             yield (
@@ -119,20 +119,20 @@ def find_notary_contradictions(
     document: EvidenceDocument, stretch: NotaryStretch, entries: Sequence[NotaryEntry]
 ) -> Iterator[BundleFinding]:
     """Yield contradictions between list and evidence."""
-    made, machine = creation_time(document), document.campaign.machine.id
+    made, machine = parse_creation_time(document), document.campaign.machine.id
     for entry in entries:
         number = entry.counter
         own = next((log for log in document.logs if _is_entry_of_log(log, entry)), None)
-        listed = parse_time_or_none(entry.listed)
+        listed = parse_list_time(entry.listed)
         assert listed is not None
         said = ""
         if listed > made + _CLOCK:
             said = f"number {number} was listed {entry.listed}, after the evidence was made"
-        elif own is not None and number in stretch.omission_reasons:
+        elif own is not None and number in stretch.omission_reasons_by_log:
             said = f"number {number} is left out, although {own.log} is a log of the campaign"
         elif own is not None and entry.machine_id not in ("", machine):
             said = f"number {number} names machine '{entry.machine_id}', the campaign '{machine}'"
-        elif own is not None and not begins_within_entry(own, entry):
+        elif own is not None and not does_log_begin_within_entry(own, entry):
             said = (
                 f"number {number}: {own.log} begins {own.begins}, but the list states "
                 f"{entry.begins}"
@@ -141,26 +141,26 @@ def find_notary_contradictions(
             yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, NOTARY, said)
 
 
-def begins_within_entry(log: EvidenceLog, entry: NotaryEntry) -> bool:
+def does_log_begin_within_entry(log: EvidenceLog, entry: NotaryEntry) -> bool:
     """Whether a log begins within the time of its line."""
     begin, first, last = (
-        log_begin_or_none(log),
-        parse_time_or_none(entry.begins),
-        parse_time_or_none(entry.ends),
+        parse_log_begin(log),
+        parse_list_time(entry.begins),
+        parse_list_time(entry.ends),
     )
     if begin is None or first is None or last is None:
         return begin is None or first is None
     return first - _CLOCK <= begin <= last + _CLOCK
 
 
-def identify_notary(
+def identify_notary_signer(
     bundle: CheckedBundle, document: EvidenceDocument, checked_list: CheckedList, keyring: Keyring
 ) -> SignedBy:
     """Identity of the notary, by the user's keyring."""
     key = checked_list.key
     if key is None or any(fault.forged for fault in checked_list.faults):
         return SignedBy("broken")
-    known = keyring.find_key_or_none(key.key_id)
+    known = keyring.find_key(key.key_id)
     by = SignedBy("unknown", "", "" if known is None else known.owner, key.key_id, key.text)
     if document.signer is not None and document.signer.key_id == key.key_id:
         bundle.notes.append(
@@ -170,11 +170,11 @@ def identify_notary(
     if known is None:
         bundle.notes.append(
             f"{NOTARY}: is {by}: get the key from the keeper of the recorder through another "
-            f"channel, and keep it: {by.command_to_add_key}"
+            f"channel, and keep it: {by.make_add_key_command}"
         )
         return by
     last = max(
-        (parse_time_or_none(entry.listed) or creation_time(document))
+        (parse_list_time(entry.listed) or parse_creation_time(document))
         for entry in checked_list.entries
     )
     fault = known.distrust_reason(last.date(), bundle.proven_day) if checked_list.entries else ""

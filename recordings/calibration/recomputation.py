@@ -10,28 +10,28 @@ from pydantic_core import to_jsonable_python
 
 from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
-    compare_known_mass,
+    compare_with_known_mass,
     fit_campaign,
     make_calibration_options,
 )
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
-from analysis.calibration.use.learnt_priors import pool_terms_of_logs
+from analysis.calibration.use.learnt_priors import pool_terms_over_logs
 from estimators.errors import CampaignError
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REPORT
 from recordings.calibration.bundle_limits import LIMITS
-from recordings.calibration.calibration_report import report_html
+from recordings.calibration.calibration_report import render_report_html
 from recordings.calibration.campaign_faults import (
-    creation_time,
     find_day_faults,
     find_machine_faults,
+    parse_creation_time,
 )
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.derived_values import (
-    estimator_with_digest,
-    reference_loads_and_covariance,
-    rms_error_kg,
+    compute_rms_error_kg,
+    make_estimator_with_digest,
+    make_reference_loads_and_covariance,
 )
 from recordings.calibration.evidence_document import EvidenceDocument
 
@@ -61,7 +61,7 @@ def compare_bundle_with_recomputed(
     # what is nothing by default is no setting that a mass was found with
     named = [
         f"{name} = {value}"
-        for name, value in document.settings_at_default.items()
+        for name, value in document.list_settings_at_default.items()
         if value not in _NOTHING
     ]
     notes = [_LATER.format(", ".join(named))] if named else []
@@ -99,11 +99,12 @@ def compare_report_page(
     """Compare the report with one made from the evidence, byte by byte."""
     if report is None or points is None:
         return
-    if report_html(document, readings, points).encode() == report:
+    if render_report_html(document, readings, points).encode() == report:
         return
-    if document.other_version_text:
+    if document.name_other_payscope_version:
         what = (
-            f"made by {document.other_version_text}: the page cannot be recomputed here; compared "
+            f"made by {document.name_other_payscope_version}: the page cannot be recomputed here; "
+            f"compared "
             "by its digest alone"
         )
         yield BundleFinding(BundleOutcome.OTHER_VERSION, REPORT, what)
@@ -113,12 +114,12 @@ def compare_report_page(
         )
 
 
-def find_differences(stored: Any, computed: Any, place: str = "") -> list[tuple[str, bool]]:
+def find_differences(stored: Any, computed: Any, item: str = "") -> list[tuple[str, bool]]:
     """Places where two JSON values differ, and whether only by rounding."""
     if isinstance(stored, dict) and isinstance(computed, dict):
         found: list[tuple[str, bool]] = []
         for name in sorted(set(stored) | set(computed)):
-            inside = f"{place}.{name}" if place else name
+            inside = f"{item}.{name}" if item else name
             if name not in stored or name not in computed:
                 found.append((inside, False))
             else:
@@ -126,62 +127,64 @@ def find_differences(stored: Any, computed: Any, place: str = "") -> list[tuple[
         return found
     if isinstance(stored, list | tuple) and isinstance(computed, list | tuple):
         if len(stored) != len(computed):
-            return [(place, False)]
+            return [(item, False)]
         pairs = zip(stored, computed, strict=True)
         return [
-            each for k, pair in enumerate(pairs) for each in find_differences(*pair, f"{place}.{k}")
+            each for k, pair in enumerate(pairs) for each in find_differences(*pair, f"{item}.{k}")
         ]
     if stored == computed and isinstance(stored, bool) == isinstance(computed, bool):
         return []
-    return [(place, differ_by_rounding(stored, computed))]
+    return [(item, differ_only_by_rounding(stored, computed))]
 
 
-def differ_by_rounding(stored: Any, computed: Any) -> bool:
+def differ_only_by_rounding(stored: Any, computed: Any) -> bool:
     """Whether two numbers differ only in their last bits."""
     if not all(type(value) in (int, float) for value in (stored, computed)):
         return False
     return abs(stored - computed) <= LIMITS.last_bits_1 * max(abs(stored), abs(computed))
 
 
-def _irreproducible_finding(place: str, what: str) -> BundleFinding:
-    return BundleFinding(BundleOutcome.IRREPRODUCIBLE, f"{EVIDENCE}: {place}", what)
+def _make_irreproducible_finding(item: str, difference: str) -> BundleFinding:
+    return BundleFinding(BundleOutcome.IRREPRODUCIBLE, f"{EVIDENCE}: {item}", difference)
 
 
 def check_evidence_against_campaign(document: EvidenceDocument) -> Findings:
     """Check values that follow from campaign and machine file."""
     campaign, machine = document.campaign, document.machine
     if document.kind == "calibration" and document.expires != campaign.expires:
-        yield _irreproducible_finding(
+        yield _make_irreproducible_finding(
             "expires", f"is not {campaign.expires}, as the runs' days give"
         )
-    made, now = creation_time(document), dt.datetime.now(dt.UTC)
+    made, now = parse_creation_time(document), dt.datetime.now(dt.UTC)
     for fault in find_day_faults(campaign, document.logs, machine.machine.zone, made):
-        yield _irreproducible_finding("campaign.runs", fault)
+        yield _make_irreproducible_finding("campaign.runs", fault)
     if made > now + dt.timedelta(seconds=LIMITS.clock_difference_s):
-        yield _irreproducible_finding(
+        yield _make_irreproducible_finding(
             "made", f"is in the future: {document.made}, but now it is {now:%F %R}"
         )
     for fault in find_machine_faults(campaign.machine.id, machine, document.logs):
-        yield _irreproducible_finding("campaign.machine.id", fault)
+        yield _make_irreproducible_finding("campaign.machine.id", fault)
     yield from compare_learnt_priors(document)
-    if document.estimator != estimator_with_digest(
-        campaign, document.weighing_machine, document.settings_at_default, document.format
+    if document.estimator != make_estimator_with_digest(
+        campaign, document.weighing_machine, document.list_settings_at_default, document.format
     ):
-        yield _irreproducible_finding("estimator", "is not that of the settings")
+        yield _make_irreproducible_finding("estimator", "is not that of the settings")
     try:
-        loads, covariance = reference_loads_and_covariance(campaign, machine)
+        loads, covariance = make_reference_loads_and_covariance(campaign, machine)
     except CampaignError as fault:
-        yield _irreproducible_finding("references", str(fault))
+        yield _make_irreproducible_finding("references", str(fault))
         return
     if document.references != loads:
-        yield _irreproducible_finding("references", "are not the sums of the masses on board")
+        yield _make_irreproducible_finding("references", "are not the sums of the masses on board")
     if document.reference_covariance_kg2 != covariance:
-        yield _irreproducible_finding("reference_covariance_kg2", "does not follow from the masses")
+        yield _make_irreproducible_finding(
+            "reference_covariance_kg2", "does not follow from the masses"
+        )
     own = {each.component for each in campaign.method.stated}
     others = tuple(each for each in document.options.stated if each.component not in own)
     if document.options != make_calibration_options(campaign, others):
-        yield _irreproducible_finding("options", "are not those of the campaign's method")
-    for overdue in campaign.overdue_certificates():
+        yield _make_irreproducible_finding("options", "are not those of the campaign's method")
+    for overdue in campaign.describe_invalid_certificates():
         yield BundleFinding(BundleOutcome.INCOMPLETE, f"{EVIDENCE}: campaign.masses", overdue)
     if tuple(log.log for log in document.logs) != campaign.logs:
         yield BundleFinding(
@@ -194,20 +197,22 @@ def compare_learnt_priors(document: EvidenceDocument) -> Findings:
     learnt, campaign = document.learnt, document.campaign
     if learnt is None:
         return
-    if not campaign.learns_priors:
-        yield _irreproducible_finding("learnt", "is there, although the campaign learns nothing")
+    if not campaign.does_learn_priors:
+        yield _make_irreproducible_finding(
+            "learnt", "is there, although the campaign learns nothing"
+        )
     stored, computed = (
         {name: term.model_dump() for name, term in terms.items()}
         for terms in (
             learnt.terms,
-            pool_terms_of_logs(learnt.logs, document.procedure_rules),
+            pool_terms_over_logs(learnt.logs, document.procedure_rules),
         )
     )
     if not all(near for _, near in find_differences(stored, computed)):
-        yield _irreproducible_finding("learnt", "does not follow from its logs")
+        yield _make_irreproducible_finding("learnt", "does not follow from its logs")
     said = {each.log for each in learnt.logs}
     if document.kind == "calibration" and not said <= set(campaign.logs):
-        yield _irreproducible_finding("learnt", "belongs to other logs than the campaign's")
+        yield _make_irreproducible_finding("learnt", "belongs to other logs than the campaign's")
 
 
 def check_runs_and_readings(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
@@ -249,7 +254,7 @@ def _find_run_faults(
             yield "is used, but has no mass"
     elif row["start_s"] is None or row["end_s"] is None or not row["start_s"] < row["end_s"]:
         yield "has no stretch of time"
-    elif not run.covers_middle_of(row["start_s"], row["end_s"]):
+    elif not run.contains_middle_of_stretch(row["start_s"], row["end_s"]):
         yield "is not in the stretch of its run"
     if row["used"] and row["reason"]:
         yield "is used, but has a reason for its exclusion"
@@ -279,9 +284,9 @@ def refit_and_compare(
     ]
     wrong = [place for place, near in places if not near]
     for place in wrong[: LIMITS.max_differences]:
-        yield _irreproducible_finding(place, "does not follow from the readings")
+        yield _make_irreproducible_finding(place, "does not follow from the readings")
     if len(wrong) > LIMITS.max_differences:
-        yield _irreproducible_finding(
+        yield _make_irreproducible_finding(
             "calibration", f"and {len(wrong) - LIMITS.max_differences} more"
         )
     if places and not wrong:
@@ -303,7 +308,7 @@ def _refit_campaign_or_check(
     """Refit the readings; for a single-mass check, under the calibration's line."""
     campaign, body = document.campaign, document.machine.machine
     if document.kind == "check" and document.calibration is not None:
-        return compare_known_mass(campaign, body, readings, document.calibration)
+        return compare_with_known_mass(campaign, body, readings, document.calibration)
     responses = () if document.learnt is None else document.learnt.responses
     return fit_campaign(campaign, body, readings, document.options, responses), None
 
@@ -331,8 +336,8 @@ def compare_earlier_line(document: EvidenceDocument, points: pl.DataFrame) -> Fi
     """Compare the previous line's errors on these points."""
     found = document.as_found
     if found is not None and found.rms_error_kg is not None:
-        computed = rms_error_kg(found, points)
+        computed = compute_rms_error_kg(found, points)
         if find_differences(found.rms_error_kg, computed) not in ([], [("", True)]):
-            yield _irreproducible_finding(
+            yield _make_irreproducible_finding(
                 "as_found.rms_error_kg", "does not follow from the points"
             )

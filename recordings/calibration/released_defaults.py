@@ -34,7 +34,7 @@ def iter_model_defaults(model: type[BaseModel], prefix: str) -> Iterator[tuple[s
     """
     for name, field in model.model_fields.items():
         place = f"{prefix}.{name}"
-        inner, several = model_of_field(field.annotation)
+        inner, several = find_model_of_field(field.annotation)
         if inner is not None:
             yield from iter_model_defaults(inner, f"{place}.{_ANY}" if several else place)
         if inner is None or several:
@@ -43,18 +43,18 @@ def iter_model_defaults(model: type[BaseModel], prefix: str) -> Iterator[tuple[s
                 yield place, to_jsonable_python(default)
 
 
-def model_of_field(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
+def find_model_of_field(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
     """Model of a field, and whether the field holds several."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation, False
     for each in get_args(annotation):
-        inner, _ = model_of_field(each)
+        inner, _ = find_model_of_field(each)
         if inner is not None:
             return inner, getattr(annotation, "__origin__", None) in (tuple, dict, list)
     return None, False
 
 
-def defaults_of_this_version() -> dict[str, Any]:
+def collect_present_defaults() -> dict[str, Any]:
     """Defaults of this version, by dotted name."""
     return {
         name: value for at, part in PARTS.items() for name, value in iter_model_defaults(part, at)
@@ -62,25 +62,25 @@ def defaults_of_this_version() -> dict[str, Any]:
 
 
 @cache
-def released_defaults() -> Mapping[str, Mapping[str, Any]]:
+def load_released_defaults() -> Mapping[str, Mapping[str, Any]]:
     """Defaults of each released version, the oldest first."""
     text = files("recordings.calibration").joinpath(_FILE).read_text(encoding="utf-8")
     return json.loads(text)
 
 
-def first_released_default(
-    name: str, released: Mapping[str, Mapping[str, Any]]
+def find_first_released_default(
+    name: str, released_versions: Mapping[str, Mapping[str, Any]]
 ) -> tuple[bool, Any]:
     """Default with which a setting was introduced, for evidence older than it.
 
     Args:
         name: dotted name, as in evidence: `machine.channels.speed_x_m_s.delay_s`.
-        released: `released_defaults`.
+        released_versions: `released_defaults`.
 
     Returns:
         Whether it is known, and the default.
     """
-    for defaults in released.values():
+    for defaults in released_versions.values():
         for each, value in defaults.items():
             if _matches_pattern(each, name):
                 return True, value
@@ -123,46 +123,48 @@ def find_absent_values(
             yield from find_absent_values(value, evidence_values[name], f"{prefix}{name}.")
 
 
-def changed_defaults_of_absent_settings(
-    absent: Mapping[str, Any], released: Mapping[str, Mapping[str, Any]]
+def find_changed_defaults(
+    absent_settings: Mapping[str, Any], released_versions: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
     """Settings missing in evidence whose default has changed since their release.
 
     Args:
-        absent: settings from `find_absent_settings`.
-        released: `released_defaults`.
+        absent_settings: settings from `find_absent_settings`.
+        released_versions: `released_defaults`.
 
     Returns:
         Value to read the evidence with, by dotted name.
     """
     found: dict[str, Any] = {}
-    for name, default in absent.items():
-        first = _first_default_of_section(name, default, released)
+    for name, default in absent_settings.items():
+        first = _first_default_of_section(name, default, released_versions)
         if first != default:
             found[name] = first
     return found
 
 
 def _first_default_of_section(
-    name: str, default: Any, released: Mapping[str, Mapping[str, Any]]
+    name: str, default: Any, released_versions: Mapping[str, Mapping[str, Any]]
 ) -> Any:
     """First default of a setting, or of a section of settings."""
-    known, first = first_released_default(name, released)
+    known, first = find_first_released_default(name, released_versions)
     if known:
         return first
     if isinstance(default, dict):
         return {
-            key: _first_default_of_section(f"{name}.{key}", value, released)
+            key: _first_default_of_section(f"{name}.{key}", value, released_versions)
             for key, value in default.items()
         }
     return default
 
 
-def insert_dotted_values(values: Mapping[str, Any], changed: Mapping[str, Any]) -> dict[str, Any]:
+def insert_dotted_values(
+    values: Mapping[str, Any], new_values: Mapping[str, Any]
+) -> dict[str, Any]:
     """Values with some replaced, by dotted name."""
     whole: dict[str, Any] = json.loads(json.dumps(values))
-    for name, value in changed.items():
-        inside, last = locate_value(whole, name)
+    for name, value in new_values.items():
+        inside, last = locate_dotted_value(whole, name)
         inside[last] = value
     return whole
 
@@ -170,12 +172,12 @@ def insert_dotted_values(values: Mapping[str, Any], changed: Mapping[str, Any]) 
 def remove_dotted_values(values: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
     """Remove some existing values, by dotted name, and return the same table."""
     for name in names:
-        inside, last = locate_value(values, name)
+        inside, last = locate_dotted_value(values, name)
         del inside[last]
     return values
 
 
-def locate_value(values: Any, name: str) -> tuple[Any, str]:
+def locate_dotted_value(values: Any, name: str) -> tuple[Any, str]:
     """Parent of a dotted name's value, and the last part of the name."""
     *path, last = name.split(".")
     for part in path:
@@ -184,5 +186,5 @@ def locate_value(values: Any, name: str) -> tuple[Any, str]:
 
 
 if __name__ == "__main__":
-    shown = {**released_defaults(), version("payscope"): defaults_of_this_version()}
+    shown = {**load_released_defaults(), version("payscope"): collect_present_defaults()}
     sys.stdout.write(json.dumps(shown, indent=1, ensure_ascii=False) + "\n")

@@ -126,7 +126,7 @@ def run_reader_process(kind: str, copies: Sequence[Path]) -> list[dict[str, Any]
     return None if child.returncode or len(out) > LIMITS.answer_bytes else json.loads(out)
 
 
-def compare_pdf_with_page(folder: Path, sha256: str, html: str) -> tuple[str, str]:
+def compare_pdf_with_html(folder: Path, sha256: str, html: str) -> tuple[str, str]:
     """Compare the PDF of a bundle with one made from its page.
 
     With other fonts or another WeasyPrint, pages break elsewhere and parts may be in another order:
@@ -154,17 +154,17 @@ def compare_pdf_with_page(folder: Path, sha256: str, html: str) -> tuple[str, st
         return found, ""
     if isinstance(wanted, str):
         return "", f"the PDF that this payscope makes {wanted}"
-    heads = table_heads(html)
+    heads = collect_table_heads(html)
     fault = describe_first_difference(
-        join_words_without_repeated_heads(wanted, heads),
-        join_words_without_repeated_heads(found, heads),
+        join_words_without_page_heads(wanted, heads),
+        join_words_without_page_heads(found, heads),
     )
     if fault and count_numbers(wanted, heads) == count_numbers(found, heads):
         return "", "it is laid out with other fonts or another WeasyPrint; its numbers are the same"
     return fault, ""
 
 
-def join_words_without_repeated_heads(words: Iterable[str], heads: Iterable[str]) -> str:
+def join_words_without_page_heads(words: Iterable[str], heads: Iterable[str]) -> str:
     """Concatenate words, without heads repeated at page breaks.
 
     Args:
@@ -219,7 +219,7 @@ class _TableHeadParser(HTMLParser):
             self.found[-1] += "".join(data.split())
 
 
-def table_heads(html: str) -> set[str]:
+def collect_table_heads(html: str) -> set[str]:
     """Table heads of a page, without spaces."""
     parser = _TableHeadParser()
     parser.feed(html)

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Final
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_folder import STATEMENT, TIMESTAMP, BundleFile
 from recordings.calibration.bundle_limits import LIMITS
-from recordings.calibration.campaign_faults import creation_time
+from recordings.calibration.campaign_faults import parse_creation_time
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.checked_bundle import CheckedBundle, content_in_memory
+from recordings.calibration.checked_bundle import CheckedBundle, read_content_in_memory
 from recordings.calibration.evidence_document import EvidenceDocument
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def check_timestamp(
         bundle.notes.append(f"{TIMESTAMP}: not checked, which needs rfc3161-client ({_INSTALL})")
         return
     try:
-        response = decode_timestamp_response(content_in_memory(files, TIMESTAMP))
+        response = decode_timestamp_response(read_content_in_memory(files, TIMESTAMP))
         stamped = response.tst_info.gen_time.astimezone(dt.UTC)
         imprint = response.tst_info.message_imprint
         hashed = _HASHES.get(imprint.hash_algorithm.dotted_string)
@@ -123,14 +123,14 @@ def check_timestamp(
         what = f"is not a granted time-stamp response ({str(error)[: LIMITS.fault_characters]})"
         bundle.add_finding(BundleOutcome.TAMPERED, TIMESTAMP, what)
         return
-    statement = content_in_memory(files, STATEMENT)
+    statement = read_content_in_memory(files, STATEMENT)
     if hashed is None:
         bundle.add_finding(BundleOutcome.TAMPERED, TIMESTAMP, "uses a hash that is not SHA-2")
     elif hashed(statement).digest() != imprint.message:
         bundle.add_finding(
             BundleOutcome.TAMPERED, TIMESTAMP, "belongs to another signature than this one"
         )
-    elif stamped < creation_time(document) - dt.timedelta(seconds=LIMITS.clock_difference_s):
+    elif stamped < parse_creation_time(document) - dt.timedelta(seconds=LIMITS.clock_difference_s):
         what = f"is of {stamped:%F %R} UTC, before the evidence says that it was made"
         bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, TIMESTAMP, what)
     elif not authorities:

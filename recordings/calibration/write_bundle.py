@@ -15,12 +15,12 @@ from recordings.calibration.bundle_folder import (
     REPORT,
     STATEMENT,
     SUMS,
+    format_sha256sums,
     list_bundle_entries,
     read_bundle_file,
-    sha256sums_text,
 )
 from recordings.calibration.bundle_tables import encode_table_as_parquet
-from recordings.calibration.calibration_report import report_html, write_report_pdf
+from recordings.calibration.calibration_report import render_report_html, write_report_pdf
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceTables
 from recordings.signatures.signing import (
     SigningKey,
@@ -68,15 +68,15 @@ def write_bundle(
     """
     for name, data in tables.items():
         (folder / name).write_bytes(data)
-    (folder / EVIDENCE).write_bytes(document.data)
+    (folder / EVIDENCE).write_bytes(document.encode_json)
     if stretch is not None:
         (folder / NOTARY).write_bytes(stretch)
-    html = report_html(document, readings, points)
+    html = render_report_html(document, readings, points)
     (folder / REPORT).write_bytes(html.encode())
     remark = write_report_pdf(html, folder / PDF)
     names, _ = list_bundle_entries(folder)
     digests = {name: read_bundle_file(folder, name).sha256 for name in names}
-    sums = sha256sums_text(digests).encode()
+    sums = format_sha256sums(digests).encode()
     (folder / SUMS).write_bytes(sums)
     if key is not None:
         digests[SUMS] = hashlib.sha256(sums).hexdigest()

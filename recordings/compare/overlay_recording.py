@@ -10,17 +10,17 @@ from typing import Final
 
 import polars as pl
 
-from analysis.compare.run_alignment import align_times, subtract_run
+from analysis.compare.run_alignment import shift_run_to_time_line, subtract_run
 from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.report.number_text import format_number, format_plus_minus, markdown_table
-from recordings.rrd.blueprint import Page, Panel, lay_out_tabs, unix_span_of_grid_ns
+from recordings.report.number_text import format_markdown_table, format_number, format_plus_minus
+from recordings.rrd.blueprint import Page, Panel, find_grid_unix_span_ns, lay_out_tabs
 from recordings.rrd.display_frames import (
     ROOT,
     DisplayColumn,
-    axis_range,
-    drawn_columns_of_view,
+    choose_axis_range,
+    list_displayed_columns,
     make_display_frames,
 )
 from recordings.rrd.recording_table import TABS
@@ -46,11 +46,12 @@ class _OverlaidRun:
     drawn_frames: Mapping[str, pl.DataFrame]
 
     def columns_drawn_in_view(self, view: View) -> tuple[DisplayColumn, ...]:
-        return drawn_columns_of_view(view, self.run, self.drawn_frames)
+        return list_displayed_columns(view, self.run, self.drawn_frames)
 
     def frames_by_entity(self) -> dict[str, pl.DataFrame]:
         return {
-            entity_under_side(self.name, frame): rows for frame, rows in self.drawn_frames.items()
+            move_entity_under_side(self.name, frame): rows
+            for frame, rows in self.drawn_frames.items()
         }
 
 
@@ -72,7 +73,7 @@ def write_overlay_recording(
     Raises:
         OutputError: as `write_recording`.
     """
-    moved = align_times(a, b, one_log=one_log)
+    moved = shift_run_to_time_line(a, b, one_log=one_log)
     about = a.provenance.model_copy(
         update={"notes": ("two replays overlaid; see the tab Compared",), "losses": ()}
     )
@@ -85,7 +86,7 @@ def write_overlay_recording(
         return Scene(
             name="A and B",
             frames={name: rows for side in sides for name, rows in side.frames_by_entity().items()},
-            layout=lay_out_tabs(_make_overlay_pages(*sides), unix_span_of_grid_ns(a)),
+            layout=lay_out_tabs(_make_overlay_pages(*sides), find_grid_unix_span_ns(a)),
             texts={COMPARED: text},
         )
 
@@ -96,48 +97,48 @@ def _make_overlay_pages(a: _OverlaidRun, b: _OverlaidRun, difference: _OverlaidR
     first, *rest = [tab for tab in TABS if tab.views]
     panels: list[Panel | None] = []
     elsewhere = {view for tab in rest for view in tab.views}
-    moved = [view for view in first.views if has_difference(view, a, b)]
+    moved = [view for view in first.views if does_view_differ(view, a, b)]
     for view in first.views:
         if view in moved:
             # beside a text there is room for a few; what led to the masses is in other tabs
             led = view.kind is ViewKind.LINES and view.name not in _CONTEXT and view in elsewhere
             if led and len(moved) > _FEW:
                 continue
-            over = overlaid_panel_or_none(view, a, b)
+            over = make_overlaid_panel(view, a, b)
             panels.append(over)
             if view.kind is ViewKind.BANDS:  # the other tabs have the differences of what led to it
-                panels.append(difference_panel_or_none(view, difference, over))
+                panels.append(make_difference_panel(view, difference, over))
         elif view.name in _CONTEXT:
-            panels.append(panel_of_run_a(view, a))
+            panels.append(make_common_panel(view, a))
     pages = [Page("Compared", tuple(filter(None, panels)), (COMPARED,))]
     for tab in rest:
         differ = [
             view
             for view in tab.views
             if not (view.kind is ViewKind.STATES and view in first.views)
-            and has_difference(view, a, b)
+            and does_view_differ(view, a, b)
         ]
         # the speed alone says nothing of what the tab is about
         if all(view.name in _CONTEXT for view in differ):
             continue
         found: list[Panel | None] = []
         for view in differ:
-            over = overlaid_panel_or_none(view, a, b)
-            found += [over, difference_panel_or_none(view, difference, over)]
+            over = make_overlaid_panel(view, a, b)
+            found += [over, make_difference_panel(view, difference, over)]
         pages.append(Page(tab.name, tuple(filter(None, found))))
     return pages
 
 
-def panel_of_run_a(view: View, a: _OverlaidRun) -> Panel | None:
+def make_common_panel(view: View, a: _OverlaidRun) -> Panel | None:
     """Panel of a view in which both runs are equal."""
     drawn = tuple(
-        replace(each, frame=entity_under_side(_A, each.frame))
+        replace(each, frame=move_entity_under_side(_A, each.frame))
         for each in a.columns_drawn_in_view(view)
     )
-    return Panel(view.title, view.kind, drawn, axis_range(view, a.run)) if drawn else None
+    return Panel(view.title, view.kind, drawn, choose_axis_range(view, a.run)) if drawn else None
 
 
-def has_difference(view: View, a: _OverlaidRun, b: _OverlaidRun) -> bool:
+def does_view_differ(view: View, a: _OverlaidRun, b: _OverlaidRun) -> bool:
     """Whether anything drawn by a view differs in B."""
     mine, theirs = a.columns_drawn_in_view(view), b.columns_drawn_in_view(view)
     if [(each.frame, each.column) for each in mine] != [(o.frame, o.column) for o in theirs]:
@@ -151,7 +152,7 @@ def has_difference(view: View, a: _OverlaidRun, b: _OverlaidRun) -> bool:
     )
 
 
-def overlaid_panel_or_none(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | None:
+def make_overlaid_panel(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | None:
     """Panel with both runs overlaid; lanes of states are one below the other."""
     mine, theirs = a.columns_drawn_in_view(view), b.columns_drawn_in_view(view)
     if not (mine or theirs):
@@ -160,29 +161,31 @@ def overlaid_panel_or_none(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Pane
     alike = (
         set()
         if view.kind is ViewKind.STATES
-        else _labels_without_run_name(mine, theirs, one_line_each=one_line_each)
+        else _find_common_labels(mine, theirs, one_line_each=one_line_each)
     )
     drawn = [
-        *_style_lines_of_run(mine, _A, alike, one_line_each=one_line_each),
-        *_style_lines_of_run(theirs, _B, alike, one_line_each=one_line_each),
+        *_style_run_lines(mine, _A, alike, one_line_each=one_line_each),
+        *_style_run_lines(theirs, _B, alike, one_line_each=one_line_each),
     ]
     title = f"{view.title}: A strong, B pale" if alike and not one_line_each else view.title
     if view.kind is ViewKind.STATES:
         drawn = sorted(drawn, key=lambda each: each.label)
-    ends = [each for side in (a, b) if (each := axis_range(view, side.run)) is not None]
+    ends = [each for side in (a, b) if (each := choose_axis_range(view, side.run)) is not None]
     bulk = (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
     return Panel(title, view.kind, tuple(drawn), bulk)
 
 
-def _labels_without_run_name(
-    own: Sequence[DisplayColumn], others: Sequence[DisplayColumn], *, one_line_each: bool
+def _find_common_labels(
+    labels_a: Sequence[DisplayColumn], labels_b: Sequence[DisplayColumn], *, one_line_each: bool
 ) -> set[str]:
     """Labels common to A and B, which are shown without the name of the run."""
-    both = {each.label for each in own} & {each.label for each in others}
-    return {each.label for each in own if not one_line_each or each.column == "threshold"} & both
+    both = {each.label for each in labels_a} & {each.label for each in labels_b}
+    return {
+        each.label for each in labels_a if not one_line_each or each.column == "threshold"
+    } & both
 
 
-def difference_panel_or_none(
+def make_difference_panel(
     view: View, difference: _OverlaidRun, overlaid_panel: Panel | None
 ) -> Panel | None:
     """Panel of B less A; None for states, or if no number differs."""
@@ -198,13 +201,13 @@ def difference_panel_or_none(
     ]
     if not drawn:
         return None
-    named = tuple(replace(each, frame=entity_under_side(_LESS, each.frame)) for each in drawn)
+    named = tuple(replace(each, frame=move_entity_under_side(_LESS, each.frame)) for each in drawn)
     above = set() if overlaid_panel is None else {each.label for each in overlaid_panel.drawn}
     return Panel(
         f"B − A: {view.title}",
         ViewKind.LINES,
         named,
-        axis_range(plain, difference.run),
+        choose_axis_range(plain, difference.run),
         named_above=above.issuperset(each.label for each in named),
     )
 
@@ -214,7 +217,7 @@ def count_named_lines(display_columns: Sequence[DisplayColumn]) -> int:
     return sum(not each.faint and each.column != "threshold" for each in display_columns)
 
 
-def _style_lines_of_run(
+def _style_run_lines(
     display_columns: Sequence[DisplayColumn],
     side: str,
     common_labels: set[str],
@@ -227,11 +230,11 @@ def _style_lines_of_run(
         colour = each.colour
         if side == _B and colour:
             other = one_line_each and each.column != "threshold"
-            colour = colours.line_colour(1) if other else colours.lighten_colour(colour)
+            colour = colours.choose_line_colour(1) if other else colours.lighten_colour(colour)
         found.append(
             replace(
                 each,
-                frame=entity_under_side(side, each.frame),
+                frame=move_entity_under_side(side, each.frame),
                 label=each.label if each.label in common_labels else f"{side} {each.label}".strip(),
                 colour=colour,
                 wide=side == _A and not each.faint,
@@ -240,12 +243,12 @@ def _style_lines_of_run(
     return found
 
 
-def entity_under_side(side: str, frame: str) -> str:
+def move_entity_under_side(side: str, frame: str) -> str:
     """Entity path `display/gate` as `A/gate`, and `display/states/gate` as `A/states/gate`."""
     return f"{side}/{frame.removeprefix(f'{ROOT}/')}"
 
 
-def comparison_markdown(comparison: Comparison, a: str, b: str) -> str:
+def format_comparison_markdown(comparison: Comparison, a: str, b: str) -> str:
     """Text of the differences, settings first, then their effects.
 
     Args:
@@ -264,23 +267,25 @@ def comparison_markdown(comparison: Comparison, a: str, b: str) -> str:
         ("Losses, notes and stamps", comparison.provenance),
     ):
         if changes:
-            parts.append(f"## {title}\n\n{_changed_values_markdown(changes)}")
+            parts.append(f"## {title}\n\n{_format_changed_values(changes)}")
     for title, moved in (
         ("Estimates that moved most", comparison.estimates),
         ("Manoeuvres that moved most", comparison.manoeuvres),
     ):
         if moved:
-            parts.append(f"## {title}\n\n{_changed_estimates_markdown(moved)}")
+            parts.append(f"## {title}\n\n{_format_changed_estimates(moved)}")
     if comparison.stages:
         rows = [
             (stage.name, ", ".join(c.name for c in stage.columns)) for stage in comparison.stages
         ]
-        parts.append(f"## Columns that differ\n\n{markdown_table(('stage', 'columns'), rows)}")
+        parts.append(
+            f"## Columns that differ\n\n{format_markdown_table(('stage', 'columns'), rows)}"
+        )
     return "\n\n".join(parts)
 
 
-def _changed_values_markdown(changes: Iterable[ValueChange]) -> str:
-    return markdown_table(
+def _format_changed_values(changes: Iterable[ValueChange]) -> str:
+    return format_markdown_table(
         ("", "A", "B"), [(c.name, _format_value(c.a), _format_value(c.b)) for c in changes]
     )
 
@@ -291,7 +296,7 @@ def _format_value(value: object) -> str:
     )
 
 
-def _changed_estimates_markdown(changes: tuple[EstimateChange, ...]) -> str:
+def _format_changed_estimates(changes: tuple[EstimateChange, ...]) -> str:
     rows = [
         (
             each.about,
@@ -303,4 +308,4 @@ def _changed_estimates_markdown(changes: tuple[EstimateChange, ...]) -> str:
         )
         for each in changes[:_MOST]
     ]
-    return markdown_table(("", "quantity", "A", "B", "B − A", "in deviations"), rows)
+    return format_markdown_table(("", "quantity", "A", "B", "B − A", "in deviations"), rows)

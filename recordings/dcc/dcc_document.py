@@ -40,12 +40,12 @@ def refuse_without_xml_libraries() -> None:
         )
 
 
-def parse_dcc(data: bytes, what: str) -> "_Element":
+def parse_dcc(data: bytes, source: str) -> "_Element":
     """Parse a certificate and check its frame, without access to other files.
 
     Args:
         data: its bytes.
-        what: its name, for errors.
+        source: its name, for errors.
 
     Returns:
         Its root. Whether it is signed is another matter.
@@ -58,7 +58,7 @@ def parse_dcc(data: bytes, what: str) -> "_Element":
 
     if len(data) > LIMITS.certificate_bytes:
         raise EvidenceError(
-            f"{what}: has more than {LIMITS.certificate_bytes >> 20} MiB, the most that is read"
+            f"{source}: has more than {LIMITS.certificate_bytes >> 20} MiB, the most that is read"
         )
     parser = etree.XMLParser(
         resolve_entities=False,
@@ -71,24 +71,24 @@ def parse_dcc(data: bytes, what: str) -> "_Element":
     try:
         root = etree.fromstring(data, parser)
     except (etree.XMLSyntaxError, ValueError) as fault:
-        raise EvidenceError(f"{what}: is not XML ({str(fault)[:120]})") from None
+        raise EvidenceError(f"{source}: is not XML ({str(fault)[:120]})") from None
     if root.getroottree().docinfo.internalDTD is not None:
         raise EvidenceError(
-            f"{what}: has a DTD; ask for a copy without, as XML entities are refused"
+            f"{source}: has a DTD; ask for a copy without, as XML entities are refused"
         )
     if root.tag != f"{{{DCC}}}digitalCalibrationCertificate":
         raise EvidenceError(
-            f"{what}: is not a digital calibration certificate: its root is {str(root.tag)[:80]}"
+            f"{source}: is not a digital calibration certificate: its root is {str(root.tag)[:80]}"
         )
     version = root.get("schemaVersion", "none")
     if version != VERSION:
         raise EvidenceError(
-            f"{what}: is of DCC version {version[:20]}, but only {VERSION} is supported; ask the "
+            f"{source}: is of DCC version {version[:20]}, but only {VERSION} is supported; ask the "
             f"laboratory for one of {VERSION}, or state the masses by value_kg and u_kg"
         )
     fault = next(find_schema_faults(root), None)
     if fault is not None:
-        raise EvidenceError(f"{what}: {fault}")
+        raise EvidenceError(f"{source}: {fault}")
     return root
 
 
@@ -126,18 +126,18 @@ def _find_frame_faults(root: "_Element") -> Iterator[str]:
         return
     for name, form in _CORE.items():
         found = core[0].findall(f"{{{DCC}}}{name}")
-        if len(found) != 1 or not re.fullmatch(form, leaf_text_or_none(found[0]) or ""):
+        if len(found) != 1 or not re.fullmatch(form, read_leaf_text(found[0]) or ""):
             yield f"has no valid {name}"
 
 
-def dcc_bytes(root: "_Element") -> bytes:
+def serialise_dcc(root: "_Element") -> bytes:
     """Certificate as the bytes of an XML file."""
     from lxml import etree
 
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8")
 
 
-def leaf_text_or_none(element: "_Element | None") -> str | None:
+def read_leaf_text(element: "_Element | None") -> str | None:
     """Stripped text of an element; None if it is missing or has child elements.
 
     Text that is cut by an element would be read by one program to its end and by another not.

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from estimators.errors import EvidenceError
-from recordings.dcc.dcc_document import DCC, SI, leaf_text_or_none
+from recordings.dcc.dcc_document import DCC, SI, read_leaf_text
 from recordings.dcc.dcc_limits import LIMITS
-from recordings.dcc.dcc_quantity import list_length_or_none, list_texts, read_value_and_u_kg
+from recordings.dcc.dcc_quantity import find_list_length, read_list_texts, read_value_and_u_kg
 
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
@@ -70,15 +70,15 @@ def read_certified_masses(root: "_Element", item: str, what: str) -> list[Certif
         raise EvidenceError(f"{what}: has {len(wanted)} items named '{item}'")
     core = admin.find(f"{{{DCC}}}coreData")
     assert core is not None
-    certificate = leaf_text_or_none(core.find(f"{{{DCC}}}uniqueIdentifier")) or ""
+    certificate = read_leaf_text(core.find(f"{{{DCC}}}uniqueIdentifier")) or ""
     contact = f"{{{DCC}}}calibrationLaboratory/{{{DCC}}}contact/{{{DCC}}}name/{{{DCC}}}content"
-    issuer = leaf_text_or_none(admin.find(contact)) or ""
+    issuer = read_leaf_text(admin.find(contact)) or ""
     if not issuer:
         raise EvidenceError(f"{what}: does not name its laboratory")
     found: list[CertifiedMass] = []
     masses = _CertificateMasses(root, named, what)
     for element, names in wanted:
-        value_kg, u_kg = masses.value_and_u_kg(element, f"{what}, item '{names[0]}'")
+        value_kg, u_kg = masses.read_mass_and_u_kg(element, f"{what}, item '{names[0]}'")
         found.append(CertifiedMass(item or names[0], value_kg, u_kg, certificate, issuer))
     return found
 
@@ -86,7 +86,7 @@ def read_certified_masses(root: "_Element", item: str, what: str) -> list[Certif
 def _list_item_names(item: "_Element") -> list[str]:
     """Names by which a certificate may refer to an item."""
     values = item.findall(f"{{{DCC}}}identifications/{{{DCC}}}identification/{{{DCC}}}value")
-    names = [item.get("id"), *(leaf_text_or_none(value) for value in values)]
+    names = [item.get("id"), *(read_leaf_text(value) for value in values)]
     return [name for name in names if name]
 
 
@@ -96,16 +96,16 @@ class _CertificateMasses:
     def __init__(self, root: "_Element", items: Sequence[NamedItem], what: str) -> None:
         self._items = items
         self._what = what
-        self._quantities = list(_iter_quantities(root))
+        self._quantities = list(iter_quantities(root))
         self._weights: dict[_Element, list[_Element]] = {}
 
-    def value_and_u_kg(self, item: "_Element", what: str) -> tuple[float, float]:
+    def read_mass_and_u_kg(self, item: "_Element", what: str) -> tuple[float, float]:
         """Value and standard uncertainty of the only quantity that is the item's mass."""
         for kind in _KINDS:
             chosen = [
                 (quantity, place)
                 for quantity, refers in self._quantities
-                if kind in quantity_kinds(quantity)
+                if kind in list_quantity_kinds(quantity)
                 and self._may_quantity_be_of_item(item, quantity, refers)
                 for place in self._positions_in_list(item, quantity, refers)
             ]
@@ -118,7 +118,7 @@ class _CertificateMasses:
                 kind
                 for quantity, refers in self._quantities
                 if self._may_quantity_be_of_item(item, quantity, refers)
-                for kind in quantity_kinds(quantity)
+                for kind in list_quantity_kinds(quantity)
             }
         )[: LIMITS.max_items]
         raise EvidenceError(
@@ -138,7 +138,7 @@ class _CertificateMasses:
         self, item: "_Element", quantity: "_Element", refers: Sequence[str] | None
     ) -> list[int | None]:
         """Positions of the item in the quantity's list; None for a single value of the item."""
-        if list_length_or_none(quantity, self._what) is None:
+        if find_list_length(quantity, self._what) is None:
             shared = [each for each, _ in self._items if each.get("id") in (refers or ())]
             if len(shared) > 1:
                 raise EvidenceError(f"{self._what}: has one mass for {len(shared)} items")
@@ -151,12 +151,12 @@ class _CertificateMasses:
         return [place for place, weight in enumerate(weights) if weight is item]
 
 
-def quantity_kinds(quantity: "_Element") -> list[str]:
+def list_quantity_kinds(quantity: "_Element") -> list[str]:
     """Kinds of a quantity: its refTypes without prefixes."""
     return [name.rpartition("_")[2] for name in quantity.get("refType", "").split()]
 
 
-def _iter_quantities(root: "_Element") -> Iterator[tuple["_Element", list[str] | None]]:
+def iter_quantities(root: "_Element") -> Iterator[tuple["_Element", list[str] | None]]:
     """Yield the quantities of results with the ids of their items; None if none is named."""
     results = root.find(f"{{{DCC}}}measurementResults")
     assert results is not None
@@ -170,27 +170,27 @@ def _iter_quantities(root: "_Element") -> Iterator[tuple["_Element", list[str] |
 
 
 def match_weights_to_list_values(
-    quantity: "_Element", items: Sequence[NamedItem], named_by: Sequence[str] | None, what: str
+    quantity: "_Element", items: Sequence[NamedItem], item_ids: Sequence[str] | None, what: str
 ) -> list["_Element"]:
     """Items that the values of a list belong to, in the order of the values.
 
     Args:
         quantity: quantity with a `si:realListXMLList`.
         items: items of the certificate.
-        named_by: ids that the result refers to (`refId`); None for a result on all items.
+        item_ids: ids that the result refers to (`refId`); None for a result on all items.
         what: the certificate's name, for errors.
 
     Raises:
         EvidenceError: the certificate does not state it, or states it ambiguously.
     """
-    count = list_length_or_none(quantity, what)
+    count = find_list_length(quantity, what)
     assert count is not None
     scope = [
-        (each, names) for each, names in items if named_by is None or each.get("id") in named_by
+        (each, names) for each, names in items if item_ids is None or each.get("id") in item_ids
     ]
     by_name: list[_Element] | None = None
     for texts in _iter_weight_name_lists(quantity, what):
-        found = _find_named_items(texts, scope, count, what)
+        found = find_named_items(texts, scope, count, what)
         if found is not None and by_name is not None and found != by_name:
             raise EvidenceError(f"{what}: a list of masses has two lists of names that disagree")
         by_name = found or by_name
@@ -203,7 +203,7 @@ def match_weights_to_list_values(
             f"which weight; {_REMEDY}"
         )
     order = [each.get("id") for each, _ in scope]
-    if named_by is not None and [each for each in named_by if each in order] != order:
+    if item_ids is not None and [each for each in item_ids if each in order] != order:
         raise EvidenceError(
             f"{what}: a list of masses names no weights, and its refId has another order than the "
             f"items, so it is not clear which mass belongs to which weight; {_REMEDY}"
@@ -216,18 +216,18 @@ def _iter_weight_name_lists(quantity: "_Element", what: str) -> Iterator[list[st
     values = quantity.find(f"{{{SI}}}realListXMLList")
     assert values is not None
     if values.find(f"{{{SI}}}labelXMLList") is not None:
-        yield list_texts(values, "labelXMLList", what)
+        yield read_list_texts(values, "labelXMLList", what)
     parent = quantity.getparent()
     assert parent is not None
     for beside in parent.findall(f"{{{DCC}}}quantity"):
         for chars in beside.findall(f"{{{DCC}}}charsXMLList"):
-            yield (leaf_text_or_none(chars) or "").split()
+            yield (read_leaf_text(chars) or "").split()
         # a text in several languages is said several times
         for content in beside.findall(f"{{{DCC}}}noQuantity/{{{DCC}}}content"):
-            yield (leaf_text_or_none(content) or "").split()
+            yield (read_leaf_text(content) or "").split()
 
 
-def _find_named_items(
+def find_named_items(
     texts: Sequence[str], scope: Sequence[NamedItem], count: int, what: str
 ) -> list["_Element"] | None:
     """Items named by a list of texts; None if it names none, such as a list of classes."""

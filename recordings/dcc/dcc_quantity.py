@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from estimators.errors import EvidenceError
-from recordings.dcc.dcc_document import SI, leaf_text_or_none
+from recordings.dcc.dcc_document import SI, read_leaf_text
 from recordings.dcc.dcc_limits import LIMITS
 
 if TYPE_CHECKING:
@@ -39,34 +39,34 @@ class DsiValue:
     place: int = 0
     count: int = 0
 
-    def element_name(self, name: str) -> str:
+    def make_element_name(self, name: str) -> str:
         """Name of an element, with the suffix that lists have."""
         return f"{name}XMLList" if self.count else name
 
-    def entry_texts(self, parent: "_Element", name: str, what: str) -> list[str]:
+    def read_entry_texts(self, parent: "_Element", name: str, what: str) -> list[str]:
         """Texts of an element: one, or in lists one for all entries or one per entry.
 
         Raises:
             EvidenceError: none, or another number than that.
         """
         if not self.count:
-            return [required_text(parent, name, what)]
-        texts = list_texts(parent, self.element_name(name), what)
+            return [read_required_text(parent, name, what)]
+        texts = read_list_texts(parent, self.make_element_name(name), what)
         if len(texts) not in (1, self.count):
             raise EvidenceError(
-                f"{what}: its si:{self.element_name(name)} has {len(texts)} entries for "
+                f"{what}: its si:{self.make_element_name(name)} has {len(texts)} entries for "
                 f"{self.count} values, neither one for all nor one for each"
             )
         return texts
 
-    def entry_number(self, parent: "_Element", name: str, what: str) -> float:
+    def read_entry_number(self, parent: "_Element", name: str, what: str) -> float:
         """Number of this entry; all numbers of a list must be valid."""
-        texts = self.entry_texts(parent, name, what)
-        numbers = [_parse_number(text, self.element_name(name), what) for text in texts]
+        texts = self.read_entry_texts(parent, name, what)
+        numbers = [_parse_number(text, self.make_element_name(name), what) for text in texts]
         return numbers[self.place if len(numbers) > 1 else 0]
 
 
-def list_length_or_none(quantity: "_Element", what: str) -> int | None:
+def find_list_length(quantity: "_Element", what: str) -> int | None:
     """Number of values of a list quantity; None for a si:real.
 
     Raises:
@@ -78,7 +78,7 @@ def list_length_or_none(quantity: "_Element", what: str) -> int | None:
         raise EvidenceError(f"{what}: its mass is not one si:real or one si:realListXMLList")
     if reals:
         return None
-    count = len(list_texts(lists[0], "valueXMLList", what))
+    count = len(read_list_texts(lists[0], "valueXMLList", what))
     if count > LIMITS.max_values:
         raise EvidenceError(f"{what}: its list has {count} values, more than {LIMITS.max_values}")
     return count
@@ -97,20 +97,20 @@ def read_value_and_u_kg(
     Raises:
         EvidenceError: not a mass, not with one uncertainty, or numbers that no weight has.
     """
-    count = list_length_or_none(quantity, what)
+    count = find_list_length(quantity, what)
     name = "real" if count is None else "realListXMLList"
     element = quantity.find(f"{{{SI}}}{name}")
     assert element is not None
     value = DsiValue(element, list_index or 0, count or 0)
-    units = value.entry_texts(element, "unit", what)
+    units = value.read_entry_texts(element, "unit", what)
     strange = next((unit for unit in units if unit not in _UNITS_KG), None)
     if strange is not None:
         raise EvidenceError(
             f"{what}: its mass has the unit '{strange[:40]}'; use one of {', '.join(_UNITS_KG)}"
         )
     unit_kg = _UNITS_KG[units[value.place if len(units) > 1 else 0]]
-    value_kg = value.entry_number(element, "value", what) * unit_kg
-    u_kg = _standard_uncertainty(value, what, several_units=len(set(units)) > 1) * unit_kg
+    value_kg = value.read_entry_number(element, "value", what) * unit_kg
+    u_kg = _read_standard_uncertainty(value, what, several_units=len(set(units)) > 1) * unit_kg
     if not 0.0 < value_kg <= LIMITS.weight_max_kg:
         raise EvidenceError(f"{what}: {value_kg:g} kg is not a possible mass of a weight")
     if not 0.0 < u_kg <= LIMITS.weight_max_u_1 * value_kg:
@@ -120,48 +120,48 @@ def read_value_and_u_kg(
     return value_kg, u_kg
 
 
-def _standard_uncertainty(value: DsiValue, what: str, *, several_units: bool) -> float:
+def _read_standard_uncertainty(value: DsiValue, what: str, *, several_units: bool) -> float:
     """Standard uncertainty in the unit of the value."""
-    expanded = list(value.element.iter(f"{{{SI}}}{value.element_name('expandedUnc')}"))
-    interval = list(value.element.iter(f"{{{SI}}}{value.element_name('coverageInterval')}"))
+    expanded = list(value.element.iter(f"{{{SI}}}{value.make_element_name('expandedUnc')}"))
+    interval = list(value.element.iter(f"{{{SI}}}{value.make_element_name('coverageInterval')}"))
     if len(expanded) + len(interval) != 1:
         raise EvidenceError(f"{what}: has {len(expanded) + len(interval)} uncertainties, not one")
     inside, name = (interval[0], "standardUnc") if interval else (expanded[0], "uncertainty")
-    if several_units and len(value.entry_texts(inside, name, what)) == 1:
+    if several_units and len(value.read_entry_texts(inside, name, what)) == 1:
         raise EvidenceError(f"{what}: has one uncertainty for values in several units")
     if interval:
-        return value.entry_number(inside, name, what)
-    k = value.entry_number(inside, "coverageFactor", what)
+        return value.read_entry_number(inside, name, what)
+    k = value.read_entry_number(inside, "coverageFactor", what)
     if not 1.0 <= k <= LIMITS.max_coverage_factor:
         raise EvidenceError(f"{what}: {k:g} is not a coverage factor")
-    p = value.entry_number(inside, "coverageProbability", what)
+    p = value.read_entry_number(inside, "coverageProbability", what)
     if not 0.5 <= p < 1.0:
         raise EvidenceError(
             f"{what}: {p:g} is not a coverage probability of an expanded uncertainty"
         )
-    return value.entry_number(inside, name, what) / k
+    return value.read_entry_number(inside, name, what) / k
 
 
-def required_text(parent: "_Element", name: str, what: str) -> str:
+def read_required_text(parent: "_Element", name: str, what: str) -> str:
     """Text of the only child with a name.
 
     Raises:
         EvidenceError: there is none, or several.
     """
     found = parent.findall(f"{{{SI}}}{name}")
-    text = leaf_text_or_none(found[0]) if len(found) == 1 else None
+    text = read_leaf_text(found[0]) if len(found) == 1 else None
     if not text:
         raise EvidenceError(f"{what}: its {parent.tag.rpartition('}')[2]} has no single si:{name}")
     return text
 
 
-def list_texts(parent: "_Element", name: str, what: str) -> list[str]:
+def read_list_texts(parent: "_Element", name: str, what: str) -> list[str]:
     """Entries of the only child with a name.
 
     Raises:
         EvidenceError: there is no such child, or several.
     """
-    return required_text(parent, name, what).split()
+    return read_required_text(parent, name, what).split()
 
 
 def _parse_number(text: str, name: str, what: str) -> float:
@@ -173,12 +173,12 @@ def _parse_number(text: str, name: str, what: str) -> float:
     return value
 
 
-def decimal_text(value: float) -> str:
+def format_decimal(value: float) -> str:
     """Number in D-SI's notation with all digits."""
     return repr(float(value))
 
 
-def coverage_factor_text(value: float) -> str:
+def format_coverage_factor(value: float) -> str:
     """Coverage factor or probability in D-SI's notation, without an exponent."""
     return f"{value:.12f}".rstrip("0").ljust(3, "0")
 
@@ -187,10 +187,10 @@ def add_real_quantity(
     parent: "_Element",
     value: float,
     unit: str,
-    expanded: tuple[float, float, float] | None = None,
+    expanded_uncertainty: tuple[float, float, float] | None = None,
     interval: tuple[float, float, float, float] | None = None,
 ) -> None:
-    """Add a D-SI real; `expanded` is U, k, p, and `interval` is u, min, max, p."""
+    """Add a D-SI real; `expanded_uncertainty` is U, k, p, and `interval` is u, min, max, p."""
     from lxml import etree
 
     def add_child(inside: "_Element", name: str, text: str | None = None) -> "_Element":
@@ -199,18 +199,18 @@ def add_real_quantity(
         return made
 
     real = add_child(parent, "real")
-    add_child(real, "value", decimal_text(value))
+    add_child(real, "value", format_decimal(value))
     add_child(real, "unit", unit)
-    if expanded is not None:
-        u, k, p = expanded
+    if expanded_uncertainty is not None:
+        u, k, p = expanded_uncertainty
         said = add_child(real, "expandedUnc")
-        add_child(said, "uncertainty", decimal_text(u))
-        add_child(said, "coverageFactor", coverage_factor_text(k))
-        add_child(said, "coverageProbability", coverage_factor_text(p))
+        add_child(said, "uncertainty", format_decimal(u))
+        add_child(said, "coverageFactor", format_coverage_factor(k))
+        add_child(said, "coverageProbability", format_coverage_factor(p))
     if interval is not None:
         u, low, high, p = interval
         said = add_child(real, "coverageInterval")
-        add_child(said, "standardUnc", decimal_text(u))
-        add_child(said, "intervalMin", decimal_text(low))
-        add_child(said, "intervalMax", decimal_text(high))
-        add_child(said, "coverageProbability", coverage_factor_text(p))
+        add_child(said, "standardUnc", format_decimal(u))
+        add_child(said, "intervalMin", format_decimal(low))
+        add_child(said, "intervalMax", format_decimal(high))
+        add_child(said, "coverageProbability", format_coverage_factor(p))

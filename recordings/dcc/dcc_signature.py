@@ -94,7 +94,7 @@ def check_signature(root: "_Element", what: str) -> SignedDcc:
     signed, pem = _verify_signed_info(root, found[0], what)
     if len(list(signed.iter(f"{{{DS}}}Signature"))) or signed.tag != root.tag:
         raise EvidenceError(f"{what}: its signature does not cover the whole certificate")
-    return SignedDcc(signed, key_id_from_pem(pem, what))
+    return SignedDcc(signed, compute_key_id(pem, what))
 
 
 def _verify_signed_info(
@@ -135,7 +135,7 @@ def _verify_signed_info(
     return result.signed_xml, pem or result.signature_key
 
 
-def key_id_from_pem(pem: bytes, what: str) -> str:
+def compute_key_id(pem: bytes, what: str) -> str:
     """SHA-256 of a public key's SubjectPublicKeyInfo in DER."""
     from cryptography import x509
     from cryptography.hazmat.primitives import serialization
@@ -165,7 +165,7 @@ def read_trusted_key_id(path: Path) -> str:
         EvidenceError: it cannot be read.
     """
     try:
-        return key_id_from_pem(path.read_bytes(), str(path))
+        return compute_key_id(path.read_bytes(), str(path))
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
 

@@ -9,9 +9,9 @@ from analysis.calibration.use.error_limits import OUTSIDE, WITHIN
 from estimators.errors import EvidenceError
 from recordings.calibration.calibration_text import ESTIMATORS
 from recordings.calibration.certificate_text import (
-    accuracy_class_sentences,
-    issue_day,
-    traceability_warnings,
+    iter_accuracy_class_sentences,
+    make_traceability_warnings,
+    read_issue_day,
 )
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.dcc.dcc_document import DCC, SI, VERSION, refuse_without_xml_libraries
@@ -45,8 +45,8 @@ def refuse_incomplete_campaign(campaign: CalibrationCampaign, source: object) ->
         EvidenceError: names every key that is not stated.
     """
     refuse_without_xml_libraries()
-    if campaign.missing_statements:
-        keys = ", ".join(campaign.missing_statements)
+    if campaign.missing_certificate_keys:
+        keys = ", ".join(campaign.missing_certificate_keys)
         raise EvidenceError(f"{source}: a DCC needs {keys}; state them in the campaign")
 
 
@@ -174,7 +174,7 @@ def _add_administrative_data(
     _add_element(core, "beginPerformanceDate", min(days).isoformat())
     _add_element(core, "endPerformanceDate", max(days).isoformat())
     _add_element(core, "performanceLocation", about.place_kind)
-    _add_element(core, "issueDate", issue_day(document).isoformat())
+    _add_element(core, "issueDate", read_issue_day(document).isoformat())
     if about.replaces:
         changed = _add_element(core, "reportAmendedSubstituted")
         _add_element(changed, "typeOfChange", "substituted")
@@ -214,8 +214,8 @@ def _add_statements(parent: "_Element", document: EvidenceDocument) -> None:
     about, limits = document.campaign.campaign, document.limits
     said = [("Scope", document.notice), ("Intended use", about.intended_use)]
     said += [("Place of the work", about.place), ("Deviations from the method", about.deviations)]
-    said += [("Warning", text) for text in traceability_warnings(document)]
-    said += [("Range and decision rule", text) for text in accuracy_class_sentences(document)]
+    said += [("Warning", text) for text in make_traceability_warnings(document)]
+    said += [("Range and decision rule", text) for text in iter_accuracy_class_sentences(document)]
     if about.replaces_reason:
         said.append(("Reason of the replacement", about.replaces_reason))
     for name, text in said:
@@ -272,22 +272,24 @@ def _add_results(parent: "_Element", document: EvidenceDocument) -> None:
     at_kg, readings = fitted.budget_at
     quantity = _add_element(data, "quantity", refType="basic_measuredValue")
     _add_language_text(quantity, "name", f"Later mass, mean of {readings} readings")
-    add_mass(quantity, document, at_kg)
+    add_mass_quantity(quantity, document, at_kg)
     _add_errors_of_indication(
         _add_element(found, "result", refType="basic_measurementError"), document
     )
 
 
-def add_mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -> None:
+def add_mass_quantity(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -> None:
     """Add a mass with its expanded uncertainty."""
     fitted = document.calibration
     assert fitted is not None
     at_kg, readings = fitted.budget_at
     k = fitted.coverage_k_1
-    u_kg = fitted.u_kg if mass_kg == at_kg else fitted.inversion.u_kg(mass_kg, readings)
+    u_kg = fitted.u_kg if mass_kg == at_kg else fitted.make_inversion.u_kg(mass_kg, readings)
     if not (math.isfinite(u_kg) and k >= 1.0):
         raise EvidenceError(f"{document.id}: at {mass_kg:g} kg there is no uncertainty to certify")
-    add_real_quantity(quantity, mass_kg, r"\kilogram", expanded=(k * u_kg, k, fitted.confidence_1))
+    add_real_quantity(
+        quantity, mass_kg, r"\kilogram", expanded_uncertainty=(k * u_kg, k, fitted.confidence_1)
+    )
 
 
 def _add_errors_of_indication(result: "_Element", document: EvidenceDocument) -> None:
@@ -308,10 +310,10 @@ def _add_errors_of_indication(result: "_Element", document: EvidenceDocument) ->
             quantity,
             reference.reference_kg,
             r"\kilogram",
-            expanded=(2.0 * reference.u_kg, 2.0, 0.954),
+            expanded_uncertainty=(2.0 * reference.u_kg, 2.0, 0.954),
         )
         quantity = _add_element(row, "quantity", refType="basic_measuredValue")
-        add_mass(quantity, document, reference.reference_kg + point.error_kg)
+        add_mass_quantity(quantity, document, reference.reference_kg + point.error_kg)
         quantity = _add_element(row, "quantity", refType="basic_measurementError")
         add_real_quantity(quantity, point.error_kg, r"\kilogram")
 
@@ -340,7 +342,7 @@ def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
                 "Certificate",
                 _CERTIFICATE,
             )
-        _add_known_mass(made, "Mass", mass.value_kg, mass.u_kg)
+        _add_reference_mass(made, "Mass", mass.value_kg, mass.u_kg)
     if campaign.method.estimator != "joint_payload" and machine.empty_mass_kg is not None:
         made = _add_element(parent, "measuringEquipment", refType="basic_measurementStandard")
         _add_language_text(made, "name", "The machine without load")
@@ -352,22 +354,26 @@ def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
                 "Certificate",
                 _CERTIFICATE,
             )
-        _add_known_mass(made, "Empty mass", machine.empty_mass_kg, machine.empty_mass_u_kg or 0.0)
+        _add_reference_mass(
+            made, "Empty mass", machine.empty_mass_kg, machine.empty_mass_u_kg or 0.0
+        )
 
 
-def _add_known_mass(equipment: "_Element", name: str, value_kg: float, u_kg: float) -> None:
+def _add_reference_mass(equipment: "_Element", name: str, value_kg: float, u_kg: float) -> None:
     quantity = _add_element(
         _add_element(equipment, "measuringEquipmentQuantities"),
         "measuringEquipmentQuantity",
         refType="basic_referenceValue",
     )
     _add_language_text(quantity, "name", name)
-    add_real_quantity(quantity, value_kg, r"\kilogram", expanded=(2.0 * u_kg, 2.0, 0.954))
+    add_real_quantity(
+        quantity, value_kg, r"\kilogram", expanded_uncertainty=(2.0 * u_kg, 2.0, 0.954)
+    )
 
 
 def _add_conditions(parent: "_Element", document: EvidenceDocument) -> None:
     campaign = document.campaign
-    runs = [campaign.conditions_of_run(run) for run in campaign.runs]
+    runs = [campaign.find_run_conditions(run) for run in campaign.runs]
     for key, ref, unit, name in _CONDITIONS:
         for value in dict.fromkeys(each[key] for each in runs):
             made = _add_element(parent, "influenceCondition", refType=ref)

@@ -21,20 +21,20 @@ from recordings.plots.convergence_plot import draw_convergence
 from recordings.plots.force_acceleration_plot import draw_force_acceleration
 from recordings.plots.time_panels import draw_over_time
 from recordings.report.finding_text import (
-    cause_name,
-    consequence_text,
-    finding_line,
-    finding_span_text,
-    indistinguishable_causes_text,
-    mass_change_if_fixed_text,
+    describe_consequence,
+    describe_indistinguishable_causes,
+    describe_mass_change_if_fixed,
+    find_cause_name,
+    format_finding,
+    format_finding_span,
+    format_proposed_keys,
     may_change_mass,
-    proposed_keys_text,
 )
 from recordings.report.number_text import format_number, format_plus_minus
 from recordings.report.picture import write_picture
-from recordings.rrd.display_frames import grid_span_ns, make_display_frames
+from recordings.rrd.display_frames import find_grid_span_ns, make_display_frames
 from recordings.rrd.recording_table import MOMENT
-from recordings.rrd.recording_texts import answer_headline
+from recordings.rrd.recording_texts import format_answer_headline
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -60,13 +60,13 @@ _FINDINGS: Final = 3
 _AROUND_S: Final = 15.0
 
 
-def answer_and_cause_sentence(explanation: Explanation) -> str:
+def describe_answer_and_cause(explanation: Explanation) -> str:
     """The answer and the likeliest cause of an error, in one sentence."""
-    said = answer_headline(explanation.answer).removesuffix(".")
+    said = format_answer_headline(explanation.answer).removesuffix(".")
     here = (
         ""
         if explanation.at_s is None
-        else f"; at {explanation.at_s:g} s {_describe_moment(explanation)}"
+        else f"; at {explanation.at_s:g} s {_describe_moment_of_explanation(explanation)}"
     )
     found = explanation.findings
     if found is None:
@@ -74,21 +74,21 @@ def answer_and_cause_sentence(explanation: Explanation) -> str:
     if not found:
         return f"{said}{here}; none of the known causes of an error was detected."
     if not any(map(may_change_mass, found)):
-        names = ", ".join(cause_name(each.cause) for each in found)
+        names = ", ".join(find_cause_name(each.cause) for each in found)
         return f"{said}{here}; none of the findings is known to affect the mass: {names}."
     # the list's own order: a sentence that skips would be another order of likelihood
     first, others = found[0], len(found) - 1
     more = f", and {counted(others, 'finding')} more" if others else ""
-    change = mass_change_if_fixed_text(first) or (
+    change = describe_mass_change_if_fixed(first) or (
         "" if may_change_mass(first) else "not known to affect the mass"
     )
     return (
-        f"{said}{here}; likeliest cause of an error: {cause_name(first.cause)}"
+        f"{said}{here}; likeliest cause of an error: {find_cause_name(first.cause)}"
         f"{f' ({change})' if change else ''}{more}."
     )
 
 
-def _describe_moment(explanation: Explanation) -> str:
+def _describe_moment_of_explanation(explanation: Explanation) -> str:
     stretch = next(
         (e for e in explanation.gate if e.start_s <= (explanation.at_s or 0.0) <= e.end_s), None
     )
@@ -111,14 +111,15 @@ def _describe_gate_stretch(stretch: GateStretch) -> str:
 def iter_finding_lines(explanation: Explanation) -> Iterator[str]:
     """Yield lines on every finding by rank, with its consequence."""
     for each in explanation.findings or ():
-        where = ", ".join(filter(None, (each.channel, finding_span_text(each))))
-        yield f"{each.rank}. {cause_name(each.cause)}{f' ({where})' if where else ''}: {each.says}"
+        where = ", ".join(filter(None, (each.channel, format_finding_span(each))))
+        name = find_cause_name(each.cause)
+        yield f"{each.rank}. {name}{f' ({where})' if where else ''}: {each.says}"
         for line in (
             each.evidence,
-            mass_change_if_fixed_text(each),
-            proposed_keys_text(each),
-            indistinguishable_causes_text(each),
-            consequence_text(each),
+            describe_mass_change_if_fixed(each),
+            format_proposed_keys(each),
+            describe_indistinguishable_causes(each),
+            describe_consequence(each),
         ):
             if line:
                 yield f"   {line}"
@@ -137,7 +138,7 @@ def iter_gate_lines(explanation: Explanation) -> Iterator[str]:
         yield ", ".join(f"{name.replace('_', ' ')} {share:.0%}" for name, share in shares)
 
 
-def determined_parameter_lines(identifiability: DeterminedParameters | None) -> Iterator[str]:
+def iter_determined_parameter_lines(identifiability: DeterminedParameters | None) -> Iterator[str]:
     """Yield lines on which parameters the motion determines and which it does not."""
     if identifiability is None:
         return
@@ -159,7 +160,7 @@ def determined_parameter_lines(identifiability: DeterminedParameters | None) -> 
         )
 
 
-def manoeuvre_line(report: ManoeuvreReport) -> str:
+def describe_manoeuvre(report: ManoeuvreReport) -> str:
     """Line on a manoeuvre's mass and that of its load, or why it has no mass."""
     span = f"{report.start_s:,.1f} to {report.end_s:,.1f} s"
     if report.mass_kg is None:
@@ -193,11 +194,11 @@ def draw_explanation(run: Run, explanation: Explanation) -> "Figure":
     """Draw the picture of `plot_explanation` without writing it."""
     from matplotlib.figure import Figure
 
-    at_s = explanation.at_s if explanation.at_s is not None else _moment_to_show_s(explanation, run)
-    near = run if at_s is None else _cut_run_around(run, at_s)
-    lines = wrap(answer_and_cause_sentence(explanation), _LINE)
+    at_s = explanation.at_s if explanation.at_s is not None else choose_moment_s(explanation, run)
+    near = run if at_s is None else _cut_run_around_moment(run, at_s)
+    lines = wrap(describe_answer_and_cause(explanation), _LINE)
     for each in (explanation.findings or ())[:_FINDINGS]:
-        lines += wrap(f"{each.rank}. {finding_line(each)}", _LINE, subsequent_indent="   ")
+        lines += wrap(f"{each.rank}. {format_finding(each)}", _LINE, subsequent_indent="   ")
     figure = Figure(figsize=_SIZE_IN, layout="constrained")
     # inches: text has a height of its own
     heights = [0.2 * len(lines) + 0.15, _SIZE_IN[1]]
@@ -220,12 +221,12 @@ def draw_explanation(run: Run, explanation: Explanation) -> "Figure":
     return figure
 
 
-def _moment_to_show_s(explanation: Explanation, run: Run) -> float | None:
+def choose_moment_s(explanation: Explanation, run: Run) -> float | None:
     """Moment of the first finding that has one, or of the worst manoeuvre.
 
     None, for the whole run, if the run is not much longer than the drawn stretch.
     """
-    span = grid_span_ns(run)
+    span = find_grid_span_ns(run)
     if span is None or span[1] - span[0] < 4 * _AROUND_S * NS_PER_S:
         return None
     for each in explanation.findings or ():
@@ -236,17 +237,17 @@ def _moment_to_show_s(explanation: Explanation, run: Run) -> float | None:
     return None
 
 
-def _cut_run_around(run: Run, at_s: float) -> Run:
+def _cut_run_around_moment(run: Run, at_s: float) -> Run:
     """Samples around a moment; frames without samples are kept whole."""
     begin, end = (round((at_s + way * _AROUND_S) * NS_PER_S) for way in (-1, 1))
     frames = {
-        name: rows_between(frame, begin, end) if "t_ns" in frame.columns else frame
+        name: select_rows_between_times(frame, begin, end) if "t_ns" in frame.columns else frame
         for name, frame in run.frames.items()
     }
     return Run(frames, run.provenance)
 
 
-def rows_between(frame: pl.DataFrame, begin: int, end: int) -> pl.DataFrame:
+def select_rows_between_times(frame: pl.DataFrame, begin: int, end: int) -> pl.DataFrame:
     """Samples of a stretch of a sorted frame, found by binary search."""
     t = frame["t_ns"].to_numpy()
     first, last = np.searchsorted(t, begin, "left"), np.searchsorted(t, end, "right")
@@ -269,5 +270,5 @@ def _restrict_run_to_load_at(run: Run, at_s: float | None) -> Run:
         frames["manoeuvres"] = frames["manoeuvres"].filter(pl.col("load_id") == load_id)
     for name, frame in run.frames.items():
         if name.startswith("estimates/"):
-            frames[name] = rows_between(frame, begin, end)
+            frames[name] = select_rows_between_times(frame, begin, end)
     return Run(frames, run.provenance)

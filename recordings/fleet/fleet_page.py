@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from analysis.fleet.calibration_steps import FleetCalibration, LineChange
-from analysis.fleet.daily_figures import sum_machines, sum_results
+from analysis.fleet.daily_figures import sum_machines, sum_results_by_group
 from analysis.fleet.machine_drifts import SIGNALS, MachineChart
 from estimators.errors import counted
 from recordings.report.number_text import SCALE_NOT_KNOWN
@@ -47,7 +47,7 @@ class FleetPage:
         name: name of the fleet.
         results: table `results`.
         days: frame of `make_daily_figures`.
-        weeks: frame of `weekly_tonnes`.
+        weeks: frame of `sum_weekly_tonnes`.
         charts: charts of `make_machine_charts`.
         calibrations: calibrations of all machines.
         changes: changes between successive calibrations.
@@ -72,13 +72,13 @@ class FleetPage:
 
 def render_fleet_html(page: FleetPage) -> str:
     """HTML of the page, with all texts escaped and no external requests."""
-    machines = sum_results(page.results, ["machine"])
+    machines = sum_results_by_group(page.results, ["machine"])
     total = sum_machines(machines)
     flagged = sorted(
         (chart for chart in page.charts if chart.chart.flagged is not None),
-        key=_significance_sort_key,
+        key=_drift_sort_key,
     )
-    by_week = _weekly_tonnes_of_fleet(page.weeks)
+    by_week = _sum_weekly_tonnes_of_fleet(page.weeks)
     drawn = [draw_weekly_tonnes(by_week)] if by_week.height else []
     return render_page_html(
         "recordings.fleet",
@@ -141,7 +141,7 @@ def _format_period(days: pl.DataFrame) -> str:
 
 
 def _make_fact_rows(
-    page: FleetPage, total: Mapping[str, float], flagged: int
+    page: FleetPage, totals: Mapping[str, float], flagged_charts: int
 ) -> list[tuple[str, str]]:
     status = page.results["status"]
     refused = int((status == "refused").sum())
@@ -150,11 +150,11 @@ def _make_fact_rows(
         ("interval", "95 % (k = 2); machines are assumed independent of each other"),
         (
             "recordings",
-            f"{total['recordings']:,.0f}: {refused:,} refused, {cannot:,} that cannot weigh, "
+            f"{totals['recordings']:,.0f}: {refused:,} refused, {cannot:,} that cannot weigh, "
             f"{len(page.failed):,} without a result",
         ),
         ("hours", f"{page.days['hours'].sum():,.0f} recorded"),
-        ("drift", f"{counted(flagged, 'chart')} beyond the limit"),
+        ("drift", f"{counted(flagged_charts, 'chart')} beyond the limit"),
         ("to look at", counted(page.looks.height, "recording")),
     ]
 
@@ -173,7 +173,7 @@ def _list_warnings(page: FleetPage) -> list[str]:
     undated = page.results.filter(pl.col("day") == "undated").height
     if undated:
         found.append(f"{counted(undated, 'recording')} without a date: not in any week or chart.")
-    scale = int(sum_results(page.results, ["machine"])["without_scale"].sum())
+    scale = int(sum_results_by_group(page.results, ["machine"])["without_scale"].sum())
     if scale:
         found.append(
             f"Scale not known in {counted(scale, 'recording')}: neither the empty machine's "
@@ -193,32 +193,32 @@ def _make_machine_row(row: Mapping[str, Any], page: FleetPage) -> Mapping[str, A
     ends = max((c.expires for c in page.calibrations if c.machine == name), default=None)
     looks = page.looks.filter(pl.col("machine") == name).height
     cells = [
-        cell_text_and_sort_key(row["recordings"], ",.0f"),
-        cell_text_and_sort_key(row["loads"], ",.0f"),
-        cell_text_and_sort_key(row["payload_kg"] / 1e3, ",.1f"),
-        cell_text_and_sort_key(K * row["payload_u_kg"] / 1e3, ",.1f"),
+        format_sortable_cell(row["recordings"], ",.0f"),
+        format_sortable_cell(row["loads"], ",.0f"),
+        format_sortable_cell(row["payload_kg"] / 1e3, ",.1f"),
+        format_sortable_cell(K * row["payload_u_kg"] / 1e3, ",.1f"),
         ("not known", "1") if row["without_scale"] else ("known", "0"),
-        cell_text_and_sort_key(float(mine["hours"].sum()), ",.0f"),
+        format_sortable_cell(float(mine["hours"].sum()), ",.0f"),
     ]
     for signal in SIGNALS:
         chart = latest.get(signal.name)
         flagged = chart is not None and chart.chart.flagged is not None
         cells.append(
-            cell_text_and_sort_key(chart.change if chart is not None and flagged else None, "+,.1f")
+            format_sortable_cell(chart.change if chart is not None and flagged else None, "+,.1f")
         )
     cells.append(("–", "") if ends is None else (str(ends), str(ends)))
-    cells.append(cell_text_and_sort_key(looks, ",.0f"))
+    cells.append(format_sortable_cell(looks, ",.0f"))
     return {"name": name, "cells": cells}
 
 
-def cell_text_and_sort_key(value: float | None, number_format: str) -> tuple[str, str]:
+def format_sortable_cell(value: float | None, number_format: str) -> tuple[str, str]:
     """Displayed text and sorting key of a cell."""
     if value is None or not math.isfinite(value):
         return "–", ""
     return f"{value:{number_format}}", f"{value:.6g}"
 
 
-def _significance_sort_key(chart: MachineChart) -> tuple[float, str, str]:
+def _drift_sort_key(chart: MachineChart) -> tuple[float, str, str]:
     """Sorting key that puts the change with the largest ratio to its deviation first."""
     change, std = abs(chart.change), chart.change_std
     known = math.isfinite(change) and std > 0.0
@@ -261,11 +261,11 @@ def _format_line_change(change: LineChange) -> tuple[str, ...]:
         str(change.after.first),
         f"{change.zero_kg:+,.1f} (± {change.zero_limit_kg:,.1f})",
         f"{change.scale_1:+.2%} (± {change.scale_limit_1:.2%})",
-        "beyond its limit" if change.has_moved else "within",
+        "beyond its limit" if change.has_line_moved else "within",
     )
 
 
-def _weekly_tonnes_of_fleet(weeks: pl.DataFrame) -> pl.DataFrame:
+def _sum_weekly_tonnes_of_fleet(weeks: pl.DataFrame) -> pl.DataFrame:
     return (
         weeks.group_by("week")
         .agg(pl.col("payload_kg").sum(), (pl.col("payload_u_kg") ** 2).sum().sqrt())
@@ -282,10 +282,7 @@ def _make_week_table(weeks: pl.DataFrame) -> Mapping[str, Any]:
     rows = [
         (
             row["machine"],
-            [
-                cell_text_and_sort_key(None if row[n] is None else row[n] / 1e3, ",.1f")
-                for n in names
-            ],
+            [format_sortable_cell(None if row[n] is None else row[n] / 1e3, ",.1f") for n in names],
         )
         for row in table.sort("machine").iter_rows(named=True)
     ]
@@ -314,11 +311,11 @@ def draw_weekly_tonnes(weeks: pl.DataFrame) -> Drawing | None:
     axes = Axes(axes.x, (0.0, axes.y[1]), _BOX)
     axes.draw(picture, f"weeks since {first}", "tonnes")
     for x, value, half in zip(at, t, 2.0 * u, strict=True):
-        left, top = axes.place_in_drawing(x - 0.4, float(value))
-        right, bottom = axes.place_in_drawing(x + 0.4, 0.0)
+        left, top = axes.convert_to_drawing_units(x - 0.4, float(value))
+        right, bottom = axes.convert_to_drawing_units(x + 0.4, 0.0)
         picture.fill_bar(left, top, right - left, bottom - top, "bar")
-        middle, low = axes.place_in_drawing(x, float(value - half))
-        _, high = axes.place_in_drawing(x, float(value + half))
+        middle, low = axes.convert_to_drawing_units(x, float(value - half))
+        _, high = axes.convert_to_drawing_units(x, float(value + half))
         picture.draw_line(middle, low, middle, high, "ideal")
     return picture
 
@@ -348,11 +345,11 @@ def draw_drift_chart(picture_number: int, machine_chart: MachineChart) -> Drawin
     axes = Axes.from_data(
         [at for at, _, _ in points], [*means, centre - half, centre + half], _BOX, 0.04
     )
-    left, top = axes.place_in_drawing(axes.x[0], centre + half)
-    right, bottom = axes.place_in_drawing(axes.x[1], centre - half)
+    left, top = axes.convert_to_drawing_units(axes.x[0], centre + half)
+    right, bottom = axes.convert_to_drawing_units(axes.x[1], centre - half)
     picture.fill_bar(left, top, right - left, bottom - top, "band")
     axes.draw(picture, f"weeks since {machine_chart.days[0]}", unit)
-    x, _ = axes.place_in_drawing(
+    x, _ = axes.convert_to_drawing_units(
         (machine_chart.days[flagged] - machine_chart.days[0]).days / _WEEK, centre
     )
     picture.draw_line(x, _BOX[1], x, _BOX[3], "ideal")
@@ -360,7 +357,9 @@ def draw_drift_chart(picture_number: int, machine_chart: MachineChart) -> Drawin
         outside = abs(mean - centre) > half
         week = machine_chart.days[0] + dt.timedelta(days=_WEEK * at)
         tip = f"week of {week}: {mean:,.1f} {unit}, {count} days"
-        picture.draw_dot(*axes.place_in_drawing(at, mean), "left" if outside else "point", tip)
+        picture.draw_dot(
+            *axes.convert_to_drawing_units(at, mean), "left" if outside else "point", tip
+        )
     return picture
 
 

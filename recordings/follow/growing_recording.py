@@ -27,7 +27,7 @@ from recordings.follow.growing_file import (
     iter_whole_messages,
 )
 from recordings.report.atomic_output import AppendedFile
-from recordings.rrd.blueprint import Page, lay_out_tabs, tab_panels, text_entity_path
+from recordings.rrd.blueprint import Page, lay_out_tabs, make_tab_panels, make_text_entity_path
 from recordings.rrd.display_frames import LANES, ROOT, make_display_frames
 from recordings.rrd.drawn_rows import iter_drawn_batches
 from recordings.rrd.recording_table import TABS
@@ -172,7 +172,7 @@ class GrowingRecording:
         assert row.gate is not None
         new, t_ns = self._new, row.t_ns
         new.excitation.append({"t_ns": t_ns, **{name: row.excitation[name] for name in EXCITATION}})
-        numbers = row.gate.gate_columns()
+        numbers = row.gate.make_gate_columns()
         new.gate.append({"t_ns": t_ns, **{name: numbers[name] for name in GATE}})
         for lane, state in zip(STATES, (row.gate.reason, row.phase), strict=True):
             if lane not in self._state or self._state[lane] != state:
@@ -192,7 +192,7 @@ class GrowingRecording:
             self._send_rows(stream, new, text)
         self._append_new_rows_to_file()
 
-    def give_up_file(self) -> None:
+    def stop_writing_file(self) -> None:
         """Stop writing to the file; viewers continue."""
         if self._file is not None:
             self._file.close()
@@ -220,7 +220,7 @@ class GrowingRecording:
         frames["display/gate"] = _make_numeric_frame(new.gate, GATE)
         now = np.array([t_ns])
         stream.send_columns(
-            text_entity_path(ANSWER),
+            make_text_entity_path(ANSWER),
             indexes=[
                 rr.TimeColumn(TIME, timestamp=(now + self._about.t0_unix_ns).view("M8[ns]")),
                 rr.TimeColumn(SINCE_START, duration=now.view("m8[ns]")),
@@ -257,7 +257,7 @@ def make_growing_layout(settings: Settings) -> tuple[dict[str, float], "Blueprin
     run = make_placeholder_run(settings)
     shown = make_display_frames(run)
     pages = [
-        Page(tab.name, tab_panels(tab, run, shown), (ANSWER,) if ANSWER in tab.texts else ())
+        Page(tab.name, make_tab_panels(tab, run, shown), (ANSWER,) if ANSWER in tab.texts else ())
         for tab in TABS
         if tab.name in _TABS
     ]
@@ -285,8 +285,8 @@ def make_placeholder_run(settings: Settings) -> Run:
     return Run(frames, Provenance(settings=settings))
 
 
-def _make_empty_rows(columns: "tuple[str, ...] | list[str]", apart_ns: int) -> pl.DataFrame:
-    times = {"t_ns": [row * apart_ns for row in range(_ROWS)]}
+def _make_empty_rows(columns: "tuple[str, ...] | list[str]", row_distance_ns: int) -> pl.DataFrame:
+    times = {"t_ns": [row * row_distance_ns for row in range(_ROWS)]}
     return pl.DataFrame({**times, **{name: [float("nan")] * _ROWS for name in columns}})
 
 

@@ -63,9 +63,9 @@ class CheckedList:
         """Public key named in the head."""
         return None if self.head is None else PublicKey.from_text(self.head.public_key)
 
-    def add_forgery(self, what: str, counter: int = 0) -> None:
+    def add_forgery(self, text: str, counter: int = 0) -> None:
         """Add a fault that no honest notary causes."""
-        self.faults.append(ListFault(True, counter, what))
+        self.faults.append(ListFault(True, counter, text))
 
 
 def check_notary_list(data: bytes, now: dt.datetime, first_counter: int = 1) -> CheckedList:
@@ -99,7 +99,7 @@ def check_notary_list(data: bytes, now: dt.datetime, first_counter: int = 1) -> 
     checked.lines = lines[1:]
     _check_chained_lines(checked, lines, first_counter)
     checked.faults += _find_time_faults(checked.entries, now)
-    checked.notes += find_remarks_on_list(checked.entries)
+    checked.notes += iter_list_remarks(checked.entries)
     return checked
 
 
@@ -160,7 +160,7 @@ def _find_time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Itera
     latest: NotaryEntry | None = None
     ended: NotaryEntry | None = None
     for entry in entries:
-        begins, ends, listed = map(parse_time_or_none, (entry.begins, entry.ends, entry.listed))
+        begins, ends, listed = map(parse_list_time, (entry.begins, entry.ends, entry.listed))
         assert listed is not None
         number = entry.counter
         if begins is not None and ends is not None and ends < begins:
@@ -203,13 +203,13 @@ def _find_time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Itera
             )
 
 
-def find_remarks_on_list(entries: Sequence[NotaryEntry]) -> Iterator[str]:
+def iter_list_remarks(entries: Sequence[NotaryEntry]) -> Iterator[str]:
     """Notes that are not faults."""
     seen: dict[tuple[str, ...], NotaryEntry] = {}
     late: dict[int, float] = {}
     undated: list[int] = []
     for entry in entries:
-        ends, listed = parse_time_or_none(entry.ends), parse_time_or_none(entry.listed)
+        ends, listed = parse_list_time(entry.ends), parse_list_time(entry.listed)
         if ends is None:
             undated.append(entry.counter)
         elif listed is not None and listed - ends > LATE:
@@ -219,20 +219,20 @@ def find_remarks_on_list(entries: Sequence[NotaryEntry]) -> Iterator[str]:
         if first is not entry:
             yield f"number {entry.counter}: '{entry.log}' is also number {first.counter}"
     if undated:
-        yield f"{_line_numbers_text(undated)}: without an absolute time, or not readable"
+        yield f"{_format_line_numbers(undated)}: without an absolute time, or not readable"
     if late:
-        named, days = _line_numbers_text(list(late)), max(late.values())
+        named, days = _format_line_numbers(list(late)), max(late.values())
         yield (
             f"{named}: listed up to {days:.0f} days after the log ended; the list does not show "
             "what was done to it in between"
         )
 
 
-def _line_numbers_text(counters: Sequence[int]) -> str:
+def _format_line_numbers(counters: Sequence[int]) -> str:
     """Numbers of the affected lines as text; only the first ones are listed."""
     return f"number {list_some(counters, LIMITS.max_entries)}"
 
 
-def parse_time_or_none(stamp: str) -> dt.datetime | None:
+def parse_list_time(stamp: str) -> dt.datetime | None:
     """Parse a time of a list; None if it is empty."""
     return dt.datetime.fromisoformat(stamp) if stamp else None

@@ -18,7 +18,7 @@ from pydantic import BaseModel, Field, StringConstraints, ValidationError
 from analysis.model.strict_config import STRICT
 from estimators.errors import EvidenceError
 from recordings.notary.notary_limits import LIMITS
-from recordings.signatures.canonical_json import canonical_json_bytes, parse_canonical_json
+from recordings.signatures.canonical_json import encode_canonical_json, parse_canonical_json
 from recordings.signatures.signing import PublicKey, SigningKey
 
 FORMAT: Final = "payscope-notary/1"
@@ -108,48 +108,48 @@ class NotaryLine:
 
     def is_signed_by(self, key: PublicKey) -> bool:
         """Whether this key signed the line."""
-        return key.has_signed(self.signature, bytes_to_sign(self.content))
+        return key.has_signed(self.signature, encode_bytes_to_sign(self.content))
 
 
-def bytes_to_sign(content: NotaryHead | NotaryEntry) -> bytes:
+def encode_bytes_to_sign(content: NotaryHead | NotaryEntry) -> bytes:
     """Canonical bytes of a line, with a prefix that separates uses of the key."""
-    return _DOMAIN + canonical_json_bytes(content.model_dump(mode="json"))
+    return _DOMAIN + encode_canonical_json(content.model_dump(mode="json"))
 
 
 def sign_line(content: NotaryHead | NotaryEntry, key: SigningKey) -> NotaryLine:
     """Line with its signature."""
-    signature = key.sign(bytes_to_sign(content))
+    signature = key.sign(encode_bytes_to_sign(content))
     text = base64.b64encode(signature).decode()
-    data = canonical_json_bytes({**content.model_dump(mode="json"), "signature": text})
+    data = encode_canonical_json({**content.model_dump(mode="json"), "signature": text})
     return NotaryLine(data, content, signature)
 
 
-def parse_line(data: bytes, what: str) -> NotaryLine:
+def parse_line(data: bytes, source: str) -> NotaryLine:
     """Read a line of a stranger; trust its contents only after `is_signed_by` holds.
 
     Args:
         data: bytes without the newline.
-        what: name of the line, for the error.
+        source: name of the line, for the error.
 
     Raises:
         EvidenceError: it is not a line as written by `sign_line`.
     """
     if len(data) > LIMITS.line_bytes:
-        raise EvidenceError(f"{what}: is longer than the {LIMITS.line_bytes} bytes allowed")
-    values: Any = parse_canonical_json(data, what)
+        raise EvidenceError(f"{source}: is longer than the {LIMITS.line_bytes} bytes allowed")
+    values: Any = parse_canonical_json(data, source)
     if not isinstance(values, dict) or not isinstance(values.get("signature"), str):
-        raise EvidenceError(f"{what}: is not a signed line of a notary")
+        raise EvidenceError(f"{source}: is not a signed line of a notary")
     text = values.pop("signature")
     model = NotaryHead if values.get("counter") == 0 else NotaryEntry
     try:
         signature = base64.b64decode(text, validate=True)
-        content = model.model_validate_json(canonical_json_bytes(values))
+        content = model.model_validate_json(encode_canonical_json(values))
     except (binascii.Error, ValueError) as fault:
-        raise EvidenceError(f"{what}: {_format_validation_fault(fault)}") from None
-    if canonical_json_bytes({**content.model_dump(mode="json"), "signature": text}) != data:
-        raise EvidenceError(f"{what}: holds a value of a type that a notary does not write")
+        raise EvidenceError(f"{source}: {_format_validation_fault(fault)}") from None
+    if encode_canonical_json({**content.model_dump(mode="json"), "signature": text}) != data:
+        raise EvidenceError(f"{source}: holds a value of a type that a notary does not write")
     if len(signature) != 64 or base64.b64encode(signature).decode() != text:
-        raise EvidenceError(f"{what}: its signature is not base64 of 64 bytes")
+        raise EvidenceError(f"{source}: its signature is not base64 of 64 bytes")
     return NotaryLine(data, content, signature)
 
 

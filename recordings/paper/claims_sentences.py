@@ -6,7 +6,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.paper import printed_numbers
-from analysis.paper.claims import Claims, ls_buffer_bytes, rls_state_bytes
+from analysis.paper.claims import Claims, compute_ls_buffer_bytes, compute_rls_state_bytes
 from analysis.paper.paper_limits import LIMITS as PAPER_LIMITS
 from recordings.paper.paper_wording import NAMES, ItemSentences, format_percent
 
@@ -82,7 +82,7 @@ def _format_printed_number(row: Mapping[str, Any]) -> str:
     return f"{mean:g} ± {spread:g} %"
 
 
-def sentences_on_claims(claims: Claims) -> ItemSentences:
+def write_claim_sentences(claims: Claims) -> ItemSentences:
     """Sentences on the result of each claim."""
     return ItemSentences(
         (
@@ -96,21 +96,22 @@ def sentences_on_claims(claims: Claims) -> ItemSentences:
             "3 s.",
         ),
         (
-            _memory_claim_sentence(claims),
-            _rms_claim_sentence(claims),
-            _simulation_claim_sentence(claims),
-            _experiment_claim_sentence(claims),
-            _error_reduction_claim_sentence(claims),
+            _write_memory_claim(claims),
+            _write_rms_claim(claims),
+            _write_simulation_claim(claims),
+            _write_experiment_claim(claims),
+            _write_error_reduction_claim(claims),
         ),
     )
 
 
-def _memory_claim_sentence(claims: Claims) -> str:
+def _write_memory_claim(claims: Claims) -> str:
     buffer, of_ls, of_rls = claims.buffer, claims.buffer.ls_kg, claims.buffer.rls_kg
     windows = len(buffer.windows)
     sentence = (
-        f"RLS keeps {rls_state_bytes()} B where OLS keeps the window, "
-        f"{ls_buffer_bytes(min(buffer.windows)):,} to {ls_buffer_bytes(max(buffer.windows)):,} B. "
+        f"RLS keeps {compute_rls_state_bytes()} B where OLS keeps the window, "
+        f"{compute_ls_buffer_bytes(min(buffer.windows)):,} to "
+        f"{compute_ls_buffer_bytes(max(buffer.windows)):,} B. "
         f"Single runs are {of_rls[0]:.1f} to {of_rls[1]:.1f} kg off with RLS and {of_ls[0]:.1f} to "
         f"{of_ls[1]:.1f} kg with OLS; "
     )
@@ -129,7 +130,7 @@ def _memory_claim_sentence(claims: Claims) -> str:
     )
 
 
-def _rms_claim_sentence(claims: Claims) -> str:
+def _write_rms_claim(claims: Claims) -> str:
     low, high = claims.rms_kg
     holds = "holds in simulation for every method"
     return (
@@ -142,7 +143,7 @@ def _rms_claim_sentence(claims: Claims) -> str:
     )
 
 
-def _simulation_claim_sentence(claims: Claims) -> str:
+def _write_simulation_claim(claims: Claims) -> str:
     mean, spread = printed_numbers.SIMULATION_ERROR
     return (
         f"{format_percent(mean, 4)} ± {format_percent(spread, 2)} in simulation: a single window "
@@ -161,7 +162,7 @@ def _simulation_claim_sentence(claims: Claims) -> str:
     )
 
 
-def _experiment_claim_sentence(claims: Claims) -> str:
+def _write_experiment_claim(claims: Claims) -> str:
     mean, spread = printed_numbers.EXPERIMENT_ERROR
     of_mass, of_range = claims.experiment_mass_percent, claims.experiment_range_percent
     return (
@@ -174,10 +175,11 @@ def _experiment_claim_sentence(claims: Claims) -> str:
     )
 
 
-def _error_reduction_claim_sentence(claims: Claims) -> str:
+def _write_error_reduction_claim(claims: Claims) -> str:
     rows = claims.frame.filter(pl.col("claim") == "reduction").iter_rows(named=True)
     each = [
-        f"{_describe_case(row)}, {row['found_kg']:,.1f} kg{_describe_gain(row['smaller_percent'])}"
+        f"{_describe_case(row)}, {row['found_kg']:,.1f} kg"
+        f"{_format_reduction(row['smaller_percent'])}"
         for row in rows
     ]
     held = claims.reduced
@@ -192,7 +194,7 @@ def _error_reduction_claim_sentence(claims: Claims) -> str:
     )
 
 
-def _describe_gain(smaller_percent: float | None) -> str:
+def _format_reduction(smaller_percent: float | None) -> str:
     """Reduction in percent as text; empty if unknown."""
     if smaller_percent is None:
         return ""

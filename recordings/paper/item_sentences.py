@@ -165,7 +165,7 @@ def method_error_table_sentences(numbers: SweptTable) -> ItemSentences:
         ),
         (
             "The text says that most methods have their smallest error at 0.7 nat. Its table has "
-            f"it at {_best_settings_text(numbers.best_printed, 'nat')}.",
+            f"it at {_format_best_settings(numbers.best_printed, 'nat')}.",
             _error_extremes_sentence(numbers.extremes, "nat"),
             _nearest_bound_sentence(numbers.nearest_bound_1),
             "The printed columns jump by a factor of eight between neighbours (RLS 42.6 kg at 0.7, "
@@ -187,7 +187,7 @@ def swept_setting_table_sentences(numbers: SweptTable) -> ItemSentences:
         ),
         (
             "The text says that 400 samples are best. Its table has the smallest error at "
-            f"{_best_settings_text(numbers.best_printed, 'samples')}.",
+            f"{_format_best_settings(numbers.best_printed, 'samples')}.",
             _error_extremes_sentence(numbers.extremes, "samples"),
             "The printed FGLS errors of 67.1 and 63.7 kg beside 17.5 and 15.1 kg of LS look like "
             "(16) without a guard, 1/r² at r near 0; with bounded weights FGLS follows LS.",
@@ -196,7 +196,7 @@ def swept_setting_table_sentences(numbers: SweptTable) -> ItemSentences:
     )
 
 
-def _best_settings_text(best: Mapping[str, Sequence[float]], unit: str) -> str:
+def _format_best_settings(best: Mapping[str, Sequence[float]], unit: str) -> str:
     return join_words(
         f"{' or '.join(f'{at:g}' for at in values)} {unit} for {NAMES[method]}"
         for method, values in best.items()

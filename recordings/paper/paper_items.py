@@ -42,14 +42,14 @@ class RenderedTable:
 
 def render_table_1_mass_errors(frame: pl.DataFrame) -> list[RenderedTable]:
     """Tables of errors by window length, absolute and relative to the bound."""
-    errors = table_beside_printed_numbers(
+    errors = make_table_beside_printed_numbers(
         frame,
         "window_s",
         "window, s",
-        lambda row: number_with_interval_text(row, "rmse_kg"),
+        lambda row: format_number_with_interval(row, "rmse_kg"),
         "bound_kg",
     )
-    ratios = table_by_method(
+    ratios = make_table_by_method(
         frame, "window_s", "window, s", lambda row: _format_number(row["over_bound_1"], 2)
     )
     trials = frame["trials"].max()
@@ -74,8 +74,8 @@ def render_table_2_calibration_lines(frame: pl.DataFrame) -> list[RenderedTable]
             ideal, front = of["ideal", method], of["front_axle", method]
             cells += [
                 _format_number(ideal[f"paper_{name}"], digits),
-                number_with_interval_text(ideal, name, digits),
-                number_with_interval_text(front, name, digits),
+                format_number_with_interval(ideal, name, digits),
+                format_number_with_interval(front, name, digits),
             ]
         rows.append(cells)
     campaigns = frame["trials"].max()
@@ -103,11 +103,11 @@ def _render_error_tables_by_setting(
     frame: pl.DataFrame, setting: str, title: str
 ) -> list[RenderedTable]:
     campaigns = frame["trials"].max()
-    within = table_beside_printed_numbers(
-        frame, setting, title, lambda row: number_with_interval_text(row, "run_kg"), "bound_kg"
+    within = make_table_beside_printed_numbers(
+        frame, setting, title, lambda row: format_number_with_interval(row, "run_kg"), "bound_kg"
     )
-    without = table_by_method(
-        frame, setting, title, lambda row: number_with_interval_text(row, "run_left_out_kg")
+    without = make_table_by_method(
+        frame, setting, title, lambda row: format_number_with_interval(row, "run_left_out_kg")
     )
     return [
         RenderedTable(
@@ -121,7 +121,7 @@ def _render_error_tables_by_setting(
 
 def render_figure_8_errors_by_load(frame: pl.DataFrame) -> list[RenderedTable]:
     """Tables of errors by load, with the load in the fit and without it."""
-    header, rows = table_by_method(
+    header, rows = make_table_by_method(
         frame,
         "load_kg",
         "load, kg",
@@ -137,7 +137,7 @@ def render_claims_table(frame: pl.DataFrame) -> list[RenderedTable]:
             row["claim"],
             row["case"],
             row["paper"],
-            number_with_interval_text(row, "found_kg", 2),
+            format_number_with_interval(row, "found_kg", 2),
             f"{row['of_mass_percent']:.2f} %",
             f"{row['of_load_range_percent']:.1f} %",
             "–" if row["smaller_percent"] is None else f"{row['smaller_percent']:.1f} %",
@@ -149,20 +149,20 @@ def render_claims_table(frame: pl.DataFrame) -> list[RenderedTable]:
     return [RenderedTable("Each claim as we find it", header, rows, texts=3)]
 
 
-def table_by_method(
-    frame: pl.DataFrame, key: str, title: str, cell: Callable[[_Row], str]
+def make_table_by_method(
+    frame: pl.DataFrame, key: str, title: str, format_cell: Callable[[_Row], str]
 ) -> tuple[list[str], list[list[str]]]:
     """Header and rows with one row per value of `key` and one column per method."""
     methods = list(frame["method"].unique(maintain_order=True))
     rows = [
-        [_format_parameter(at), *(cell(by[m]) if m in by else "–" for m in methods)]
+        [_format_parameter(at), *(format_cell(by[m]) if m in by else "–" for m in methods)]
         for at, by in _group_by_key_and_method(frame, key)
     ]
     return [title, *(NAMES[m] for m in methods)], rows
 
 
-def table_beside_printed_numbers(
-    frame: pl.DataFrame, key: str, title: str, cell: Callable[[_Row], str], bound: str
+def make_table_beside_printed_numbers(
+    frame: pl.DataFrame, key: str, title: str, format_cell: Callable[[_Row], str], bound: str
 ) -> tuple[list[str], list[list[str]]]:
     """Header and rows: the bound, then each method's number followed by the paper's."""
     methods = list(frame["method"].unique(maintain_order=True))
@@ -173,7 +173,7 @@ def table_beside_printed_numbers(
     for at, by in _group_by_key_and_method(frame, key):
         cells = [_format_parameter(at), _format_number(next(iter(by.values()))[bound])]
         for method in methods:
-            cells.append(cell(by[method]))
+            cells.append(format_cell(by[method]))
             if method in printed_numbers.METHODS:
                 cells.append(_format_number(by[method]["paper_kg"], 2))
         rows.append(cells)
@@ -195,7 +195,7 @@ def _format_number(value: float | None, digits: int = 1) -> str:
     return "–" if value is None else f"{value:,.{digits}f}"
 
 
-def number_with_interval_text(row: _Row, name: str, digits: int = 1) -> str:
+def format_number_with_interval(row: _Row, name: str, digits: int = 1) -> str:
     """Number with its interval, if there is one."""
     value, low, high = (row[name + end] for end in ("", "_low", "_high"))
     text = _format_number(value, digits)
@@ -216,7 +216,7 @@ class ItemNumbers(Protocol):
 N = TypeVar("N", bound=ItemNumbers)
 
 
-def _one_row_frame(numbers: ItemNumbers) -> pl.DataFrame:
+def _make_one_row_frame(numbers: ItemNumbers) -> pl.DataFrame:
     return numbers.frame
 
 
@@ -244,7 +244,7 @@ class Item(Generic[N]):
     needs: tuple[Extract[Any, Any], ...]
     numbers: Callable[[Extracts], N]
     make_sentences: Callable[[N], ItemSentences]
-    frame: Callable[[N], pl.DataFrame] = _one_row_frame
+    frame: Callable[[N], pl.DataFrame] = _make_one_row_frame
     tables: Callable[[pl.DataFrame], list[RenderedTable]] = _render_no_tables
     picture: FigurePicture | None = None
 
@@ -370,7 +370,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
             campaign_tables.OVER_WINDOWS,
         ),
         claims.compare_claims,
-        claims_sentences.sentences_on_claims,
+        claims_sentences.write_claim_sentences,
         frame=claims_sentences.add_claim_texts,
         tables=render_claims_table,
     ),

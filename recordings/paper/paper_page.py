@@ -30,7 +30,7 @@ def require_writable_reproduction(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot be created ({error.strerror})") from error
-    for path in _output_paths(items, folder, output_format):
+    for path in _list_output_paths(items, folder, output_format):
         require_writable_output(path, force=force)
 
 
@@ -58,12 +58,12 @@ def write_reproduction(
     Raises:
         OutputError: one of them is there already, or cannot be written.
     """
-    targets = _output_paths([each.item for each in results], folder, output_format)
+    targets = _list_output_paths([each.item for each in results], folder, output_format)
     with atomic_files(targets, force=force) as stage:
         for each in results:
             if each.item.picture:
                 draw_paper_figure(
-                    each.item.picture, each.frame, stage / _picture_file_name(each.item)
+                    each.item.picture, each.frame, stage / _make_picture_file_name(each.item)
                 )
         if output_format == "md":
             (stage / PAGE).write_text(
@@ -76,15 +76,16 @@ def write_reproduction(
     return targets
 
 
-def _output_paths(items: Sequence[Item[Any]], folder: Path, output_format: str) -> list[Path]:
+def _list_output_paths(items: Sequence[Item[Any]], folder: Path, output_format: str) -> list[Path]:
     tables = [f"{item.name}.csv" for item in items]
     written = [PAGE] if output_format == "md" else [*tables, SENTENCES]
     return [
-        folder / name for name in (*written, *(_picture_file_name(i) for i in items if i.picture))
+        folder / name
+        for name in (*written, *(_make_picture_file_name(i) for i in items if i.picture))
     ]
 
 
-def _picture_file_name(item: Item[Any]) -> str:
+def _make_picture_file_name(item: Item[Any]) -> str:
     return f"{item.name}.png"
 
 
@@ -97,7 +98,7 @@ def _render_page_markdown(results: Sequence[ItemResult], introduction: str) -> s
     sections = [
         {
             "title": each.item.title,
-            "picture": _picture_file_name(each.item) if each.item.picture else None,
+            "picture": _make_picture_file_name(each.item) if each.item.picture else None,
             "tables": each.item.tables(each.frame),
             "findings": each.sentences.findings,
             "choices": each.sentences.choices,

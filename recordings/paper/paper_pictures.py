@@ -85,8 +85,8 @@ def _draw_panels(figure: "Figure", series: pl.DataFrame, panels: dict[str, str])
     for number, (axes, (column, label)) in enumerate(zip(rows, panels.items(), strict=True)):
         scale = 1e-3 if column.endswith("_N") else 1.0
         values = series[column].fill_null(float("nan")).to_numpy() * scale
-        axes.plot(t_s, values, color=colours.line_colour(number), lw=1.0)
-        _format_panel(axes, label)
+        axes.plot(t_s, values, color=colours.choose_line_colour(number), lw=1.0)
+        _label_panel(axes, label)
     rows[-1].set_xlabel("time (s)", fontsize=8)
     return rows
 
@@ -99,11 +99,11 @@ def draw_estimates_over_time(
     for axes, (column, std_column, true, label) in zip(rows, panels, strict=True):
         for (method,), part in series.group_by("method", maintain_order=True):
             t_s, value, std = (part[c].to_numpy() for c in ("t_s", column, std_column))
-            colour = colours.method_colour(str(method))
+            colour = colours.choose_method_colour(str(method))
             axes.plot(t_s, value, color=colour, lw=1.0, label=NAMES[str(method)])
             axes.fill_between(t_s, value - std, value + std, color=colour, alpha=0.15, lw=0)
         axes.axhline(series[true][0], color="black", lw=0.7, ls=":", label="truth")
-        _format_panel(axes, label)
+        _label_panel(axes, label)
     rows[0].legend(fontsize=7, ncols=5, loc="lower right")
     rows[-1].set_xlabel("time (s)", fontsize=8)
 
@@ -121,7 +121,7 @@ def _draw_figure_7_calibrated_masses(figure: "Figure", table: pl.DataFrame) -> N
 
 
 def draw_mean_masses_by_method(
-    figure: "Figure", table: pl.DataFrame, mean: str, std: str, label: str
+    figure: "Figure", table: pl.DataFrame, mean_column: str, std_column: str, label: str
 ) -> None:
     """Draw one panel per method: means of nine runs ± the deviation of one, and the truth."""
     methods = list(table["method"].unique(maintain_order=True))
@@ -133,17 +133,17 @@ def draw_mean_masses_by_method(
         axes.plot(ends, ends, color="black", lw=0.6, ls=":", label="truth")
         axes.errorbar(
             part["reference_kg"].to_numpy(),
-            part[mean].to_numpy(),
-            yerr=part[std].to_numpy(),
+            part[mean_column].to_numpy(),
+            yerr=part[std_column].to_numpy(),
             fmt="o",
             ms=3,
             lw=1.0,
             capsize=2,
-            color=colours.method_colour(method),
+            color=colours.choose_method_colour(method),
             label="mean ± one run",
         )
         axes.set_title(NAMES[method], fontsize=9)
-        _format_panel(axes, label if axes is panels[0] else "")
+        _label_panel(axes, label if axes is panels[0] else "")
         axes.set_xticks([3614, 3714, 3814])
         if "paper_implied_kg" in part.columns:
             implied = part["paper_implied_kg"].fill_null(float("nan")).to_numpy()
@@ -169,7 +169,7 @@ def _draw_figure_8_errors_by_load(figure: "Figure", table: pl.DataFrame) -> None
                 value,
                 width,
                 yerr=None if np.isnan(low).any() else value - low,
-                color=colours.method_colour(method),
+                color=colours.choose_method_colour(method),
                 alpha=1.0 if half == 0 else 0.55,
                 hatch=hatch,
                 edgecolor="white",
@@ -179,22 +179,24 @@ def _draw_figure_8_errors_by_load(figure: "Figure", table: pl.DataFrame) -> None
             )
     axes.set_xticks(np.arange(loads.size), [f"{load:g}" for load in loads])
     axes.set_xlabel("load (kg)", fontsize=8)
-    _format_panel(axes, "RMS error of a run (kg)")
+    _label_panel(axes, "RMS error of a run (kg)")
     # few campaigns make intervals that reach below zero, where no error is
     axes.set_ylim(0.0, 1.3 * axes.get_ylim()[1])
     axes.legend(fontsize=7, ncols=len(methods), loc="upper center")
 
 
-def _format_panel(axes: "Axes", label: str) -> None:
+def _label_panel(axes: "Axes", label: str) -> None:
     axes.set_ylabel(label, fontsize=8)
     axes.tick_params(labelsize=7)
     axes.grid(lw=0.3, alpha=0.6)
     axes.set_axisbelow(True)
 
 
-def shade_phases(axes: "Axes", series: pl.DataFrame, column: str, phases: tuple[str, ...]) -> None:
+def shade_phases(
+    axes: "Axes", series: pl.DataFrame, phase_column: str, phases: tuple[str, ...]
+) -> None:
     """Shade the times when the phase is one of `phases`."""
-    state = series[column].cast(pl.String)
+    state = series[phase_column].cast(pl.String)
     t_s = series["t_s"].to_numpy()
     for name in phases:
         axes.fill_between(

@@ -10,10 +10,10 @@ from analysis.model.methods import RECURSIVE_METHODS
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 from recordings.plots.plot_limits import LIMITS
-from recordings.plots.time_panels import series_as_floats
+from recordings.plots.time_panels import convert_series_to_floats
 from recordings.report import colours
 from recordings.report.picture import draw_legend_above
-from recordings.rrd.display_frames import grid_span_ns
+from recordings.rrd.display_frames import find_grid_span_ns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +30,7 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
         at_s: moment to mark.
     """
     bounds: list[float] = []
-    starts = _load_start_times_ns(run)
+    starts = _find_load_begins_ns(run)
     # of many loads what is left of the beginnings covers all else
     for method in RECURSIVE_METHODS if len(starts) <= LIMITS.recursion_max_loads else ():
         frame = run.frames.get(f"estimates/{method}")
@@ -43,7 +43,7 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
     bounds += means + answers
     if at_s is not None:
         axes.axvline(at_s, color="black", lw=0.8, ls="--")
-    span = grid_span_ns(run)
+    span = find_grid_span_ns(run)
     if span is not None and span[0] < span[1]:
         # a load reaches beyond a stretch
         axes.set_xlim(span[0] / NS_PER_S, span[1] / NS_PER_S)
@@ -68,7 +68,7 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
     draw_legend_above(axes, 7)
 
 
-def _load_start_times_ns(run: Run) -> list[int]:
+def _find_load_begins_ns(run: Run) -> list[int]:
     loads = run.frames.get("loads")
     return [] if loads is None else loads["start_t_ns"].sort().to_list()
 
@@ -83,13 +83,13 @@ def _draw_estimates_of_method(
     # the last of each few: what it had settled to
     rows = rows.gather_every(step, offset=min(step, rows.height) - 1)
     t = rows["t_ns"].to_numpy()
-    mass, std = (series_as_floats(rows[name]) for name in ("mass_kg", "mass_std_kg"))
+    mass, std = (convert_series_to_floats(rows[name]) for name in ("mass_kg", "mass_std_kg"))
     # no line from one load to the next, nor where nothing was accepted
     gaps = 1 + np.flatnonzero(np.diff(t) > 1.5 * step * period_ns)
     begins = np.union1d(np.searchsorted(t, starts[1:]), gaps)
     mass = np.insert(mass, begins, np.nan)
     std, t_s = np.insert(std, begins, np.nan), np.insert(t / NS_PER_S, begins, np.nan)
-    colour = colours.method_colour(method)
+    colour = colours.choose_method_colour(method)
     axes.plot(t_s, mass, color=colour, lw=1.0, label=f"{method} ± 2σ")
     axes.fill_between(t_s, mass - 2 * std, mass + 2 * std, color=colour, alpha=0.2, lw=0)
     return [*mass, *(mass - 2 * std)[mass.size // 4 :], *(mass + 2 * std)[mass.size // 4 :]]
@@ -103,7 +103,7 @@ def _draw_running_means(axes: "Axes", run: Run) -> list[float]:
     known = frame.filter(pl.col("mass_kg").is_not_null() & (pl.col("mass_std_kg") > 0.0))
     parts: list[Rows] = []
     for _, rows in known.group_by("load_id", maintain_order=True):
-        mass, std = (series_as_floats(rows[name]) for name in ("mass_kg", "mass_std_kg"))
+        mass, std = (convert_series_to_floats(rows[name]) for name in ("mass_kg", "mass_std_kg"))
         weight = np.cumsum(std**-2.0)
         mean = np.cumsum(mass * std**-2.0) / weight
         at_s = rows["end_t_ns"].to_numpy() / NS_PER_S
@@ -134,7 +134,8 @@ def _draw_answer_intervals(axes: "Axes", run: Run) -> list[float]:
     if not known.height:
         return []
     starts, ends, mass, u = (
-        series_as_floats(known[name]) for name in ("start_t_ns", "end_t_ns", "mass_kg", "u_kg")
+        convert_series_to_floats(known[name])
+        for name in ("start_t_ns", "end_t_ns", "mass_kg", "u_kg")
     )
     nothing = np.full(mass.size, np.nan)
     # one artist for all loads: a shift has hundreds

@@ -14,7 +14,7 @@ from recordings.report.force_acceleration import (
     FORCE,
     MassLine,
     PointGroup,
-    force_acceleration_plot_data,
+    select_force_acceleration_data,
 )
 
 if TYPE_CHECKING:
@@ -32,13 +32,13 @@ def draw_force_acceleration(axes: "Axes", run: Run, at_s: float | None = None) -
         run: run, or part of one.
         at_s: moment to mark; its window is ringed.
     """
-    found = force_acceleration_plot_data(run, at_s)
+    found = select_force_acceleration_data(run, at_s)
     if found is None:
         axes.text(0.5, 0.5, "no force and acceleration", ha="center", transform=axes.transAxes)
         return
     for group in found.groups:
         _draw_points_of_group(axes, group)
-    _ring_points_of_window(axes, run, found.points, at_s)
+    _ring_window_points(axes, run, found.points, at_s)
     for number, line in enumerate(found.masses):
         _draw_mass_line(axes, line, "--" if len(found.masses) > 1 and not number else "-")
     axes.set_xlabel(ACCELERATION_LABEL, fontsize=LIMITS.small_type_pt)
@@ -70,9 +70,7 @@ def _draw_points_of_group(axes: "Axes", group: PointGroup) -> None:
     axes.autoscale(enable=True)
 
 
-def _ring_points_of_window(
-    axes: "Axes", run: Run, points: pl.DataFrame, at_s: float | None
-) -> None:
+def _ring_window_points(axes: "Axes", run: Run, points: pl.DataFrame, at_s: float | None) -> None:
     """Ring the points of the window that ends at the moment."""
     if at_s is None:
         return
@@ -95,7 +93,7 @@ def _ring_points_of_window(
 def _draw_mass_line(axes: "Axes", line: MassLine, dashes: str) -> None:
     ends: NDArray[np.float64] = np.array(axes.get_xlim())
     mass, u = line.mass_kg, line.u_kg
-    axes.plot(ends, mass * ends, dashes, color="black", lw=1.2, label=line.label)
+    axes.plot(ends, mass * ends, dashes, color="black", lw=1.2, label=line.format_label)
     axes.fill_between(
         ends, (mass - 2 * u) * ends, (mass + 2 * u) * ends, color="black", alpha=0.15, lw=0
     )

@@ -8,16 +8,20 @@ from typing import TYPE_CHECKING, Final
 import polars as pl
 
 from analysis.model.run_record import Run
-from estimators.errors import OutputError, nearest
+from estimators.errors import OutputError, suggest_choice
 from recordings.plots.convergence_plot import draw_convergence
 from recordings.plots.force_acceleration_plot import draw_force_acceleration
 from recordings.plots.plot_limits import LIMITS
-from recordings.plots.time_panels import draw_gate_reason_shares, draw_over_time, panel_height
+from recordings.plots.time_panels import (
+    draw_gate_reason_shares,
+    draw_over_time,
+    relative_panel_height,
+)
 from recordings.report import colours
 from recordings.report.picture import require_writable_picture, write_picture
-from recordings.rrd.display_frames import drawn_columns_of_view, make_display_frames
+from recordings.rrd.display_frames import list_displayed_columns, make_display_frames
 from recordings.rrd.recording_table import PAGE, TABS
-from recordings.rrd.recording_texts import summary_lines_text
+from recordings.rrd.recording_texts import format_summary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
@@ -51,7 +55,7 @@ def plot_run(
     path = Path(path)
     require_writable_picture(path, force=force)
     if figure not in FIGURES:
-        raise OutputError(f"{path}: no figure '{figure}'; {nearest(figure, FIGURES)}")
+        raise OutputError(f"{path}: no figure '{figure}'; {suggest_choice(figure, FIGURES)}")
     return write_picture(FIGURES[figure](run, at_s), path, force=force)
 
 
@@ -61,13 +65,13 @@ def draw_run(run: Run, at_s: float | None = None) -> "Figure":
 
     lines = [
         part
-        for line in summary_lines_text(run).splitlines()
+        for line in format_summary(run).splitlines()
         for part in wrap(line, LIMITS.line_characters) or [""]
     ]
     shown = make_display_frames(run, decimate=False)
-    views = [(view, drawn) for view in PAGE if (drawn := drawn_columns_of_view(view, run, shown))]
+    views = [(view, drawn) for view in PAGE if (drawn := list_displayed_columns(view, run, shown))]
     points = run.frames.get("calibration", pl.DataFrame())
-    panels = sum(panel_height(view, drawn) for view, drawn in views)
+    panels = sum(relative_panel_height(view, drawn) for view, drawn in views)
     heights = [
         LIMITS.line_height_in * (len(lines) + 2),
         LIMITS.panel_height_in * max(panels, 1.0),
@@ -159,7 +163,7 @@ def _draw_calibration_of_method(part: "SubFigure", points: pl.DataFrame) -> None
     reference = points["reference_kg"]
     fits.axline((reference[0], reference[0]), slope=1, color="black", lw=0.5, ls=":")
     for (method,), group in points.group_by("method", maintain_order=True):
-        name, colour = str(method), colours.method_colour(str(method))
+        name, colour = str(method), colours.choose_method_colour(str(method))
         estimate, known = group["estimate_kg"].to_numpy(), group["reference_kg"].to_numpy()
         std = group["estimate_std_kg"].fill_null(float("nan")).to_numpy()
         fits.errorbar(estimate, known, xerr=std, fmt="o", ms=3, color=colour, label=name)

@@ -73,7 +73,7 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
         layout="constrained",
     )
     panels = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
-    at = position_combinations_on_axis(rows, panels[-1])
+    at = place_combinations_on_axis(rows, panels[-1])
     for axes in panels:
         axes.grid(alpha=0.25, lw=0.5)
     mass = panels.pop(0)
@@ -93,7 +93,7 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
     return figure
 
 
-def position_combinations_on_axis(rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
+def place_combinations_on_axis(rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
     """Position of each combination on the axis, which is labelled accordingly."""
     names = list(rows[0].over)
     if len(names) == 1 and all(_is_number(row.over[names[0]]) for row in rows):
@@ -129,13 +129,13 @@ def _order_methods(parts: Sequence[Mapping[str, float | None]]) -> list[str]:
     return sorted(found, key=lambda method: method == _JOINT)
 
 
-def _line_style(method: str) -> dict[str, Any]:
+def _choose_line_style(method: str) -> dict[str, Any]:
     if method == _JOINT:
         return {"color": "black", "lw": 1.8, "zorder": 5}
-    return {"color": colours.method_colour(method), "lw": 1.0}
+    return {"color": colours.choose_method_colour(method), "lw": 1.0}
 
 
-def _values_of_method(
+def _read_values_of_method(
     parts: Sequence[Mapping[str, float | None]], method: str
 ) -> NDArray[np.float64]:
     return np.array([np.nan if (v := part.get(method)) is None else v for part in parts])
@@ -154,11 +154,17 @@ def _draw_swept_masses(
     answer = [method for method in methods if method == _JOINT]
     places = {method: n - half for n, method in enumerate([*paper[:half], *answer, *paper[half:]])}
     for method in methods:
-        values, std = _values_of_method(masses, method), _values_of_method(stds, method)
+        values, std = _read_values_of_method(masses, method), _read_values_of_method(stds, method)
         if np.isfinite(values).any():
             shifted = positions + apart * places[method]
             axes.errorbar(
-                shifted, values, yerr=std, fmt="o-", ms=3, label=method, **_line_style(method)
+                shifted,
+                values,
+                yerr=std,
+                fmt="o-",
+                ms=3,
+                label=method,
+                **_choose_line_style(method),
             )
     _label_axes_without_data(axes)
 
@@ -173,7 +179,9 @@ def _draw_swept_payloads(
     axes: "Axes", rows: Sequence[SweptRow], positions: NDArray[np.float64]
 ) -> None:
     pairs = np.array([row.payload_kg or (np.nan, np.nan) for row in rows])
-    axes.errorbar(positions, pairs[:, 0], yerr=pairs[:, 1], fmt="o-", ms=3, **_line_style(_JOINT))
+    axes.errorbar(
+        positions, pairs[:, 0], yerr=pairs[:, 1], fmt="o-", ms=3, **_choose_line_style(_JOINT)
+    )
     axes.set_ylabel("largest payload (kg)")
 
 
@@ -181,9 +189,9 @@ def _draw_by_method(
     axes: "Axes", positions: NDArray[np.float64], parts: Sequence[Mapping[str, float | None]]
 ) -> None:
     for method in _order_methods(parts):
-        values = _values_of_method(parts, method)
+        values = _read_values_of_method(parts, method)
         if np.isfinite(values).any():
-            axes.plot(positions, values, "o-", ms=3, label=method, **_line_style(method))
+            axes.plot(positions, values, "o-", ms=3, label=method, **_choose_line_style(method))
     _label_axes_without_data(axes)
 
 

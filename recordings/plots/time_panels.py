@@ -20,13 +20,13 @@ from recordings.report.picture import draw_legend_above
 from recordings.rrd.display_frames import (
     LANES,
     DisplayColumn,
-    axis_range,
     bin_frame_rows,
-    drawn_columns_of_view,
-    grid_span_ns,
+    choose_axis_range,
+    find_grid_span_ns,
     is_drawn_as_points,
+    list_displayed_columns,
 )
-from recordings.rrd.provenance_texts import local_time_text
+from recordings.rrd.provenance_texts import format_local_time
 from recordings.rrd.recording_views import View, ViewKind
 from recordings.rrd.stored_names import STATE
 
@@ -51,16 +51,16 @@ def draw_over_time(
         display_frames: frames of the run that are displayed, not decimated.
         at_s: moment to mark.
     """
-    span = grid_span_ns(run)
+    span = find_grid_span_ns(run)
     found = [
         (view, drawn)
         for view in views
-        if (drawn := drawn_columns_of_view(view, run, display_frames))
+        if (drawn := list_displayed_columns(view, run, display_frames))
     ]
     if not found or span is None:
         part.suptitle("nothing in this run can be drawn over time")
         return
-    heights = [panel_height(view, drawn) for view, drawn in found]
+    heights = [relative_panel_height(view, drawn) for view, drawn in found]
     rows = part.subplots(len(found), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
     for axes, (view, drawn) in zip(rows, found, strict=True):
         axes.tick_params(labelsize=LIMITS.small_type_pt)
@@ -68,16 +68,18 @@ def draw_over_time(
             _draw_state_lanes(axes, drawn, display_frames, span)
         else:
             _draw_series_lines(axes, view, drawn, display_frames, span)
-            axes.set_ylim(axis_range(view, run))
+            axes.set_ylim(choose_axis_range(view, run))
         if at_s is not None:
             axes.axvline(at_s, color="black", lw=0.8, ls="--", zorder=4)
     rows[-1].set_xlim(
         span[0] / NS_PER_S, max(span[1], span[0] + LIMITS.shortest_span_ns) / NS_PER_S
     )
-    rows[-1].set_xlabel(f"s since {local_time_text(run.provenance)}", fontsize=LIMITS.small_type_pt)
+    rows[-1].set_xlabel(
+        f"s since {format_local_time(run.provenance)}", fontsize=LIMITS.small_type_pt
+    )
 
 
-def panel_height(view: View, display_columns: Sequence[DisplayColumn]) -> float:
+def relative_panel_height(view: View, display_columns: Sequence[DisplayColumn]) -> float:
     """Height of a panel relative to a plot."""
     return 0.35 * len(display_columns) + 0.1 if view.kind is ViewKind.STATES else 1.0
 
@@ -92,7 +94,7 @@ def _draw_series_lines(
     for each in display_columns:
         _draw_panel(axes, each, display_frames[each.frame], span)
     lane = "gate" if view.threshold else "phase"
-    _shade_states(axes, display_frames.get(f"{LANES}/{lane}"), colours.SHADED[lane])
+    _shade_state_times(axes, display_frames.get(f"{LANES}/{lane}"), colours.SHADED[lane])
     unit = view.title.removeprefix(view.name).strip()
     words = [*wrap(view.name, LIMITS.label_characters), *([unit] if unit else [])]
     axes.set_ylabel("\n".join(words), fontsize=LIMITS.small_type_pt)
@@ -114,11 +116,11 @@ def _draw_panel(
         else:
             ends = [value.min().alias("low"), value.max().alias("high")]
             frame = bin_frame_rows(frame, [value.mean(), *ends], span, width_ns)
-            low, high = (series_as_floats(frame[end]) for end in ("low", "high"))
+            low, high = (convert_series_to_floats(frame[end]) for end in ("low", "high"))
             t_s = frame["t_ns"].to_numpy() / NS_PER_S
             axes.fill_between(t_s, low, high, color=display_column.colour, alpha=0.3, lw=0)
     t_s = frame["t_ns"].to_numpy() / NS_PER_S
-    numbers = series_as_floats(frame[display_column.column])
+    numbers = convert_series_to_floats(frame[display_column.column])
     dots = "." if is_drawn_as_points(frame[display_column.column]) else ""
     axes.plot(
         t_s,
@@ -130,18 +132,18 @@ def _draw_panel(
         label=display_column.label,
     )
     if display_column.variance:
-        std = np.sqrt(series_as_floats(frame[display_column.variance]))
+        std = np.sqrt(convert_series_to_floats(frame[display_column.variance]))
         axes.fill_between(
             t_s, numbers - std, numbers + std, color=display_column.colour, alpha=0.2, lw=0
         )
 
 
-def series_as_floats(series: pl.Series) -> Floats:
+def convert_series_to_floats(series: pl.Series) -> Floats:
     """Column as floats, NaN for missing values."""
     return series.cast(pl.Float64).fill_null(float("nan")).to_numpy()
 
 
-def state_spans(states: pl.DataFrame) -> pl.DataFrame:
+def find_state_spans(states: pl.DataFrame) -> pl.DataFrame:
     """Stretches of equal state: t_ns, until, the state."""
     return states.with_columns(until=pl.col("t_ns").shift(-1)).drop_nulls()
 
@@ -155,7 +157,7 @@ def _draw_state_lanes(
     """Draw a lane per series from top to bottom; shares of time if states change often."""
     seconds: dict[str, float] = {}
     for number, each in enumerate(display_columns):
-        spans = state_spans(display_frames[each.frame])
+        spans = find_state_spans(display_frames[each.frame])
         bottom = float(len(display_columns) - 1 - number)
         totals = spans.group_by(STATE).agg((pl.col("until") - pl.col("t_ns")).sum())
         for state, total in totals.rows():
@@ -172,12 +174,14 @@ def _draw_state_lanes(
         fontsize=LIMITS.small_type_pt,
     )
     for state in sorted(seconds, key=lambda state: -seconds[state])[: LIMITS.legend_max_states]:
-        axes.plot([], [], "s", color=_state_colour(state), ms=5, label=state.replace("_", " "))
+        axes.plot(
+            [], [], "s", color=_choose_state_colour(state), ms=5, label=state.replace("_", " ")
+        )
     draw_legend_above(axes)
 
 
-def _state_colour(state: str) -> str:
-    return colours.state_colours().get(state, colours.OTHER)
+def _choose_state_colour(state: str) -> str:
+    return colours.make_state_colours().get(state, colours.OTHER)
 
 
 def _draw_state_bars(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
@@ -186,7 +190,7 @@ def _draw_state_bars(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
         start_s = group["t_ns"].to_numpy() / NS_PER_S
         length_s = (group["until"] - group["t_ns"]).to_numpy() / NS_PER_S
         pairs = list(zip(start_s, length_s, strict=True))
-        axes.broken_barh(pairs, (bottom + 0.08, 0.84), color=_state_colour(str(state)), lw=0)
+        axes.broken_barh(pairs, (bottom + 0.08, 0.84), color=_choose_state_colour(str(state)), lw=0)
 
 
 def _draw_state_shares(
@@ -198,10 +202,10 @@ def _draw_state_shares(
     base = np.full(LIMITS.lane_bins, bottom + 0.08)
     starts, ends = spans["t_ns"].to_numpy(), spans["until"].to_numpy()
     names = spans[STATE].to_numpy()
-    for state in [name for name in colours.state_colours() if name in set(names)]:
+    for state in [name for name in colours.make_state_colours() if name in set(names)]:
         chosen = names == state
         # time in the state before each edge, whose differences are the time in each bin
-        inside = _total_time_before(starts[chosen], ends[chosen], edges)
+        inside = _compute_time_before_edges(starts[chosen], ends[chosen], edges)
         share = 0.84 * np.diff(inside) / width
         axes.bar(
             edges[:-1] / NS_PER_S,
@@ -209,13 +213,15 @@ def _draw_state_shares(
             width / NS_PER_S,
             bottom=base,
             align="edge",
-            color=_state_colour(state),
+            color=_choose_state_colour(state),
             lw=0,
         )
         base = base + share
 
 
-def _total_time_before(starts: np.ndarray, ends: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def _compute_time_before_edges(
+    starts: np.ndarray, ends: np.ndarray, edges: np.ndarray
+) -> np.ndarray:
     """Total time of the ordered, disjoint stretches before each edge."""
     before = np.concatenate([[0], np.cumsum(ends - starts)])
     number = np.searchsorted(starts, edges, side="right")
@@ -223,14 +229,14 @@ def _total_time_before(starts: np.ndarray, ends: np.ndarray, edges: np.ndarray) 
     return before[number] - over
 
 
-def _shade_states(
+def _shade_state_times(
     axes: "Axes", states: pl.DataFrame | None, shaded_states: tuple[str, ...]
 ) -> None:
     """Shade the times of the wanted states behind the lines, unless states change too often."""
     if states is None or states.height > LIMITS.lane_max_spans:
         return
     for (state,), group in (
-        state_spans(states).filter(pl.col(STATE).is_in(shaded_states)).group_by(STATE)
+        find_state_spans(states).filter(pl.col(STATE).is_in(shaded_states)).group_by(STATE)
     ):
         start_s = group["t_ns"].to_numpy() / NS_PER_S
         length_s = (group["until"] - group["t_ns"]).to_numpy() / NS_PER_S
@@ -238,7 +244,7 @@ def _shade_states(
             list(zip(start_s, length_s, strict=True)),
             (0, 1),
             transform=axes.get_xaxis_transform(),
-            color=_state_colour(str(state)),
+            color=_choose_state_colour(str(state)),
             alpha=0.15,
             lw=0,
             zorder=0,
@@ -257,7 +263,7 @@ def draw_gate_reason_shares(axes: "Axes", run: Run) -> None:
     bars = axes.barh(
         [name.replace("_", " ") for name in names],
         shares,
-        color=[_state_colour(name) for name in names],
+        color=[_choose_state_colour(name) for name in names],
     )
     axes.bar_label(bars, [f" {share:.1f} %" for share in shares], fontsize=LIMITS.small_type_pt)
     axes.set_xlabel("share of the windows (%)", fontsize=LIMITS.small_type_pt)

@@ -72,10 +72,10 @@ class ShiftClock:
         local = self.to_local_datetime(s)
         return s + _HOUR_S - local.minute * _MINUTE_S - local.second
 
-    def day_and_time(self, when: datetime) -> str:
+    def format_day_and_time(self, instant: datetime) -> str:
         """Date and local time of any instant."""
-        local = when.astimezone(ZoneInfo(self.zone))
-        return f"{local:%Y-%m-%d %H:%M:%S} {_format_offset(local)}"
+        local = instant.astimezone(ZoneInfo(self.zone))
+        return f"{local:%Y-%m-%d %H:%M:%S} {_format_utc_offset_of(local)}"
 
     def format_unix_ns(self, unix_ns: int) -> str:
         """Format a Unix time in local time."""
@@ -115,7 +115,7 @@ class ShiftClock:
         )
 
     def _format_utc_offset(self, s: float) -> str:
-        return _format_offset(self.to_local_datetime(s))
+        return _format_utc_offset_of(self.to_local_datetime(s))
 
     @property
     def _has_one_offset(self) -> bool:
@@ -126,12 +126,12 @@ class ShiftClock:
         return self.to_local_datetime(0.0).date() == self.to_local_datetime(self.duration_s).date()
 
 
-def _format_offset(local: datetime) -> str:
+def _format_utc_offset_of(local: datetime) -> str:
     text = f"{local:%z}"
     return f"{text[:3]}:{text[3:5]}"
 
 
-def duration_text(s: float) -> str:
+def format_duration(s: float) -> str:
     """Format a duration in a suitable unit."""
     if s < 2 * _MINUTE_S:
         return f"{s:.0f} s"

@@ -49,7 +49,7 @@ STATES: Final[dict[str, str]] = {
 
 
 @cache
-def state_colours() -> Mapping[str, str]:
+def make_state_colours() -> Mapping[str, str]:
     """Colour of each state, and of each cause by its consequence."""
     # the causes bring all that looks for them
     from analysis.findings import CAUSES
@@ -57,14 +57,14 @@ def state_colours() -> Mapping[str, str]:
     return {**STATES, **{each.key: _BAD if each.withholds else _WARM for each in CAUSES}}
 
 
-def line_colour(line_index: int) -> str:
+def choose_line_colour(line_index: int) -> str:
     """Colour of the n-th line of a plot."""
     return _PALETTE[line_index % len(_PALETTE)]
 
 
-def method_colour(name: str) -> str:
+def choose_method_colour(name: str) -> str:
     """Colour of an estimator."""
-    return line_colour(_METHODS.index(name)) if name in _METHODS else _QUIET
+    return choose_line_colour(_METHODS.index(name)) if name in _METHODS else _QUIET
 
 
 def lighten_colour(colour: str) -> str:

@@ -15,25 +15,25 @@ _LEADS_TO: Final = {
 }
 
 
-def consequence_text(finding: Finding) -> str:
+def describe_consequence(finding: Finding) -> str:
     """Effect of a finding on the mass, in words."""
     if finding.severity == "tell" and finding.mass_change_kg is None:
         return "effect on the mass unknown"
     return _LEADS_TO[finding.severity]
 
 
-def findings_of_run(run: Run) -> tuple[Finding, ...]:
+def read_findings(run: Run) -> tuple[Finding, ...]:
     """Findings of a run, the most likely first; none if they were not computed."""
     frame = run.frames.get("findings")
-    return () if frame is None else findings_of_rows(frame.iter_rows(named=True))
+    return () if frame is None else make_findings(frame.iter_rows(named=True))
 
 
-def findings_of_rows(rows: Iterable[Mapping[str, Any]]) -> tuple[Finding, ...]:
+def make_findings(rows: Iterable[Mapping[str, Any]]) -> tuple[Finding, ...]:
     """Findings from rows of the frame `findings`, the most likely first."""
     return tuple(Finding.from_row(row) for row in rows)
 
 
-def cause_name(cause: str) -> str:
+def find_cause_name(cause: str) -> str:
     """Name of a cause for readers."""
     return cause.replace("_", " ")
 
@@ -43,7 +43,7 @@ def may_change_mass(finding: Finding) -> bool:
     return finding.severity != "tell" or finding.mass_change_kg is not None
 
 
-def mass_change_if_fixed_text(finding: Finding) -> str:
+def describe_mass_change_if_fixed(finding: Finding) -> str:
     """By how much fixing the cause of a finding changes the mass; empty if unknown."""
     change, u = finding.mass_change_kg, finding.mass_change_u_kg
     if change is None:
@@ -53,7 +53,7 @@ def mass_change_if_fixed_text(finding: Finding) -> str:
     return f"fixing it changes the mass by {signed} kg"
 
 
-def finding_span_text(finding: Finding, clock: ShiftClock | None = None) -> str:
+def format_finding_span(finding: Finding, clock: ShiftClock | None = None) -> str:
     """Time span of a finding in s since the start or by a clock; empty for the whole log."""
     if finding.start_s is None or finding.end_s is None:
         return ""
@@ -64,15 +64,17 @@ def finding_span_text(finding: Finding, clock: ShiftClock | None = None) -> str:
     return f"{begin} s" if begin == end else f"{begin} to {end} s"
 
 
-def finding_line(finding: Finding, clock: ShiftClock | None = None) -> str:
+def format_finding(finding: Finding, clock: ShiftClock | None = None) -> str:
     """One line with the cause, its time span, the measured evidence and the mass change."""
-    where = ", ".join(filter(None, (finding.channel, finding_span_text(finding, clock))))
-    parts = [f"{cause_name(finding.cause)}{f' ({where})' if where else ''}: {finding.evidence}"]
-    parts += filter(None, [mass_change_if_fixed_text(finding)])
+    where = ", ".join(filter(None, (finding.channel, format_finding_span(finding, clock))))
+    parts = [
+        f"{find_cause_name(finding.cause)}{f' ({where})' if where else ''}: {finding.evidence}"
+    ]
+    parts += filter(None, [describe_mass_change_if_fixed(finding)])
     return "; ".join(parts)
 
 
-def proposed_keys_text(finding: Finding) -> str:
+def format_proposed_keys(finding: Finding) -> str:
     """Keys to set in the machine file; empty if there are none."""
     if finding.setting is None or finding.value is None:
         return ""
@@ -84,19 +86,19 @@ def proposed_keys_text(finding: Finding) -> str:
     )
 
 
-def indistinguishable_causes_text(finding: Finding) -> str:
+def describe_indistinguishable_causes(finding: Finding) -> str:
     """Causes that the log cannot distinguish from this one; empty if there are none."""
     if not finding.alternatives:
         return ""
-    names = ", ".join(map(cause_name, finding.alternatives))
+    names = ", ".join(map(find_cause_name, finding.alternatives))
     return f"cannot be distinguished from: {names}"
 
 
-def findings_markdown(run: Run) -> str:
+def format_findings_markdown(run: Run) -> str:
     """All findings in Markdown; a sentence if there are none, empty if they were not computed."""
     if "findings" not in run.frames:
         return ""
-    found = findings_of_run(run)
+    found = read_findings(run)
     if not found:
         return "# Findings\n\nNone of the known causes of a wrong mass was detected in this log."
     parts = ["# Findings"]
@@ -106,15 +108,17 @@ def findings_markdown(run: Run) -> str:
             *filter(
                 None,
                 (
-                    mass_change_if_fixed_text(each),
-                    proposed_keys_text(each),
-                    indistinguishable_causes_text(each),
+                    describe_mass_change_if_fixed(each),
+                    format_proposed_keys(each),
+                    describe_indistinguishable_causes(each),
                 ),
             ),
-            consequence_text(each),
+            describe_consequence(each),
         ]
-        where = ", ".join(filter(None, (each.channel, finding_span_text(each))))
-        parts.append(f"## {each.rank}. {cause_name(each.cause)}{f' ({where})' if where else ''}")
+        where = ", ".join(filter(None, (each.channel, format_finding_span(each))))
+        parts.append(
+            f"## {each.rank}. {find_cause_name(each.cause)}{f' ({where})' if where else ''}"
+        )
         strength = f"{format_number(each.strength_1)} × the detection threshold"
         parts.append(f"{each.says}; {strength}\n\n" + "\n".join(f"- {line}" for line in lines))
     return "\n\n".join(parts)

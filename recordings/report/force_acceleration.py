@@ -35,7 +35,7 @@ class MassLine(NamedTuple):
     u_kg: float
 
     @property
-    def label(self) -> str:
+    def format_label(self) -> str:
         """Name, mass and expanded uncertainty."""
         return f"{self.name} {format_plus_minus(self.mass_kg, 2 * self.u_kg)} kg (k = 2)"
 
@@ -56,7 +56,7 @@ class ForceAccelerationPlotData(NamedTuple):
     force_label: str
 
 
-def force_acceleration_plot_data(
+def select_force_acceleration_data(
     run: Run, at_s: float | None = None
 ) -> ForceAccelerationPlotData | None:
     """Select the points and masses of a run for the plot.
@@ -71,9 +71,9 @@ def force_acceleration_plot_data(
     points = _select_points(run)
     if points is None or not points.height:
         return None
-    loads = _loads_drawn_as_lines(run, at_s)
+    loads = _select_loads_for_lines(run, at_s)
     friction = next((row["friction_x_N_s_m"] for row in loads), None)
-    coulomb = coulomb_friction_newtons(run) if friction is not None else 0.0
+    coulomb = read_coulomb_friction(run) if friction is not None else 0.0
     force = pl.col("force_x_N") - (friction or 0.0) * pl.col("speed_x_m_s")
     # a shift has millions of rows: no more columns than are drawn
     points = points.select(
@@ -126,13 +126,14 @@ def _select_points(run: Run) -> pl.DataFrame | None:
         points = points.with_columns(used=pl.lit(value=False), reason=pl.lit("not judged"))
     else:
         used = mark_samples_in_windows(
-            gate["accepted_x"].fill_null(value=False).to_numpy(), rows_per_window(run, gate)
+            gate["accepted_x"].fill_null(value=False).to_numpy(),
+            estimate_rows_per_window(run, gate),
         )
         points = points.with_columns(pl.Series("used", used), gate["reason_x"].alias("reason"))
     return points.drop_nulls(list(_NEEDED)).with_columns(pl.col("direction_x_1").fill_null(0.0))
 
 
-def rows_per_window(run: Run, gate: pl.DataFrame) -> int:
+def estimate_rows_per_window(run: Run, gate: pl.DataFrame) -> int:
     """Number of rows in a window; a review keeps only some of the rows."""
     settings = run.provenance.settings
     step_ns = gate["t_ns"].diff().median()
@@ -142,7 +143,7 @@ def rows_per_window(run: Run, gate: pl.DataFrame) -> int:
     return max(round(window_ns / step_ns), 1)
 
 
-def _loads_drawn_as_lines(run: Run, at_s: float | None) -> list[dict[str, Any]]:
+def _select_loads_for_lines(run: Run, at_s: float | None) -> list[dict[str, Any]]:
     """Loads whose masses are drawn as lines, the lighter first."""
     loads = run.frames.get("loads")
     if loads is None:
@@ -158,7 +159,7 @@ def _loads_drawn_as_lines(run: Run, at_s: float | None) -> list[dict[str, Any]]:
     return known.to_dicts()
 
 
-def coulomb_friction_newtons(run: Run) -> float:
+def read_coulomb_friction(run: Run) -> float:
     """Coulomb friction of the answer in N."""
     terms = run.frames.get("nuisances")
     if terms is None:

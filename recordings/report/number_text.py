@@ -48,10 +48,10 @@ def format_plus_minus(value: float | None, std: float | None) -> str:
     """Value ± standard deviation, the latter with two digits and both to the same place."""
     if value is None or std is None or not (std > 0 and isfinite(std)):
         return format_number(value)
-    return f"{format_to_place(value, std)} ± {format_to_place(std, std)}"
+    return f"{round_to_uncertainty(value, std)} ± {round_to_uncertainty(std, std)}"
 
 
-def format_to_place(value: float | None, std: float) -> str:
+def round_to_uncertainty(value: float | None, std: float) -> str:
     """Value to the place of the second digit of its standard deviation."""
     if value is None or not (std > 0 and isfinite(std)):
         return format_number(value)
@@ -62,7 +62,7 @@ def format_to_place(value: float | None, std: float) -> str:
 SCALE_NOT_KNOWN: Final = "scale error not included"
 
 
-def scale_unknown_line(names: str, quantity: str = "") -> str:
+def describe_unknown_scale(names: str, quantity: str = "") -> str:
     """Line that names the uncertainties missing from the machine file.
 
     Args:
@@ -81,7 +81,7 @@ _UNCERTAINTY_KEYS: Final = {
 }
 
 
-def markdown_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+def format_markdown_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A Markdown table, or "none"."""
     body = [
         "| " + " | ".join(format_number(cell).replace("|", "\\|") for cell in row) + " |"

@@ -6,10 +6,10 @@ from typing import Any
 from analysis.model.run_record import Run
 from estimators.errors import counted
 from recordings.report.number_text import (
+    describe_unknown_scale,
+    format_markdown_table,
     format_number,
     format_plus_minus,
-    markdown_table,
-    scale_unknown_line,
 )
 from recordings.report.report_limits import LIMITS
 
@@ -28,19 +28,19 @@ _SAID = {
 }
 
 
-def planar_fit_lines(
+def describe_planar_fits(
     rows: Sequence[Mapping[str, Any]], budget: Sequence[Mapping[str, Any]] = ()
 ) -> list[str]:
     """Lines for each fit over several arcs, or for a single arc, with its uncertainty sources."""
     whole = [row for row in rows if row["kind"] in _OF] or list(rows)
     return (
         [_describe_fit(row) for row in whole]
-        + largest_uncertainty_part_lines(budget)
-        + missing_uncertainty_lines(whole)
+        + describe_largest_uncertainty_parts(budget)
+        + describe_missing_uncertainties(whole)
     )
 
 
-def largest_uncertainty_part_lines(budget: Sequence[Mapping[str, Any]]) -> list[str]:
+def describe_largest_uncertainty_parts(budget: Sequence[Mapping[str, Any]]) -> list[str]:
     """Lines with the largest known part of each uncertainty."""
     lines: list[str] = []
     for quantity, (words, factor, unit) in _SAID.items():
@@ -55,7 +55,7 @@ def largest_uncertainty_part_lines(budget: Sequence[Mapping[str, Any]]) -> list[
     return lines
 
 
-def missing_uncertainty_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+def describe_missing_uncertainties(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Lines on uncertainties missing from the machine file; empty in recordings of old versions."""
     lines: list[str] = []
     for column, of in (
@@ -64,13 +64,13 @@ def missing_uncertainty_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     ):
         names = (n for row in rows for n in (row.get(column) or "").split(", ") if n)
         if missing := ", ".join(dict.fromkeys(names)):
-            lines.append(scale_unknown_line(missing, of))
+            lines.append(describe_unknown_scale(missing, of))
     return lines
 
 
-def planar_markdown(run: Run) -> str:
+def format_planar_markdown(run: Run) -> str:
     """Every arc and joint fit in Markdown; empty if the machine did not turn."""
-    rows = planar_frame_rows(run)
+    rows = read_planar_rows(run)
     if not rows:
         return ""
     cells = [
@@ -86,11 +86,12 @@ def planar_markdown(run: Run) -> str:
         for row in rows
     ]
     head = ("of", "s", "m/s", "rad/s", "ahead (m)", "to the left (m)", "outcome")
-    parts = ["# Centre of mass", markdown_table(head, cells)]
+    parts = ["# Centre of mass", format_markdown_table(head, cells)]
     whole = [row for row in rows if row["kind"] in _OF]
-    parts += [f"- {line}" for line in missing_uncertainty_lines(rows)]
+    parts += [f"- {line}" for line in describe_missing_uncertainties(rows)]
     parts += [
-        f"**{_OF[row['kind']].capitalize()}**: {determined_parameters_text(row)}" for row in whole
+        f"**{_OF[row['kind']].capitalize()}**: {describe_determined_parameters(row)}"
+        for row in whole
     ]
     if "planar_budget" in run.frames and not run.frames["planar_budget"].is_empty():
         sources = run.frames["planar_budget"].to_dicts()
@@ -109,7 +110,7 @@ def planar_markdown(run: Run) -> str:
     return "\n\n".join(parts)
 
 
-def planar_frame_rows(run: Run) -> list[dict[str, Any]]:
+def read_planar_rows(run: Run) -> list[dict[str, Any]]:
     """Rows of the frame `planar`; empty if the run lacks it."""
     return run.frames["planar"].to_dicts() if "planar" in run.frames else []
 
@@ -119,7 +120,7 @@ def _describe_fit(row: Mapping[str, Any]) -> str:
     if row["withheld"]:
         return f"centre of mass from {of}: withheld"
     if row["com_x_m"] is None:
-        return f"centre of mass from {of}: none; {determined_parameters_text(row)}"
+        return f"centre of mass from {of}: none; {describe_determined_parameters(row)}"
     along = (
         f"{_format_distance(row, 'x')} {'ahead of' if row['com_x_m'] >= 0 else 'behind'} the origin"
     )
@@ -133,7 +134,7 @@ def _format_distance(row: Mapping[str, Any], axis: str) -> str:
     return f"{format_plus_minus(abs(row[f'com_{axis}_m']), row[f'com_{axis}_std_m'])} m"
 
 
-def determined_parameters_text(row: Mapping[str, Any]) -> str:
+def describe_determined_parameters(row: Mapping[str, Any]) -> str:
     """List the parameters that the motion determines and that are not withheld."""
     told = [
         f"{name} {format_plus_minus(row[value], row[std])} {unit}"

@@ -10,7 +10,7 @@ from recordings.report.number_text import SCALE_NOT_KNOWN
 K: Final = 2.0
 
 
-def shift_payload_sentence(shift: Mapping[str, Any]) -> str:
+def describe_shift_payload(shift: Mapping[str, Any]) -> str:
     """Sentence with the payload of a shift; it needs at least one counted cycle.
 
     Args:
@@ -19,7 +19,7 @@ def shift_payload_sentence(shift: Mapping[str, Any]) -> str:
     loads = counted(shift["cycles_counted"], "load")
     answer = f"{format_tonnes(shift['payload_kg'], K * shift['payload_u_kg'])} in {loads}"
     scale = f", {SCALE_NOT_KNOWN}" if shift["scale_unknown"] else ""
-    if not includes_uncounted(shift):
+    if not does_total_include_uncounted_loads(shift):
         return answer + scale
     whole = format_tonnes(shift["total_kg"], K * shift["total_u_kg"])
     return f"{whole} in the shift: {answer} counted{scale}"
@@ -31,7 +31,7 @@ def format_tonnes(kg: float, u_kg: float) -> str:
     return f"{kg / 1e3:,.{digits}f} ± {u_kg / 1e3:,.{digits}f} t"
 
 
-def includes_uncounted(shift: Mapping[str, Any]) -> bool:
+def does_total_include_uncounted_loads(shift: Mapping[str, Any]) -> bool:
     """Whether the shift's total includes more than the counted loads."""
     parts = ("uncounted_kg", "uncounted_u_kg", "lost_kg", "lost_u_kg")
     return any((shift[name] or 0.0) > 0.0 for name in parts)

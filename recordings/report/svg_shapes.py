@@ -43,7 +43,7 @@ class Drawing:
     shapes: list[Shape] = field(default_factory=list)
 
     @property
-    def shapes_by_look(self) -> list[tuple[dict[str, str], list[Shape]]]:
+    def group_shapes_by_look(self) -> list[tuple[dict[str, str], list[Shape]]]:
         """Consecutive shapes with the same look, together with its attributes."""
         runs = groupby(self.shapes, key=lambda shape: shape.look)
         return [({"class": look, **_LOOKS[look]}, list(shapes)) for look, shapes in runs]
@@ -58,11 +58,11 @@ class Drawing:
         }
         self.shapes.append(Shape(look, "line", at))
 
-    def draw_path(self, ways: Sequence[Sequence[tuple[float, float]]], look: str) -> None:
+    def draw_path(self, polylines: Sequence[Sequence[tuple[float, float]]], look: str) -> None:
         """Draw polylines as one element."""
         d = "".join(
             "M" + "L".join(f"{_format_coordinate(x)} {_format_coordinate(y)}" for x, y in corners)
-            for corners in ways
+            for corners in polylines
         )
         self.shapes.append(Shape(look, "path", {"d": d, "fill": "none"}))
 
@@ -71,10 +71,10 @@ class Drawing:
         points = " ".join(f"{_format_coordinate(x)},{_format_coordinate(y)}" for x, y in corners)
         self.shapes.append(Shape(look, "polygon", {"points": points}))
 
-    def draw_dot(self, x: float, y: float, look: str, tip: str) -> None:
+    def draw_dot(self, x: float, y: float, look: str, tooltip: str) -> None:
         """Draw a point with a tooltip."""
         at = {"cx": _format_coordinate(x), "cy": _format_coordinate(y), "r": "3.2"}
-        self.shapes.append(Shape(look, "circle", at, tip))
+        self.shapes.append(Shape(look, "circle", at, tooltip))
 
     def fill_bar(self, x: float, y: float, width: float, height: float, look: str) -> None:
         """Fill a rectangle."""
@@ -120,12 +120,14 @@ class Axes:
         x: Sequence[float],
         y: Sequence[float],
         box: tuple[float, float, float, float],
-        pad: float = 0.06,
+        margin_fraction: float = 0.06,
     ) -> "Axes":
         """Axes with ranges that contain all values, plus a margin."""
-        return cls(padded_range(x, pad), padded_range(y, pad), box)
+        return cls(
+            add_margin_to_range(x, margin_fraction), add_margin_to_range(y, margin_fraction), box
+        )
 
-    def place_in_drawing(self, x: float, y: float) -> tuple[float, float]:
+    def convert_to_drawing_units(self, x: float, y: float) -> tuple[float, float]:
         """Position of a point (x, y) in the drawing."""
         left, top, right, bottom = self.box
         across = (x - self.x[0]) / (self.x[1] - self.x[0])
@@ -141,12 +143,12 @@ class Axes:
     ) -> None:
         """Draw grid, tick labels and axis labels; `x_ticks` replaces round numbers."""
         left, top, right, bottom = self.box
-        for value, text in round_ticks(*self.x) if x_ticks is None else x_ticks:
-            x, _ = self.place_in_drawing(value, self.y[0])
+        for value, text in choose_round_ticks(*self.x) if x_ticks is None else x_ticks:
+            x, _ = self.convert_to_drawing_units(value, self.y[0])
             picture.draw_line(x, top, x, bottom, "grid")
             picture.write(x, bottom + 14, text)
-        for value, text in round_ticks(*self.y):
-            _, y = self.place_in_drawing(self.x[0], value)
+        for value, text in choose_round_ticks(*self.y):
+            _, y = self.convert_to_drawing_units(self.x[0], value)
             picture.draw_line(left, y, right, y, "grid")
             picture.write(left - 4, y + 4, text, "end")
         picture.draw_line(left, bottom, right, bottom, "axis")
@@ -155,7 +157,7 @@ class Axes:
         picture.write(2, top - 8, y_label, "start")
 
 
-def round_ticks(low: float, high: float) -> list[tuple[float, str]]:
+def choose_round_ticks(low: float, high: float) -> list[tuple[float, str]]:
     """About five round numbers in a range, with labels of equal precision."""
     raw = (high - low) / LIMITS.ticks
     power = 10.0 ** np.floor(np.log10(raw))
@@ -166,16 +168,16 @@ def round_ticks(low: float, high: float) -> list[tuple[float, str]]:
     return [(k * step, f"{k * step + 0.0:,.{digits}f}") for k in range(first, last + 1)]
 
 
-def shorten_text(text: str, width: float) -> str:
+def shorten_text_to_width(text: str, width: float) -> str:
     """Cut a text to a width in drawing units."""
     most = max(int(width / LIMITS.character_width), 4)
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
-def padded_range(values: Sequence[float], pad: float) -> tuple[float, float]:
+def add_margin_to_range(values: Sequence[float], margin_fraction: float) -> tuple[float, float]:
     """Range of the values with a margin on both sides."""
     low, high = min(values), max(values)
-    room = (high - low) * pad or max(abs(high) * 0.01, 1.0)
+    room = (high - low) * margin_fraction or max(abs(high) * 0.01, 1.0)
     return low - room, high + room
 
 

@@ -9,9 +9,9 @@ from analysis.model.physical_units import NS_PER_S
 from estimators.errors import counted
 from recordings.report.number_text import (
     SCALE_NOT_KNOWN,
+    describe_unknown_scale,
     format_plus_minus,
-    format_to_place,
-    scale_unknown_line,
+    round_to_uncertainty,
 )
 from recordings.report.report_limits import LIMITS
 
@@ -22,8 +22,8 @@ _HEADS: Final = ("load", "from s", "to s", "manoeuvres", "mass kg", "payload kg"
 _CALIBRATED: Final = ("calibrated kg", "from kg", "to kg")
 
 
-def load_table_heads(answer: Answer) -> tuple[str, ...]:
-    """Column heads of `load_table_rows`."""
+def make_load_table_heads(answer: Answer) -> tuple[str, ...]:
+    """Column heads of `make_load_table_rows`."""
     return (*_HEADS, *(_CALIBRATED if _is_calibrated(answer) else ()), "")
 
 
@@ -31,7 +31,7 @@ def _is_calibrated(answer: Answer) -> bool:
     return any("calibrated_kg" in load for load in answer.loads)
 
 
-def load_table_rows(answer: Answer) -> list[tuple[str, ...]]:
+def make_load_table_rows(answer: Answer) -> list[tuple[str, ...]]:
     """A row per load: number, begin, end, manoeuvres, mass, payload, remark.
 
     With a calibration, the calibrated mass and its interval precede the remark.
@@ -44,30 +44,32 @@ def load_table_rows(answer: Answer) -> list[tuple[str, ...]]:
             str(load["manoeuvres"]),
             "–" if load["mass_kg"] is None else format_plus_minus(load["mass_kg"], load["u_kg"]),
             _format_payload(load),
-            *(calibrated_mass_cells(load) if _is_calibrated(answer) else ()),
-            _remark_on_load(load),
+            *(make_calibrated_mass_cells(load) if _is_calibrated(answer) else ()),
+            _make_load_remark(load),
         )
         for load in answer.loads
     ]
 
 
-def load_sentences(answer: Answer, max_loads: int) -> list[str]:
+def describe_loads(answer: Answer, max_loads: int) -> list[str]:
     """A line per load, up to `max_loads`."""
     lines: list[str] = []
-    rows = zip(load_table_rows(answer)[:max_loads], answer.loads, strict=False)
+    rows = zip(make_load_table_rows(answer)[:max_loads], answer.loads, strict=False)
     for (load, begin, end, manoeuvres, mass, payload, *_, remark), row in rows:
         carried = payload if payload in ("empty", "–") else f"payload {payload} kg"
-        told = ", ".join(filter(None, (f"{mass} kg", carried, calibrated_mass_line(row), remark)))
+        told = ", ".join(
+            filter(None, (f"{mass} kg", carried, describe_calibrated_mass(row), remark))
+        )
         lines.append(f"load {load}: {begin} to {end} s, {manoeuvres} manoeuvres, {told}")
     if len(answer.loads) > max_loads:
         lines.append(f"and {len(answer.loads) - max_loads} more")
     return lines
 
 
-def answer_lines(answer: Answer, *, brief: bool = False) -> list[str]:
+def describe_answer(answer: Answer, *, brief: bool = False) -> list[str]:
     """Masses, payloads and their caveats as lines, or the reason why there is no answer."""
     if len(answer.loads) == 1:
-        return load_lines(answer.loads[0], brief=brief)
+        return describe_load(answer.loads[0], brief=brief)
     lines = [f"{len(answer.loads)} load states; masses are listed per load"] if answer.loads else []
     empty = [load for load in answer.loads if load.get("empty")]
     if len(empty) == 1:
@@ -83,10 +85,10 @@ def answer_lines(answer: Answer, *, brief: bool = False) -> list[str]:
             "are, give their time span with --empty FROM:TO"
         )
     known = [load for load in answer.loads if load["mass_kg"] is not None]
-    return lines + (_notes_common_to_loads(known[0]) if known else [])
+    return lines + (_list_notes_common_to_loads(known[0]) if known else [])
 
 
-def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
+def describe_load(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
     """Lines with mass, payload and, unless brief, prior sensitivity; or why there is no mass."""
     if load.get("mass_kg") is None:
         return [f"no mass: {load.get('withheld_for') or 'nothing was fitted'}"]
@@ -94,39 +96,40 @@ def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
     low, high = mass - COVERAGE * u, mass + COVERAGE * u
     lines = [
         f"mass {format_plus_minus(mass, u)} kg (standard uncertainty), 95 %: "
-        f"{format_to_place(low, u)} to {format_to_place(high, u)} kg, from {load['manoeuvres']} "
+        f"{round_to_uncertainty(low, u)} to {round_to_uncertainty(high, u)} kg, from "
+        f"{load['manoeuvres']} "
         f"{'manoeuvre' if load['manoeuvres'] == 1 else 'manoeuvres'}"
     ]
-    lines += filter(None, [calibrated_mass_line(load)])
+    lines += filter(None, [describe_calibrated_mass(load)])
     if load["payload_kg"] is not None:
         lines.append(f"payload {_format_payload(load)} kg")
     if not brief:
-        lines.append(prior_sensitivity_line(load))
-    return lines + _notes_common_to_loads(load)
+        lines.append(describe_prior_sensitivity(load))
+    return lines + _list_notes_common_to_loads(load)
 
 
-def prior_sensitivity_line(load: Mapping[str, Any]) -> str:
+def describe_prior_sensitivity(load: Mapping[str, Any]) -> str:
     """Line with the masses for priors half and twice as wide."""
     halved, doubled = (
-        format_to_place(load[name], load["u_kg"])
+        round_to_uncertainty(load[name], load["u_kg"])
         for name in ("mass_halved_priors_kg", "mass_doubled_priors_kg")
     )
     return f"prior sensitivity: {halved} kg (×½) … {doubled} kg (×2)"
 
 
-def _notes_common_to_loads(load: Mapping[str, Any]) -> list[str]:
+def _list_notes_common_to_loads(load: Mapping[str, Any]) -> list[str]:
     """Notes that apply to every load of the log."""
     lines = [load[name] for name in ("said", "calibrated_said") if load.get(name)]
     told = load.get("payload_to") is not None and not load.get("payload_scale_unknown")
     if load["scale_unknown"]:
         of = "masses; payloads are on the scale of the stated empty mass" if told else ""
-        lines.append(scale_unknown_line(load["scale_unknown"], of))
+        lines.append(describe_unknown_scale(load["scale_unknown"], of))
     if load["braking_left_out"]:
         lines.append("braking and driving disagree about the mass, and braking was left out")
     return lines
 
 
-def starts_to_goal_lines(answer: Answer, goal_kg: float) -> list[str]:
+def describe_starts_to_goal(answer: Answer, goal_kg: float) -> list[str]:
     """Number of further manoeuvres that would reach ± `goal_kg` for each load."""
     lines: list[str] = []
     for load in answer.loads:
@@ -163,12 +166,14 @@ def starts_to_goal_lines(answer: Answer, goal_kg: float) -> list[str]:
     return lines
 
 
-def budget_rows(answer: Answer, bar_character: str = "█") -> list[tuple[str, str, str, str, str]]:
+def make_budget_table_rows(
+    answer: Answer, bar_character: str = "█"
+) -> list[tuple[str, str, str, str, str]]:
     """Rows of the uncertainty budget of the load with the most manoeuvres.
 
     Each has source, kind, u in kg, a bar for its fraction of the variance, and how to reduce it.
     """
-    shown = number_of_best_known_load(answer)
+    shown = find_best_known_load(answer)
     rows: list[tuple[str, str, str, str, str]] = []
     for source in answer.budget:
         if source.get("load_id", 0) != shown:
@@ -183,7 +188,7 @@ def budget_rows(answer: Answer, bar_character: str = "█") -> list[tuple[str, s
     return rows
 
 
-def number_of_best_known_load(answer: Answer) -> int:
+def find_best_known_load(answer: Answer) -> int:
     """Number of the load with the most manoeuvres, the first of several."""
     known = [load for load in answer.loads if load["mass_kg"] is not None]
     return max(known, key=lambda load: load["manoeuvres"])["load_id"] if known else 0
@@ -193,9 +198,9 @@ def number_of_best_known_load(answer: Answer) -> int:
 _SCATTER_UNKNOWN: Final = "an assumed disagreement of manoeuvres of one load"
 
 
-def advice_to_reduce_uncertainty(answer: Answer) -> str | None:
+def advise_to_reduce_uncertainty(answer: Answer) -> str | None:
     """Measure that would reduce the uncertainty most; None without an answer."""
-    shown = number_of_best_known_load(answer)
+    shown = find_best_known_load(answer)
     known = [s for s in answer.budget if s["u_kg"] and s.get("load_id", 0) == shown]
     if not known or not any(load["mass_kg"] is not None for load in answer.loads):
         return None
@@ -220,19 +225,19 @@ def _format_payload(load: Mapping[str, Any]) -> str:
     return format_plus_minus(load["payload_kg"], load["payload_u_kg"])
 
 
-def calibrated_mass_cells(load: Mapping[str, Any]) -> tuple[str, ...]:
+def make_calibrated_mass_cells(load: Mapping[str, Any]) -> tuple[str, ...]:
     """Table cells with the calibrated mass and the ends of its interval."""
     names = ("calibrated_kg", "calibrated_low_kg", "calibrated_high_kg")
     return tuple("–" if load[name] is None else f"{load[name]:,.1f}" for name in names)
 
 
-def calibrated_mass_line(load: Mapping[str, Any]) -> str:
+def describe_calibrated_mass(load: Mapping[str, Any]) -> str:
     """Line with the calibrated mass; empty without a calibration."""
     if "calibrated_kg" not in load:
         return ""
     if load["calibrated_kg"] is None:
         return f"not calibrated: {load['calibrated_reason']}"
-    mass, low, high = calibrated_mass_cells(load)
+    mass, low, high = make_calibrated_mass_cells(load)
     unlike_kg = load.get("calibrated_unlike_u_kg") or 0.0
     # less is lost in the rounding of the whole
     tells = unlike_kg > LIMITS.unlike_driving_fraction * load["calibrated_u_kg"]
@@ -240,7 +245,7 @@ def calibrated_mass_line(load: Mapping[str, Any]) -> str:
     return f"calibrated {mass} kg, {low} to {high} kg{more}"
 
 
-def _remark_on_load(load: Mapping[str, Any]) -> str:
+def _make_load_remark(load: Mapping[str, Any]) -> str:
     """Why a load has no mass or no calibration; empty otherwise."""
     if load["mass_kg"] is None:
         return load["withheld_for"]
@@ -255,7 +260,7 @@ def _format_seconds(t_ns: int | None) -> str:
     return "–" if t_ns is None else f"{t_ns / NS_PER_S:,.1f}"
 
 
-def shift_total_lines(answer: Answer) -> list[str]:
+def describe_shift_total(answer: Answer) -> list[str]:
     """Line with the sum of the log's cycles; none if nothing was dumped."""
     shift = answer.shift
     if not shift:

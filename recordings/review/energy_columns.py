@@ -20,12 +20,12 @@ FUEL: Final = "fuel_L"
 FUEL_U: Final = "fuel_u_L"
 
 
-def energy_column_name(name: str) -> str:
+def make_energy_column_name(name: str) -> str:
     """Ledger column of an energy."""
     return f"{name}_kWh"
 
 
-def uncertainty_column_name(name: str) -> str:
+def make_uncertainty_column_name(name: str) -> str:
     """Ledger column of its standard uncertainty."""
     return f"{name}_u_kWh"
 
@@ -40,19 +40,23 @@ def add_energy_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     by_cycle: dict[int, dict[str, EnergyAmount]] = {}
     for row in state.energy.rows:
         if row.cycle is not None:
-            by_cycle.setdefault(row.cycle, {}).update(energy_amounts_by_column(row))
+            by_cycle.setdefault(row.cycle, {}).update(read_energy_amounts(row))
     found: list[dict[str, EnergyAmount]] = []
     for ledger_row in rows.iter_rows(named=True):
         amounts = by_cycle.get(ledger_row["cycle"], {})
         if "energy" in amounts and ledger_row["counted"]:
-            amounts = amounts | {"energy_per_t": _energy_per_tonne(amounts["energy"], ledger_row)}
+            amounts = amounts | {
+                "energy_per_t": _compute_energy_per_tonne(amounts["energy"], ledger_row)
+            }
         found.append(amounts)
     columns: list[pl.Series] = []
     for name in ENERGIES:
         pairs = [each.get(name, (None, None)) for each in found]
-        columns.append(pl.Series(energy_column_name(name), [p[0] for p in pairs], dtype=pl.Float64))
         columns.append(
-            pl.Series(uncertainty_column_name(name), [p[1] for p in pairs], dtype=pl.Float64)
+            pl.Series(make_energy_column_name(name), [p[0] for p in pairs], dtype=pl.Float64)
+        )
+        columns.append(
+            pl.Series(make_uncertainty_column_name(name), [p[1] for p in pairs], dtype=pl.Float64)
         )
     burnt = {row.cycle: row.fuel_L for row in state.energy.rows if row.phase == WHOLE}
     fuel_L = [burnt.get(number) for number in rows["cycle"]]
@@ -62,14 +66,14 @@ def add_energy_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     return rows.with_columns(columns)
 
 
-def energy_amounts_by_column(row: EnergyRow) -> dict[str, EnergyAmount]:
+def read_energy_amounts(row: EnergyRow) -> dict[str, EnergyAmount]:
     """Energy amounts of a row, by the ledger's column names."""
     if row.phase != WHOLE:
         return {row.phase: row.work}
     return {"energy": row.work, **{part: getattr(row, part) for part in PARTS[1:]}}
 
 
-def _energy_per_tonne(energy: EnergyAmount, row: Mapping[str, Any]) -> EnergyAmount:
+def _compute_energy_per_tonne(energy: EnergyAmount, row: Mapping[str, Any]) -> EnergyAmount:
     """Energy per tonne of a cycle's payload; energy and payload have independent errors."""
     t, u_t = row["payload_kg"] / 1e3, row["payload_u_kg"] / 1e3
     if t <= 0.0:
@@ -78,7 +82,7 @@ def _energy_per_tonne(energy: EnergyAmount, row: Mapping[str, Any]) -> EnergyAmo
     return EnergyAmount(per_t, hypot(energy.u_kWh / t, per_t * u_t / t))
 
 
-def energy_per_counted_tonne(
+def compute_energy_per_counted_tonne(
     ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
 ) -> EnergyAmount | None:
     """Energy per counted tonne; None if no counted cycle has both.
@@ -102,14 +106,14 @@ def format_energy_amount(amount: EnergyAmount) -> str:
     return format_plus_minus(amount.kWh, K * amount.u_kWh)
 
 
-def energy_facts(
+def list_energy_facts(
     ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
 ) -> list[tuple[str, str]]:
     """Lines on the shift's energy, as (name, value); empty if unknown."""
     if not state.energy.rows:
         return []
     whole = state.energy.rows[0]
-    per_t = energy_per_counted_tonne(ledger, shift, state)
+    per_t = compute_energy_per_counted_tonne(ledger, shift, state)
     each = "" if per_t is None else f", {format_energy_amount(per_t)} kWh/t"
     known = sum(row.cycle is not None and row.phase == WHOLE for row in state.energy.rows)
     some = "" if known == ledger.height else f" in {known} of {ledger.height} cycles"
@@ -118,7 +122,8 @@ def energy_facts(
     found = [
         (
             "energy at the wheels",
-            f"{format_energy_amount(whole.work)} kWh{some}{each}{_format_shares(whole)}{scale}",
+            f"{format_energy_amount(whole.work)} kWh"
+            f"{some}{each}{_format_work_fractions(whole)}{scale}",
         )
     ]
     if whole.fuel_L is not None:
@@ -126,10 +131,10 @@ def energy_facts(
     return found
 
 
-def _format_shares(whole: EnergyRow) -> str:
+def _format_work_fractions(shift_energy: EnergyRow) -> str:
     """Shares of the work as text, or that they are not determined."""
-    work = whole.work.kWh
-    parts = {part: getattr(whole, part) for part in PARTS[1:-1]}
+    work = shift_energy.work.kWh
+    parts = {part: getattr(shift_energy, part) for part in PARTS[1:-1]}
     # ground may fall, but neither speeding up nor friction gives energy to the drive
     negative = any(
         parts[part].kWh < LIMITS.energy_min_share * work for part in ("kinetic", "friction")
@@ -160,7 +165,7 @@ def _format_fuel(
     return f"{format_plus_minus(fuel_L, K * u_1 * fuel_L)} L in the cycles{each}"
 
 
-def energy_table_by_phase(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
+def make_energy_table(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
     """The shift's energy with a row per part and a column per phase; empty if unknown."""
     rows = [row for row in state.energy.rows if row.cycle is None]
     if not rows:
@@ -195,13 +200,13 @@ def make_energy_cell(amount: EnergyAmount, digits: int) -> str:
     return f"{amount.kWh:.{digits}f} ± {K * amount.u_kWh:.{digits}f}"
 
 
-def energy_as_dict(
+def convert_energy_to_dict(
     ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
 ) -> dict[str, Any] | None:
     """Energy of each part and phase in kWh with standard uncertainty, JSON-compatible."""
     if not state.energy.rows:
         return None
-    per_t = energy_per_counted_tonne(ledger, shift, state)
+    per_t = compute_energy_per_counted_tonne(ledger, shift, state)
     return {
         "per_t": None if per_t is None else per_t._asdict(),
         "scale_unknown": state.energy.scale_unknown,

@@ -17,12 +17,12 @@ from recordings.review.energy_columns import (
     ENERGIES,
     FUEL,
     FUEL_U,
-    energy_column_name,
-    uncertainty_column_name,
+    make_energy_column_name,
+    make_uncertainty_column_name,
 )
 from recordings.review.review_limits import LIMITS
 from recordings.review.reviewer_verdicts import LABELS
-from recordings.review.shift_ledger import cycle_remark_text, escape_spreadsheet_formula
+from recordings.review.shift_ledger import escape_spreadsheet_formula, make_cycle_remark
 
 XLSX: Final = "ledger.xlsx"
 TABLE_CSV: Final = "ledger_table.csv"
@@ -50,35 +50,35 @@ def _make_plain_getter(name: str) -> Callable[[Row, ShiftClock], Cell]:
     return lambda row, _: row[name]
 
 
-def _utc_cell(row: Row, _: ShiftClock) -> Cell:
+def _make_utc_cell(row: Row, _: ShiftClock) -> Cell:
     if row["end_unix_ns"] < FIRST_DATE_NS:
         return None
     return dt.datetime.fromtimestamp(row["end_unix_ns"] // NS, dt.UTC).replace(tzinfo=None)
 
 
-def _local_time_cell(row: Row, clock: ShiftClock) -> dt.datetime | None:
+def _make_local_time_cell(row: Row, clock: ShiftClock) -> dt.datetime | None:
     if not clock.has_date:
         return None
     return clock.to_local_datetime((row["end_unix_ns"] - clock.t0_unix_ns) / NS)
 
 
-def _wall_clock_cell(row: Row, clock: ShiftClock) -> Cell:
-    local = _local_time_cell(row, clock)
+def _make_wall_clock_cell(row: Row, clock: ShiftClock) -> Cell:
+    local = _make_local_time_cell(row, clock)
     return None if local is None else local.replace(tzinfo=None)
 
 
-def _utc_offset_h(row: Row, clock: ShiftClock) -> Cell:
-    local = _local_time_cell(row, clock)
+def _make_utc_offset_cell(row: Row, clock: ShiftClock) -> Cell:
+    local = _make_local_time_cell(row, clock)
     offset = None if local is None else local.utcoffset()
     return None if offset is None else offset / dt.timedelta(hours=1)
 
 
-def _describe_why_counted(row: Row, _: ShiftClock) -> Cell:
+def _describe_counting(row: Row, _: ShiftClock) -> Cell:
     return "yes" if row["counted"] else "no"
 
 
-def _remark_cell(row: Row, _: ShiftClock) -> Cell:
-    return cycle_remark_text(row)
+def _make_remark_cell(row: Row, _: ShiftClock) -> Cell:
+    return make_cycle_remark(row)
 
 
 def _make_energy_columns(name: str) -> tuple[TableColumn, TableColumn]:
@@ -87,22 +87,24 @@ def _make_energy_columns(name: str) -> tuple[TableColumn, TableColumn]:
     head = own.get(name, f"energy, {name}")
     unit = "kWh/t" if name == "energy_per_t" else "kWh"
     return (
-        TableColumn(head, unit, _make_scaled_getter(energy_column_name(name)), 4),
-        TableColumn(f"± {head}", unit, _make_scaled_getter(uncertainty_column_name(name), K), 4),
+        TableColumn(head, unit, _make_scaled_getter(make_energy_column_name(name)), 4),
+        TableColumn(
+            f"± {head}", unit, _make_scaled_getter(make_uncertainty_column_name(name), K), 4
+        ),
     )
 
 
 #: Times are those of the dump; the offset tells two 02:30 of one night apart.
 COLUMNS: Final = (
     TableColumn("cycle", "1", _make_plain_getter("cycle"), 0),
-    TableColumn("local time", "date", _wall_clock_cell),
-    TableColumn("offset from UTC", "h", _utc_offset_h, 2),
-    TableColumn("UTC", "date", _utc_cell),
+    TableColumn("local time", "date", _make_wall_clock_cell),
+    TableColumn("offset from UTC", "h", _make_utc_offset_cell, 2),
+    TableColumn("UTC", "date", _make_utc_cell),
     TableColumn("payload", "kg", _make_scaled_getter("payload_kg"), 0),
     TableColumn("± (95 %, k = 2)", "kg", _make_scaled_getter("payload_u_kg", K), 0),
-    TableColumn("counted", "yes or no", _describe_why_counted),
+    TableColumn("counted", "yes or no", _describe_counting),
     TableColumn("quality", "", _make_plain_getter("quality")),
-    TableColumn("remark", "", _remark_cell),
+    TableColumn("remark", "", _make_remark_cell),
     *(TableColumn(name, "", _make_plain_getter(name)) for name in LABELS),
     TableColumn("note", "", _make_plain_getter("note")),
     TableColumn("author", "", _make_plain_getter("author")),

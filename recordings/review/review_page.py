@@ -8,14 +8,14 @@ from typing import Any, Final, NamedTuple
 import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck
-from analysis.cycles.shift_totals import LabelTotal, sum_cycles
+from analysis.cycles.shift_totals import LabelTotal, sum_counted_cycles
 from analysis.model.physical_units import NS, NS_PER_S
 from estimators.errors import counted
-from recordings.report.clock_text import ShiftClock, duration_text
+from recordings.report.clock_text import ShiftClock, format_duration
 from recordings.report.number_text import CONSEQUENCES, format_plus_minus
 from recordings.report.render_page import render_page_html
 from recordings.report.shift_text import K, format_tonnes
-from recordings.review.energy_columns import energy_table_by_phase
+from recordings.review.energy_columns import make_energy_table
 from recordings.review.review_limits import LIMITS
 from recordings.review.review_plots import draw_load_pictures, draw_shift_pictures
 from recordings.review.review_state import RECORDING, ReviewState
@@ -23,20 +23,20 @@ from recordings.review.reviewer_verdicts import (
     LABELS,
     VERDICTS,
     CycleVerdict,
-    verdict_file_lines,
+    list_verdict_file_lines,
 )
 from recordings.review.shift_facts import (
+    describe_long_gaps,
+    describe_missing_loads,
+    describe_missing_tonnes,
+    describe_scale_of_tonnes,
+    describe_torn_logs,
+    list_losses_besides_torn_ends,
     list_shift_facts,
-    long_gap_sentence,
-    loss_texts_besides_torn_ends,
-    missing_load_sentences,
-    reason_for_no_tonnes,
-    scale_of_tonnes_text,
     summarise_shift,
-    torn_log_sentences,
-    two_machines_warning,
+    warn_of_two_machines,
 )
-from recordings.review.shift_ledger import cycle_remark_text, cycles_frame_from_ledger
+from recordings.review.shift_ledger import make_cycle_remark, make_cycles_frame
 
 #: Kilometres an hour of a metre a second.
 _KM_H: Final = 3.6
@@ -91,7 +91,7 @@ DETAILS: Final = (
 )
 
 
-def number_cells(row: Row, columns: Sequence[CycleColumn]) -> list[str]:
+def make_number_cells(row: Row, columns: Sequence[CycleColumn]) -> list[str]:
     """Numbers as texts; a dash for none."""
     values = [(column, column.value(row)) for column in columns]
     return ["–" if value is None else f"{value:,.{column.digits}f}" for column, value in values]
@@ -115,17 +115,17 @@ def make_cycle_table_rows(
 
 def _make_cycle_row(row: Row, verdict: CycleVerdict | None, clock: ShiftClock) -> Row:
     labels = [row[name] for name in LABELS if row[name]]
-    by = "" if verdict is None else f"{verdict.author}, {clock.day_and_time(verdict.time)}"
+    by = "" if verdict is None else f"{verdict.author}, {clock.format_day_and_time(verdict.time)}"
     own = None if verdict is None else verdict.model_dump(include={"reject", "note", *LABELS})
     return {
         "number": row["cycle"],
         "id": row["id"],
         "time": row["local_time"],
         "ends_s": round(row["end_unix_ns"] / NS_PER_S),
-        "payload": number_cells(row, PAYLOAD),
-        "details": number_cells(row, DETAILS),
+        "payload": make_number_cells(row, PAYLOAD),
+        "details": make_number_cells(row, DETAILS),
         "quality": "rejected" if row["rejected"] else row["quality"],
-        "remark": cycle_remark_text(row),
+        "remark": make_cycle_remark(row),
         "labels": ", ".join(labels),
         "note": ": ".join(filter(None, (by, row["note"]))),
         "said": "" if own is None else json.dumps(own),
@@ -147,7 +147,7 @@ def make_hour_table_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple
     clock, t0_ns = state.clock, state.t0_unix_ns
     hours = [clock.format_hour((ends_ns - t0_ns) / NS) for ends_ns in ledger["end_unix_ns"]]
     named = ledger.with_columns(pl.Series("hour", hours, dtype=pl.String))
-    recorded = dict(recorded_time_by_hour(clock, state.gaps_s))
+    recorded = dict(iter_recorded_time_by_hour(clock, state.gaps_s))
     return [
         (hour, *_make_hour_cells(named.filter(hour=hour), t0_ns, recorded.get(hour, 0.0)))
         for hour in dict.fromkeys([*recorded, *hours])
@@ -157,7 +157,7 @@ def make_hour_table_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple
 def _make_hour_cells(rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Iterator[str]:
     """Yield the cells of an hour's row, in the order of `HOUR_HEADS`."""
     rejected = rows.filter("rejected")["cycle"].to_list()
-    sums = sum_cycles(cycles_frame_from_ledger(rows, t0_ns), rejected)
+    sums = sum_counted_cycles(make_cycles_frame(rows, t0_ns), rejected)
     energies = rows["energy_kWh"].drop_nulls()
     rate = sums["payload_kg"] / 1e3 / (recorded_s / _HOUR_S) if recorded_s else 0.0
     yield f"{sums['cycles_counted']}"
@@ -169,7 +169,7 @@ def _make_hour_cells(rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Itera
     yield f"{energies.sum():.2f}" if energies.len() else "–"
 
 
-def recorded_time_by_hour(
+def iter_recorded_time_by_hour(
     clock: ShiftClock, gaps_s: tuple[tuple[float, float], ...]
 ) -> Iterator[tuple[str, float]]:
     """Each clock hour of the shift, with its recorded time in s."""
@@ -193,7 +193,7 @@ class UsedCalibration(NamedTuple):
     against: str = ""
 
     @property
-    def counts(self) -> bool:
+    def has_calibrated_payloads(self) -> bool:
         """Whether the payloads are calibrated by this evidence."""
         return bool(self.description) and not self.against
 
@@ -232,7 +232,7 @@ class ReviewPage:
 def render_review_html(page: ReviewPage) -> str:
     """HTML of the page, with all text escaped and no network access."""
     state, shift = page.state, page.shift
-    why_not = reason_for_no_tonnes(state, page.ledger)
+    why_not = describe_missing_tonnes(state, page.ledger)
     said = page.ledger.filter(pl.col("author") != "").height
     return render_page_html(
         _PACKAGE,
@@ -241,12 +241,12 @@ def render_review_html(page: ReviewPage) -> str:
         consequence_words=CONSEQUENCES,
         title=f"Shift of {state.machine or 'a machine without a name'}",
         state=state,
-        duration=duration_text(shift["duration_s"]),
+        duration=format_duration(shift["duration_s"]),
         calibration_warning=page.calibration.against
         and f"{NOT_CALIBRATED}: {page.calibration.against}.",
         headline=summarise_shift(shift, why_not, state),
         no_tonnes=bool(why_not),
-        alarms=list(filter(None, (two_machines_warning(state), long_gap_sentence(shift, state)))),
+        alarms=list(filter(None, (warn_of_two_machines(state), describe_long_gaps(shift, state)))),
         facts=list_shift_facts(shift, page.ledger, state, page.target),
         warnings=_list_warnings(page),
         payload_heads=[column.head for column in PAYLOAD],
@@ -258,15 +258,18 @@ def render_review_html(page: ReviewPage) -> str:
         hour_heads=list(HOUR_HEADS),
         load_pictures=draw_load_pictures(page.ledger, state, page.target),
         pictures=draw_shift_pictures(state, page.track),
-        losses=[*(each.loss for each in state.torn), *loss_texts_besides_torn_ends(state)],
+        losses=[
+            *(each.describe_loss for each in state.torn),
+            *list_losses_besides_torn_ends(state),
+        ],
         totals={name: _make_total_rows(rows) for name, rows in page.totals.items()},
         changes=page.changes,
         verdicts=f"{counted(said, 'cycle')} with a reviewer's verdict",
-        verdict_lines=verdict_file_lines(page.verdicts),
+        verdict_lines=list_verdict_file_lines(page.verdicts),
         verdict_file=VERDICTS,
         calibration=page.calibration.description or "none: masses are by the machine file alone",
         friction=_describe_friction(state),
-        energy=energy_table_by_phase(state),
+        energy=make_energy_table(state),
         energy_phases=[row.phase for row in state.energy.rows if row.cycle is None],
     )
 
@@ -285,9 +288,9 @@ def _make_total_rows(totals: Sequence[LabelTotal]) -> list[tuple[str, str, str]]
 
 def _list_warnings(page: ReviewPage) -> list[str]:
     state = page.state
-    found = missing_load_sentences(page.shift)
-    found += torn_log_sentences(state)
-    if losses := loss_texts_besides_torn_ends(state):
+    found = describe_missing_loads(page.shift)
+    found += describe_torn_logs(state)
+    if losses := list_losses_besides_torn_ends(state):
         found.append(f"Damaged or incomplete: {counted(len(losses), 'loss')}, listed below.")
     widened = [c.check for c in state.failed if c.consequence == "widen"]
     if widened:
@@ -297,7 +300,7 @@ def _list_warnings(page: ReviewPage) -> list[str]:
         for finding in state.findings[: LIMITS.max_findings]
     ]
     if page.shift["scale_unknown"]:
-        found.append(f"Scale {scale_of_tonnes_text(page.shift)}.")
+        found.append(f"Scale {describe_scale_of_tonnes(page.shift)}.")
     return found
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck
-from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shorten_text
+from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shorten_text_to_width
 from recordings.review.review_limits import LIMITS
 from recordings.review.review_state import ReviewState
 
@@ -43,7 +43,7 @@ def draw_shift_pictures(state: ReviewState, track: pl.DataFrame | None) -> list[
     if state.gate_shares:
         found.append(_draw_gate_reasons(state))
     if track is not None and track.height > 1:
-        found.append(draw_track(track))
+        found.append(draw_position_track(track))
     return found
 
 
@@ -63,13 +63,16 @@ def _draw_payload_timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
     tops = [p + 2.0 * w for p, w in zip(payload, u, strict=True)]
     axes = Axes.from_data([0.0, state.duration_s, *seconds], [0.0, *tops], _BOX, 0.03)
     for start, end in state.gaps_s:
-        (x0, _), (x1, _) = (axes.place_in_drawing(t, 0.0) for t in (start, end))
+        (x0, _), (x1, _) = (axes.convert_to_drawing_units(t, 0.0) for t in (start, end))
         picture.fill_bar(x0, _BOX[1], max(x1 - x0, 1.0), _BOX[3] - _BOX[1], "band")
     axes.draw(picture, clock.axis_label, "payload in kg", clock.make_ticks(*axes.x))
     spans = zip(seconds, payload, u, strict=True)
     picture.draw_path(
         [
-            [axes.place_in_drawing(s, p - 2.0 * w), axes.place_in_drawing(s, p + 2.0 * w)]
+            [
+                axes.convert_to_drawing_units(s, p - 2.0 * w),
+                axes.convert_to_drawing_units(s, p + 2.0 * w),
+            ]
             for s, p, w in spans
         ],
         "axis",
@@ -77,7 +80,9 @@ def _draw_payload_timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
     rows = zip(seconds, payload, u, shown["cycle"], shown["counted"], strict=True)
     for at_s, kg, u_kg, number, counts in rows:
         tip = f"cycle {number}, {clock.format_time(at_s)}: {kg:,.0f} ± {2.0 * u_kg:,.0f} kg"
-        picture.draw_dot(*axes.place_in_drawing(at_s, kg), "point" if counts else "rejected", tip)
+        picture.draw_dot(
+            *axes.convert_to_drawing_units(at_s, kg), "point" if counts else "rejected", tip
+        )
     return picture
 
 
@@ -107,11 +112,11 @@ def _draw_payload_distribution(counted: pl.DataFrame, target: TargetCheck | None
     axes = Axes(axes.x, (0.0, axes.y[1]), _BOX)
     axes.draw(picture, "payload in kg", "loads")
     for number, first, last in zip(count.tolist(), edges[:-1], edges[1:], strict=True):
-        x0, y0 = axes.place_in_drawing(float(first), number)
-        x1, y1 = axes.place_in_drawing(float(last), 0.0)
+        x0, y0 = axes.convert_to_drawing_units(float(first), number)
+        x1, y1 = axes.convert_to_drawing_units(float(last), 0.0)
         picture.fill_bar(x0 + 0.5, y0, max(x1 - x0 - 1.0, 0.5), y1 - y0, "bar")
     for mark in marks:
-        x, _ = axes.place_in_drawing(mark, 0.0)
+        x, _ = axes.convert_to_drawing_units(mark, 0.0)
         picture.draw_line(x, _BOX[1], x, _BOX[3], "ideal")
     return picture
 
@@ -140,15 +145,15 @@ def _draw_friction(state: ReviewState) -> Drawing:
     axes = Axes.from_data([0.0, last.end_s], [low - room, high + room], _BOX, 0.03)
     axes.draw(picture, clock.axis_label, "friction in N·s/m", clock.make_ticks(*axes.x))
     for at, friction, u, part in zip(middles, value, std, parts, strict=True):
-        x, bottom = axes.place_in_drawing(at, friction - 2.0 * u)
-        _, top = axes.place_in_drawing(at, friction + 2.0 * u)
+        x, bottom = axes.convert_to_drawing_units(at, friction - 2.0 * u)
+        _, top = axes.convert_to_drawing_units(at, friction + 2.0 * u)
         picture.draw_line(x, bottom, x, top, "axis")
         tip = (
             f"{clock.format_time(part.start_s)} to {clock.format_time(part.end_s)}: "
             f"{friction:,.0f} "
             f"± {2.0 * u:,.0f} N·s/m by {part.manoeuvres} starts"
         )
-        picture.draw_dot(*axes.place_in_drawing(at, friction), "point", tip)
+        picture.draw_dot(*axes.convert_to_drawing_units(at, friction), "point", tip)
     return picture
 
 
@@ -165,14 +170,16 @@ def _draw_gate_reasons(state: ReviewState) -> Drawing:
     largest = max(share for _, share in rows)
     for number, (name, share) in enumerate(rows):
         y = 8.0 + LIMITS.bar_height * number
-        picture.write(begin - 6, y + 10, shorten_text(name.replace("_", " "), begin - 8), "end")
+        picture.write(
+            begin - 6, y + 10, shorten_text_to_width(name.replace("_", " "), begin - 8), "end"
+        )
         length = max(room * share / largest, 0.5)
         picture.fill_bar(begin, y, length, 12, "bar" if name == "accepted" else "band")
         picture.write(begin + length + 5, y + 10, f"{share:.1%}", "start")
     return picture
 
 
-def draw_track(track: pl.DataFrame) -> Drawing:
+def draw_position_track(track: pl.DataFrame) -> Drawing:
     """Track in a plane tangent to the earth at its middle, in m."""
     latitude, longitude = (track[n].to_numpy() for n in ("latitude_deg", "longitude_deg"))
     middle = float(np.median(latitude))
@@ -188,6 +195,8 @@ def draw_track(track: pl.DataFrame) -> Drawing:
     )
     axes = Axes.from_data(east.tolist(), north.tolist(), _BOX)
     axes.draw(picture, "m east", "m north")
-    way = [axes.place_in_drawing(float(x), float(y)) for x, y in zip(east, north, strict=True)]
+    way = [
+        axes.convert_to_drawing_units(float(x), float(y)) for x, y in zip(east, north, strict=True)
+    ]
     picture.draw_path([way], "axis")
     return picture

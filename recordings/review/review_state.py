@@ -11,23 +11,23 @@ from analysis.cycles.cycle_energy import NO_ENERGY, ShiftEnergy
 from analysis.cycles.cycle_parts import (
     CycleMotion,
     DriveSummary,
-    find_idle_standstills,
+    find_idle_spans_ns,
     summarise_cycle_motion,
     summarise_shift_motion,
 )
 from analysis.cycles.cycles_without_mass import find_channel_gaps_ns
-from analysis.cycles.friction_trend import FrictionPart, fit_friction_of_parts
+from analysis.cycles.friction_trend import FrictionPart, fit_friction_by_shift_part
 from analysis.model.check_names import replace_former_check_names, replace_former_names_in_evidence
 from analysis.model.physical_units import NS
 from analysis.model.run_record import InputFile, Run
 from analysis.model.verdict import Verdict
 from estimators.errors import counted
 from recordings.report.clock_text import ShiftClock
-from recordings.report.finding_text import finding_line, findings_of_run
+from recordings.report.finding_text import format_finding, read_findings
 from recordings.review.review_limits import LIMITS
 from recordings.review.torn_logs import TornLog
-from recordings.rrd.provenance_texts import local_time_text, machine_table
-from recordings.rrd.recording_texts import machine_name
+from recordings.rrd.provenance_texts import format_local_time, read_machine_table
+from recordings.rrd.recording_texts import read_machine_name
 
 STATE: Final = "review.json"
 RECORDING: Final = "shift.rrd"
@@ -163,7 +163,7 @@ def collect_review_state(
     shares = gate["reason_x"].cast(pl.String).value_counts(sort=True, normalize=True)
     gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])
     load = frames["loads"].row(0, named=True)
-    body = machine_table(about)
+    body = read_machine_table(about)
     timezone, duration_s = str(body.get("timezone", "UTC")), float(frames["shift"]["duration_s"][0])
     clock = ShiftClock(timezone, about.t0_unix_ns, duration_s)
     return ReviewState(
@@ -172,8 +172,8 @@ def collect_review_state(
         inputs=about.inputs,
         resolved=resolved,
         t0_unix_ns=about.t0_unix_ns,
-        machine=machine_name(about),
-        begins=local_time_text(about),
+        machine=read_machine_name(about),
+        begins=format_local_time(about),
         can_weigh=verdict.can_weigh,
         failed=tuple(
             FailedCheck(
@@ -197,21 +197,21 @@ def collect_review_state(
             if name.startswith("raw/")
         ),
         friction=(load["friction_x_N_s_m"], load["friction_x_std_N_s_m"]),
-        friction_parts=fit_friction_of_parts(
+        friction_parts=fit_friction_by_shift_part(
             frames["excitation"], frames["manoeuvres"], frames["nuisances"], about.settings
         ),
         digs=frames["digging"].height,
         findings=tuple(
-            finding_line(e, clock) for e in findings_of_run(run) if e.severity != "tell"
+            format_finding(e, clock) for e in read_findings(run) if e.severity != "tell"
         ),
-        no_cycle=reason_for_no_cycle_text(frames["cycles"], frames["loads"]),
+        no_cycle=describe_missing_cycles(frames["cycles"], frames["loads"]),
         mixed_machines=mixed_machines,
         timezone=timezone,
         serial=str(body.get("id") or ""),
         duration_s=duration_s,
         motions=tuple(summarise_cycle_motion(frames["cycles"], frames["excitation"], gaps)),
         motion=summarise_shift_motion(frames["excitation"], gaps),
-        idle_s=tuple((s / NS, e / NS) for s, e in find_idle_standstills(frames["excitation"])),
+        idle_s=tuple((s / NS, e / NS) for s, e in find_idle_spans_ns(frames["excitation"])),
         torn=torn,
         energy=energy,
     )
@@ -226,7 +226,7 @@ def read_review_state(folder: Path) -> ReviewState | None:
     return state if state.format == FORMAT else None
 
 
-def changed_settings_of_review(
+def list_changed_settings(
     previous: ReviewState | None, resolved: dict[str, Any]
 ) -> list[tuple[str, str, str]]:
     """Settings that changed since the previous review: name, old and new value.
@@ -237,7 +237,7 @@ def changed_settings_of_review(
     """
     if previous is None:
         return []
-    old, new = flatten_to_texts(previous.resolved), flatten_to_texts(resolved)
+    old, new = flatten_values_to_texts(previous.resolved), flatten_values_to_texts(resolved)
     return [
         (name, old.get(name, "–"), new.get(name, "–"))
         for name in sorted(old.keys() | new.keys())
@@ -245,17 +245,17 @@ def changed_settings_of_review(
     ]
 
 
-def flatten_to_texts(values: Any, name: str = "") -> dict[str, str]:
+def flatten_values_to_texts(values: Any, name: str = "") -> dict[str, str]:
     """Nested values as texts, by dotted name."""
     if isinstance(values, dict):
         found: dict[str, str] = {}
         for key, value in values.items():  # pyright: ignore[reportUnknownVariableType]
-            found |= flatten_to_texts(value, f"{name}.{key}" if name else str(key))  # pyright: ignore[reportUnknownArgumentType]
+            found |= flatten_values_to_texts(value, f"{name}.{key}" if name else str(key))  # pyright: ignore[reportUnknownArgumentType]
         return found
     return {name: str(values)}
 
 
-def reason_for_no_cycle_text(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
+def describe_missing_cycles(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
     """Why there is no cycle; empty if there is one."""
     if cycles.height:
         return ""

@@ -102,7 +102,7 @@ class VerdictFile(BaseModel):
         """Labels of all cycles, whenever they are dumped."""
         return merge_labels(each for each in self.shift if each.begin is None and each.end is None)
 
-    def labels_at_dump_time(self, unix_s: float) -> Labels:
+    def find_labels_at_dump(self, unix_s: float) -> Labels:
         """Labels of cycles dumped at a time."""
         return merge_labels(each for each in self.shift if each.applies_to_dump_at(unix_s))
 
@@ -176,7 +176,7 @@ def format_verdicts_as_toml(verdicts: Iterable[CycleVerdict | ShiftVerdict]) -> 
     return "\n".join(blocks)
 
 
-def verdict_file_lines(text: str) -> list[str]:
+def list_verdict_file_lines(text: str) -> list[str]:
     """Lines of the file with comments, for a page; invisible characters as their code points."""
     return [
         "".join(_escape_unprintable(c) for c in line.replace("\t", " "))
@@ -184,7 +184,9 @@ def verdict_file_lines(text: str) -> list[str]:
     ]
 
 
-def verdicts_by_row(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[int, CycleVerdict]:
+def assign_verdicts_to_rows(
+    verdicts: VerdictFile, ids: pl.Series, path: Path
+) -> dict[int, CycleVerdict]:
     """Verdict by row index; the later of two verdicts on one cycle counts.
 
     Args:
@@ -195,10 +197,10 @@ def verdicts_by_row(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[i
     Raises:
         ReviewError: an id that no cycle has.
     """
-    times = [seconds_of_id(each) for each in ids]
+    times = [parse_cycle_id_s(each) for each in ids]
     found: dict[int, CycleVerdict] = {}
     for verdict in sorted(verdicts.cycle, key=lambda v: v.time.astimezone(dt.UTC)):
-        at = seconds_of_id(verdict.id)
+        at = parse_cycle_id_s(verdict.id)
         away = {} if at is None else {k: abs(t - at) for k, t in enumerate(times) if t is not None}
         best = min(away, key=away.__getitem__, default=None)
         if best is None or away[best] > LIMITS.same_dump_s:
@@ -210,12 +212,12 @@ def verdicts_by_row(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[i
     return found
 
 
-def seconds_of_id(identity: str) -> float | None:
+def parse_cycle_id_s(cycle_id: str) -> float | None:
     """Time in seconds that an id denotes; None if it is not a time."""
     try:
-        if identity.endswith("s"):
-            return float(identity[:-1])
-        return dt.datetime.fromisoformat(identity).timestamp()
+        if cycle_id.endswith("s"):
+            return float(cycle_id[:-1])
+        return dt.datetime.fromisoformat(cycle_id).timestamp()
     except ValueError:
         return None
 

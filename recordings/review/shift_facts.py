@@ -8,13 +8,13 @@ import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck
 from estimators.errors import counted, list_some
-from recordings.report.clock_text import duration_text
+from recordings.report.clock_text import format_duration
 from recordings.report.number_text import format_plus_minus
-from recordings.report.shift_text import K, format_tonnes, shift_payload_sentence
-from recordings.review.energy_columns import energy_facts
+from recordings.report.shift_text import K, describe_shift_payload, format_tonnes
+from recordings.review.energy_columns import list_energy_facts
 from recordings.review.review_limits import LIMITS
 from recordings.review.review_state import ReviewState
-from recordings.review.torn_logs import torn_last_log_or_none
+from recordings.review.torn_logs import find_torn_last_log
 
 #: Seconds of an hour.
 _HOUR_S: Final = 3600.0
@@ -23,24 +23,30 @@ _KM_H: Final = 3.6
 _NUMBER: Final = re.compile(r"\d[\d.,]*")
 
 
-def summarise_shift(shift: Mapping[str, Any], why_not: str, state: ReviewState) -> str:
+def summarise_shift(
+    shift: Mapping[str, Any], missing_tonnes_reason: str, state: ReviewState
+) -> str:
     """Answer of a shift in one line.
 
     Args:
         shift: frame `shift` after verdicts.
-        why_not: see `reason_for_no_tonnes`.
+        missing_tonnes_reason: see `describe_missing_tonnes`.
         state: state of the review; if its last log is torn, the end is unknown.
     """
-    answer = f"No tonnes: {why_not}" if why_not else shift_payload_sentence(shift)
-    end = torn_last_log_or_none(state.torn)
-    if end is None or why_not:
+    answer = (
+        f"No tonnes: {missing_tonnes_reason}"
+        if missing_tonnes_reason
+        else describe_shift_payload(shift)
+    )
+    end = find_torn_last_log(state.torn)
+    if end is None or missing_tonnes_reason:
         return answer
     return (
         f"{answer}; until {state.clock.format_time(end.ends_s)}, the rest of the shift is unknown"
     )
 
 
-def reason_for_no_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
+def describe_missing_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
     """Reason why no cycle counts; empty if one does."""
     if ledger["counted"].any():
         return ""
@@ -63,7 +69,7 @@ def reason_for_no_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
     )
 
 
-def missing_load_sentences(shift: Mapping[str, Any]) -> list[str]:
+def describe_missing_loads(shift: Mapping[str, Any]) -> list[str]:
     """Sentences about loads missing from the total: not weighed, or not dumped yet."""
     found: list[str] = []
     if shift["uncounted_cycles"] > 0.0 and not shift["cycles_counted"]:
@@ -77,9 +83,9 @@ def missing_load_sentences(shift: Mapping[str, Any]) -> list[str]:
     return found
 
 
-def long_gap_sentence(shift: Mapping[str, Any], state: ReviewState) -> str:
+def describe_long_gaps(shift: Mapping[str, Any], state: ReviewState) -> str:
     """Sentence on gaps of minutes and the work they hide; empty if there are none."""
-    spans = long_gap_spans_text(state)
+    spans = format_long_gap_spans(state)
     if not spans:
         return ""
     price = "the loads of that time are unknown"
@@ -92,22 +98,22 @@ def long_gap_sentence(shift: Mapping[str, Any], state: ReviewState) -> str:
     return f"Nothing was recorded {spans}; {price}."
 
 
-def long_gap_spans_text(state: ReviewState) -> str:
+def format_long_gap_spans(state: ReviewState) -> str:
     """Gaps of minutes as text; empty if there are none."""
     clock = state.clock
     return "; ".join(
-        f"from {clock.format_time(s)} to {clock.format_time(e)} ({duration_text(e - s)})"
+        f"from {clock.format_time(s)} to {clock.format_time(e)} ({format_duration(e - s)})"
         for s, e in state.gaps_s
         if e - s > LIMITS.headline_hole_s
     )
 
 
-def torn_log_sentences(state: ReviewState) -> list[str]:
+def describe_torn_logs(state: ReviewState) -> list[str]:
     """Sentences about torn logs and the minutes they lack."""
-    return [each.sentence(state.clock) for each in state.torn]
+    return [each.describe_missing_time(state.clock) for each in state.torn]
 
 
-def loss_texts_besides_torn_ends(state: ReviewState) -> list[str]:
+def list_losses_besides_torn_ends(state: ReviewState) -> list[str]:
     """Losses other than torn ends of logs."""
     torn = {text for each in state.torn for text in each.losses}
     return [text for text in state.losses if text not in torn]
@@ -121,9 +127,9 @@ def list_shift_facts(
 ) -> list[tuple[str, str]]:
     """Facts as pairs of name and value: the work first, then the uncertainty of the tonnes."""
     found = [*_list_work_facts(shift, ledger), *_list_time_facts(shift, ledger, state)]
-    found += energy_facts(ledger, shift, state)
+    found += list_energy_facts(ledger, shift, state)
     if target is not None:
-        found.append(("10/10/20", target_sentence(target)))
+        found.append(("10/10/20", describe_target_check(target)))
     if shift["cycles_counted"]:
         found += _list_payload_facts(shift, state)
     return found
@@ -140,13 +146,13 @@ def _list_work_facts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tup
             )
             per_hour.insert(0, t_h)
         found.append(("per hour", f"{', '.join(per_hour)} (of recorded time)"))
-    found.append(("cycles", _cycle_counts_text(shift, ledger)))
+    found.append(("cycles", _describe_cycle_counts(shift, ledger)))
     doubted = ledger.filter("counted", pl.col("doubt") != "")["cycle"].to_list()
     if doubted:
         numbers = ", ".join(map(str, doubted))
         found.append(("worth a second look", f"{counted(len(doubted), 'load')}: {numbers}"))
     if shift["cycles_counted"]:
-        found.append(("a load", _mean_payload_text(shift)))
+        found.append(("a load", _format_mean_payload(shift)))
     back_kg, back_u_kg = shift["carry_back_mean_kg"], K * (shift["carry_back_u_kg"] or 0.0)
     # an interval that holds zero says nothing about what stays in the bucket
     if back_kg is not None and abs(back_kg) > back_u_kg:
@@ -154,7 +160,7 @@ def _list_work_facts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tup
     return found
 
 
-def _cycle_counts_text(shift: Mapping[str, Any], ledger: pl.DataFrame) -> str:
+def _describe_cycle_counts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> str:
     """How many cycles were detected, and what became of each."""
     rejected = ledger.filter("rejected").height
     others = ledger.filter(~pl.col("counted"), ~pl.col("rejected"))
@@ -169,10 +175,10 @@ def _cycle_counts_text(shift: Mapping[str, Any], ledger: pl.DataFrame) -> str:
         parts.append(f"{on_board} still on board at the end")
     if weighed.height > on_board:
         parts.append(f"{weighed.height - on_board} not counted for another reason")
-    return f"{shift['cycles']} detected ({_recorded_time_text(shift)}), {', '.join(parts)}"
+    return f"{shift['cycles']} detected ({_format_recorded_time(shift)}), {', '.join(parts)}"
 
 
-def _mean_payload_text(shift: Mapping[str, Any]) -> str:
+def _format_mean_payload(shift: Mapping[str, Any]) -> str:
     """Mean payload and its standard deviation, as text."""
     mean = f"{shift['payload_mean_kg']:,.0f} kg"
     if shift["cycles_counted"] == 1:
@@ -183,7 +189,7 @@ def _mean_payload_text(shift: Mapping[str, Any]) -> str:
 def _list_time_facts(
     shift: Mapping[str, Any], ledger: pl.DataFrame, state: ReviewState
 ) -> list[tuple[str, str]]:
-    found = cycle_time_facts(ledger)
+    found = list_cycle_time_facts(ledger)
     motion = state.motion
     if motion.distance_m is not None and motion.top_speed_m_s is not None:
         haul_m = ledger["haul_m"].mean()
@@ -192,19 +198,21 @@ def _list_time_facts(
             (
                 "driving",
                 f"{haul}{motion.distance_m / 1e3:,.1f} km in all, at most "
-                f"{_KM_H * motion.top_speed_m_s:.1f} km/h; moving {duration_text(motion.moving_s)},"
-                f" standing {duration_text(motion.standing_s)}",
+                f"{_KM_H * motion.top_speed_m_s:.1f} km/h; "
+                f"moving {format_duration(motion.moving_s)},"
+                f" standing {format_duration(motion.standing_s)}",
             )
         )
     longest = sorted(state.idle_s, key=lambda span: span[0] - span[1])[: LIMITS.max_stands]
     stands = "; longest: " + ", ".join(
-        f"{state.clock.format_time(start)} ({duration_text(end - start)})" for start, end in longest
+        f"{state.clock.format_time(start)} ({format_duration(end - start)})"
+        for start, end in longest
     )
     found.append(
         (
             "utilisation",
-            f"{shift['utilisation_1']:.0%}; idle (> 30 s): {duration_text(shift['idle_s'])}"
-            f"{stands if longest else ''}; not recorded: {duration_text(shift['gap_s'])}",
+            f"{shift['utilisation_1']:.0%}; idle (> 30 s): {format_duration(shift['idle_s'])}"
+            f"{stands if longest else ''}; not recorded: {format_duration(shift['gap_s'])}",
         )
     )
     return found
@@ -212,15 +220,15 @@ def _list_time_facts(
 
 def _list_payload_facts(shift: Mapping[str, Any], state: ReviewState) -> list[tuple[str, str]]:
     return [
-        ("payload", payload_place_text(shift)),
+        ("payload", describe_payload_place(shift)),
         ("interval", "95 % (k = 2)"),
         ("repeatability", f"± {K * shift['payload_u_random_kg'] / 1e3:.3f} t"),
         ("systematic", f"± {K * shift['payload_u_common_kg'] / 1e3:.3f} t (does not average out)"),
-        ("scale", scale_of_tonnes_text(shift)),
-        ("estimated where nothing was recorded", _lost_time_text(shift, state)),
+        ("scale", describe_scale_of_tonnes(shift)),
+        ("estimated where nothing was recorded", _describe_lost_time(shift, state)),
         (
             "estimated for cycles without a mass",
-            cycles_and_mass_text(
+            format_cycles_and_mass(
                 (shift["uncounted_cycles"], shift["uncounted_cycles_u"]),
                 (shift["uncounted_kg"], shift["uncounted_u_kg"]),
             ),
@@ -228,7 +236,7 @@ def _list_payload_facts(shift: Mapping[str, Any], state: ReviewState) -> list[tu
     ]
 
 
-def payload_place_text(shift: Mapping[str, Any]) -> str:
+def describe_payload_place(shift: Mapping[str, Any]) -> str:
     """Text on whether payloads were measured at the start or at the end of hauls."""
     arriving_1 = shift.get("arriving_1")
     if arriving_1 is None:
@@ -243,11 +251,11 @@ def payload_place_text(shift: Mapping[str, Any]) -> str:
     )
 
 
-def _lost_time_text(shift: Mapping[str, Any], state: ReviewState) -> str:
-    lost = cycles_and_mass_text(
+def _describe_lost_time(shift: Mapping[str, Any], state: ReviewState) -> str:
+    lost = format_cycles_and_mass(
         (shift["lost_cycles"], shift["lost_cycles_u"]), (shift["lost_kg"], shift["lost_u_kg"])
     )
-    end = torn_last_log_or_none(state.torn)
+    end = find_torn_last_log(state.torn)
     if end is None:
         return lost
     unknown = f"unknown after {state.clock.format_time(end.ends_s)}"
@@ -259,14 +267,14 @@ _NOTHING: Final = "nothing"
 _ON_BOARD: Final = "not dumped"
 
 
-def cycles_and_mass_text(cycles: tuple[float, float], kg: tuple[float, float]) -> str:
+def format_cycles_and_mass(cycles: tuple[float, float], kg: tuple[float, float]) -> str:
     """Number of cycles and their mass as text, each with its standard uncertainty."""
     if not any((*cycles, *kg)):
         return _NOTHING
     return f"{_format_cycle_count(*cycles)} cycles, {format_tonnes(kg[0], K * kg[1])}"
 
 
-def scale_of_tonnes_text(shift: Mapping[str, Any]) -> str:
+def describe_scale_of_tonnes(shift: Mapping[str, Any]) -> str:
     """Text on how the scale of the tonnes is fixed, or which sources are unknown."""
     gain = ""
     if shift["gain_1"] is not None:
@@ -282,7 +290,7 @@ def scale_of_tonnes_text(shift: Mapping[str, Any]) -> str:
     )
 
 
-def cycle_time_facts(ledger: pl.DataFrame) -> list[tuple[str, str]]:
+def list_cycle_time_facts(ledger: pl.DataFrame) -> list[tuple[str, str]]:
     """Mean duration of each phase of a cycle; empty if no cycle was recorded whole.
 
     Cycles with a gap, or rejected by a reviewer, are left out of the means.
@@ -300,7 +308,7 @@ def cycle_time_facts(ledger: pl.DataFrame) -> list[tuple[str, str]]:
     return [("a cycle", f"{sum(mean):.0f} s on average of {whole.height}: {words}")]
 
 
-def target_sentence(target: TargetCheck) -> str:
+def describe_target_check(target: TargetCheck) -> str:
     """Result of the target check in words."""
     near = (
         f"; {counted(target.near, 'load')} within the uncertainty of a limit" if target.near else ""
@@ -312,7 +320,7 @@ def target_sentence(target: TargetCheck) -> str:
     )
 
 
-def two_machines_warning(state: ReviewState) -> str:
+def warn_of_two_machines(state: ReviewState) -> str:
     """Sentence that warns that the logs may be of two machines; empty if there is no sign of it."""
     said = state.mixed_machines
     return f"{said[:1].upper()}{said[1:]}." if said else ""
@@ -322,6 +330,6 @@ def _format_cycle_count(cycles: float, u: float) -> str:
     return f"{cycles:.1f} ± {K * u:.1f}"
 
 
-def _recorded_time_text(shift: Mapping[str, Any]) -> str:
+def _format_recorded_time(shift: Mapping[str, Any]) -> str:
     boom = "no boom" if shift["boom_dumps"] is None else f"{shift['boom_dumps']} dumps of the boom"
     return f"{shift['digs']} with digging, {boom}"

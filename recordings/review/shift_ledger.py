@@ -19,7 +19,7 @@ from analysis.model.schema import FRAMES, QUALITY, conform_to_schema
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import ReviewError, counted
-from recordings.report.clock_text import ShiftClock, duration_text
+from recordings.report.clock_text import ShiftClock, format_duration
 from recordings.review.energy_columns import add_energy_columns
 from recordings.review.review_limits import LIMITS
 from recordings.review.review_state import ReviewState
@@ -128,18 +128,18 @@ def add_motion_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     return add_energy_columns(moved, state)
 
 
-def cycle_remark_text(row: Mapping[str, Any]) -> str:
+def make_cycle_remark(row: Mapping[str, Any]) -> str:
     """Remark on a cycle: why it has no mass or needs checking, or its gap.
 
     Args:
         row: row of the ledger, with motion.
     """
     hole_s = row["hole_s"] or 0.0
-    hole = f"{duration_text(hole_s)} of it not recorded" if hole_s > LIMITS.cycle_hole_s else ""
+    hole = f"{format_duration(hole_s)} of it not recorded" if hole_s > LIMITS.cycle_hole_s else ""
     return "; ".join(filter(None, (row["withheld_for"], row["doubt"], hole)))
 
 
-def cycles_frame_from_ledger(rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:
+def make_cycles_frame(rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:
     """Frame `cycles` of a ledger, without verdicts.
 
     Args:
@@ -189,14 +189,14 @@ def escape_spreadsheet_formula(text: str) -> str:
     return f"'{text}" if re.match(FORMULA, text) else text
 
 
-def find_cycle_row(when: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
+def find_cycle_row(time_text: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
     """Row of the cycle that a reviewer names.
 
     A local time selects the cycle dumped within 5 s of it or in that minute, else the one in
     progress.
 
     Args:
-        when: a number (14), an id (2023-11-14T22:14:58Z) or a local time (14:32:10, 14:32,
+        time_text: a number (14), an id (2023-11-14T22:14:58Z) or a local time (14:32:10, 14:32,
             02:30:10+02:00, 2023-11-14 14:32:10); h:mm:ss since the start for a log without a date.
         rows: the ledger.
         clock: clock of the shift.
@@ -204,30 +204,33 @@ def find_cycle_row(when: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
     Raises:
         ReviewError: no cycle matches, or several do.
     """
-    text = when.strip()
+    text = time_text.strip()
     if text.isdecimal():
         found = [k for k, number in enumerate(rows["cycle"]) if number == int(text)]
     elif text in (ids := rows["id"].to_list()):
         found = [ids.index(text)]
     elif match := _TIME.fullmatch(text):
         try:
-            found = rows_of_cycles_at_time(match, rows, clock)
+            found = find_rows_at_time(match, rows, clock)
         except ValueError as error:  # 30 February, an offset of 25 h
-            raise ReviewError(f"'{when}' is not a time ({error})") from None
+            raise ReviewError(f"'{time_text}' is not a time ({error})") from None
     else:
         raise ReviewError(
-            f"'{when}' names no cycle; give its number (14), its id, or a local time (14:32:10)"
+            f"'{time_text}' names no cycle; "
+            f"give its number (14), its id, or a local time (14:32:10)"
         )
     if len(found) > 1:
         choices = ", ".join(f"{rows['cycle'][k]} (dumped {rows['local_time'][k]})" for k in found)
-        raise ReviewError(f"'{when}' may be cycle {choices}; give the number, or the UTC offset")
+        raise ReviewError(
+            f"'{time_text}' may be cycle {choices}; give the number, or the UTC offset"
+        )
     if not found:
         span = f" from {rows['local_time'][0]} to {rows['local_time'][-1]}" if rows.height else ""
-        raise ReviewError(f"no cycle '{when}' among {counted(rows.height, 'cycle')}{span}")
+        raise ReviewError(f"no cycle '{time_text}' among {counted(rows.height, 'cycle')}{span}")
     return found[0]
 
 
-def find_instant(text: str, clock: ShiftClock) -> dt.datetime:
+def parse_local_instant(text: str, clock: ShiftClock) -> dt.datetime:
     """Instant at which the local clock shows a time; see `find_cycle_row`.
 
     Raises:
@@ -235,7 +238,7 @@ def find_instant(text: str, clock: ShiftClock) -> dt.datetime:
     """
     match = _TIME.fullmatch(text.strip())
     try:
-        found = [] if match is None else unix_times_of_local_time(match, clock)
+        found = [] if match is None else convert_local_time_to_unix(match, clock)
     except ValueError as error:
         raise ReviewError(f"'{text}' is not a time ({error})") from None
     if match is None:
@@ -250,14 +253,12 @@ def find_instant(text: str, clock: ShiftClock) -> dt.datetime:
     return dt.datetime.fromtimestamp(found[0], dt.UTC)
 
 
-def rows_of_cycles_at_time(
-    match: re.Match[str], rows: pl.DataFrame, clock: ShiftClock
-) -> list[int]:
+def find_rows_at_time(match: re.Match[str], rows: pl.DataFrame, clock: ShiftClock) -> list[int]:
     """Rows that a time may select."""
     starts, ends = rows["start_unix_ns"].to_list(), rows["end_unix_ns"].to_list()
     room_s = 60.0 if match["s"] is None else 0.0
     found: set[int] = set()
-    for unix_s in unix_times_of_local_time(match, clock):
+    for unix_s in convert_local_time_to_unix(match, clock):
         dumped = {
             k: abs(end / NS - unix_s)
             for k, end in enumerate(ends)
@@ -273,7 +274,7 @@ def rows_of_cycles_at_time(
     return sorted(found)
 
 
-def unix_times_of_local_time(match: re.Match[str], clock: ShiftClock) -> list[float]:
+def convert_local_time_to_unix(match: re.Match[str], clock: ShiftClock) -> list[float]:
     """Unix times in s at which the local clock shows this time."""
     hour, minute, second = (int(match[name] or 0) for name in ("h", "m", "s"))
     if not clock.has_date:
@@ -314,10 +315,12 @@ def list_cycle_doubts(cycles: pl.DataFrame) -> list[str]:
     if counted.len() >= CYCLE_LIMITS.unlike_load_min_loads:
         typical = counted.median()
         spread = (counted - typical).abs().median()
-    return [_doubts_about_cycle(row, typical, spread) for row in cycles.iter_rows(named=True)]
+    return [_describe_cycle_doubts(row, typical, spread) for row in cycles.iter_rows(named=True)]
 
 
-def _doubts_about_cycle(row: Mapping[str, Any], typical_kg: Any, mad_kg: Any) -> str:
+def _describe_cycle_doubts(
+    row: Mapping[str, Any], typical_kg: Any, median_deviation_kg: Any
+) -> str:
     """Doubts about one cycle, joined by semicolons."""
     payload_kg, u_kg = row["payload_kg"], row["payload_u_kg"]
     if payload_kg is None or not row["counted"]:
@@ -338,7 +341,9 @@ def _doubts_about_cycle(row: Mapping[str, Any], typical_kg: Any, mad_kg: Any) ->
         elif back_kg > CYCLE_LIMITS.max_carried_fraction * abs(payload_kg):
             found.append(f"after the dump {back_kg:,.0f} kg still in the bucket")
     if typical_kg is not None:
-        room_kg = CYCLE_LIMITS.unlike_load_std * float((STD_OF_MAD**2 * mad_kg**2 + u_kg**2) ** 0.5)
+        room_kg = CYCLE_LIMITS.unlike_load_std * float(
+            (STD_OF_MAD**2 * median_deviation_kg**2 + u_kg**2) ** 0.5
+        )
         if abs(payload_kg - typical_kg) > room_kg:
             found.append(f"unlike the other payloads, which are about {typical_kg:,.0f} kg")
     return "; ".join(found)

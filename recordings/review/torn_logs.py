@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from pydantic import BaseModel, ConfigDict
 
-from recordings.report.clock_text import ShiftClock, duration_text
+from recordings.report.clock_text import ShiftClock, format_duration
 
 
 class TornLog(BaseModel):
@@ -28,7 +28,7 @@ class TornLog(BaseModel):
     next_s: float | None
     losses: tuple[str, ...]
 
-    def sentence(self, clock: ShiftClock) -> str:
+    def describe_missing_time(self, clock: ShiftClock) -> str:
         """Sentence on the missing time."""
         which = f"Log {self.number} of {self.logs} ({self.name})"
         if self.next_s is None:
@@ -36,7 +36,7 @@ class TornLog(BaseModel):
                 f"{which} breaks off at {clock.format_time(self.ends_s)}: the rest of that log is "
                 "unknown, and no number here includes it."
             )
-        missing = duration_text(max(self.next_s - self.ends_s, 0.0))
+        missing = format_duration(max(self.next_s - self.ends_s, 0.0))
         return (
             f"{which} breaks off at {clock.format_time(self.ends_s)}: at most {missing} are "
             "missing, until "
@@ -44,14 +44,14 @@ class TornLog(BaseModel):
         )
 
     @property
-    def loss(self) -> str:
+    def describe_loss(self) -> str:
         """Entry for the list of losses, with a duration instead of bytes."""
         if self.next_s is None:
             return f"an unknown part of the end of log {self.number} ({self.name})"
-        last = duration_text(max(self.next_s - self.ends_s, 0.0))
+        last = format_duration(max(self.next_s - self.ends_s, 0.0))
         return f"at most the last {last} of log {self.number} ({self.name})"
 
 
-def torn_last_log_or_none(torn: Iterable[TornLog]) -> TornLog | None:
+def find_torn_last_log(torn_logs: Iterable[TornLog]) -> TornLog | None:
     """Last log of the shift if it is torn, so that the end of the shift is unknown; else None."""
-    return next((each for each in torn if each.next_s is None), None)
+    return next((each for each in torn_logs if each.next_s is None), None)

@@ -22,19 +22,19 @@ from recordings.review.review_limits import LIMITS
 from recordings.review.review_page import PAGE
 from recordings.review.review_state import ReviewState, read_review_state
 from recordings.review.shift_facts import (
-    long_gap_spans_text,
-    loss_texts_besides_torn_ends,
-    torn_log_sentences,
-    two_machines_warning,
+    describe_torn_logs,
+    format_long_gap_spans,
+    list_losses_besides_torn_ends,
+    warn_of_two_machines,
 )
 from recordings.review.week_totals import (
     BY_REVIEW,
     GROUPS,
     WeekPart,
     WeekTotal,
-    machine_title,
-    total_of_week,
-    totals_by_group,
+    format_machine_title,
+    sum_by_group,
+    sum_week,
 )
 
 #: Seconds of a day.
@@ -77,9 +77,9 @@ def read_shifts_of_reviews(folders: Sequence[Path]) -> list[WeekShift]:
         WeekShift(
             folder,
             state.begins,
-            machine_title(state),
+            format_machine_title(state),
             tuple(_list_missing_parts(state)),
-            _friction_of_state(state),
+            _read_friction_day(state),
         )
         for folder, state in states
     ]
@@ -87,14 +87,14 @@ def read_shifts_of_reviews(folders: Sequence[Path]) -> list[WeekShift]:
 
 def _list_missing_parts(state: ReviewState) -> Iterable[str]:
     if state.mixed_machines:
-        yield two_machines_warning(state)
-    if gaps := long_gap_spans_text(state):
+        yield warn_of_two_machines(state)
+    if gaps := format_long_gap_spans(state):
         yield f"Nothing was recorded {gaps}."
-    yield from torn_log_sentences(state)
-    yield from loss_texts_besides_torn_ends(state)
+    yield from describe_torn_logs(state)
+    yield from list_losses_besides_torn_ends(state)
 
 
-def _friction_of_state(state: ReviewState) -> FrictionDay | None:
+def _read_friction_day(state: ReviewState) -> FrictionDay | None:
     value, std = state.friction
     if value is None or not std or not state.clock.has_date:
         return None
@@ -102,7 +102,7 @@ def _friction_of_state(state: ReviewState) -> FrictionDay | None:
     return FrictionDay(middle_s / _DAY_S, value, std)
 
 
-def friction_by_machine(shifts: Sequence[WeekShift]) -> dict[str, list[FrictionDay]]:
+def group_friction_by_machine(shifts: Sequence[WeekShift]) -> dict[str, list[FrictionDay]]:
     """Friction of each machine's shifts, in order of time."""
     found: dict[str, list[FrictionDay]] = defaultdict(list)
     for shift in shifts:
@@ -111,33 +111,33 @@ def friction_by_machine(shifts: Sequence[WeekShift]) -> dict[str, list[FrictionD
     return dict(found)
 
 
-def friction_trend_by_machine(
+def fit_friction_trends(
     shifts: Sequence[WeekShift], limit_N_s_m: float
 ) -> dict[str, FrictionTrend]:
     """Trend of friction by machine, and when it reaches the limit."""
-    by_machine = {shift.machine: list[FrictionDay]() for shift in shifts} | friction_by_machine(
-        shifts
-    )
+    by_machine = {
+        shift.machine: list[FrictionDay]() for shift in shifts
+    } | group_friction_by_machine(shifts)
     return {
         machine: fit_friction_trend(days, limit_N_s_m)
         for machine, days in sorted(by_machine.items())
     }
 
 
-def day_text(at_d: float) -> str:
+def format_day(day_number: float) -> str:
     """Date of a day number on the week's clock."""
     try:
-        return f"{dt.datetime.fromtimestamp(at_d * _DAY_S, dt.UTC):%Y-%m-%d}"
+        return f"{dt.datetime.fromtimestamp(day_number * _DAY_S, dt.UTC):%Y-%m-%d}"
     except (OverflowError, ValueError, OSError):
         return "a day beyond the calendar"
 
 
-def trend_sentences(trends: Mapping[str, FrictionTrend]) -> list[str]:
+def describe_friction_trends(trends: Mapping[str, FrictionTrend]) -> list[str]:
     """Sentences on when each machine's friction reaches the limit."""
-    return [f"{machine}: {_trend_sentence(trend)}" for machine, trend in trends.items()]
+    return [f"{machine}: {_describe_friction_trend(trend)}" for machine, trend in trends.items()]
 
 
-def _trend_sentence(trend: FrictionTrend) -> str:
+def _describe_friction_trend(trend: FrictionTrend) -> str:
     limit = f"{trend.limit_N_s_m:,.0f} N·s/m"
     if trend.slope_N_s_m_d is None or trend.slope_u_N_s_m_d is None or trend.now_N_s_m is None:
         return f"when friction reaches {limit} cannot be predicted: {trend.why_not}"
@@ -147,7 +147,7 @@ def _trend_sentence(trend: FrictionTrend) -> str:
     )
     if trend.reached_d is None:
         return f"friction {change}; when it reaches {limit} cannot be predicted: {trend.why_not}"
-    first, last = map(day_text, trend.reached_d)
+    first, last = map(format_day, trend.reached_d)
     return f"friction {change}; it reaches {limit} between {first} and {last} (95 %)"
 
 
@@ -184,35 +184,32 @@ def render_week_html(
     folder: Path,
 ) -> str:
     """HTML of the page; arguments as for `write_week_page`, links are relative to `folder`."""
-    whole = total_of_week(parts)
+    whole = sum_week(parts)
     days = sorted({part.day for part in parts})
-    trends = {} if limit_N_s_m is None else friction_trend_by_machine(shifts, limit_N_s_m)
-    by_review = {each.name: each for each in totals_by_group(parts, BY_REVIEW)}
+    trends = {} if limit_N_s_m is None else fit_friction_trends(shifts, limit_N_s_m)
+    by_review = {each.name: each for each in sum_by_group(parts, BY_REVIEW)}
     return render_page_html(
         _PACKAGE,
         _TEMPLATE,
         title=f"Week of {', '.join(sorted({shift.machine for shift in shifts}))}",
         days=" to ".join(dict.fromkeys([*days[:1], *days[-1:]])),
         reviews=counted(len(shifts), "review"),
-        headline=week_tonnes_sentence(parts),
+        headline=describe_week_tonnes(parts),
         verdicts=f"{whole.rejected} rejected, {whole.noted} with another verdict",
         heads=list(HEADS),
-        tables={
-            by: [_make_total_cells(each) for each in totals_by_group(parts, by)] for by in GROUPS
-        },
+        tables={by: [_make_total_cells(each) for each in sum_by_group(parts, by)] for by in GROUPS},
         shifts=[
-            _list_shift_begin_link_and_cells(shift, by_review.get(str(shift.folder)), folder)
-            for shift in shifts
+            _make_shift_row(shift, by_review.get(str(shift.folder)), folder) for shift in shifts
         ],
         missing=[(shift.begins, text) for shift in shifts for text in shift.missing],
-        trends=trend_sentences(trends),
+        trends=describe_friction_trends(trends),
         pictures=_draw_friction_pictures(shifts, trends),
     )
 
 
-def week_tonnes_sentence(parts: Sequence[WeekPart]) -> str:
+def describe_week_tonnes(parts: Sequence[WeekPart]) -> str:
     """Tonnes of the week, and whether their ± includes the error of scale."""
-    whole = total_of_week(parts)
+    whole = sum_week(parts)
     scale = "" if all(part.scale_known for part in parts) else f", {SCALE_NOT_KNOWN}"
     sum_text = format_tonnes(whole.payload_kg, K * whole.payload_u_kg)
     return f"{sum_text} in {counted(whole.loads, 'load')}{scale}"
@@ -233,7 +230,7 @@ def _make_total_cells(total: WeekTotal) -> tuple[str, ...]:
     )
 
 
-def _list_shift_begin_link_and_cells(
+def _make_shift_row(
     shift: WeekShift, total: WeekTotal | None, folder: Path
 ) -> tuple[str, str, tuple[str, ...]]:
     """Start of a shift, link to its page, and cells of its totals."""
@@ -248,7 +245,7 @@ def _draw_friction_pictures(
     """Pictures of the friction of machines with more than one shift."""
     return [
         _draw_friction_picture(number, machine, days, trends.get(machine))
-        for number, (machine, days) in enumerate(sorted(friction_by_machine(shifts).items()))
+        for number, (machine, days) in enumerate(sorted(group_friction_by_machine(shifts).items()))
         if len(days) > 1
     ]
 
@@ -262,8 +259,8 @@ def _draw_friction_picture(
     picture = Drawing(
         f"friction-{picture_number}",
         f"Friction of {machine}",
-        f"Viscous friction in N·s/m of {len(days)} shifts from {day_text(days[0].at_d)} to "
-        f"{day_text(days[-1].at_d)}; bars reach two standard deviations either way"
+        f"Viscous friction in N·s/m of {len(days)} shifts from {format_day(days[0].at_d)} to "
+        f"{format_day(days[-1].at_d)}; bars reach two standard deviations either way"
         + ("." if limit is None else f"; dashed: the limit, {limit:,.0f} N·s/m."),
         LIMITS.figure_height,
     )
@@ -271,15 +268,15 @@ def _draw_friction_picture(
     axes = Axes.from_data([day.at_d for day in days], heights, _BOX)
     shown = days[:: max(1, len(days) // 4)]
     axes.draw(
-        picture, "day (UTC)", "friction in N·s/m", [(d.at_d, day_text(d.at_d)[5:]) for d in shown]
+        picture, "day (UTC)", "friction in N·s/m", [(d.at_d, format_day(d.at_d)[5:]) for d in shown]
     )
     if limit is not None:
-        _, y = axes.place_in_drawing(axes.x[0], limit)
+        _, y = axes.convert_to_drawing_units(axes.x[0], limit)
         picture.draw_line(_BOX[0], y, _BOX[2], y, "ideal")
     for day, (low, high) in zip(days, ends, strict=True):
-        x, bottom = axes.place_in_drawing(day.at_d, low)
-        _, top = axes.place_in_drawing(day.at_d, high)
+        x, bottom = axes.convert_to_drawing_units(day.at_d, low)
+        _, top = axes.convert_to_drawing_units(day.at_d, high)
         picture.draw_line(x, bottom, x, top, "axis")
-        tip = f"{day_text(day.at_d)}: {day.friction_N_s_m:,.0f} ± {K * day.std_N_s_m:,.0f} N·s/m"
-        picture.draw_dot(*axes.place_in_drawing(day.at_d, day.friction_N_s_m), "point", tip)
+        tip = f"{format_day(day.at_d)}: {day.friction_N_s_m:,.0f} ± {K * day.std_N_s_m:,.0f} N·s/m"
+        picture.draw_dot(*axes.convert_to_drawing_units(day.at_d, day.friction_N_s_m), "point", tip)
     return picture

@@ -8,12 +8,12 @@ from typing import Final, NamedTuple
 
 import polars as pl
 
-from analysis.cycles.shift_totals import sum_cycles
+from analysis.cycles.shift_totals import sum_counted_cycles
 from analysis.model.physical_units import NS
 from estimators.errors import ReviewError
 from recordings.review.review_state import ReviewState, read_review_state
-from recordings.review.reviewer_verdicts import read_verdicts, verdicts_by_row
-from recordings.review.shift_ledger import PARQUET, cycles_frame_from_ledger
+from recordings.review.reviewer_verdicts import assign_verdicts_to_rows, read_verdicts
+from recordings.review.shift_ledger import PARQUET, make_cycles_frame
 
 #: Of a second, in ns.
 NO_DATE: Final = "no date"
@@ -101,7 +101,7 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
             )
         try:
             rows = pl.read_parquet(folder / PARQUET)
-            cycles = cycles_frame_from_ledger(rows, state.t0_unix_ns)
+            cycles = make_cycles_frame(rows, state.t0_unix_ns)
         except OSError as error:
             raise ReviewError(
                 f"{folder / PARQUET}: cannot be read ({error.strerror}); review its logs again"
@@ -110,7 +110,7 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
             raise ReviewError(
                 f"{folder / PARQUET}: is not a ledger of this version; review its logs once more"
             ) from None
-        machine = machine_title(state)
+        machine = format_machine_title(state)
         for ends_ns in rows["end_unix_ns"] if state.clock.has_date else ():
             other = owners.get((machine, ends_ns))
             if other is not None:
@@ -118,20 +118,20 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
                     f"{folder}: contains loads that are also in {other}; give only one of them"
                 )
         owners |= {(machine, ends_ns): folder for ends_ns in rows["end_unix_ns"]}
-        found += _sum_loads_of_parts(rows, cycles, state, folder)
+        found += _sum_loads_by_part(rows, cycles, state, folder)
     return found
 
 
-def machine_title(state: ReviewState) -> str:
+def format_machine_title(state: ReviewState) -> str:
     """Name and serial number of a machine."""
     return f"{state.machine} {state.serial}".strip()
 
 
-def _sum_loads_of_parts(
+def _sum_loads_by_part(
     rows: pl.DataFrame, cycles: pl.DataFrame, state: ReviewState, folder: Path
 ) -> list[WeekPart]:
     verdicts = read_verdicts(folder)
-    by_row = verdicts_by_row(verdicts, rows["id"], folder)
+    by_row = assign_verdicts_to_rows(verdicts, rows["id"], folder)
     rejected = [int(rows["cycle"][row]) for row, each in by_row.items() if each.reject]
     clock = state.clock
     groups: dict[tuple[str, str], list[int]] = defaultdict(list)
@@ -141,17 +141,17 @@ def _sum_loads_of_parts(
             clock.to_local_datetime((ends_ns - state.t0_unix_ns) / NS) if clock.has_date else None
         )
         day = NO_DATE if local is None else f"{local:%Y-%m-%d}"
-        groups[day, own or verdicts.labels_at_dump_time(ends_ns / NS).product].append(row)
+        groups[day, own or verdicts.find_labels_at_dump(ends_ns / NS).product].append(row)
     parts: list[WeekPart] = []
     for (day, product), members in groups.items():
-        sums = sum_cycles(cycles[members], rejected)
+        sums = sum_counted_cycles(cycles[members], rejected)
         masses = (sums[f"payload_{name}kg"] for name in ("", "u_random_", "u_common_"))
         members_counted = cycles[members].filter("counted")
         given = [row for row in members if row in by_row]
         parts.append(
             WeekPart(
                 day,
-                machine_title(state),
+                format_machine_title(state),
                 product,
                 sums["cycles_counted"],
                 *masses,
@@ -179,7 +179,7 @@ def _sum_energy(
     }
 
 
-def totals_by_group(parts: Sequence[WeekPart], group: str) -> list[WeekTotal]:
+def sum_by_group(parts: Sequence[WeekPart], group: str) -> list[WeekTotal]:
     """Totals by one of `GROUPS`, in its order.
 
     Errors common to the loads of a machine are common to all its shifts and add linearly; machines
@@ -192,15 +192,15 @@ def totals_by_group(parts: Sequence[WeekPart], group: str) -> list[WeekTotal]:
     members: dict[str, list[WeekPart]] = defaultdict(list)
     for part in parts:
         members[getattr(part, group)].append(part)
-    return [_sum_parts(name, members[name]) for name in sorted(members)]
+    return [_sum_week_parts(name, members[name]) for name in sorted(members)]
 
 
-def total_of_week(parts: Sequence[WeekPart]) -> WeekTotal:
+def sum_week(parts: Sequence[WeekPart]) -> WeekTotal:
     """Totals of the whole week."""
-    return _sum_parts("all", parts)
+    return _sum_week_parts("all", parts)
 
 
-def _sum_parts(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
+def _sum_week_parts(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
     """Total of several parts; common errors add up within a machine."""
     common_kg: dict[str, float] = defaultdict(float)
     for part in parts:
@@ -210,11 +210,11 @@ def _sum_parts(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
     loads, rejected, noted = (
         sum(getattr(part, count) for part in parts) for count in ("loads", "rejected", "noted")
     )
-    per_t, per_t_u = week_energy_per_tonne(parts, mass_kg, u_kg)
+    per_t, per_t_u = compute_week_energy_per_tonne(parts, mass_kg, u_kg)
     return WeekTotal(name, loads, mass_kg, u_kg, rejected, noted, per_t, per_t_u)
 
 
-def week_energy_per_tonne(
+def compute_week_energy_per_tonne(
     parts: Sequence[WeekPart], mass_kg: float, u_kg: float
 ) -> tuple[float | None, float | None]:
     """Energy per tonne and its standard uncertainty; None if no load has both."""

@@ -8,20 +8,20 @@ import polars as pl
 
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.report.finding_text import findings_of_run
+from recordings.report.finding_text import read_findings
 from recordings.rrd.display_frames import (
     ROOT,
     DisplayColumn,
-    axis_range,
-    drawn_columns_of_view,
-    grid_span_ns,
+    choose_axis_range,
+    find_grid_span_ns,
+    list_displayed_columns,
 )
 from recordings.rrd.plane_pictures import PlanePicture
 from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.recording_views import MethodLayout, Tab, View, ViewKind
 from recordings.rrd.stored_frames import entity_path
-from recordings.rrd.stored_names import TIME, component_name
+from recordings.rrd.stored_names import TIME, make_component_name
 
 if TYPE_CHECKING:
     from rerun import blueprint as rrb
@@ -53,14 +53,14 @@ class Panel:
         return self.kind is not ViewKind.STATES and lines > 1 and not self.named_above
 
     @property
-    def plot_height_share(self) -> float:
+    def plot_height_fraction(self) -> float:
         """Fraction of a page's height that the plot needs to show its legend."""
         # lines of one name have one entry
         names = len({each.label for each in self.drawn}) if self.has_legend else 1
         return (LIMITS.plot_margin + LIMITS.legend_name_height * names) / LIMITS.page_height
 
     @property
-    def lanes_height_share(self) -> float:
+    def lanes_height_fraction(self) -> float:
         """Fraction of the page's height that its lanes need; 0 for a plot."""
         if self.kind is not ViewKind.STATES:
             return 0.0
@@ -107,21 +107,21 @@ def lay_out_run(
     pages = [
         Page(
             tab.name,
-            tab_panels(tab, run, display_frames),
+            make_tab_panels(tab, run, display_frames),
             tuple(name for name in tab.texts if name in texts),
-            events=tab.events and bool(findings_of_run(run)),
+            events=tab.events and bool(read_findings(run)),
             pictures=tuple(
                 (name, pictures[name].title) for name in tab.pictures if name in pictures
             ),
         )
         for tab in TABS
         # what is not there needs no signals beside it
-        if not tab.events or findings_of_run(run)
+        if not tab.events or read_findings(run)
     ]
-    return lay_out_tabs(pages, unix_span_of_grid_ns(run), parent_entity)
+    return lay_out_tabs(pages, find_grid_unix_span_ns(run), parent_entity)
 
 
-def tab_panels(
+def make_tab_panels(
     tab: Tab, run: Run, display_frames: Mapping[str, pl.DataFrame]
 ) -> tuple[Panel | Row, ...]:
     """Views of a tab for which this run has data, by its `display_frames`.
@@ -144,8 +144,8 @@ def tab_panels(
 
 
 def _make_panel(view: View, run: Run, display_frames: Mapping[str, pl.DataFrame]) -> Panel | None:
-    drawn = drawn_columns_of_view(view, run, display_frames)
-    return Panel(view.title, view.kind, drawn, axis_range(view, run)) if drawn else None
+    drawn = list_displayed_columns(view, run, display_frames)
+    return Panel(view.title, view.kind, drawn, choose_axis_range(view, run)) if drawn else None
 
 
 def _split_panel_by_method(panel: Panel) -> dict[str, Panel]:
@@ -163,9 +163,9 @@ def _split_panel_by_method(panel: Panel) -> dict[str, Panel]:
     }
 
 
-def unix_span_of_grid_ns(run: Run) -> tuple[int, int] | None:
+def find_grid_unix_span_ns(run: Run) -> tuple[int, int] | None:
     """First and last Unix time of a run's grid; None without one."""
-    span, t0_ns = grid_span_ns(run), run.provenance.t0_unix_ns
+    span, t0_ns = find_grid_span_ns(run), run.provenance.t0_unix_ns
     return None if span is None else (span[0] + t0_ns, span[1] + t0_ns)
 
 
@@ -199,17 +199,17 @@ def lay_out_tabs(
     )
 
 
-def text_entity_path(name: str, parent_entity: str = "") -> str:
+def make_text_entity_path(name: str, parent_entity: str = "") -> str:
     """Entity path of a text."""
     return entity_path(f"{ROOT}/text/{name}", parent_entity)
 
 
-def picture_entity_path(name: str, parent_entity: str = "") -> str:
+def make_picture_entity_path(name: str, parent_entity: str = "") -> str:
     """Entity path of a picture."""
     return entity_path(f"{ROOT}/picture/{name}", parent_entity)
 
 
-def events_entity_path(parent_entity: str = "") -> str:
+def make_events_entity_path(parent_entity: str = "") -> str:
     """Entity path of the events."""
     return entity_path(f"{ROOT}/events", parent_entity)
 
@@ -231,27 +231,31 @@ def _make_tab(
         for row in page.rows
     ]
     if page.events:
-        plots.append(rrb.TextLogView(origin=events_entity_path(parent_entity), name="Events"))
+        plots.append(rrb.TextLogView(origin=make_events_entity_path(parent_entity), name="Events"))
     left, top, right, bottom = LIMITS.plane_bounds
     bounds = rrb.VisualBounds2D(x_range=[left, right], y_range=[top, bottom])
     pictures = [
         rrb.Spatial2DView(
-            origin=picture_entity_path(name, parent_entity), name=title, visual_bounds=bounds
+            origin=make_picture_entity_path(name, parent_entity), name=title, visual_bounds=bounds
         )
         for name, title in page.pictures
     ]
     documents = [
-        rrb.TextDocumentView(origin=text_entity_path(name, parent_entity), name=name.capitalize())
+        rrb.TextDocumentView(
+            origin=make_text_entity_path(name, parent_entity), name=name.capitalize()
+        )
         for name in page.texts
     ]
     column = [*plots, *pictures]
     if column and documents:
-        beside = rrb.Vertical(*column, row_shares=relative_panel_heights(page))
+        beside = rrb.Vertical(*column, row_shares=compute_relative_panel_heights(page))
         # tables beside pictures are wide
         shares = [1, 1] if pictures else [2, 3]
         return rrb.Horizontal(*documents, beside, column_shares=shares, name=page.name)
     if column:
-        return rrb.Vertical(*column, row_shares=relative_panel_heights(page), name=page.name)
+        return rrb.Vertical(
+            *column, row_shares=compute_relative_panel_heights(page), name=page.name
+        )
     return rrb.Horizontal(*documents, name=page.name) if documents else None
 
 
@@ -261,15 +265,17 @@ def _place_side_by_side(views: "list[rrb.View]") -> "rrb.View | rrb.Container":
     return views[0] if len(views) == 1 else rrb.Horizontal(*views)
 
 
-def relative_panel_heights(page: Page) -> list[float]:
+def compute_relative_panel_heights(page: Page) -> list[float]:
     """Relative heights of a page's panels, events and pictures.
 
     Lanes get the height they need; the other panels are equal, except for tall legends.
     """
     others = page.events + len(page.pictures)
-    lanes = [max(panel.lanes_height_share for panel in row) for row in page.rows] + [0.0] * others
+    lanes = [max(panel.lanes_height_fraction for panel in row) for row in page.rows] + [
+        0.0
+    ] * others
     shrunk = min(1.0, LIMITS.lanes_max_fraction / (sum(lanes) or 1.0))
-    least = [max(panel.plot_height_share for panel in row) for row in page.rows]
+    least = [max(panel.plot_height_fraction for panel in row) for row in page.rows]
     least += [LIMITS.plot_margin / LIMITS.page_height] * others
     plots = [needed for needed, lane in zip(least, lanes, strict=True) if lane == 0.0]
     heights = iter(divide_height(plots, 1.0 - shrunk * sum(lanes)))
@@ -310,7 +316,7 @@ def _make_view(panel: Panel, axis: "rrb.TimeAxis", parent_entity: str) -> "rrb.V
     overrides: dict[EntityPathLike, list[Visualizer]] = {}
     for each in panel.drawn:
         overrides.setdefault(entity_path(each.frame, parent_entity), []).extend(
-            _view_visualizers(panel.kind, each)
+            _iter_view_visualizers(panel.kind, each)
         )
     contents = [str(entity) for entity in overrides]
     if panel.kind is ViewKind.STATES:
@@ -327,25 +333,25 @@ def _make_view(panel: Panel, axis: "rrb.TimeAxis", parent_entity: str) -> "rrb.V
     )
 
 
-def _view_visualizers(kind: ViewKind, display_column: DisplayColumn) -> "Iterator[Visualizer]":
+def _iter_view_visualizers(kind: ViewKind, display_column: DisplayColumn) -> "Iterator[Visualizer]":
     import rerun as rr
 
     if kind is ViewKind.STATES:
         looks = rr.StateConfiguration(
-            values=list(colours.state_colours()),
-            labels=[state.replace("_", " ") for state in colours.state_colours()],
-            colors=[colours.pack_rgba(colour) for colour in colours.state_colours().values()],
+            values=list(colours.make_state_colours()),
+            labels=[state.replace("_", " ") for state in colours.make_state_colours()],
+            colors=[colours.pack_rgba(colour) for colour in colours.make_state_colours().values()],
         )
         yield looks.visualizer(
-            mappings=[_column_mapping("StateChange:state", display_column.column)]
+            mappings=[_make_column_mapping("StateChange:state", display_column.column)]
         )
         return
     colour = colours.pack_rgba(display_column.colour, "60" if display_column.faint else "ff")
-    scalars = _column_mapping("Scalars:scalars", display_column.column)
+    scalars = _make_column_mapping("Scalars:scalars", display_column.column)
     if display_column.variance is not None:
         band = rr.Measurements.from_fields(names=display_column.label, colors=colour)
-        values = _column_mapping("Measurements:values", display_column.column)
-        variances = _column_mapping("Measurements:variances", display_column.variance)
+        values = _make_column_mapping("Measurements:values", display_column.column)
+        variances = _make_column_mapping("Measurements:variances", display_column.variance)
         yield band.visualizer(mappings=[values, variances])
     else:
         width = 0.7 if display_column.faint else 3.5 if display_column.wide else 1.5
@@ -361,9 +367,9 @@ def _view_visualizers(kind: ViewKind, display_column: DisplayColumn) -> "Iterato
         yield dots.visualizer(mappings=[scalars])
 
 
-def _column_mapping(target: str, column: str) -> "VisualizerComponentMapping":
+def _make_column_mapping(target: str, column: str) -> "VisualizerComponentMapping":
     from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
     return VisualizerComponentMapping(
-        target, ComponentSourceKind.SourceComponent, source_component=component_name(column)
+        target, ComponentSourceKind.SourceComponent, source_component=make_component_name(column)
     )

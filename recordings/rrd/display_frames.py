@@ -18,9 +18,9 @@ from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.report.number_text import format_unit_suffix
 from recordings.rrd.recording_limits import LIMITS
-from recordings.rrd.recording_table import TABS, frames_of_series
+from recordings.rrd.recording_table import TABS, list_frames_of_series
 from recordings.rrd.recording_views import View, ViewKind, ViewSeries
-from recordings.rrd.stored_names import STATE, entity_parts
+from recordings.rrd.stored_names import STATE, split_entity_path
 
 ROOT: Final = "display"
 LANES: Final = f"{ROOT}/states"
@@ -49,7 +49,7 @@ class DisplayColumn:
     """Whether another line lies over it."""
 
 
-def grid_span_ns(run: Run) -> tuple[int, int] | None:
+def find_grid_span_ns(run: Run) -> tuple[int, int] | None:
     """First and last `t_ns` of a run's grid; None if no frame has times."""
     for name in ("aligned", "excitation", "gate"):
         if name in run.frames and run.frames[name].height:
@@ -58,16 +58,16 @@ def grid_span_ns(run: Run) -> tuple[int, int] | None:
     return None
 
 
-def is_drawn_decimated(run: Run) -> bool:
+def is_run_drawn_decimated(run: Run) -> bool:
     """Whether this run is drawn decimated."""
-    span = grid_span_ns(run)
+    span = find_grid_span_ns(run)
     return span is not None and span[1] - span[0] > LONG_NS
 
 
-def series_of_view(view: View, run: Run) -> Iterator[tuple[ViewSeries, str]]:
+def iter_view_series(view: View, run: Run) -> Iterator[tuple[ViewSeries, str]]:
     """Series of a view for which this run has data, each with the name of its frame."""
     for series in view.series:
-        for name in frames_of_series(series, run.frames):
+        for name in list_frames_of_series(series, run.frames):
             if _has_numbers_to_draw(series, select_arcs(run.frames[name])):
                 yield series, name
 
@@ -85,7 +85,7 @@ def _has_numbers_to_draw(series: ViewSeries, frame: pl.DataFrame) -> bool:
     return column.null_count() < column.len()
 
 
-def drawn_columns_of_view(
+def list_displayed_columns(
     view: View, run: Run, display_frames: Mapping[str, pl.DataFrame]
 ) -> tuple[DisplayColumn, ...]:
     """Columns of this run that a view draws.
@@ -96,29 +96,31 @@ def drawn_columns_of_view(
         display_frames: frames of the run that are displayed.
     """
     drawn: list[DisplayColumn] = []
-    for number, (series, name) in enumerate(series_of_view(view, run)):
+    for number, (series, name) in enumerate(iter_view_series(view, run)):
         if view.kind is ViewKind.STATES:
-            drawn.append(DisplayColumn(_lane_entity_path(series), STATE, series.label))
+            drawn.append(DisplayColumn(_make_lane_entity_path(series), STATE, series.label))
             continue
-        method = entity_parts(name)[1] if series.frame == "estimates" else None
+        method = split_entity_path(name)[1] if series.frame == "estimates" else None
         label = " ".join(filter(None, (method, series.label)))
-        colour = colours.method_colour(method) if method else colours.line_colour(number)
-        frame = _display_column_name(name)
-        variance = _variance_column_name(series.std_column) if series.std_column else None
+        colour = (
+            colours.choose_method_colour(method) if method else colours.choose_line_colour(number)
+        )
+        frame = _make_display_column_name(name)
+        variance = _make_variance_column_name(series.std_column) if series.std_column else None
         dotted = series.frame in _SHORT or is_drawn_as_points(display_frames[frame][series.column])
         extremes = (
             view.kind is ViewKind.LINES
-            and _extreme_column_name(series.column, "min") in display_frames[frame].columns
+            and _make_extreme_column_name(series.column, "min") in display_frames[frame].columns
         )
         # lines of one name have one entry in a legend, in the colour of the first
         label += ", binned" if extremes else ""
         drawn.append(DisplayColumn(frame, series.column, label, colour, variance, dotted=dotted))
-        ends = [_extreme_column_name(series.column, end) for end in _ENDS if extremes]
+        ends = [_make_extreme_column_name(series.column, end) for end in _ENDS if extremes]
         drawn += [DisplayColumn(frame, end, label, colour, faint=True) for end in ends]
     if drawn and view.threshold is not None:
-        value = f"{_threshold_setting_of_view(run, view):g}{format_unit_suffix(view.unit)}"
+        value = f"{_read_view_threshold(run, view):g}{format_unit_suffix(view.unit)}"
         label = f"threshold {value}"
-        drawn.append(DisplayColumn(_threshold_frame_name(view), "threshold", label, "#d55e00"))
+        drawn.append(DisplayColumn(_make_threshold_frame_name(view), "threshold", label, "#d55e00"))
     return tuple(drawn)
 
 
@@ -132,42 +134,44 @@ def make_display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.Data
     frames: dict[str, pl.DataFrame] = {}
     asked: dict[str, dict[str, pl.Expr]] = {}
     for view in dict.fromkeys(view for tab in TABS for view in tab.views):
-        for series, name in series_of_view(view, run):
+        for series, name in iter_view_series(view, run):
             frame = select_arcs(run.frames[name])
             if series.frame == "findings":
-                frame = shortest_findings_first(frame, grid_span_ns(run))
+                frame = resolve_overlapping_findings(frame, find_grid_span_ns(run))
             if view.kind is ViewKind.STATES:
-                frames[_lane_entity_path(series)] = rows_of_state_changes(
-                    series, frame, grid_period_ns(run)
+                frames[_make_lane_entity_path(series)] = select_state_changes(
+                    series, frame, find_grid_period_ns(run)
                 )
             elif series.frame in _HELD:
-                frames[_display_column_name(name)] = _hold_rows_to_their_end(
-                    numbers_to_draw(name, frame), frame["end_t_ns"]
+                frames[_make_display_column_name(name)] = _repeat_rows_at_span_end(
+                    select_numbers_to_draw(name, frame), frame["end_t_ns"]
                 )
             else:
-                asked.setdefault(name, {}).update(binned_column_expressions(view.kind, series))
-            if view.threshold is not None and (span := grid_span_ns(run)) is not None:
-                level = [_threshold_setting_of_view(run, view)] * 2
-                frames[_threshold_frame_name(view)] = pl.DataFrame(
+                asked.setdefault(name, {}).update(make_bin_expressions(view.kind, series))
+            if view.threshold is not None and (span := find_grid_span_ns(run)) is not None:
+                level = [_read_view_threshold(run, view)] * 2
+                frames[_make_threshold_frame_name(view)] = pl.DataFrame(
                     {"t_ns": span, "threshold": level}
                 )
     for name, wanted in asked.items():
-        if decimate and is_drawn_decimated(run):
-            frames[_display_column_name(name)] = _decimate_frame(run, name, list(wanted.values()))
+        if decimate and is_run_drawn_decimated(run):
+            frames[_make_display_column_name(name)] = _decimate_frame(
+                run, name, list(wanted.values())
+            )
         else:
-            numbers = numbers_to_draw(name, run.frames[name])
-            sparse = entity_parts(name)[0] == "estimates"
-            frames[_display_column_name(name)] = (
-                break_at_gaps(numbers, grid_period_ns(run)) if sparse else numbers
+            numbers = select_numbers_to_draw(name, run.frames[name])
+            sparse = split_entity_path(name)[0] == "estimates"
+            frames[_make_display_column_name(name)] = (
+                insert_breaks_at_gaps(numbers, find_grid_period_ns(run)) if sparse else numbers
             )
     return frames
 
 
-def axis_range(view: View, run: Run) -> tuple[float, float] | None:
+def choose_axis_range(view: View, run: Run) -> tuple[float, float] | None:
     """Range of most values of a view with outliers; None to show all."""
     if not view.clips_outliers:
         return None
-    drawn = list(series_of_view(view, run))
+    drawn = list(iter_view_series(view, run))
     if not drawn:
         return None
     values = pl.concat([run.frames[name][series.column] for series, name in drawn])
@@ -184,27 +188,27 @@ def axis_range(view: View, run: Run) -> tuple[float, float] | None:
     return low - margin, high + margin
 
 
-def _display_column_name(name: str) -> str:
+def _make_display_column_name(name: str) -> str:
     return f"{ROOT}/{name}"
 
 
-def _lane_entity_path(series: ViewSeries) -> str:
+def _make_lane_entity_path(series: ViewSeries) -> str:
     return f"{LANES}/{series.label}"
 
 
-def _threshold_frame_name(view: View) -> str:
+def _make_threshold_frame_name(view: View) -> str:
     return f"{ROOT}/threshold/{view.threshold}"
 
 
-def _variance_column_name(std: str) -> str:
+def _make_variance_column_name(std: str) -> str:
     return f"{std}_squared"
 
 
-def _extreme_column_name(column: str, end: str) -> str:
+def _make_extreme_column_name(column: str, end: str) -> str:
     return f"{column}_{end}"
 
 
-def _threshold_setting_of_view(run: Run, view: View) -> float:
+def _read_view_threshold(run: Run, view: View) -> float:
     return float(run.provenance.settings.value(str(view.threshold)))
 
 
@@ -218,14 +222,14 @@ def is_drawn_as_points(numbers: pl.Series) -> bool:
     return 2 * alone > count or short
 
 
-def grid_period_ns(run: Run) -> int:
+def find_grid_period_ns(run: Run) -> int:
     """Period of the grid."""
     return round(NS / run.provenance.settings.align.rate_hz)
 
 
-def numbers_to_draw(name: str, frame: pl.DataFrame) -> pl.DataFrame:
+def select_numbers_to_draw(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     """Numbers of a frame that a view draws, by time or start time, with variances."""
-    family = entity_parts(name)[0]
+    family = split_entity_path(name)[0]
     shown = [s for tab in TABS for view in tab.views for s in view.series if s.frame == family]
     columns = dict.fromkeys(s.column for s in shown if s.column in frame.columns)
     numeric = [c for c in columns if frame.schema[c].is_float()]
@@ -236,11 +240,11 @@ def numbers_to_draw(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     return frame.select(
         pl.col(time).alias("t_ns"),
         *numeric,
-        *((pl.col(std) ** 2).alias(_variance_column_name(std)) for std in stds),
+        *((pl.col(std) ** 2).alias(_make_variance_column_name(std)) for std in stds),
     )
 
 
-def break_at_gaps(numbers: pl.DataFrame, period_ns: int) -> pl.DataFrame:
+def insert_breaks_at_gaps(numbers: pl.DataFrame, period_ns: int) -> pl.DataFrame:
     """Insert an empty row after each stretch of consecutive rows."""
     step = pl.col("t_ns").shift(-1) - pl.col("t_ns")
     ends = numbers.filter((step > 1.5 * period_ns).fill_null(True)).select(pl.col("t_ns") + 1)
@@ -255,14 +259,16 @@ def select_arcs(frame: pl.DataFrame) -> pl.DataFrame:
     return frame.tail(1) if arcs.is_empty() else arcs
 
 
-def _hold_rows_to_their_end(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.DataFrame:
+def _repeat_rows_at_span_end(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.DataFrame:
     """Each row at its start and its end, followed by an empty row."""
     ends = numbers.with_columns(end_ns.alias("t_ns"))
     breaks = ends.select(pl.col("t_ns") + 1)
     return pl.concat([numbers, ends, breaks], how="diagonal").sort("t_ns", maintain_order=True)
 
 
-def shortest_findings_first(findings: pl.DataFrame, span: tuple[int, int] | None) -> pl.DataFrame:
+def resolve_overlapping_findings(
+    findings: pl.DataFrame, span: tuple[int, int] | None
+) -> pl.DataFrame:
     """Findings in order of time; where several overlap, the shortest one.
 
     Findings of the whole log fill the remaining time.
@@ -285,7 +291,7 @@ def shortest_findings_first(findings: pl.DataFrame, span: tuple[int, int] | None
     return pl.DataFrame(parts, schema=dict(zip(names, types, strict=True)), orient="row")
 
 
-def rows_of_state_changes(series: ViewSeries, frame: pl.DataFrame, period_ns: int) -> pl.DataFrame:
+def select_state_changes(series: ViewSeries, frame: pl.DataFrame, period_ns: int) -> pl.DataFrame:
     """Rows at which a state begins; null in holes and after the last one."""
     column = pl.col(series.column)
     if frame.schema[series.column] == pl.Boolean:
@@ -307,37 +313,38 @@ def rows_of_state_changes(series: ViewSeries, frame: pl.DataFrame, period_ns: in
 
 
 def _decimate_frame(run: Run, name: str, expressions: list[pl.Expr]) -> pl.DataFrame:
-    span = grid_span_ns(run)
+    span = find_grid_span_ns(run)
     assert span is not None
     width_ns = min(max(-(-(span[1] - span[0]) // (LIMITS.screen_bins * NS)), 1), 10) * NS
     # narrower than the grid's step most bins were empty, and no line would be drawn
-    width_ns = max(width_ns, grid_period_ns(run))
+    width_ns = max(width_ns, find_grid_period_ns(run))
     return bin_frame_rows(run.frames[name], expressions, span, width_ns)
 
 
-def binned_column_expressions(kind: ViewKind, series: ViewSeries) -> dict[str, pl.Expr]:
+def make_bin_expressions(kind: ViewKind, series: ViewSeries) -> dict[str, pl.Expr]:
     """Expressions for the binned columns of a series."""
     numbers = pl.col(series.column)
     if kind is ViewKind.BANDS:
         mean = {series.column: numbers.mean()}
         if series.std_column is None:
             return mean
-        name = _variance_column_name(series.std_column)
+        name = _make_variance_column_name(series.std_column)
         return mean | {name: (pl.col(series.std_column) ** 2).mean().alias(name)}
     ends = {"min": numbers.min(), "max": numbers.max()}
     named = {
-        (name := _extreme_column_name(series.column, end)): ends[end].alias(name) for end in _ENDS
+        (name := _make_extreme_column_name(series.column, end)): ends[end].alias(name)
+        for end in _ENDS
     }
     return {series.column: numbers.mean()} | named
 
 
 def bin_frame_rows(
-    frame: pl.DataFrame, wanted: list[pl.Expr], span: tuple[int, int], width_ns: int
+    frame: pl.DataFrame, expressions: list[pl.Expr], span: tuple[int, int], width_ns: int
 ) -> pl.DataFrame:
     """A row per bin at its middle; bins without rows are empty, so that no line crosses them."""
     start, end = span
     number = ((pl.col("t_ns") - start) // width_ns).alias("bin")
     bins = pl.select(pl.int_range((end - start) // width_ns + 1, dtype=pl.Int64).alias("bin"))
-    binned = bins.join(frame.group_by(number).agg(wanted), on="bin", how="left").sort("bin")
+    binned = bins.join(frame.group_by(number).agg(expressions), on="bin", how="left").sort("bin")
     middle = (start + pl.col("bin") * width_ns + width_ns // 2).alias("t_ns")
     return binned.select(middle, pl.exclude("bin"))

@@ -9,7 +9,7 @@ import polars as pl
 
 from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.stored_frames import entity_path
-from recordings.rrd.stored_names import SINCE_START, TIME, component_name
+from recordings.rrd.stored_names import SINCE_START, TIME, make_component_name
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -51,7 +51,7 @@ def iter_drawn_batches(
             values = drawn.to_arrow()
             if pa.types.is_large_string(values.type):
                 values = values.cast(pa.string())
-            stored = component_name(column.name)
+            stored = make_component_name(column.name)
             arrays[stored] = pa.ListArray.from_arrays(starts, values)
             metadata = {"rerun:entity_path": entity, "rerun:component": stored}
             fields.append(pa.field(stored, arrays[stored].type, metadata=metadata))

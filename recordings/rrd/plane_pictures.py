@@ -18,9 +18,9 @@ from recordings.report.force_acceleration import (
     ACCELERATION,
     ACCELERATION_LABEL,
     FORCE,
-    force_acceleration_plot_data,
+    select_force_acceleration_data,
 )
-from recordings.report.svg_shapes import Axes, round_ticks
+from recordings.report.svg_shapes import Axes, choose_round_ticks
 from recordings.rrd.recording_limits import LIMITS
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def send_picture(recording: "RecordingStream", entity: str, picture: PlanePictur
         for size in (LIMITS.dot_radius_pt, LIMITS.line_radius_pt, LIMITS.grid_line_radius_pt)
     )
     grid = [
-        [axes.place_in_drawing(a, b), axes.place_in_drawing(c, d)]
+        [axes.convert_to_drawing_units(a, b), axes.convert_to_drawing_units(c, d)]
         for a, b, c, d in _make_grid_lines(axes)
     ]
     ink = colours.pack_rgba(_GRID)
@@ -97,7 +97,7 @@ def send_picture(recording: "RecordingStream", entity: str, picture: PlanePictur
     written = rr.Points2D(places, labels=texts, colors=inks, radii=0.0, show_labels=True)
     recording.log(f"{entity}/text", written, static=True)
     for number, each in enumerate(picture.series):
-        corners = [axes.place_in_drawing(a, b) for a, b in zip(each.x, each.y, strict=True)]
+        corners = [axes.convert_to_drawing_units(a, b) for a, b in zip(each.x, each.y, strict=True)]
         ink, order = colours.pack_rgba(each.colour), 10.0 + number
         shape = (
             rr.LineStrips2D([corners], colors=ink, radii=width, draw_order=order)
@@ -109,9 +109,9 @@ def send_picture(recording: "RecordingStream", entity: str, picture: PlanePictur
 
 def _make_grid_lines(axes: Axes) -> Iterator[tuple[float, float, float, float]]:
     """Ends of each grid line, in the units of the axes."""
-    for value, _ in round_ticks(*axes.x):
+    for value, _ in choose_round_ticks(*axes.x):
         yield value, axes.y[0], value, axes.y[1]
-    for value, _ in round_ticks(*axes.y):
+    for value, _ in choose_round_ticks(*axes.y):
         yield axes.x[0], value, axes.x[1], value
 
 
@@ -121,20 +121,20 @@ def iter_axis_labels(
     """Position, text and colour of numbers, labels and legend."""
     left, top, right, bottom = LIMITS.plane_box
     ink = colours.pack_rgba(_INK)
-    for value, text in round_ticks(*axes.x):
+    for value, text in choose_round_ticks(*axes.x):
         yield (
             (
-                axes.place_in_drawing(value, axes.y[0])[0],
+                axes.convert_to_drawing_units(value, axes.y[0])[0],
                 bottom + LIMITS.plane_numbers_distance - LIMITS.plane_text_drop,
             ),
             text,
             ink,
         )
-    for value, text in round_ticks(*axes.y):
+    for value, text in choose_round_ticks(*axes.y):
         yield (
             (
                 left - 3.0 * LIMITS.plane_numbers_distance,
-                axes.place_in_drawing(axes.x[0], value)[1] - LIMITS.plane_text_drop,
+                axes.convert_to_drawing_units(axes.x[0], value)[1] - LIMITS.plane_text_drop,
             ),
             text,
             ink,
@@ -156,7 +156,7 @@ def iter_axis_labels(
 
 
 def _make_force_acceleration_picture(run: Run) -> PlanePicture | None:
-    found = force_acceleration_plot_data(run)
+    found = select_force_acceleration_data(run)
     if found is None:
         return None
     series: list[PlaneSeries] = []
@@ -166,7 +166,7 @@ def _make_force_acceleration_picture(run: Run) -> PlanePicture | None:
         series.append(PlaneSeries(group.label, group.colour, x, y))
     ends = np.array([found.points[ACCELERATION].min(), found.points[ACCELERATION].max()], float)
     series += [
-        PlaneSeries(mass.label, _MASS, ends, mass.mass_kg * ends, joined=True)
+        PlaneSeries(mass.format_label, _MASS, ends, mass.mass_kg * ends, joined=True)
         for mass in found.masses
     ]
     return PlanePicture(
@@ -212,7 +212,7 @@ def make_load_errors_picture(run: Run) -> PlanePicture | None:
     ends = np.array([ends.min(), ends.max()])
     series += [
         PlaneSeries(label, _INK, ends, np.full(2, level_kg), joined=True)
-        for label, level_kg in error_limit_lines(run)
+        for label, level_kg in make_error_limit_lines(run)
     ]
     return PlanePicture(
         "Errors of the calibration (paler: with that load excluded from the line)",
@@ -222,7 +222,7 @@ def make_load_errors_picture(run: Run) -> PlanePicture | None:
     )
 
 
-def error_limit_lines(run: Run) -> list[tuple[str, float]]:
+def make_error_limit_lines(run: Run) -> list[tuple[str, float]]:
     """Lines at zero error, and at the interval of a later mass if there is evidence."""
     line = run.frames.get("line", pl.DataFrame())
     if line.is_empty():
@@ -239,12 +239,13 @@ def iter_calibrated_methods(run: Run) -> Iterator[tuple[str, str, pl.DataFrame]]
         points = evidence.rename({"mean_kg": "estimate_kg"}).join(
             line.select("alpha_1", "beta_kg"), how="cross"
         )
-        groups = [("a run", colours.line_colour(0), points)]
+        groups = [("a run", colours.choose_line_colour(0), points)]
     else:
         points = run.frames.get("calibration", pl.DataFrame({"method": [], "estimate_kg": []}))
         by_method = points.group_by("method", maintain_order=True)
         groups = [
-            (str(name), colours.method_colour(str(name)), group) for (name,), group in by_method
+            (str(name), colours.choose_method_colour(str(name)), group)
+            for (name,), group in by_method
         ]
     for name, colour, group in groups:
         estimated = group.drop_nulls("estimate_kg")

@@ -7,19 +7,19 @@ from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
-from recordings.report.number_text import format_number, markdown_table
+from recordings.report.number_text import format_markdown_table, format_number
 
 
-def local_time_text(provenance: Provenance, t_ns: int = 0) -> str:
+def format_local_time(provenance: Provenance, t_ns: int = 0) -> str:
     """Local time of a time since the start; without a date if the log has none."""
     stamp_ns = provenance.t0_unix_ns + t_ns
     if stamp_ns < FIRST_DATE_NS:
         return f"{stamp_ns / NS:.3f} s of the log's own clock"
-    clock = ShiftClock(timezone_text(provenance), stamp_ns, 0.0)
+    clock = ShiftClock(read_timezone_name(provenance), stamp_ns, 0.0)
     return f"{clock.to_local_datetime(0.0):%Y-%m-%d} {clock.format_time(0.0)} {clock.zone}"
 
 
-def settings_markdown(run: Run) -> str:
+def format_settings_markdown(run: Run) -> str:
     """All settings, and the resolved machine file."""
     about = run.provenance
     rows = [
@@ -29,14 +29,14 @@ def settings_markdown(run: Run) -> str:
     return "\n\n".join(
         [
             "# Settings",
-            markdown_table(("setting", "value"), rows),
+            format_markdown_table(("setting", "value"), rows),
             "# Machine",
             f"```json\n{machine}\n```",
         ]
     )
 
 
-def provenance_markdown(run: Run) -> str:
+def format_provenance_markdown(run: Run) -> str:
     """Inputs with SHA-256, versions, stamps, losses and notes."""
     about = run.provenance
     inputs = [
@@ -46,22 +46,22 @@ def provenance_markdown(run: Run) -> str:
     return "\n\n".join(
         [
             "# Inputs",
-            markdown_table(("file", "bytes", "SHA-256"), inputs),
-            f"First aligned sample: {local_time_text(about)} "
+            format_markdown_table(("file", "bytes", "SHA-256"), inputs),
+            f"First aligned sample: {format_local_time(about)} "
             f"({about.t0_unix_ns} ns since 1970-01-01 UTC)",
             "# Fingerprint",
             _format_fingerprint(about),
             "# Stamps",
-            markdown_table(("topic", "placed by"), about.stamps.items()),
+            format_markdown_table(("topic", "placed by"), about.stamps.items()),
             "# Losses",
-            markdown_table(
+            format_markdown_table(
                 ("source", "topic", "what"),
                 [(each.source, each.topic, each.what) for each in about.losses],
             ),
             "# Notes",
             "\n".join(f"- {note}" for note in about.notes) or "none",
             "# Versions",
-            markdown_table(("what", "version"), about.versions.items()),
+            format_markdown_table(("what", "version"), about.versions.items()),
             "# Stages",
             "\n".join(frames),
         ]
@@ -75,15 +75,15 @@ def _format_fingerprint(provenance: Provenance) -> str:
         return "none"
     whole = {"inputs": taken.inputs, "settings": taken.settings, "results": taken.results}
     digests = [(name, f"`{digest}`") for name, digest in (whole | taken.frames).items()]
-    return markdown_table(("SHA-256 of", "digest"), digests)
+    return format_markdown_table(("SHA-256 of", "digest"), digests)
 
 
-def machine_table(provenance: Provenance) -> dict[str, Any]:
+def read_machine_table(provenance: Provenance) -> dict[str, Any]:
     """Table `machine` of the machine file."""
     body = provenance.machine.get("machine", {})
     return body if isinstance(body, dict) else {}
 
 
-def timezone_text(provenance: Provenance) -> str:
+def read_timezone_name(provenance: Provenance) -> str:
     """Time zone of the machine file."""
-    return str(machine_table(provenance).get("timezone", "UTC"))
+    return str(read_machine_table(provenance).get("timezone", "UTC"))

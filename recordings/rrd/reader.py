@@ -14,9 +14,9 @@ from pydantic import ValidationError
 from analysis.model.check_names import rename_stored_checks
 from analysis.model.loss import Loss
 from analysis.model.run_record import Provenance, Run
-from estimators.errors import RecordingError, nearest
+from estimators.errors import RecordingError, suggest_choice
 from recordings.rrd.stored_frames import Manifest, StoredColumn, StoredFrame
-from recordings.rrd.stored_names import component_name
+from recordings.rrd.stored_names import make_component_name
 
 if TYPE_CHECKING:
     from rerun.chunk import LazyStore
@@ -47,10 +47,10 @@ def read_recording(path: str | Path, *, stored_names: bool = False) -> Run:
         manifest, provenance = held.manifest, held.provenance
         frames = {frame.name: held.read(frame.name) for frame in manifest.frames}
     heights = {name: frame.height for name, frame in frames.items()}
-    return Run(frames, add_losses_of_missing_rows(path, manifest, provenance, heights))
+    return Run(frames, note_missing_rows(path, manifest, provenance, heights))
 
 
-def add_losses_of_missing_rows(
+def note_missing_rows(
     path: str | Path, manifest: Manifest, provenance: Provenance, row_counts: Mapping[str, int]
 ) -> Provenance:
     """Provenance with a loss for each incomplete frame.
@@ -93,7 +93,7 @@ def read_provenance(path: str | Path) -> Provenance:
         return held.provenance
 
 
-def columns_by_frame(path: str | Path) -> dict[str, tuple[str, ...]]:
+def list_columns_by_frame(path: str | Path) -> dict[str, tuple[str, ...]]:
     """Names of a recording's frames in pipeline order, with their columns.
 
     Raises:
@@ -147,15 +147,17 @@ class OpenRecording:
         """
         stored = self.manifest.frame_by_name(name)
         if stored is None:
-            raise RecordingError(f"{self.path}: no frame '{name}'; {nearest(name, self.stages)}")
+            raise RecordingError(
+                f"{self.path}: no frame '{name}'; {suggest_choice(name, self.stages)}"
+            )
         known = self.stages[name]
         for column in columns or ():
             if column not in known:
                 raise RecordingError(
-                    f"{self.path}: '{name}' has no '{column}'; {nearest(column, known)}"
+                    f"{self.path}: '{name}' has no '{column}'; {suggest_choice(column, known)}"
                 )
         wanted = stored.columns if columns is None else stored.select(columns)
-        with _raise_one_line_errors(self.path):
+        with _convert_errors_to_one_line(self.path):
             frame = _read_frame(self.store, stored, wanted)
         return frame if self.stored_names else rename_stored_checks(name, frame)
 
@@ -182,7 +184,7 @@ def open_recording(path: str | Path, *, stored_names: bool = False) -> "Generato
     import rerun as rr
     from rerun.error_utils import RerunWarning
 
-    with _raise_one_line_errors(path):
+    with _convert_errors_to_one_line(path):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RerunWarning)  # it warns and raises of the same fault
             store = rr.chunk.RrdReader(path).store()
@@ -191,7 +193,7 @@ def open_recording(path: str | Path, *, stored_names: bool = False) -> "Generato
 
 
 @contextmanager
-def _raise_one_line_errors(path: Path) -> Generator[None]:
+def _convert_errors_to_one_line(path: Path) -> Generator[None]:
     try:
         yield
     except (RuntimeError, ValueError) as error:
@@ -242,7 +244,7 @@ def _read_frame(
     store: "LazyStore", stored: StoredFrame, columns: Sequence[StoredColumn]
 ) -> pl.DataFrame:
     """Read columns of a frame, with rows in the order of writing."""
-    wanted = [component_name(column.name) for column in columns]
+    wanted = [make_component_name(column.name) for column in columns]
     # Rerun trims an expression, and an entity may end in a space: ask for what is below it as well
     below = store.stream().filter(content=f"{stored.entity}/**", components=wanted)
     chunks = (chunk for chunk in below if chunk.entity_path == stored.entity)

@@ -14,14 +14,14 @@ from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
-from recordings.report.finding_text import finding_line, findings_of_run
+from recordings.report.finding_text import format_finding, read_findings
 from recordings.report.worth_text import COVERAGE
 
 ANSWER: Final = "answer"
 Value = str | float | int | bool
 
 
-def recording_properties(run: Run) -> dict[str, Value]:
+def make_recording_properties(run: Run) -> dict[str, Value]:
     """Properties of a run's recording.
 
     Args:
@@ -35,31 +35,33 @@ def recording_properties(run: Run) -> dict[str, Value]:
     """
     about, said = run.provenance, answer(run)
     body: Mapping[str, Any] = about.machine.get("machine", {})
-    findings = findings_of_run(run)
+    findings = read_findings(run)
     found: dict[str, Value | None] = {
         "machine": str(body.get("name", "")),
         "serial": str(body.get("id") or ""),
-        "day": _recording_day_text(about),
+        "day": _format_recording_day(about),
         "logs": ", ".join(each.name for each in about.inputs),
         "verdict": _summarise_verdict(said.verdict),
         "can_weigh": said.verdict.can_weigh if said.verdict.checks else None,
         "loads": len(said.loads),
-        "first_finding": finding_line(findings[0]) if findings else "",
+        "first_finding": format_finding(findings[0]) if findings else "",
         "fingerprint": about.fingerprint.results if about.fingerprint else "",
         "payscope": about.versions.get("payscope", ""),
         "versions": ", ".join(f"{name} {text}" for name, text in about.versions.items()),
     }
     if len(said.loads) == 1:
         load = said.loads[0]
-        found |= _quantity_property("mass", "kg", load["mass_kg"], load["u_kg"])
+        found |= _make_quantity_property("mass", "kg", load["mass_kg"], load["u_kg"])
     if said.shift:
         cycles, kg = said.shift["cycles_counted"], said.shift["payload_kg"]
         found["cycles"] = cycles
-        found |= _quantity_property("tonnes", "t", kg, said.shift["payload_u_kg"], per_unit=1e3)
+        found |= _make_quantity_property(
+            "tonnes", "t", kg, said.shift["payload_u_kg"], per_unit=1e3
+        )
     return {name: value for name, value in found.items() if value is not None}
 
 
-def _quantity_property(
+def _make_quantity_property(
     name: str, unit: str, value: float | None, u: float | None, per_unit: float = 1.0
 ) -> dict[str, float | None]:
     """A quantity and its expanded uncertainty."""
@@ -76,7 +78,7 @@ def _summarise_verdict(verdict: Verdict) -> str:
     return f"cannot weigh: {', '.join(failed)}" if failed else "can weigh"
 
 
-def _recording_day_text(provenance: Provenance) -> str:
+def _format_recording_day(provenance: Provenance) -> str:
     if provenance.t0_unix_ns < FIRST_DATE_NS:
         return ""
     zone = ZoneInfo(str(provenance.machine.get("machine", {}).get("timezone", "UTC")))

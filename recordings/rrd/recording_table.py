@@ -17,7 +17,7 @@ from recordings.rrd.recording_views import (
     line_view,
     states_view,
 )
-from recordings.rrd.stored_names import entity_parts
+from recordings.rrd.stored_names import split_entity_path
 
 _FORCE = line_view("Force", "excitation", force_x_N="driving force")
 _ACCELERATION = line_view(
@@ -375,14 +375,14 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
 }
 
 
-def frames_of_series(series: ViewSeries, frames: Iterable[str]) -> tuple[str, ...]:
+def list_frames_of_series(series: ViewSeries, frames: Iterable[str]) -> tuple[str, ...]:
     """Frames of a run that a series is drawn from, in the run's order."""
-    return tuple(name for name in frames if entity_parts(name)[0] == series.frame)
+    return tuple(name for name in frames if split_entity_path(name)[0] == series.frame)
 
 
-def drawn_column_names(frame: str, columns: Iterable[str]) -> tuple[str, ...]:
+def list_drawn_columns(frame: str, columns: Iterable[str]) -> tuple[str, ...]:
     """Columns of a frame that a view draws, and those that order its rows."""
-    family = entity_parts(frame)[0]
+    family = split_entity_path(frame)[0]
     wanted = {"t_ns", "start_t_ns", "end_t_ns", "axis", "kind", "rank"} | {
         name
         for tab in TABS

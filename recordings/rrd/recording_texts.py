@@ -12,35 +12,35 @@ from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import (
-    finding_line,
-    findings_markdown,
-    findings_of_run,
+    format_finding,
+    format_findings_markdown,
+    read_findings,
 )
 from recordings.report.number_text import (
     SCALE_NOT_KNOWN,
     format_check_outcome,
+    format_markdown_table,
     format_number,
     format_plus_minus,
     format_unit_suffix,
-    markdown_table,
 )
-from recordings.report.planar_text import planar_fit_lines, planar_markdown
-from recordings.report.shift_text import shift_payload_sentence
+from recordings.report.planar_text import describe_planar_fits, format_planar_markdown
+from recordings.report.shift_text import describe_shift_payload
 from recordings.report.worth_text import (
-    answer_lines,
-    budget_rows,
-    load_sentences,
-    load_table_heads,
-    load_table_rows,
-    number_of_best_known_load,
+    describe_answer,
+    describe_loads,
+    find_best_known_load,
+    make_budget_table_rows,
+    make_load_table_heads,
+    make_load_table_rows,
 )
-from recordings.rrd.display_frames import grid_span_ns
+from recordings.rrd.display_frames import find_grid_span_ns
 from recordings.rrd.provenance_texts import (
-    local_time_text,
-    machine_table,
-    provenance_markdown,
-    settings_markdown,
-    timezone_text,
+    format_local_time,
+    format_provenance_markdown,
+    format_settings_markdown,
+    read_machine_table,
+    read_timezone_name,
 )
 from recordings.rrd.recording_limits import LIMITS
 
@@ -60,28 +60,28 @@ _MASS_COLUMNS: Final = (
 )
 
 
-def markdown_by_text_name(run: Run) -> dict[str, str]:
+def make_all_texts(run: Run) -> dict[str, str]:
     """All texts for which this run has content, by name."""
     written: dict[str, Callable[[Run], str]] = {
-        "answer": answer_markdown,
-        "findings": findings_markdown,
-        "planar": planar_markdown,
-        "calibration": calibration_markdown,
-        "settings": settings_markdown,
-        "provenance": provenance_markdown,
+        "answer": format_answer_markdown,
+        "findings": format_findings_markdown,
+        "planar": format_planar_markdown,
+        "calibration": format_calibration_markdown,
+        "settings": format_settings_markdown,
+        "provenance": format_provenance_markdown,
     }
     return {name: text for name, write in written.items() if (text := write(run))}
 
 
-def recording_name_in_viewer(provenance: Provenance) -> str:
+def make_recording_name(provenance: Provenance) -> str:
     """Name of a recording in the viewer: its machine and logs."""
     logs = ", ".join(each.name for each in provenance.inputs)
-    return ": ".join(filter(None, (machine_name(provenance), logs))) or "payscope"
+    return ": ".join(filter(None, (read_machine_name(provenance), logs))) or "payscope"
 
 
-def machine_name(provenance: Provenance) -> str:
+def read_machine_name(provenance: Provenance) -> str:
     """Name in the machine file; empty without one."""
-    return str(machine_table(provenance).get("name", ""))
+    return str(read_machine_table(provenance).get("name", ""))
 
 
 #: What the times on the axes of the viewer are.
@@ -91,16 +91,16 @@ _AXES_WITHOUT_DATE: Final = "Times on the axes are those of the log's own clock,
 _ERRORS: Final = ("error kg", "load left out kg")
 
 
-def answer_headline(answer: Answer) -> str:
+def format_answer_headline(answer: Answer) -> str:
     """The answer in one sentence, without Markdown."""
     failed = answer.verdict.withholding_checks("mass")
     if failed:
         return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
     if len(answer.loads) > 1:
         return (
-            shift_payload_sentence(answer.shift)
+            describe_shift_payload(answer.shift)
             if has_payload_total(answer)
-            else _several_loads_text(answer)
+            else _describe_several_loads(answer)
         )
     for load in answer.loads:
         if load["mass_kg"] is not None:
@@ -124,7 +124,7 @@ def has_payload_total(answer: Answer) -> bool:
     return bool(answer.shift.get("cycles_counted"))
 
 
-def _several_loads_text(answer: Answer) -> str:
+def _describe_several_loads(answer: Answer) -> str:
     """Sentence on the loads of a log."""
     known = [load for load in answer.loads if load["payload_kg"] is not None]
     count = f"{len(answer.loads)} loads"
@@ -136,13 +136,16 @@ def _several_loads_text(answer: Answer) -> str:
     )
 
 
-def summary_lines_text(run: Run) -> str:
+def format_summary(run: Run) -> str:
     """The answer in plain lines, headline first."""
     about, said = run.provenance, answer(run)
-    lines = [answer_headline(said), f"{recording_name_in_viewer(about)} · {local_time_text(about)}"]
-    lines += answer_lines(said)[1:]
+    lines = [
+        format_answer_headline(said),
+        f"{make_recording_name(about)} · {format_local_time(about)}",
+    ]
+    lines += describe_answer(said)[1:]
     if len(said.loads) > 1:
-        lines += load_sentences(said, LIMITS.max_load_lines)
+        lines += describe_loads(said, LIMITS.max_load_lines)
     lines += [""]
     for row in said.rows if len(said.loads) <= 1 else ():
         for method in row.methods:
@@ -156,9 +159,9 @@ def summary_lines_text(run: Run) -> str:
                 else ""
             )
             lines.append(f"{method:<8} {mass}{turns}")
-    lines += planar_fit_lines(said.planar, said.planar_budget)
-    for each in findings_of_run(run)[: LIMITS.max_findings]:
-        lines.append(f"finding  {each.rank}. {finding_line(each)}")
+    lines += describe_planar_fits(said.planar, said.planar_budget)
+    for each in read_findings(run)[: LIMITS.max_findings]:
+        lines.append(f"finding  {each.rank}. {format_finding(each)}")
     quiet: dict[str, list[str]] = {"passed": [], "n/a": []}
     for check in said.verdict.checks:
         came_out = format_check_outcome(check, passed="passed", failed="FAILED", absent="n/a")
@@ -173,15 +176,16 @@ def summary_lines_text(run: Run) -> str:
     return "\n".join(lines)
 
 
-def answer_markdown(run: Run) -> str:
+def format_answer_markdown(run: Run) -> str:
     """Masses, verdict with every check, and notes for the reader."""
     if "points" in run.frames:
         return ""  # of evidence, which is about many logs
-    about, span, said = run.provenance, grid_span_ns(run), answer(run)
+    about, span, said = run.provenance, find_grid_span_ns(run), answer(run)
     duration = f", {(span[1] - span[0]) / NS:,.1f} s" if span else ""
     parts = [
-        f"# {answer_headline(said)}",
-        f"{machine_name(about) or 'machine without a name'} · {local_time_text(about)}{duration}",
+        f"# {format_answer_headline(said)}",
+        f"{read_machine_name(about) or 'machine without a name'} · "
+        f"{format_local_time(about)}{duration}",
     ]
     parts.append(_AXES if about.t0_unix_ns >= FIRST_DATE_NS else _AXES_WITHOUT_DATE)
     if has_payload_total(said):
@@ -195,11 +199,11 @@ def answer_markdown(run: Run) -> str:
                 for check in failed
             )
         )
-    if found := findings_of_run(run):
+    if found := read_findings(run):
         parts.append("## Findings in this log")
         parts.append(
             "\n".join(
-                f"- **{each.rank}** {finding_line(each)}" for each in found[: LIMITS.max_findings]
+                f"- **{each.rank}** {format_finding(each)}" for each in found[: LIMITS.max_findings]
             )
         )
     parts += _describe_reliability(said, _make_cycle_lines(run) if has_payload_total(said) else [])
@@ -207,7 +211,7 @@ def answer_markdown(run: Run) -> str:
         parts.append("The paper's methods give one mass per log, and are not shown.")
     else:
         parts += [each for row in said.rows for each in _make_mass_cells(row)]
-    if lines := planar_fit_lines(said.planar, said.planar_budget):
+    if lines := describe_planar_fits(said.planar, said.planar_budget):
         parts.append("\n".join(f"- {line}" for line in lines))
     parts += _make_verdict_lines(said.verdict) + _describe_acceptance(run)
     parts += [f"- {note}" for note in said.notes]
@@ -215,7 +219,7 @@ def answer_markdown(run: Run) -> str:
     return "\n\n".join(parts)
 
 
-def calibration_markdown(run: Run) -> str:
+def format_calibration_markdown(run: Run) -> str:
     """Calibration points and line of each method, and the evidence; empty without any."""
     parts = ["# Calibration", *_describe_evidence(run)]
     points = run.frames.get("calibration")
@@ -240,7 +244,7 @@ def calibration_markdown(run: Run) -> str:
         for row in points.iter_rows(named=True)
     ]
     heads = ("method", "load kg", "reference kg", "estimate kg (runs)", *_ERRORS)
-    return "\n\n".join([*parts, markdown_table(heads, rows)])
+    return "\n\n".join([*parts, format_markdown_table(heads, rows)])
 
 
 def _describe_evidence(run: Run) -> list[str]:
@@ -276,7 +280,7 @@ def _describe_evidence(run: Run) -> list[str]:
     return [
         "\n".join(f"- {note}" for note in run.provenance.notes),
         *("## Line", *fitted),
-        *("## Points", markdown_table(heads, rows)),
+        *("## Points", format_markdown_table(heads, rows)),
         *("## Logs of the runs", "\n".join(logs)),
     ]
 
@@ -301,7 +305,7 @@ def _make_mass_cells(row: AnswerRow) -> list[str]:
     return [
         "## By method over the whole log",
         "joint is the answer; the others are the paper's, and their ± is statistical only",
-        markdown_table(heads, rows),
+        format_markdown_table(heads, rows),
     ]
 
 
@@ -316,19 +320,19 @@ def _describe_reliability(answer: Answer, cycles: list[str]) -> list[str]:
     """
     if not any(load["mass_kg"] is not None for load in answer.loads):
         return []
-    parts = ["\n".join(f"- {line}" for line in answer_lines(answer))]
+    parts = ["\n".join(f"- {line}" for line in describe_answer(answer))]
     which = ""
     if len(answer.loads) > 1:
         parts += cycles or [
             "## Loads",
-            markdown_table(load_table_heads(answer), load_table_rows(answer)),
+            format_markdown_table(make_load_table_heads(answer), make_load_table_rows(answer)),
         ]
-        which = f" (mass of load {number_of_best_known_load(answer)})"
+        which = f" (mass of load {find_best_known_load(answer)})"
     parts += [
         f"## Where the uncertainty comes from{which}",
         "\n".join(
             f"- **{cause}** ({kind}): {f'{u} kg {share}' if share else u}; shrinks with {shrinks}"
-            for cause, kind, u, share, shrinks in budget_rows(answer, _MARK)
+            for cause, kind, u, share, shrinks in make_budget_table_rows(answer, _MARK)
         ),
         "## Terms of the fit besides mass and friction",
         "\n".join(
@@ -345,9 +349,9 @@ def _describe_reliability(answer: Answer, cycles: list[str]) -> list[str]:
 
 def _make_cycle_lines(run: Run) -> list[str]:
     """Lines of a shift's cycles, with the local time of each dump."""
-    about, span = run.provenance, grid_span_ns(run)
+    about, span = run.provenance, find_grid_span_ns(run)
     duration_s = 0.0 if span is None else (span[1] - span[0]) / NS
-    clock = ShiftClock(timezone_text(about), about.t0_unix_ns, duration_s)
+    clock = ShiftClock(read_timezone_name(about), about.t0_unix_ns, duration_s)
     rows = [
         (
             str(row["cycle"]),
@@ -357,7 +361,10 @@ def _make_cycle_lines(run: Run) -> list[str]:
         )
         for row in run.frames["cycles"].iter_rows(named=True)
     ]
-    return ["## Cycles", markdown_table(("cycle", "dumped at", "payload kg", "quality"), rows)]
+    return [
+        "## Cycles",
+        format_markdown_table(("cycle", "dumped at", "payload kg", "quality"), rows),
+    ]
 
 
 def _make_verdict_lines(verdict: Verdict) -> list[str]:
@@ -370,7 +377,7 @@ def _make_verdict_lines(verdict: Verdict) -> list[str]:
         for check in verdict.checks
     ]
     parts = ["## Can this log weigh?", "\n".join(checks)]
-    if verdict.has_spins and not verdict.can_tell_inertia:
+    if verdict.has_spins and not verdict.can_estimate_inertia:
         parts.append(
             "**The yaw inertia is withheld**: the checks of its spins, or of the sign of the "
             "force, failed."
@@ -386,5 +393,5 @@ def _describe_acceptance(run: Run) -> list[str]:
     if "reason_x" in gate.columns:
         counts = gate["reason_x"].cast(pl.String).value_counts(sort=True)
         shares = [(reason, f"{n / gate.height:.1%}") for reason, n in counts.rows()]
-        parts.append(markdown_table(("reason", "share of windows"), shares))
+        parts.append(format_markdown_table(("reason", "share of windows"), shares))
     return parts

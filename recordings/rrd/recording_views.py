@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from enum import Enum
 
-from analysis.model.schema import frame_schema
+from analysis.model.schema import find_frame_declaration
 
 
 class ViewKind(Enum):
@@ -43,7 +43,7 @@ class View:
     def unit(self) -> str:
         """Unit of all its series (1 for states)."""
         first = self.series[0]
-        declared = frame_schema(first.frame).column(first.column)
+        declared = find_frame_declaration(first.frame).column(first.column)
         return "1" if declared is None else declared.unit
 
     @property

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict
 
 from estimators.errors import OutputError
 from recordings.rrd.recording_limits import LIMITS
-from recordings.rrd.stored_names import ROW, component_name, entity_parts
+from recordings.rrd.stored_names import ROW, make_component_name, split_entity_path
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -121,7 +121,7 @@ class StoredFrame(BaseModel):
                 values = column.encode(part[column.name]).to_arrow()
                 if pa.types.is_large_string(values.type):
                     values = values.cast(pa.string())
-                name = component_name(column.name)
+                name = make_component_name(column.name)
                 arrays.append(pa.ListArray.from_arrays(whole, values))
                 metadata = {"rerun:entity_path": self.entity, "rerun:component": name}
                 fields.append(pa.field(name, arrays[-1].type, metadata=metadata))
@@ -139,7 +139,7 @@ class StoredFrame(BaseModel):
         import pyarrow as pa
 
         found = [
-            _block_values_by_first_row(batches, component_name(column.name)) for column in columns
+            _group_block_values(batches, make_component_name(column.name)) for column in columns
         ]
         # of a damaged recording some blocks may have lost a column: only whole rows are rows
         whole = sorted(set.intersection(*(set(each) for each in found))) if found else []
@@ -153,9 +153,7 @@ class StoredFrame(BaseModel):
         return pl.DataFrame(series)
 
 
-def _block_values_by_first_row(
-    batches: "Sequence[pa.RecordBatch]", name: str
-) -> "dict[int, pa.Array]":
+def _group_block_values(batches: "Sequence[pa.RecordBatch]", name: str) -> "dict[int, pa.Array]":
     """Values of a column by the first row of their block.
 
     `rerun rrd optimize` stores thin columns apart from thick ones, so each batch may lack columns.
@@ -189,5 +187,5 @@ def entity_path(frame: str, parent_entity: str = "") -> str:
     import rerun as rr
 
     prefix = parent_entity.strip("/")
-    path = rr.new_entity_path(list(entity_parts(frame)))
+    path = rr.new_entity_path(list(split_entity_path(frame)))
     return f"/{prefix}{path}" if prefix else path

@@ -10,12 +10,12 @@ COMPONENT_PREFIX: Final = "payscope:"
 STATE: Final = "StateChange:state"
 
 
-def entity_parts(frame: str) -> tuple[str, ...]:
+def split_entity_path(frame: str) -> tuple[str, ...]:
     """Parts of a frame's entity path; a topic is one part, including its slashes."""
     family, _, rest = frame.partition("/")
     return (family, rest) if family == "raw" else tuple(frame.split("/"))
 
 
-def component_name(column: str) -> str:
+def make_component_name(column: str) -> str:
     """Component that holds a column."""
     return column if column == STATE else COMPONENT_PREFIX + column

@@ -17,7 +17,7 @@ from typing import IO, TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from estimators.errors import OutputError, RecordingError, nearest
+from estimators.errors import OutputError, RecordingError, suggest_choice
 from recordings.rrd.reader import read_provenance
 from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.stored_names import TIME
@@ -71,9 +71,9 @@ def start_viewer() -> str:
     with tempfile.TemporaryFile() as log:
         process, port = start_viewer_process(None, log)
         wait_for_viewer_client(
-            process, port, log, "a screen; without one, leave out --live", waiting=True
+            process, port, log, "a screen; without one, leave out --live", waits_for_recording=True
         )
-    return _viewer_address(port)
+    return _make_viewer_address(port)
 
 
 def list_shown_recordings(address: str) -> tuple[str, ...]:
@@ -162,9 +162,9 @@ def take_screenshots_of_file(
             _set_time_cursor(client, at_unix_ns)
         whole = client.get_blueprint("recording").blueprint
         tabs = _find_tabs_container(whole)
-        names = [_tab_title(whole, entity) for entity in _list_children(tabs)]
+        names = [_read_tab_title(whole, entity) for entity in _list_children(tabs)]
         if tab is not None and tab.casefold() not in map(str.casefold, names):
-            raise RecordingError(f"{path}: shows no tab '{tab}'; {nearest(tab, names)}")
+            raise RecordingError(f"{path}: shows no tab '{tab}'; {suggest_choice(tab, names)}")
         return list(_take_pictures_of_tabs(client, folder, whole, tabs, tab))
 
 
@@ -177,7 +177,7 @@ def _find_tabs_container(blueprint: dict[str, Any]) -> dict[str, Any]:
     )
 
 
-def _tab_title(blueprint: dict[str, Any], entity: str) -> str:
+def _read_tab_title(blueprint: dict[str, Any], entity: str) -> str:
     return blueprint[f"/{entity}"]["ContainerBlueprint"]["display_name"]
 
 
@@ -194,7 +194,7 @@ def _take_pictures_of_tabs(
 ) -> Iterator[Screenshot]:
     """Open the tabs one after the other, and take a picture of each."""
     for number, entity in enumerate(_list_children(tabs)):
-        name = _tab_title(blueprint, entity)
+        name = _read_tab_title(blueprint, entity)
         if tab is not None and tab.casefold() != name.casefold():
             continue
         tabs["active_tab"] = entity
@@ -249,8 +249,10 @@ def run_headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str
         )
         needs = "a Vulkan driver, like Debian's mesa-vulkan-drivers"
         try:
-            client = wait_for_viewer_client(process, port, log, needs, waiting=path is None)
-            yield client, _viewer_address(port)
+            client = wait_for_viewer_client(
+                process, port, log, needs, waits_for_recording=path is None
+            )
+            yield client, _make_viewer_address(port)
         finally:
             process.terminate()
             process.wait()
@@ -263,7 +265,7 @@ def start_viewer_process(
     with socket.socket() as free:
         free.bind((_HOST, 0))
         port = int(free.getsockname()[1])
-    command = [viewer_executable(), "--bind", _HOST, "--port", str(port), *options]
+    command = [find_viewer_executable(), "--bind", _HOST, "--port", str(port), *options]
     if path is not None:
         command.append(path.resolve())
     process = subprocess.Popen(
@@ -277,11 +279,11 @@ def start_viewer_process(
     return process, port
 
 
-def _viewer_address(port: int) -> str:
+def _make_viewer_address(port: int) -> str:
     return f"rerun+http://{_HOST}:{port}/proxy"
 
 
-def viewer_executable() -> Path:
+def find_viewer_executable() -> Path:
     """Path of the viewer in the installed Rerun package."""
     found = find_spec("rerun_cli")
     assert found is not None
@@ -295,25 +297,25 @@ def wait_for_viewer_client(
     process: subprocess.Popen[bytes],
     port: int,
     log: IO[bytes],
-    needs: str,
+    requirement: str,
     *,
-    waiting: bool = False,
+    waits_for_recording: bool = False,
 ) -> "ViewerClient":
-    """Wait until the viewer has loaded its recording, or listens if `waiting` for one."""
+    """Wait until the viewer has loaded its recording, or waits for one."""
     from rerun.experimental import ViewerClient
 
     deadline = time.monotonic() + LIMITS.viewer_start_s
     while time.monotonic() < deadline and process.poll() is None:
         time.sleep(LIMITS.viewer_poll_s)
         try:
-            client = ViewerClient.connect(_viewer_address(port))
+            client = ViewerClient.connect(_make_viewer_address(port))
             state = client.get_state()
         except (ConnectionError, RuntimeError):
             continue  # it does not listen yet
-        if waiting or (state.recordings and not state.loading):
+        if waits_for_recording or (state.recordings and not state.loading):
             return client
     process.terminate()
     process.wait()
     log.seek(0)
     said = log.read().decode(errors="replace").strip().splitlines() or ["no message"]
-    raise RecordingError(f"the viewer did not start; it needs {needs} ({said[-1]})")
+    raise RecordingError(f"the viewer did not start; it needs {requirement} ({said[-1]})")

@@ -16,7 +16,7 @@ from urllib.parse import quote
 
 from estimators.errors import RecordingError
 from recordings.rrd.recording_limits import LIMITS
-from recordings.rrd.viewer import viewer_executable
+from recordings.rrd.viewer import find_viewer_executable
 
 _HOST: Final = "127.0.0.1"
 #: What the server keeps for browsers that come late; older rows go first.
@@ -39,19 +39,19 @@ class ViewerServer:
 
 
 @contextmanager
-def viewer_server() -> Generator[ViewerServer]:
+def serve_viewer() -> Generator[ViewerServer]:
     """Context that serves the viewer to browsers on this machine.
 
     Raises:
         RecordingError: the server does not start.
     """
-    port, page_port = _free_port(), _free_port()
+    port, page_port = _find_free_port(), _find_free_port()
     address = f"rerun+http://{_HOST}:{port}/proxy"
     page = f"http://{_HOST}:{page_port}"
     words = ["--serve-web", "--bind", _HOST, "--port", str(port)]
     words += ["--web-viewer-port", str(page_port), "--server-memory-limit", _MEMORY]
     process = subprocess.Popen(
-        [viewer_executable(), *words],
+        [find_viewer_executable(), *words],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
@@ -66,7 +66,7 @@ def viewer_server() -> Generator[ViewerServer]:
         process.wait()
 
 
-def _free_port() -> int:
+def _find_free_port() -> int:
     with socket.socket() as free:
         free.bind((_HOST, 0))
         return int(free.getsockname()[1])

@@ -109,7 +109,7 @@ def _decimate_fields(frame: pl.DataFrame, fields: Sequence[str], t0_ns: int) -> 
     return bin_frame_rows(placed, wanted, ends, max((ends[1] - ends[0]) // LIMITS.stream_bins, 1))
 
 
-def _make_panels(entity: str, fields: Sequence[str], shown: pl.DataFrame) -> list[Panel]:
+def _make_panels(entity: str, fields: Sequence[str], displayed_fields: pl.DataFrame) -> list[Panel]:
     """Panels for the fields of each message part: `linear_acceleration.x`, `.y`, `.z` together."""
     parts: dict[str, list[str]] = {}
     for field in fields:
@@ -119,14 +119,14 @@ def _make_panels(entity: str, fields: Sequence[str], shown: pl.DataFrame) -> lis
     for name, members in list(parts.items())[: LIMITS.max_panels]:
         drawn: list[DisplayColumn] = []
         for number, field in enumerate(members):
-            colour = colours.line_colour(number)
+            colour = colours.choose_line_colour(number)
             label = field.removeprefix(name).strip(".[]") or field
             drawn += [
                 DisplayColumn(entity, f"{field} {end}", f"{label}, {end}", colour, faint=True)
                 for end in ("min", "max")
-                if f"{field} {end}" in shown.columns
+                if f"{field} {end}" in displayed_fields.columns
             ]
-            alone = is_drawn_as_points(shown[field])
+            alone = is_drawn_as_points(displayed_fields[field])
             drawn.append(DisplayColumn(entity, field, label, colour, dotted=alone))
         panels.append(Panel(name, ViewKind.LINES, tuple(drawn)))
     return panels
@@ -145,7 +145,7 @@ def _send_scene(scene: Scene, request: ViewerRequest, t0_unix_ns: int) -> None:
         recording.send_recording_name(scene.name)
         recording.send_recording_start_time_nanos(t0_unix_ns)
     send_texts(recording, scene, request.under)
-    at = times_on_extra_timelines(request)
+    at = make_extra_timelines(request)
     send_events(recording, scene, t0_unix_ns, request.under, at)
     for name, frame in scene.frames.items():
         for batch in iter_drawn_batches(name, frame, t0_unix_ns, request.under, at):
@@ -154,7 +154,7 @@ def _send_scene(scene: Scene, request: ViewerRequest, t0_unix_ns: int) -> None:
     recording.disconnect()
 
 
-def times_on_extra_timelines(request: ViewerRequest) -> "dict[str, pa.Scalar]":
+def make_extra_timelines(request: ViewerRequest) -> "dict[str, pa.Scalar]":
     """Additional timelines of every row, except those that rows have anyway."""
     import pyarrow as pa
 

@@ -14,23 +14,23 @@ from analysis.model.run_record import Run
 from analysis.model.schema import FRAMES
 from estimators.errors import OutputError, RecordingError
 from recordings.report.atomic_output import atomic_file, require_writable_output
-from recordings.report.finding_text import finding_line, findings_of_run
+from recordings.report.finding_text import format_finding, read_findings
 from recordings.rrd.blueprint import (
-    events_entity_path,
     lay_out_run,
-    picture_entity_path,
-    text_entity_path,
+    make_events_entity_path,
+    make_picture_entity_path,
+    make_text_entity_path,
 )
-from recordings.rrd.display_frames import grid_span_ns, make_display_frames
+from recordings.rrd.display_frames import find_grid_span_ns, make_display_frames
 from recordings.rrd.drawn_rows import iter_drawn_batches
 from recordings.rrd.piped_file import PipedFile, open_piped_file
 from recordings.rrd.plane_pictures import PlanePicture, make_plane_pictures, send_picture
 from recordings.rrd.reader import FORMAT, PROPERTY, open_recording
 from recordings.rrd.recording_limits import LIMITS
-from recordings.rrd.recording_properties import ANSWER, recording_properties
-from recordings.rrd.recording_texts import markdown_by_text_name, recording_name_in_viewer
+from recordings.rrd.recording_properties import ANSWER, make_recording_properties
+from recordings.rrd.recording_texts import make_all_texts, make_recording_name
 from recordings.rrd.stored_frames import Manifest, StoredFrame, entity_path
-from recordings.rrd.stored_names import ROW, SINCE_START, TIME, component_name
+from recordings.rrd.stored_names import ROW, SINCE_START, TIME, make_component_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -107,17 +107,17 @@ class Scene:
 def make_scene(run: Run, parent_entity: str = "") -> Scene:
     """Scene of a run by the table of views, below an entity."""
     shown = make_display_frames(run)
-    name = recording_name_in_viewer(run.provenance)
-    begin = (grid_span_ns(run) or (0, 0))[0]
+    name = make_recording_name(run.provenance)
+    begin = (find_grid_span_ns(run) or (0, 0))[0]
     events = sorted(
         (
             begin if each.start_s is None else round(each.start_s * 1e9),
-            finding_line(each),
+            format_finding(each),
             each.severity != "tell",
         )
-        for each in findings_of_run(run)
+        for each in read_findings(run)
     )
-    written, pictures = markdown_by_text_name(run), make_plane_pictures(run)
+    written, pictures = make_all_texts(run), make_plane_pictures(run)
     layout = lay_out_run(run, shown, written, pictures, parent_entity)
     return Scene(name, shown, layout, written, tuple(events), pictures)
 
@@ -190,7 +190,7 @@ def _send_run_through_pipe(
     first = viewer is None or not viewer.laid_out
     recording.send_blueprint(scene.layout, make_active=first, make_default=True)
     recording.send_property(PROPERTY, description)
-    said: dict[str, Any] = {**recording_properties(run)}
+    said: dict[str, Any] = {**make_recording_properties(run)}
     recording.send_property(ANSWER, rr.AnyValues(**said))
     recording.send_recording_name(scene.name)
     recording.send_recording_start_time_nanos(run.provenance.t0_unix_ns)
@@ -216,9 +216,9 @@ def send_texts(recording: "RecordingStream", scene: Scene, parent_entity: str = 
 
     for name, text in scene.texts.items():
         document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
-        recording.log(text_entity_path(name, parent_entity), document, static=True)
+        recording.log(make_text_entity_path(name, parent_entity), document, static=True)
     for name, picture in scene.pictures.items():
-        send_picture(recording, picture_entity_path(name, parent_entity), picture)
+        send_picture(recording, make_picture_entity_path(name, parent_entity), picture)
 
 
 def send_events(
@@ -238,7 +238,7 @@ def send_events(
     since_start = np.array(t_ns, np.int64)
     levels = [rr.TextLogLevel.WARN if each else rr.TextLogLevel.INFO for each in warn]
     recording.send_columns(
-        events_entity_path(parent_entity),
+        make_events_entity_path(parent_entity),
         indexes=[
             rr.TimeColumn(TIME, timestamp=(since_start + t0_unix_ns).view("datetime64[ns]")),
             rr.TimeColumn(SINCE_START, duration=since_start.view("timedelta64[ns]")),
@@ -251,16 +251,16 @@ def send_events(
     )
 
 
-def make_constant_timeline(name: str, time: "pa.Scalar", rows: int) -> "TimeColumn":
+def make_constant_timeline(name: str, constant_time: "pa.Scalar", rows: int) -> "TimeColumn":
     """Timeline with one time for all rows."""
     import numpy as np
     import pyarrow as pa
     import rerun as rr
 
-    values = np.full(rows, time.cast(pa.int64()).as_py(), np.int64)
-    if pa.types.is_duration(time.type):
+    values = np.full(rows, constant_time.cast(pa.int64()).as_py(), np.int64)
+    if pa.types.is_duration(constant_time.type):
         return rr.TimeColumn(name, duration=values.view("timedelta64[ns]"))
-    if pa.types.is_timestamp(time.type):
+    if pa.types.is_timestamp(constant_time.type):
         return rr.TimeColumn(name, timestamp=values.view("datetime64[ns]"))
     return rr.TimeColumn(name, sequence=values)
 
@@ -297,10 +297,10 @@ def iter_indexed_batches(
             yield [ROW], batch
 
 
-def compare_written_with_run(run: Run, partial: Path, path: Path) -> None:
+def compare_written_with_run(run: Run, partial_path: Path, path: Path) -> None:
     """Read every frame back, and compare it with the run."""
     try:
-        with open_recording(partial, stored_names=True) as held:
+        with open_recording(partial_path, stored_names=True) as held:
             if held.provenance != run.provenance:
                 raise OutputError(
                     f"{path}: the provenance read back differs; only plain JSON is supported"
@@ -343,7 +343,7 @@ def iter_timed_batches(
             values = plain.to_arrow()
             if not pa.types.is_primitive(values.type):
                 values = values.cast(pa.string())
-            stored = component_name(column.name)
+            stored = make_component_name(column.name)
             # one value a row, and none where it is missing
             cells = [[] if value is None else [value] for value in values.to_pylist()]
             arrays[stored] = pa.array(cells, pa.list_(values.type))

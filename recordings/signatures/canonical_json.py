@@ -15,7 +15,7 @@ _LARGEST_EXACT: Final = 2**53 - 1
 _OPEN, _CLOSE, _QUOTE, _ESCAPE = b"[{", b"]}", ord('"'), ord("\\")
 
 
-def canonical_json_bytes(value: Any) -> bytes:
+def encode_canonical_json(value: Any) -> bytes:
     """Canonical bytes of a JSON value.
 
     Raises:
@@ -29,12 +29,12 @@ def canonical_json_bytes(value: Any) -> bytes:
         raise EvidenceError(f"cannot be written as canonical JSON: {error}") from None
 
 
-def parse_canonical_json(data: bytes, what: str) -> Any:
+def parse_canonical_json(data: bytes, source: str) -> Any:
     """Parse untrusted canonical JSON.
 
     Args:
         data: bytes to parse.
-        what: name of the data, for the error.
+        source: name of the data, for the error.
 
     Raises:
         EvidenceError: too long, too deep, a number too long or too large, a name that comes twice,
@@ -42,9 +42,9 @@ def parse_canonical_json(data: bytes, what: str) -> Any:
     """
     if len(data) > LIMITS.document_bytes:
         raise EvidenceError(
-            f"{what}: {len(data)} bytes are more than the {LIMITS.document_bytes} allowed"
+            f"{source}: {len(data)} bytes are more than the {LIMITS.document_bytes} allowed"
         )
-    _refuse_deep_nesting(data, what)
+    _refuse_deep_nesting(data, source)
     try:
         value = json.loads(
             data.decode("utf-8"),
@@ -54,13 +54,13 @@ def parse_canonical_json(data: bytes, what: str) -> Any:
             object_pairs_hook=_make_object_of_unique_names,
         )
     except (ValueError, RecursionError) as error:
-        raise EvidenceError(f"{what}: is not valid JSON for evidence: {error}") from None
-    if canonical_json_bytes(value) != data:
-        raise EvidenceError(f"{what}: is not in the canonical form of RFC 8785")
+        raise EvidenceError(f"{source}: is not valid JSON for evidence: {error}") from None
+    if encode_canonical_json(value) != data:
+        raise EvidenceError(f"{source}: is not in the canonical form of RFC 8785")
     return value
 
 
-def _refuse_deep_nesting(data: bytes, what: str) -> None:
+def _refuse_deep_nesting(data: bytes, source: str) -> None:
     """Refuse data nested too deeply, by counting brackets outside of texts."""
     depth, quoted, escaped = 0, False, False
     for byte in data:
@@ -76,7 +76,7 @@ def _refuse_deep_nesting(data: bytes, what: str) -> None:
         elif byte in _OPEN:
             depth += 1
             if depth > LIMITS.document_depth:
-                raise EvidenceError(f"{what}: is nested deeper than {LIMITS.document_depth}")
+                raise EvidenceError(f"{source}: is nested deeper than {LIMITS.document_depth}")
         elif byte in _CLOSE:
             depth -= 1
 

@@ -59,15 +59,15 @@ class KnownKey(BaseModel):
         """Public key itself."""
         return PublicKey.from_text(self.key)
 
-    def distrust_reason(self, signed_on: dt.date, proven_on: dt.date | None) -> str:
+    def distrust_reason(self, signature_day: dt.date, proven_day: dt.date | None) -> str:
         """Why a signature of that day does not count; "" if it does.
 
         Args:
-            signed_on: date of signing according to the evidence.
-            proven_on: date by which a time stamp proves that the signature existed, if any.
+            signature_day: date of signing according to the evidence.
+            proven_day: date by which a time stamp proves that the signature existed, if any.
         """
-        day = proven_on or signed_on
-        if self.revoked is not None and (proven_on is None or proven_on >= self.revoked):
+        day = proven_day or signature_day
+        if self.revoked is not None and (proven_day is None or proven_day >= self.revoked):
             why = f" ({self.because})" if self.because else ""
             return (
                 f"was revoked on {self.revoked}{why}: whoever has had it since then can backdate "
@@ -92,13 +92,13 @@ class Keyring:
     path: Path
     keys: tuple[KnownKey, ...] = ()
 
-    def find_key_or_none(self, key_id: str) -> KnownKey | None:
+    def find_key(self, key_id: str) -> KnownKey | None:
         """Key with that id, or the only one whose id begins so; None otherwise."""
         found = [each for each in self.keys if each.public.key_id.startswith(key_id)]
         return found[0] if key_id and len(found) == 1 else None
 
 
-def keyring_path() -> Path:
+def find_keyring_path() -> Path:
     """Path of the user's keyring."""
     named = os.environ.get(KEYRING_VARIABLE)
     if named:
@@ -119,7 +119,7 @@ def load_keyring(path: Path | None = None) -> Keyring:
     Raises:
         EvidenceError: it cannot be read, is not a keyring, or holds a weak or repeated key.
     """
-    path = path or keyring_path()
+    path = path or find_keyring_path()
     try:
         with path.open("rb") as file:
             data = file.read(LIMITS.keyring_bytes + 1)
@@ -178,7 +178,7 @@ def add_key(keyring: Keyring, key: KnownKey) -> Keyring:
     Raises:
         EvidenceError: the key is there already, or the file cannot be written.
     """
-    same = keyring.find_key_or_none(key.public.key_id)
+    same = keyring.find_key(key.public.key_id)
     if same is not None:
         raise EvidenceError(
             f"{keyring.path}: already contains key {key.public.key_id[:12]}…, of {same.owner}"
@@ -186,20 +186,20 @@ def add_key(keyring: Keyring, key: KnownKey) -> Keyring:
     return save_keyring(keyring.path, (*keyring.keys, key))
 
 
-def revoke_key(keyring: Keyring, key_id: str, day: dt.date, because: str) -> Keyring:
+def revoke_key(keyring: Keyring, key_id: str, day: dt.date, reason: str) -> Keyring:
     """Mark a key as revoked, and write the keyring.
 
     Raises:
         EvidenceError: no such key, or the file cannot be written.
     """
-    known = keyring.find_key_or_none(key_id)
+    known = keyring.find_key(key_id)
     if known is None:
         ids = [each.public.key_id for each in keyring.keys]
         alike = [each for each in ids if key_id and each.startswith(key_id)]
         have = ", ".join(each[:12] for each in alike or ids) or "none"
         fault = f"several keys begin with '{key_id}'" if alike else f"no key '{key_id}'"
         raise EvidenceError(f"{keyring.path}: {fault}; give more digits of one of {have}")
-    revoked = known.model_copy(update={"revoked": day, "because": because})
+    revoked = known.model_copy(update={"revoked": day, "because": reason})
     return save_keyring(
         keyring.path, tuple(revoked if each is known else each for each in keyring.keys)
     )

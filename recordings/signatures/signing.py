@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from estimators.errors import EvidenceError
-from recordings.signatures.canonical_json import canonical_json_bytes, parse_canonical_json
+from recordings.signatures.canonical_json import encode_canonical_json, parse_canonical_json
 from recordings.signatures.signature_limits import LIMITS
 
 if TYPE_CHECKING:
@@ -86,15 +86,15 @@ class PublicKey:
         raw = _decode_base64(text, "a public key")
         if len(raw) != 32:
             raise EvidenceError(f"a public key of Ed25519 has 32 bytes, this one {len(raw)}")
-        return cls(raw).require_sound()
+        return cls(raw).require_no_weakness()
 
-    def require_sound(self) -> "PublicKey":
+    def require_no_weakness(self) -> "PublicKey":
         """Return the key if its signatures can be relied on.
 
         Raises:
             EvidenceError: it is of small order, no point of the curve, or its private half known.
         """
-        fault = key_weakness_text(self.raw)
+        fault = describe_key_weakness(self.raw)
         if fault:
             raise EvidenceError(f"weak key {self.key_id[:12]}…: it {fault}; `{_MAKE}` makes one")
         return self
@@ -122,13 +122,13 @@ class SigningKey:
         """Public key that verifies its signatures."""
         return _derive_public_key(self.private.public_key())
 
-    def require_unpublished(self, where: str) -> "SigningKey":
+    def require_unpublished(self, source: str) -> "SigningKey":
         """Return the key unless it is a published one.
 
         Raises:
             EvidenceError: it is published.
         """
-        _require_sound_key(self.public, where)
+        _require_sound_key(self.public, source)
         return self
 
     def sign(self, message: bytes) -> bytes:
@@ -198,7 +198,7 @@ def read_public_key(path: Path) -> PublicKey:
     return _require_sound_key(_derive_public_key(key), str(path))
 
 
-def pre_authentication_encoding(payload_type: str, payload: bytes) -> bytes:
+def encode_for_signature(payload_type: str, payload: bytes) -> bytes:
     """Bytes to be signed: DSSE's pre-authentication encoding (protocol.md)."""
     kind = payload_type.encode()
     return b"DSSEv1 %d %b %d %b" % (len(kind), kind, len(payload), payload)
@@ -206,7 +206,7 @@ def pre_authentication_encoding(payload_type: str, payload: bytes) -> bytes:
 
 def make_statement_bytes(digests: Mapping[str, str], predicate: Mapping[str, Any]) -> bytes:
     """In-toto statement on files: their SHA-256 by name, and a predicate."""
-    return canonical_json_bytes(
+    return encode_canonical_json(
         {
             "_type": STATEMENT_TYPE,
             "subject": [
@@ -220,8 +220,8 @@ def make_statement_bytes(digests: Mapping[str, str], predicate: Mapping[str, Any
 
 def make_signed_envelope_bytes(payload: bytes, key: SigningKey) -> bytes:
     """Signed DSSE envelope with a statement."""
-    signature = key.sign(pre_authentication_encoding(PAYLOAD_TYPE, payload))
-    return canonical_json_bytes(
+    signature = key.sign(encode_for_signature(PAYLOAD_TYPE, payload))
+    return encode_canonical_json(
         {
             "payloadType": PAYLOAD_TYPE,
             "payload": base64.b64encode(payload).decode(),
@@ -250,41 +250,39 @@ class EnvelopeContent:
 
     def is_signed_by(self, key: PublicKey) -> bool:
         """Whether this key signed the statement."""
-        return key.has_signed(
-            self.signature, pre_authentication_encoding(PAYLOAD_TYPE, self.payload)
-        )
+        return key.has_signed(self.signature, encode_for_signature(PAYLOAD_TYPE, self.payload))
 
 
-def parse_envelope(data: bytes, what: str) -> EnvelopeContent:
+def parse_envelope(data: bytes, source: str) -> EnvelopeContent:
     """Read an envelope of a stranger; trust its contents only after `is_signed_by` holds.
 
     Raises:
         EvidenceError: it is not an envelope as written by `make_signed_envelope_bytes`.
     """
-    held = parse_canonical_json(data, what)
+    held = parse_canonical_json(data, source)
     try:
         (signature,) = held["signatures"]
         fits = set(held) == {"payloadType", "payload", "signatures"}
         fits = fits and set(signature) == {"keyid", "sig"} and held["payloadType"] == PAYLOAD_TYPE
-        payload = _decode_base64(held["payload"], f"{what}: its payload")
-        signed = _decode_base64(signature["sig"], f"{what}: its signature")
+        payload = _decode_base64(held["payload"], f"{source}: its payload")
+        signed = _decode_base64(signature["sig"], f"{source}: its signature")
         key_id = signature["keyid"]
     except (TypeError, KeyError, ValueError, AttributeError):
-        raise EvidenceError(f"{what}: is not a DSSE envelope with one signature") from None
-    inside = parse_canonical_json(payload, f"{what}: its statement")
+        raise EvidenceError(f"{source}: is not a DSSE envelope with one signature") from None
+    inside = parse_canonical_json(payload, f"{source}: its statement")
     if not fits or not isinstance(inside, dict) or not isinstance(key_id, str):
-        raise EvidenceError(f"{what}: is not a DSSE envelope of an in-toto statement")
+        raise EvidenceError(f"{source}: is not a DSSE envelope of an in-toto statement")
     return EnvelopeContent(payload, inside, signed, key_id)
 
 
-def _decode_base64(text: str, what: str) -> bytes:
+def _decode_base64(text: str, source: str) -> bytes:
     try:
         data = base64.b64decode(text, validate=True)
     except (binascii.Error, ValueError, TypeError):
-        raise EvidenceError(f"{what} is not base64") from None
+        raise EvidenceError(f"{source} is not base64") from None
     # several texts decode alike; one counts
     if base64.b64encode(data).decode() != text:
-        raise EvidenceError(f"{what} is not base64 in its one canonical form")
+        raise EvidenceError(f"{source} is not base64 in its one canonical form")
     return data
 
 
@@ -301,18 +299,18 @@ def _read_key_file(path: Path) -> bytes:
     return data
 
 
-def _require_sound_key(key: PublicKey, where: str) -> PublicKey:
+def _require_sound_key(key: PublicKey, source: str) -> PublicKey:
     try:
-        return key.require_sound()
+        return key.require_no_weakness()
     except EvidenceError as fault:
-        raise EvidenceError(f"{where}: {fault}") from None
+        raise EvidenceError(f"{source}: {fault}") from None
 
 
 def _derive_public_key(key: "Ed25519PublicKey") -> PublicKey:
     return PublicKey(key.public_bytes_raw())
 
 
-def key_weakness_text(raw: bytes) -> str:
+def describe_key_weakness(raw: bytes) -> str:
     """Why signatures by this key cannot be relied on; "" if nothing is known against it.
 
     Args:
@@ -325,7 +323,7 @@ def key_weakness_text(raw: bytes) -> str:
         return "has small order: anyone can forge its signatures"
     if not _is_on_curve(y):
         return "is not a point of the curve"
-    if raw in _published_keys():
+    if raw in _load_published_keys():
         return "has a private half that is published: anyone can sign for it"
     return ""
 
@@ -337,7 +335,7 @@ def _is_on_curve(y: int) -> bool:
 
 
 @cache
-def _published_keys() -> frozenset[bytes]:
+def _load_published_keys() -> frozenset[bytes]:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
     seeds = [bytes.fromhex(seed) for seed in _PUBLISHED_SEEDS]

@@ -14,22 +14,25 @@ from analysis.calibration.use.apply_calibration import (
     calibrate_loads,
     describe_later_log,
 )
-from analysis.calibration.use.learnt_priors import machine_for_later_log, machine_with_learnt_priors
+from analysis.calibration.use.learnt_priors import (
+    apply_learnt_priors_to_machine,
+    prepare_machine_for_later_log,
+)
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import EvidenceError, list_some
 from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.derived_values import settings_that_define_mass
+from recordings.calibration.derived_values import select_mass_defining_settings
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.signatures.canonical_json import canonical_json_bytes
+from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import Keyring, KnownKey, add_key, load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import read_public_key
-from replay.calibration.campaign_file import with_empty_mass_of_campaign
+from replay.calibration.campaign_file import apply_campaign_empty_mass
 from replay.calibration.campaign_limits import LIMITS
-from replay.inputs.machine_identity import common_machine_id
+from replay.inputs.machine_identity import find_common_machine_id
 from replay.logs import Log
 
 
@@ -88,13 +91,13 @@ class MachineCalibration:
     def weighing_machine(self, machine: Machine) -> Machine:
         """The machine with the calibration's empty mass and priors."""
         document = self.document
-        machine = with_empty_mass_of_campaign(document.campaign, machine)
+        machine = apply_campaign_empty_mass(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
-        weighing = machine_with_learnt_priors(machine, terms)
+        weighing = apply_learnt_priors_to_machine(machine, terms)
         if self.calibration.responses:
-            weighing = machine_for_later_log(weighing)
+            weighing = prepare_machine_for_later_log(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
-        return Machine.model_validate_json(canonical_json_bytes(weighing.model_dump(mode="json")))
+        return Machine.model_validate_json(encode_canonical_json(weighing.model_dump(mode="json")))
 
     def differing_settings_text(self, weighing: Machine) -> str:
         """Settings that differ from the calibration's; "" if none.
@@ -107,10 +110,10 @@ class MachineCalibration:
             return f"belongs to machine '{self.machine_id}', not to '{mine_id}'"
         kept = dict(
             _flatten_settings(
-                settings_that_define_mass(self.weighing_machine(self.document.machine))
+                select_mass_defining_settings(self.weighing_machine(self.document.machine))
             )
         )
-        mine = dict(_flatten_settings(settings_that_define_mass(weighing)))
+        mine = dict(_flatten_settings(select_mass_defining_settings(weighing)))
         name = "machine.name"
         if mine_id is None and kept[name] != mine[name]:
             return f"belongs to machine '{kept[name]}', not to '{mine[name]}'"
@@ -124,14 +127,14 @@ class MachineCalibration:
         named = list_some(differ, LIMITS.max_settings)
         return f"was made with other settings: {named}" if differ else ""
 
-    def require_calibrated_machine(self, weighing: Machine, what: object) -> Machine:
+    def require_calibrated_machine(self, weighing: Machine, source: object) -> Machine:
         """Return the machine with its serial number if it is the calibrated one.
 
         Logs that name another machine are rejected from then on.
 
         Args:
             weighing: machine from `weighing_machine`, or from a recording.
-            what: file that the machine comes from, for the error message.
+            source: file that the machine comes from, for the error message.
 
         Raises:
             EvidenceError: another machine, or other settings.
@@ -139,18 +142,18 @@ class MachineCalibration:
         other = self.differing_settings_text(weighing)
         if other:
             raise EvidenceError(
-                f"{self.folder}: {other} ({what}); calibrate again with these settings, or replay "
-                "with those of the calibration"
+                f"{self.folder}: {other} ({source}); calibrate again with these settings, or "
+                "replay with those of the calibration"
             )
         body = weighing.machine.model_copy(update={"id": self.machine_id})
         return weighing.model_copy(update={"machine": body})
 
-    def refuse_after_expiry(self, start_ns: int | None, what: object) -> None:
+    def refuse_after_expiry(self, start_ns: int | None, subject: object) -> None:
         """Raise an error for a log after the evidence expired; an undated log counts as today's.
 
         Args:
             start_ns: Unix time of the log's begin, if known.
-            what: the log, for the error message.
+            subject: the log, for the error message.
 
         Raises:
             EvidenceError: the evidence expired before the log.
@@ -158,10 +161,10 @@ class MachineCalibration:
         zone = self.document.machine.machine.zone
         if start_ns is not None and start_ns >= FIRST_DATE_NS:
             day = dt.datetime.fromtimestamp(start_ns // 10**9, zone).date()
-            of = f"{what} is of {day}"
+            of = f"{subject} is of {day}"
         else:
             day = dt.datetime.now(zone).date()
-            of = f"{what} has no date, and today is {day}"
+            of = f"{subject} has no date, and today is {day}"
         if day > self.document.expires:
             raise EvidenceError(
                 f"{self.folder}: expired on {self.document.expires}, {of}; calibrate again"
@@ -177,7 +180,7 @@ class MachineCalibration:
             EvidenceError: the evidence expired.
             LogError: a log is of another machine.
         """
-        logged = common_machine_id(logs, self.machine_id)
+        logged = find_common_machine_id(logs, self.machine_id)
         starts = [log.topics()["start_ns"].min() for log in logs]
         known = [start for start in starts if isinstance(start, int)]
         self.refuse_after_expiry(
@@ -234,7 +237,7 @@ def load_calibration(request: CalibrationRequest) -> MachineCalibration:
             f"{folder}: cannot be used to calibrate: {first}{more}; `payscope verify` lists all"
         )
     by = (
-        accept_known_signature(request, found.signed_by, keyring)
+        accept_signature_if_key_known(request, found.signed_by, keyring)
         if request.signed
         else found.signed_by
     )
@@ -252,7 +255,7 @@ def load_calibration(request: CalibrationRequest) -> MachineCalibration:
     return MachineCalibration(folder, document, document.calibration, by)
 
 
-def accept_known_signature(
+def accept_signature_if_key_known(
     request: CalibrationRequest, signature: SignedBy, keyring: Keyring
 ) -> SignedBy:
     """Return the signature if its key is known; a key trusted on first use is kept.
@@ -270,7 +273,7 @@ def accept_known_signature(
     if not owner:
         raise EvidenceError(
             f"{request.folder}: is {signature}; get the key from the signer, and give it with "
-            f"--key KEY or keep it: {signature.command_to_add_key}"
+            f"--key KEY or keep it: {signature.make_add_key_command}"
         )
     add_key(keyring, KnownKey(key=signature.public_key, owner=owner))
     return replace(signature, how="known", owner=owner)
@@ -295,7 +298,7 @@ def calibrate_recorded_loads(
             the calibration, or is later than its expiry.
     """
     by = load_calibration(request)
-    other = by.differing_settings_text(machine_from_provenance(provenance))
+    other = by.differing_settings_text(read_machine_from_provenance(provenance))
     if other:
         raise EvidenceError(
             f"{by.folder}: {other} ({recording}); record it with `payscope run --calibration "
@@ -305,7 +308,7 @@ def calibrate_recorded_loads(
     return by.calibrate_loads_frame(frames)
 
 
-def machine_from_provenance(provenance: Provenance) -> Machine:
+def read_machine_from_provenance(provenance: Provenance) -> Machine:
     """The machine settings of a recording."""
     content = {**provenance.machine, "settings": provenance.settings.model_dump()}
     return Machine.model_validate(content)

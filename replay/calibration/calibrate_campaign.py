@@ -12,14 +12,14 @@ from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
     fit_campaign,
     make_calibration_options,
-    stated_force_scale_parts,
+    make_force_scale_parts,
 )
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.procedure import PRESENT_NUMBER
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
-from analysis.calibration.use.learnt_priors import LearntPriors, machine_with_learnt_priors
+from analysis.calibration.use.learnt_priors import LearntPriors, apply_learnt_priors_to_machine
 from analysis.calibration.use.use_limits import LIMITS as USE_LIMITS
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
@@ -28,9 +28,9 @@ from recordings.calibration.bundle_folder import STATEMENT
 from recordings.calibration.calibration_recording import write_calibration
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.derived_values import (
-    estimator_with_digest,
     evaluate_previous_line,
-    reference_loads_and_covariance,
+    make_estimator_with_digest,
+    make_reference_loads_and_covariance,
 )
 from recordings.calibration.evidence_document import (
     FORMAT,
@@ -50,19 +50,19 @@ from recordings.report.atomic_output import (
     require_writable_folder,
     require_writable_output,
 )
-from recordings.signatures.canonical_json import canonical_json_bytes
+from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signing import SigningKey, read_signing_key
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.campaign_limits import LIMITS
 from replay.calibration.campaign_runs import (
     CampaignReplay,
-    current_time_of_evidence,
-    draw_evidence_id,
-    replay_logs_of_campaign,
-    software_versions,
+    collect_software_versions,
+    format_current_time,
+    generate_evidence_id,
+    replay_campaign_logs,
 )
-from replay.calibration.dcc_output import DccOutput, require_dcc_ready, write_and_verify_dcc
+from replay.calibration.dcc_output import DccOutput, require_dcc_inputs, write_and_verify_dcc
 from replay.calibration.refuse_campaign import (
     load_notary_stretch,
     refuse_contradicted_days,
@@ -95,7 +95,7 @@ class CalibrationOutcome:
         return self.readings.filter(~pl.col("used"))
 
     @property
-    def is_good(self) -> bool:
+    def is_within_limits(self) -> bool:
         """Whether there is a line within its limits and without drift."""
         said = self.document
         limits = said.limits is None or said.limits.verdict == WITHIN
@@ -170,16 +170,16 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     """
     campaign, machine = load_campaign(campaign_file)
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
-    machine = Machine.model_validate_json(canonical_json_bytes(machine.model_dump(mode="json")))
+    machine = Machine.model_validate_json(encode_canonical_json(machine.model_dump(mode="json")))
     key = read_signing_key(key_file)
-    xml_key = None if dcc is None else require_dcc_ready(campaign_file, campaign, dcc, force=force)
+    xml_key = None if dcc is None else require_dcc_inputs(campaign_file, campaign, dcc, force=force)
     before = (
         None if previous is None else read_previous_evidence(previous, campaign.machine.id, key)
     )
     require_writable_folder(folder, force=force)
     stretch = load_notary_stretch(campaign_file, campaign)
     if timestamp_request_file is not None:
-        refuse_impossible_timestamp_request(timestamp_request_file, key, force=force)
+        refuse_timestamp_request_early(timestamp_request_file, key, force=force)
     with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
@@ -188,14 +188,16 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             return campaign_file.parent / log
 
         learnt = None
-        if campaign.learns_priors and len(campaign.logs) >= USE_LIMITS.min_logs:
+        if campaign.does_learn_priors and len(campaign.logs) >= USE_LIMITS.min_logs:
             # under the machine's own priors: what they say of the nuisances together
-            first = replay_logs_of_campaign(campaign, machine, path_of_log, None, on_log)
+            first = replay_campaign_logs(campaign, machine, path_of_log, None, on_log)
             refuse_contradicted_days(campaign_file, campaign, first, machine)
             refuse_unaccounted_logs(campaign_file, campaign, first, stretch)
-            learnt = first.learnt
-        weighing = machine if learnt is None else machine_with_learnt_priors(machine, learnt.terms)
-        replayed = replay_logs_of_campaign(
+            learnt = first.pool_learnt_priors
+        weighing = (
+            machine if learnt is None else apply_learnt_priors_to_machine(machine, learnt.terms)
+        )
+        replayed = replay_campaign_logs(
             campaign, weighing, path_of_log, made if recordings else None, on_log
         )
         refuse_contradicted_days(campaign_file, campaign, replayed, machine)
@@ -205,7 +207,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")
         options = make_calibration_options(
-            campaign, stated_force_scale_parts(campaign, replayed.budgets)
+            campaign, make_force_scale_parts(campaign, replayed.budgets)
         )
         fitted = fit_campaign(
             campaign, machine.machine, replayed.readings, options, replayed.responses
@@ -222,7 +224,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     return replace(calibrated, remarks=(*calibrated.remarks, remark))
 
 
-def refuse_impossible_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) -> None:
+def refuse_timestamp_request_early(file: Path, key: SigningKey | None, *, force: bool) -> None:
     """Raise an error before the work begins if a time stamp cannot be requested.
 
     Raises:
@@ -277,7 +279,7 @@ def read_previous_evidence(
     if by.how == "unknown" and not own:
         raise EvidenceError(
             f"{previous}: is {by}, so its signature cannot be verified; if the signer gave you "
-            f"this key in person, keep it with {by.command_to_add_key}"
+            f"this key in person, keep it with {by.make_add_key_command}"
         )
     return checked
 
@@ -287,7 +289,7 @@ def write_verified_evidence(
     staging: Path,
     folder: Path,
     key: SigningKey | None,
-    before: CheckedBundle | None,
+    earlier_bundle: CheckedBundle | None,
     previous: Path | None,
     stretch: bytes | None = None,
 ) -> CalibrationOutcome:
@@ -298,7 +300,7 @@ def write_verified_evidence(
         staging: temporary folder, which already contains the recordings.
         folder: final folder.
         key: signing key; None leaves it unsigned.
-        before: the machine's previous evidence.
+        earlier_bundle: the machine's previous evidence.
         previous: folder of that evidence.
         stretch: part of the recorder's notary list, if the campaign names one.
 
@@ -313,7 +315,7 @@ def write_verified_evidence(
             "on each log to see why"
         )
     tables, digests = encode_tables(readings, points)
-    document = _make_evidence_document(evidence, digests, key, before)
+    document = _make_evidence_document(evidence, digests, key, earlier_bundle)
     write_calibration(staging, document, readings, points)
     remarks = write_bundle(staging, document, readings, points, tables, key, stretch)
     checked = check_bundle(staging, None if key is None else key.public, previous)
@@ -333,16 +335,16 @@ def _make_evidence_document(
     previous: CheckedBundle | None,
 ) -> EvidenceDocument:
     campaign, machine, fitted = evidence.campaign, evidence.machine, evidence.fitted
-    loads, covariance = reference_loads_and_covariance(campaign, machine)
+    loads, covariance = make_reference_loads_and_covariance(campaign, machine)
     learnt = evidence.learnt
-    weighing = machine if learnt is None else machine_with_learnt_priors(machine, learnt.terms)
-    estimator = estimator_with_digest(campaign, weighing)
+    weighing = machine if learnt is None else apply_learnt_priors_to_machine(machine, learnt.terms)
+    estimator = make_estimator_with_digest(campaign, weighing)
     last = None if previous is None else previous.document
     document = EvidenceDocument(
         format=FORMAT,
         kind=evidence.kind,
-        id=draw_evidence_id(),
-        made=current_time_of_evidence(),
+        id=generate_evidence_id(),
+        made=format_current_time(),
         notice=NOTICE,
         campaign=campaign,
         # a check does not prolong what it checks
@@ -359,21 +361,23 @@ def _make_evidence_document(
         no_fit=fitted.no_fit,
         limits=fitted.limits,
         drift=evidence.drift,
-        as_found=evaluate_previous_line(last, redigest_estimator(last), estimator, fitted.frame),
+        as_found=evaluate_previous_line(
+            last, recompute_estimator_digest(last), estimator, fitted.frame
+        ),
         replay_tolerance_kg=LIMITS.replay_tolerance_kg,
         procedure=last.procedure if last and evidence.kind == "check" else PRESENT_NUMBER,
-        chain=_make_next_link(previous),
+        chain=_make_chain_link(previous),
         signer=None if key is None else _make_signer(campaign, key),
-        software=software_versions(),
+        software=collect_software_versions(),
     )
-    return document.with_all_settings
+    return document.write_out_all_settings
 
 
-def redigest_estimator(previous: EvidenceDocument | None) -> Estimator | None:
+def recompute_estimator_digest(previous: EvidenceDocument | None) -> Estimator | None:
     """Estimator of the previous evidence, with its digest by this version."""
     if previous is None:
         return None
-    return estimator_with_digest(previous.campaign, previous.weighing_machine)
+    return make_estimator_with_digest(previous.campaign, previous.weighing_machine)
 
 
 def _make_signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
@@ -381,7 +385,7 @@ def _make_signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
     return Signer(name=name, key_id=key.public.key_id, public_key=key.public.text)
 
 
-def _make_next_link(previous: CheckedBundle | None) -> Chain:
+def _make_chain_link(previous: CheckedBundle | None) -> Chain:
     """Place of new evidence in the machine's chain."""
     if previous is None or previous.document is None:
         return Chain(counter=1, previous=None)

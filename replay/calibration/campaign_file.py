@@ -6,12 +6,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from analysis.calibration.campaign.campaign_fit import make_decision_rule, references_and_covariance
+from analysis.calibration.campaign.campaign_fit import (
+    make_decision_rule,
+    make_references_and_covariance,
+)
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, DataError, EvidenceError
 from recordings.dcc.dcc_limits import LIMITS as DCC_LIMITS
-from replay.machines.machine_file import load_machine, machine_file_or_shipped
+from replay.machines.machine_file import find_machine_file, load_machine
 from replay.machines.toml_file import (
     read_toml,
     refuse_other_kind_of_file,
@@ -46,23 +49,24 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
         raise CampaignError(f"{path}: {place}: is not filled in yet ('{text}')")
     content = add_certified_masses(path, content)
     campaign = validate_toml_content(path, content, CalibrationCampaign, CampaignError)
-    if campaign.laboratory is not None and campaign.missing_statements:
+    if campaign.laboratory is not None and campaign.missing_certificate_keys:
         raise CampaignError(
             f"{path}: [laboratory] makes this a certificate by ISO/IEC 17025, 7.8, which also "
-            f"needs {', '.join(campaign.missing_statements)}; add them, or leave out [laboratory]"
+            f"needs {', '.join(campaign.missing_certificate_keys)}; add them, or leave out "
+            "[laboratory]"
         )
     beside = path.parent / campaign.machine.file
-    shipped = machine_file_or_shipped(Path(campaign.machine.file))
+    shipped = find_machine_file(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
-    machine = machine_with_serial_number(
-        with_empty_mass_of_campaign(campaign, machine), campaign.machine.id, path
+    machine = set_serial_number(
+        apply_campaign_empty_mass(campaign, machine), campaign.machine.id, path
     )
     try:
-        known, _ = references_and_covariance(campaign, machine.machine)
+        known, _ = make_references_and_covariance(campaign, machine.machine)
         make_decision_rule(campaign, known)
     except (CampaignError, DataError) as fault:
         raise CampaignError(f"{path}: {fault}") from None
-    overdue = campaign.overdue_certificates()
+    overdue = campaign.describe_invalid_certificates()
     if overdue:
         more = f" (and {len(overdue) - 1} more)" if len(overdue) > 1 else ""
         raise CampaignError(
@@ -77,13 +81,13 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     return campaign, machine
 
 
-def machine_with_serial_number(machine: Machine, serial_number: str, what: object) -> Machine:
+def set_serial_number(machine: Machine, serial_number: str, source: object) -> Machine:
     """The machine with the given serial number.
 
     Args:
         machine: machine as read from its file.
         serial_number: serial number.
-        what: file that gives it, for the error message.
+        source: file that gives it, for the error message.
 
     Raises:
         CampaignError: the machine file is that of another machine.
@@ -91,7 +95,7 @@ def machine_with_serial_number(machine: Machine, serial_number: str, what: objec
     named = machine.machine.id
     if named not in (None, serial_number):
         raise CampaignError(
-            f"{what}: is for machine '{serial_number}', but its machine file is for '{named}'; "
+            f"{source}: is for machine '{serial_number}', but its machine file is for '{named}'; "
             "give the "
             f"machine file of '{serial_number}', or correct machine.id"
         )
@@ -100,19 +104,19 @@ def machine_with_serial_number(machine: Machine, serial_number: str, what: objec
     )
 
 
-def find_todo_entries(content: Any, place: str = "") -> Iterator[tuple[str, str]]:
+def find_todo_entries(content: Any, path_prefix: str = "") -> Iterator[tuple[str, str]]:
     """Places and texts in a draft that still begin with TODO."""
     if isinstance(content, dict):
         for name, value in content.items():
-            yield from find_todo_entries(value, f"{place}.{name}" if place else name)
+            yield from find_todo_entries(value, f"{path_prefix}.{name}" if path_prefix else name)
     elif isinstance(content, list):
         for number, value in enumerate(content, start=1):
-            yield from find_todo_entries(value, f"{place}[{number}]")
+            yield from find_todo_entries(value, f"{path_prefix}[{number}]")
     elif isinstance(content, str) and _TODO.match(content):
-        yield place, content
+        yield path_prefix, content
 
 
-def with_empty_mass_of_campaign(campaign: CalibrationCampaign, machine: Machine) -> Machine:
+def apply_campaign_empty_mass(campaign: CalibrationCampaign, machine: Machine) -> Machine:
     """The machine with the empty mass of the campaign file, if that gives one."""
     about = campaign.machine
     given = {"empty_mass_kg": about.empty_mass_kg, "empty_mass_u_kg": about.empty_mass_u_kg}

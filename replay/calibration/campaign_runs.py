@@ -15,16 +15,16 @@ import polars as pl
 
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.campaign.campaign_readings import (
+    make_run_responses,
     read_campaign_runs,
-    responses_of_runs_to_learnt_means,
 )
 from analysis.calibration.line.procedure import PRESENT_PROCEDURE, Procedure
 from analysis.calibration.line.shared_errors import RunResponse
 from analysis.calibration.use.learnt_priors import (
     LearntPriors,
     TermOfLog,
-    learnable_terms,
-    pool_terms_of_logs,
+    pool_terms_over_logs,
+    select_learnable_terms,
 )
 from analysis.model.answer import answer
 from analysis.model.machine import Machine
@@ -41,7 +41,7 @@ from recordings.calibration.evidence_document import (
 )
 from replay.calibration.campaign_limits import LIMITS
 from replay.logs import open_log
-from replay.machines.machine_file import time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine
 from replay.pipeline import run
 
 #: What ends the name of a distribution in a requirement.
@@ -67,16 +67,16 @@ class CampaignReplay:
     responses: tuple[RunResponse, ...]
 
     @property
-    def learnt(self) -> LearntPriors | None:
+    def pool_learnt_priors(self) -> LearntPriors | None:
         """Priors learnt from all logs; None if there are too few."""
-        terms = pool_terms_of_logs(self.terms)
+        terms = pool_terms_over_logs(self.terms)
         return LearntPriors(terms=terms, logs=self.terms) if terms else None
 
 
-def replay_logs_of_campaign(
+def replay_campaign_logs(
     campaign: CalibrationCampaign,
     machine: Machine,
-    path_of: Callable[[str], Path],
+    find_path: Callable[[str], Path],
     recordings: Path | None = None,
     on_log: Callable[[str], None] = lambda _: None,
     procedure: Procedure = PRESENT_PROCEDURE,
@@ -86,7 +86,7 @@ def replay_logs_of_campaign(
     Args:
         campaign: the campaign.
         machine: channels and settings.
-        path_of: returns the path of a log of the campaign.
+        find_path: returns the path of a log of the campaign.
         recordings: folder for recordings of the replays, if any.
         on_log: called with each log's name when its replay begins.
         procedure: procedure of the calibration.
@@ -101,11 +101,11 @@ def replay_logs_of_campaign(
     responses: list[RunResponse] = []
     for number, name in enumerate(campaign.logs, start=1):
         on_log(name)
-        with open_log(path_of(name), time=time_axis_of_machine(machine)) as log:
+        with open_log(find_path(name), time=find_time_axis_of_machine(machine)) as log:
             try:
                 replayed = run(log, machine)
             except DataError as error:
-                raise DataError(f"{path_of(name)}: {error}") from None
+                raise DataError(f"{find_path(name)}: {error}") from None
             topics = log.topics()
         recording = ""
         if recordings is not None:
@@ -115,17 +115,19 @@ def replay_logs_of_campaign(
             write_recording(replayed, recordings / recording)
         runs = [each for each in campaign.runs if each.log == name]
         frames.append(read_campaign_runs(replayed, runs, campaign.method.estimator, procedure))
-        responses += responses_of_runs_to_learnt_means(replayed, runs, campaign.method.estimator)
-        logs.append(make_evidence_log(name, replayed, topics, recording))
+        responses += make_run_responses(replayed, runs, campaign.method.estimator)
+        logs.append(make_evidence_log_record(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])
-        terms += learnable_terms(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
+        terms += (
+            select_learnable_terms(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
+        )
     return CampaignReplay(
         pl.concat(frames), tuple(logs), tuple(budgets), tuple(terms), tuple(responses)
     )
 
 
 @cache
-def software_versions() -> Software:
+def collect_software_versions() -> Software:
     """Versions of payscope, its libraries and the platform."""
     return Software(
         payscope=version("payscope"),
@@ -151,17 +153,17 @@ def _installed_requirements() -> dict[str, str]:
     return dict(sorted(found.items()))
 
 
-def current_time_of_evidence() -> str:
+def format_current_time() -> str:
     """Format the current time for evidence."""
     return f"{dt.datetime.now(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
-def draw_evidence_id() -> str:
+def generate_evidence_id() -> str:
     """Random unique id for evidence."""
     return str(uuid4())
 
 
-def make_evidence_log(
+def make_evidence_log_record(
     name: str, replayed: Run, topics: pl.DataFrame, recording: str
 ) -> EvidenceLog:
     """The record of a replay that evidence keeps."""

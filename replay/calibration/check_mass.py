@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from analysis.calibration.campaign.campaign_fit import compare_known_mass
+from analysis.calibration.campaign.campaign_fit import compare_with_known_mass
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, CampaignRun
 from analysis.calibration.campaign.campaign_subjects import Conditions, ReferenceMass
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
@@ -20,10 +20,10 @@ from replay.calibration.calibrate_campaign import (
     read_previous_evidence,
     write_verified_evidence,
 )
-from replay.calibration.campaign_runs import replay_logs_of_campaign
+from replay.calibration.campaign_runs import replay_campaign_logs
 from replay.calibration.refuse_campaign import refuse_contradicted_days, refuse_contradicted_machine
 from replay.logs import open_log
-from replay.machines.machine_file import time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine
 
 _MASS: Final = "check-mass"
 
@@ -81,7 +81,7 @@ def check_mass(
     with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
-        replayed = replay_logs_of_campaign(
+        replayed = replay_campaign_logs(
             campaign, last.weighing_machine, lambda _: log, None, on_log, last.procedure_rules
         )
         refuse_contradicted_machine(previous, campaign, replayed, last.machine)
@@ -89,7 +89,7 @@ def check_mass(
             Path(f"--day {mass_on_board.day}"), campaign, replayed, last.machine
         )
         on_log("evidence")
-        fitted, drift = compare_known_mass(
+        fitted, drift = compare_with_known_mass(
             campaign, last.machine.machine, replayed.readings, last.calibration
         )
         evidence = EvidenceParts(
@@ -117,7 +117,7 @@ def _make_single_run_campaign(
             "id": "check",
             "log": log.name,
             "loads": (_MASS,) if mass_on_board.value_kg else (),
-            "day": _date_given_or_of_log(calibration, log, mass_on_board.day),
+            "day": _choose_date(calibration, log, mass_on_board.day),
         }
     )
     return calibration.campaign.model_copy(
@@ -131,14 +131,14 @@ def _make_single_run_campaign(
     )
 
 
-def _date_given_or_of_log(calibration: EvidenceDocument, log: Path, day: str | None) -> dt.date:
+def _choose_date(calibration: EvidenceDocument, log: Path, day: str | None) -> dt.date:
     """Given day, else the log's date in the machine's time zone."""
     if day is not None:
         try:
             return dt.date.fromisoformat(day)
         except ValueError:
             raise CampaignError(f"--day {day}: is not a date; write it as 2026-05-31") from None
-    with open_log(log, time=time_axis_of_machine(calibration.machine)) as opened:
+    with open_log(log, time=find_time_axis_of_machine(calibration.machine)) as opened:
         start_ns = opened.topics()["start_ns"].min()
     if not isinstance(start_ns, int) or start_ns < FIRST_DATE_NS:
         raise CampaignError(f"{log}: has no date; give it with --day")

@@ -41,7 +41,7 @@ def replay_and_compare_logs(
 ) -> None:
     """Replay every log and compare each reading with the evidence."""
     paths: dict[str, Path] = {}
-    found = _files_by_name(folder, {file.name for log in document.logs for file in log.files})
+    found = _find_files_by_name(folder, {file.name for log in document.logs for file in log.files})
     for log in document.logs:
         path = find_log_path(bundle, log, found)
         if path is not None:
@@ -49,14 +49,14 @@ def replay_and_compare_logs(
     if len(paths) < len(document.logs):
         return
     # the estimators are slow to import, and only a replay needs them
-    from replay.calibration.campaign_runs import replay_logs_of_campaign
+    from replay.calibration.campaign_runs import replay_campaign_logs
 
     campaign = document.campaign
     try:
         if document.learnt is not None and document.kind == "calibration":
-            before = replay_logs_of_campaign(campaign, document.machine, lambda log: paths[log])
+            before = replay_campaign_logs(campaign, document.machine, lambda log: paths[log])
             _check_learnt_terms(bundle, document.learnt.logs, before.terms)
-        replayed = replay_logs_of_campaign(
+        replayed = replay_campaign_logs(
             campaign,
             document.weighing_machine,
             lambda log: paths[log],
@@ -83,7 +83,7 @@ def _compare_replayed_log(
         bundle.add_finding(
             BundleOutcome.IRREPRODUCIBLE, item, "its replay gives a different verdict"
         )
-    if any(name.startswith("machine.") for name in document.settings_at_default):
+    if any(name.startswith("machine.") for name in document.list_settings_at_default):
         bundle.notes.append(
             f"{evidence_log.log}: settings and frames are compared by value only, not by "
             "digest: this version has settings that the evidence lacks"
@@ -103,7 +103,7 @@ def _compare_replayed_log(
         there, here = getattr(evidence_log, name), getattr(replayed, name)
         if are_equal_values(there, here):
             continue
-        words = name in _IN_WORDS and document.other_version_text
+        words = name in _IN_WORDS and document.name_other_payscope_version
         outcome = BundleOutcome.OTHER_VERSION if words else BundleOutcome.IRREPRODUCIBLE
         stored, found = _format_compared_value(there), _format_compared_value(here)
         said = f"{what}: {stored} in the evidence, {found} in the replay"
@@ -134,7 +134,7 @@ def _check_learnt_terms(
     wrong = [
         each
         for each in stored
-        if not do_learnt_terms_agree(each, by_name.get((each.log, each.term)))
+        if not is_learnt_term_reproduced(each, by_name.get((each.log, each.term)))
     ]
     for each in wrong[: LIMITS.max_logs]:
         item = f"{EVIDENCE}: learnt: {each.log}, {each.term}"
@@ -148,7 +148,7 @@ def _check_learnt_terms(
         )
 
 
-def do_learnt_terms_agree(evidence_term: TermOfLog, replayed_term: TermOfLog | None) -> bool:
+def is_learnt_term_reproduced(evidence_term: TermOfLog, replayed_term: TermOfLog | None) -> bool:
     """Whether a replayed term equals that of the evidence within tolerance."""
     if replayed_term is None:
         return False
@@ -175,7 +175,7 @@ def compare_readings(
         present = {**kept, "reason": reason}
         differing = [name for name in _TEXTS if present[name] != now[name]]
         differing += [
-            name for name in _NUMBERS if not _is_near_enough(kept[name], now[name], tolerance)
+            name for name in _NUMBERS if not _is_within_tolerance(kept[name], now[name], tolerance)
         ]
         if differing:
             wrong += 1
@@ -189,7 +189,7 @@ def compare_readings(
         )
 
 
-def _is_near_enough(stored: float | None, replayed: float | None, tolerance: float) -> bool:
+def _is_within_tolerance(stored: float | None, replayed: float | None, tolerance: float) -> bool:
     if stored is None or replayed is None:
         return stored is replayed
     return abs(stored - replayed) <= tolerance
@@ -224,10 +224,10 @@ def find_log_path(
     return places[0] / name if is_file else places[0]
 
 
-def _files_by_name(folder: Path, names: set[str]) -> dict[str, list[Path]]:
+def _find_files_by_name(folder: Path, names: set[str]) -> dict[str, list[Path]]:
     """Regular files with these names in a folder tree; links are not followed."""
     found: dict[str, list[Path]] = {}
-    for number, entry in enumerate(_walk_folder(folder, 0)):
+    for number, entry in enumerate(_iter_folder_tree(folder, 0)):
         if number >= LIMITS.searched_files:
             raise EvidenceError(
                 f"{folder}: more than {LIMITS.searched_files} entries; give a smaller one"
@@ -237,9 +237,9 @@ def _files_by_name(folder: Path, names: set[str]) -> dict[str, list[Path]]:
     return found
 
 
-def _walk_folder(folder: Path, depth: int) -> "Iterator[os.DirEntry[str]]":
+def _iter_folder_tree(folder: Path, depth: int) -> "Iterator[os.DirEntry[str]]":
     with os.scandir(folder) as entries:
         for entry in sorted(entries, key=lambda each: each.name):
             yield entry
             if depth < LIMITS.searched_depth and entry.is_dir(follow_symlinks=False):
-                yield from _walk_folder(Path(entry.path), depth + 1)
+                yield from _iter_folder_tree(Path(entry.path), depth + 1)

@@ -30,7 +30,7 @@ class DccOutput:
     certificate_file: Path | None = None
 
 
-def require_dcc_ready(
+def require_dcc_inputs(
     source: Path, campaign: CalibrationCampaign, dcc: DccOutput, *, force: bool
 ) -> "DccKey | None":
     """Raise an error before the work begins if no certificate can be made.
@@ -65,7 +65,7 @@ def write_and_verify_dcc(
     Raises:
         EvidenceError: there is no line to certify, or the certificate fails verification.
     """
-    from recordings.dcc.dcc_document import dcc_bytes, parse_dcc
+    from recordings.dcc.dcc_document import parse_dcc, serialise_dcc
     from recordings.dcc.dcc_signature import check_signature, sign_dcc
     from recordings.dcc.write_dcc import make_unsigned_dcc
 
@@ -73,7 +73,7 @@ def write_and_verify_dcc(
         return f"no {dcc.file}: there is no calibration line to certify"
     root = make_unsigned_dcc(document, hashlib.sha256((folder / SUMS).read_bytes()).hexdigest())
     signed = root if key is None else sign_dcc(root, key)
-    data = dcc_bytes(signed)
+    data = serialise_dcc(signed)
     checked = check_signature(parse_dcc(data, str(dcc.file)), str(dcc.file))
     with atomic_file(dcc.file, force=force) as partial:
         partial.write_bytes(data)

@@ -72,7 +72,7 @@ def load_notary_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | 
         if each.forged
         or (
             stretch.first <= each.counter <= stretch.last
-            and each.counter not in stretch.omission_reasons
+            and each.counter not in stretch.omission_reasons_by_log
         )
     ]
     if faults:

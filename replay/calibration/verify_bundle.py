@@ -18,19 +18,19 @@ from recordings.calibration.bundle_folder import (
     parse_sha256sums,
 )
 from recordings.calibration.calibration_recording import make_calibration_run
-from recordings.calibration.calibration_report import report_html
-from recordings.calibration.calibration_text import undetectable_faults
+from recordings.calibration.calibration_report import render_report_html
+from recordings.calibration.calibration_text import describe_undetectable_faults
 from recordings.calibration.check_outcomes import (
     BundleFinding,
     BundleOutcome,
-    most_severe_outcome,
-    verdict_text,
+    find_most_severe_outcome,
+    format_verdict,
 )
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
 from recordings.calibration.strange_files import (
     RecordingDigests,
-    compare_pdf_with_page,
+    compare_pdf_with_html,
     digest_bundle_recordings,
 )
 from recordings.calibration.timestamp import read_authority_certificates
@@ -71,12 +71,12 @@ class Verification:
     @property
     def outcome(self) -> BundleOutcome | None:
         """Worst outcome of the findings, which sets the exit status; None if nothing is wrong."""
-        return most_severe_outcome(self.findings)
+        return find_most_severe_outcome(self.findings)
 
     @property
     def verdict(self) -> str:
         """The outcome in a sentence."""
-        return verdict_text(self.folder, self.findings, f"verified; {self.signed_by}")
+        return format_verdict(self.folder, self.findings, f"verified; {self.signed_by}")
 
     def to_dict(self) -> dict[str, Any]:
         """The fields as JSON-compatible values."""
@@ -131,10 +131,10 @@ def verify_bundle(
         what = f"is {keeper}, but a signature by a key of the keyring is required"
         bundle.add_finding(BundleOutcome.INCOMPLETE, NOTARY, what)
     document = bundle.document
-    done = list_checks_done(bundle, previous is not None)
+    done = describe_checks_done(bundle, previous is not None)
     files = FilesCheck()
     if document is not None:
-        files = compare_with_fingerprints(
+        files = compare_recordings_with_fingerprints(
             bundle, document, folder, compare_calibration_too=logs is not None
         )
     if logs is not None and document is not None and bundle.readings is not None:
@@ -157,13 +157,17 @@ def verify_bundle(
         tuple(done),
         ()
         if document is None
-        else (*undetectable_faults(document), *files.unseen, *iter_unverifiable_claims(document)),
+        else (
+            *describe_undetectable_faults(document),
+            *files.unseen,
+            *iter_unverifiable_statements(document),
+        ),
         bundle.signed_by,
         bundle,
     )
 
 
-def iter_unverifiable_claims(document: EvidenceDocument) -> Iterator[str]:
+def iter_unverifiable_statements(document: EvidenceDocument) -> Iterator[str]:
     """Claims that `verify` cannot check, whatever files it has."""
     yield (
         "Whether what the campaign file states about people, place, conditions, sensors and "
@@ -186,7 +190,7 @@ def _check_expiry(bundle: CheckedBundle, document: EvidenceDocument, on: dt.date
         bundle.add_finding(BundleOutcome.EXPIRED, f"{EVIDENCE}: expires", what)
 
 
-def list_checks_done(bundle: CheckedBundle, is_chain_checked: bool) -> list[str]:
+def describe_checks_done(bundle: CheckedBundle, is_chain_checked: bool) -> list[str]:
     """Checks of the folder itself that were made, in words."""
     done = ["names and digests of every file; nothing in the folder was run"]
     if bundle.document is not None:
@@ -218,7 +222,7 @@ class FilesCheck:
     unseen: tuple[str, ...] = ()
 
 
-def compare_with_fingerprints(
+def compare_recordings_with_fingerprints(
     bundle: CheckedBundle,
     document: EvidenceDocument,
     folder: Path,
@@ -306,11 +310,15 @@ def _compare_calibration_recording(
         for name in {*taken.frames, *digests.frames}
         if taken.frames.get(name) != digests.frames.get(name)
     )
-    same_words = document.other_version_text or made.notes == digests.notes
+    same_words = document.name_other_payscope_version or made.notes == digests.notes
     if not other and same_words:
         return
     what = f"frames {', '.join(other)}" if other else "words"
-    outcome = BundleOutcome.OTHER_VERSION if document.other_version_text else BundleOutcome.TAMPERED
+    outcome = (
+        BundleOutcome.OTHER_VERSION
+        if document.name_other_payscope_version
+        else BundleOutcome.TAMPERED
+    )
     bundle.add_finding(outcome, RECORDING, f"differs in its {what} from the evidence")
 
 
@@ -318,12 +326,12 @@ def _compare_pdf(
     bundle: CheckedBundle, document: EvidenceDocument, folder: Path, sums: Mapping[str, str]
 ) -> str:
     """Compare the PDF; returns why that was not possible, or ""."""
-    if document.other_version_text:
-        return f"its page was made by {document.other_version_text}"
+    if document.name_other_payscope_version:
+        return f"its page was made by {document.name_other_payscope_version}"
     if bundle.readings is None or bundle.points is None:
         return "its page could not be recomputed"
-    html = report_html(document, bundle.readings, bundle.points)
-    fault, why = compare_pdf_with_page(folder, sums[PDF], html)
+    html = render_report_html(document, bundle.readings, bundle.points)
+    fault, why = compare_pdf_with_html(folder, sums[PDF], html)
     if fault:
         bundle.add_finding(BundleOutcome.TAMPERED, PDF, fault)
     return why

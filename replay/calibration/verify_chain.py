@@ -8,7 +8,11 @@ from typing import Any
 
 from estimators.errors import counted
 from recordings.calibration.chain_check import check_chains_of_bundles
-from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, most_severe_outcome
+from recordings.calibration.check_outcomes import (
+    BundleFinding,
+    BundleOutcome,
+    find_most_severe_outcome,
+)
 from recordings.calibration.checked_bundle import CheckedBundle
 from replay.calibration.verify_bundle import Verification, verify_bundle
 
@@ -30,7 +34,7 @@ class VerifiedChain:
     @property
     def outcome(self) -> BundleOutcome | None:
         """Exit status for all bundles; None if nothing is wrong."""
-        return most_severe_outcome(
+        return find_most_severe_outcome(
             [*self.findings, *(each for made in self.bundles for each in made.findings)]
         )
 
@@ -98,18 +102,19 @@ def verify_chain(
         wrong, said = check_chains_of_bundles(bundles)
         findings += wrong
         notes += said
-    last = {machine: max(map(_chain_counter, bundles)) for machine, bundles in by_machine.items()}
+    last = {
+        machine: max(map(_read_chain_counter, bundles)) for machine, bundles in by_machine.items()
+    }
     return VerifiedChain(
         tuple(
-            each if _is_latest_bundle(each, last) else _without_expiry_finding(each)
-            for each in made
+            each if _is_latest_bundle(each, last) else _drop_expiry_finding(each) for each in made
         ),
         tuple(findings),
         tuple(notes),
     )
 
 
-def _chain_counter(bundle: CheckedBundle) -> int:
+def _read_chain_counter(bundle: CheckedBundle) -> int:
     return 0 if bundle.document is None else bundle.document.chain.counter
 
 
@@ -119,7 +124,7 @@ def _is_latest_bundle(verification: Verification, last: Mapping[str, int]) -> bo
     return document is None or document.chain.counter == last[document.campaign.machine.id]
 
 
-def _without_expiry_finding(verification: Verification) -> Verification:
+def _drop_expiry_finding(verification: Verification) -> Verification:
     """The verification without its finding on expiry."""
     kept = tuple(
         each for each in verification.findings if each.outcome is not BundleOutcome.EXPIRED

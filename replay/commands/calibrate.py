@@ -68,7 +68,7 @@ def command(
     from replay.calibration.calibrate_campaign import calibrate_from_campaign
     from replay.calibration.check_mass import KnownMassOnBoard, check_mass
     from replay.calibration.dcc_output import DccOutput
-    from replay.commands.print_tables import print_json, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_json
     from replay.commands.progress_bar import StageProgress
 
     if check is None and (check_u or certificate or day):
@@ -100,15 +100,18 @@ def command(
     if as_json:
         print_json(made.to_dict())
     else:
-        _print_evidence(stdout_console(), made)
-    if not made.is_good:
+        _print_evidence(make_stdout_console(), made)
+    if not made.is_within_limits:
         raise typer.Exit(1)
 
 
 def _print_evidence(screen: "Console", outcome: "CalibrationOutcome") -> None:
-    from recordings.calibration.calibration_report import kilograms_text, report_facts
-    from recordings.calibration.calibration_text import report_paragraphs
-    from recordings.calibration.certificate_text import traceability_warnings
+    from recordings.calibration.calibration_report import (
+        format_kilograms_or_dash,
+        list_report_facts,
+    )
+    from recordings.calibration.calibration_text import write_report_paragraphs
+    from recordings.calibration.certificate_text import make_traceability_warnings
     from replay.commands.print_tables import make_plain_table, print_line, print_table
 
     table = make_plain_table(
@@ -120,21 +123,21 @@ def _print_evidence(screen: "Console", outcome: "CalibrationOutcome") -> None:
         table.add_row(
             row["run_id"],
             row["load_id"],
-            kilograms_text(row["reference_kg"]),
+            format_kilograms_or_dash(row["reference_kg"]),
             str(row["readings"]),
-            *(kilograms_text(row[name]) for name in numbers),
+            *(format_kilograms_or_dash(row[name]) for name in numbers),
         )
     print_table(screen, table)
     for row in outcome.rejected.iter_rows(named=True):
         print_line(screen, f"left out: {row['run_id']}, reading {row['reading']}: {row['reason']}")
     screen.print()
-    for name, value in report_facts(outcome.document):
+    for name, value in list_report_facts(outcome.document):
         if name != "made":
             print_line(screen, f"{name}: {value}")
     screen.print()
-    for sentence in traceability_warnings(outcome.document):
+    for sentence in make_traceability_warnings(outcome.document):
         print_line(screen, sentence, "[bold red]!![/] ")
-    for sentence in report_paragraphs(outcome.document, outcome.readings, outcome.points):
+    for sentence in write_report_paragraphs(outcome.document, outcome.readings, outcome.points):
         print_line(screen, sentence)
     for remark in outcome.remarks:
         print_line(screen, f"note: {remark}")

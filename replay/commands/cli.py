@@ -77,7 +77,7 @@ app.add_typer(
 )
 
 
-def _join_lines_of_help(commands: typer.Typer) -> None:
+def _join_help_lines(commands: typer.Typer) -> None:
     """Join the lines of each paragraph of help, which the terminal wraps at its own width."""
     for each in commands.registered_commands:
         paragraphs = (inspect.getdoc(each.callback) or "").split("\n\n")
@@ -85,7 +85,7 @@ def _join_lines_of_help(commands: typer.Typer) -> None:
 
 
 for _app in (app, fleet.app, keys.app):
-    _join_lines_of_help(_app)
+    _join_help_lines(_app)
 
 
 @app.callback(invoke_without_command=True)
@@ -105,9 +105,9 @@ def _print_version(
 def main() -> None:
     """Run the command line and exit with its status."""
     _open_closed_streams()
-    received = _raise_on_signals()
+    received = _convert_signals_to_exceptions()
     try:
-        with _warn_of_old_names():
+        with _warn_of_old_keys():
             status = app(standalone_mode=False)
         sys.stdout.flush()
     except PayscopeError as error:
@@ -169,7 +169,7 @@ def _open_closed_streams() -> None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, flag), mode, encoding="utf-8"))
 
 
-def _raise_on_signals() -> list[int]:
+def _convert_signals_to_exceptions() -> list[int]:
     """Turn signals into exceptions, so that partial outputs are removed on exit.
 
     Returns:
@@ -189,7 +189,7 @@ def _raise_on_signals() -> list[int]:
 
 
 @contextmanager
-def _warn_of_old_names() -> Generator[None]:
+def _warn_of_old_keys() -> Generator[None]:
     """Warn once on stderr if a file uses old names of keys."""
     from replay.machines.old_names import OldNameWarning
 

@@ -60,7 +60,7 @@ FrictionLimit = Annotated[
 ]
 
 
-def calibration_request_from_options(
+def make_calibration_request(
     folder: Path | None, key: Path | None, *, signed: bool
 ) -> "CalibrationRequest | None":
     """Calibration request from these options; None without a calibration.
@@ -89,7 +89,7 @@ TimeUnit = Annotated[
 _UNITS = ("s", "ms", "us", "ns")
 
 
-def time_axis_from_options(
+def make_time_axis_from_options(
     column: str | None, unit: str | None, keys: list[str] | None = None
 ) -> "TimeAxis | None":
     """Time column and format of a table from these options; None to detect them.
@@ -101,7 +101,7 @@ def time_axis_from_options(
         return None
     from analysis.model.machine import LogSection
     from estimators.errors import MachineError
-    from replay.machines.machine_file import time_axis_of_log_section
+    from replay.machines.machine_file import find_time_axis_of_section
     from replay.machines.toml_file import set_dotted_key, validate_toml_content
 
     if unit is not None and unit not in _UNITS:
@@ -117,7 +117,7 @@ def time_axis_from_options(
                 f"--set {key}: takes only keys of [log] here, such as log.separator=;"
             )
         set_dotted_key(content, key, MachineError)
-    return time_axis_of_log_section(
+    return find_time_axis_of_section(
         validate_toml_content(Path("--set log"), content["log"], LogSection, MachineError)
     )
 

@@ -10,7 +10,7 @@ from replay.commands.common_options import (
     Calibration,
     RequireSigned,
     SignerKey,
-    calibration_request_from_options,
+    make_calibration_request,
 )
 from replay.commands.screen_limits import LIMITS
 
@@ -61,7 +61,7 @@ def command(
         OverlayOutput(output, force),
         rtol=rtol,
         other_logs=other_logs,
-        calibration=calibration_request_from_options(calibration, key, signed=require_signed),
+        calibration=make_calibration_request(calibration, key, signed=require_signed),
     )
     if as_json:
         print_json({"a": str(a), "b": str(b), **found.to_dict()})
@@ -74,9 +74,9 @@ def command(
 def _print_differences(comparison: "Comparison", a: Path, b: Path, rtol: float) -> None:
     """Print the differences, those of the answer first; equal items are not printed."""
     from estimators.errors import counted
-    from replay.commands.print_tables import print_line, print_table, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_line, print_table
 
-    screen = stdout_console()
+    screen = make_stdout_console()
 
     def print_part(title: str, table: "Table", rows: int) -> None:
         screen.print(f"\n{title}", markup=False)
@@ -96,7 +96,7 @@ def _print_differences(comparison: "Comparison", a: Path, b: Path, rtol: float) 
         ("losses, notes and stamps", comparison.provenance),
     ):
         if changes:
-            print_part(f"{title}:", _values_table(changes), len(changes))
+            print_part(f"{title}:", _make_value_change_table(changes), len(changes))
     if comparison.estimates:
         title = "estimates over the whole log, those that moved most first:"
         print_part(
@@ -117,17 +117,17 @@ def _print_differences(comparison: "Comparison", a: Path, b: Path, rtol: float) 
             f"columns: {differing} of {comparison.columns} differ; "
             "the largest changes of each stage:"
         )
-        print_part(title, _column_table(comparison), 0)
+        print_part(title, _make_column_change_table(comparison), 0)
     whole = counted(comparison.columns, "column")
     exact = f"within a relative difference of {rtol:g}" if rtol else "bit for bit"
     said = f"Equal: {whole}, {exact}." if comparison.equal else f"They differ, compared {exact}."
     screen.print(f"\n{said}", markup=False)
 
 
-def _values_table(changes: Iterable["ValueChange"]) -> "Table":
+def _make_value_change_table(changes: Iterable["ValueChange"]) -> "Table":
     from rich.markup import escape
 
-    from replay.commands.print_tables import make_plain_table, setting_value_text
+    from replay.commands.print_tables import format_setting_value, make_plain_table
 
     table = make_plain_table("", "A", "B")
     for column in table.columns[1:]:
@@ -138,8 +138,8 @@ def _values_table(changes: Iterable["ValueChange"]) -> "Table":
                 escape(text)
                 for text in (
                     change.name,
-                    setting_value_text(change.a),
-                    setting_value_text(change.b),
+                    format_setting_value(change.a),
+                    format_setting_value(change.b),
                 )
             )
         )
@@ -155,10 +155,10 @@ _UNITS: Final = {
 }
 
 
-def _estimate_table(first_heading: str, changes: Iterable["EstimateChange"]) -> "Table":
+def _estimate_table(row_heading: str, changes: Iterable["EstimateChange"]) -> "Table":
     from replay.commands.print_tables import make_plain_table
 
-    table = make_plain_table(first_heading, "", "A", "B", "change", "in std")
+    table = make_plain_table(row_heading, "", "A", "B", "change", "in std")
     table.columns[1].justify = "left"
     for each in list(changes)[: LIMITS.compared_rows]:
         table.add_row(
@@ -166,7 +166,7 @@ def _estimate_table(first_heading: str, changes: Iterable["EstimateChange"]) -> 
             _UNITS.get(each.quantity, each.quantity),
             _format_estimate(each.a, each.a_std),
             _format_estimate(each.b, each.b_std),
-            _format_signed(each.change),
+            _format_signed_change(each.change),
             "" if each.change_in_stds is None else f"{each.change_in_stds:+.2f}",
         )
     return table
@@ -178,13 +178,13 @@ def _format_estimate(value: float | None, std: float | None) -> str:
     return f"{value:,.2f}" + ("" if std is None else f" ± {std:,.2f}")
 
 
-def _format_signed(change: float | None) -> str:
+def _format_signed_change(change: float | None) -> str:
     if change is None:
         return ""
     return f"{change:+,.2f}" if abs(change) >= 0.005 else f"{change:+.1e}"
 
 
-def _column_table(comparison: "Comparison") -> "Table":
+def _make_column_change_table(comparison: "Comparison") -> "Table":
     from rich.markup import escape
 
     from estimators.errors import counted
@@ -221,10 +221,10 @@ def _column_table(comparison: "Comparison") -> "Table":
     return table
 
 
-def _column_change_cells(column: "ColumnChange", common: int) -> tuple[str, ...]:
+def _column_change_cells(column: "ColumnChange", prefix_length: int) -> tuple[str, ...]:
     if column.fault:
         return (column.fault,)
-    rows = f"{column.rows:,} ({column.rows / common:.1%})"
+    rows = f"{column.rows:,} ({column.rows / prefix_length:.1%})"
     return (
         rows,
         "" if column.largest is None else f"{column.largest:+.3g}",

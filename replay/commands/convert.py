@@ -32,21 +32,21 @@ def command(
 
     DIR appears once it is complete. The same command resumes an interrupted conversion.
     """
-    from replay.commands.common_options import time_axis_from_options
-    from replay.commands.print_tables import print_json, stdout_console
+    from replay.commands.common_options import make_time_axis_from_options
+    from replay.commands.print_tables import make_stdout_console, print_json
     from replay.commands.progress_bar import StageProgress
     from replay.convert.convert_log import convert_log
     from replay.logs import open_log
 
     with (
-        open_log(log, time=time_axis_from_options(time, time_unit, keys)) as opened,
+        open_log(log, time=make_time_axis_from_options(time, time_unit, keys)) as opened,
         StageProgress(1) as stages,
     ):
         made = convert_log(opened, output, topics, force=force, on_span=stages.begin)
     if as_json:
         print_json(made.to_dict())
     else:
-        _print_conversion(made, stdout_console())
+        _print_conversion(made, make_stdout_console())
 
 
 def _print_conversion(conversion: "Conversion", screen: "Console") -> None:

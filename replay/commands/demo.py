@@ -20,7 +20,7 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
 ) -> None:
     """Simulate six loads × nine starts as ROS bags, calibrate, verify; then review a shift."""
-    from replay.commands.print_tables import print_json, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_json
     from replay.commands.progress_bar import StageProgress
     from replay.commands.review import print_review
     from replay.demo.run_demo import STEPS, run_demo
@@ -30,7 +30,7 @@ def command(
     if as_json:
         print_json(result.to_dict())
     else:
-        screen = stdout_console()
+        screen = make_stdout_console()
         screen.print(_render_demo(result))
         screen.print("\nA shift of that machine, reviewed under that evidence:")
         print_review(screen, result.reviewed)
@@ -42,7 +42,7 @@ def _render_demo(result: "DemoResults") -> "RenderableType":
     from rich.console import Group
 
     from analysis.model.answer import JOINT
-    from replay.commands.print_tables import kg_text, make_plain_table
+    from replay.commands.print_tables import format_kilograms, make_plain_table
 
     loads = make_plain_table(
         "load kg",
@@ -62,7 +62,7 @@ def _render_demo(result: "DemoResults") -> "RenderableType":
             row["error_kg"],
             row["error_left_out_kg"],
         )
-        loads.add_row(f"{row['load_kg']:.0f}", str(row["runs"]), *map(kg_text, numbers))
+        loads.add_row(f"{row['load_kg']:.0f}", str(row["runs"]), *map(format_kilograms, numbers))
     methods = make_plain_table(
         "method", "in-sample kg", "one load left out kg", "of the load range"
     )
@@ -74,8 +74,8 @@ def _render_demo(result: "DemoResults") -> "RenderableType":
         share = None if left_out is None else left_out / row["load_range_kg"]
         methods.add_row(
             row["method"],
-            kg_text(row["rmse_kg"]),
-            kg_text(left_out),
+            format_kilograms(row["rmse_kg"]),
+            format_kilograms(left_out),
             "–" if share is None else f"{share:.1%}",
         )
     constant = result.errors["rmse_constant_kg"].drop_nulls()

@@ -56,10 +56,10 @@ def command(
     """
     from analysis.excitation import design_excitation
     from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
-    from replay.commands.print_tables import print_json, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_json
     from replay.simulation.scenario_file import load_scenario, write_scenario
 
-    wanted = _parse_share(accuracy)
+    wanted = _parse_fraction(accuracy)
     if output:
         refuse_input_as_output(output, [scenario] if scenario else [])
         require_writable_output(output, force=force)
@@ -68,7 +68,7 @@ def command(
     if as_json:
         print_json(made.to_dict())
     else:
-        stdout_console().print(_render_design(made))
+        make_stdout_console().print(_render_design(made))
     if output and made.best:
         write_scenario(made.to_scenario(base), output, force=force)
         typer.echo(str(output), err=as_json)
@@ -76,7 +76,7 @@ def command(
         raise typer.Exit(1)
 
 
-def _parse_share(text: str) -> float:
+def _parse_fraction(text: str) -> float:
     """Parse `1%` or `0.01` as 0.01."""
     number, percent, rest = text.strip().partition("%")
     try:

@@ -58,7 +58,7 @@ def command(
     from replay.commands.progress_bar import StageProgress
     from replay.explain.explain_run import ExplainRequest, explain_run
 
-    picture, corrected_file = split_picture_and_machine_outputs(output or [], apply=apply)
+    picture, corrected_file = split_outputs_by_suffix(output or [], apply=apply)
     if overrides and machine is None:
         raise typer.BadParameter("--set changes a machine file; give the file with -m")
     asked = ExplainRequest(
@@ -75,9 +75,7 @@ def command(
         raise typer.Exit(1)
 
 
-def split_picture_and_machine_outputs(
-    paths: list[Path], *, apply: bool
-) -> tuple[Path | None, Path | None]:
+def split_outputs_by_suffix(paths: list[Path], *, apply: bool) -> tuple[Path | None, Path | None]:
     """Split the outputs into picture and machine file.
 
     Raises:
@@ -115,16 +113,16 @@ def _print_explanation(
     explanation: "Explanation", corrected: "CorrectedMachine | None", picture: Path | None
 ) -> None:
     from recordings.explain.explanation_view import (
-        answer_and_cause_sentence,
-        determined_parameter_lines,
+        describe_answer_and_cause,
+        describe_manoeuvre,
+        iter_determined_parameter_lines,
         iter_finding_lines,
         iter_gate_lines,
-        manoeuvre_line,
     )
     from replay.commands.print_checks import print_failed_checks
-    from replay.commands.print_tables import print_line, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_line
 
-    screen = stdout_console()
+    screen = make_stdout_console()
 
     def print_part(title: str, lines: "Iterable[str]") -> None:
         listed = list(lines)
@@ -135,20 +133,22 @@ def _print_explanation(
 
     if corrected is not None and corrected.path is None:
         print_line(screen, "no proposal improves the mass, so no machine file was written")
-    print_line(screen, answer_and_cause_sentence(explanation))
+    print_line(screen, describe_answer_and_cause(explanation))
     failed = explanation.answer.verdict.withholding_checks("mass")
     if failed:
         screen.print("\nfailed checks:", markup=False)
         print_failed_checks(screen, failed)
     print_part("causes, the likeliest first:", iter_finding_lines(explanation))
     if explanation.manoeuvre is not None:
-        print_part("its manoeuvre:", [manoeuvre_line(explanation.manoeuvre)])
-    print_part(_worst_manoeuvres_title(explanation), map(manoeuvre_line, explanation.worst))
+        print_part("its manoeuvre:", [describe_manoeuvre(explanation.manoeuvre)])
+    print_part(
+        _format_worst_manoeuvres_title(explanation), map(describe_manoeuvre, explanation.worst)
+    )
     around = (
         "the gate around it:" if explanation.at_s is not None else "the gate, by share of time:"
     )
     print_part(around, iter_gate_lines(explanation))
-    print_part("the motion:", determined_parameter_lines(explanation.determined))
+    print_part("the motion:", iter_determined_parameter_lines(explanation.determined))
     if corrected is not None:
         _print_corrected_machine(screen, corrected)
     if picture is not None:
@@ -156,7 +156,7 @@ def _print_explanation(
         print_line(screen, f"picture: {picture}")
 
 
-def _worst_manoeuvres_title(explanation: "Explanation") -> str:
+def _format_worst_manoeuvres_title(explanation: "Explanation") -> str:
     if any(each.deviations is not None for each in explanation.worst):
         return "manoeuvres farthest from their load:"
     if any(each.mass_kg is not None for each in explanation.worst):
@@ -165,18 +165,21 @@ def _worst_manoeuvres_title(explanation: "Explanation") -> str:
 
 
 def _print_corrected_machine(screen: "Console", corrected: "CorrectedMachine") -> None:
-    from recordings.report.finding_text import cause_name
-    from replay.commands.print_tables import print_line, setting_value_text
+    from recordings.report.finding_text import find_cause_name
+    from replay.commands.print_tables import format_setting_value, print_line
 
     screen.print("\nproposed corrections, each tested by a replay:", markup=False)
     for each in corrected.changes:
         claim = ""
         if each.change_kg is not None:
             claim = f", claimed {each.change_kg:+,.2f} ± {each.change_u_kg or 0.0:,.2f} kg"
-        said = f"{each.key} = {setting_value_text(each.value)} ({cause_name(each.cause)}{claim})"
+        said = (
+            f"{each.key} = {format_setting_value(each.value)} "
+            f"({find_cause_name(each.cause)}{claim})"
+        )
         print_line(screen, said)
     for tried in corrected.rejected:
-        key, cause = tried.proposal.key, cause_name(tried.proposal.cause)
+        key, cause = tried.proposal.key, find_cause_name(tried.proposal.cause)
         print_line(screen, f"not {key} ({cause}): {tried.why}")
     if corrected.path is None:
         return
@@ -185,7 +188,7 @@ def _print_corrected_machine(screen: "Console", corrected: "CorrectedMachine") -
         _format_mass_of_heaviest_load(corrected.after),
     )
     print_line(screen, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed")
-    left = ", ".join(cause_name(each.cause) for each in corrected.remaining) or "no cause"
+    left = ", ".join(find_cause_name(each.cause) for each in corrected.remaining) or "no cause"
     print_line(screen, f"remaining findings: {left}")
     print_line(screen, f"machine file: {corrected.path}")
 

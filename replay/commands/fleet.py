@@ -123,7 +123,7 @@ def query_command(
     from recordings.report.atomic_output import require_writable_output
     from replay.commands.frame_output import (
         choose_output_format,
-        frame_as_text_table,
+        format_frame_as_table,
         print_frame,
         print_or_write_frame,
     )
@@ -137,7 +137,7 @@ def query_command(
         print_frame(rows)
         return
     print_or_write_frame(
-        rows, chosen, output, force=force, table=lambda: frame_as_text_table(rows, rows.height)
+        rows, chosen, output, force=force, table=lambda: format_frame_as_table(rows, rows.height)
     )
 
 
@@ -151,7 +151,7 @@ def report_command(
 ) -> None:
     """Write one page over machines and weeks: tonnes, drift, what needs a look."""
     from recordings.fleet.fleet_page import summarise_fleet
-    from replay.commands.print_tables import print_json, print_line, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_json, print_line
     from replay.fleet.gathered_tables import open_fleet_results
     from replay.fleet.write_fleet_page import write_fleet_report
 
@@ -168,7 +168,7 @@ def report_command(
     if as_json:
         print_json(said)
         return
-    screen = stdout_console()
+    screen = make_stdout_console()
     print_line(screen, summarise_fleet(said["sum"], len(said["machines"])))
     for each in said["drifts"]:
         print_line(
@@ -310,11 +310,11 @@ def _replay_with_other_settings(
     engine: "Callable[[], AbstractContextManager[TaskEngine]]",
 ) -> "FleetResults":
     from replay.commands.fleet_progress import FleetProgress
-    from replay.fleet.compare_results import RunCallbacks, replay_with_settings
+    from replay.fleet.compare_results import RunCallbacks, replay_fleet_with_settings
 
     with FleetProgress() as shown:
         told = RunCallbacks(shown.begin_bar, shown.mark_done, shown.note_engine_slots)
-        other, did, gone = replay_with_settings(results, overrides, days, engine, told)
+        other, did, gone = replay_fleet_with_settings(results, overrides, days, engine, told)
     if gone:
         typer.echo(f"{gone} logs are no longer at their old paths and were left out", err=True)
     for source, why in sorted(did.failed.items()):
@@ -324,9 +324,9 @@ def _replay_with_other_settings(
 
 def _print_run(run: "FleetRun") -> None:
     from estimators.errors import counted
-    from replay.commands.print_tables import print_line, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_line
 
-    screen = stdout_console()
+    screen = make_stdout_console()
     total = run.replayed + run.up_to_date + len(run.refused) + len(run.failed)
     print_line(
         screen,
@@ -343,12 +343,12 @@ def _print_run(run: "FleetRun") -> None:
 def _print_comparison(comparison: "FleetComparison", a: str, max_recordings: int) -> None:
     from replay.commands.print_tables import (
         make_plain_table,
+        make_stdout_console,
         print_line,
         print_table,
-        stdout_console,
     )
 
-    screen = stdout_console()
+    screen = make_stdout_console()
     whole = comparison.total_change
     print_line(
         screen,

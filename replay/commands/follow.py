@@ -85,16 +85,16 @@ def command(
 
     from analysis.online.follower import FollowedRow
     from recordings import read_recording
-    from recordings.rrd.viewer_server import viewer_server
+    from recordings.rrd.viewer_server import serve_viewer
     from replay.commands.follow_panel import FollowPanel, ReportPrinter
-    from replay.commands.progress_bar import COMPILING, warn_on_slow_compile
+    from replay.commands.progress_bar import COMPILING, warn_of_slow_compilation
     from replay.follow.agreement import FollowedDigests
     from replay.follow.background_replay import BackgroundReplays
     from replay.follow.follow_logs import (
         Following,
         MachineFileChange,
         follow_logs,
-        is_in_haste,
+        is_quick_end_requested,
     )
     from replay.follow.followed_outputs import FollowedOutputs
     from replay.follow.interrupts import Interrupts
@@ -110,7 +110,7 @@ def command(
 
     with ExitStack() as opened:
         interrupts = opened.enter_context(Interrupts())
-        server = opened.enter_context(viewer_server()) if live else None
+        server = opened.enter_context(serve_viewer()) if live else None
         if server is not None:
             print_message(f"open {server.page}")
         outputs = FollowedOutputs(
@@ -124,7 +124,7 @@ def command(
             force=force,
         )
         opened.callback(outputs.close)
-        opened.enter_context(warn_on_slow_compile(lambda: typer.echo(COMPILING, err=True)))
+        opened.enter_context(warn_of_slow_compilation(lambda: typer.echo(COMPILING, err=True)))
         panel = opened.enter_context(FollowPanel())
         replays = opened.enter_context(
             BackgroundReplays(logs, loaded, print_message, share=replay_share)
@@ -133,8 +133,8 @@ def command(
 
         def show_new_rows(following: Following, rows: list[FollowedRow]) -> None:
             digests.add(rows)
-            printer.show_rows(following, rows)
-            if change.is_new():
+            printer.print_row_reports(following, rows)
+            if change.has_changed():
                 print_message(f"{machine}: has changed; what follow began with stays in use")
 
         following = follow_logs(
@@ -148,16 +148,18 @@ def command(
             interrupts=interrupts,
         )
         if not following.lost:
-            printer.show_last_replay(following, lambda: is_in_haste(following, interrupts))
+            printer.print_last_replay(
+                following, lambda: is_quick_end_requested(following, interrupts)
+            )
         replays.end_process()
         for loss in following.losses:
             print_message(str(loss))
-        typer.echo(_describe_end(following), err=True)
+        typer.echo(_describe_end_of_log(following), err=True)
     if output is not None:
-        _record(logs, loaded, output, following, digests)
+        _record_causal_replay(logs, loaded, output, following, digests)
 
 
-def _describe_end(following: "Following") -> str:
+def _describe_end_of_log(following: "Following") -> str:
     from estimators.errors import counted
 
     follower = following.follower
@@ -168,7 +170,7 @@ def _describe_end(following: "Following") -> str:
     )
 
 
-def _record(
+def _record_causal_replay(
     logs: list[Path],
     machine: "Machine",
     output: Path,

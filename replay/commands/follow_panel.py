@@ -24,14 +24,14 @@ from replay.follow.background_replay import BackgroundReplays
 from replay.follow.follow_logs import Following
 from replay.follow.followed_outputs import FollowedOutputs
 from replay.follow.report_file import (
-    event_text,
-    inertia_and_yaw_friction_text,
+    describe_event,
+    describe_inertia_and_yaw_friction,
+    describe_load_state,
+    describe_mass,
+    describe_progress,
+    describe_replay,
+    format_utc_time,
     iter_closed_load_lines,
-    load_text,
-    mass_text,
-    progress_text,
-    replay_text,
-    utc_time_text,
 )
 
 _GATE_COLOURS: Final = {"accepted": "green", "warming_up": "dim", "gap": "red"}
@@ -67,12 +67,12 @@ class FollowPanel:
         if self._live is not None:
             self._live.stop()
 
-    def note_wait(self) -> None:
+    def show_waiting_for_replay(self) -> None:
         """Show that the replay of the whole log is awaited, if there is a panel."""
         if self._live is not None:
             self._live.console.print("replays the whole log; ctrl-C leaves that out")
 
-    def note_replay(self, report: ReplayReport) -> None:
+    def show_replay_result(self, report: ReplayReport) -> None:
         """Show the result of a replay from now on; one without a result only before the first."""
         if not report.fault or self._replay is None or self._replay.fault:
             self._replay = report
@@ -84,10 +84,10 @@ class FollowPanel:
             if report.event == "manoeuvre":
                 self._masses.append(report)
         if self._live is not None:
-            self._live.update(Group(*self._make_parts(following)))
+            self._live.update(Group(*self._make_panel_parts(following)))
 
-    def _make_parts(self, following: Following) -> list[Text | Table]:
-        parts: list[Text | Table] = [self._make_head(following)]
+    def _make_panel_parts(self, following: Following) -> list[Text | Table]:
+        parts: list[Text | Table] = [self._make_panel_head(following)]
         if self._last is None:
             waits = following.missing_excitation or following.follower.topics
             parts.append(Text(f"waits for {', '.join(waits)}", style="yellow"))
@@ -95,9 +95,9 @@ class FollowPanel:
                 parts.append(Text(following.remedy.removeprefix("; "), style="dim"))
             return parts
         parts += [_format_motion(self._last), _format_answer(self._last)]
-        if progress := progress_text(self._last):
+        if progress := describe_progress(self._last):
             parts.append(Text(f"online, statistical u: {progress}"))
-        if spun := inertia_and_yaw_friction_text(self._last):
+        if spun := describe_inertia_and_yaw_friction(self._last):
             parts.append(Text(spun))
         parts.append(_make_method_table(following))
         if self._masses:
@@ -112,7 +112,7 @@ class FollowPanel:
             parts.append(Text(f"{samples} arrived too late for the row", style="yellow"))
         return parts
 
-    def _make_head(self, following: Following) -> Text:
+    def _make_panel_head(self, following: Following) -> Text:
         names = ", ".join(path.name for path in following.paths)
         rows = following.follower.rows_stepped
         state = following.ended or "ctrl-C ends"
@@ -146,7 +146,7 @@ class ReportPrinter:
         self._newest: OnlineReport | None = None
         self._replay: ReplayReport | None = None
 
-    def show_rows(self, following: Following, rows: list[FollowedRow]) -> None:
+    def print_row_reports(self, following: Following, rows: list[FollowedRow]) -> None:
         """Write and print the reports of new rows, and of a replay that is done."""
         made = self._outputs.write_rows_and_new_reports(following, rows)
         for report in (report for row in rows for report in row.reports):
@@ -156,20 +156,22 @@ class ReportPrinter:
         for report in made:
             if self._as_json:
                 typer.echo(json.dumps(report.to_dict(), allow_nan=False))
-            elif text := event_text(report):
-                typer.echo(f"{utc_time_text(report.unix_ns)}  {text}")
-        self.show_replay(self._replays.poll())
+            elif text := describe_event(report):
+                typer.echo(f"{format_utc_time(report.unix_ns)}  {text}")
+        self.print_replay_result(self._replays.poll())
         self._panel.show_followed_log(following, made)
 
-    def show_last_replay(self, following: Following, is_left_out: Callable[[], bool]) -> None:
+    def print_last_replay(self, following: Following, is_left_out: Callable[[], bool]) -> None:
         """Wait for the replay of the whole log and print it, unless it is left out."""
-        self.show_replay(
+        self.print_replay_result(
             self._replays.replay_whole_log(
-                self._panel.note_wait, is_left_out, is_growing=following.is_interrupted
+                self._panel.show_waiting_for_replay,
+                is_left_out,
+                is_growing=following.is_interrupted,
             )
         )
 
-    def show_replay(self, found: ReplayReport | None) -> None:
+    def print_replay_result(self, found: ReplayReport | None) -> None:
         """Write and print the result of a replay."""
         newest = self._newest
         if found is None or newest is None:
@@ -177,7 +179,7 @@ class ReportPrinter:
         if found.fault:
             found = replace(found, unix_ns=newest.unix_ns, t_s=newest.t_s)
         found = found.at_time(newest.unix_ns)
-        self._panel.note_replay(found)
+        self._panel.show_replay_result(found)
         if not self._outputs.write_new_replay(found, newest.unix_ns):
             return
         if self._as_json:
@@ -191,7 +193,7 @@ class ReportPrinter:
 
 def _format_motion(report: OnlineReport) -> Text:
     text = Text(
-        f"{utc_time_text(report.unix_ns)} UTC, {report.t_s:,.1f} s  "
+        f"{format_utc_time(report.unix_ns)} UTC, {report.t_s:,.1f} s  "
         f"{report.phase or 'unknown'}  gate "
     )
     text.append(report.gate, style=_GATE_COLOURS.get(report.gate, "yellow"))
@@ -202,7 +204,7 @@ def _format_motion(report: OnlineReport) -> Text:
 
 def _format_answer(report: OnlineReport) -> Text:
     age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
-    return Text(f"{mass_text(report)}{age}", style="bold green" if report.mass_kg else "yellow")
+    return Text(f"{describe_mass(report)}{age}", style="bold green" if report.mass_kg else "yellow")
 
 
 def _make_method_table(following: Following) -> Table:
@@ -219,7 +221,9 @@ def _make_method_table(following: Following) -> Table:
 def _make_manoeuvre_table(reports: list[OnlineReport]) -> Table:
     table = Table("manoeuvre", "until", "mass", box=None)
     for report in reports:
-        table.add_row(str(report.manoeuvres), utc_time_text(report.unix_ns), mass_text(report))
+        table.add_row(
+            str(report.manoeuvres), format_utc_time(report.unix_ns), describe_mass(report)
+        )
     return table
 
 
@@ -227,6 +231,6 @@ def _format_replay(report: ReplayReport) -> list[Text]:
     """The last load states of a replay."""
     style = "bold green" if report.validity == "valid" else "yellow"
     return [
-        Text(f"joint fit, u of all effects: {replay_text(report)}", style=style),
-        *map(Text, map(load_text, report.loads[-LIMITS.followed_manoeuvres :])),
+        Text(f"joint fit, u of all effects: {describe_replay(report)}", style=style),
+        *map(Text, map(describe_load_state, report.loads[-LIMITS.followed_manoeuvres :])),
     ]

@@ -13,7 +13,7 @@ from rich.cells import cell_len
 
 from estimators.errors import OutputError
 from recordings.report.atomic_output import atomic_file
-from replay.commands.print_tables import json_text
+from replay.commands.print_tables import format_json
 from replay.commands.screen_limits import LIMITS
 
 #: What `-o` may end in.
@@ -67,7 +67,7 @@ def print_or_write_frame(
         match output_format:
             case "json":
                 return (
-                    json_text(
+                    format_json(
                         _format_times_as_text(frame).to_dicts() if records is None else records
                     )
                     + "\n"
@@ -110,13 +110,13 @@ def print_frame(frame: pl.DataFrame, choice: str = "") -> None:
         choice: options that choose rows, for the note on those that are not shown.
     """
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    typer.echo(frame_as_text_table(frame, LIMITS.frame_rows, width), nl=False)
+    typer.echo(format_frame_as_table(frame, LIMITS.frame_rows, width), nl=False)
     if frame.height > LIMITS.frame_rows:
         note = f"{frame.height} rows, {LIMITS.frame_rows} shown; {choice}--format csv gives all"
         typer.echo(note, err=True)
 
 
-def frame_as_text_table(frame: pl.DataFrame, rows: int, width: int | None = None) -> str:
+def format_frame_as_table(frame: pl.DataFrame, rows: int, width: int | None = None) -> str:
     """A frame as text, its cells whole: broken ones cannot be read.
 
     Args:
@@ -127,7 +127,10 @@ def frame_as_text_table(frame: pl.DataFrame, rows: int, width: int | None = None
     """
     if width is None:
         return _render_frame(frame, rows)
-    wide = {name: _line_length(_render_frame(frame.select(name), rows)) for name in frame.columns}
+    wide = {
+        name: _longest_line_length(_render_frame(frame.select(name), rows))
+        for name in frame.columns
+    }
     # local time and seconds say where a row is, or what stands first
     names = frame.columns[: 2 if frame.columns[1:2] == ["t_s"] else 1]
     parts: list[list[str]] = [names]
@@ -138,7 +141,7 @@ def frame_as_text_table(frame: pl.DataFrame, rows: int, width: int | None = None
     return "\n".join(_render_frame(frame.select(part), rows) for part in parts)
 
 
-def _line_length(text: str) -> int:
+def _longest_line_length(text: str) -> int:
     return max(map(cell_len, text.splitlines()), default=0)
 
 

@@ -20,11 +20,11 @@ _LARGEST: Final = 1 << 63
 
 def main() -> None:
     """Import one file, and leave with the status that the viewer understands."""
-    asked, _ = _make_parser().parse_known_args()  # newer viewers may ask for more
+    asked, _ = _make_argument_parser().parse_known_args()  # newer viewers may ask for more
     # the viewer starts every importer for every file: nothing heavy before the answer "not mine"
-    from replay.recording.importer_files import is_imported_file
+    from replay.recording.importer_files import may_import_file
 
-    if not is_imported_file(asked.path):
+    if not may_import_file(asked.path):
         sys.exit(NOT_MINE)
     from estimators.errors import PayscopeError, one_line
     from replay.recording.import_log import import_log
@@ -62,7 +62,7 @@ def parse_viewer_request(arguments: argparse.Namespace) -> "ViewerRequest":
     )
 
 
-def _make_parser() -> argparse.ArgumentParser:
+def _make_argument_parser() -> argparse.ArgumentParser:
     # with abbreviations, an option of an older viewer (--time) would be one of several
     parser = argparse.ArgumentParser(
         allow_abbrev=False,

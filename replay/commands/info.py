@@ -44,8 +44,8 @@ def command(
     from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
     from estimators.errors import LogError
-    from replay.commands.common_options import time_axis_from_options
-    from replay.commands.print_tables import print_json, stdout_console
+    from replay.commands.common_options import make_time_axis_from_options
+    from replay.commands.print_tables import make_stdout_console, print_json
     from replay.init.describe_log import describe_log
     from replay.logs import open_log
 
@@ -55,7 +55,7 @@ def command(
         raise typer.BadParameter(
             f"no time zone '{timezone}'; use a name like America/Santiago or UTC"
         ) from None
-    axis = time_axis_from_options(time, time_unit, keys)
+    axis = make_time_axis_from_options(time, time_unit, keys)
     described: list[object] = []
     faults: list[LogError] = []
     is_whole = True
@@ -71,7 +71,7 @@ def command(
         if as_json:
             described.append(shown.to_dict())
         else:
-            print_log_info(shown, zone, stdout_console())
+            print_log_info(shown, zone, make_stdout_console())
             typer.echo()
     if as_json and described:
         print_json(described[0] if len(logs) == 1 else described)

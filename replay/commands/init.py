@@ -32,10 +32,10 @@ def command(
         refuse_input_as_output,
         require_writable_output,
     )
-    from replay.commands.common_options import time_axis_from_options
+    from replay.commands.common_options import make_time_axis_from_options
     from replay.init.guess_by_replay import (
         BRAKING,
-        drop_answered_question,
+        drop_answered_brake_question,
         propose_lines_from_replay,
     )
     from replay.init.guess_machine import draft_machine_file
@@ -43,7 +43,7 @@ def command(
 
     if (log is None) == (campaign is None):
         raise typer.BadParameter("give a LOG for a machine file, or --campaign DIR")
-    axis = time_axis_from_options(time, time_unit, keys)
+    axis = make_time_axis_from_options(time, time_unit, keys)
     if campaign is not None:
         from replay.init.campaign_draft import draft_campaign
 
@@ -58,7 +58,7 @@ def command(
             text, missing = draft_machine_file(opened, axis)
             lacking = [f"note: {note}" for note in opened.notes()]
             found = [*BRAKING] if missing else propose_lines_from_replay(opened, text)
-            text = "\n".join([drop_answered_question(text, found), *found])
+            text = "\n".join([drop_answered_brake_question(text, found), *found])
         lacking += [f"still missing: {sentence}" for sentence in missing]
     with atomic_file(output, force=force) as partial:
         partial.write_text(text, encoding="utf-8")

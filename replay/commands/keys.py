@@ -21,10 +21,10 @@ def list_keys(
     from recordings.signatures.keyring import load_keyring
     from replay.commands.print_tables import (
         make_plain_table,
+        make_stdout_console,
         print_json,
         print_line,
         print_table,
-        stdout_console,
     )
 
     keyring = load_keyring()
@@ -32,7 +32,7 @@ def list_keys(
     if as_json:
         print_json(rows)
         return
-    screen = stdout_console()
+    screen = make_stdout_console()
     table = make_plain_table("key", "owner", "valid from", "valid to", "revoked")
     for row in rows:
         days = (row["valid_from"], row["valid_to"], row["revoked"])

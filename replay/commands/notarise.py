@@ -49,7 +49,7 @@ def command(
     """
     import time
 
-    from replay.commands.print_tables import print_json, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_json
     from replay.notary.notarise_folder import notarise_folder
 
     while True:
@@ -62,14 +62,14 @@ def command(
             _print_notarised_logs(made)
         if every is None:
             return
-        stdout_console().file.flush()
+        make_stdout_console().file.flush()
         time.sleep(every)
 
 
 def _print_notarised_logs(notarised_folder: "NotarisedFolder") -> None:
-    from replay.commands.print_tables import print_line, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_line
 
-    screen = stdout_console()
+    screen = make_stdout_console()
     for entry in notarised_folder.added:
         span = f", {entry.begins} to {entry.ends}" if entry.begins else ", no absolute time"
         print_line(screen, f"{entry.counter}: {entry.log}{span}")

@@ -16,7 +16,7 @@ from estimators.errors import one_line
 from replay.commands.screen_limits import LIMITS
 
 
-def stdout_console() -> Console:
+def make_stdout_console() -> Console:
     """Console of stdout: as wide as the terminal, or wide enough without one."""
     screen = Console(highlight=False)
     return screen if screen.is_terminal else Console(highlight=False, width=LIMITS.piped_width)
@@ -76,20 +76,20 @@ def print_rows(
 
 def print_json(value: Any) -> None:
     """Print a value as JSON on stdout."""
-    typer.echo(json_text(value))
+    typer.echo(format_json(value))
 
 
-def json_text(value: Any) -> str:
+def format_json(value: Any) -> str:
     """A value as JSON text; NaN and infinities become null."""
     return json.dumps(_convert_to_json(value), indent=2, ensure_ascii=False, allow_nan=False)
 
 
-def kg_text(value: float | None) -> str:
+def format_kilograms(value: float | None) -> str:
     """A mass to a tenth of a kilogram, or a dash."""
     return "–" if value is None else f"{value:,.1f}"
 
 
-def setting_value_text(value: Any) -> str:
+def format_setting_value(value: Any) -> str:
     """A setting as a machine file writes it, on one line; a dash for none."""
     if value is None:
         return "–"

@@ -51,7 +51,7 @@ class StageProgress:
         tell = self._bar.console.print
         if self._warns:
             self._until_exit.enter_context(
-                warn_on_slow_compile(lambda: tell(COMPILING, highlight=False, soft_wrap=True))
+                warn_of_slow_compilation(lambda: tell(COMPILING, highlight=False, soft_wrap=True))
             )
         return self
 
@@ -82,7 +82,7 @@ class StageProgress:
 
 
 @contextmanager
-def warn_on_slow_compile(warn: Callable[[], None]) -> Generator[None]:
+def warn_of_slow_compilation(warn: Callable[[], None]) -> Generator[None]:
     """Call `warn` once after numba has compiled for `LONG_S`; cached code does not count."""
     # numba is slow to import: whoever shows stages has loaded it already
     from numba.core import event

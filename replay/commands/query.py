@@ -53,12 +53,12 @@ def command(
     Each topic is a table, named in double quotes or as one word: "/imu/data" is imu_data. A row
     with a time is a moment that `view --at` opens.
     """
-    from replay.commands.common_options import time_axis_from_options
+    from replay.commands.common_options import make_time_axis_from_options
     from replay.commands.frame_output import choose_output_format
     from replay.query.named_tables import open_named_tables
     from replay.query.run_query import prepare_query
 
-    axis = time_axis_from_options(time, time_unit, keys)
+    axis = make_time_axis_from_options(time, time_unit, keys)
     if tables:
         _list_tables(open_named_tables(sources, axis), as_json=output_format == "json")
         return
@@ -83,7 +83,11 @@ def _print_rows(
     query: "Query", join_within_s: float | None, chosen: str, output: Path | None, *, force: bool
 ) -> None:
     from recordings.report.atomic_output import require_writable_output
-    from replay.commands.frame_output import frame_as_text_table, print_frame, print_or_write_frame
+    from replay.commands.frame_output import (
+        format_frame_as_table,
+        print_frame,
+        print_or_write_frame,
+    )
 
     if output is not None:
         require_writable_output(output, force=force)
@@ -95,7 +99,7 @@ def _print_rows(
             typer.echo(f"the first row in the viewer: {opens}", err=True)
         return
     print_or_write_frame(
-        rows, chosen, output, force=force, table=lambda: frame_as_text_table(rows, rows.height)
+        rows, chosen, output, force=force, table=lambda: format_frame_as_table(rows, rows.height)
     )
 
 
@@ -105,9 +109,9 @@ def _list_tables(named: "NamedTables", *, as_json: bool) -> None:
     from estimators.errors import PayscopeError
     from replay.commands.print_tables import (
         make_plain_table,
+        make_stdout_console,
         print_json,
         print_table,
-        stdout_console,
     )
 
     columns: dict[str, list[str]] = {}
@@ -125,4 +129,4 @@ def _list_tables(named: "NamedTables", *, as_json: bool) -> None:
     shown.add_column("columns", overflow="fold")
     for name, has in columns.items():
         shown.add_row(escape(name), named.words.get(name, ""), escape(" ".join(has)))
-    print_table(stdout_console(), shown)
+    print_table(make_stdout_console(), shown)

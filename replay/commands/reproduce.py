@@ -47,7 +47,7 @@ def command(
     with 95 % intervals and, where it is known, the Cramér–Rao bound; sentences say where they
     differ from the paper's, and why.
     """
-    from estimators.errors import OutputError, nearest
+    from estimators.errors import OutputError, suggest_choice
     from recordings.paper.paper_items import ITEMS
     from recordings.paper.paper_page import require_writable_reproduction, write_reproduction
     from replay.commands.progress_bar import StageProgress
@@ -56,7 +56,7 @@ def command(
     names = [item.name for item in ITEMS]
     for name in items or []:
         if name not in names:
-            raise OutputError(f"reproduce {name}: no such item; {nearest(name, names)}")
+            raise OutputError(f"reproduce {name}: no such item; {suggest_choice(name, names)}")
     wanted = [item for item in ITEMS if item.name in (items or names)]
     require_writable_reproduction(wanted, output, output_format, force=force)
     reproduction = Reproduction(wanted, windows=trials, campaigns=campaigns, seed=seed)

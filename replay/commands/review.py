@@ -11,7 +11,7 @@ from replay.commands.common_options import (
     FrictionLimit,
     RequireSigned,
     SignerKey,
-    calibration_request_from_options,
+    make_calibration_request,
 )
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ _VERDICT: Final = "Verdict"
 _WEEK_OPTIONS: Final = ("logs", "output", "week", "friction_limit", "as_json")
 
 
-def _make_label_option(name: str) -> Any:
+def _make_payload_label_option(name: str) -> Any:
     return typer.Option(
         f"--{name}",
         help=f"The {name} of the named cycles, or of the whole shift.",
@@ -35,11 +35,11 @@ def _make_label_option(name: str) -> Any:
     )
 
 
-def _make_cycles_option(name: str, does: str) -> Any:
+def _make_cycles_option(name: str, effect: str) -> Any:
     return typer.Option(
         f"--{name}",
         metavar=_WHEN,
-        help=f"{does}: a number (14), an id, or a local time (14:32:10).",
+        help=f"{effect}: a number (14), an id, or a local time (14:32:10).",
         rich_help_panel=_VERDICT,
     )
 
@@ -81,11 +81,11 @@ def command(
     note: Annotated[
         str, typer.Option(help="A note on the named cycles.", rich_help_panel=_VERDICT)
     ] = "",
-    product: Annotated[str, _make_label_option("product")] = "",
-    operator: Annotated[str, _make_label_option("operator")] = "",
-    truck: Annotated[str, _make_label_option("truck")] = "",
-    customer: Annotated[str, _make_label_option("customer")] = "",
-    stockpile: Annotated[str, _make_label_option("stockpile")] = "",
+    product: Annotated[str, _make_payload_label_option("product")] = "",
+    operator: Annotated[str, _make_payload_label_option("operator")] = "",
+    truck: Annotated[str, _make_payload_label_option("truck")] = "",
+    customer: Annotated[str, _make_payload_label_option("customer")] = "",
+    stockpile: Annotated[str, _make_payload_label_option("stockpile")] = "",
     label: Annotated[
         list[str] | None,
         typer.Option(
@@ -142,7 +142,7 @@ def command(
     """
     from estimators.errors import one_line
     from recordings.review.shift_facts import summarise_shift
-    from replay.commands.print_tables import print_json, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_json
     from replay.commands.progress_bar import StageProgress
     from replay.machines.machine_file import load_machine
     from replay.pipeline import STAGES
@@ -164,9 +164,9 @@ def command(
         "stockpile": stockpile,
     }
     given = GivenVerdicts(reject or (), accept or (), cycle or (), note, labels, author, begin, end)
-    given.refuse_incomplete()
+    given.refuse_incomplete_verdicts()
     channels = [parse_label_channel(each) for each in label or ()]
-    asked = calibration_request_from_options(calibration, key, signed=require_signed)
+    asked = make_calibration_request(calibration, key, signed=require_signed)
     if machine is None and output is None and len(logs) == 1 and is_review_folder(logs[0]):
         needs_logs = (asked is not None, target is not None, overrides, full, decimal_comma, label)
         if any(needs_logs):
@@ -192,9 +192,11 @@ def command(
     if as_json:
         print_json(made.to_dict())
     else:
-        print_review(stdout_console(), made)
-    if made.no_tonnes:
-        typer.echo(one_line(summarise_shift(made.shift, made.no_tonnes, made.state)), err=True)
+        print_review(make_stdout_console(), made)
+    if made.missing_tonnes_reason:
+        typer.echo(
+            one_line(summarise_shift(made.shift, made.missing_tonnes_reason, made.state)), err=True
+        )
         raise typer.Exit(1)
 
 
@@ -222,19 +224,19 @@ def print_week(
     """
     from recordings.report.shift_text import K
     from recordings.review.week_page import (
-        friction_trend_by_machine,
+        describe_friction_trends,
+        describe_week_tonnes,
+        fit_friction_trends,
         read_shifts_of_reviews,
-        trend_sentences,
-        week_tonnes_sentence,
         write_week_page,
     )
-    from recordings.review.week_totals import GROUPS, read_week, total_of_week, totals_by_group
-    from replay.commands.print_tables import print_json, print_line, stdout_console
+    from recordings.review.week_totals import GROUPS, read_week, sum_by_group, sum_week
+    from replay.commands.print_tables import make_stdout_console, print_json, print_line
 
     parts, shifts = read_week(folders), read_shifts_of_reviews(folders)
-    sums = {by: totals_by_group(parts, by) for by in GROUPS}
-    whole = total_of_week(parts)
-    trends = {} if friction_limit is None else friction_trend_by_machine(shifts, friction_limit)
+    sums = {by: sum_by_group(parts, by) for by in GROUPS}
+    whole = sum_week(parts)
+    trends = {} if friction_limit is None else fit_friction_trends(shifts, friction_limit)
     if page is not None:
         write_week_page(parts, shifts, friction_limit, page)
     if as_json:
@@ -244,15 +246,15 @@ def print_week(
             | {"friction": {name: trend._asdict() for name, trend in trends.items()}}
         )
         return
-    screen = stdout_console()
+    screen = make_stdout_console()
     for by, totals in sums.items():
         for each in totals:
             t, u_t = each.payload_kg / 1e3, K * each.payload_u_kg / 1e3
             name = f"{by} {each.name or 'not named'}"
             rejected = f", {each.rejected} rejected" if each.rejected else ""
             print_line(screen, f"{name}: {each.loads} loads, {t:,.3f} ± {u_t:.3f} t{rejected}")
-    print_line(screen, f"all: {week_tonnes_sentence(parts)}")
-    for sentence in trend_sentences(trends):
+    print_line(screen, f"all: {describe_week_tonnes(parts)}")
+    for sentence in describe_friction_trends(trends):
         print_line(screen, sentence)
     for shift in shifts:
         for sentence in shift.missing:
@@ -270,26 +272,26 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
     from recordings.report.number_text import REMARKED
     from recordings.review.review_page import NOT_CALIBRATED, PAGE
     from recordings.review.shift_facts import (
+        describe_long_gaps,
+        describe_missing_loads,
+        describe_torn_logs,
+        list_losses_besides_torn_ends,
         list_shift_facts,
-        long_gap_sentence,
-        loss_texts_besides_torn_ends,
-        missing_load_sentences,
         summarise_shift,
-        torn_log_sentences,
-        two_machines_warning,
+        warn_of_two_machines,
     )
     from replay.commands.print_tables import print_line
 
     state = review.state
-    if not review.no_tonnes:
+    if not review.missing_tonnes_reason:
         print_line(screen, summarise_shift(review.shift, "", state))
     if state.mixed_machines:
-        print_line(screen, f"warning: {two_machines_warning(state)}")
-    holes = long_gap_sentence(review.shift, state)
+        print_line(screen, f"warning: {warn_of_two_machines(state)}")
+    holes = describe_long_gaps(review.shift, state)
     for sentence in (
         *filter(None, [holes]),
-        *missing_load_sentences(review.shift),
-        *torn_log_sentences(state),
+        *describe_missing_loads(review.shift),
+        *describe_torn_logs(state),
     ):
         print_line(screen, sentence)
     for name, value in list_shift_facts(review.shift, review.ledger, state, review.target):
@@ -302,7 +304,7 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
         print_line(screen, f"checks that failed: {', '.join(failed)}")
     if remarks := [f"{each.check} ({REMARKED[each.consequence]})" for each in state.remarks]:
         print_line(screen, f"checks with a remark: {', '.join(remarks)}")
-    for loss in loss_texts_besides_torn_ends(state):
+    for loss in list_losses_besides_torn_ends(state):
         print_line(screen, f"lost: {loss}")
     if not review.replayed:
         print_line(screen, "not replayed: logs, machine and settings are those of the last review")

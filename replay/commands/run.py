@@ -12,7 +12,7 @@ from replay.commands.common_options import (
     Calibration,
     RequireSigned,
     SignerKey,
-    calibration_request_from_options,
+    make_calibration_request,
 )
 from replay.commands.print_checks import make_check_table, print_remedies_with_checks
 from replay.commands.print_tables import make_plain_table, print_line, print_table
@@ -102,8 +102,8 @@ def command(
         raise typer.BadParameter("--live shows the recording while it is written; name it with -o")
     if goal is not None and as_json:
         raise typer.BadParameter("--goal prints text only; leave out --json")
-    settings = [*(overrides or []), *_overrides_for_empty_span(empty)]
-    asked = calibration_request_from_options(calibration, key, signed=require_signed)
+    settings = [*(overrides or []), *_make_empty_span_overrides(empty)]
+    asked = make_calibration_request(calibration, key, signed=require_signed)
 
     def replay_to(to: RecordTo) -> "Answer":
         with StageProgress(len(STEPS), timing=timing) as stages:
@@ -135,20 +135,20 @@ def command(
 
 def _watch_machine_file(
     machine: Path,
-    to: "RecordTo",
+    output: "RecordTo",
     settings: list[str],
     replay: "Callable[[RecordTo], Answer]",
     show: "Callable[[Answer], None]",
 ) -> None:
     """Replay after each change of the machine file and print the change, until interrupted."""
     from estimators.errors import PayscopeError, one_line
-    from replay.commands.print_tables import setting_value_text
+    from replay.commands.print_tables import format_setting_value
     from replay.runs.run_logs import watch_machine_file
 
     def print_changed_answer(answer: "Answer", changed: "list[ValueChange]") -> None:
         if changed:
             said = ", ".join(
-                f"{each.name} {setting_value_text(each.a)} → {setting_value_text(each.b)}"
+                f"{each.name} {format_setting_value(each.a)} → {format_setting_value(each.b)}"
                 for each in changed
             )
             typer.echo(one_line(f"{machine} changed: {said}"), err=True)
@@ -161,10 +161,10 @@ def _watch_machine_file(
 
     # interrupted is how it ends
     with suppress(KeyboardInterrupt):
-        watch_machine_file(machine, to, settings, replay, print_changed_answer, print_error)
+        watch_machine_file(machine, output, settings, replay, print_changed_answer, print_error)
 
 
-def _overrides_for_empty_span(span: str | None) -> list[str]:
+def _make_empty_span_overrides(span: str | None) -> list[str]:
     """Overrides for an empty span given as `FROM:TO`."""
     if span is None:
         return []
@@ -189,12 +189,12 @@ def print_answer(answer: "Answer", goal_u_kg: float | None = None, verbose: int 
         goal_u_kg: standard uncertainty in kg; prints how many more starts would reach it.
         verbose: 1 adds budget, methods and omitted lines; 2 adds every check.
     """
-    screen = print_tables.stdout_console()
+    screen = print_tables.make_stdout_console()
     if answer.verdict.can_weigh:
         _print_masses_with_uncertainty(screen, answer, verbose)
     else:
         _print_verdict(screen, answer, verbose)
-    for line in further_lines(answer, goal_u_kg, verbose):
+    for line in iter_answer_notes(answer, goal_u_kg, verbose):
         print_line(screen, line)
     if verbose:
         _print_budget(screen, answer)
@@ -213,85 +213,83 @@ def print_answer(answer: "Answer", goal_u_kg: float | None = None, verbose: int 
 def _print_masses_with_uncertainty(screen: "Console", answer: "Answer", verbose: int) -> None:
     """Print masses and payloads, and the largest part of their uncertainty."""
     from recordings.report.worth_text import (
-        advice_to_reduce_uncertainty,
-        answer_lines,
-        load_table_heads,
-        load_table_rows,
+        advise_to_reduce_uncertainty,
+        describe_answer,
+        make_load_table_heads,
+        make_load_table_rows,
     )
 
-    for line in answer_lines(answer, brief=not verbose):
+    for line in describe_answer(answer, brief=not verbose):
         print_line(screen, line)
     if len(answer.loads) > 1:
-        heads = load_table_heads(answer)
+        heads = make_load_table_heads(answer)
         loads = make_plain_table(*heads[:-1])
         loads.add_column(heads[-1], overflow="fold")
-        rows = load_table_rows(answer)
+        rows = make_load_table_rows(answer)
         shown = rows if verbose else rows[: LIMITS.answer_loads]
         for load in shown:
             loads.add_row(*load)
         print_table(screen, loads)
-        for line in _omitted_count_line(len(rows) - len(shown), "load", "loads"):
+        for line in _iter_omitted_count_line(len(rows) - len(shown), "load", "loads"):
             print_line(screen, line)
-    most = advice_to_reduce_uncertainty(answer)
+    most = advise_to_reduce_uncertainty(answer)
     if most:
         print_line(screen, most)
 
 
-def further_lines(answer: "Answer", goal_u_kg: float | None, verbose: int) -> "Iterator[str]":
+def iter_answer_notes(answer: "Answer", goal_u_kg: float | None, verbose: int) -> "Iterator[str]":
     """Further lines about the answer, the most important first."""
-    from recordings.report.planar_text import planar_fit_lines
-    from recordings.report.worth_text import shift_total_lines, starts_to_goal_lines
+    from recordings.report.planar_text import describe_planar_fits
+    from recordings.report.worth_text import describe_shift_total, describe_starts_to_goal
 
     if goal_u_kg is not None:
-        yield from starts_to_goal_lines(answer, goal_u_kg)
-    if answer.verdict.can_tell_inertia and not verbose:
-        yield from _yaw_inertia_line(answer)
-    yield from shift_total_lines(answer)
-    yield from planar_fit_lines(answer.planar, answer.planar_budget)
+        yield from describe_starts_to_goal(answer, goal_u_kg)
+    if answer.verdict.can_estimate_inertia and not verbose:
+        yield from _iter_yaw_inertia_line(answer)
+    yield from describe_shift_total(answer)
+    yield from describe_planar_fits(answer.planar, answer.planar_budget)
     most_lines = len(answer.losses) + len(answer.notes) if verbose else LIMITS.answer_lines
-    yield from first_lines_and_count_of_rest(
+    yield from limit_lines(
         [f"lost: {loss}" for loss in answer.losses], most_lines, "loss", "losses"
     )
-    yield from first_lines_and_count_of_rest(
-        [f"note: {note}" for note in answer.notes], most_lines, "note", "notes"
-    )
+    yield from limit_lines([f"note: {note}" for note in answer.notes], most_lines, "note", "notes")
     yield from _describe_findings(answer, verbose)
 
 
 def _describe_findings(answer: "Answer", verbose: int) -> "Iterator[str]":
     from recordings.report.finding_text import (
-        finding_line,
-        findings_of_rows,
+        format_finding,
+        make_findings,
         may_change_mass,
     )
 
-    found = findings_of_rows(answer.findings)
+    found = make_findings(answer.findings)
     shown = (
         found
         if verbose
         else [each for each in found if may_change_mass(each)][: LIMITS.answer_lines]
     )
-    yield from (f"finding: {finding_line(each)}" for each in shown)
+    yield from (f"finding: {format_finding(each)}" for each in shown)
     left = len(found) - len(shown)
     if left:
         yield f"{left} {'other finding' if left == 1 else 'other findings'} (-v)"
 
 
-def first_lines_and_count_of_rest(
+def limit_lines(
     lines: "Sequence[str]", max_lines: int, singular: str, plural: str
 ) -> "Iterator[str]":
     """The first `max_lines` lines, and a line that counts the others."""
     yield from lines[:max_lines]
-    yield from _omitted_count_line(len(lines) - max_lines, singular, plural)
+    yield from _iter_omitted_count_line(len(lines) - max_lines, singular, plural)
 
 
-def _omitted_count_line(count: int, singular: str, plural: str) -> "Iterator[str]":
+def _iter_omitted_count_line(count: int, singular: str, plural: str) -> "Iterator[str]":
     """Yield one line with the number of lines that -v would add; nothing if it is 0."""
     if count > 0:
         yield f"{count} more {singular if count == 1 else plural} (-v)"
 
 
-def _yaw_inertia_line(answer: "Answer") -> "Iterator[str]":
+def _iter_yaw_inertia_line(answer: "Answer") -> "Iterator[str]":
     """Line with the yaw inertia of the joint fit, or else of the first method that has one."""
     from recordings.report.number_text import format_plus_minus
 
@@ -306,11 +304,11 @@ def _yaw_inertia_line(answer: "Answer") -> "Iterator[str]":
 
 def _print_budget(screen: "Console", answer: "Answer") -> None:
     """Print a row for each source of uncertainty."""
-    from recordings.report.worth_text import budget_rows, number_of_best_known_load
+    from recordings.report.worth_text import find_best_known_load, make_budget_table_rows
 
-    rows = budget_rows(answer) if answer.verdict.can_weigh else []
+    rows = make_budget_table_rows(answer) if answer.verdict.can_weigh else []
     if rows:
-        of = f" (mass of load {number_of_best_known_load(answer)})" if len(answer.loads) > 1 else ""
+        of = f" (mass of load {find_best_known_load(answer)})" if len(answer.loads) > 1 else ""
         table = make_plain_table(f"uncertainty from{of}", "kind", "u kg")
         table.add_column("fraction of the variance")
         table.add_column("to reduce", overflow="fold")
@@ -322,9 +320,9 @@ def _print_budget(screen: "Console", answer: "Answer") -> None:
 def _print_methods(screen: "Console", answer: "Answer") -> None:
     """Print the estimate of each method for the whole log."""
     verdict = answer.verdict
-    if len(answer.loads) > 1 and not verdict.can_tell_inertia:
+    if len(answer.loads) > 1 and not verdict.can_estimate_inertia:
         screen.print("Other methods: not shown, since they give one mass per log")
-    elif verdict.can_weigh or verdict.can_tell_inertia:
+    elif verdict.can_weigh or verdict.can_estimate_inertia:
         screen.print("Other methods (statistical ± only; –: withheld)")
         for row in answer.rows:
             print_table(screen, _make_method_table(row, verdict))
@@ -346,7 +344,7 @@ def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
     if shown or verbose > 1:
         print_table(screen, make_check_table(verdict.checks if verbose > 1 else shown))
     print_remedies_with_checks(screen, failed)
-    if verdict.has_spins and not verdict.can_tell_inertia:
+    if verdict.has_spins and not verdict.can_estimate_inertia:
         screen.print(
             "No inertia estimate: the checks of the spins, or of the force's sign, failed."
         )
@@ -355,7 +353,7 @@ def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
 def _make_method_table(row: "AnswerRow", verdict: "Verdict") -> "Table":
     columns = {
         **(_OF_MASS if verdict.can_weigh else {}),
-        **(_OF_INERTIA if verdict.can_tell_inertia else {}),
+        **(_OF_INERTIA if verdict.can_estimate_inertia else {}),
     }
     shown = {title: names for title, names in columns.items() if names[0] in row.quantities}
     table = make_plain_table("method", *shown)

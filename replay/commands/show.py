@@ -12,7 +12,7 @@ from replay.commands.common_options import (
     OutputFile,
     RequireSigned,
     SignerKey,
-    calibration_request_from_options,
+    make_calibration_request,
 )
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def command(
     """Print a frame of a recording, or list its frames."""
     if frame is not None:
         wanted = output_format and output_format.value
-        asked = calibration_request_from_options(calibration, key, signed=require_signed)
+        asked = make_calibration_request(calibration, key, signed=require_signed)
         if at_s is not None and (start_s, end_s) != (None, None):
             raise typer.BadParameter(
                 "--at gives one time, --from and --to give a range; use one or the other"
@@ -69,16 +69,16 @@ def _list_frames(recording: Path, *, as_json: bool) -> None:
     """Print the recording's frames with their columns, and its losses."""
     from rich.markup import escape
 
-    from recordings import columns_by_frame, read_provenance
+    from recordings import list_columns_by_frame, read_provenance
     from replay.commands.print_tables import (
         make_plain_table,
+        make_stdout_console,
         print_json,
         print_line,
         print_table,
-        stdout_console,
     )
 
-    held = columns_by_frame(recording)
+    held = list_columns_by_frame(recording)
     if as_json:
         print_json(held)
         return
@@ -87,7 +87,7 @@ def _list_frames(recording: Path, *, as_json: bool) -> None:
     for name, columns in held.items():
         # effort[left] is no markup
         table.add_row(escape(name), escape(" ".join(columns)))
-    screen = stdout_console()
+    screen = make_stdout_console()
     print_table(screen, table)
     provenance = read_provenance(recording)
     for loss in provenance.losses:
@@ -108,7 +108,7 @@ def _show_frame(
     from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
     from replay.commands.frame_output import (
         choose_output_format,
-        frame_as_text_table,
+        format_frame_as_table,
         print_frame,
         print_or_write_frame,
     )
@@ -128,12 +128,12 @@ def _show_frame(
         else stage.select_rows_at(seconds)
     )
     if output is None and output_format == "table":
-        print_frame(stage.make_readable(), "--from and --to choose, ")
+        print_frame(stage.format_times_for_reading(), "--from and --to choose, ")
         return
     print_or_write_frame(
         stage.rows,
         output_format,
         output,
         force=force,
-        table=lambda: frame_as_text_table(stage.make_readable(), stage.rows.height),
+        table=lambda: format_frame_as_table(stage.format_times_for_reading(), stage.rows.height),
     )

@@ -16,7 +16,7 @@ from replay.commands.common_options import (
     OutputFile,
     RequireSigned,
     SignerKey,
-    calibration_request_from_options,
+    make_calibration_request,
 )
 from replay.commands.screen_limits import LIMITS
 
@@ -96,7 +96,7 @@ def command(
     weighs = _run_and_print_sweep(
         (logs, machine, overrides or [], over),
         reference_kg=reference_kg,
-        calibration=calibration_request_from_options(calibration, key, signed=require_signed),
+        calibration=make_calibration_request(calibration, key, signed=require_signed),
         output_format=wanted and wanted.value,
         outputs=(output, figure),
         force=force,
@@ -124,9 +124,9 @@ def _run_and_print_sweep(
     from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
     from recordings.report.picture import require_writable_picture
     from replay.commands.frame_output import choose_output_format, print_or_write_frame
-    from replay.commands.print_tables import stdout_console
+    from replay.commands.print_tables import make_stdout_console
     from replay.commands.progress_bar import StageProgress
-    from replay.runs.sweep_settings import sweep_settings, value_combinations
+    from replay.runs.sweep_settings import list_value_combinations, sweep_settings
 
     logs, machine_file, overrides, over = inputs
     output, figure = outputs
@@ -141,7 +141,7 @@ def _run_and_print_sweep(
             raise OutputError(
                 f"{figure}: is named for both -o and --figure; give two different files"
             )
-    grid = value_combinations(over)
+    grid = list_value_combinations(over)
     with StageProgress(len(grid)) as stages:
         rows = sweep_settings(
             logs,
@@ -153,7 +153,7 @@ def _run_and_print_sweep(
             on_stage=stages.begin,
         )
     if output is None and output_format == "table":
-        stdout_console().print(render_sweep(rows))
+        make_stdout_console().print(render_sweep(rows))
     else:
         print_or_write_frame(
             _make_result_frame(rows),
@@ -161,7 +161,7 @@ def _run_and_print_sweep(
             output,
             force=force,
             table=lambda: _format_shown_value(render_sweep(rows)),
-            records=[_nest_row_for_json(row) for row in rows],
+            records=[_make_json_row(row) for row in rows],
         )
     if figure is not None:
         from recordings.plots.sweep_figure import plot_sweep
@@ -177,14 +177,14 @@ def _make_swept_row(row: SweepRow) -> SweptRow:
     """Row for the sweep's figure."""
     from recordings.plots.sweep_figure import SweptRow
 
-    names = shortest_distinct_names(row.over)
+    names = find_shortest_distinct_names(row.over)
     known = [load for load in row.answer.loads if load["payload_kg"] is not None]
     several = len(row.answer.loads) > 1 and known
     most = max(known, key=lambda load: load["payload_kg"]) if several else None
     return SweptRow(
         over={names[key]: value for key, value in _parse_swept_values(row).items()},
-        mass_kg=_quantity_by_method(row, "mass_kg"),
-        mass_std_kg=_quantity_by_method(row, "mass_std_kg"),
+        mass_kg=_read_quantity_by_method(row, "mass_kg"),
+        mass_std_kg=_read_quantity_by_method(row, "mass_std_kg"),
         payload_kg=None if most is None else (most["payload_kg"], most["payload_u_kg"] or 0.0),
         errors={_DRAWN[name]: errors for name, errors in row.errors.items()},
         accepted_share_1=row.answer.accepted_share,
@@ -192,7 +192,7 @@ def _make_swept_row(row: SweepRow) -> SweptRow:
     )
 
 
-def _nest_row_for_json(row: SweepRow) -> dict[str, Any]:
+def _make_json_row(row: SweepRow) -> dict[str, Any]:
     """Row in the format of `run --json`, with the varied settings and the errors."""
     # logs that are replayed many times are not hashed
     left_out = ("losses", "notes", "recording", "fingerprint")
@@ -202,7 +202,7 @@ def _nest_row_for_json(row: SweepRow) -> dict[str, Any]:
 
 def _make_result_frame(rows: Sequence[SweepRow]) -> pl.DataFrame:
     """Frame with a row per combination and a column per method and quantity."""
-    names = shortest_distinct_names(rows[0].over)
+    names = find_shortest_distinct_names(rows[0].over)
     flat = [
         {
             **{
@@ -214,13 +214,13 @@ def _make_result_frame(rows: Sequence[SweepRow]) -> pl.DataFrame:
                 f"{method}_{name}": value
                 for name in ("mass_kg", "mass_std_kg", *row.errors)
                 for method, value in (
-                    row.errors.get(name) or _quantity_by_method(row, name)
+                    row.errors.get(name) or _read_quantity_by_method(row, name)
                 ).items()
             },
-            **calibrated_mass_fields(row),
+            **make_calibrated_mass_fields(row),
             "accepted_share_1": row.answer.accepted_share,
             "can_weigh": row.answer.verdict.can_weigh,
-            "failed": " ".join(_names_of_failed_checks(row)),
+            "failed": " ".join(_failed_check_names(row)),
         }
         for row in rows
     ]
@@ -230,7 +230,7 @@ def _make_result_frame(rows: Sequence[SweepRow]) -> pl.DataFrame:
     return pl.from_dicts(flat, infer_schema_length=None)
 
 
-def calibrated_mass_fields(row: SweepRow) -> dict[str, float | str | None]:
+def make_calibrated_mass_fields(row: SweepRow) -> dict[str, float | str | None]:
     """Fields of the calibrated mass, None for several loads; empty without a calibration."""
     loads = row.answer.loads
     if not loads or "calibrated_kg" not in loads[0]:
@@ -243,15 +243,15 @@ def render_sweep(rows: Sequence[SweepRow]) -> RenderableType:
     """Table of masses and verdicts, and a table of errors if the truth is known."""
     from rich.console import Group
 
-    from replay.commands.print_tables import kg_text
+    from replay.commands.print_tables import format_kilograms
 
     masses = make_method_table(rows, _format_mass, ("used", "weighs"), _make_verdict_cells)
     parts: list[RenderableType] = ["Mass ± standard deviation, kg", masses]
-    if calibrated_mass_fields(rows[0]):
+    if make_calibrated_mass_fields(rows[0]):
         parts += ["", "Calibrated mass and its interval, kg", make_calibrated_mass_table(rows)]
     for name in rows[0].errors:
         errors = make_method_table(
-            rows, lambda row, method, of=name: kg_text(row.errors[of].get(method))
+            rows, lambda row, method, of=name: format_kilograms(row.errors[of].get(method))
         )
         parts += ["", _TITLES[name], errors]
     return Group(*parts)
@@ -259,7 +259,7 @@ def render_sweep(rows: Sequence[SweepRow]) -> RenderableType:
 
 def make_method_table(
     rows: Sequence[SweepRow],
-    cell: Callable[[SweepRow, str], str],
+    format_cell: Callable[[SweepRow, str], str],
     extra_titles: Sequence[str] = (),
     extra_cells: Callable[[SweepRow], Sequence[str]] = lambda _: (),
 ) -> Table:
@@ -267,46 +267,48 @@ def make_method_table(
     from replay.commands.print_tables import make_plain_table
 
     methods = list(
-        dict.fromkeys(method for row in rows for method in _quantity_by_method(row, "mass_kg"))
+        dict.fromkeys(method for row in rows for method in _read_quantity_by_method(row, "mass_kg"))
     )
     table = make_plain_table(
-        *shortest_distinct_names(rows[0].over).values(), *methods, *extra_titles
+        *find_shortest_distinct_names(rows[0].over).values(), *methods, *extra_titles
     )
     if extra_titles:
         # the last is words
         table.columns[-1].justify = "left"
     for row in rows:
         table.add_row(
-            *row.over.values(), *(cell(row, method) for method in methods), *extra_cells(row)
+            *row.over.values(), *(format_cell(row, method) for method in methods), *extra_cells(row)
         )
     return table
 
 
 def make_calibrated_mass_table(rows: Sequence[SweepRow]) -> Table:
     """Table with the calibrated mass of each combination, or why there is none."""
-    from replay.commands.print_tables import kg_text, make_plain_table
+    from replay.commands.print_tables import format_kilograms, make_plain_table
 
     table = make_plain_table(
-        *shortest_distinct_names(rows[0].over).values(), "calibrated", "from", "to"
+        *find_shortest_distinct_names(rows[0].over).values(), "calibrated", "from", "to"
     )
     table.add_column("", overflow="fold")
     for row in rows:
-        mass, low, high, reason = calibrated_mass_fields(row).values()
+        mass, low, high, reason = make_calibrated_mass_fields(row).values()
         numbers = (value if isinstance(value, float) else None for value in (mass, low, high))
         why = reason if reason is not None else "several loads: --json has each"
-        table.add_row(*row.over.values(), *map(kg_text, numbers), str(why))
+        table.add_row(*row.over.values(), *map(format_kilograms, numbers), str(why))
     return table
 
 
 def _format_mass(row: SweepRow, method: str) -> str:
-    from replay.commands.print_tables import kg_text
+    from replay.commands.print_tables import format_kilograms
 
-    mass, std = (_quantity_by_method(row, name).get(method) for name in ("mass_kg", "mass_std_kg"))
-    return kg_text(mass) + ("" if std is None else f" ± {std:.1f}")
+    mass, std = (
+        _read_quantity_by_method(row, name).get(method) for name in ("mass_kg", "mass_std_kg")
+    )
+    return format_kilograms(mass) + ("" if std is None else f" ± {std:.1f}")
 
 
 def _make_verdict_cells(row: SweepRow) -> Sequence[str]:
-    failed = _names_of_failed_checks(row)
+    failed = _failed_check_names(row)
     loads = len(row.answer.loads)
     known = [load for load in row.answer.loads if load["payload_kg"] is not None]
     most = max((load["payload_kg"] for load in known), default=None)
@@ -316,7 +318,7 @@ def _make_verdict_cells(row: SweepRow) -> Sequence[str]:
     return f"{row.answer.accepted_share:.0%}", weighs
 
 
-def _names_of_failed_checks(row: SweepRow) -> list[str]:
+def _failed_check_names(row: SweepRow) -> list[str]:
     verdict = row.answer.verdict
     return [
         check.check
@@ -324,7 +326,7 @@ def _names_of_failed_checks(row: SweepRow) -> list[str]:
     ]
 
 
-def _quantity_by_method(row: SweepRow, quantity: str) -> Mapping[str, float | None]:
+def _read_quantity_by_method(row: SweepRow, quantity: str) -> Mapping[str, float | None]:
     """A quantity of the answer by method; empty for a log without masses."""
     return row.answer.rows[0].quantities[quantity] if row.answer.rows else {}
 
@@ -335,7 +337,7 @@ def _parse_swept_values(row: SweepRow) -> dict[str, Any]:
     return {key: parse_toml_value(text) for key, text in row.over.items()}
 
 
-def shortest_distinct_names(keys: Iterable[str]) -> dict[str, str]:
+def find_shortest_distinct_names(keys: Iterable[str]) -> dict[str, str]:
     """Shortest distinct name of each dotted key: its last part, or the whole key."""
     last = {key: key.rpartition(".")[2] for key in keys}
     shared = Counter(last.values())

@@ -131,14 +131,14 @@ def _write_verifier_page(folders: list[Path], output: Path | None, *, force: boo
 
 def _verify_notary_list(path: Path, key: Path | None, *, signed: bool, as_json: bool) -> None:
     """Verify a notary list and print the result."""
-    from replay.commands.print_tables import print_json, print_line, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_json, print_line
     from replay.notary.list_file import UNSEEN, verify_notary_list
 
     found = verify_notary_list(path, key_file=key, signed=signed)
     if as_json:
         print_json(found.to_dict())
     else:
-        screen = stdout_console()
+        screen = make_stdout_console()
         for finding in found.findings:
             print_line(screen, str(finding), "[bold red]!![/] ")
         for note in found.notes:
@@ -152,9 +152,9 @@ def _verify_notary_list(path: Path, key: Path | None, *, signed: bool, as_json: 
 
 
 def _print_chain(found: "VerifiedChain") -> None:
-    from replay.commands.print_tables import print_line, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_line
 
-    screen = stdout_console()
+    screen = make_stdout_console()
     for made in found.bundles:
         _print_findings(made)
         screen.print()
@@ -166,9 +166,9 @@ def _print_chain(found: "VerifiedChain") -> None:
 
 
 def _print_findings(found: "Verification") -> None:
-    from replay.commands.print_tables import print_line, stdout_console
+    from replay.commands.print_tables import make_stdout_console, print_line
 
-    screen = stdout_console()
+    screen = make_stdout_console()
     for finding in found.findings:
         print_line(screen, str(finding), "[bold red]!![/] ")
     for done in found.done:

@@ -17,12 +17,12 @@ def command(
     """
     from estimators.compile_cache import (
         are_all_compiled,
+        find_persistent_cache_folder,
         mark_all_compiled,
-        persistent_cache_folder_or_none,
     )
     from estimators.errors import OutputError
 
-    folder = persistent_cache_folder_or_none()
+    folder = find_persistent_cache_folder()
     if folder is None:
         raise OutputError(
             "compiled code cannot be cached: neither the package's folder nor ~/.cache is "

@@ -14,7 +14,7 @@ from estimators.file_digest import file_sha256
 from recordings import require_writable_recording
 from recordings.report.atomic_output import refuse_input_as_output
 from recordings.rrd.reader import OpenRecording, open_recording
-from recordings.rrd.recording_table import drawn_column_names
+from recordings.rrd.recording_table import list_drawn_columns
 
 if TYPE_CHECKING:
     from replay.calibration.apply_evidence import CalibrationRequest
@@ -56,9 +56,9 @@ class RecordedRun:
             return self._loads.select(columns)
         return self._held.read(stage, columns)
 
-    def run_of_drawn_columns(self) -> Run:
+    def read_displayed_run(self) -> Run:
         """The columns that views draw."""
-        wanted = {stage: drawn_column_names(stage, names) for stage, names in self.stages.items()}
+        wanted = {stage: list_drawn_columns(stage, names) for stage, names in self.stages.items()}
         frames = {stage: self.read(stage, names) for stage, names in wanted.items() if names}
         return Run(frames, self.provenance)
 
@@ -113,7 +113,7 @@ def compare_recordings(
                 f"{a} and {b}: have no stage in common ({', '.join(mine.stages) or 'none'} | "
                 f"{', '.join(theirs.stages) or 'none'}); compare replays of one log"
             )
-        if not other_logs and not are_of_one_log(mine, theirs):
+        if not other_logs and not have_same_log(mine, theirs):
             names = [
                 ", ".join(each.name for each in replay.provenance.inputs) or "no file"
                 for replay in (mine, theirs)
@@ -126,22 +126,22 @@ def compare_recordings(
         found = compare_runs(mine, theirs, rtol=rtol, rows=not other_logs)
         if output.path is not None:
             from recordings.compare.overlay_recording import (
-                comparison_markdown,
+                format_comparison_markdown,
                 write_overlay_recording,
             )
 
             write_overlay_recording(
-                mine.run_of_drawn_columns(),
-                theirs.run_of_drawn_columns(),
+                mine.read_displayed_run(),
+                theirs.read_displayed_run(),
                 output.path,
-                comparison_markdown(found, a.name, b.name),
+                format_comparison_markdown(found, a.name, b.name),
                 one_log=not other_logs,
                 force=output.force,
             )
         return found
 
 
-def are_of_one_log(provenance_a: RecordedRun, provenance_b: RecordedRun) -> bool:
+def have_same_log(provenance_a: RecordedRun, provenance_b: RecordedRun) -> bool:
     """Whether both replay the same bytes, or one is a replay of the other recording."""
     return (
         has_same_inputs(provenance_a.provenance, provenance_b.provenance)

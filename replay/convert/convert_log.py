@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import polars as pl
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, OutputError, nearest
+from estimators.errors import LogError, OutputError, suggest_choice
 from recordings.report.atomic_output import refuse_input_as_output, require_writable_folder
 from replay.convert.convert_limits import LIMITS
 from replay.convert.unfinished_folder import (
@@ -129,13 +129,13 @@ def convert_log(
             kept = {part.file for topic in described.topics for part in topic.parts}
             folder.remove_all_except(kept)
             write_file_atomically(folder.path / DESCRIPTION, described.model_dump_json(indent=1))
-            _replace_folder(folder.path, target)
+            _move_finished_folder(folder.path, target)
     except OSError as error:
         raise OutputError(f"{target}: cannot be written ({error.strerror or error})") from None
     return Conversion(target, described.topics, described.losses, len(done), resumed_spans)
 
 
-def _replace_folder(finished: Path, target: Path) -> None:
+def _move_finished_folder(finished: Path, target: Path) -> None:
     """Move the finished folder to its name; the old one is deleted afterwards."""
     before = finished / ".replaced"
     if target.exists():
@@ -155,12 +155,14 @@ class RunningConversion:
         self._summaries = {row["topic"]: row for row in log.topics().iter_rows(named=True)}
         for topic in topics or ():
             if topic not in self._summaries:
-                raise LogError(f"{log.path}: no topic '{topic}'; {nearest(topic, self._summaries)}")
+                raise LogError(
+                    f"{log.path}: no topic '{topic}'; {suggest_choice(topic, self._summaries)}"
+                )
         chosen = dict.fromkeys(topics or self._summaries)
         self._summaries = {t: row for t, row in self._summaries.items() if t in chosen}
         decoded = [t for t, row in self._summaries.items() if row["problem"] is None]
         self._fields = {t: _list_converted_fields(log, t) for t in decoded}
-        self._folders = unique_folder_names(decoded)
+        self._folders = make_unique_folder_names(decoded)
         self._faults: dict[str, str] = {}
         self._files = tuple(
             SourceFile(name=path.name, size_bytes=path.stat().st_size, sha256=digest)
@@ -176,7 +178,7 @@ class RunningConversion:
         Returns:
             Parts of each span, and number of spans from an earlier conversion.
         """
-        borders = self._span_borders(span_messages)
+        borders = self._choose_span_borders_ns(span_messages)
         plan = ConversionPlan(
             payscope=version("payscope"),
             files=self._files,
@@ -203,7 +205,7 @@ class RunningConversion:
         on_span("convert 1 of 1")
         return [self._convert_span(folder.path, 0, None, None)], 0
 
-    def _span_borders(self, span_messages: int) -> tuple[int, ...]:
+    def _choose_span_borders_ns(self, span_messages: int) -> tuple[int, ...]:
         """Log times that divide the log into spans of equal time."""
         rows = self._summaries.values()
         starts = [row["start_ns"] for row in rows if row["start_ns"] is not None]
@@ -235,16 +237,16 @@ class RunningConversion:
     def _part_path(self, topic: str, span_number: int) -> str:
         return f"{self._folders[topic]}/part-{span_number:05}.parquet"
 
-    def _has_all_indexed_messages(self, done: Sequence[_Parts]) -> bool:
+    def _has_all_indexed_messages(self, finished_spans: Sequence[_Parts]) -> bool:
         """Whether the rows written match the messages that the index lists."""
         rows = dict.fromkeys(self._fields, 0)
-        for parts in done:
+        for parts in finished_spans:
             for topic, part in parts.items():
                 rows[topic] += part.rows
         return all(self._summaries[topic]["messages"] == count for topic, count in rows.items())
 
     def describe_converted_folder(
-        self, folder: UnfinishedFolder, done: Sequence[_Parts]
+        self, folder: UnfinishedFolder, finished_spans: Sequence[_Parts]
     ) -> ConvertedDescription:
         """Description of the folder; a topic without rows gets a part with its columns."""
         topics: list[ConvertedTopic] = []
@@ -252,7 +254,7 @@ class RunningConversion:
             if topic not in self._fields:
                 topics.append(ConvertedTopic(summary=summary))
                 continue
-            parts = [each[topic] for each in done if topic in each]
+            parts = [each[topic] for each in finished_spans if topic in each]
             if not parts:
                 writer = PartWriter(folder.path, self._part_path(topic, 0), self._schemas[topic])
                 parts = [writer.close()]
@@ -311,7 +313,7 @@ def _list_converted_fields(log: Log, topic: str) -> tuple[ConvertedField, ...]:
     )
 
 
-def unique_folder_names(topics: Sequence[str]) -> dict[str, str]:
+def make_unique_folder_names(topics: Sequence[str]) -> dict[str, str]:
     """Unique folder name of each topic, in letters, digits and underscores."""
     found: dict[str, str] = {}
     taken: set[str] = set()

@@ -14,11 +14,11 @@ import polars as pl
 from analysis import Machine, Run
 from analysis.calibration.campaign.by_method import (
     calibrate_methods,
-    calibration_frame,
-    method_rows,
+    make_calibration_frame,
+    make_method_rows,
 )
-from analysis.calibration.campaign.campaign_readings import masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import rms_errors
+from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
+from analysis.calibration.campaign.method_errors import compute_rms_errors
 from analysis.model.answer import JOINT, Answer, answer
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
@@ -34,13 +34,13 @@ from replay.calibration.apply_evidence import CalibrationRequest
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.logs import open_log
-from replay.machines.machine_file import load_machine, machine_file_or_shipped, time_axis_of_machine
+from replay.machines.machine_file import find_machine_file, find_time_axis_of_machine, load_machine
 from replay.pipeline import STAGES, run
 from replay.review.review_folder import refuse_unsuitable_review_folder
 from replay.review.review_shift import ReviewOptions, review_shift
 from replay.review.write_review import ShiftReview
-from replay.simulation.log_truth import read_true_trials, truth_path
-from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate_scenario
+from replay.simulation.log_truth import make_truth_path, read_true_trials
+from replay.simulation.simulate_logs import make_log_paths, make_shift_truth_path, simulate_scenario
 
 _HEAD = """\
 # The demo's calibration: simulated logs. The certificates are examples and stand for none:
@@ -164,7 +164,7 @@ def run_demo(
     keys = folder / "key.pem", folder / "key.pub.pem"
     scenario = Scenario().with_seed(seed)
     hauling = scenario.model_copy(update={"shift": _SHIFT})
-    hauled, truth = log_paths(hauling, shift), shift_truth_path(shift)
+    hauled, truth = make_log_paths(hauling, shift), make_shift_truth_path(shift)
     for output in (machine_file, campaign_file, *keys, recording, picture, *hauled, truth):
         require_writable_output(output, force=force)
     require_writable_folder(evidence, force=force)
@@ -173,7 +173,7 @@ def run_demo(
     else:
         require_writable_folder(page, force=force)
     with atomic_file(machine_file, force=force) as partial:
-        shutil.copyfile(machine_file_or_shipped(_MACHINE), partial)
+        shutil.copyfile(find_machine_file(_MACHINE), partial)
     on_stage("simulate")
     logs = simulate_scenario(scenario, folder / "campaign.bag", force=force)
     with atomic_file(campaign_file, force=force) as partial:
@@ -189,7 +189,7 @@ def run_demo(
     on_stage("verify")
     verified = verify_bundle(evidence, key_file=keys[1], on=calibrated.document.expires)
     replayed = replay_campaign(logs, load_machine(machine_file), on_stage)
-    replayed = add_calibration_line_of_evidence(replayed, calibrated, scenario.machine.mass_kg)
+    replayed = add_evidence_calibration_line(replayed, calibrated, scenario.machine.mass_kg)
     on_stage("record")
     write_recording(replayed, recording, force=force)
     plot_run(replayed, picture, force=force)
@@ -202,24 +202,24 @@ def run_demo(
         calibrated,
         verified,
         replayed.frames["calibration"],
-        rms_errors(replayed.frames["calibration"]),
+        compute_rms_errors(replayed.frames["calibration"]),
         answer(replayed, str(recording)),
         reviewed,
         (
-            *(*logs, *map(truth_path, logs), machine_file, campaign_file, *keys),
-            *(evidence, recording, picture, *hauled, *map(truth_path, hauled), truth, page),
+            *(*logs, *map(make_truth_path, logs), machine_file, campaign_file, *keys),
+            *(evidence, recording, picture, *hauled, *map(make_truth_path, hauled), truth, page),
         ),
     )
 
 
-def add_calibration_line_of_evidence(
+def add_evidence_calibration_line(
     replayed: Run, calibrated: CalibrationOutcome, empty_kg: float
 ) -> Run:
     """The run with the evidence's line before those of the methods."""
     document = calibrated.document
     points = () if document.calibration is None else document.calibration.points
-    first = calibration_frame(
-        method_rows(JOINT, points, document.calibration, lambda at: at.reference_kg - empty_kg)
+    first = make_calibration_frame(
+        make_method_rows(JOINT, points, document.calibration, lambda at: at.reference_kg - empty_kg)
     )
     both = pl.concat([first, replayed.frames["calibration"]])
     return replace(replayed, frames={**replayed.frames, "calibration": both}).with_fingerprint()
@@ -231,10 +231,13 @@ def replay_campaign(
     """Replay simulated logs on one time line; each method is calibrated against the true masses."""
     with ExitStack() as stack:
         opened = [
-            stack.enter_context(open_log(path, time=time_axis_of_machine(machine))) for path in logs
+            stack.enter_context(open_log(path, time=find_time_axis_of_machine(machine)))
+            for path in logs
         ]
         replayed = run(opened, machine, on_stage)
-    calibration = calibrate_methods(masses_by_method_and_run(replayed, read_true_trials(logs)))
+    calibration = calibrate_methods(
+        average_masses_by_method_and_run(replayed, read_true_trials(logs))
+    )
     frames = {**replayed.frames, "calibration": calibration}
     return replace(replayed, frames=frames).with_fingerprint()
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from analysis.compare.run_comparison import changed_settings
+from analysis.compare.run_comparison import list_changed_settings_and_keys
 from analysis.explain import Explanation, explain
 from analysis.explain.explanation import COLUMNS, SMALL
 from analysis.model.machine import Machine
@@ -16,10 +16,10 @@ from estimators.errors import DataError, MachineError, RecordingError
 from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
 from recordings.report.picture import require_writable_picture
 from recordings.rrd.reader import OpenRecording, open_recording
-from recordings.rrd.recording_table import drawn_column_names
+from recordings.rrd.recording_table import list_drawn_columns
 from recordings.rrd.writer import SUFFIX
 from replay.logs import open_log
-from replay.machines.machine_file import load_machine, time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine, load_machine
 
 if TYPE_CHECKING:
     from replay.explain.try_proposals import CorrectedMachine
@@ -68,8 +68,8 @@ def explain_run(
         PayscopeError: the input is wrong; nothing has been written then.
     """
     _check_request(request)
-    whole = load_frames_to_explain(request, on_stage)
-    _check_moment(request, whole)
+    whole = load_run_to_explain(request, on_stage)
+    _check_time_of_interest(request, whole)
     explained = explain(whole, request.at_s)
     if request.picture is not None:
         from recordings.explain.explanation_view import plot_explanation
@@ -105,7 +105,7 @@ def _check_request(request: ExplainRequest) -> None:
         require_writable_output(request.corrected_file, force=request.force)
 
 
-def _check_moment(request: ExplainRequest, run: Run) -> None:
+def _check_time_of_interest(request: ExplainRequest, run: Run) -> None:
     gate = run.frames.get("gate")
     if request.at_s is None or gate is None or gate.is_empty():
         return
@@ -116,7 +116,7 @@ def _check_moment(request: ExplainRequest, run: Run) -> None:
         )
 
 
-def load_frames_to_explain(request: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
+def load_run_to_explain(request: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
     """The frames to explain, from the recording or from a replay."""
     if request.machine_file is None:
         with open_recording(request.path) as held:
@@ -129,7 +129,7 @@ def load_frames_to_explain(request: ExplainRequest, on_stage: Callable[[str], No
     # a recording is explained without what replays a log
     from replay.pipeline import run
 
-    with open_log(request.path, time=time_axis_of_machine(machine)) as log:
+    with open_log(request.path, time=find_time_axis_of_machine(machine)) as log:
         try:
             return run(log, machine, on_stage)
         except DataError as error:
@@ -140,7 +140,7 @@ def _differs_from_recorded_machine(recording: OpenRecording, machine: Machine) -
     """Whether the machine file differs from that of the recording."""
     about = recording.provenance
     recorded = Machine.model_validate({**about.machine, "settings": about.settings})
-    return bool(changed_settings(recorded, machine))
+    return bool(list_changed_settings_and_keys(recorded, machine))
 
 
 def read_frames_for_explanation(recording: OpenRecording, *, pictured: bool) -> Run:
@@ -151,7 +151,7 @@ def read_frames_for_explanation(recording: OpenRecording, *, pictured: bool) -> 
         if name in SMALL:
             wanted[name] = columns
         elif name in COLUMNS:
-            kept = {*COLUMNS[name], *(drawn_column_names(name, columns) if pictured else ())}
+            kept = {*COLUMNS[name], *(list_drawn_columns(name, columns) if pictured else ())}
             wanted[name] = [column for column in columns if column in kept]
         elif pictured and name in _RECURSIVE:
             wanted[name] = [column for column in columns if column in _SETTLING]

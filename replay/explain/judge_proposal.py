@@ -15,8 +15,8 @@ from analysis.model.answer import Answer, answer
 from analysis.model.run_record import Run
 from analysis.model.schema import column_values
 from estimators.errors import DataError, MachineError
-from recordings.report.finding_text import findings_of_run
-from replay.explain.proposal_edits import Proposal, split_into_proposals
+from recordings.report.finding_text import read_findings
+from replay.explain.proposal_edits import Proposal, split_finding_into_proposals
 from replay.explain.proposal_limits import LIMITS
 
 #: First and last log time of a stretch; None: the log's own.
@@ -38,34 +38,36 @@ class ProposalTrial:
     before: Run
     after: Run
 
-    def objection_text(self) -> str:
+    def describe_objection(self) -> str:
         """Why the replay with the proposal is not better; empty if it is."""
         was, now = answer(self.before), answer(self.after)
         open_before = was.verdict.can_weigh
         if open_before and not now.verdict.can_weigh:
             return "the log could no longer weigh"
-        still = find_same_finding_or_none(self.finding, self.after)
-        claimed = is_change_as_claimed(was, now, self.finding)
-        if still is not None and not is_cause_reduced(still, self.finding, as_claimed=claimed):
+        still = find_same_finding(self.finding, self.after)
+        claimed = is_mass_change_as_claimed(was, now, self.finding)
+        if still is not None and not is_cause_reduced(
+            still, self.finding, is_change_claimed=claimed
+        ):
             return "the log still shows the finding"
-        by_mass = self._empty_mass_objection_text(was, now)
+        by_mass = self._describe_empty_mass_objection(was, now)
         if by_mass:
             return by_mass
         if not open_before:
             return ""
-        worse = sorted(names_of_failed_checks(now) - names_of_failed_checks(was))
+        worse = sorted(list_failed_mass_checks(now) - list_failed_mass_checks(was))
         if worse:
             return f"the log would fail {', '.join(worse)}"
-        if self.finding.severity == "tell" and _best_load_u_kg(
+        if self.finding.severity == "tell" and _smallest_load_u_kg(
             now
-        ) > LIMITS.max_u_growth * _best_load_u_kg(was):
+        ) > LIMITS.max_u_growth * _smallest_load_u_kg(was):
             return "the uncertainty would grow"
         return ""
 
-    def _empty_mass_objection_text(self, before: Answer, after: Answer) -> str:
+    def _describe_empty_mass_objection(self, answer_before: Answer, answer_after: Answer) -> str:
         """Objection by the empty mass or by gravity at rest; empty if there is none."""
         empty_kg = self.before.provenance.machine["machine"].get("empty_mass_kg")
-        one, other = _find_lightest_load(before), _find_lightest_load(after)
+        one, other = _find_lightest_load(answer_before), _find_lightest_load(answer_after)
         nearer = False
         if empty_kg and one is not None and other is not None:
             off, now_off = abs(one[0] - empty_kg), abs(other[0] - empty_kg)
@@ -90,7 +92,7 @@ class ProposalTrial:
         )
 
 
-def held_out_objection_text(
+def describe_held_out_objection(
     finding: Finding, run_without_proposal: Run, span_ns: tuple[int, int], replay: Replay
 ) -> str:
     """Why the proposal fails on a held-out half of the log; empty if it holds.
@@ -104,39 +106,39 @@ def held_out_objection_text(
     Returns:
         Empty where it holds.
     """
-    middle_ns = find_middle_between_starts_ns(run_without_proposal, *span_ns)
+    middle_ns = find_time_between_middle_starts_ns(run_without_proposal, *span_ns)
     if middle_ns is None:
         return "the log is too short to test the correction on stretches that it was not fitted to"
     first, second = (None, middle_ns), (middle_ns + 1, None)
     try:
-        fitted = find_same_finding_or_none(finding, replay((), first))
+        fitted = find_same_finding(finding, replay((), first))
         if fitted is None:
             return "the first half of the log does not show the finding"
         unchanged = replay((), second)
-        seen = find_same_finding_or_none(finding, unchanged)
+        seen = find_same_finding(finding, unchanged)
         if seen is None:
             return "the second half of the log does not show the finding"
-        changed = replay(split_into_proposals(fitted), second)
+        changed = replay(split_finding_into_proposals(fitted), second)
     except (DataError, MachineError):
         return "half of the log is too short to test the correction"
     was, now = answer(unchanged), answer(changed)
-    left = find_same_finding_or_none(finding, changed)
-    claimed = is_change_as_claimed(was, now, seen)
-    if left is not None and not is_cause_reduced(left, seen, as_claimed=claimed):
+    left = find_same_finding(finding, changed)
+    claimed = is_mass_change_as_claimed(was, now, seen)
+    if left is not None and not is_cause_reduced(left, seen, is_change_claimed=claimed):
         return "the correction from the first half of the log does not improve the second"
     if was.verdict.can_weigh and not now.verdict.can_weigh:
         return "the correction from the first half of the log worsens the second"
     return ""
 
 
-def find_same_finding_or_none(finding: Finding, run: Run) -> Finding | None:
+def find_same_finding(finding: Finding, run: Run) -> Finding | None:
     """Finding of the same cause with a proposal for the same keys; None if absent."""
     keys = finding.setting
-    shown = (each for each in findings_of_run(run) if each.cause == finding.cause)
+    shown = (each for each in read_findings(run) if each.cause == finding.cause)
     return next((each for each in shown if each.setting == keys), None)
 
 
-def find_middle_between_starts_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
+def find_time_between_middle_starts_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
     """Log time half-way between the two middle starts, in ns.
 
     The middle of the log if it has no starts; None if it has too few of them.
@@ -152,7 +154,7 @@ def find_middle_between_starts_ns(run: Run, begin_ns: int, end_ns: int) -> int |
     return begin_ns + round(middle * (end_ns - begin_ns))
 
 
-def names_of_failed_checks(answer: Answer) -> set[str]:
+def list_failed_mass_checks(answer: Answer) -> set[str]:
     """Failed checks of the mass that have a consequence."""
     costs = ("withhold", "widen")
     return {
@@ -178,25 +180,30 @@ def _reads_gravity(run: Run) -> bool:
     return bool(z.size) and abs(float(np.nanmedian(z)) / pull - 1.0) < LIMITS.gravity_tolerance_1
 
 
-def is_cause_reduced(remaining: Finding, finding: Finding, *, as_claimed: bool) -> bool:
+def is_cause_reduced(remaining: Finding, finding: Finding, *, is_change_claimed: bool) -> bool:
     """Whether a cause has nearly vanished, or is weaker and the mass changed as claimed."""
     left = remaining.strength_1 / finding.strength_1
-    return left < LIMITS.remaining_strength or (left < 1.0 and as_claimed)
+    return left < LIMITS.remaining_strength or (left < 1.0 and is_change_claimed)
 
 
-def is_change_as_claimed(before: Answer, after: Answer, finding: Finding) -> bool:
+def is_mass_change_as_claimed(
+    answer_before: Answer, answer_after: Answer, finding: Finding
+) -> bool:
     """Whether the masses changed significantly and as the finding claims."""
     claimed, u_kg = finding.mass_change_kg, finding.mass_change_u_kg
     if claimed is None or u_kg is None or abs(claimed) <= LIMITS.coverage_factor * u_kg:
         return False
-    if len(before.loads) != len(after.loads):
+    if len(answer_before.loads) != len(answer_after.loads):
         return False
-    masses = [(a["mass_kg"], b["mass_kg"]) for a, b in zip(before.loads, after.loads, strict=True)]
+    masses = [
+        (a["mass_kg"], b["mass_kg"])
+        for a, b in zip(answer_before.loads, answer_after.loads, strict=True)
+    ]
     moved = [b - a for a, b in masses if a is not None and b is not None]
     return bool(moved) and abs(sum(moved) / len(moved) - claimed) <= LIMITS.coverage_factor * u_kg
 
 
-def _best_load_u_kg(answer: Answer) -> float:
+def _smallest_load_u_kg(answer: Answer) -> float:
     """Standard uncertainty of the best-known load."""
     return min(
         (load["u_kg"] for load in answer.loads if load["u_kg"] is not None), default=math.inf

@@ -8,8 +8,8 @@ from typing import Any
 
 from analysis.explain import Finding
 from estimators.errors import MachineError, one_line
-from recordings.report.finding_text import cause_name, mass_change_if_fixed_text
-from replay.machines.old_names import BothNamesError, migrate_text
+from recordings.report.finding_text import describe_mass_change_if_fixed, find_cause_name
+from replay.machines.old_names import BothNamesError, migrate_toml_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,17 +33,22 @@ class Proposal:
     change_u_kg: float | None = None
 
 
-def split_into_proposals(finding: Finding) -> tuple[Proposal, ...]:
+def split_finding_into_proposals(finding: Finding) -> tuple[Proposal, ...]:
     """Proposals of a finding, one per key; empty if there are none."""
     if not finding.has_proposal:
         return ()
     keys = [key.strip() for key in str(finding.setting).split(",")]
-    values = parse_toml_values(str(finding.value))
+    values = parse_comma_separated_toml(str(finding.value))
     if len(keys) != len(values):
         return ()
     said = "; ".join(
         filter(
-            None, (cause_name(finding.cause), finding.evidence, mass_change_if_fixed_text(finding))
+            None,
+            (
+                find_cause_name(finding.cause),
+                finding.evidence,
+                describe_mass_change_if_fixed(finding),
+            ),
         )
     )
     return tuple(
@@ -59,7 +64,7 @@ def split_into_proposals(finding: Finding) -> tuple[Proposal, ...]:
     )
 
 
-def parse_toml_values(text: str) -> list[Any]:
+def parse_comma_separated_toml(text: str) -> list[Any]:
     """Parse comma-separated TOML values; empty if they are invalid."""
     try:
         return tomllib.loads(f"values = [{text}]")["values"]
@@ -86,7 +91,7 @@ def insert_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
     from tomlkit.items import InlineTable, Table
 
     try:
-        document = tomlkit.parse(migrate_text(text)[0])
+        document = tomlkit.parse(migrate_toml_text(text)[0])
         for change in changes:
             *sections, name = change.key.split(".")
             place: Any = document
@@ -108,14 +113,14 @@ def insert_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
         raise MachineError(f"{path}: is not TOML: {one_line(str(error))}") from None
 
 
-def _format_change_comment(place: Any, name: str, why: str) -> str:
+def _format_change_comment(place: Any, name: str, reason: str) -> str:
     """Comment of a changed key: the user's comment, the reason, and the old value."""
     import tomlkit
     from tomlkit.items import Table
 
     if name not in place:
-        return f"payscope: {why}"
+        return f"payscope: {reason}"
     # a boolean would come out of a table as it is, without its comment
     was: Any = place.value.item(name) if isinstance(place, Table) else tomlkit.item(place[name])
     theirs = was.trivia.comment.lstrip("# ")
-    return "; ".join(filter(None, (theirs, f"payscope: {why}; it was {was.as_string()}")))
+    return "; ".join(filter(None, (theirs, f"payscope: {reason}; it was {was.as_string()}")))

@@ -23,14 +23,14 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
 from recordings.report.atomic_output import atomic_file
-from recordings.report.finding_text import cause_name, findings_of_run
-from replay.explain.judge_proposal import ProposalTrial, Stretch, held_out_objection_text
-from replay.explain.proposal_edits import Proposal, insert_proposals, split_into_proposals
+from recordings.report.finding_text import find_cause_name, read_findings
+from replay.explain.judge_proposal import ProposalTrial, Stretch, describe_held_out_objection
+from replay.explain.proposal_edits import Proposal, insert_proposals, split_finding_into_proposals
 from replay.explain.proposal_limits import LIMITS
-from replay.inputs.channel_inputs import channel_fields
+from replay.inputs.channel_inputs import list_channel_fields
 from replay.inputs.derived_logs import CachedLog, LogPart
 from replay.logs import Log, open_log
-from replay.machines.machine_file import load_machine, machine_file_or_shipped, time_axis_of_machine
+from replay.machines.machine_file import find_machine_file, find_time_axis_of_machine, load_machine
 from replay.pipeline import run
 
 #: Causes that say of the answer how poor it is.
@@ -120,7 +120,7 @@ class ProposalReplays:
     def span_ns(self) -> tuple[int, int]:
         """First and last log time of the topics that the machine file uses."""
         topics = self.log.topics().filter(
-            pl.col("topic").is_in(list(channel_fields(self.load(self.text, ()))))
+            pl.col("topic").is_in(list(list_channel_fields(self.load(self.text, ()))))
         )
         begin, end = topics["start_ns"].min(), topics["end_ns"].max()
         return (begin if isinstance(begin, int) else 0), (end if isinstance(end, int) else 0)
@@ -164,11 +164,11 @@ def write_corrected_machine_file(
     Raises:
         PayscopeError: the machine file cannot be read, or the output cannot be written.
     """
-    file = machine_file_or_shipped(source.path)
+    file = find_machine_file(source.path)
     text = _read_machine_text(file)
     machine = load_machine(source.path, source.overrides)
     with (
-        open_log(path, time=time_axis_of_machine(machine)) as opened,
+        open_log(path, time=find_time_axis_of_machine(machine)) as opened,
         tempfile.TemporaryDirectory(prefix="payscope-") as folder,
     ):
         trial = Path(folder) / file.name
@@ -205,26 +205,26 @@ def try_all_proposals(run_without_proposals: Run, replays: ProposalReplays) -> P
         if finding is None:
             break
         try_proposal(tried, finding, replays)
-    behind = causes_masked_by_others(tried)
+    behind = find_masked_causes(tried)
     tried.rejected += [
         RejectedProposal(
-            split_into_proposals(each)[0],
-            f"{cause_name(behind[each.cause])} explains this finding and is still present",
+            split_finding_into_proposals(each)[0],
+            f"{find_cause_name(behind[each.cause])} explains this finding and is still present",
         )
-        for each in findings_without_trial(tried)
+        for each in list_untried_findings(tried)
         if each.cause in behind
     ]
     if tried.changes and not answer(tried.run).verdict.can_weigh:
         tried.rejected += [
             RejectedProposal(each, "the mass remains withheld")
-            for each in _first_proposal_of_each_cause(tried.changes)
+            for each in _first_proposals_by_cause(tried.changes)
         ]
         return ProposalProgress(run_without_proposals, rejected=tried.rejected)
     reject_unneeded_proposals(tried, replays)
     return tried
 
 
-def _first_proposal_of_each_cause(changes: Sequence[Proposal]) -> list[Proposal]:
+def _first_proposals_by_cause(changes: Sequence[Proposal]) -> list[Proposal]:
     """Proposal for the first key of each cause."""
     return list({each.cause: each for each in reversed(changes)}.values())[::-1]
 
@@ -237,7 +237,7 @@ def reject_unneeded_proposals(progress: ProposalProgress, replays: ProposalRepla
             without = replays.replay_with_changes(others)
         except (DataError, MachineError):
             continue
-        shown = {each.cause for each in findings_of_run(without)}
+        shown = {each.cause for each in read_findings(without)}
         if answer(without).verdict.can_weigh and finding.cause not in shown:
             own = next(each for each in progress.changes if each.cause == finding.cause)
             progress.rejected.append(
@@ -258,24 +258,24 @@ def _find_next_proposal(progress: ProposalProgress) -> Finding | None:
     return next(
         (
             each
-            for each in findings_without_trial(progress)
-            if each.cause not in causes_masked_by_others(progress)
+            for each in list_untried_findings(progress)
+            if each.cause not in find_masked_causes(progress)
         ),
         None,
     )
 
 
-def findings_without_trial(progress: ProposalProgress) -> list[Finding]:
+def list_untried_findings(progress: ProposalProgress) -> list[Finding]:
     """Findings with a proposal that was not tried."""
-    shown = findings_of_run(progress.run)
+    shown = read_findings(progress.run)
     return [
         each
         for each in shown
-        if _finding_key(each) not in progress.tried and split_into_proposals(each)
+        if _make_finding_key(each) not in progress.tried and split_finding_into_proposals(each)
     ]
 
 
-def causes_masked_by_others(progress: ProposalProgress) -> dict[str, str]:
+def find_masked_causes(progress: ProposalProgress) -> dict[str, str]:
     """Causes that a remaining cause may explain, with that cause.
 
     Causes that invalidate the mass are left out, since trying them loses nothing.
@@ -283,9 +283,9 @@ def causes_masked_by_others(progress: ProposalProgress) -> dict[str, str]:
     # the table brings all that looks for causes
     from analysis.findings import CAUSES
 
-    shown = findings_of_run(progress.run)
-    untried = {_finding_key(each) for each in findings_without_trial(progress)}
-    stays = {each.cause for each in shown if _finding_key(each) not in untried}
+    shown = read_findings(progress.run)
+    untried = {_make_finding_key(each) for each in list_untried_findings(progress)}
+    stays = {each.cause for each in shown if _make_finding_key(each) not in untried}
     ranks = {each.cause: each.rank for each in reversed(shown)}
     grave = {each.cause for each in shown if each.severity == "withhold"}
     return {
@@ -300,19 +300,19 @@ def causes_masked_by_others(progress: ProposalProgress) -> dict[str, str]:
     }
 
 
-def _finding_key(finding: Finding) -> tuple[str, str | None]:
+def _make_finding_key(finding: Finding) -> tuple[str, str | None]:
     return finding.cause, finding.channel
 
 
 def try_proposal(progress: ProposalProgress, finding: Finding, replays: ProposalReplays) -> None:
     """Replay with a proposal, and accept or reject it."""
-    progress.tried.add(_finding_key(finding))
-    changes = list(split_into_proposals(finding))
+    progress.tried.add(_make_finding_key(finding))
+    changes = list(split_finding_into_proposals(finding))
     try:
         replayed = replays.replay_with_changes([*progress.changes, *changes])
         why = ProposalTrial(
             finding, progress.run, replayed
-        ).objection_text() or held_out_objection_text(
+        ).describe_objection() or describe_held_out_objection(
             finding,
             progress.run,
             replays.span_ns,
@@ -339,5 +339,5 @@ def _make_corrected_machine(
         tuple(progress.rejected),
         answer(run_without_proposals),
         answer(progress.run),
-        findings_of_run(progress.run),
+        read_findings(progress.run),
     )

@@ -88,13 +88,13 @@ class OtherSettings:
             raise FleetError(f"{log}: the last run has no machine '{machine}'; run the fleet again")
         files = self.last.machines[machine].files
         overrides = (*files.overrides, *self.overrides)
-        return _setups_skipping_unfit_evidence(
+        return _make_setups_with_fitting_evidence(
             machine, NamedFiles(files.file, overrides, files.calibrations)
         )
 
 
 @cache
-def _setups_skipping_unfit_evidence(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
+def _make_setups_with_fitting_evidence(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
     """Setups of a machine, read once; evidence made with other settings is skipped."""
     return make_machine_setups(machine, files, lenient=True)
 
@@ -113,7 +113,7 @@ def compare_fleets(a: FleetResults, b: FleetResults, days: DayRange) -> FleetCom
     return found
 
 
-def replay_with_settings(
+def replay_fleet_with_settings(
     results: FleetResults,
     overrides: Sequence[str],
     days: DayRange,

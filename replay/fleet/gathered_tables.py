@@ -19,7 +19,7 @@ import polars as pl
 from pydantic import ValidationError
 
 from analysis.fleet.calibration_steps import FleetCalibration
-from analysis.fleet.fleet_tables import TABLES, table_schema
+from analysis.fleet.fleet_tables import TABLES, make_table_schema
 from analysis.model.check_names import rename_stored_checks
 from estimators.errors import FleetError, OutputError
 from replay.fleet.last_run import CALIBRATIONS, CURRENT, FAILED, LastRun
@@ -54,7 +54,7 @@ class FleetResults:
         return {machine: sorted(found[machine]) for machine in sorted(found)}
 
     @cached_property
-    def _gathered_folder(self) -> Mapping[str, str]:
+    def _gathered_folder_by_machine(self) -> Mapping[str, str]:
         """Folder of the current gathered tables of every machine."""
         there: dict[str, list[str]] = {}
         for each in self.store.list_names(_GATHERED):
@@ -64,7 +64,7 @@ class FleetResults:
         found: dict[str, str] = {}
         for machine, names in self.names.items():
             home = f"{_GATHERED}/machine={quote(machine, safe='')}"
-            wanted = f"{home}/{_results_digest(names)}"
+            wanted = f"{home}/{_digest_result_names(names)}"
             old = there.get(home, [])
             if wanted not in old:
                 self._gather_machine(wanted, names, old)
@@ -73,14 +73,16 @@ class FleetResults:
 
     def update_gathered_tables(self) -> None:
         """Update the gathered tables."""
-        _ = self._gathered_folder
+        _ = self._gathered_folder_by_machine
 
-    def _gather_machine(self, folder: str, names: Sequence[ResultName], old: Sequence[str]) -> None:
+    def _gather_machine(
+        self, folder: str, names: Sequence[ResultName], old_names: Sequence[str]
+    ) -> None:
         """Gather the results of one machine."""
         keys = {name.key for name in names}
         known: set[str] = set()
         base = ""
-        for each in old:
+        for each in old_names:
             held = set(self._read_table(f"{each}/{MARK}.parquet")["key"])
             if held <= keys and len(held) >= len(known):
                 base, known = each, held
@@ -91,19 +93,19 @@ class FleetResults:
             if base:
                 frames.insert(0, self._read_table(f"{base}/{table}.parquet"))
             # rows of one result keep their order
-            whole = pl.concat([pl.DataFrame(schema=table_schema(table)), *frames])
+            whole = pl.concat([pl.DataFrame(schema=make_table_schema(table)), *frames])
             ordered = whole.sort(_ORDER, maintain_order=True, nulls_last=True)
             self.store.write(f"{folder}/{table}.parquet", parquet_bytes(ordered))
-        self.store.delete([f"{each}/{table}.parquet" for each in old for table in TABLES])
+        self.store.delete([f"{each}/{table}.parquet" for each in old_names for table in TABLES])
 
     def _read_table(self, name: str) -> pl.DataFrame:
         return pl.read_parquet(io.BytesIO(self.store.read(name)))
 
     def scan_all_rows(self, name: str) -> pl.LazyFrame:
         """Table of all results under any settings, ordered by machine and log."""
-        files = [f"{folder}/{name}.parquet" for folder in self._gathered_folder.values()]
+        files = [f"{folder}/{name}.parquet" for folder in self._gathered_folder_by_machine.values()]
         if not files:
-            return pl.LazyFrame(schema=table_schema(name))
+            return pl.LazyFrame(schema=make_table_schema(name))
         if self.store.folder is not None:
             rows = pl.scan_parquet([Path(self.store.folder, each) for each in files])
             return rename_stored_checks(name, rows)
@@ -155,11 +157,11 @@ class FleetResults:
         kept = json.loads(self._read_object_or_default(CALIBRATIONS, b"[]"))
         return [FleetCalibration.model_validate(each) for each in kept]
 
-    def _read_object_or_default(self, name: str, nothing: bytes) -> bytes:
+    def _read_object_or_default(self, name: str, default: bytes) -> bytes:
         try:
             return self.store.read(name)
         except FileNotFoundError:
-            return nothing
+            return default
 
     def set_last_run(self, run: LastRun) -> None:
         """Select the setups that count from now on; other machines keep theirs."""
@@ -169,32 +171,34 @@ class FleetResults:
             self.store.write(CURRENT, now.model_dump_json(indent=1).encode())
 
 
-def open_fleet_results(place: str) -> FleetResults:
+def open_fleet_results(destination: str) -> FleetResults:
     """Open the results at a destination.
 
     Raises:
         FleetError: there are no results.
     """
-    store = ObjectStore(place)
+    store = ObjectStore(destination)
     if store.folder is not None and not store.folder.is_dir():
-        raise FleetError(f"{place}: no such folder; `payscope fleet run` makes one")
+        raise FleetError(f"{destination}: no such folder; `payscope fleet run` makes one")
     found = FleetResults(store)
     if not found.names:
-        raise FleetError(f"{place}: has no results of a fleet; `payscope fleet run` makes them")
+        raise FleetError(
+            f"{destination}: has no results of a fleet; `payscope fleet run` makes them"
+        )
     try:
         found.update_gathered_tables()
     except OutputError as error:
-        raise FleetError(f"{place}: its results cannot be gathered ({error})") from None
+        raise FleetError(f"{destination}: its results cannot be gathered ({error})") from None
     return found
 
 
-def _results_digest(names: Sequence[ResultName]) -> str:
+def _digest_result_names(names: Sequence[ResultName]) -> str:
     keys = "\n".join(sorted(name.key for name in names))
     tables = ",".join(TABLES)
     return hashlib.sha256(f"{tables}\n{keys}".encode()).hexdigest()[:_DIGITS]
 
 
-def fleet_tables(results: FleetResults) -> Tables:
+def make_fleet_tables(results: FleetResults) -> Tables:
     """Tables of a fleet's results, by name."""
     return {name: partial(results.scan, name) for name in TABLES}
 
@@ -209,7 +213,7 @@ def query_fleet_tables(results: FleetResults, sql: str) -> pl.DataFrame:
     Raises:
         QueryError: unknown table or column, or not a SELECT.
     """
-    tables = fleet_tables(results)
+    tables = make_fleet_tables(results)
     try:
         return run_select_in_stable_order(sql, tables, always_ordered=True).collect()
     except pl.exceptions.PolarsError as error:

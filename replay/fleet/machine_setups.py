@@ -28,7 +28,7 @@ from replay.calibration.apply_evidence import (
     load_calibration,
 )
 from replay.fleet.last_run import NamedFiles, TaskLimits
-from replay.inputs.channel_inputs import machine_without_settings_as_dict, package_versions
+from replay.inputs.channel_inputs import collect_package_versions, machine_without_settings_as_dict
 from replay.machines.machine_file import load_machine
 from replay.machines.toml_file import read_toml, validate_toml_content
 
@@ -75,7 +75,7 @@ class MachineSetup:
             return True
         return day is not None and self.first <= day <= self.by.document.expires
 
-    def local_day_or_none(self, unix_ns: int | None) -> dt.date | None:
+    def convert_to_local_day(self, unix_ns: int | None) -> dt.date | None:
         """Day in the machine's time zone; None without a date."""
         if unix_ns is None or unix_ns < FIRST_DATE_NS:
             return None
@@ -113,7 +113,7 @@ def make_machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple
             # nobody sits beside a fleet to be asked
             raise EvidenceError(
                 f"{folder}: is {by.signed_by}; if the signer gave you this key in person, keep it "
-                f"with {by.signed_by.command_to_add_key}"
+                f"with {by.signed_by.make_add_key_command}"
             )
         try:
             weighing = by.require_calibrated_machine(by.weighing_machine(machine), files.file)
@@ -122,12 +122,12 @@ def make_machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple
                 raise
             continue
         calibrations.append((by, weighing))
-    calibrations.sort(key=lambda each: last_day_of_campaign(each[0]), reverse=True)
+    calibrations.sort(key=lambda each: last_campaign_day(each[0]), reverse=True)
     calibrated = [_make_setup(name, files, weighing, by) for by, weighing in calibrations]
     return (*calibrated, _make_setup(name, files, machine, None))
 
 
-def setup_of_day(setups: Sequence[MachineSetup], day: dt.date | None) -> MachineSetup:
+def choose_setup_for_day(setups: Sequence[MachineSetup], day: dt.date | None) -> MachineSetup:
     """Setup for logs of a day: with the latest calibration valid then, or without one."""
     return next(each for each in setups if each.applies_on_day(day))
 
@@ -142,14 +142,14 @@ def _make_setup(
         "machine": machine_without_settings_as_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "calibration": "" if calibration is None else calibration.document.id,
-        "versions": package_versions(),
+        "versions": collect_package_versions(),
     }
     basis = hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
-    first = dt.date.min if calibration is None else last_day_of_campaign(calibration)
+    first = dt.date.min if calibration is None else last_campaign_day(calibration)
     return MachineSetup(name, files, machine, calibration, first, basis)
 
 
-def last_day_of_campaign(calibration: MachineCalibration) -> dt.date:
+def last_campaign_day(calibration: MachineCalibration) -> dt.date:
     """Last day of the campaign, from which its line applies."""
     return max(run.day for run in calibration.document.campaign.runs)
 
@@ -191,7 +191,7 @@ class MachineRule(BaseModel):
     )
     overrides: tuple[str, ...] = Field((), description="`key=value`, of the machine file")
 
-    def machine_of_log_or_none(self, log: str) -> str | None:
+    def match_machine_of_log(self, log: str) -> str | None:
         """Machine of a log; None if the rule does not match."""
         found = compile_path_pattern(self.logs).search(log)
         if found is None:
@@ -241,30 +241,33 @@ class Fleet:
             PayscopeError: the machine file or evidence of the rule is wrong.
         """
         for rule in self.rules.machines:
-            name = rule.machine_of_log_or_none(log)
+            name = rule.match_machine_of_log(log)
             if name is not None:
-                return self._make_setups(rule, name)
+                return self._make_setups_of_machine(rule, name)
         patterns = ", ".join(rule.logs for rule in self.rules.machines)
         raise FleetError(
             f"{log}: no rule in {self.path} matches this log; the rules are {patterns}"
         )
 
-    def _make_setups(self, rule: MachineRule, name: str) -> tuple[MachineSetup, ...]:
-        file = rule.file.replace(NAME, name)
+    def _make_setups_of_machine(
+        self, rule: MachineRule, machine_name: str
+    ) -> tuple[MachineSetup, ...]:
+        file = rule.file.replace(NAME, machine_name)
         beside = (self.path.parent / file).absolute()
         file = str(beside) if beside.exists() else file
         folders: tuple[str, ...] = ()
         if rule.calibrations is not None:
             pattern = str(
-                self.path.parent.absolute() / rule.calibrations.replace(NAME, glob.escape(name))
+                self.path.parent.absolute()
+                / rule.calibrations.replace(NAME, glob.escape(machine_name))
             )
             folders = tuple(sorted(glob.glob(pattern)))  # noqa: PTH207 - an absolute pattern
         overrides = (*rule.overrides, *self.overrides)
-        return _read_setups_of_rule(name, NamedFiles(file, overrides, folders))
+        return _read_machine_setups(machine_name, NamedFiles(file, overrides, folders))
 
 
 @cache
-def _read_setups_of_rule(name: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
+def _read_machine_setups(name: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
     return make_machine_setups(name, files, lenient=False)
 
 

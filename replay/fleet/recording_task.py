@@ -25,9 +25,9 @@ import polars as pl
 from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.learnt_priors import describe_contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
-from analysis.cycles.shift_totals import recount_shift
+from analysis.cycles.shift_totals import recompute_shift_totals
 from analysis.fleet.daily_figures import UNDATED
-from analysis.fleet.fleet_tables import GATE_SHARES, QUALITY, result_row, tables_of_run
+from analysis.fleet.fleet_tables import GATE_SHARES, QUALITY, make_result_row, make_tables_of_run
 from analysis.model.run_record import Run
 from estimators.errors import DataError, FleetError, LogError, PayscopeError
 from estimators.file_digest import file_sha256
@@ -36,12 +36,12 @@ from recordings.review.review_state import collect_review_state
 from replay.fleet.engine_limits import LIMITS
 from replay.fleet.gathered_tables import FleetResults
 from replay.fleet.log_sources import FleetLog, list_fleet_logs
-from replay.fleet.machine_setups import MachineSetup, make_machine_setups, setup_of_day
+from replay.fleet.machine_setups import MachineSetup, choose_setup_for_day, make_machine_setups
 from replay.fleet.object_store import ObjectStore, open_store_once
 from replay.fleet.results_layout import MARK, ResultName, digest_result_key, write_result
-from replay.inputs.channel_inputs import package_versions
+from replay.inputs.channel_inputs import collect_package_versions
 from replay.logs import Log, open_log
-from replay.machines.machine_file import time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine
 from replay.pipeline import run
 
 Status = Literal["made", "there", "refused", "failed"]
@@ -140,7 +140,7 @@ class TaskOutcome:
 def run_replay_task(task: ReplayTask) -> TaskOutcome:
     """Replay a recording within its limits and write its result, unless it already exists."""
     began, processor = time.perf_counter(), time.process_time()
-    here = package_versions()
+    here = collect_package_versions()
     other = [f"{n} {here[n]} for {v}" for n, v in task.versions.items() if here[n] != v]
     if other:
         return TaskOutcome("failed", f"its node has {', '.join(other)}")
@@ -170,10 +170,10 @@ def _make_outcome(task: ReplayTask, path: Path) -> TaskOutcome:
     setup, day = task.setups[-1], None
     store = open_store_once(task.destination)
     try:
-        with open_log(path, time=time_axis_of_machine(setup.machine)) as log:
+        with open_log(path, time=find_time_axis_of_machine(setup.machine)) as log:
             first = log.topics()["start_ns"].min()
-            day = setup.local_day_or_none(first if isinstance(first, int) else None)
-            setup = setup_of_day(task.setups, day)
+            day = setup.convert_to_local_day(first if isinstance(first, int) else None)
+            setup = choose_setup_for_day(task.setups, day)
             result = _ResultInTransit(task, setup, log.digests, day)
             if result.is_complete_in_store(store):
                 return TaskOutcome("there")
@@ -250,7 +250,7 @@ def replay_log_with_setup(log: Log, setup: MachineSetup, source: str) -> Run:
     if not against:
         shared_errors = SharedErrors.from_frames(frames)
         frames["cycles"] = calibrate_cycles(frames["cycles"], setup.by.calibration, shared_errors)
-        frames["shift"] = recount_shift(frames["shift"], frames["cycles"])
+        frames["shift"] = recompute_shift_totals(frames["shift"], frames["cycles"])
     return setup.by.calibrate_run(Run(frames, made.provenance))
 
 
@@ -270,11 +270,11 @@ def tables_of_replay(
     gaps = sorted(state.gaps_s, key=lambda gap: gap[0] - gap[1])
     against = "" if setup.by is None else describe_contradicted_priors(run.frames["nuisances"])
     said = {
-        **result_row(run),
+        **make_result_row(run),
         "longest_gap_at_s": gaps[0][0] if gaps else None,
         "not_calibrated_for": against,
     }
-    return tables_of_run(run, {"gate_shares": shares, "quality": quality}), said
+    return make_tables_of_run(run, {"gate_shares": shares, "quality": quality}), said
 
 
 @contextmanager
@@ -376,8 +376,10 @@ def _find_recording(results: FleetResults, source: str, machine: str, recording:
     setups = make_machine_setups(machine, known.files, lenient=True)
     with (
         fetch_log(log) as path,
-        open_log(path, time=time_axis_of_machine(setups[-1].machine)) as opened,
+        open_log(path, time=find_time_axis_of_machine(setups[-1].machine)) as opened,
     ):
         first = opened.topics()["start_ns"].min()
-        day = setups[-1].local_day_or_none(first if isinstance(first, int) else None)
-        write_recording(replay_log_with_setup(opened, setup_of_day(setups, day), source), recording)
+        day = setups[-1].convert_to_local_day(first if isinstance(first, int) else None)
+        write_recording(
+            replay_log_with_setup(opened, choose_setup_for_day(setups, day), source), recording
+        )

@@ -13,12 +13,12 @@ from estimators.errors import PayscopeError
 from replay.fleet.gathered_tables import FleetResults
 from replay.fleet.last_run import CALIBRATIONS, FAILED, CurrentMachine, LastRun, TaskLimits
 from replay.fleet.log_sources import FleetLog
-from replay.fleet.machine_setups import MachineSetup, setup_of_day
+from replay.fleet.machine_setups import MachineSetup, choose_setup_for_day
 from replay.fleet.object_store import S3, ObjectStore
 from replay.fleet.recording_task import ReplayTask, TaskOutcome, run_replay_task
 from replay.fleet.results_layout import MARK, RECORDINGS, parse_result_name
 from replay.fleet.task_engine import LostTask, TaskEngine, TaskWork
-from replay.inputs.channel_inputs import package_versions
+from replay.inputs.channel_inputs import collect_package_versions
 
 
 class FleetPlan(Protocol):
@@ -128,7 +128,7 @@ def replay_fleet(
     }
     results.set_last_run(LastRun(fleet=plan.name, limits=plan.task_limits, machines=machines))
     _store_calibrations_in_use(results, setups)
-    left, there = _split_finished(tasks, results)
+    left, there = _split_finished_tasks(tasks, results)
     for task, outcome in there:
         did.count_outcome(task.log.source, outcome)
         on_done(task.log, outcome)
@@ -149,7 +149,7 @@ def replay_fleet(
                     did.count_outcome(task.log.source, outcome)
                     on_done(task.log, outcome)
     finally:
-        update_list_of_failed_logs(results, did, {log.source for log in logs})
+        update_failed_logs(results, did, {log.source for log in logs})
     FleetResults(results.store).update_gathered_tables()
     return did
 
@@ -160,7 +160,7 @@ def _plan_tasks(
     """Tasks, one per log, and the setups of all machines."""
     tasks: list[ReplayTask] = []
     by_machine: dict[str, tuple[MachineSetup, ...]] = {}
-    versions = package_versions()
+    versions = collect_package_versions()
     for log in logs:
         try:
             setups = plan.setups_of_log(log.source)
@@ -174,7 +174,7 @@ def _plan_tasks(
     return tasks, by_machine
 
 
-def _split_finished(
+def _split_finished_tasks(
     tasks: Sequence[ReplayTask], results: FleetResults
 ) -> tuple[list[ReplayTask], list[tuple[ReplayTask, TaskOutcome]]]:
     """Tasks to do, and those whose log has not changed since its result was made.
@@ -195,7 +195,7 @@ def _split_finished(
     for task in tasks:
         for basis, day, key, status, reason in by_log.get((task.log.source, task.log.stamp), ()):
             # a calibration may have come since
-            asked = setup_of_day(
+            asked = choose_setup_for_day(
                 task.setups, None if day == UNDATED else dt.date.fromisoformat(day)
             )
             refused = status == "refused"
@@ -222,7 +222,7 @@ def _store_calibrations_in_use(
         results.store.write(CALIBRATIONS, json.dumps(plain, indent=1).encode())
 
 
-def update_list_of_failed_logs(results: FleetResults, run: FleetRun, sources: set[str]) -> None:
+def update_failed_logs(results: FleetResults, run: FleetRun, sources: set[str]) -> None:
     """Add the failed tasks of a run to the list for the report, and remove the completed ones.
 
     Args:

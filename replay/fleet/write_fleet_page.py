@@ -16,13 +16,13 @@ from analysis.fleet.daily_figures import (
     UNDATED,
     make_daily_figures,
     sum_machines,
-    sum_results,
-    weekly_tonnes,
+    sum_results_by_group,
+    sum_weekly_tonnes,
 )
 from analysis.fleet.machine_drifts import MachineChart, make_machine_charts
 from recordings.fleet.fleet_page import FleetPage, render_fleet_html
 from recordings.report.atomic_output import atomic_file
-from recordings.review.week_page import trend_sentences
+from recordings.review.week_page import describe_friction_trends
 from replay.fleet.engine_limits import LIMITS
 from replay.fleet.gathered_tables import FleetResults
 
@@ -47,12 +47,14 @@ class FleetReport:
     def to_dict(self) -> dict[str, Any]:
         """Sums, drifts and recordings that need attention, as plain JSON values."""
         page = self.page
-        machines = sum_results(page.results, ["machine"])
+        machines = sum_results_by_group(page.results, ["machine"])
         return {
             "page": str(self.path),
             "sum": dict(sum_machines(machines)),
             "machines": machines.to_dicts(),
-            "drifts": [_drift_as_dict(c) for c in page.charts if c.chart.flagged is not None],
+            "drifts": [
+                _convert_drift_to_dict(c) for c in page.charts if c.chart.flagged is not None
+            ],
             "friction": {name: trend._asdict() for name, trend in self.friction.items()},
             "to_look_at": page.looks.to_dicts(),
             "without_a_result": dict(page.failed),
@@ -85,8 +87,8 @@ def write_fleet_report(
         shown = make_fleet_page(results, destination, name)
         trends: dict[str, FrictionTrend] = {}
         if friction_limit_N_s_m is not None:
-            trends = fleet_friction_trends(shown.results, friction_limit_N_s_m)
-            shown = replace(shown, friction=trend_sentences(trends))
+            trends = estimate_fleet_friction_trends(shown.results, friction_limit_N_s_m)
+            shown = replace(shown, friction=describe_friction_trends(trends))
         written.write_text(render_fleet_html(shown), encoding="utf-8")
     return FleetReport(shown, page, trends)
 
@@ -101,19 +103,17 @@ def make_fleet_page(results: FleetResults, destination: str, name: str) -> Fleet
         name=name,
         results=rows,
         days=days,
-        weeks=weekly_tonnes(rows),
+        weeks=sum_weekly_tonnes(rows),
         charts=make_machine_charts(days),
         calibrations=calibrations,
         changes=find_line_changes(calibrations),
-        looks=add_opening_commands(
-            rank_concerns(rows, cycles, results.scan("findings")), destination
-        ),
+        looks=add_open_commands(rank_concerns(rows, cycles, results.scan("findings")), destination),
         failed=results.failed,
         today=last if isinstance(last, dt.date) else None,
     )
 
 
-def add_opening_commands(recordings: pl.DataFrame, destination: str) -> pl.DataFrame:
+def add_open_commands(recordings: pl.DataFrame, destination: str) -> pl.DataFrame:
     """With the command that opens each recording at its place."""
     where = shlex.quote(destination)
     commands = [
@@ -123,7 +123,7 @@ def add_opening_commands(recordings: pl.DataFrame, destination: str) -> pl.DataF
     return recordings.with_columns(pl.Series("command", commands, dtype=pl.String))
 
 
-def _drift_as_dict(chart: MachineChart) -> dict[str, Any]:
+def _convert_drift_to_dict(chart: MachineChart) -> dict[str, Any]:
     """Flagged change of a chart as JSON-compatible values."""
     found = chart.chart
     assert found.flagged is not None
@@ -139,7 +139,9 @@ def _drift_as_dict(chart: MachineChart) -> dict[str, Any]:
     }
 
 
-def fleet_friction_trends(results: pl.DataFrame, limit_N_s_m: float) -> dict[str, FrictionTrend]:
+def estimate_fleet_friction_trends(
+    results: pl.DataFrame, limit_N_s_m: float
+) -> dict[str, FrictionTrend]:
     """When the friction of each machine reaches a limit, by its recordings' joint fits.
 
     Args:

@@ -18,7 +18,7 @@ from analysis.model.axes import (
     Axis,
     X,
     Z,
-    available_axes,
+    list_available_axes,
     read_parameters_and_stds,
     select_rows_of_axis,
 )
@@ -30,7 +30,7 @@ from analysis.stages.noise.column_noise import collect_axis_noise
 from estimators.errors import DataError
 from recordings import read_recording, write_recording
 from recordings.report.atomic_output import refuse_input_as_output
-from replay.follow.background_replay import find_log_name, run_log_so_far
+from replay.follow.background_replay import find_current_log_name, run_log_so_far
 from replay.follow.follow_limits import LIMITS
 
 GATE: Final = "gate"
@@ -129,9 +129,9 @@ class FollowedDigests:
             ):
                 if gate is not None:
                     code = np.array([_REASONS[gate.reason]], np.float64)
-                    self._digests_by_name(_followed_column_name(GATE, axis)).add(row.t_ns, code)
+                    self._digests_by_name(_name_of_followed_column(GATE, axis)).add(row.t_ns, code)
                 for method, (t_ns, estimate) in estimates.items():
-                    self._digests_by_name(_followed_column_name(method, axis)).add(
+                    self._digests_by_name(_name_of_followed_column(method, axis)).add(
                         t_ns, estimate.theta
                     )
 
@@ -148,11 +148,11 @@ class FollowedDigests:
 
 def _digest_replayed_frames(frames: Mapping[str, pl.DataFrame]) -> dict[str, _MinuteDigests]:
     found: dict[str, _MinuteDigests] = {}
-    for axis in available_axes(frames["excitation"]):
+    for axis in list_available_axes(frames["excitation"]):
         gate = frames["gate"]
         codes = gate[f"reason_{axis.letter}"].cast(pl.String)
         codes = codes.replace_strict(_REASONS, return_dtype=pl.Float64)
-        found[_followed_column_name(GATE, axis)] = _digest_rows_by_minute(
+        found[_name_of_followed_column(GATE, axis)] = _digest_rows_by_minute(
             gate["t_ns"], codes.to_numpy()[:, None]
         )
         for name, frame in frames.items():
@@ -160,13 +160,13 @@ def _digest_replayed_frames(frames: Mapping[str, pl.DataFrame]) -> dict[str, _Mi
             if method != name and axis.parameters[0][0] in frame.columns:
                 rows = select_rows_of_axis(axis, frame).drop_nulls("t_ns")
                 theta, _ = read_parameters_and_stds(axis, rows)
-                found[_followed_column_name(method, axis)] = _digest_rows_by_minute(
+                found[_name_of_followed_column(method, axis)] = _digest_rows_by_minute(
                     rows["t_ns"], theta
                 )
     return found
 
 
-def _followed_column_name(name: str, axis: Axis) -> str:
+def _name_of_followed_column(name: str, axis: Axis) -> str:
     return name if axis is X else f"{name}{_OF_SPINS}"
 
 
@@ -197,7 +197,7 @@ def record_and_compare_followed_log(
     Raises:
         PayscopeError: the log is invalid or gone, or there is too little data.
     """
-    closed = [find_log_name(path) for path in paths]
+    closed = [find_current_log_name(path) for path in paths]
     settings = machine.settings.with_changes({"filter.causal": True})
     causal = machine.model_copy(update={"settings": settings})
     refuse_input_as_output(output, (path for path in closed if path.exists()))

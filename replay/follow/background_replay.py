@@ -27,7 +27,7 @@ from analysis.online.replay_report import ReplayReport, ReplayValidity, report_r
 from estimators.errors import DataError, PayscopeError, one_line
 from replay.follow.follow_limits import LIMITS
 from replay.logs import ACTIVE, open_log
-from replay.machines.machine_file import time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine
 
 #: Threads of libraries: the share is one of one core.
 _ONE_THREAD: Final = dict.fromkeys(
@@ -85,7 +85,7 @@ class BackgroundReplays:
     def __enter__(self) -> Self:
         """Begin with what is recorded already, which is sooner replayed than followed."""
         if (
-            sum(size for size, _ in find_signature(self._logs).values())
+            sum(size for size, _ in read_log_signature(self._logs).values())
             >= LIMITS.worth_replaying_bytes
         ):
             self.request()
@@ -115,7 +115,7 @@ class BackgroundReplays:
         is_due = self._is_wanted and self._share > 0.0 and time.monotonic() >= self._next_s
         if is_due and not self._is_underway and self._ended < LIMITS.max_ended_processes:
             self._is_wanted = False
-            if self._signature != find_signature(self._logs) or not self._signature:
+            if self._signature != read_log_signature(self._logs) or not self._signature:
                 self._begin_replay(is_last=False)
         return report
 
@@ -138,7 +138,7 @@ class BackgroundReplays:
         """
         if self._share <= 0.0 or is_left_out():
             return None
-        now = find_signature(self._logs)
+        now = read_log_signature(self._logs)
         if self._signature != now or not now:
             self._newest = None
             if self._is_underway:
@@ -177,7 +177,7 @@ class BackgroundReplays:
             return
         self._process, self._output, self._is_underway = process, bytearray(), True
         # a table that grows is copied up to its last line, so that no number of it is torn
-        names = [find_log_name(path) for path in self._logs]
+        names = [find_current_log_name(path) for path in self._logs]
         is_copied = is_growing and any(is_text_table(path) for path in names)
         asked = {
             "logs": [str(path) for path in names],
@@ -185,7 +185,7 @@ class BackgroundReplays:
             "machine": self._machine.model_dump(mode="json", exclude_unset=True),
             "is_copied": is_copied,
         }
-        self._signature = {} if is_copied else find_signature(self._logs)
+        self._signature = {} if is_copied else read_log_signature(self._logs)
         assert process.stdin is not None
         with contextlib.suppress(BrokenPipeError):  # that it has ended is seen where it is read
             process.stdin.write(json.dumps(asked).encode() + b"\n")
@@ -200,37 +200,37 @@ class BackgroundReplays:
                 self._output += part
                 if part.endswith(b"\n"):
                     return self._finish_replay(ReplayReport.from_dict(json.loads(self._output)))
-            self._note_end(process)
+            self._report_ended_process(process)
         return None
 
     def _finish_replay(self, report: ReplayReport) -> ReplayReport:
         self._ended = 0
-        self._close_account(report.processor_s)
+        self._record_processor_time(report.processor_s)
         self._newest = report
         return report
 
-    def _note_end(self, process: "subprocess.Popen[bytes]") -> None:
+    def _report_ended_process(self, process: "subprocess.Popen[bytes]") -> None:
         """Note a process that has ended without a result."""
         status = process.wait()
         self.end_process()
         how = f"by signal {-status}" if status < 0 else f"with status {status}"
         self._tell_of_end(f"has ended {how}")
 
-    def _tell_of_end(self, how: str) -> None:
+    def _tell_of_end(self, exit_text: str) -> None:
         self._ended += 1
         self._is_wanted, self._signature = True, {}
-        self._close_account(time.monotonic() - self._began_s)
+        self._record_processor_time(time.monotonic() - self._began_s)
         if self._is_last:
-            self._tell(f"the process of the last replay {how}")
+            self._tell(f"the process of the last replay {exit_text}")
             return
         more = (
             "the next replay starts another"
             if self._ended < LIMITS.max_ended_processes
             else "no more start"
         )
-        self._tell(f"the process of the replay {how}; following goes on, {more}")
+        self._tell(f"the process of the replay {exit_text}; following goes on, {more}")
 
-    def _close_account(self, processor_s: float) -> None:
+    def _record_processor_time(self, processor_s: float) -> None:
         self.processor_s += processor_s
         self._is_underway = False
         if self._share > 0.0:
@@ -252,7 +252,7 @@ def start_process() -> "subprocess.Popen[bytes]":
     return process
 
 
-def find_log_name(path: Path) -> Path:
+def find_current_log_name(path: Path) -> Path:
     """Name of a log by now: a bag loses its suffix `.active` when its recorder closes it."""
     inner = path.with_suffix("")
     return inner if path.suffix == ACTIVE and not path.exists() and inner.exists() else path
@@ -263,10 +263,10 @@ def is_text_table(path: Path) -> bool:
     return path.is_file() and path.suffix.lower() not in (ACTIVE, ".bag", ".mcap", ".db3")
 
 
-def find_signature(logs: Sequence[Path]) -> _Signature:
+def read_log_signature(logs: Sequence[Path]) -> _Signature:
     """Size and time of change of each file of a log, by its final name."""
     found: _Signature = {}
-    for log in map(find_log_name, logs):
+    for log in map(find_current_log_name, logs):
         files = [log, log.with_name(f"{log.name}{_NEWEST_ROWS}")]
         with contextlib.suppress(FileNotFoundError):
             files = sorted(log.iterdir()) if log.is_dir() else files
@@ -295,16 +295,17 @@ def run_log_so_far(logs: Sequence[Path], machine: Machine, *, is_copied: bool) -
         if is_copied:
             folder = Path(opened.enter_context(TemporaryDirectory(prefix="payscope-")))
             logs = [
-                copy_complete_lines(path, folder) if is_text_table(path) else path for path in logs
+                copy_complete_table_lines(path, folder) if is_text_table(path) else path
+                for path in logs
             ]
         run_logs = [
-            opened.enter_context(open_log(path, time=time_axis_of_machine(machine)))
+            opened.enter_context(open_log(path, time=find_time_axis_of_machine(machine)))
             for path in logs
         ]
         return run(run_logs, machine)
 
 
-def copy_complete_lines(path: Path, folder: Path) -> Path:
+def copy_complete_table_lines(path: Path, folder: Path) -> Path:
     """Copy a text table up to its last complete line."""
     data = path.read_bytes()
     copy = folder / path.name
@@ -312,7 +313,7 @@ def copy_complete_lines(path: Path, folder: Path) -> Path:
     return copy
 
 
-def answer_requests() -> None:
+def serve_replay_requests() -> None:
     """Replay as asked by lines of JSON on stdin, until its end, and print each report as a line."""
     with contextlib.suppress(AttributeError, OSError):  # not every system has it
         os.nice(LIMITS.replay_niceness)
@@ -326,7 +327,7 @@ def answer_requests() -> None:
     threading.Thread(target=read_requests, daemon=True).start()
     used_s = 0.0
     while True:
-        report = answer_request(requests.get())
+        report = serve_replay_request(requests.get())
         # with the start of the process, and what was read before a fault
         now_s = time.process_time()
         report, used_s = replace(report, processor_s=now_s - used_s), now_s
@@ -334,27 +335,27 @@ def answer_requests() -> None:
         sys.stdout.flush()
 
 
-def answer_request(asked: Mapping[str, Any]) -> ReplayReport:
+def serve_replay_request(request: Mapping[str, Any]) -> ReplayReport:
     """Replay as asked; the report of a replay that fails says why."""
     try:
         result = run_log_so_far(
-            [Path(path) for path in asked["logs"]],
-            Machine.model_validate_json(json.dumps(asked["machine"])),
-            is_copied=asked["is_copied"],
+            [Path(path) for path in request["logs"]],
+            Machine.model_validate_json(json.dumps(request["machine"])),
+            is_copied=request["is_copied"],
         )
         return report_replay(result)
     except DataError as error:
-        return report_fault(str(error), "none_yet")
+        return make_fault_report(str(error), "none_yet")
     except (PayscopeError, OSError) as error:
-        return report_fault(str(error), "failed")
+        return make_fault_report(str(error), "failed")
     except Exception as error:  # noqa: BLE001  whoever follows sees no traceback of this process
-        return report_fault(f"{type(error).__name__}: {error}", "failed")
+        return make_fault_report(f"{type(error).__name__}: {error}", "failed")
 
 
-def report_fault(fault: str, validity: ReplayValidity) -> ReplayReport:
+def make_fault_report(fault: str, validity: ReplayValidity) -> ReplayReport:
     """Report of a replay without a result."""
     return ReplayReport("replay", 0, 0.0, 0.0, False, validity, fault=one_line(fault))
 
 
 if __name__ == "__main__":
-    answer_requests()
+    serve_replay_requests()

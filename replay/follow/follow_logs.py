@@ -13,21 +13,21 @@ import polars as pl
 from analysis.model.loss import Loss
 from analysis.model.machine import Machine
 from analysis.online.follower import FollowedRow, Follower
-from analysis.online.growing_log import causal_machine
+from analysis.online.growing_log import make_causal_machine
 from analysis.online.online_limits import LIMITS as ONLINE_LIMITS
 from analysis.online.rehearsal import rehearse
 from estimators.errors import DataError, LogError
-from estimators.interpreted import compile_at_once
-from estimators.threads import one_blas_thread
-from replay.follow.background_replay import find_log_name, is_text_table
+from estimators.interpreted import force_compilation
+from estimators.threads import limit_blas_to_one_thread
+from replay.follow.background_replay import find_current_log_name, is_text_table
 from replay.follow.follow_limits import LIMITS
 from replay.follow.interrupts import Interrupts
-from replay.inputs.channel_inputs import channel_fields
+from replay.inputs.channel_inputs import list_channel_fields
 from replay.logs import GrowingLogFile, follow_log
 from replay.machines.machine_file import (
-    find_file_signature,
-    machine_file_or_shipped,
-    time_axis_of_machine,
+    find_machine_file,
+    find_time_axis_of_machine,
+    read_file_signature,
 )
 
 _INTERRUPTED: Final = "interrupted"
@@ -73,7 +73,7 @@ class Following:
         return f"; {has}. Set the topic of the channel in the machine file"
 
 
-@one_blas_thread()  # or the last bits depend on the number of cores
+@limit_blas_to_one_thread()  # or the last bits depend on the number of cores
 def follow_logs(
     paths: Sequence[Path],
     machine: Machine,
@@ -104,15 +104,15 @@ def follow_logs(
         LogError: the log cannot be followed, or a topic cannot be decoded.
         DataError: it ended before there was enough data.
     """
-    fields = channel_fields(causal_machine(machine))
+    fields = list_channel_fields(make_causal_machine(machine))
     follower = Follower(machine, noise, valid_s=valid_s, until_u_kg=until_u_kg)
     following = Following(paths, follower)
     with ExitStack() as opened:
         noted = interrupts or opened.enter_context(Interrupts())
         log = opened.enter_context(
-            closing(follow_log(paths, fields, time_axis_of_machine(machine)))
+            closing(follow_log(paths, fields, find_time_axis_of_machine(machine)))
         )
-        opened.enter_context(compile_at_once())
+        opened.enter_context(force_compilation())
         rehearse(follower.log.machine.settings, noise)
         # what libraries hold is for ever: looking through it takes 0.1 s, and rows would wait;
         # a caller who has frozen it keeps it frozen
@@ -130,14 +130,14 @@ def follow_logs(
         if following.lost and not following.is_interrupted:
             following.ended = following.lost
         try:
-            if not (following.is_interrupted and is_in_haste(following, noted)):
+            if not (following.is_interrupted and is_quick_end_requested(following, noted)):
                 poll_log(log, following, on_rows, noted, is_last=True)
         except DataError as error:
             raise LogError(f"{paths[0]}: {following.ended}: {error}{following.remedy}") from error
     return following
 
 
-def is_in_haste(following: Following, interrupts: Interrupts) -> bool:
+def is_quick_end_requested(following: Following, interrupts: Interrupts) -> bool:
     """Whether ctrl-C asks for the end of what is left to do when following has ended, or must."""
     return interrupts.count > (following.is_interrupted or not following.ended)
 
@@ -155,7 +155,7 @@ def follow_until_end(
         began = time.monotonic()
         if interrupts.count:
             return _INTERRUPTED
-        sizes = find_sizes(following.paths)
+        sizes = read_file_sizes(following.paths)
         if poll_log(log, following, on_rows, interrupts):
             grew = time.monotonic()
             following.sizes = sizes
@@ -166,7 +166,7 @@ def follow_until_end(
         time.sleep(max(0.0, began + LIMITS.look_s - time.monotonic()))
 
 
-def find_sizes(paths: Sequence[Path]) -> dict[Path, int]:
+def read_file_sizes(paths: Sequence[Path]) -> dict[Path, int]:
     """Size of each file, without those that are gone."""
     sizes: dict[Path, int] = {}
     for path in paths:
@@ -175,19 +175,19 @@ def find_sizes(paths: Sequence[Path]) -> dict[Path, int]:
     return sizes
 
 
-def describe_lost_log(paths: Sequence[Path], before: Mapping[Path, int]) -> str:
+def describe_lost_log(paths: Sequence[Path], sizes_before: Mapping[Path, int]) -> str:
     """Name a file of the log that is gone, or a table that shrank; empty without one.
 
     Args:
         paths: paths of the log.
-        before: size of each file when it grew last.
+        sizes_before: size of each file when it grew last.
     """
-    sizes = find_sizes(paths)
+    sizes = read_file_sizes(paths)
     for path in paths:
-        if not find_log_name(path).exists():
+        if not find_current_log_name(path).exists():
             return f"{path} is no longer there"
-        if is_text_table(path) and sizes.get(path, 0) < before.get(path, 0):
-            return f"{path} has shrunk from {before[path]:,} to {sizes.get(path, 0):,} bytes"
+        if is_text_table(path) and sizes.get(path, 0) < sizes_before.get(path, 0):
+            return f"{path} has shrunk from {sizes_before[path]:,} to {sizes.get(path, 0):,} bytes"
     return ""
 
 
@@ -218,7 +218,7 @@ def poll_log(
     if frames or is_last:
         for row in following.follower.iter_rows(is_whole=is_last):
             rows.append(row)
-            if is_in_haste(following, interrupts):
+            if is_quick_end_requested(following, interrupts):
                 break
         following.look_s = time.monotonic() - began
     on_rows(following, rows)
@@ -230,13 +230,13 @@ class MachineFileChange:
 
     def __init__(self, path: Path) -> None:
         """Read it; one that is missing or no file is for those to refuse who load it."""
-        self._path = machine_file_or_shipped(path)
-        self._signature = find_file_signature(self._path)
+        self._path = find_machine_file(path)
+        self._signature = read_file_signature(self._path)
         self._text = self._read()
 
-    def is_new(self) -> bool:
+    def has_changed(self) -> bool:
         """Whether it has another text since the last question. One that is gone has none."""
-        signature = find_file_signature(self._path)
+        signature = read_file_signature(self._path)
         if signature in (None, self._signature):
             return False
         self._signature, before = signature, self._text

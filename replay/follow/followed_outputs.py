@@ -11,7 +11,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.online.follower import FollowedRow
-from analysis.online.growing_log import causal_machine
+from analysis.online.growing_log import make_causal_machine
 from analysis.online.online_report import OnlineReport
 from analysis.online.replay_report import ReplayReport
 from estimators.errors import OutputError
@@ -27,9 +27,9 @@ from recordings.report.atomic_output import AppendedFile, refuse_input_as_output
 from replay.follow.follow_logs import Following
 from replay.follow.report_file import (
     ReportFile,
-    replay_markdown,
-    reports_markdown,
-    utc_time_text,
+    format_replay_markdown,
+    format_reports_markdown,
+    format_utc_time,
 )
 from replay.inputs.channel_inputs import machine_without_settings_as_dict
 from replay.logs import ACTIVE
@@ -84,16 +84,14 @@ class FollowedOutputs:
             OutputError: an output exists and is of something else.
         """
         self._output, self._server, self._tell = output, server, tell
-        self._identity = identify_inputs(paths, machine, noise)
+        self._identity = compute_input_identity(paths, machine, noise)
         self._name = f"{machine.machine.name}: {', '.join(path.name for path in paths)}"
         self._recording: GrowingRecording | None = None
         self._file: AppendedFile | None = None
         self._begins = output is not None or server is not None
         self._from = None
         if output is not None:
-            self._from = find_resume_point_or_none(
-                output, paths, self._identity, machine, force=force
-            )
+            self._from = find_resume_point(output, paths, self._identity, machine, force=force)
         self._replay: ReplayReport | None = None
         self._topic: ReportFile | None = None
         if reports is not None:
@@ -103,8 +101,8 @@ class FollowedOutputs:
         self._until_ns = max(self._recorded_ns, self._topic.until_unix_ns if self._topic else 0)
         if self._until_ns:
             tell(
-                f"continues after {utc_time_text(self._until_ns)} UTC without repeating what is on "
-                "disc"
+                f"continues after {format_utc_time(self._until_ns)} UTC without repeating what is "
+                "on disc"
             )
 
     def write_rows_and_new_reports(
@@ -116,9 +114,10 @@ class FollowedOutputs:
         for row in rows:
             waiting.append(row)
             if row.reports:
-                text = reports_markdown(row.reports[-1])
+                text = format_reports_markdown(row.reports[-1])
                 if self._replay is not None:
-                    text += f"\n{replay_markdown(self._replay.at_time(row.reports[-1].unix_ns))}\n"
+                    replay = self._replay.at_time(row.reports[-1].unix_ns)
+                    text += f"\n{format_replay_markdown(replay)}\n"
                 self._record_rows(following, waiting, text)
                 self._write_to_topic(partial(ReportFile.write, reports=row.reports))
                 told += [each for each in row.reports if each.unix_ns > self._until_ns]
@@ -143,16 +142,16 @@ class FollowedOutputs:
             try:
                 self._topic.close()
             except OSError as error:
-                self._tell(f"{self._topic.path}: {_give_up_text(error)}")
+                self._tell(f"{self._topic.path}: {_describe_write_error(error)}")
 
-    def _write_to_topic(self, write: Callable[[ReportFile], None]) -> None:
+    def _write_to_topic(self, write_report: Callable[[ReportFile], None]) -> None:
         if self._topic is None:
             return
         try:
-            write(self._topic)
+            write_report(self._topic)
         except OSError as error:
-            self._tell(f"{self._topic.path}: {_give_up_text(error)}")
-            self._topic.give_up()
+            self._tell(f"{self._topic.path}: {_describe_write_error(error)}")
+            self._topic.close_without_index()
             self._topic = None
 
     def _record_rows(
@@ -163,16 +162,16 @@ class FollowedOutputs:
             return
         try:
             recording = self._recording or self._begin_recording(following)
-            t0_ns = self._unix_time_of_first_row_ns(following)
+            t0_ns = self._first_row_unix_ns(following)
             recorded_ns = self._recorded_ns if self._from is None or self._from.end else 0
             recording.add([row for row in rows if row.t_ns + t0_ns > recorded_ns])
             if text is not None:
                 recording.flush(text)
             self._replace_shorter_recording(rows[-1].t_ns + t0_ns)
         except OSError as error:
-            self._tell(f"{self._output}: {_give_up_text(error)}")
+            self._tell(f"{self._output}: {_describe_write_error(error)}")
             if self._recording is not None:
-                self._recording.give_up_file()
+                self._recording.stop_writing_file()
             self._begins = self._server is not None and self._recording is not None
 
     def _begin_recording(self, following: Following) -> GrowingRecording:
@@ -183,8 +182,8 @@ class FollowedOutputs:
         if end is not None:
             if end.about.t0_unix_ns != basis.t0_unix_ns:
                 raise OutputError(
-                    f"{self._output}: begins at {utc_time_text(end.about.t0_unix_ns)}, the log at "
-                    f"{utc_time_text(basis.t0_unix_ns)}; give another output, or give --force"
+                    f"{self._output}: begins at {format_utc_time(end.about.t0_unix_ns)}, the log "
+                    f"at {format_utc_time(basis.t0_unix_ns)}; give another output, or give --force"
                 )
             about = end.about
         if self._output is not None:
@@ -204,24 +203,26 @@ class FollowedOutputs:
         if unix_ns > self._recorded_ns:
             self._file.rename(self._output)
 
-    def _unix_time_of_first_row_ns(self, following: Following) -> int:
+    def _first_row_unix_ns(self, following: Following) -> int:
         basis = following.follower.log.basis
         assert basis is not None, "there are rows"
         return basis.t0_unix_ns
 
 
-def _give_up_text(error: OSError) -> str:
+def _describe_write_error(error: OSError) -> str:
     return f"not continued ({error.strerror}); it is complete up to here, and following continues"
 
 
-def identify_inputs(paths: Sequence[Path], machine: Machine, noise: pl.DataFrame | None) -> str:
+def compute_input_identity(
+    paths: Sequence[Path], machine: Machine, noise: pl.DataFrame | None
+) -> str:
     """Identity of the inputs: names of logs, and a digest of machine file and noise."""
-    digest = hashlib.sha256(causal_machine(machine).model_dump_json().encode())
+    digest = hashlib.sha256(make_causal_machine(machine).model_dump_json().encode())
     digest.update(b"" if noise is None else noise.write_json().encode())
-    return f"{', '.join(map(_closed_log_name, paths))}; {digest.hexdigest()}"
+    return f"{', '.join(map(_name_of_closed_log, paths))}; {digest.hexdigest()}"
 
 
-def find_resume_point_or_none(
+def find_resume_point(
     output: Path, paths: Sequence[Path], identity: str, machine: Machine, *, force: bool
 ) -> ResumePoint | None:
     """Find the point from which a recording continues; None if it is new.
@@ -257,7 +258,7 @@ def has_log_grown(output: Path, paths: Sequence[Path], machine: Machine) -> bool
     inner = [
         each for path in paths for each in (sorted(path.iterdir()) if path.is_dir() else [path])
     ]
-    sizes = {_closed_log_name(path): path.stat().st_size for path in inner if path.exists()}
+    sizes = {_name_of_closed_log(path): path.stat().st_size for path in inner if path.exists()}
     then = {each.name.removesuffix(ACTIVE): each.size_bytes for each in about.inputs}
     return (
         about.settings.filter.causal
@@ -267,5 +268,5 @@ def has_log_grown(output: Path, paths: Sequence[Path], machine: Machine) -> bool
     )
 
 
-def _closed_log_name(path: Path) -> str:
+def _name_of_closed_log(path: Path) -> str:
     return path.name.removesuffix(ACTIVE)

@@ -23,7 +23,7 @@ class Interrupts:
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            self._before = signal.signal(signal.SIGINT, self._note)
+            self._before = signal.signal(signal.SIGINT, self._count_interrupt)
         return self
 
     def __exit__(
@@ -35,7 +35,7 @@ class Interrupts:
         if callable(self._before) or isinstance(self._before, signal.Handlers):
             signal.signal(signal.SIGINT, self._before)
 
-    def _note(self, _number: int, _frame: FrameType | None) -> None:
+    def _count_interrupt(self, _number: int, _frame: FrameType | None) -> None:
         self.count += 1
         if self.is_raised or self.count >= LIMITS.raised_interrupt:
             raise KeyboardInterrupt

@@ -13,9 +13,9 @@ from mcap.records import Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
-from analysis.online.answer_progress import missing_manoeuvres_text
-from analysis.online.online_report import OnlineReport, report_schema
-from analysis.online.replay_report import LoadReport, ReplayReport, replay_report_schema
+from analysis.online.answer_progress import describe_missing_manoeuvres
+from analysis.online.online_report import OnlineReport, make_report_schema
+from analysis.online.replay_report import LoadReport, ReplayReport, make_replay_report_schema
 from estimators.errors import counted
 from recordings.report.atomic_output import (
     AppendedFile,
@@ -70,7 +70,7 @@ class ReportFile:
         self._writer.start("", "payscope")
         #: numbers by topic; that of replays is there from the first one on
         self._channels: dict[str, int] = {}
-        self._add_channel(TOPIC, report_schema())
+        self._add_channel(TOPIC, make_report_schema())
         self._writer.add_metadata(_FOLLOWED, {"identity": identity})
         for topic, each in reported:
             self._add_message(topic, each.log_time, each.publish_time, each.data)
@@ -114,7 +114,7 @@ class ReportFile:
         finally:
             self._stream.close()
 
-    def give_up(self) -> None:
+    def close_without_index(self) -> None:
         """Close the file without an index."""
         self._stream.close()
 
@@ -127,7 +127,7 @@ class ReportFile:
     def _add_message(self, topic: str, log_time_ns: int, time_ns: int, data: bytes) -> None:
         # registered where the first one stands: the bytes of a file that is continued are the same
         if topic not in self._channels:
-            self._add_channel(topic, replay_report_schema())
+            self._add_channel(topic, make_replay_report_schema())
         self._writer.add_message(self._channels[topic], log_time_ns, data, time_ns)
 
     def _add_channel(self, topic: str, schema: dict[str, Any]) -> None:
@@ -194,13 +194,13 @@ def _count_complete_bytes(data: bytes) -> int:
     return whole
 
 
-def utc_time_text(unix_ns: int) -> str:
+def format_utc_time(unix_ns: int) -> str:
     """Time of day in UTC, to a tenth of a second."""
     at = datetime.fromtimestamp(unix_ns // 10**9, UTC)
     return f"{at:%H:%M:%S}.{unix_ns % 10**9 // 10**8}"
 
 
-def mass_text(report: OnlineReport) -> str:
+def describe_mass(report: OnlineReport) -> str:
     """Mass and friction with uncertainties, or why there is no mass."""
     if report.mass_kg is None:
         return report.validity.replace("_", " ")
@@ -210,7 +210,7 @@ def mass_text(report: OnlineReport) -> str:
     )
 
 
-def inertia_and_yaw_friction_text(report: OnlineReport) -> str:
+def describe_inertia_and_yaw_friction(report: OnlineReport) -> str:
     """Inertia and friction of turning with uncertainties; empty before the first spin."""
     if not report.spins:
         return ""
@@ -223,22 +223,22 @@ def inertia_and_yaw_friction_text(report: OnlineReport) -> str:
     )
 
 
-def event_text(report: OnlineReport) -> str:
+def describe_event(report: OnlineReport) -> str:
     """Result of a manoeuvre or spin; empty for other events."""
     match report.event:
         case "manoeuvre":
-            return mass_text(report)
+            return describe_mass(report)
         case "spin":
-            return inertia_and_yaw_friction_text(report)
+            return describe_inertia_and_yaw_friction(report)
         case _:
             return ""
 
 
-def progress_text(report: OnlineReport) -> str:
+def describe_progress(report: OnlineReport) -> str:
     """Progress towards an answer and the missing inputs; empty without a target uncertainty."""
     if report.until_u_kg is None or report.percent is None:
         return ""
-    missing = missing_manoeuvres_text(report.starts_missing, report.reverse_missing)
+    missing = describe_missing_manoeuvres(report.starts_missing, report.reverse_missing)
     rest = f"; missing: {missing}" if missing else ""
     if report.load_mass_kg is None or report.load_u_kg is None:
         return f"0 % to ± {report.until_u_kg:,.3g} kg{rest}"
@@ -249,10 +249,10 @@ def progress_text(report: OnlineReport) -> str:
     )
 
 
-def load_text(load: LoadReport) -> str:
+def describe_load_state(load: LoadReport) -> str:
     """A load state in a line: when, mass and payload with uncertainties, or why there is none."""
-    head = f"load {load.load_id}, {utc_time_text(load.start_unix_ns)} to "
-    head += f"{utc_time_text(load.end_unix_ns)}, {counted(load.manoeuvres, 'manoeuvre')}: "
+    head = f"load {load.load_id}, {format_utc_time(load.start_unix_ns)} to "
+    head += f"{format_utc_time(load.end_unix_ns)}, {counted(load.manoeuvres, 'manoeuvre')}: "
     if load.mass_kg is None:
         return f"{head}no mass, withheld by {load.withheld_by}"
     mass = f"{format_plus_minus(load.mass_kg, load.mass_u_kg)} kg"
@@ -263,11 +263,11 @@ def load_text(load: LoadReport) -> str:
     return f"{head}{mass}, payload {format_plus_minus(load.payload_kg, load.payload_u_kg)} kg"
 
 
-def replay_text(report: ReplayReport) -> str:
+def describe_replay(report: ReplayReport) -> str:
     """Result of a replay in a line: how many loads it has, up to when, or why there is none."""
     if report.fault:
         return f"not replayed: {report.fault}"
-    until = f"replayed up to {utc_time_text(report.unix_ns)}"
+    until = f"replayed up to {format_utc_time(report.unix_ns)}"
     when = "the whole log replayed" if report.is_whole else f"{until}, {report.age_s:,.0f} s ago"
     loads = counted(len(report.loads), "load")
     if report.inertia_z_kg_m2 is not None:
@@ -278,29 +278,33 @@ def replay_text(report: ReplayReport) -> str:
     return f"{when}: {loads}"
 
 
-def iter_closed_load_lines(report: ReplayReport, before: ReplayReport | None) -> Iterator[str]:
+def iter_closed_load_lines(
+    report: ReplayReport, earlier_report: ReplayReport | None
+) -> Iterator[str]:
     """Yield a line per load that has closed since an earlier replay; of the whole log, per load."""
     if report.is_whole:
-        yield replay_text(report)
-    known = [] if report.is_whole or before is None else before.closed_loads
+        yield describe_replay(report)
+    known = [] if report.is_whole or earlier_report is None else earlier_report.select_closed_loads
     spans = {(load.start_unix_ns, load.end_unix_ns) for load in known}
-    for load in report.closed_loads:
+    for load in report.select_closed_loads:
         if (load.start_unix_ns, load.end_unix_ns) not in spans:
-            yield load_text(load)
+            yield describe_load_state(load)
 
 
-def replay_markdown(report: ReplayReport) -> str:
+def format_replay_markdown(report: ReplayReport) -> str:
     """The newest replay in Markdown, for the page next to the plots."""
-    return "\n".join([f"## {replay_text(report)}\n", *(f"- {load_text(e)}" for e in report.loads)])
+    return "\n".join(
+        [f"## {describe_replay(report)}\n", *(f"- {describe_load_state(e)}" for e in report.loads)]
+    )
 
 
-def reports_markdown(report: OnlineReport) -> str:
+def format_reports_markdown(report: OnlineReport) -> str:
     """Reports in Markdown, for the page next to the plots."""
     age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
     return (
-        f"# {mass_text(report)}\n\nLast manoeuvre{age}; {report.manoeuvres:,} gave a mass so "
-        f"far.\n\n{progress_text(report)}\n\n{inertia_and_yaw_friction_text(report)}\n\n"
-        f"{utc_time_text(report.unix_ns)} UTC: {report.phase or 'unknown'}, "
+        f"# {describe_mass(report)}\n\nLast manoeuvre{age}; {report.manoeuvres:,} gave a mass so "
+        f"far.\n\n{describe_progress(report)}\n\n{describe_inertia_and_yaw_friction(report)}\n\n"
+        f"{format_utc_time(report.unix_ns)} UTC: {report.phase or 'unknown'}, "
         f"gate {report.gate.replace('_', ' ')}.\n\nRecorded while following: random "
         "uncertainties, but for load states. When the log ends, its causal replay replaces this "
         "recording.\n"

@@ -55,7 +55,7 @@ class TimeRange:
         return TimeRange(min(self.first_ns, other.first_ns), max(self.last_ns, other.last_ns))
 
 
-def time_range_of_predicate(predicate: pl.Expr, column: str) -> TimeRange:
+def bound_time_range(predicate: pl.Expr, column: str) -> TimeRange:
     """Bound the log times of rows that a predicate may keep.
 
     Args:
@@ -67,9 +67,7 @@ def time_range_of_predicate(predicate: pl.Expr, column: str) -> TimeRange:
         left, right = parts
         for combine in (operator.and_, operator.or_):
             if combine(left, right).meta.eq(predicate):
-                return combine(
-                    time_range_of_predicate(left, column), time_range_of_predicate(right, column)
-                )
+                return combine(bound_time_range(left, column), bound_time_range(right, column))
         return _range_of_comparison(predicate, left, right, column)
     if len(parts) == 3:
         values, low, high = parts
@@ -96,40 +94,40 @@ def _range_of_comparison(
 
 
 def bound_times_by_constant(
-    values: pl.Expr, compare: Callable[..., pl.Expr], limit: pl.Expr, column: str
+    values: pl.Expr, comparison: Callable[..., pl.Expr], constant: pl.Expr, column: str
 ) -> TimeRange:
     """Bound times by a comparison with a constant; unbounded for other expressions."""
-    slack = rounding_ns(values, column)
-    if slack is None or limit.meta.root_names():
+    slack = find_time_rounding_ns(values, column)
+    if slack is None or constant.meta.root_names():
         return TimeRange()
-    limit_ns = bracket_constant_ns(limit)
+    limit_ns = round_constant_outwards_ns(constant)
     if limit_ns is None:
         return TimeRange()
     low, high = limit_ns
     first, last = FIRST_NS, LAST_NS
-    if compare in (operator.ge, operator.gt, operator.eq):
-        first = low - slack + (compare is operator.gt and low == high and not slack)
-    if compare in (operator.le, operator.lt, operator.eq):
-        last = high + slack - (compare is operator.lt and low == high and not slack)
+    if comparison in (operator.ge, operator.gt, operator.eq):
+        first = low - slack + (comparison is operator.gt and low == high and not slack)
+    if comparison in (operator.le, operator.lt, operator.eq):
+        last = high + slack - (comparison is operator.lt and low == high and not slack)
     return TimeRange(max(first, FIRST_NS), min(last, LAST_NS))
 
 
-def rounding_ns(values: pl.Expr, column: str) -> int | None:
+def find_time_rounding_ns(expression: pl.Expr, column: str) -> int | None:
     """Largest rounding of an expression's times in ns; None if it is not the column."""
     times = pl.col(column)
-    if values.meta.eq(times):
+    if expression.meta.eq(times):
         return 0
     for dtype, slack in _CASTS:
         for strict in (True, False):
-            if values.meta.eq(times.cast(dtype, strict=strict)):
+            if expression.meta.eq(times.cast(dtype, strict=strict)):
                 return slack
     return None
 
 
-def bracket_constant_ns(limit: pl.Expr) -> tuple[int, int] | None:
+def round_constant_outwards_ns(constant: pl.Expr) -> tuple[int, int] | None:
     """Integers just below and above a constant in ns; None if it is not a number."""
     try:
-        value = pl.select(limit).to_series()
+        value = pl.select(constant).to_series()
     except pl.exceptions.PolarsError:
         return None
     ns_per_unit = 1

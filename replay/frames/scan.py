@@ -12,7 +12,7 @@ import polars as pl
 from polars.io.plugins import register_io_source
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, nearest
+from estimators.errors import LogError, suggest_choice
 from replay.frames.frame_limits import LIMITS
 from replay.frames.shape import LOG_TIME, LOG_TIME_NS, FrameOptions
 from replay.frames.topic_source import SOURCE, TopicSource
@@ -58,7 +58,7 @@ def scan_log(  # noqa: PLR0913 - each names one choice
             cannot be decoded.
     """
     options = FrameOptions(nested, arrays, enums, times)
-    return lazy_frame(
+    return make_lazy_frame(
         make_topic_source(logs, topic, options, fields=fields, time=time, losses=losses)
     )
 
@@ -111,7 +111,7 @@ _READERS: Final = _OpenReaders()
 Batches = Callable[[list[str] | None, pl.Expr | None, int | None], Iterator[pl.DataFrame]]
 
 
-def lazy_batches(batches: Batches, schema: pl.Schema, name: str) -> pl.LazyFrame:
+def make_lazy_frame_of_batches(batches: Batches, schema: pl.Schema, name: str) -> pl.LazyFrame:
     """Lazy frame of batches, which a process may abandon half-read."""
 
     def iter_requested_rows(
@@ -126,9 +126,9 @@ def lazy_batches(batches: Batches, schema: pl.Schema, name: str) -> pl.LazyFrame
     return register_io_source(iter_requested_rows, schema=schema, explain_name=name)
 
 
-def lazy_frame(source: TopicSource) -> pl.LazyFrame:
+def make_lazy_frame(source: TopicSource) -> pl.LazyFrame:
     """Lazy frame that reads the batches of a topic when it is collected."""
-    return lazy_batches(source.iter_batches, source.schema, f"log {source.topic}")
+    return make_lazy_frame_of_batches(source.iter_batches, source.schema, f"log {source.topic}")
 
 
 class LogStream:
@@ -149,7 +149,8 @@ class LogStream:
         for name in names:
             if name not in source.schema:
                 raise LogError(
-                    f"no column '{name}' in topic '{source.topic}'; {nearest(name, source.schema)}"
+                    f"no column '{name}' in topic '{source.topic}'; "
+                    f"{suggest_choice(name, source.schema)}"
                 )
         self.schema = pl.Schema({name: source.schema[name] for name in names})
         self.losses = source.losses
@@ -235,7 +236,7 @@ def join_topics(
     )
 
 
-def log_paths_and_is_pattern(logs: Logs) -> tuple[list[Path], bool]:
+def expand_log_paths(logs: Logs) -> tuple[list[Path], bool]:
     """Paths of the named logs, and whether the name allows several.
 
     Raises:
@@ -279,7 +280,7 @@ def make_topic_source(
     Raises:
         LogError: the log, topic or field does not exist.
     """
-    paths, is_several = log_paths_and_is_pattern(logs)
+    paths, is_several = expand_log_paths(logs)
     return TopicSource(
         paths, topic, options, fields=fields, with_source=is_several, time=time, losses=losses
     )

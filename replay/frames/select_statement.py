@@ -6,7 +6,7 @@ from typing import Final
 
 import polars as pl
 
-from estimators.errors import QueryError, list_some, nearest
+from estimators.errors import QueryError, list_some, suggest_choice
 from replay.frames.frame_limits import LIMITS
 
 #: A table is made when a statement names it.
@@ -42,7 +42,7 @@ def run_select_in_stable_order(
     Raises:
         QueryError: unknown table or column, invalid SQL, or a statement that does more than read.
     """
-    query = normalise_select(sql)
+    query = strip_statement_terminator(sql)
     frames = {name: tables[name]() for name in _names_of_used_tables(query, tables)}
     with pl.SQLContext(frames=frames, eager=False) as context:
         try:
@@ -52,7 +52,7 @@ def run_select_in_stable_order(
             if words.isdisjoint(_REORDERING) and not always_ordered:
                 return found
             by = [f'"{n}"' for n, dtype in columns.items() if not isinstance(dtype, _UNSORTABLE)]
-            return context.execute(order_by_all_columns(query, by))
+            return context.execute(add_order_by_all_columns(query, by))
         except pl.exceptions.PolarsError as error:
             raise explain_query_error(error, tables) from None
 
@@ -62,11 +62,13 @@ def explain_query_error(error: pl.exceptions.PolarsError, tables: Tables) -> Que
     said = str(error).strip().partition("\n")[0]
     unknown = re.search(r"relation '(.*)' was not found", said)
     if unknown:
-        return QueryError(f"query: no table '{unknown[1]}'; {suggest_tables(unknown[1], tables)}")
+        return QueryError(
+            f"query: no table '{unknown[1]}'; {describe_available_tables(unknown[1], tables)}"
+        )
     return QueryError(f"query: {said}")
 
 
-def normalise_select(sql: str) -> str:
+def strip_statement_terminator(sql: str) -> str:
     """The statement without its terminator.
 
     Raises:
@@ -86,7 +88,7 @@ def normalise_select(sql: str) -> str:
     return query
 
 
-def quoted_names(sql: str) -> list[str]:
+def find_quoted_names(sql: str) -> list[str]:
     """Names in double quotes."""
     return [t[1:-1].replace('""', '"') for t in _tokenise(sql) if t.startswith('"') and len(t) > 2]
 
@@ -106,13 +108,15 @@ def _names_of_used_tables(query: str, tables: Tables) -> list[str]:
         if "FROM" not in upper[:-1]:
             raise QueryError(f"query: names no table; tables: {_list_tables(tables)}")
         unknown = tokens[upper.index("FROM") + 1].strip('"`')
-        raise QueryError(f"query: no table '{unknown}'; {suggest_tables(unknown, tables)}")
+        raise QueryError(
+            f"query: no table '{unknown}'; {describe_available_tables(unknown, tables)}"
+        )
     return named
 
 
-def suggest_tables(name: str, tables: Tables) -> str:
+def describe_available_tables(name: str, tables: Tables) -> str:
     """Text with the nearest table name, if any, and the list of tables."""
-    meant = nearest(name, tables)
+    meant = suggest_choice(name, tables)
     listed = f"tables: {_list_tables(tables)}"
     return f"{meant} {listed}" if meant.endswith("?") else listed
 
@@ -121,7 +125,7 @@ def _list_tables(tables: Tables) -> str:
     return list_some(list(tables), LIMITS.max_names)
 
 
-def order_by_all_columns(query: str, columns: Sequence[str]) -> str:
+def add_order_by_all_columns(query: str, columns: Sequence[str]) -> str:
     """The query with every column appended to its order.
 
     Args:

@@ -69,7 +69,7 @@ class TopicShape:
             schema.setdefault(name, self._dtype_of_node(node, 0))
         self.schema = pl.Schema(schema)
 
-    def fields_for_columns(self, columns: Sequence[str]) -> list[str]:
+    def list_fields_of_columns(self, columns: Sequence[str]) -> list[str]:
         """Fields to read for the given columns."""
         wanted = [name for name in columns if name not in self._own]
         return [leaf.name for name in wanted for leaf in _leaves_below(self._tree[name])]
@@ -99,7 +99,7 @@ class TopicShape:
         dtype, lists = leaf.dtype, 0
         while isinstance(dtype, pl.List):
             dtype, lists = cast("pl.DataType", dtype.inner), lists + 1
-        if self._is_named(leaf):
+        if self._is_shown_by_name(leaf):
             dtype = pl.String()
         elif leaf.is_stamp and self._options.times == "datetime":
             dtype = DATETIME
@@ -111,7 +111,7 @@ class TopicShape:
         is_array = length is not None and self._options.arrays == "array"
         return pl.Array(dtype, length) if is_array else pl.List(dtype)
 
-    def _is_named(self, leaf: LeafField) -> bool:
+    def _is_shown_by_name(self, leaf: LeafField) -> bool:
         """Whether enumerated values of a leaf are shown by name."""
         return bool(leaf.value_names) and self._options.enums == "name"
 
@@ -121,8 +121,8 @@ class TopicShape:
         """Column of a node from the values of its leaves, inside `depth` lists."""
         if isinstance(node, LeafField):
             found = values[node.name]
-            if self._is_named(node):
-                found = name_enumerated_values(found, node.value_names)
+            if self._is_shown_by_name(node):
+                found = replace_values_by_names(found, node.value_names)
             dtype = self._leaf_dtype(node, depth)
             return found if found.dtype == dtype else found.cast(dtype)
         if not node.is_list:
@@ -133,9 +133,9 @@ class TopicShape:
             return pl.DataFrame(columns).to_struct()
         leaves = [leaf.name for leaf in _leaves_below(node)]
         counts = values[leaves[0]].list.len()
-        flat = {name: flatten_lists(values[name]) for name in leaves}
+        flat = {name: concatenate_list_elements(values[name]) for name in leaves}
         record = self._make_column(FieldBranch(False, None, node.below), flat, depth + 1)
-        return rebuild_lists(record, counts).cast(self._dtype_of_node(node, depth))
+        return split_into_lists(record, counts).cast(self._dtype_of_node(node, depth))
 
 
 def _make_field_tree(leaves: Sequence[LeafField]) -> dict[str, FieldBranch | LeafField]:
@@ -165,12 +165,12 @@ def _leaves_below(node: FieldBranch | LeafField) -> Iterator[LeafField]:
             yield from _leaves_below(below)
 
 
-def flatten_lists(lists: pl.Series) -> pl.Series:
+def concatenate_list_elements(lists: pl.Series) -> pl.Series:
     """Concatenate the elements of all lists."""
     return pl.Series(lists.name, lists.to_arrow().flatten(), dtype=lists.dtype.inner)  # type: ignore[attr-defined]
 
 
-def rebuild_lists(elements: pl.Series, counts: pl.Series) -> pl.Series:
+def split_into_lists(elements: pl.Series, counts: pl.Series) -> pl.Series:
     """Split elements into lists of the given lengths; null where the length is null."""
     import pyarrow as pa  # slow to import, and needed where messages hold lists of messages
 
@@ -181,7 +181,7 @@ def rebuild_lists(elements: pl.Series, counts: pl.Series) -> pl.Series:
     return pl.Series(elements.name, lists)
 
 
-def name_enumerated_values(values: pl.Series, names: ValueNames) -> pl.Series:
+def replace_values_by_names(values: pl.Series, names: ValueNames) -> pl.Series:
     """Names of enumerated values; the digits of values without a name."""
     number: pl.Expr = pl.element() if isinstance(values.dtype, pl.List) else pl.col(values.name)
     numbers, texts = zip(*names, strict=True)

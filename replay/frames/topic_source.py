@@ -15,9 +15,9 @@ from typing import Final
 import polars as pl
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, PayscopeError, nearest
+from estimators.errors import LogError, PayscopeError, suggest_choice
 from replay.frames.frame_limits import LIMITS
-from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, time_range_of_predicate
+from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, bound_time_range
 from replay.frames.shape import FrameOptions, TopicShape
 from replay.logs import Log, TimeAxis, open_log
 from replay.logs.messages.message_types import LeafField
@@ -110,12 +110,12 @@ class TopicSource:
         if predicate is not None:
             needed += [c for c in predicate.meta.root_names() if c not in needed]
             if n_rows is None:  # a range would change which rows are the first
-                within = time_range_of_predicate(predicate, self.time)
+                within = bound_time_range(predicate, self.time)
         left = LAST_NS if n_rows is None else n_rows
         for path in self._paths:
             if left <= 0 or within.first_ns > within.last_ns:
                 return
-            if not self._may_log_match(path, predicate):
+            if not self._may_log_contain_rows(path, predicate):
                 continue
             for frame in self._frames_of_log(path, needed, within):
                 rows = frame[:left] if frame.height > left else frame
@@ -127,12 +127,12 @@ class TopicSource:
                 if left <= 0:
                     break
 
-    def _may_log_match(self, path: Path, predicate: pl.Expr | None) -> bool:
+    def _may_log_contain_rows(self, path: Path, predicate: pl.Expr | None) -> bool:
         """Whether a predicate on the source may keep rows of a log."""
         if predicate is None or self._source is None:
             return True
         known = pl.DataFrame({self._source: [str(path)]})
-        for part in split_conjunction(predicate):
+        for part in split_predicate_at_and(predicate):
             if part.meta.root_names() == [self._source]:
                 with suppress(pl.exceptions.PolarsError):
                     if not known.select(part.any()).item():
@@ -158,7 +158,7 @@ class TopicSource:
         shape, own = self._shape, [name for name in needed if name != self._source]
         if not self._has_topic(log):
             return
-        fields = shape.fields_for_columns(own)
+        fields = shape.list_fields_of_columns(own)
         known = {leaf.name: leaf for leaf in self._list_leaf_fields(log)}
         missing = [name for name in fields if name not in known]
         for name in missing:
@@ -195,8 +195,8 @@ class TopicSource:
         self._note_loss(log, "this log does not have the topic")
         return False
 
-    def _note_loss(self, log: Log, what: str) -> None:
-        loss = Loss(source=log.path.name, topic=self.topic, what=what)
+    def _note_loss(self, log: Log, loss_text: str) -> None:
+        loss = Loss(source=log.path.name, topic=self.topic, what=loss_text)
         if loss not in self.losses:
             self.losses.append(loss)
 
@@ -209,7 +209,7 @@ class TopicSource:
                 return TopicShape(self._list_leaf_fields(log), self._options)
             named |= dict.fromkeys(topics)
         logs = ", ".join(map(str, self._paths[:3])) + (" …" if len(self._paths) > 3 else "")
-        raise LogError(f"{logs}: no topic '{self.topic}'; {nearest(self.topic, named)}")
+        raise LogError(f"{logs}: no topic '{self.topic}'; {suggest_choice(self.topic, named)}")
 
     def _list_leaf_fields(self, log: Log) -> tuple[LeafField, ...]:
         return log.leaf_fields(self.topic, self._field_names)
@@ -220,12 +220,12 @@ def _select_columns(frame: pl.DataFrame, columns: list[str]) -> pl.DataFrame:
     return frame if frame.columns == columns else frame.select(columns)
 
 
-def split_conjunction(predicate: pl.Expr) -> Iterator[pl.Expr]:
+def split_predicate_at_and(predicate: pl.Expr) -> Iterator[pl.Expr]:
     """Split a predicate into the parts joined by AND."""
     parts = list(reversed(predicate.meta.pop()))
     if len(parts) == 2 and (parts[0] & parts[1]).meta.eq(predicate):
         for part in parts:
-            yield from split_conjunction(part)
+            yield from split_predicate_at_and(part)
     else:
         yield predicate
 
@@ -247,7 +247,7 @@ def open_or_reuse_log(path: Path, time: TimeAxis | None = None) -> Log:
         LogError: as `open_log`.
     """
     with _one_at_a_time:
-        key = (str(path.absolute()), file_sizes_and_times(path), time)
+        key = (str(path.absolute()), read_file_sizes_and_times(path), time)
         log = _opened.pop(key, None)
         if log is None:
             log = open_log(path, time=time)
@@ -258,7 +258,7 @@ def open_or_reuse_log(path: Path, time: TimeAxis | None = None) -> Log:
         return log
 
 
-def file_sizes_and_times(path: Path) -> tuple[tuple[str, int, int], ...]:
+def read_file_sizes_and_times(path: Path) -> tuple[tuple[str, int, int], ...]:
     """Name, size in bytes and modification time in ns of a file, or of a directory's files."""
     try:
         files = sorted(path.iterdir()) if path.is_dir() else [path]

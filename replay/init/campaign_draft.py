@@ -13,8 +13,8 @@ from analysis.model.machine import Machine
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, PayscopeError
 from replay.logs import Log, open_log
-from replay.machines.machine_file import load_machine, time_axis_of_machine
-from replay.machines.toml_file import toml_text
+from replay.machines.machine_file import find_time_axis_of_machine, load_machine
+from replay.machines.toml_file import format_toml
 from replay.pipeline import run
 
 _HEAD = """\
@@ -124,7 +124,9 @@ def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tup
         if path.name.startswith(".") or path == output:
             continue
         try:
-            with open_log(path, time=time_axis_of_machine(machine) if machine else None) as log:
+            with open_log(
+                path, time=find_time_axis_of_machine(machine) if machine else None
+            ) as log:
                 blocks += _make_run_blocks(log, _relative_path(output.parent, path), machine)
         except PayscopeError as fault:
             if (path / "metadata.yaml").exists() or path.suffix in _SUFFIXES:
@@ -138,9 +140,9 @@ def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tup
     count = f"{len(blocks)} run{'' if len(blocks) == 1 else 's'}"
     head = _HEAD.format(
         count=count,
-        name=toml_text(output.name)[1:-1],
-        machine=toml_text(file),
-        id=toml_text(ids or "machine-1"),
+        name=format_toml(output.name)[1:-1],
+        machine=format_toml(file),
+        id=format_toml(ids or "machine-1"),
     )
     return "\n".join([head, *blocks]), said
 
@@ -159,7 +161,7 @@ def _make_run_blocks(log: Log, name: str, machine: Machine | None) -> Iterator[s
     for stretch, said in _find_stretches_of_load_states(log, machine):
         lines = [
             "[[runs]]",
-            f"log = {toml_text(name)}",
+            f"log = {format_toml(name)}",
             *stretch,
             f'loads = ["TODO"]               # ids of the masses on board; [] without load{said}',
             f"day = {day}",

@@ -46,15 +46,15 @@ def propose_lines_from_replay(log: Log, text: str) -> list[str]:
         it; priors are comments, empty if the log adds nothing to the defaults.
     """
     replayed = _replay_draft(log, text)
-    braking = [] if replayed is None else _lines_that_keep_braking(replayed)
+    braking = [] if replayed is None else _propose_braking_lines(replayed)
     if braking:
         tried = _replay_draft(log, "\n".join([text, *braking]))
         if tried is not None and _can_weigh_replayed_log(tried):
-            return [*braking, *_lines_of_narrower_priors(tried)]
-    return [*BRAKING, *([] if replayed is None else _lines_of_narrower_priors(replayed))]
+            return [*braking, *_propose_prior_lines(tried)]
+    return [*BRAKING, *([] if replayed is None else _propose_prior_lines(replayed))]
 
 
-def drop_answered_question(text: str, lines: list[str]) -> str:
+def drop_answered_brake_question(text: str, lines: list[str]) -> str:
     """Draft without the question about the brakes where the lines from its replay answer it."""
     answered = any(line.startswith("exclude_braking") for line in lines)
     return text.replace(f"# to answer: {BRAKES_QUESTION}\n", "") if answered else text
@@ -71,7 +71,7 @@ def _can_weigh_replayed_log(replayed: Run) -> bool:
     return Verdict.from_frame(replayed.frames["verdict"]).can_weigh
 
 
-def _lines_that_keep_braking(replayed: Run) -> list[str]:
+def _propose_braking_lines(replayed: Run) -> list[str]:
     """Lines that keep samples with braking, if a finding shows that the force includes it."""
     found = replayed.frames["findings"].filter(pl.col("setting") == _EXCLUDE)
     if found.is_empty() or found["value"][0] != "false":
@@ -79,7 +79,7 @@ def _lines_that_keep_braking(replayed: Run) -> list[str]:
     return ["[settings.gate]", f"exclude_braking = false  # {found['evidence'][0]}", ""]
 
 
-def _lines_of_narrower_priors(replayed: Run) -> list[str]:
+def _propose_prior_lines(replayed: Run) -> list[str]:
     lines = _format_prior_proposals(replayed) if _can_weigh_replayed_log(replayed) else []
     if not lines:
         return []

@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.schema import CHANNEL_COLUMNS
-from analysis.stages.signals.derive import unit_of_name
+from analysis.stages.signals.derive import find_unit_in_name
 from analysis.stages.signals.mounting_guess import MountingGuess, guess_mounting
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.arrays import Floats, Ints
@@ -20,7 +20,7 @@ from estimators.errors import LogError
 from replay.init.init_limits import LIMITS
 from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
-from replay.machines.toml_file import toml_text
+from replay.machines.toml_file import format_toml
 from replay.recognise.joints import recognise_joints
 from replay.recognise.profile import FieldProfile, ask_about_efforts, profile_fields
 from replay.recognise.proposals import ChannelProposal, Recognition
@@ -96,7 +96,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
     told = recognise_channels_of_table(log) if is_table else _recognise_joints(log, topics)
-    guesses = [*_guesses_of_recognised_channels(told), *_choose_best_guesses(topics)]
+    guesses = [*_make_channel_guesses(told), *_choose_best_guesses(topics)]
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
     # what a comment holds is asked for already
     open_columns = {each.column for each in told.channels if each.is_comment}
@@ -104,20 +104,20 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     formulas = {each.column: each.derive for each in told.channels if not each.is_comment}
     derived = {column: formula for column, formula in formulas.items() if formula}
     found |= set(derived)
-    derived |= _derivations_of_missing_channels(found)
+    derived |= _derive_missing_channels(found)
     found |= set(derived)
     kinematic = "specific_force_x_m_s2" not in found
     lacking = [
         *told.questions,
-        *_describe_lacking_channels(found, told.questions, kinematic=kinematic),
+        *_describe_missing_channels(found, told.questions, kinematic=kinematic),
     ]
     lines = [
         f"# A first machine file for {_replace_unprintable(log.path.name)}: check every line.",
         '# A field in another unit than its comment states needs its unit: unit = "km/h".',
         "",
         "[machine]",
-        f"name = {toml_text(log.path.stem)}",
-        *(f"id = {toml_text(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
+        f"name = {format_toml(log.path.stem)}",
+        *(f"id = {format_toml(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
         "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
         "# wheel_radius_m = 0.42        # needed if the force comes from wheel torques",
         "# track_width_m = 1.5          # for the yaw torque",
@@ -127,7 +127,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         "",
     ]
     sources = {guess.column: (guess.topic, guess.field) for guess in guesses}
-    lines += mounting_lines(log, sources)
+    lines += make_imu_mounting_lines(log, sources)
     if is_table and time is not None:
         lines += ["[log]", *_make_log_lines(time), ""]
     lines += [f"# {_replace_unprintable(note)}" for note in log.notes()]
@@ -135,19 +135,19 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     for guess in guesses:
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
-            lines.append(f"topic = {toml_text(guess.topic)}")
-        unit = unit_of_name(guess.column).replace("*", "·")
+            lines.append(f"topic = {format_toml(guess.topic)}")
+        unit = find_unit_in_name(guess.column).replace("*", "·")
         # a field in another unit wants `unit` or `scale`, so say which one it is taken for
         why = f"; {guess.reason}" if guess.reason else ""
         if guess.unit is not None:
             lines += [
-                f"field = {toml_text(guess.field)}",
+                f"field = {format_toml(guess.field)}",
                 f'unit = "{guess.unit}"  # {why[2:]}',
                 "",
             ]
             continue
         lines += [
-            f"field = {toml_text(guess.field)}  # in {unit}{why}{_note_on_wheel_speed(guess)}",
+            f"field = {format_toml(guess.field)}  # in {unit}{why}{_comment_wheel_speed(guess)}",
             "",
         ]
     for proposal in told.channels:
@@ -161,12 +161,12 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         sign = "# " if is_open else ""
         lines += [f"{sign}[channels.{column}]", f'{sign}derive = "{formula}"', ""]
     lines += [f"# missing: {sentence}" for sentence in lacking]
-    is_unsure = any(_note_on_wheel_speed(guess) for guess in guesses)
+    is_unsure = any(_comment_wheel_speed(guess) for guess in guesses)
     profiles = profile_fields(log)
     used = {(guess.topic or TABLE, guess.field) for guess in guesses}
     to_answer = [*([_JOINT_UNIT] if is_unsure else []), *ask_about_efforts(used, profiles)]
     lines += [f"# to answer: {sentence}" for sentence in (*to_answer, *_TO_ANSWER)]
-    rest = [*_comment_lines_of_unused_columns(profiles, used), *notes_on_topics(topics, guesses)]
+    rest = [*_make_unused_column_comments(profiles, used), *iter_topic_notes(topics, guesses)]
     lines += ["", *rest, "", "[settings.forces]"]
     lines.append(f'acceleration = "{"kinematic" if kinematic else "specific_force"}"')
     return "\n".join(lines) + "\n", lacking
@@ -175,10 +175,10 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
 def _make_log_lines(time: TimeAxis) -> list[str]:
     """Lines of `[log]` for the given time column."""
     keys: dict[str, object] = {"time": time.column, "time_unit": time.unit, **asdict(time.table)}
-    return [f"{key} = {toml_text(value)}" for key, value in keys.items() if value is not None]
+    return [f"{key} = {format_toml(value)}" for key, value in keys.items() if value is not None]
 
 
-def _guesses_of_recognised_channels(recognition: Recognition) -> list[ChannelGuess]:
+def _make_channel_guesses(recognition: Recognition) -> list[ChannelGuess]:
     return [
         ChannelGuess(each.column, each.topic, each.field, each.unit, each.reason)
         for each in recognition.channels
@@ -190,9 +190,9 @@ def _make_comment_lines(proposal: ChannelProposal) -> list[str]:
     """Commented lines of a channel that the user must complete."""
     lines = [f"[channels.{proposal.column}]"]
     if proposal.topic:
-        lines.append(f"topic = {toml_text(proposal.topic)}")
+        lines.append(f"topic = {format_toml(proposal.topic)}")
     if proposal.field:
-        lines.append(f"field = {toml_text(proposal.field)}")
+        lines.append(f"field = {format_toml(proposal.field)}")
     if proposal.unit:
         lines.append(f'unit = "{proposal.unit}"')
     if proposal.derive:
@@ -200,23 +200,23 @@ def _make_comment_lines(proposal: ChannelProposal) -> list[str]:
     return [f"# {_replace_unprintable(proposal.reason)}", *(f"# {line}" for line in lines), ""]
 
 
-def _comment_lines_of_unused_columns(
-    profiles: list[FieldProfile], used: Collection[tuple[str, str]]
+def _make_unused_column_comments(
+    profiles: list[FieldProfile], used_columns: Collection[tuple[str, str]]
 ) -> list[str]:
     """Commented lines of all unused columns, with unit, rate and range."""
-    rest = [each for each in profiles if (each.topic, each.field) not in used]
+    rest = [each for each in profiles if (each.topic, each.field) not in used_columns]
     several = any(each.topic != TABLE for each in rest)
     topics = [f"{_replace_unprintable(each.topic)} " if several else "" for each in rest]
     return [
         "# Also in the log:",
         *(
-            f"#   {topic}{format_profile_comment(each)}{_quantity_remark(each)}"
+            f"#   {topic}{format_profile_comment(each)}{_format_quantity_comment(each)}"
             for topic, each in zip(topics, rest, strict=True)
         ),
     ]
 
 
-def _quantity_remark(profile: FieldProfile) -> str:
+def _format_quantity_comment(profile: FieldProfile) -> str:
     """Comment on the quantity of a column that no channel takes."""
     quantity = read_column_name(profile.field).quantity
     return f"  ({quantity})" if quantity in ("steering", "pressure", "power") else ""
@@ -232,7 +232,7 @@ def format_profile_comment(profile: FieldProfile) -> str:
     return _replace_unprintable(f"{profile.field}{unit}{rate}: {span}  {profile.course}")
 
 
-def _note_on_wheel_speed(guess: ChannelGuess) -> str:
+def _comment_wheel_speed(guess: ChannelGuess) -> str:
     """Comment that a JointState's velocity is usually that of a wheel."""
     is_speed = guess.field.startswith("velocity[") and guess.column.endswith("_m_s")
     return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""
@@ -272,7 +272,7 @@ def _iter_channel_guesses(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
                 yield ChannelGuess(column, row["topic"], field)
 
 
-def _derivations_of_missing_channels(channels: set[str]) -> dict[str, str]:
+def _derive_missing_channels(channels: set[str]) -> dict[str, str]:
     derived: dict[str, str] = {}
     if "speed_x_m_s" not in channels:
         if {"speed_left_m_s", "speed_right_m_s"} <= channels:
@@ -289,7 +289,7 @@ def _derivations_of_missing_channels(channels: set[str]) -> dict[str, str]:
     return derived
 
 
-def _describe_lacking_channels(
+def _describe_missing_channels(
     channels: set[str], questions: list[str], *, kinematic: bool
 ) -> list[str]:
     lacking: list[str] = []
@@ -304,7 +304,7 @@ def _describe_lacking_channels(
     return lacking
 
 
-def notes_on_topics(topics: pl.DataFrame, guesses: list[ChannelGuess]) -> Iterator[str]:
+def iter_topic_notes(topics: pl.DataFrame, guesses: list[ChannelGuess]) -> Iterator[str]:
     """Notes on list fields without a used element, and on unreadable topics."""
     used = {(guess.topic, guess.field.partition("[")[0]) for guess in guesses}
     for row in topics.iter_rows(named=True):
@@ -320,7 +320,7 @@ def _replace_unprintable(text: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in text)
 
 
-def mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str]:
+def make_imu_mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str]:
     """Lines that propose the IMU's mounting: a table if gravity is clear, else a comment.
 
     Args:
@@ -333,8 +333,8 @@ def mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str]:
     if not set(_AXES) <= set(sources):
         return []
     try:
-        t_ns, force = read_fields(log, [sources[name] for name in _AXES])
-        speed = _read_speed_or_none(log, sources)
+        t_ns, force = read_synchronous_fields(log, [sources[name] for name in _AXES])
+        speed = read_machine_speed(log, sources)
     except LogError:
         return []
     guess = guess_mounting(t_ns, force, speed) if t_ns.size else None
@@ -367,16 +367,16 @@ def _format_mounting_angles(guess: MountingGuess) -> list[str]:
     return [*lines, ""]
 
 
-def _read_speed_or_none(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
+def read_machine_speed(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
     """Stamps and the machine's speed, or the mean of its sides'; None if neither is known."""
     names = ("speed_x_m_s",) if "speed_x_m_s" in sources else _SIDES
     if not set(names) <= set(sources) or len({sources[name][0] for name in names}) > 1:
         return None
-    t_ns, v = read_fields(log, [sources[name] for name in names])
+    t_ns, v = read_synchronous_fields(log, [sources[name] for name in names])
     return (t_ns, v.mean(axis=1)) if t_ns.size > 1 else None
 
 
-def read_fields(log: Log, sources: list[Source]) -> tuple[Ints, Floats]:
+def read_synchronous_fields(log: Log, sources: list[Source]) -> tuple[Ints, Floats]:
     """Stamps (n,) and fields (n, fields) of one topic, finite, one row per stamp.
 
     Raises:

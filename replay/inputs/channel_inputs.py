@@ -13,10 +13,10 @@ from analysis.model.machine import Machine
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.run_record import InputFile, Provenance
 from analysis.model.schema import HINTS
-from analysis.stages.signals.derive import unit_of_name
-from estimators.errors import LogError, MachineError, nearest
+from analysis.stages.signals.derive import find_unit_in_name
+from estimators.errors import LogError, MachineError, suggest_choice
 from replay.inputs.input_limits import LIMITS
-from replay.inputs.time_line import shift_times, time_line_offsets_ns
+from replay.inputs.time_line import compute_log_offsets_ns, shift_times
 from replay.logs import TABLE, Log
 
 _STAMP: Final = "same_ns"
@@ -44,14 +44,14 @@ def read_channels(
         LogError: a topic is in no log, has no message, or differs between two logs at the same
             time.
     """
-    wanted = channel_fields(machine)
+    wanted = list_channel_fields(machine)
     losses: list[Loss] = []
     has = {log: set(log.topic_names()) for log in logs}
     # what no estimate needs must not stop one
-    hints = {topic for topic in wanted if HINTS.issuperset(channels_of_topic(topic, machine))}
+    hints = {topic for topic in wanted if HINTS.issuperset(list_channels_of_topic(topic, machine))}
     for topic in list(wanted):
         if not any(topic in topics for topics in has.values()):
-            fault = _unknown_topic_message(topic, has, machine)
+            fault = _make_unknown_topic_message(topic, has, machine)
             if topic not in hints:
                 damage = [f" It is damaged: {loss}" for log in logs for loss in log.losses()]
                 names = ", ".join(str(log.path) for log in logs)
@@ -71,7 +71,7 @@ def read_channels(
     ]
     for log in logs:
         _refuse_contradicting_units(log, machine)
-    later = time_line_offsets_ns(logs, wanted)
+    later = compute_log_offsets_ns(logs, wanted)
     read = {
         log: log.read_many({topic: names for topic, names in wanted.items() if topic in has[log]})
         for log in logs
@@ -104,11 +104,11 @@ def _has_accompanying_topic(
     log: Log,
     topic: str,
     topics_of_logs: Mapping[Log, set[str]],
-    wanted: Mapping[str, Sequence[str]],
+    wanted_topics: Mapping[str, Sequence[str]],
 ) -> bool:
     """Whether a log has a wanted topic that occurs together with this one in some log."""
     return any(
-        topics_of_logs[log] & topics & wanted.keys()
+        topics_of_logs[log] & topics & wanted_topics.keys()
         for topics in topics_of_logs.values()
         if topic in topics
     )
@@ -122,7 +122,7 @@ def _refuse_contradicting_units(log: Log, machine: Machine) -> None:
         if stated is None or channel.unit is not None or channel.scale != 1.0 or channel.offset:
             continue
         try:
-            gain, offset = gain_and_offset_to_si(stated, unit_of_name(name))
+            gain, offset = gain_and_offset_to_si(stated, find_unit_in_name(name))
         except MachineError:  # of another dimension: it is called after something else
             continue
         if gain != 1.0 or offset:
@@ -132,7 +132,7 @@ def _refuse_contradicting_units(log: Log, machine: Machine) -> None:
             )
 
 
-def channel_fields(machine: Machine) -> dict[str, list[str]]:
+def list_channel_fields(machine: Machine) -> dict[str, list[str]]:
     """Fields that the channels name, by topic."""
     wanted: dict[str, list[str]] = {}
     for channel in machine.channels.values():
@@ -143,7 +143,7 @@ def channel_fields(machine: Machine) -> dict[str, list[str]]:
     return wanted
 
 
-def channels_of_topic(topic: str, machine: Machine) -> list[str]:
+def list_channels_of_topic(topic: str, machine: Machine) -> list[str]:
     """Channels that read from a topic."""
     return [
         name
@@ -152,14 +152,14 @@ def channels_of_topic(topic: str, machine: Machine) -> list[str]:
     ]
 
 
-def _unknown_topic_message(
+def _make_unknown_topic_message(
     topic: str, topics_of_logs: Mapping[Log, set[str]], machine: Machine
 ) -> str:
     """Error message with the unknown topic, the choices and the remedy."""
-    meant = nearest(topic, set().union(*topics_of_logs.values()))
+    meant = suggest_choice(topic, set().union(*topics_of_logs.values()))
     return (
         f"no topic '{topic}'; {meant}{'' if meant.endswith('?') else '.'} "
-        f"Set channels.{channels_of_topic(topic, machine)[0]}.topic in the machine file."
+        f"Set channels.{list_channels_of_topic(topic, machine)[0]}.topic in the machine file."
     )
 
 
@@ -176,11 +176,11 @@ def _refuse_unknown_element_names(log: Log, topic: str, frame: pl.DataFrame) -> 
         if named["name"] not in known:
             raise LogError(
                 f"{log.path}: topic '{topic}' has no '{named['name']}' for the field '{field}'; "
-                f"{nearest(named['name'], known)}"
+                f"{suggest_choice(named['name'], known)}"
             )
 
 
-def frames_by_raw_name(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+def rename_raw_frames(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
     """Frames by their names in a run: `raw/imu/data` for topic `/imu/data`.
 
     If there is a topic `imu/data` as well, it gets that name, and `/imu/data` keeps its slash:
@@ -203,10 +203,10 @@ def make_provenance(
 ) -> Provenance:
     """Hash the inputs and record everything that the result depends on."""
     return Provenance(
-        inputs=tuple(file for log in logs for file in input_files(log)),
+        inputs=tuple(file for log in logs for file in list_input_files(log)),
         machine=machine_without_settings_as_dict(machine),
         settings=machine.settings,
-        versions=package_versions(),
+        versions=collect_package_versions(),
         t0_unix_ns=t0_unix_ns,
         stamps=stamps,
         losses=tuple(losses),
@@ -215,7 +215,7 @@ def make_provenance(
     )
 
 
-def input_files(log: Log) -> list[InputFile]:
+def list_input_files(log: Log) -> list[InputFile]:
     """Files of a log with their digests."""
     return [
         InputFile(name=path.name, sha256=digest, size_bytes=path.stat().st_size)
@@ -230,7 +230,7 @@ def machine_without_settings_as_dict(machine: Machine) -> dict[str, Any]:
     return plain
 
 
-def package_versions() -> dict[str, str]:
+def collect_package_versions() -> dict[str, str]:
     """Versions of all packages that may change a number or a recording."""
     return {"python": platform.python_version(), **{n: version(n) for n in _VERSIONS}}
 
@@ -267,18 +267,18 @@ def merge_messages_of_logs(topic: str, parts: Mapping[Log, pl.DataFrame]) -> pl.
 
 
 def drop_repeated_samples(
-    before: pl.DataFrame, frame: pl.DataFrame, topic: str, earlier: str, later: str
+    earlier_frame: pl.DataFrame, frame: pl.DataFrame, topic: str, earlier: str, later: str
 ) -> pl.DataFrame:
     """Messages of a frame that an earlier log does not contain."""
     if not frame.height:
         return frame
-    start, end = frame["log_time_ns"][0], before["log_time_ns"][-1]
+    start, end = frame["log_time_ns"][0], earlier_frame["log_time_ns"][-1]
     if start > end:
         return frame
     time = pl.col("log_time_ns")
     # two recorders may each be late by a moment
     shared = frame.filter(time <= end + LIMITS.overlap_ns)
-    theirs = before.filter(time >= start - LIMITS.overlap_ns)
+    theirs = earlier_frame.filter(time >= start - LIMITS.overlap_ns)
     keys = [name for name in frame.columns if name not in ("log_time_ns", "header_stamp_ns")]
     new = _add_stamp_column(shared).join(
         _add_stamp_column(theirs),

@@ -22,9 +22,13 @@ from pydantic import BaseModel, ConfigDict
 from analysis.model.loss import Loss
 from analysis.model.machine import Machine
 from estimators.errors import LogError, OutputError, PayscopeError
-from replay.inputs.channel_inputs import channel_fields, input_files, package_versions
+from replay.inputs.channel_inputs import (
+    collect_package_versions,
+    list_channel_fields,
+    list_input_files,
+)
 from replay.logs import TABLE, Log, LogCheck, TableHints, TimeAxis, open_log
-from replay.machines.machine_file import time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine
 
 #: Hidden beside what is made of the logs.
 FOLDER: Final = ".decoded"
@@ -134,9 +138,9 @@ def decode_logs(
         LogError: a topic or field cannot be read.
         OutputError: the folder cannot be written.
     """
-    time = time_axis_of_machine(machine)
-    wanted = {log: _fields_of_log(log, channel_fields(machine)) for log in logs}
-    places = {log: folder / _cache_key(log, wanted[log], time) for log in logs}
+    time = find_time_axis_of_machine(machine)
+    wanted = {log: _select_fields_of_log(log, list_channel_fields(machine)) for log in logs}
+    places = {log: folder / _compute_cache_key(log, wanted[log], time) for log in logs}
     remove_unused_entries(folder, {place.name for place in places.values()})
     missing = [log for log in logs if not places[log].is_dir()]
     on_log(len(logs) - len(missing))
@@ -198,7 +202,7 @@ def _decode_by_process(
     """Decode a log in a process of its own, which limits the memory in use."""
     asked = {
         "path": str(log.path),
-        "time": _time_axis_values(time),
+        "time": _time_axis_to_json(time),
         "fields": fields,
         "place": str(place),
     }
@@ -216,7 +220,9 @@ def _decode_by_process(
         raise LogError(f"{log.path}: cannot be decoded: {why[0]}")
 
 
-def _fields_of_log(log: Log, fields: Mapping[str, Sequence[str]]) -> dict[str, Sequence[str]]:
+def _select_fields_of_log(
+    log: Log, fields: Mapping[str, Sequence[str]]
+) -> dict[str, Sequence[str]]:
     """Requested fields that a log has, by topic; another table may have the other fields."""
     found: dict[str, Sequence[str]] = {}
     for topic, has in log.topics().select("topic", "fields").iter_rows():
@@ -226,18 +232,18 @@ def _fields_of_log(log: Log, fields: Mapping[str, Sequence[str]]) -> dict[str, S
     return found
 
 
-def _cache_key(log: Log, fields: Mapping[str, Sequence[str]], time: TimeAxis | None) -> str:
+def _compute_cache_key(log: Log, fields: Mapping[str, Sequence[str]], time: TimeAxis | None) -> str:
     """Digest of everything that the decoded log depends on."""
     whole: dict[str, Any] = {
-        "files": [(each.name, each.sha256) for each in input_files(log)],
+        "files": [(each.name, each.sha256) for each in list_input_files(log)],
         "fields": fields,
-        "time": _time_axis_values(time),
-        "versions": package_versions(),
+        "time": _time_axis_to_json(time),
+        "versions": collect_package_versions(),
     }
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:32]
 
 
-def _time_axis_values(time: TimeAxis | None) -> list[Any] | None:
+def _time_axis_to_json(time: TimeAxis | None) -> list[Any] | None:
     """Time column and format of a table, for JSON."""
     return None if time is None else [time.column, time.unit, asdict(time.table)]
 
@@ -246,10 +252,10 @@ def _count_log_bytes(log: Log) -> int:
     return sum(path.stat().st_size for path in log.files)
 
 
-def remove_unused_entries(folder: Path, used: set[str]) -> None:
+def remove_unused_entries(folder: Path, used_entries: set[str]) -> None:
     """Remove entries of other logs, and remains of killed processes."""
     for each in folder.iterdir() if folder.is_dir() else ():
-        if each.name not in used:
+        if each.name not in used_entries:
             shutil.rmtree(each, ignore_errors=True)
 
 

@@ -9,7 +9,7 @@ import polars as pl
 
 from analysis.model.loss import Loss
 from analysis.model.machine import Channel, Machine
-from estimators.errors import LogError, nearest
+from estimators.errors import LogError, suggest_choice
 from replay.logs import TABLE, Log, LogCheck
 
 if TYPE_CHECKING:
@@ -153,7 +153,9 @@ class _NamedTable(DerivedLog):
         return self._log.machine_ids()
 
 
-def join_parallel_tables(logs: Sequence[Log], machine: Machine) -> tuple[Sequence[Log], Machine]:
+def separate_parallel_tables(
+    logs: Sequence[Log], machine: Machine
+) -> tuple[Sequence[Log], Machine]:
     """Give tables that share no column of the channels topics of their own.
 
     Args:
@@ -170,7 +172,7 @@ def join_parallel_tables(logs: Sequence[Log], machine: Machine) -> tuple[Sequenc
     wanted = {field for channel in machine.channels.values() for field in channel.fields}
     for log in logs:
         log.expect({TABLE: sorted(wanted)})
-    logs = _tables_with_own_topics(logs, wanted)
+    logs = _give_tables_own_topics(logs, wanted)
     columns = {
         topic: set[str](fields or [])
         for log in logs
@@ -188,13 +190,13 @@ def join_parallel_tables(logs: Sequence[Log], machine: Machine) -> tuple[Sequenc
         (field, *_) = channel.fields
         if field not in by_field:
             paths = ", ".join(str(log.path) for log in logs)
-            choices = nearest(field, set().union(*columns.values()))
+            choices = suggest_choice(field, set().union(*columns.values()))
             raise LogError(f"{paths}: no column '{field}'; {choices}")
         channels[name] = channel.model_copy(update={"topic": by_field[field]})
     return logs, machine.model_copy(update={"channels": channels})
 
 
-def _tables_with_own_topics(logs: Sequence[Log], wanted_columns: set[str]) -> Sequence[Log]:
+def _give_tables_own_topics(logs: Sequence[Log], wanted_columns: set[str]) -> Sequence[Log]:
     """Tables with topics of their own, unless two share wanted columns."""
     if len(logs) < 2 or len({log.digests for log in logs}) < len(logs):
         return logs
@@ -249,11 +251,15 @@ class MemoryLog(Log):
         self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> pl.DataFrame:
         if topic not in self._frames:
-            raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._frames)}")
+            raise LogError(
+                f"{self.path}: no topic '{topic}'; {suggest_choice(topic, self._frames)}"
+            )
         frame = self._frames[topic]
         for field in fields:
             if field not in frame.columns:
-                raise LogError(f"{self.path}: no field '{field}'; {nearest(field, frame.columns)}")
+                raise LogError(
+                    f"{self.path}: no field '{field}'; {suggest_choice(field, frame.columns)}"
+                )
         time = pl.col("log_time_ns")
         if start_ns is not None:
             frame = frame.filter(time >= start_ns)
@@ -270,7 +276,7 @@ class MemoryLog(Log):
         return ()
 
 
-def machine_with_memory_channels(machine: Machine, simulated: "SimulatedLog") -> Machine:
+def read_channels_from_memory(machine: Machine, simulated: "SimulatedLog") -> Machine:
     """The machine with its channels read from the topics of a simulation."""
     topic_of = {
         name: topic

@@ -15,8 +15,8 @@ from replay.logs import TABLE, Log
 _Has = frozenset[tuple[str, str]]
 
 
-def time_line_offsets_ns(
-    logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]
+def compute_log_offsets_ns(
+    logs: Sequence[Log], wanted_fields: Mapping[str, Sequence[str]]
 ) -> dict[Log, int]:
     """Offset of each log on the common time line, in ns.
 
@@ -25,7 +25,7 @@ def time_line_offsets_ns(
 
     Args:
         logs: logs in order.
-        wanted: fields that the channels name, by topic.
+        wanted_fields: fields that the channels name, by topic.
 
     Raises:
         LogError: logs that count from 0 share only some of the fields.
@@ -33,7 +33,7 @@ def time_line_offsets_ns(
     none = dict.fromkeys(logs, 0)
     if len(logs) < 2:
         return none
-    tables = {log: log.topics().filter(pl.col("topic").is_in(list(wanted))) for log in logs}
+    tables = {log: log.topics().filter(pl.col("topic").is_in(list(wanted_fields))) for log in logs}
     tables = {log: table.filter(pl.col("messages") > 0) for log, table in tables.items()}
     if any(table.is_empty() for table in tables.values()):
         return none
@@ -45,7 +45,7 @@ def time_line_offsets_ns(
     # one log given twice counts once
     if len({log.digests for log in logs}) < len(logs):
         return none
-    has = [_wanted_fields_by_topic(table, wanted) for table in tables.values()]
+    has = [_find_topics_with_wanted_fields(table, wanted_fields) for table in tables.values()]
     if not any(one & other for one, other in combinations(has, 2)):
         return none
     if len(set(has)) > 1:
@@ -84,29 +84,31 @@ class _SampleLattice(NamedTuple):
         rate_hz = float(f"{slowest['rate_hz'] or 1.0:.6g}")
         return cls(slowest["topic"], int(slowest["start_ns"]), 1e9 / rate_hz)
 
-    def next_offset_on_lattice(self, at_ns: int, table: pl.DataFrame) -> int:
-        """First offset from `at_ns` on that puts a log's first stamp on the lattice."""
+    def next_offset_on_lattice(self, min_offset_ns: int, table: pl.DataFrame) -> int:
+        """First offset from `min_offset_ns` on that puts a log's first stamp on the lattice."""
         (start_ns,) = table.filter(pl.col("topic") == self.topic)["start_ns"]
         between_ns = int(start_ns) - self.start_ns
-        periods = math.ceil((at_ns + between_ns) / self.period_ns - LIMITS.same_phase_periods)
+        periods = math.ceil(
+            (min_offset_ns + between_ns) / self.period_ns - LIMITS.same_phase_periods
+        )
         return round(periods * self.period_ns) - between_ns
 
 
-def begin_of_each_log_ns(
-    logs: Sequence[Log], wanted: Mapping[str, Sequence[str]], t0_unix_ns: int
+def compute_log_begins_ns(
+    logs: Sequence[Log], wanted_fields: Mapping[str, Sequence[str]], t0_unix_ns: int
 ) -> dict[Log, int]:
     """Begin of each log in ns since the first aligned sample, ascending.
 
     Args:
         logs: logs of one time line.
-        wanted: fields that the channels name, by topic.
+        wanted_fields: fields that the channels name, by topic.
         t0_unix_ns: Unix time of the first aligned sample.
     """
-    later = time_line_offsets_ns(logs, wanted)
+    later = compute_log_offsets_ns(logs, wanted_fields)
     found: dict[Log, int] = {}
     for log in logs:
         topics = log.topics()
-        first = topics.filter(pl.col("topic").is_in(list(wanted)))["start_ns"].min()
+        first = topics.filter(pl.col("topic").is_in(list(wanted_fields)))["start_ns"].min()
         if isinstance(first, int):
             found[log] = first + later[log] - t0_unix_ns
     return dict(sorted(found.items(), key=lambda each: each[1]))
@@ -124,7 +126,7 @@ def shift_times(frame: pl.DataFrame, by_ns: int) -> pl.DataFrame:
     )
 
 
-def note_on_order_of_logs(offsets: Mapping[Log, int]) -> list[str]:
+def describe_log_order(offsets: Mapping[Log, int]) -> list[str]:
     """Note on the order of the logs."""
     if not any(offsets.values()):
         return []
@@ -135,7 +137,9 @@ def note_on_order_of_logs(offsets: Mapping[Log, int]) -> list[str]:
     ]
 
 
-def _wanted_fields_by_topic(table: pl.DataFrame, wanted: Mapping[str, Sequence[str]]) -> _Has:
+def _find_topics_with_wanted_fields(
+    table: pl.DataFrame, wanted: Mapping[str, Sequence[str]]
+) -> _Has:
     """Topics of a log with the wanted fields; for a table, its columns."""
     return frozenset(
         (topic, field)

@@ -10,7 +10,7 @@ import polars as pl
 from pydantic import ValidationError
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, list_some, nearest
+from estimators.errors import LogError, list_some, suggest_choice
 from estimators.file_digest import file_sha256
 from replay.logs.converted import DESCRIPTION
 from replay.logs.converted.description import (
@@ -82,7 +82,7 @@ class ConvertedTopics:
         empty = pl.DataFrame(schema=self.schema).select(*OWN_COLUMNS, *columns)
         is_first = True
         for part in self.topic.parts:
-            if not _may_part_hold_span(part, start_ns, end_ns):
+            if not _may_part_overlap_span(part, start_ns, end_ns):
                 continue
             rows = pl.scan_parquet(self._folder / part.file)
             time = pl.col(LOG_TIME)
@@ -107,7 +107,7 @@ class ConvertedTopics:
         whole = _ELEMENT.sub("[]", name)
         if whole not in self.leaf_fields_by_name:
             raise ConvertedFieldError(
-                f"no field {name!r}; {nearest(name, self.leaf_fields_by_name)}"
+                f"no field {name!r}; {suggest_choice(name, self.leaf_fields_by_name)}"
             )
         elements = _ELEMENT.findall(name)
         values, depth = pl.col(whole), 0
@@ -134,7 +134,7 @@ class ConvertedTopics:
         element = elements[element_position]
         if element.isascii() and element.isdigit():
             index = int(element) if len(element) <= LIMITS.index_digits else 10**LIMITS.index_digits
-            length = self._fixed_length(name, element_position)
+            length = self._fixed_list_length(name, element_position)
             if length is not None and index >= length:
                 raise ConvertedFieldError(f"'{name}' is out of range; it has {length} elements")
             return pl.lit(index)
@@ -152,7 +152,7 @@ class ConvertedTopics:
         first = there.list.eval(pl.element() == element).list
         return pl.when(first.any()).then(first.arg_max())
 
-    def _fixed_length(self, name: str, element_position: int) -> int | None:
+    def _fixed_list_length(self, name: str, element_position: int) -> int | None:
         lengths = self.leaf_fields_by_name[_ELEMENT.sub("[]", name)].lengths
         return lengths[element_position] if element_position < len(lengths) else None
 
@@ -221,7 +221,9 @@ class ConvertedLog(Log):
     def _require_topic(self, topic: str) -> ConvertedTopics:
         found = self._columns.get(topic)
         if found is None:
-            raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._columns)}")
+            raise LogError(
+                f"{self.path}: no topic '{topic}'; {suggest_choice(topic, self._columns)}"
+            )
         fault = found.topic.fault or str(found.topic.summary["problem"] or "")
         if fault:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {fault}")
@@ -301,7 +303,7 @@ def _widen(values: pl.Expr, dtype: pl.DataType) -> pl.Expr:
     return values.cast(pl.Int64) if inner.is_integer() and inner != pl.UInt64 else values
 
 
-def _may_part_hold_span(part: ConvertedPart, start_ns: int | None, end_ns: int | None) -> bool:
+def _may_part_overlap_span(part: ConvertedPart, start_ns: int | None, end_ns: int | None) -> bool:
     if part.start_ns is None or part.end_ns is None:
         return False
     return not (

@@ -23,7 +23,7 @@ _KINDS: Final = {
 _STAMPS: Final = ({"sec", "nsec"}, {"sec", "nanosec"})
 
 
-def message_type_from_json_schema(name: str, schema: str) -> MessageType:
+def make_message_type_from_json_schema(name: str, schema: str) -> MessageType:
     """Message type from a JSON schema.
 
     Raises:
@@ -64,7 +64,7 @@ class _Schema:
             raise BrokenBytesError(
                 f"it has more than {LIMITS.json_fields} fields, or {LIMITS.json_depth} levels"
             )
-        kind = sole_type_or_none(schema)
+        kind = find_sole_type(schema)
         if kind == "array":
             element = self.type_of_value(schema.get("items", {}), depth + 1)
             if element is None or isinstance(element, ListOf):
@@ -101,7 +101,7 @@ class _Schema:
         raise BrokenBytesError("its references form a loop")
 
 
-def sole_type_or_none(schema: dict[str, Any]) -> str | None:
+def find_sole_type(schema: dict[str, Any]) -> str | None:
     """The single type that a schema allows besides null; None if there are several."""
     named = schema.get("type", "object" if "properties" in schema else [])
     allowed = named if isinstance(named, list) else [named]
@@ -148,7 +148,7 @@ def _convert_value(value: Any, kind: str) -> Any:
     return require_int64(number) if kind == "int64" else number
 
 
-def _stamp_ns(stamp: Any) -> int:
+def _convert_stamp_to_ns(stamp: Any) -> int:
     if not isinstance(stamp, dict) or "sec" not in stamp:
         raise BrokenBytesError(f"{type(stamp).__name__} in place of a time")
     nanoseconds = stamp.get("nsec", stamp.get("nanosec", 0))
@@ -157,4 +157,4 @@ def _stamp_ns(stamp: Any) -> int:
     )
 
 
-JSON: Final = Library("json", _read_member, _stamp_ns, _require_list, _convert_value)
+JSON: Final = Library("json", _read_member, _convert_stamp_to_ns, _require_list, _convert_value)

@@ -139,19 +139,17 @@ _METADATA: Final = "metadata.yaml"
 _DESCRIBED: Final = (_METADATA, DESCRIPTION)
 
 
-def expand_log_folders(named: Sequence[Path]) -> list[Path]:
+def expand_log_folders(paths: Sequence[Path]) -> list[Path]:
     """List each named log once; a folder is replaced by the logs in it.
 
     Args:
-        named: logs, and folders of logs (which a rosbag2 directory is not).
+        paths: logs, and folders of logs (which a rosbag2 directory is not).
 
     Raises:
         LogError: a folder cannot be read.
     """
     found = [
-        log
-        for path in named
-        for log in (bags_or_tables_of_folder(path) if _is_folder(path) else [path])
+        log for path in paths for log in (list_bags_or_tables(path) if _is_folder(path) else [path])
     ]
     return list({path.resolve(): path for path in found}.values())
 
@@ -182,23 +180,23 @@ def _is_folder(path: Path) -> bool:
     return path.is_dir() and not any((path / name).is_file() for name in _DESCRIBED)
 
 
-def bags_or_tables_of_folder(folder: Path) -> list[Path]:
+def list_bags_or_tables(folder: Path) -> list[Path]:
     """Bags of a folder and its subfolders; if there are none, its tables."""
     inside = _list_logs_of_format_folder(folder)
-    bags = [log for each in inside for log in bags_at_path(each)]
+    bags = [log for each in inside for log in list_bags(each)]
     tables = [each for each in inside if each.suffix.lower() in _TABLES and each.is_file()]
     # a folder without a log is for its reader to say
     return bags or tables or [folder]
 
 
-def bags_at_path(path: Path) -> list[Path]:
+def list_bags(path: Path) -> list[Path]:
     """A bag, or the bags of a folder without metadata, as after a power loss."""
     if _is_folder(path):
         return [
             log
             for each in _list_logs_of_format_folder(path)
             if not _is_folder(each)
-            for log in bags_at_path(each)
+            for log in list_bags(each)
         ]
     return [path] if path.is_dir() or path.suffix.lower() in _BAGS else []
 

@@ -9,12 +9,12 @@ import polars as pl
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError
-from replay.logs.decoding.decoder import Decoder, submit_at_once
+from replay.logs.decoding.decoder import Decoder, run_work_immediately
 from replay.logs.decoding.decoder_choice import make_decoder
 from replay.logs.log import TABLE, TimeAxis
 from replay.logs.log_limits import LIMITS
 from replay.logs.message_definitions import DefinitionError, compile_message_type
-from replay.logs.messages.message_fields import FieldError, resolve_field
+from replay.logs.messages.message_fields import FieldError, resolve_message_field
 from replay.logs.storage import Connection, FileBytes, LossList, Tail
 from replay.logs.table_log import TableLog
 
@@ -135,7 +135,7 @@ class MessageTail:
             decoder = self._decoder_of_connection(connection) if connection else None
             if connection is None or decoder is None:
                 continue
-            decoded = decoder.begin(batch, submit_at_once)()
+            decoded = decoder.begin(batch, run_work_immediately)()
             if decoded.undecodable:
                 what = f"messages cannot be decoded: {decoded.first_fault}"
                 self._losses.note(self._path, what, connection.topic)
@@ -157,7 +157,7 @@ class MessageTail:
             try:
                 kind = compile_message_type(connection)
                 names = dict.fromkeys(self._fields[connection.topic])
-                picked = [resolve_field(name, kind.record) for name in names]
+                picked = [resolve_message_field(name, kind.record) for name in names]
             except DefinitionError as error:
                 raise LogError(f"{about} cannot be read: {error}") from error
             except FieldError as error:

@@ -41,7 +41,7 @@ def iter_serial_numbers(texts: Mapping[str, str], record: str = "") -> Iterator[
             yield said[: LIMITS.machine_id_characters]
 
 
-def ids_in_preamble(lines: Iterable[str]) -> Iterator[str]:
+def iter_ids_in_preamble(lines: Iterable[str]) -> Iterator[str]:
     """Yield the serial numbers in the name-value lines above a text table."""
     for line in lines:
         named = _NAMED_LINE.match(line)
@@ -49,7 +49,7 @@ def ids_in_preamble(lines: Iterable[str]) -> Iterator[str]:
             yield from iter_serial_numbers({named[1]: named[2].strip(' ,;\t"')})
 
 
-def machine_ids_in_files(files: Iterable[Path]) -> tuple[str, ...]:
+def read_machine_ids(files: Iterable[Path]) -> tuple[str, ...]:
     """Distinct serial numbers in the metadata of a log's files.
 
     MCAP has metadata records, and rosbag2 `custom_data`, which its SQLite storage repeats since ROS

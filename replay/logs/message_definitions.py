@@ -114,13 +114,13 @@ def _compile_self_described(connection: Connection) -> MessageType:
     """Message type from a JSON schema or protobuf descriptors."""
     try:
         if connection.encoding == "json":
-            from replay.logs.json_types import message_type_from_json_schema
+            from replay.logs.json_types import make_message_type_from_json_schema
 
-            return message_type_from_json_schema(connection.type, connection.definition)
-        from replay.logs.protobuf_types import message_type_from_protobuf
+            return make_message_type_from_json_schema(connection.type, connection.definition)
+        from replay.logs.protobuf_types import make_message_type_from_protobuf
 
         descriptors = connection.definition.encode(errors="surrogateescape")
-        return message_type_from_protobuf(connection.type, descriptors)
+        return make_message_type_from_protobuf(connection.type, descriptors)
     except BrokenBytesError as error:
         reason = shorten(str(error), 160)
         raise DefinitionError(

@@ -11,14 +11,19 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, nearest
-from replay.logs.decoding.decoder import DecodeTally, frame_schema_of_fields
-from replay.logs.decoding.decoder_choice import decoder_name, make_decoder
+from estimators.errors import LogError, suggest_choice
+from replay.logs.decoding.decoder import DecodeTally, make_frame_schema
+from replay.logs.decoding.decoder_choice import choose_decoder_name, make_decoder
 from replay.logs.log import Log, LogCheck
 from replay.logs.log_limits import LIMITS
-from replay.logs.machine_ids import machine_ids_in_files
+from replay.logs.machine_ids import read_machine_ids
 from replay.logs.message_definitions import DefinitionError, compile_message_type
-from replay.logs.messages.message_fields import OWN_COLUMNS, Field, FieldError, resolve_field
+from replay.logs.messages.message_fields import (
+    OWN_COLUMNS,
+    Field,
+    FieldError,
+    resolve_message_field,
+)
 from replay.logs.messages.message_types import (
     LeafField,
     MessageType,
@@ -61,7 +66,7 @@ class MessageLog(Log):
 
     def machine_ids(self) -> tuple[str, ...]:
         """Serial numbers in MCAP's metadata records, or in `custom_data`."""
-        return machine_ids_in_files(self.files)
+        return read_machine_ids(self.files)
 
     @cached_property
     def _topics(self) -> dict[str, _Topic]:
@@ -86,7 +91,7 @@ class MessageLog(Log):
             **self._summarise_log_times(np.concatenate(log_times)),
             "fields": list(iter_leaf_names(topic.kind.record)) if topic.kind else [],
             "problem": topic.problem,
-            "decoder": decoder_name(topic.kind) if topic.kind else None,
+            "decoder": choose_decoder_name(topic.kind) if topic.kind else None,
         }
 
     def _read_many(
@@ -97,7 +102,7 @@ class MessageLog(Log):
             c.id: reading for t, reading in readings.items() for c in self._topics[t].connections
         }
         groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
-        self._take_all_messages((group.batches for group in groups), streams)
+        self._feed_all_messages((group.batches for group in groups), streams)
         return {topic: self._finish_reading(topic, reading) for topic, reading in readings.items()}
 
     def _scan(
@@ -114,7 +119,7 @@ class MessageLog(Log):
         except GeneratorExit:  # the rest is not requested
             self._note_losses(topic, stream.tally)
             raise
-        self._note_tally(topic, stream.tally)
+        self._note_decoding_failures(topic, stream.tally)
 
     def _scan_many(
         self,
@@ -154,14 +159,16 @@ class MessageLog(Log):
         leaves = {leaf.name: leaf for leaf in iter_leaf_fields(kind.record)}
         if fields is None:
             return tuple(leaf for name, leaf in leaves.items() if name not in OWN_COLUMNS)
-        resolved = self._resolve(topic, fields, kind)
+        resolved = self._resolve_fields(topic, fields, kind)
         return tuple(leaves.get(f.name, LeafField(f.name, f.column_dtype)) for f in resolved)
 
     def _require_decodable_topic(self, topic: str) -> _Topic:
         """The topic; raises an error if it cannot be decoded."""
         found = self._topics.get(topic)
         if found is None:
-            raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._topics)}")
+            raise LogError(
+                f"{self.path}: no topic '{topic}'; {suggest_choice(topic, self._topics)}"
+            )
         if found.kind is None:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {found.problem}")
         return found
@@ -171,30 +178,30 @@ class MessageLog(Log):
 
         kind = self._require_decodable_topic(topic).kind
         assert kind is not None, "it is usable"
-        picked = self._resolve(topic, fields, kind)
-        return TopicStream(make_decoder(kind, picked), frame_schema_of_fields(picked))
+        picked = self._resolve_fields(topic, fields, kind)
+        return TopicStream(make_decoder(kind, picked), make_frame_schema(picked))
 
-    def _take_all_messages(
+    def _feed_all_messages(
         self, groups: Iterable[list[RawBatch]], streams: Mapping[int, "TopicStream"]
     ) -> None:
         # numba is slow to import, and a log can be described without it
-        from replay.logs.decoding.batch_stream import feed_streams
+        from replay.logs.decoding.batch_stream import feed_batches_to_streams
 
-        feed_streams(groups, streams)
+        feed_batches_to_streams(groups, streams)
 
     def _finish_reading(self, topic: str, stream: "TopicStream") -> pl.DataFrame:
         frame = stream.drain_all_rows()
-        self._note_tally(topic, stream.tally)
+        self._note_decoding_failures(topic, stream.tally)
         return frame
 
-    def _resolve(self, topic: str, fields: Sequence[str], kind: MessageType) -> list[Field]:
+    def _resolve_fields(self, topic: str, fields: Sequence[str], kind: MessageType) -> list[Field]:
         """Find the requested fields in the message type."""
         try:
-            return [resolve_field(name, kind.record) for name in dict.fromkeys(fields)]
+            return [resolve_message_field(name, kind.record) for name in dict.fromkeys(fields)]
         except FieldError as error:
             raise LogError(f"{self.path}: topic '{topic}' ({kind.record.name}): {error}") from error
 
-    def _note_tally(self, topic: str, tally: DecodeTally) -> None:
+    def _note_decoding_failures(self, topic: str, tally: DecodeTally) -> None:
         """Raise an error if nothing was decoded, else note what was not."""
         fault = self._describe_unreadable(topic, tally)
         if fault:
@@ -247,7 +254,7 @@ class MessageLog(Log):
                 yield [batch for batch in group if topics[batch.connection_id] in streams]
 
         group_by_key = {key: streams[t] for key, t in topics.items() if t in streams}
-        self._take_all_messages(count_messages(), group_by_key)
+        self._feed_all_messages(count_messages(), group_by_key)
         for topic, stream in streams.items():
             stream.drain_all_rows()
             self._note_losses(topic, stream.tally)

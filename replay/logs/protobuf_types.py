@@ -27,7 +27,7 @@ _KINDS: Final = {
 _STAMPS: Final = ("google.protobuf.Timestamp", "google.protobuf.Duration")
 
 
-def message_type_from_protobuf(name: str, descriptors: bytes) -> MessageType:
+def make_message_type_from_protobuf(name: str, descriptors: bytes) -> MessageType:
     """Message type `name` of a serialized `FileDescriptorSet`.
 
     Raises:
@@ -50,12 +50,12 @@ def message_type_from_protobuf(name: str, descriptors: bytes) -> MessageType:
         except DecodeError as error:
             raise BrokenBytesError(error) from error
 
-    record = _Types().record(descriptor, ())
+    record = _Types().make_record_type(descriptor, ())
     return MessageType(record, ros1=False, decode=decode_message, library=PROTOBUF)
 
 
-def _make_unusable_error(why: object) -> BrokenBytesError:
-    return BrokenBytesError(f"its protobuf descriptors cannot be used: {why}")
+def _make_unusable_error(reason: object) -> BrokenBytesError:
+    return BrokenBytesError(f"its protobuf descriptors cannot be used: {reason}")
 
 
 def _make_descriptor_pool(files: FileDescriptorSet) -> DescriptorPool:
@@ -83,7 +83,7 @@ class _Types:
     def __init__(self) -> None:
         self._left = LIMITS.protobuf_fields
 
-    def record(self, descriptor: Descriptor, above: tuple[str, ...]) -> RecordType:
+    def make_record_type(self, descriptor: Descriptor, above: tuple[str, ...]) -> RecordType:
         """Message type, without maps and fields that contain the type itself."""
         within = (*above, descriptor.full_name)
         fields = ((field.name, self._make_field(field, within)) for field in descriptor.fields)
@@ -113,7 +113,7 @@ class _Types:
         elif inner.full_name in above or inner.GetOptions().map_entry:
             return None
         else:
-            kind = self.record(inner, above)
+            kind = self.make_record_type(inner, above)
         return ListOf(kind, None) if field.is_repeated and not isinstance(kind, ListOf) else kind
 
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, nearest
+from estimators.errors import LogError, suggest_choice
 from recordings.rrd.reader import open_recording
 from recordings.rrd.stored_frames import StoredFrame
 from replay.logs.log import Log, LogCheck
@@ -39,7 +39,7 @@ class RecordingLog(Log):
         channels: Mapping[str, Any] = about.machine.get("channels", {})
         named = {channel.get("topic") for channel in channels.values()}
         self._stage = {
-            _topic_of_stage(stage.removeprefix(_RAW), named): stage
+            _name_topic_of_stage(stage.removeprefix(_RAW), named): stage
             for stage in stages
             if stage.startswith(_RAW)
         }
@@ -82,18 +82,20 @@ class RecordingLog(Log):
         found: dict[str, pl.DataFrame] = {}
         for topic, names in fields.items():
             if topic not in self._stage:
-                raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._stage)}")
+                raise LogError(
+                    f"{self.path}: no topic '{topic}'; {suggest_choice(topic, self._stage)}"
+                )
             has = self._fields[topic]
             for name in names:
                 if name not in has:
                     raise LogError(
                         f"{self.path}: topic '{topic}' was recorded without field '{name}'; "
-                        f"{nearest(name, has)}, or replay the log itself"
+                        f"{suggest_choice(name, has)}, or replay the log itself"
                     )
         with open_recording(self.path) as held:
             for topic, names in fields.items():
                 frame = held.read(self._stage[topic], [*_STAMPS, *names])
-                self._note_missing(
+                self._note_missing_rows(
                     topic, held.manifest.frame_by_name(self._stage[topic]), frame.height
                 )
                 time = pl.col("log_time_ns")
@@ -117,12 +119,12 @@ class RecordingLog(Log):
         """Losses of the recorded log, and rows missing from a recovered recording."""
         return (*self._losses, *self._missing.values())
 
-    def _note_missing(self, topic: str, stored: StoredFrame | None, height: int) -> None:
+    def _note_missing_rows(self, topic: str, stored: StoredFrame | None, height: int) -> None:
         if stored is not None and height != stored.rows:
             what = f"the recording has {height} of {stored.rows} rows"
             self._missing[topic] = Loss(source=self.path.name, topic=topic, what=what)
 
 
-def _topic_of_stage(stage: str, named: set[str | None]) -> str:
+def _name_topic_of_stage(stage: str, named: set[str | None]) -> str:
     """Topic of a stage, whose name lacks the usual leading slash."""
     return f"/{stage}" if f"/{stage}" in named else stage

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Final
 import polars as pl
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, counted, list_some, nearest
+from estimators.errors import LogError, counted, list_some, suggest_choice
 from replay.logs.log import TABLE, Log, LogCheck, TimeAxis
 from replay.logs.log_limits import LIMITS
-from replay.logs.machine_ids import ids_in_preamble, iter_serial_numbers
+from replay.logs.machine_ids import iter_ids_in_preamble, iter_serial_numbers
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.storage import LossList
 from replay.logs.tables import (
@@ -22,7 +22,7 @@ from replay.logs.tables import (
     TableHints,
     TableTimes,
     TimeError,
-    describe_disagreement,
+    describe_contradicting_time_column,
     find_time_columns,
 )
 
@@ -82,14 +82,18 @@ class TableLog(Log):
         """Serial numbers in the metadata of a Parquet or Arrow file, or above a text table."""
         columns = self._columns
         text = isinstance(columns, CsvColumns)
-        found = ids_in_preamble(columns.preamble) if text else iter_serial_numbers(columns.metadata)
+        found = (
+            iter_ids_in_preamble(columns.preamble)
+            if text
+            else iter_serial_numbers(columns.metadata)
+        )
         return tuple(dict.fromkeys(found))
 
     def units(self, topic: str) -> dict[str, str]:
         """Units stated by names, a row of units or metadata, by field."""
         if topic not in self._parts:
             return {}
-        inside = set(self._fields_of_topic(topic))
+        inside = set(self._list_fields_of_topic(topic))
         found = {c.name: c.unit for c in self._columns.columns if c.unit and c.name in inside}
         axis, _ = self._parts[topic]
         # "Time (s) - Speed (m/s)": the unit behind is its channel's
@@ -121,7 +125,7 @@ class TableLog(Log):
             and time_axis.column is not None
             and time_axis.column not in columns
         ):
-            meant = nearest(time_axis.column, columns)
+            meant = suggest_choice(time_axis.column, columns)
             raise LogError(
                 f"{self.path}: no column '{time_axis.column}' for the time; "
                 f"{meant}{'' if meant.endswith('?') else '.'} Set [log] time in the machine file"
@@ -143,11 +147,11 @@ class TableLog(Log):
 
     def expect(self, fields: Mapping[str, Sequence[str]]) -> None:
         """Announce fields that are read together with the times."""
-        inside = {name for topic in self._parts for name in self._fields_of_topic(topic)}
+        inside = {name for topic in self._parts for name in self._list_fields_of_topic(topic)}
         asked = dict.fromkeys(name for names in fields.values() for name in names)
         self._expected = [name for name in asked if name in inside]
 
-    def _find_losses_of_all_rows(self, fields: Sequence[str] = ()) -> None:
+    def _find_row_losses(self, fields: Sequence[str] = ()) -> None:
         """Scan all rows of a text once, reading its times and some fields."""
         if self._is_checked or not isinstance(self._columns, CsvColumns):
             return
@@ -162,13 +166,13 @@ class TableLog(Log):
     def _log_times_of_topic(self, topic: str) -> pl.Series:
         """Log time of each row; null if it has none."""
         if topic not in self._stamps:
-            self._find_losses_of_all_rows()
+            self._find_row_losses()
             self._stamps[topic] = self._find_stamps(self._parts[topic][0])
         return self._stamps[topic]
 
     def _find_stamps(self, axis: TableTimes) -> pl.Series:
         try:
-            found = axis.log_times_of_rows(self._cells_of_columns(axis.columns), self._columns.rows)
+            found = axis.log_times_of_rows(self._read_cells(axis.columns), self._columns.rows)
         except TimeError as error:
             remedy = "" if "[log]" in str(error) else ". Set [log] time and time_unit"
             raise LogError(
@@ -176,7 +180,7 @@ class TableLog(Log):
                 f"{_WHERE}"
             ) from error
         times = found.stamps
-        self._refuse_disagreement(axis, times)
+        self._refuse_contradicting_time_column(axis, times)
         # one row has no spacing that would tell anything
         self._notes += found.notes
         # of pairs side by side one may end before the others
@@ -189,9 +193,9 @@ class TableLog(Log):
         there = times.drop_nulls()
         steps = there.diff()
         backwards = int((steps < 0).sum())
-        self._refuse_shared_times(axis, there, steps)
+        self._refuse_repeated_times(axis, there, steps)
         if backwards:
-            self._refuse_restarts(axis, there, backwards)
+            self._refuse_restarting_time(axis, there, backwards)
             self._losses.note(
                 self.path,
                 f"the time goes back at {counted(backwards, 'row')}; all rows were sorted by time",
@@ -199,22 +203,22 @@ class TableLog(Log):
             )
         return times.alias("log_time_ns")
 
-    def _refuse_disagreement(self, axis: TableTimes, times: pl.Series) -> None:
+    def _refuse_contradicting_time_column(self, axis: TableTimes, times: pl.Series) -> None:
         """Raise an error if another time column contradicts the detected one."""
         columns = self._columns
         is_unambiguous = self._is_time_given or axis.time is None or len(self._parts) > 1
         if is_unambiguous or not isinstance(columns, CsvColumns):
             return
         first = partial(columns.first_text_cells, count=LIMITS.compared_cells)
-        said = describe_disagreement(
-            columns.columns, first, axis.columns[-1], times.head(columns.first)
+        said = describe_contradicting_time_column(
+            columns.columns, first, axis.columns[-1], times.head(columns.head_row_count)
         )
         if said:
             raise LogError(
                 f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said} {_WHERE}"
             )
 
-    def _refuse_shared_times(
+    def _refuse_repeated_times(
         self, axis: TableTimes, known_times: pl.Series, steps: pl.Series
     ) -> None:
         """Raise an error if most rows share their time with the previous one: too coarse."""
@@ -234,7 +238,9 @@ class TableLog(Log):
             )
         raise LogError(f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said}")
 
-    def _refuse_restarts(self, axis: TableTimes, known_times: pl.Series, backwards: int) -> None:
+    def _refuse_restarting_time(
+        self, axis: TableTimes, known_times: pl.Series, backwards: int
+    ) -> None:
         """Raise an error if the time falls back and continues: sorting would mix two records."""
         wanted = self._hints.sort_times
         if wanted or (wanted is None and self._are_rows_shuffled(known_times, backwards)):
@@ -257,14 +263,14 @@ class TableLog(Log):
             or backwards > LIMITS.falling_row_fraction * late
         )
 
-    def _cells_of_columns(self, names: Sequence[str]) -> dict[str, pl.Series]:
+    def _read_cells(self, names: Sequence[str]) -> dict[str, pl.Series]:
         try:
             return self._columns.read(names)
         except BrokenBytesError as error:
             columns = "', '".join(names)
             raise LogError(f"{self.path}: column '{columns}' cannot be read: {error}") from error
 
-    def _fields_of_topic(self, topic: str) -> list[str]:
+    def _list_fields_of_topic(self, topic: str) -> list[str]:
         return [name for name in self._parts[topic][1] if name and name not in _STAMPS]
 
     def topics(self) -> pl.DataFrame:
@@ -277,7 +283,7 @@ class TableLog(Log):
                 **self._summarise_log_times(
                     self._log_times_of_topic(topic).drop_nulls().to_numpy()
                 ),
-                "fields": self._fields_of_topic(topic),
+                "fields": self._list_fields_of_topic(topic),
                 "problem": None,
                 "decoder": "columnar",
             }
@@ -297,14 +303,16 @@ class TableLog(Log):
             many = ", ".join(f"'{each}'" for each in self._parts)
             has = f"the one topic '{TABLE}'" if len(self._parts) == 1 else f"the topics {many}"
             raise LogError(f"{self.path}: no topic '{topic}'; a table has {has}")
-        choices = self._fields_of_topic(topic)
+        choices = self._list_fields_of_topic(topic)
         inside = frozenset(choices)
         for field in fields:
             if field not in inside:
-                raise LogError(f"{self.path}: no column '{field}'; {nearest(field, choices)}")
-        self._find_losses_of_all_rows(fields)
-        cells = self._cells_of_columns(list(dict.fromkeys(fields)))
-        columns = [self._values_of_cells(cells.pop(field)) for field in dict.fromkeys(fields)]
+                raise LogError(
+                    f"{self.path}: no column '{field}'; {suggest_choice(field, choices)}"
+                )
+        self._find_row_losses(fields)
+        cells = self._read_cells(list(dict.fromkeys(fields)))
+        columns = [self._parse_cells(cells.pop(field)) for field in dict.fromkeys(fields)]
         times = self._log_times_of_topic(topic)
         no_stamps = pl.repeat(None, times.len(), dtype=pl.Int64, eager=True)
         frame = pl.DataFrame([times, no_stamps.alias("header_stamp_ns"), *columns])
@@ -317,7 +325,7 @@ class TableLog(Log):
             inside &= pl.col("log_time_ns") <= end_ns
         return frame.filter(inside).sort("log_time_ns", maintain_order=True)
 
-    def _values_of_cells(self, values: pl.Series) -> pl.Series:
+    def _parse_cells(self, values: pl.Series) -> pl.Series:
         """Cells as numbers, times in ns or text, whichever they are."""
         if isinstance(self._columns, CsvColumns):
             return self._guess_type(values) if values.dtype == pl.String else values
@@ -350,7 +358,7 @@ class TableLog(Log):
             self._losses.note(
                 self.path,
                 f"{faults.len()} cells of column '{text.name}' are not numbers; the first is "
-                f"'{_shorten(faults[0])}'",
+                f"'{_shorten_text(faults[0])}'",
                 TABLE,
             )
         return numbers
@@ -358,13 +366,13 @@ class TableLog(Log):
     def check(self) -> LogCheck:
         """Read every column; see `Log.check`."""
         self._check_open()
-        self._find_losses_of_all_rows()
-        fields = {field for topic in self._parts for field in self._fields_of_topic(topic)}
+        self._find_row_losses()
+        fields = {field for topic in self._parts for field in self._list_fields_of_topic(topic)}
         message_bytes = 0
         for name in self._columns.names:
             try:
-                column = self._cells_of_columns([name])[name]
-                column = self._values_of_cells(column) if name in fields else column
+                column = self._read_cells([name])[name]
+                column = self._parse_cells(column) if name in fields else column
             except LogError as error:
                 self._losses.note(self.path, str(error).removeprefix(f"{self.path}: "), TABLE)
             else:
@@ -378,5 +386,5 @@ class TableLog(Log):
         return tuple(self._losses)
 
 
-def _shorten(text: str) -> str:
+def _shorten_text(text: str) -> str:
     return text if len(text) <= LIMITS.quoted_characters else f"{text[: LIMITS.quoted_characters]}…"

@@ -6,7 +6,7 @@ from pathlib import Path
 from analysis.model.machine import LogSection, Machine
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.settings import Settings
-from analysis.stages.signals.derive import derivation_in_si, unit_of_name
+from analysis.stages.signals.derive import find_unit_in_name, parse_derivation_in_si
 from estimators.errors import MachineError
 from replay.logs import TableHints, TimeAxis
 from replay.machines.toml_file import (
@@ -32,7 +32,7 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
     Raises:
         MachineError: one line with the file, the fault, the choices and the remedy.
     """
-    path = machine_file_or_shipped(Path(path))
+    path = find_machine_file(Path(path))
     if not path.exists():
         shipped = ", ".join(sorted(each.name for each in _SHIPPED.glob("*.toml")))
         raise MachineError(
@@ -48,9 +48,9 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
     for name, channel in machine.channels.items():
         try:
             if channel.expression is not None:
-                derivation_in_si(name, machine)
+                parse_derivation_in_si(name, machine)
             elif channel.unit is not None:
-                gain_and_offset_to_si(channel.unit, unit_of_name(name))
+                gain_and_offset_to_si(channel.unit, find_unit_in_name(name))
         except MachineError as error:
             said = str(error)
             where = "" if said.startswith("channels.") else f"channels.{name}: "
@@ -64,7 +64,7 @@ def refuse_setting_without_prefix(override: str) -> None:
     first, _, rest = key.partition(".")
     if first in Machine.model_fields:
         return
-    parts = Settings.stage_models()
+    parts = Settings.list_stage_models()
     meant = [f"{stage}.{first}" for stage, part in parts.items() if first in part.model_fields]
     if first in parts and rest:
         meant = [key]
@@ -72,12 +72,12 @@ def refuse_setting_without_prefix(override: str) -> None:
         raise MachineError(f"--set {override}: no such key; did you mean 'settings.{meant[0]}'?")
 
 
-def time_axis_of_machine(machine: Machine) -> TimeAxis | None:
+def find_time_axis_of_machine(machine: Machine) -> TimeAxis | None:
     """Time axis of tables according to the machine file; None if it gives none."""
-    return time_axis_of_log_section(machine.log)
+    return find_time_axis_of_section(machine.log)
 
 
-def time_axis_of_log_section(section: LogSection) -> TimeAxis | None:
+def find_time_axis_of_section(section: LogSection) -> TimeAxis | None:
     """Time column and dialect of tables by the keys of `[log]`; None if none is given."""
     given = section.model_dump()
     time, unit = given.pop("time", None), given.pop("time_unit", None)
@@ -86,13 +86,13 @@ def time_axis_of_log_section(section: LogSection) -> TimeAxis | None:
     return TimeAxis(time, unit, TableHints(**given))
 
 
-def machine_file_or_shipped(path: Path) -> Path:
+def find_machine_file(path: Path) -> Path:
     """Path of a machine file, or of the shipped one with that name if no such file exists."""
     shipped = _SHIPPED / path.name
     return shipped if not path.exists() and path == Path(path.name) and shipped.exists() else path
 
 
-def find_file_signature(path: Path) -> tuple[int, int, int] | None:
+def read_file_signature(path: Path) -> tuple[int, int, int] | None:
     """Time, size and inode, by which a changed or replaced file is recognised; None if absent."""
     try:
         about = path.stat()

@@ -94,14 +94,14 @@ def rename_old_keys(content: dict[str, Any]) -> dict[str, str]:
     return {old: new for old, new, _ in taken}
 
 
-def renamed_keys_text(renamed: Mapping[str, str]) -> str:
+def describe_renamed_keys(new_names: Mapping[str, str]) -> str:
     """Say in one line which keys have which new names."""
-    pairs = [f"'{old}' is now '{new}'" for old, new in renamed.items()]
+    pairs = [f"'{old}' is now '{new}'" for old, new in new_names.items()]
     more = len(pairs) - _MOST_NAMED
     return ", ".join(pairs[:_MOST_NAMED]) + (f" (and {more} more)" if more > 0 else "")
 
 
-def migrate_text(text: str) -> tuple[str, dict[str, str]]:
+def migrate_toml_text(text: str) -> tuple[str, dict[str, str]]:
     """Replace former keys in the text of a TOML file; comments and order are kept.
 
     A key stays where it is, as `align.rate_hz` in `[settings]`. If the file has the table
@@ -127,12 +127,12 @@ def migrate_text(text: str) -> tuple[str, dict[str, str]]:
         is_equal = False
     if not is_equal:
         raise BothNamesError(
-            f"{renamed_keys_text(renamed)}: cannot be rewritten; rename it by hand"
+            f"{describe_renamed_keys(renamed)}: cannot be rewritten; rename it by hand"
         )
     return migrated, renamed
 
 
-def migrate_file(path: Path) -> dict[str, str]:
+def migrate_toml_file(path: Path) -> dict[str, str]:
     """Rewrite a TOML file with present key names; comments and order are kept.
 
     Returns:
@@ -144,7 +144,7 @@ def migrate_file(path: Path) -> dict[str, str]:
     """
     try:
         # bytes, so that line ends stay
-        text, renamed = migrate_text(path.read_bytes().decode("utf-8"))
+        text, renamed = migrate_toml_text(path.read_bytes().decode("utf-8"))
     except OSError as fault:
         raise MachineError(f"{path}: cannot be read ({fault.strerror})") from None
     except UnicodeDecodeError:
@@ -184,16 +184,18 @@ def _rename_in_lines(lines: list[str], old: str, new: str) -> None:
             return
 
 
-def _move_key(lines: list[str], at: int, table: "_TableLines", new_table: "_TableLines") -> None:
+def _move_key(
+    lines: list[str], line_index: int, table: "_TableLines", new_table: "_TableLines"
+) -> None:
     """Move a key, with the comment lines directly above it, to the top of another table."""
-    end = _end_of_value(lines, at, table.last)
-    while at > table.first and lines[at - 1].lstrip().startswith("#"):
-        at -= 1
-    moved = lines[at:end]
+    end = _find_end_of_value(lines, line_index, table.last)
+    while line_index > table.first and lines[line_index - 1].lstrip().startswith("#"):
+        line_index -= 1
+    moved = lines[line_index:end]
     if not moved[-1].endswith("\n"):
         moved[-1] += "\n"
-    del lines[at:end]
-    to = new_table.first - (len(moved) if new_table.first > at else 0)
+    del lines[line_index:end]
+    to = new_table.first - (len(moved) if new_table.first > line_index else 0)
     lines[to:to] = moved
 
 
@@ -221,15 +223,15 @@ def _is_header(line: str) -> bool:
         return False
 
 
-def _end_of_value(lines: list[str], at: int, last: int) -> int:
+def _find_end_of_value(lines: list[str], line_index: int, last: int) -> int:
     """Index of the line after a value, which may span several lines."""
-    for end in range(at + 1, last + 1):
+    for end in range(line_index + 1, last + 1):
         try:
-            tomllib.loads("".join(lines[at:end]))
+            tomllib.loads("".join(lines[line_index:end]))
         except tomllib.TOMLDecodeError:
             continue
         return end
-    return at + 1
+    return line_index + 1
 
 
 def unquote_key(key: str) -> str:

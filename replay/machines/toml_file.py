@@ -12,13 +12,13 @@ from typing import Annotated, Any, Final, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from estimators.errors import PayscopeError, counted, nearest
+from estimators.errors import PayscopeError, counted, suggest_choice
 from replay.machines.old_names import (
     OLD_NAMES,
     BothNamesError,
     OldNameWarning,
+    describe_renamed_keys,
     rename_old_keys,
-    renamed_keys_text,
 )
 
 _IN_TOML = {
@@ -69,7 +69,7 @@ def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
     if renamed:
         remedy = f"`payscope migrate {path}` rewrites the file"
         warnings.warn(
-            f"{path}: {renamed_keys_text(renamed)}; {remedy}", OldNameWarning, stacklevel=3
+            f"{path}: {describe_renamed_keys(renamed)}; {remedy}", OldNameWarning, stacklevel=3
         )
     return content
 
@@ -99,10 +99,10 @@ def parse_toml_value(text: str) -> Any:
         return text.strip()
 
 
-def toml_text(value: object) -> str:
+def format_toml(value: object) -> str:
     """Format a value in TOML; numbers, texts and lists of them are the same in JSON."""
     if isinstance(value, Mapping):
-        inside = ", ".join(f"{key} = {toml_text(each)}" for key, each in value.items())
+        inside = ", ".join(f"{key} = {format_toml(each)}" for key, each in value.items())
         return f"{{ {inside} }}"
     return json.dumps(value, ensure_ascii=False)
 
@@ -120,7 +120,7 @@ def set_dotted_key(content: dict[str, Any], override: str, error: type[PayscopeE
     key = key.strip()
     if key in OLD_NAMES:
         warnings.warn(
-            f"--set {override}: {renamed_keys_text({key: OLD_NAMES[key]})}",
+            f"--set {override}: {describe_renamed_keys({key: OLD_NAMES[key]})}",
             OldNameWarning,
             stacklevel=3,
         )
@@ -154,14 +154,17 @@ def explain_validation_fault(fault: ValidationError, model: type[BaseModel]) -> 
     # a required key that is misspelt is missing as well
     first = next((each for each in details if each["type"] == "extra_forbidden"), details[0])
     location, kind, why = first["loc"], first["type"], first.get("ctx", {})
-    steps, table = keys_and_table(model, location[:-1] if kind == "extra_forbidden" else location)
+    steps, table = find_keys_and_table(
+        model, location[:-1] if kind == "extra_forbidden" else location
+    )
     key = ".".join(steps)
     if kind == "extra_forbidden":
         key, last = ".".join([*steps, str(location[-1])]), str(location[-1])
-        text = f"unknown key '{key}'; {nearest(last, table.model_fields if table else ())}"
+        text = f"unknown key '{key}'; {suggest_choice(last, table.model_fields if table else ())}"
     elif kind == "union_tag_invalid":
         known = str(why["expected_tags"]).replace("'", "").split(", ")
-        text = f"{key}: unknown {why['discriminator']} '{why['tag']}'; {nearest(why['tag'], known)}"
+        choice = suggest_choice(why["tag"], known)
+        text = f"{key}: unknown {why['discriminator']} '{why['tag']}'; {choice}"
     elif kind == "union_tag_not_found":
         text = f"{key}: {why['discriminator']} is missing"
     elif kind == "value_error":
@@ -174,7 +177,7 @@ def explain_validation_fault(fault: ValidationError, model: type[BaseModel]) -> 
         message = _IN_TOML.get(kind, first["msg"])
         text = f"{key}: {message[:1].lower()}{message[1:]}, not {reprlib.repr(first['input'])}"
         if kind == "tuple_type" and isinstance(first["input"], str):
-            text += f": write {toml_text([first['input']])}"
+            text += f": write {format_toml([first['input']])}"
     others = len(details) - 1
     # a quoted key may hold line breaks
     return " ".join(
@@ -182,14 +185,14 @@ def explain_validation_fault(fault: ValidationError, model: type[BaseModel]) -> 
     )
 
 
-def keys_and_table(
+def find_keys_and_table(
     model: type[BaseModel], location: Sequence[int | str]
 ) -> tuple[list[str], type[BaseModel] | None]:
     """Keys of a location, without pydantic's union tags, and the model of that table."""
     here: Any = model
     keys: list[str] = []
     for part in location:
-        table = table_of_annotation(here, part)
+        table = find_model_in_annotation(here, part)
         if table is not None and part not in table.model_fields:
             here = table  # the tag that picked it
             continue
@@ -201,18 +204,20 @@ def keys_and_table(
             here = (
                 (arguments[-1] if get_origin(here) is dict else arguments[0]) if arguments else None
             )
-    return keys, table_of_annotation(here)
+    return keys, find_model_in_annotation(here)
 
 
-def table_of_annotation(annotation: Any, tag: int | str | None = None) -> type[BaseModel] | None:
+def find_model_in_annotation(
+    annotation: Any, tag: int | str | None = None
+) -> type[BaseModel] | None:
     """Model in a type annotation; of a union, the one whose discriminator is `tag`; else None."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     if get_origin(annotation) is Annotated:
-        return table_of_annotation(get_args(annotation)[0], tag)
+        return find_model_in_annotation(get_args(annotation)[0], tag)
     if get_origin(annotation) not in (Union, UnionType):
         return None
-    tables = [table for table in map(table_of_annotation, get_args(annotation)) if table]
+    tables = [table for table in map(find_model_in_annotation, get_args(annotation)) if table]
     if len(tables) == 1:
         return tables[0]
     tagged = [t for t in tables if any(f.default == tag for f in t.model_fields.values())]

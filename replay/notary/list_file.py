@@ -19,8 +19,8 @@ from estimators.errors import EvidenceError, OutputError, counted
 from recordings.calibration.check_outcomes import (
     BundleFinding,
     BundleOutcome,
-    most_severe_outcome,
-    verdict_text,
+    find_most_severe_outcome,
+    format_verdict,
 )
 from recordings.notary.notary_check import check_notary_list
 from recordings.notary.notary_limits import LIMITS as NOTARY_LIMITS
@@ -31,7 +31,7 @@ from recordings.notary.notary_list import (
     parse_line,
     split_whole_lines,
 )
-from recordings.signatures.canonical_json import canonical_json_bytes
+from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import read_public_key
@@ -114,7 +114,7 @@ class OpenList:
         partial = self.second.with_suffix(f".{os.getpid()}")
         try:
             with partial.open("wb") as file:
-                file.write(canonical_json_bytes(end))
+                file.write(encode_canonical_json(end))
                 file.flush()
                 os.fsync(file.fileno())
             partial.replace(self.second)
@@ -153,7 +153,7 @@ def open_list(path: Path) -> Generator[OpenList]:
             )
         whole, tail = split_whole_lines(_read_descriptor(number, size))
         lines = [parse_line(line, f"{path}: line {k}") for k, line in enumerate(whole, start=1)]
-        second = second_copy_path(path)
+        second = find_second_copy_path(path)
         refuse_altered_list(path, lines, read_kept_end(second))
         if tail:
             os.ftruncate(number, size - len(tail))
@@ -206,7 +206,7 @@ def refuse_altered_list(path: Path, lines: list[NotaryLine], end: ListEnd | None
         )
 
 
-def second_copy_path(path: Path) -> Path | None:
+def find_second_copy_path(path: Path) -> Path | None:
     """Path of the second copy of a list's end; None if it cannot be written."""
     named = os.environ.get(STATE_VARIABLE)
     base = os.environ.get("XDG_STATE_HOME")
@@ -220,21 +220,21 @@ def second_copy_path(path: Path) -> Path | None:
     return folder / f"{name}.json" if os.access(folder, os.W_OK) else None
 
 
-def read_kept_end(second: Path | None) -> ListEnd | None:
+def read_kept_end(second_copy: Path | None) -> ListEnd | None:
     """Read the kept end of a list; None if there is none.
 
     Raises:
         EvidenceError: it is damaged.
     """
-    if second is None or not second.exists():
+    if second_copy is None or not second_copy.exists():
         return None
     try:
-        held = json.loads(second.read_bytes())
+        held = json.loads(second_copy.read_bytes())
         return ListEnd(str(held["head"]), int(held["counter"]), str(held["digest"]))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise EvidenceError(
-            f"{second}: does not contain the end of the list ({type(error).__name__}); remove this "
-            "file if you know that the list is complete"
+            f"{second_copy}: does not contain the end of the list ({type(error).__name__}); remove "
+            "this file if you know that the list is complete"
         ) from None
 
 
@@ -259,13 +259,13 @@ class VerifiedList:
     @property
     def outcome(self) -> BundleOutcome | None:
         """Exit status; None if nothing is wrong."""
-        return most_severe_outcome(self.findings)
+        return find_most_severe_outcome(self.findings)
 
     @property
     def verdict(self) -> str:
         """Outcome in one sentence."""
         holds = f"{counted(self.logs, 'log')} verified; {self.kept_by}"
-        return verdict_text(self.path, self.findings, holds)
+        return format_verdict(self.path, self.findings, holds)
 
     def to_dict(self) -> dict[str, Any]:
         """The fields as plain values."""
@@ -312,7 +312,7 @@ def verify_notary_list(
     own = kept.key
     by = SignedBy("broken")
     if own is not None and not any(fault.forged for fault in kept.faults):
-        known = load_keyring().find_key_or_none(own.key_id)
+        known = load_keyring().find_key(own.key_id)
         how = "known" if known is not None else "unknown"
         by = SignedBy(how, "", "" if known is None else known.owner, own.key_id, own.text)
         if key is not None and key.key_id == own.key_id:

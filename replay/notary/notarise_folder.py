@@ -138,7 +138,7 @@ def notarise_folder(
             if entry is None:
                 waiting.append(log.name)
                 continue
-            notes += _clock_notes(held, entry)
+            notes += _iter_clock_notes(held, entry)
             held.append(sign_line(entry, key))
             added.append(entry)
         return NotarisedFolder(
@@ -192,7 +192,7 @@ def find_logs(folder: Path, path: Path) -> Iterator[FoundLog]:
         files = {
             name: about
             for name in sorted(names)
-            if not name.startswith(".") and (about := size_and_time(inside / name)) is not None
+            if not name.startswith(".") and (about := read_size_and_time(inside / name)) is not None
         }
         if _METADATA in files and inside != folder:
             folders.clear()
@@ -204,7 +204,7 @@ def find_logs(folder: Path, path: Path) -> Iterator[FoundLog]:
                 yield FoundLog(log.relative_to(folder).as_posix(), log, {name: about})
 
 
-def size_and_time(path: Path) -> tuple[int, int] | None:
+def read_size_and_time(path: Path) -> tuple[int, int] | None:
     """Size and modification time in µs of a regular file; None for anything else."""
     try:
         held = path.lstat()
@@ -226,8 +226,8 @@ def make_entry_of_unchanging_log(
         digests = {name: file_sha256(inside / name) for name in log.files}
     except OSError:
         return None
-    begins, ends, machine = _begin_end_and_machine_of_log(log.path)
-    if any(size_and_time(inside / name) != about for name, about in log.files.items()):
+    begins, ends, machine = _read_log_span_and_machine(log.path)
+    if any(read_size_and_time(inside / name) != about for name, about in log.files.items()):
         return None
     last = open_list.lines[-1]
     return NotaryEntry(
@@ -247,7 +247,7 @@ def make_entry_of_unchanging_log(
     )
 
 
-def _begin_end_and_machine_of_log(path: Path) -> tuple[str, str, str]:
+def _read_log_span_and_machine(path: Path) -> tuple[str, str, str]:
     """Begin, end and machine of a log; "" for what is unknown.
 
     A damaged log is listed as well.
@@ -272,7 +272,7 @@ def _format_now() -> str:
     return _format_stamp(time.time_ns())
 
 
-def _clock_notes(open_list: OpenList, entry: NotaryEntry) -> Iterator[str]:
+def _iter_clock_notes(open_list: OpenList, entry: NotaryEntry) -> Iterator[str]:
     """Notes on a wrong clock; the log is listed anyway, and `verify` reports it."""
     last = open_list.lines[-1].content
     if isinstance(last, NotaryEntry) and entry.listed < last.listed:

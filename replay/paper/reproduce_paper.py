@@ -11,12 +11,12 @@ from analysis.paper.simulated_sources import (
     Extracts,
     Repetition,
     StudySettings,
-    machine_with_paper_noise,
     plan_repetitions,
+    set_paper_noise,
 )
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from recordings.paper.paper_items import Item, ItemResult, compute_item
-from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import MemoryLog, read_channels_from_memory
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 
@@ -38,7 +38,7 @@ class Reproduction:
         self._digests = Extracts()
         study = StudySettings(
             scenario=Scenario().with_seed(seed),
-            machine=machine_with_paper_noise(load_machine("cat262c.toml")),
+            machine=set_paper_noise(load_machine("cat262c.toml")),
             windows=windows,
             campaigns=campaigns,
             replay=replay_simulated,
@@ -77,10 +77,10 @@ def replay_simulated(
         chain: applied to the signals before they are recorded.
     """
     logs = [chain(log) for log in simulate_campaign(scenario)]
-    replayed = run([MemoryLog(log) for log in logs], machine_with_memory_channels(machine, logs[0]))
+    replayed = run([MemoryLog(log) for log in logs], read_channels_from_memory(machine, logs[0]))
     return ReplayedCampaign(
         scenario,
         replayed,
         pl.concat([log.trials for log in logs]),
-        pl.concat([log.noise_free_motion for log in logs]),
+        pl.concat([log.sample_noise_free_motion for log in logs]),
     )

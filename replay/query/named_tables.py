@@ -14,13 +14,13 @@ from analysis.model.check_names import rename_stored_checks
 from analysis.model.loss import Loss
 from estimators.errors import LogError, QueryError
 from recordings.review.shift_ledger import CSV, PARQUET
-from replay.fleet.gathered_tables import fleet_tables, open_fleet_results
+from replay.fleet.gathered_tables import make_fleet_tables, open_fleet_results
 from replay.fleet.results_layout import MARK
-from replay.frames.scan import lazy_frame, log_paths_and_is_pattern, make_topic_source
+from replay.frames.scan import expand_log_paths, make_lazy_frame, make_topic_source
 from replay.frames.shape import LOG_TIME
 from replay.frames.topic_source import TopicSource, open_or_reuse_log
 from replay.logs import TABLE, Log, TimeAxis
-from replay.query.recording_frames import AT_S, RecordingFrame, recording_frames
+from replay.query.recording_frames import AT_S, RecordingFrame, open_recording_frames
 
 _RECORDING: Final = ".rrd"
 _PLAIN: Final = {PARQUET: pl.scan_parquet, CSV: pl.scan_csv}
@@ -47,10 +47,10 @@ class NamedTables:
     tables: dict[str, Callable[[], pl.LazyFrame]] = field(default_factory=dict)
     words: dict[str, str] = field(default_factory=dict)
 
-    def add(self, name: str, table: Callable[[], pl.LazyFrame], where: str) -> None:
+    def add(self, name: str, table: Callable[[], pl.LazyFrame], origin: str) -> None:
         """Add a table under its name, which must be unique."""
         if name in self.tables:
-            fault = f"query: two tables are named '{name}', one of {where}; query them separately"
+            fault = f"query: two tables are named '{name}', one of {origin}; query them separately"
 
             def raise_query_error() -> pl.LazyFrame:
                 raise QueryError(fault)
@@ -106,14 +106,14 @@ def open_named_tables(
             f"query: results of two fleets ({', '.join(fleets)}); query them separately"
         )
     found = NamedTables(tuple(dict.fromkeys(recordings)), fleets[0] if fleets else None)
-    t0_unix_ns = _add_frames_of_recordings(found)
+    t0_unix_ns = _add_recording_frames(found)
     if logs:
-        _add_topics(found, logs, _TopicOptions(time, t0_unix_ns, tuple(columns)))
+        _add_topic_tables(found, logs, _TopicOptions(time, t0_unix_ns, tuple(columns)))
     for ledger in ledgers:
         found.add(ledger.stem, partial(_scan_ledger, ledger), str(ledger))
     for fleet in fleets:
-        for name, table in fleet_tables(open_fleet_results(fleet)).items():
-            found.add(name, partial(add_opening_second, table), fleet)
+        for name, table in make_fleet_tables(open_fleet_results(fleet)).items():
+            found.add(name, partial(add_fleet_open_second, table), fleet)
     found.add_identifier_aliases()
     return found
 
@@ -122,11 +122,13 @@ def _scan_ledger(ledger: Path) -> pl.LazyFrame:
     return rename_stored_checks("cycles", _PLAIN[ledger.name](ledger))
 
 
-def _add_frames_of_recordings(tables: NamedTables) -> int | None:
+def _add_recording_frames(tables: NamedTables) -> int | None:
     """Add the frames of all recordings; return the start of the run if there is only one."""
     by_name: dict[str, list[RecordingFrame]] = {}
     for path in tables.recordings:
-        for name, frame in recording_frames(path, with_source=len(tables.recordings) > 1).items():
+        for name, frame in open_recording_frames(
+            path, with_source=len(tables.recordings) > 1
+        ).items():
             by_name.setdefault(name, []).append(frame)
     for name, frames in by_name.items():
         tables.add(name, partial(_concatenate_lazily, frames), str(frames[0].recording))
@@ -165,9 +167,9 @@ class _TopicOptions:
         return [*whole, *picked] if picked else None
 
 
-def _add_topics(tables: NamedTables, logs: Sequence[str], options: _TopicOptions) -> None:
+def _add_topic_tables(tables: NamedTables, logs: Sequence[str], options: _TopicOptions) -> None:
     named = logs[0] if len(logs) == 1 else logs
-    paths, _ = log_paths_and_is_pattern(named)
+    paths, _ = expand_log_paths(named)
     topics: dict[str, list[Path]] = {}
     for path in paths:
         for topic in open_or_reuse_log(path, options.time).topic_names():
@@ -186,7 +188,7 @@ def _add_topics(tables: NamedTables, logs: Sequence[str], options: _TopicOptions
             losses=tables.losses,
         )
         tables.sources.append(source)
-        rows = lazy_frame(source)
+        rows = make_lazy_frame(source)
         if options.t0_unix_ns is None:
             return rows
         since_start = pl.col(LOG_TIME).cast(pl.Int64) - options.t0_unix_ns
@@ -199,7 +201,7 @@ def _add_topics(tables: NamedTables, logs: Sequence[str], options: _TopicOptions
         tables.add(path.stem, partial(rows_of_topic, TABLE, [path]), str(path))
 
 
-def add_opening_second(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
+def add_fleet_open_second(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
     """Add the second for `fleet open --at` to a fleet's table, if its rows have one."""
     rows = table()
     if _BEGIN not in rows.collect_schema():

@@ -10,7 +10,7 @@ import polars as pl
 from analysis.model.schema import FRAMES
 from recordings.rrd.reader import open_recording
 from recordings.rrd.stored_frames import StoredFrame
-from replay.frames.scan import lazy_batches
+from replay.frames.scan import make_lazy_frame_of_batches
 from replay.frames.topic_source import SOURCE
 
 #: Seconds since the start of the run, as `view --at` takes them.
@@ -62,7 +62,9 @@ class RecordingFrame:
             rows = self._read(dict.fromkeys(needed)).head(n_rows or self.stored.rows)
             yield (rows if predicate is None else rows.filter(predicate)).select(wanted)
 
-        return lazy_batches(iter_recorded_rows, self.schema, f"{self.recording} {self.stored.name}")
+        return make_lazy_frame_of_batches(
+            iter_recorded_rows, self.schema, f"{self.recording} {self.stored.name}"
+        )
 
     def _read(self, needed: dict[str, None]) -> pl.DataFrame:
         own = [each.name for each in self.stored.columns]
@@ -82,7 +84,7 @@ class RecordingFrame:
         return rows
 
 
-def recording_frames(path: Path, *, with_source: bool) -> dict[str, RecordingFrame]:
+def open_recording_frames(path: Path, *, with_source: bool) -> dict[str, RecordingFrame]:
     """Frames of a recording by name, in pipeline order.
 
     Raises:

@@ -19,9 +19,9 @@ from recordings.report.atomic_output import (
 )
 from replay.frames.select_statement import (
     explain_query_error,
-    normalise_select,
-    quoted_names,
+    find_quoted_names,
     run_select_in_stable_order,
+    strip_statement_terminator,
 )
 from replay.frames.shape import LOG_TIME
 from replay.frames.topic_source import SOURCE, LossWarning
@@ -112,8 +112,8 @@ def prepare_query(sources: Sequence[str], sql: str, time: TimeAxis | None = None
     Raises:
         PayscopeError: a source that cannot be opened, a statement that is not a SELECT over them.
     """
-    normalise_select(sql)  # before logs are opened
-    named = open_named_tables(sources, time, quoted_names(sql))
+    strip_statement_terminator(sql)  # before logs are opened
+    named = open_named_tables(sources, time, find_quoted_names(sql))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LossWarning)
         return Query(named, run_select_in_stable_order(sql, named.tables))

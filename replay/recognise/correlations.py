@@ -47,7 +47,7 @@ _WRAPPED: Final = (
 _OF_SIDES: Final = ("speed_{}_m_s", "wheel_{}_rpm")
 
 
-def accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
+def find_accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
     """Three axes of the only accelerometer; empty if there are several or axes are missing."""
     found = [
         c for c in columns if c.name_meaning.quantity == "acceleration" and c.name_meaning.axis
@@ -56,16 +56,14 @@ def accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
     return found if axes == sorted(_AXES) else []
 
 
-def accelerometer_units_by_gravity(
-    log: Log, columns: Sequence[LogColumn]
-) -> dict[str, tuple[str, str]]:
+def find_accelerometer_units(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[str, str]]:
     """Units, with reasons, of an accelerometer without stated units, if one axis shows gravity.
 
     Args:
         log: an opened table.
         columns: columns of the table.
     """
-    axes = [column for column in accelerometer_axes(columns) if column.unit is None]
+    axes = [column for column in find_accelerometer_axes(columns) if column.unit is None]
     for column in axes if len(axes) == len(_AXES) else ():
         middle = abs(_median_of_column(log, column))
         for unit, (low, high) in (
@@ -78,9 +76,9 @@ def accelerometer_units_by_gravity(
     return {}
 
 
-def fields_without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
+def find_fields_without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
     """Fields of an accelerometer without gravity on any axis: some program removed it."""
-    axes = [column for column in accelerometer_axes(columns) if column.unit is not None]
+    axes = [column for column in find_accelerometer_axes(columns) if column.unit is not None]
     if len(axes) != len(_AXES):
         return set()
     total = 0.0
@@ -118,7 +116,7 @@ def _median_of_column(log: Log, column: LogColumn) -> float:
     return float(np.median(x)) if x.size else 0.0
 
 
-def add_correlations(
+def add_correlation_remarks(
     log: Log, columns: Sequence[LogColumn], recognition: Recognition
 ) -> Recognition:
     """Add how forces and accelerations go with the slope of speed, and speeds with position."""
@@ -140,7 +138,7 @@ def add_correlations(
         is_force = each.column.startswith(("force", "torque", "motor_torque", "motor_current"))
         is_acceleration = each.column.startswith(("specific_force_x", "acc_x"))
         if each.field and speed is not None and (is_force or is_acceleration):
-            goes = slope_correlation(log, each, speed)
+            goes = correlate_with_slope(log, each, speed)
             if goes is not None:
                 reason += f"; correlates with the change of {speed.field}, {goes:.2f}"
                 if goes < -LIMITS.clear_correlation:
@@ -153,7 +151,7 @@ def add_correlations(
                 _ask_about_unsigned_force(log, each, speed, recognition)
         if each is speed and place is not None:
             ask_about_units(log, each, place, recognition)
-            goes = slope_correlation(log, each, place)
+            goes = correlate_with_slope(log, each, place)
             if goes is not None and goes < -LIMITS.clear_correlation:
                 recognition.ask_question(
                     "sign", _AGAINST_PLACE.format(each.field, place.field, goes)
@@ -178,7 +176,7 @@ def ask_about_mirrored_side(
             continue
         (t, x), (at, y) = read_series_of_proposal(log, left), read_series_of_proposal(log, right)
         goes = (
-            correlation_or_none(x, np.interp(t, at, y))
+            compute_correlation(x, np.interp(t, at, y))
             if min(t.size, at.size) >= LIMITS.correlation_min_rows
             else None
         )
@@ -199,8 +197,8 @@ def ask_about_units(
         gain_and_offset_to_si(each.unit, _SI[each.column])[0] if each.unit else 1.0
         for each in (rate, other)
     ]
-    x, change = x * gains[0], slope_at_times(t, at, y * gains[1]) / LIMITS.slope_span_s
-    goes = correlation_or_none(x, change)
+    x, change = x * gains[0], compute_slope_at_times(t, at, y * gains[1]) / LIMITS.slope_span_s
+    goes = compute_correlation(x, change)
     if goes is None or goes < LIMITS.unit_min_correlation:
         return
     times = float(change.std() / x.std())
@@ -241,7 +239,7 @@ def _ask_about_unsigned_force(
         or x.min() < -LIMITS.unsigned_noise_fraction * x.max()
     ):
         return
-    slope = slope_at_times(t, at, y)
+    slope = compute_slope_at_times(t, at, y)
     starts, stops = x[slope > slope.max() / 2], x[slope < slope.min() / 2]
     if (
         slope.min() < 0 < slope.max()
@@ -260,23 +258,28 @@ def read_series_of_proposal(log: Log, proposal: ChannelProposal) -> tuple[Floats
         return np.empty(0), np.empty(0)
 
 
-def slope_at_times(t: Floats, at: Floats, y: Floats) -> Floats:
-    """Slope of `y`, sampled at `at`, about each of the times `t`."""
+def compute_slope_at_times(t: Floats, sample_times_s: Floats, y: Floats) -> Floats:
+    """Slope of `y`, sampled at `sample_times_s`, about each of the times `t`."""
     half = LIMITS.slope_span_s / 2
-    return np.interp(t + half, at, y) - np.interp(t - half, at, y)
+    return np.interp(t + half, sample_times_s, y) - np.interp(t - half, sample_times_s, y)
 
 
-def slope_correlation(log: Log, proposal: ChannelProposal, sloped: ChannelProposal) -> float | None:
+def correlate_with_slope(
+    log: Log, proposal: ChannelProposal, sloped_column: ChannelProposal
+) -> float | None:
     """Correlation of a column with the slope of another; None if undefined."""
-    (t, x), (at, y) = read_series_of_proposal(log, proposal), read_series_of_proposal(log, sloped)
+    (t, x), (at, y) = (
+        read_series_of_proposal(log, proposal),
+        read_series_of_proposal(log, sloped_column),
+    )
     return (
-        correlation_or_none(x, slope_at_times(t, at, y))
+        compute_correlation(x, compute_slope_at_times(t, at, y))
         if min(t.size, at.size) >= LIMITS.correlation_min_rows
         else None
     )
 
 
-def correlation_or_none(x: Floats, y: Floats) -> float | None:
+def compute_correlation(x: Floats, y: Floats) -> float | None:
     """Correlation of two series; None if one is constant or not finite."""
     # what has a square beyond a float64 is scaled to 1 first
     x, y = (each / (float(np.abs(each).max()) or 1.0) for each in (x, y))

@@ -59,7 +59,7 @@ def propose_force_of_unnamed_sides(columns: Sequence[LogColumn], recognition: Re
         return False
     names = " or ".join(f"'{column.field}'" for column in wheels)
     for side, column in zip(_SIDES, wheels, strict=True):
-        recognition.sketch_source(
+        recognition.propose_source_channel(
             column,
             f"torque_{side}_N_m",
             column.unit,
@@ -93,7 +93,7 @@ def propose_force_of_motor(columns: Sequence[LogColumn], recognition: Recognitio
         column = fitting[0]
         if quantity == "torque" and column.name_meaning.part == "wheel":
             reason = f"{column.field}: at the wheels of both sides; needs their radius"
-            recognition.sketch_source(column, "wheel_torque_N_m", column.unit, reason)
+            recognition.propose_source_channel(column, "wheel_torque_N_m", column.unit, reason)
             recognition.propose_as_comment("force_x_N", "wheel_torque_N_m / wheel_radius_m", reason)
             recognition.ask_question("radius", _RADIUS)
             return True
@@ -104,7 +104,7 @@ def propose_force_of_motor(columns: Sequence[LogColumn], recognition: Recognitio
                 "column", f"which of {names} drive the machine: their torques are added"
             )
         reason = f"{column.field}: measured at the motor; needs the gear ratio"
-        recognition.sketch_source(column, name, column.unit, reason)
+        recognition.propose_source_channel(column, name, column.unit, reason)
         recognition.propose_as_comment(
             "force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason
         )
@@ -130,8 +130,8 @@ def _propose_force_of_engine(columns: Sequence[LogColumn], recognition: Recognit
         f"{torque.field}, {turns.field}: the engine's power; over the speed it is a force, in any "
         "gear; a converter that is open leaves little of it"
     )
-    recognition.sketch_source(torque, "torque_percent", torque.unit, reason)
-    recognition.sketch_source(turns, "engine_rpm", turns.unit, reason)
+    recognition.propose_source_channel(torque, "torque_percent", torque.unit, reason)
+    recognition.propose_source_channel(turns, "engine_rpm", turns.unit, reason)
     watts = "torque_percent * REFERENCE_TORQUE [N*m] * engine_rpm"
     recognition.propose_as_comment("force_x_N", _force_of_power(watts), reason)
     recognition.ask_question("gear", _EFFICIENCY)
@@ -143,13 +143,13 @@ def _propose_force_of_pressures(columns: Sequence[LogColumn], recognition: Recog
     """Propose a force from a hydrostatic drive's pressures, not boom's or bucket's, if any."""
     drive = [
         c for c in columns if c.quantity == "pressure" and c.unit and not c.name_meaning.is_linkage
-    ] or _pair_of_ports(columns)
+    ] or _find_pressure_port_pair(columns)
     if not drive or len(drive) > 2:
         return False
     names = ["pressure_high_bar", "pressure_low_bar"][: len(drive)]
     for name, column in zip(names, drive, strict=True):
         reason = f"{column.field}: a pressure; needs the motor's displacement and the gear"
-        recognition.sketch_source(column, name, column.unit, reason)
+        recognition.propose_source_channel(column, name, column.unit, reason)
     torque = f"({' - '.join(names)})" if len(names) > 1 else names[0]
     recognition.propose_as_comment(
         "force_x_N",
@@ -168,7 +168,7 @@ def _propose_force_of_pressures(columns: Sequence[LogColumn], recognition: Recog
     return True
 
 
-def _pair_of_ports(columns: Sequence[LogColumn]) -> list[LogColumn]:
+def _find_pressure_port_pair(columns: Sequence[LogColumn]) -> list[LogColumn]:
     """The two columns in a unit of pressure whose names differ in one letter, such as p_a and p_b.
 
     No name says that they are pressures; one alone may be that of a tyre or of oil.
@@ -197,7 +197,7 @@ def _propose_force_of_power(columns: Sequence[LogColumn], recognition: Recogniti
     power = min(powers, key=lambda c: c.unit is None, default=None)
     if power is not None and not (power.unit is None and current and voltage):
         reason = f"{power.field}: a power; over the speed it is a force; needs the efficiency"
-        recognition.sketch_source(power, "power_W", power.unit or "?", reason)
+        recognition.propose_source_channel(power, "power_W", power.unit or "?", reason)
         if power.unit is None:
             recognition.ask_question(
                 "unit", f"the unit of '{power.field}', in channels.power_W.unit"
@@ -207,8 +207,8 @@ def _propose_force_of_power(columns: Sequence[LogColumn], recognition: Recogniti
         if current is None or voltage is None:
             return False
         reason = f"{current.field}, {voltage.field}: a power; over the speed it is a force"
-        recognition.sketch_source(current, "supply_A", current.unit, reason)
-        recognition.sketch_source(voltage, "supply_V", voltage.unit, reason)
+        recognition.propose_source_channel(current, "supply_A", current.unit, reason)
+        recognition.propose_source_channel(voltage, "supply_V", voltage.unit, reason)
         watts = "supply_A * supply_V"
     recognition.propose_as_comment("force_x_N", _force_of_power(watts), reason)
     recognition.ask_question("gear", _EFFICIENCY)
@@ -242,7 +242,7 @@ def propose_speed_of_wheels(columns: Sequence[LogColumn], recognition: Recogniti
     for channel, column in zip(channels, wheels, strict=True):
         source = channel.replace("speed", "wheel").replace("m_s", "rpm")
         reason = f"{column.field}: turns of a wheel; needs its radius"
-        recognition.sketch_source(column, source, column.unit, reason)
+        recognition.propose_source_channel(column, source, column.unit, reason)
         recognition.propose_as_comment(channel, f"{source} * wheel_radius_m", reason)
     recognition.ask_question("radius", _RADIUS)
     return True
@@ -259,7 +259,7 @@ def _propose_speed_of_motor(columns: Sequence[LogColumn], recognition: Recogniti
         " and pole pairs" if pairs else ""
     )
     unit = None if turns.unit in (None, "rpm") else turns.unit
-    recognition.sketch_source(turns, "motor_rpm", unit, reason)
+    recognition.propose_source_channel(turns, "motor_rpm", unit, reason)
     recognition.propose_as_comment(
         "speed_x_m_s", f"motor_rpm{pairs} / GEAR * wheel_radius_m", reason
     )

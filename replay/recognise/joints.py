@@ -31,19 +31,19 @@ def recognise_joints(log: Log, topic: str, start_ns: int, recognition: Recogniti
     names = list(
         dict.fromkeys(str(n) for n in read_first_message(log, topic, places, start_ns) if n)
     )
-    wheels, turns = find_wheels(names)
+    wheels, turns = find_wheel_joints(names)
     if wheels:
         for side, joints in wheels.items():
             _propose_torque_and_speed_of_side(
-                log, topic, start_ns, side, joints, recognition, turns=turns
+                log, topic, start_ns, side, joints, recognition, is_rotating=turns
             )
     elif len(names) == 1:
         for column, array in (("position_x_m", "position"), ("force_x_N", "effort")):
-            for field in fields_with_values(log, topic, array, names, start_ns):
+            for field in list_fields_with_values(log, topic, array, names, start_ns):
                 _propose_field(recognition, column, topic, field)
 
 
-def fields_of_joints_with_values(log: Log, topic: str, start_ns: int) -> list[str]:
+def list_joint_fields_with_values(log: Log, topic: str, start_ns: int) -> list[str]:
     """Fields such as `effort[left]` of all readings in the first message."""
     places = [f"name[{place}]" for place in range(LIMITS.max_joints)]
     names = list(
@@ -51,11 +51,13 @@ def fields_of_joints_with_values(log: Log, topic: str, start_ns: int) -> list[st
     )
     arrays = ("position", "velocity", "effort")
     return [
-        each for array in arrays for each in fields_with_values(log, topic, array, names, start_ns)
+        each
+        for array in arrays
+        for each in list_fields_with_values(log, topic, array, names, start_ns)
     ]
 
 
-def find_wheels(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
+def find_wheel_joints(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
     """Joints of each side, if both have equally many, and whether their names imply rotation."""
     said: dict[str, ColumnMeaning] = {name: read_column_name(name) for name in names}
     drives = {name: each for name, each in said.items() if each.side and not each.is_linkage}
@@ -76,19 +78,19 @@ def _propose_torque_and_speed_of_side(
     joints: Sequence[str],
     recognition: Recognition,
     *,
-    turns: bool,
+    is_rotating: bool,
 ) -> None:
     """Fill torque and speed of one side from its joints."""
-    efforts = fields_with_values(log, topic, "effort", joints, start_ns)
+    efforts = list_fields_with_values(log, topic, "effort", joints, start_ns)
     torque, speed = f"torque_{side}_N_m", f"speed_{side}_m_s"
     if torque not in recognition.filled_channels:
         parts = fill_channel_or_numbered_parts(recognition, topic, efforts, torque)
         if len(parts) > 1:
             _propose_formula(recognition, torque, " + ".join(parts), f"the {side} wheels' torques")
-    velocities = fields_with_values(log, topic, "velocity", joints, start_ns)
+    velocities = list_fields_with_values(log, topic, "velocity", joints, start_ns)
     if speed in recognition.filled_channels or not velocities:
         return
-    if not turns:
+    if not is_rotating:
         _propose_field(recognition, speed, topic, velocities[0])
         return
     source = f"wheel_{side}_rad_s"
@@ -130,7 +132,7 @@ def _propose_formula(recognition: Recognition, column: str, formula: str, reason
     recognition.channels.append(ChannelProposal(column, None, None, None, reason, formula))
 
 
-def fields_with_values(
+def list_fields_with_values(
     log: Log, topic: str, array: str, joints: Sequence[str], start_ns: int
 ) -> list[str]:
     """Fields of an array that have values in the first message."""

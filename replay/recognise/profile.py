@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from estimators.arrays import Floats
 from estimators.errors import LogError
 from replay.logs import Log
-from replay.recognise.joints import fields_of_joints_with_values
+from replay.recognise.joints import list_joint_fields_with_values
 from replay.recognise.recognise_limits import LIMITS
 
 _BARS: Final = "▁▂▃▄▅▆▇█"
@@ -77,7 +77,7 @@ def profile_fields(log: Log, topics: Sequence[str] | None = None) -> list[FieldP
             continue
         fields = [f for f in row["fields"] or [] if "[]" not in f and f not in _NO_READINGS]
         if row["type"].rpartition("/")[2] == "JointState":
-            fields += fields_of_joints_with_values(log, row["topic"], row["start_ns"])
+            fields += list_joint_fields_with_values(log, row["topic"], row["start_ns"])
         units = log.units(row["topic"])
         at_once = max(LIMITS.values_per_pass // row["messages"], LIMITS.fields_per_pass)
         for begin in range(0, len(fields), at_once):
@@ -110,12 +110,12 @@ def _rate_hz(t_ns: NDArray[np.int64], count: int) -> float | None:
     return (count - 1) / span_s if count > 1 and span_s > 0 else None
 
 
-def profile_columns_without_gaps(x: Floats) -> list[tuple[float, float, float, str]]:
+def profile_columns_without_gaps(values: Floats) -> list[tuple[float, float, float, str]]:
     """Smallest, median and largest value and sparkline of columns (rows, columns) without gaps."""
-    if not x.size:
+    if not values.size:
         return []
-    low, high, middle = x.min(axis=0), x.max(axis=0), np.median(x, axis=0)
-    parts = np.array_split(x, min(LIMITS.sparkline_characters, x.shape[0]))
+    low, high, middle = values.min(axis=0), values.max(axis=0), np.median(values, axis=0)
+    parts = np.array_split(values, min(LIMITS.sparkline_characters, values.shape[0]))
     with np.errstate(all="ignore"):
         width = high - low
         shares = np.stack([part.mean(axis=0) for part in parts]) - low
@@ -151,10 +151,10 @@ def profile_column_with_gaps(
     )
 
 
-def make_sparkline(x: Floats, low: float, high: float) -> str:
+def make_sparkline(values: Floats, low: float, high: float) -> str:
     """Sparkline: the mean of each sixteenth of the log as a bar between `low` and `high`."""
     drawn = ""
-    for part in np.array_split(x, min(LIMITS.sparkline_characters, x.size)):
+    for part in np.array_split(values, min(LIMITS.sparkline_characters, values.size)):
         known = part[np.isfinite(part)]
         if not known.size:
             drawn += " "
@@ -166,15 +166,15 @@ def make_sparkline(x: Floats, low: float, high: float) -> str:
 
 
 def ask_about_efforts(
-    used: Collection[tuple[str, str]], profiles: Sequence[FieldProfile]
+    used_fields: Collection[tuple[str, str]], profiles: Sequence[FieldProfile]
 ) -> list[str]:
     """Questions about units of joint efforts used as torques, and notes on efforts without sign.
 
     Args:
-        used: topic and field of each channel.
+        used_fields: topic and field of each channel.
         profiles: profiles of the log's fields.
     """
-    efforts = {each for each in used if each[1].startswith("effort[")}
+    efforts = {each for each in used_fields if each[1].startswith("effort[")}
     if not efforts:
         return []
     unsigned = [

@@ -5,7 +5,7 @@ from functools import cache
 from typing import Final
 
 from analysis.model.physical_units import gain_and_offset_to_si
-from analysis.stages.signals.derive import unit_of_name
+from analysis.stages.signals.derive import find_unit_in_name
 from estimators.errors import MachineError
 from replay.recognise.words import ColumnMeaning
 
@@ -28,7 +28,7 @@ class LogColumn:
 
     def has_dimension_of_channel(self, channel: str) -> bool:
         """Whether the unit has a channel's dimension; False without a unit."""
-        return self.has_dimension_of_unit(unit_of_name(channel))
+        return self.has_dimension_of_unit(find_unit_in_name(channel))
 
     def has_dimension_of_unit(self, unit: str) -> bool:
         """Whether the unit has the dimension of another; percent is not an angle."""
@@ -102,23 +102,25 @@ class Recognition:
         """Fill a channel unless an earlier column has filled it."""
         if channel in self.filled_channels:
             return
-        stated = _unit_unless_si(unit or column.unit, channel)
+        stated = find_unit_if_not_si(unit or column.unit, channel)
         self.channels.append(ChannelProposal(channel, column.topic, column.field, stated, reason))
 
-    def propose_as_comment(self, channel: str, derive: str, reason: str) -> None:
+    def propose_as_comment(self, channel: str, derivation: str, reason: str) -> None:
         """Propose a derived channel that needs an answer, as a comment."""
-        proposal = ChannelProposal(channel, None, None, None, reason, derive, is_comment=True)
+        proposal = ChannelProposal(channel, None, None, None, reason, derivation, is_comment=True)
         self.channels.append(proposal)
 
-    def sketch_source(self, column: LogColumn, channel: str, unit: str | None, reason: str) -> None:
+    def propose_source_channel(
+        self, column: LogColumn, channel: str, unit: str | None, reason: str
+    ) -> None:
         """Add the source channel of a proposed derivation."""
         self.channels.append(
             ChannelProposal(channel, column.topic, column.field, unit, reason, is_comment=True)
         )
 
 
-def _unit_unless_si(unit: str | None, channel: str) -> str | None:
+def find_unit_if_not_si(unit: str | None, channel: str) -> str | None:
     """Unit that a channel must state; None if it is SI."""
     if unit is None:
         return None
-    return None if gain_and_offset_to_si(unit, unit_of_name(channel)) == (1.0, 0.0) else unit
+    return None if gain_and_offset_to_si(unit, find_unit_in_name(channel)) == (1.0, 0.0) else unit

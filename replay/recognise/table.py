@@ -13,17 +13,17 @@ from typing import Final
 
 from analysis.model.physical_units import split_unit_from_name, unit_registry
 from analysis.model.schema import CHANNEL_COLUMNS
-from analysis.stages.signals.derive import unit_of_name
+from analysis.stages.signals.derive import find_unit_in_name
 from replay.logs import TABLE, Log
 from replay.recognise.correlations import (
-    accelerometer_units_by_gravity,
-    add_correlations,
+    add_correlation_remarks,
     are_same_readings,
-    fields_without_gravity,
+    find_accelerometer_units,
+    find_fields_without_gravity,
 )
 from replay.recognise.drives import propose_drives
 from replay.recognise.proposals import LogColumn, Recognition
-from replay.recognise.words import has_real_side_prefix, read_column_name
+from replay.recognise.words import is_side_prefix_real, read_column_name
 
 #: A column that may fill a channel, why, and the unit that it is in.
 Claim = tuple[LogColumn, str, str | None]
@@ -63,15 +63,15 @@ def recognise_channels_of_table(log: Log) -> Recognition:
     found = Recognition()
     for column in columns:
         if column.field in _KNOWN:
-            found.fill_channel(column, column.field, "its name", unit_of_name(column.field))
-    by_gravity = accelerometer_units_by_gravity(log, columns)
-    kinematic = fields_without_gravity(log, columns)
+            found.fill_channel(column, column.field, "its name", find_unit_in_name(column.field))
+    by_gravity = find_accelerometer_units(log, columns)
+    kinematic = find_fields_without_gravity(log, columns)
     claims: defaultdict[str, list[Claim]] = defaultdict(list)
     for quantity, channel_of in _CHANNEL_OF.items():
         for column in columns:
             channel = channel_of(column) if column.quantity == quantity else None
             if channel is None and column.field in by_gravity:
-                channel = _specific_force_channel_or_none(column)
+                channel = _match_specific_force_channel(column)
             if channel is None:
                 continue
             if column.field in kinematic or (
@@ -93,11 +93,11 @@ def recognise_channels_of_table(log: Log) -> Recognition:
     propose_columns_by_unit(columns, found)
     propose_columns_without_unit(columns, found)
     propose_drives(columns, found)
-    return add_correlations(log, columns, found)
+    return add_correlation_remarks(log, columns, found)
 
 
 def fill_only_candidate_or_ask(
-    log: Log, channel: str, claims: Sequence[Claim], recognition: Recognition
+    log: Log, channel: str, candidates: Sequence[Claim], recognition: Recognition
 ) -> None:
     """Fill a channel with the only candidate column, or ask if there are several.
 
@@ -105,14 +105,14 @@ def fill_only_candidate_or_ask(
     """
     if channel in recognition.filled_channels:
         return
-    column, reason, unit = claims[0]
+    column, reason, unit = candidates[0]
     adds_up = channel.startswith(("force", "torque"))
-    others = [other for other, *_ in claims[1:]]
+    others = [other for other, *_ in candidates[1:]]
     if all(not adds_up and are_same_readings(log, column, other) for other in others):
         recognition.fill_channel(column, channel, reason, unit)
         return
-    names = ", ".join(f"'{each.field}'" for each, *_ in claims)
-    recognition.sketch_source(column, channel, unit, f"one of {names}")
+    names = ", ".join(f"'{each.field}'" for each, *_ in candidates)
+    recognition.propose_source_channel(column, channel, unit, f"one of {names}")
     together = "; if they act together, their sum" if adds_up else ""
     recognition.ask_question("column", f"which of {names} is channels.{channel}{together}")
 
@@ -144,10 +144,10 @@ def _list_columns(log: Log) -> list[LogColumn]:
         names = frozenset(row["fields"])
         for name in row["fields"]:
             said, unit = (
-                read_column_name(name_without_unit(name)),
+                read_column_name(strip_unit_from_name(name)),
                 units.get(name) or _unit_of_known_name(name),
             )
-            if said.side and not has_real_side_prefix(name, names):
+            if said.side and not is_side_prefix_real(name, names):
                 said = replace(said, side=None)
             if said.is_no_reading or said.is_elsewhere:
                 said = replace(said, quantity=None)
@@ -167,7 +167,7 @@ def _unit_of_known_name(name: str) -> str | None:
     return _CALLED_BY_UNIT.get(name.lower()) or _UNIT_OF_SIGNAL.get(signal)
 
 
-def name_without_unit(name: str) -> str:
+def strip_unit_from_name(name: str) -> str:
     """Words of a name without its unit."""
     cut = name
     for opening in "[(":
@@ -192,7 +192,7 @@ def find_quantity_of_unit(unit: str) -> str | None:
     return None
 
 
-def _speed_channel_or_none(column: LogColumn) -> str | None:
+def _match_speed_channel(column: LogColumn) -> str | None:
     # what is in m/s is no turning of a motor
     if column.name_meaning.axis in ("y", "z"):
         return None
@@ -200,7 +200,7 @@ def _speed_channel_or_none(column: LogColumn) -> str | None:
     return name if column.has_dimension_of_channel(name) else None
 
 
-def _force_channel_or_none(column: LogColumn) -> str | None:
+def _match_force_channel(column: LogColumn) -> str | None:
     off_axis = (
         column.name_meaning.axis in ("y", "z")
         or column.name_meaning.side
@@ -209,7 +209,7 @@ def _force_channel_or_none(column: LogColumn) -> str | None:
     return "force_x_N" if not off_axis and column.has_dimension_of_channel("force_x_N") else None
 
 
-def _torque_channel_or_none(column: LogColumn) -> str | None:
+def _match_torque_channel(column: LogColumn) -> str | None:
     side = column.name_meaning.side
     name = f"torque_{side}_N_m"
     return (
@@ -219,28 +219,28 @@ def _torque_channel_or_none(column: LogColumn) -> str | None:
     )
 
 
-def _acceleration_channel_or_none(column: LogColumn) -> str | None:
+def _match_acceleration_channel(column: LogColumn) -> str | None:
     return (
-        _specific_force_channel_or_none(column)
+        _match_specific_force_channel(column)
         if column.has_dimension_of_channel("acc_x_m_s2")
         else None
     )
 
 
-def _specific_force_channel_or_none(column: LogColumn) -> str | None:
+def _match_specific_force_channel(column: LogColumn) -> str | None:
     return f"specific_force_{column.name_meaning.axis}_m_s2" if column.name_meaning.axis else None
 
 
-def _position_channel_or_none(column: LogColumn) -> str | None:
+def _match_position_channel(column: LogColumn) -> str | None:
     along = column.name_meaning.axis in (None, "x")
     return "position_x_m" if along and column.has_dimension_of_channel("position_x_m") else None
 
 
-def _yaw_rate_channel_or_none(column: LogColumn) -> str | None:
+def _match_yaw_rate_channel(column: LogColumn) -> str | None:
     return "yaw_rate_rad_s" if column.has_dimension_of_channel("yaw_rate_rad_s") else None
 
 
-def _angle_channel_or_none(name: str, column: LogColumn) -> str | None:
+def _match_angle_channel(name: str, column: LogColumn) -> str | None:
     return name if column.unit in ("deg", "rad") else None
 
 
@@ -249,14 +249,14 @@ def _is_in_degrees(column: LogColumn) -> bool:
 
 
 _CHANNEL_OF: Final[dict[str, Callable[[LogColumn], str | None]]] = {
-    "speed": _speed_channel_or_none,
-    "force": _force_channel_or_none,
-    "torque": _torque_channel_or_none,
-    "acceleration": _acceleration_channel_or_none,
-    "position": _position_channel_or_none,
-    "yaw rate": _yaw_rate_channel_or_none,
-    "boom": lambda column: _angle_channel_or_none("boom_rad", column),
-    "bucket": lambda column: _angle_channel_or_none("bucket_rad", column),
+    "speed": _match_speed_channel,
+    "force": _match_force_channel,
+    "torque": _match_torque_channel,
+    "acceleration": _match_acceleration_channel,
+    "position": _match_position_channel,
+    "yaw rate": _match_yaw_rate_channel,
+    "boom": lambda column: _match_angle_channel("boom_rad", column),
+    "bucket": lambda column: _match_angle_channel("bucket_rad", column),
     "latitude": lambda column: "latitude_deg" if _is_in_degrees(column) else None,
     "longitude": lambda column: "longitude_deg" if _is_in_degrees(column) else None,
 }
@@ -296,7 +296,7 @@ def propose_columns_without_unit(columns: Sequence[LogColumn], recognition: Reco
             part = said.part if quantity != "speed" or said.part == "motor" else None
             whole = said.side is None and part is None and said.axis in (None, "x")
             if column.quantity == quantity and column.unit is None and whole:
-                recognition.sketch_source(
+                recognition.propose_source_channel(
                     column, channel, "?", f"{column.field}: its unit is not stated"
                 )
                 recognition.ask_question(

@@ -79,7 +79,7 @@ _KNOWN: Final = tuple(
 _PREFIX: Final = re.compile(r"(?:(?<=[^A-Za-z])|^)[lr](?=[A-Z])")
 
 
-def has_real_side_prefix(name: str, names: Collection[str]) -> bool:
+def is_side_prefix_real(name: str, names: Collection[str]) -> bool:
     """Whether a name's side is real: a prefix `r` is one only if a name with `l` exists.
 
     Args:

@@ -14,9 +14,9 @@ from recordings.rrd.viewer_stream import (
     stream_topics_to_stdout,
 )
 from replay.logs import Log, open_log
-from replay.machines.machine_file import load_machine, machine_file_or_shipped, time_axis_of_machine
+from replay.machines.machine_file import find_machine_file, find_time_axis_of_machine, load_machine
 from replay.pipeline import run
-from replay.recording.importer_files import VARIABLE, machine_file_of_log_or_none
+from replay.recording.importer_files import VARIABLE, find_machine_file_of_log
 
 #: Elements of a list without names that are drawn.
 _ELEMENTS: Final = 12
@@ -28,7 +28,7 @@ def import_log(log: Path, request: ViewerRequest) -> str | None:
     """Write a log to standard output in the viewer's format.
 
     Args:
-        log: path accepted by `is_imported_file`.
+        log: path accepted by `may_import_file`.
         request: request of the viewer.
 
     Returns:
@@ -37,12 +37,12 @@ def import_log(log: Path, request: ViewerRequest) -> str | None:
     Raises:
         PayscopeError: the log cannot be read.
     """
-    machine_file = machine_file_of_log_or_none(log)
+    machine_file = find_machine_file_of_log(log)
     fault: str | None = None
     if machine_file is not None:
         try:
-            machine = load_machine(machine_file_or_shipped(machine_file))
-            with open_log(log, time=time_axis_of_machine(machine)) as opened:
+            machine = load_machine(find_machine_file(machine_file))
+            with open_log(log, time=find_time_axis_of_machine(machine)) as opened:
                 replayed = run(opened, machine)
         except PayscopeError as error:
             fault = one_line(str(error))
@@ -50,14 +50,14 @@ def import_log(log: Path, request: ViewerRequest) -> str | None:
             stream_run_to_stdout(replayed, request)
             return None
     with open_log(log) as opened:
-        topics = dict(topic_frames(opened))
+        topics = dict(iter_topic_frames(opened))
         stream_topics_to_stdout(
             topics, _describe_log(opened, machine_file, fault), log.name, request
         )
     return fault
 
 
-def topic_frames(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
+def iter_topic_frames(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
     """Yield every readable topic in order of time: unix_ns, and the fields worth plotting."""
     for row in log.topics().sort("messages", descending=True).to_dicts():
         if row["problem"] or not row["messages"]:
@@ -83,12 +83,12 @@ def _iter_imported_field_paths(log: Log, topic_row: dict[str, object]) -> Iterat
         if "[]" not in field:
             yield field
         elif field.endswith("[]") and field.count("[]") == 1 and not field.endswith("name[]"):
-            yield from _element_paths(
+            yield from _iter_element_paths(
                 log, topic, field.removesuffix("[]"), fields, topic_row["start_ns"]
             )
 
 
-def _element_paths(
+def _iter_element_paths(
     log: Log, topic: str, field: str, fields: list[object], start_ns: object
 ) -> Iterator[str]:
     assert isinstance(start_ns, int)

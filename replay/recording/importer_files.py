@@ -11,7 +11,7 @@ _ALONE: Final = (".bag", ".db3", ".csv")
 _WITH_MACHINE: Final = (*_ALONE, ".mcap", ".parquet")
 
 
-def machine_file_of_log_or_none(log: Path) -> Path | None:
+def find_machine_file_of_log(log: Path) -> Path | None:
     """Machine file of a log: that of `PAYSCOPE_MACHINE`, or `shift.toml` beside `shift.bag`.
 
     Returns:
@@ -24,9 +24,9 @@ def machine_file_of_log_or_none(log: Path) -> Path | None:
     return beside if beside.is_file() else None
 
 
-def is_imported_file(log: Path) -> bool:
+def may_import_file(log: Path) -> bool:
     """Whether to import a file; formats of the viewer itself only if they have a machine file."""
-    suffixes = _WITH_MACHINE if machine_file_of_log_or_none(log) is not None else _ALONE
+    suffixes = _WITH_MACHINE if find_machine_file_of_log(log) is not None else _ALONE
     if log.is_dir():
         return (log / "metadata.yaml").is_file() and any(
             each.suffix in suffixes for each in log.iterdir()

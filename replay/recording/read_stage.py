@@ -9,8 +9,8 @@ import polars as pl
 
 from analysis.model.schema import FRAMES, Frame
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
-from estimators.errors import RecordingError, nearest
-from recordings import columns_by_frame, read_frame, read_provenance
+from estimators.errors import RecordingError, suggest_choice
+from recordings import list_columns_by_frame, read_frame, read_provenance
 from recordings.rrd.recording_window import refuse_invalid_time_range
 
 if TYPE_CHECKING:
@@ -42,9 +42,9 @@ class RecordedStage:
         Raises:
             RecordingError: no recording, or it has no such frame.
         """
-        held = columns_by_frame(recording)
+        held = list_columns_by_frame(recording)
         if name not in held:
-            raise RecordingError(f"{recording}: no frame '{name}'; {nearest(name, held)}")
+            raise RecordingError(f"{recording}: no frame '{name}'; {suggest_choice(name, held)}")
         about = read_provenance(recording)
         zone = str(about.machine.get("machine", {}).get("timezone", "UTC"))
         return cls(recording, name, read_frame(recording, name), about.t0_unix_ns, zone)
@@ -71,7 +71,7 @@ class RecordedStage:
         from analysis.calibration.use.apply_calibration import LATER_LOG_FRAMES
         from replay.calibration.apply_evidence import calibrate_recorded_loads
 
-        about, there = read_provenance(self.recording), columns_by_frame(self.recording)
+        about, there = read_provenance(self.recording), list_columns_by_frame(self.recording)
         frames = {
             name: read_frame(self.recording, name) for name in LATER_LOG_FRAMES if name in there
         }
@@ -87,7 +87,7 @@ class RecordedStage:
             return self
         refuse_invalid_time_range(self.recording, start_s, end_s)
         column = self._require_time_column()
-        seconds = self._since_start_ns(column) / 1e9
+        seconds = self._time_since_start_ns(column) / 1e9
         rows = self.rows
         if start_s is not None:
             rows = rows.filter(seconds >= start_s)
@@ -104,7 +104,7 @@ class RecordedStage:
         if not math.isfinite(second):
             raise RecordingError(f"--at {second}: is not a time; name seconds since the start")
         column = self._require_time_column()
-        begin = self._since_start_ns(column) / 1e9
+        begin = self._time_since_start_ns(column) / 1e9
         if "end_t_ns" in self.rows.columns:
             # without a begin or an end it is of the whole log
             inside = (begin <= second).fill_null(True) & (
@@ -116,12 +116,12 @@ class RecordedStage:
             return replace(self, rows=held.group_by("axis", maintain_order=True).tail(1))
         return replace(self, rows=held.tail(1))
 
-    def make_readable(self) -> pl.DataFrame:
+    def format_times_for_reading(self) -> pl.DataFrame:
         """Rows with readable times: seconds, and local time if they are dates."""
         column = self.time_column
         if column is None:
             return self.rows
-        since_ns = self._since_start_ns(column)
+        since_ns = self._time_since_start_ns(column)
         seconds = (since_ns / 1e9).alias("t_s")
         rest = pl.exclude(column, "header_stamp_ns")
         if self.t0_unix_ns < FIRST_DATE_NS:
@@ -139,6 +139,6 @@ class RecordedStage:
             )
         return column
 
-    def _since_start_ns(self, column: str) -> pl.Expr:
+    def _time_since_start_ns(self, column: str) -> pl.Expr:
         """Time since the first sample, from a stamp or a grid time."""
         return pl.col(column) - (self.t0_unix_ns if column == "log_time_ns" else 0)

@@ -20,23 +20,23 @@ from recordings.review.reviewer_verdicts import (
     CycleVerdict,
     ShiftVerdict,
     VerdictFile,
+    assign_verdicts_to_rows,
     format_verdicts_as_toml,
     parse_verdicts,
     read_verdict_text,
-    verdicts_by_row,
 )
 from recordings.review.shift_ledger import (
     PARQUET,
-    cycles_frame_from_ledger,
     find_cycle_row,
-    find_instant,
+    make_cycles_frame,
+    parse_local_instant,
 )
 from replay.review.review_folder import lock_folder
 from replay.review.write_review import (
     OUTPUTS,
     ShiftCount,
     ShiftReview,
-    thinned_track_or_none,
+    make_thinned_track,
     write_review,
 )
 
@@ -71,10 +71,10 @@ class GivenVerdicts:
 
     def __bool__(self) -> bool:
         """Whether there is any verdict."""
-        return bool(self.named_cycles or self.note or self._labels or self.spans)
+        return bool(self.list_named_cycles or self.note or self._labels or self.spans)
 
     @property
-    def named_cycles(self) -> list[tuple[str, bool | None]]:
+    def list_named_cycles(self) -> list[tuple[str, bool | None]]:
         """Named cycles, and whether each is rejected; None leaves it unchanged."""
         return [
             *((each, True) for each in self.reject),
@@ -86,17 +86,17 @@ class GivenVerdicts:
     def _labels(self) -> dict[str, str]:
         return {name: text for name, text in self.labels.items() if text}
 
-    def refuse_incomplete(self) -> None:
+    def refuse_incomplete_verdicts(self) -> None:
         """Refuse incomplete verdicts.
 
         Raises:
             ReviewError: the verdicts are incomplete; one line.
         """
-        if self.named_cycles and not self.author.strip():
+        if self.list_named_cycles and not self.author.strip():
             raise ReviewError("a verdict on a cycle needs an author; add --author NAME")
-        if self.note and not self.named_cycles:
+        if self.note and not self.list_named_cycles:
             raise ReviewError("a note needs a cycle; add --reject, --accept or --cycle WHEN")
-        if (self.begin or self.end) and (self.named_cycles or not self._labels):
+        if (self.begin or self.end) and (self.list_named_cycles or not self._labels):
             raise ReviewError(
                 "--from and --to limit labels; add --product, --operator, --truck, --customer or "
                 "--stockpile, and name no cycle"
@@ -104,7 +104,7 @@ class GivenVerdicts:
         trial = {
             "id": "",
             "author": self.author or "-",
-            "time": _current_second(),
+            "time": _current_time_to_second(),
             "note": self.note,
         }
         try:
@@ -113,7 +113,7 @@ class GivenVerdicts:
             first = error.errors(include_url=False)[0]
             raise ReviewError(f"--{first['loc'][0]}: {first['msg']}") from None
 
-    def list_changes_to(
+    def list_changed_verdicts(
         self, earlier: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
     ) -> list[CycleVerdict | ShiftVerdict]:
         """Verdicts that change something compared with the earlier ones.
@@ -130,12 +130,12 @@ class GivenVerdicts:
     def _select_verdicts_by_person(
         self, earlier: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
     ) -> list[CycleVerdict | ShiftVerdict]:
-        """Verdicts by a person rather than from a log; arguments as for `list_changes_to`."""
-        now = _current_second()
+        """Verdicts by a person rather than from a log; arguments as for `list_changed_verdicts`."""
+        now = _current_time_to_second()
         signed = {"author": self.author.strip() or None, "time": now}
         if self.begin or self.end:
             span = {
-                name: find_instant(text, state.clock)
+                name: parse_local_instant(text, state.clock)
                 for name, text in (("begin", self.begin), ("end", self.end))
                 if text
             }
@@ -150,7 +150,7 @@ class GivenVerdicts:
                     f"{self.end or 'the end'} of the shift"
                 )
             return [said]
-        if not self.named_cycles:
+        if not self.list_named_cycles:
             # labels of a part of the shift may say otherwise: the later one counts
             in_parts = any(each.begin or each.end for each in earlier.shift)
             said = {
@@ -159,9 +159,9 @@ class GivenVerdicts:
                 if in_parts or getattr(earlier.shift_labels, name) != text
             }
             return [ShiftVerdict.model_validate(said | signed)] if said else []
-        standing = verdicts_by_row(earlier, rows["id"], folder)
+        standing = assign_verdicts_to_rows(earlier, rows["id"], folder)
         found: dict[int, CycleVerdict] = {}
-        for when, reject in self.named_cycles:
+        for when, reject in self.list_named_cycles:
             row = find_cycle_row(when, rows, state.clock)
             old = found.get(row) or standing.get(row)
             kept = {} if old is None else old.model_dump(exclude=_MODEL_KEYS)
@@ -173,7 +173,7 @@ class GivenVerdicts:
         return list(found.values())
 
 
-def _current_second() -> dt.datetime:
+def _current_time_to_second() -> dt.datetime:
     return dt.datetime.now(dt.UTC).replace(microsecond=0)
 
 
@@ -188,7 +188,7 @@ def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
     Raises:
         ReviewError: no review is there, it is of another version, or a cycle is not there.
     """
-    verdicts.refuse_incomplete()
+    verdicts.refuse_incomplete_verdicts()
     state = read_review_state(folder)
     if state is None:
         raise ReviewError(
@@ -201,20 +201,20 @@ def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
             if file_sha256(recording) != state.recording_sha256:
                 raise RecordingError(f"{recording} was replaced by another recording")
             summary = read_frame(recording, "shift")
-            track = thinned_track_or_none(read_frame(recording, "aligned"))
+            track = make_thinned_track(read_frame(recording, "aligned"))
             rows = pl.read_parquet(folder / PARQUET)
-            cycles = cycles_frame_from_ledger(rows, state.t0_unix_ns)
+            cycles = make_cycles_frame(rows, state.t0_unix_ns)
         except (OSError, RecordingError, pl.exceptions.PolarsError) as error:
             raise ReviewError(
                 f"{folder}: its loads cannot be recounted ({error}); review its logs again"
             ) from None
         before = read_verdict_text(folder)
-        added = verdicts.list_changes_to(parse_verdicts(before, folder), rows, state, folder)
+        added = verdicts.list_changed_verdicts(parse_verdicts(before, folder), rows, state, folder)
         # what a person wrote stays as it is
         text = "\n".join(
             filter(None, (before and f"{before.rstrip()}\n", format_verdicts_as_toml(added)))
         )
-        shift = ShiftCount.from_cycles(cycles, summary, state.t0_unix_ns, text, folder)
+        shift = ShiftCount.count_cycles(cycles, summary, state.t0_unix_ns, text, folder)
         page = shift.make_page(state, [], track)
         names = [*OUTPUTS, *([VERDICTS] if added else [])]
         with atomic_files([folder / name for name in names], force=True) as stage:

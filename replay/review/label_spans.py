@@ -11,11 +11,11 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
-from estimators.errors import LogError, ReviewError, nearest
+from estimators.errors import LogError, ReviewError, suggest_choice
 from recordings.review.reviewer_verdicts import LABELS, ShiftVerdict
 from replay.inputs.channel_inputs import merge_messages_of_logs
 from replay.logs import expand_log_folders, open_log
-from replay.machines.machine_file import time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine
 
 _CHANNEL: Final = re.compile(r"(?P<label>\w+)=(?P<topic>.+):(?P<field>[^:]+)")
 #: Author of what the logs say.
@@ -41,7 +41,9 @@ def parse_label_channel(text: str) -> LabelChannel:
         raise ReviewError(f"'{text}': write LABEL=TOPIC:FIELD, as operator=/shift/operator:data")
     found = LabelChannel(match["label"], match["topic"], match["field"])
     if found.label not in LABELS:
-        raise ReviewError(f"'{text}': no label '{found.label}'; {nearest(found.label, LABELS)}")
+        raise ReviewError(
+            f"'{text}': no label '{found.label}'; {suggest_choice(found.label, LABELS)}"
+        )
     return found
 
 
@@ -61,7 +63,7 @@ def read_label_spans(
     found: list[ShiftVerdict] = []
     with ExitStack() as stack:
         logs = [
-            stack.enter_context(open_log(path, time=time_axis_of_machine(machine)))
+            stack.enter_context(open_log(path, time=find_time_axis_of_machine(machine)))
             for path in expand_log_folders(paths)
         ]
         for channel in channels:
@@ -70,7 +72,7 @@ def read_label_spans(
                 names = sorted({name for log in logs for name in log.topic_names()})
                 raise LogError(
                     f"{paths[0]}: no log has the topic '{channel.topic}'; "
-                    f"{nearest(channel.topic, names)}"
+                    f"{suggest_choice(channel.topic, names)}"
                 )
             parts = {log: log.read(channel.topic, [channel.field]) for log in holders}
             found += iter_verdicts_of_label_spans(

@@ -23,14 +23,14 @@ from analysis.model.run_record import Provenance, Run
 from estimators.errors import DataError, RecordingError
 from estimators.file_digest import file_sha256
 from estimators.threads import map_in_threads
-from recordings import columns_by_frame, read_frame, write_recording
+from recordings import list_columns_by_frame, read_frame, write_recording
 from recordings.report.atomic_output import atomic_files
 from recordings.review.review_state import (
     FORMAT,
     RECORDING,
     ReviewState,
-    changed_settings_of_review,
     collect_review_state,
+    list_changed_settings,
     read_review_state,
 )
 from recordings.review.reviewer_verdicts import parse_verdicts, read_verdict_text
@@ -41,23 +41,23 @@ from replay.calibration.apply_evidence import (
     load_calibration,
 )
 from replay.inputs.channel_inputs import (
-    channel_fields,
-    input_files,
+    collect_package_versions,
+    list_channel_fields,
+    list_input_files,
     machine_without_settings_as_dict,
-    package_versions,
 )
 from replay.inputs.decode_cache import FOLDER as DECODED
 from replay.inputs.decode_cache import decode_logs
-from replay.inputs.time_line import begin_of_each_log_ns
+from replay.inputs.time_line import compute_log_begins_ns
 from replay.logs import Log, expand_log_folders, open_log
-from replay.machines.machine_file import load_machine, time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine, load_machine
 from replay.pipeline import run
 from replay.review.review_folder import lock_folder
 from replay.review.write_review import (
     OUTPUTS,
     ShiftCount,
     ShiftReview,
-    thinned_track_or_none,
+    make_thinned_track,
     write_review,
 )
 
@@ -126,7 +126,7 @@ def review_shift(
         on_stage("open")
         opened = sort_by_first_message(
             [
-                stack.enter_context(open_log(path, time=time_axis_of_machine(machine)))
+                stack.enter_context(open_log(path, time=find_time_axis_of_machine(machine)))
                 for path in logs
             ]
         )
@@ -140,11 +140,11 @@ def review_shift(
         made = kept or _replay_opened_shift(opened, machine, folder, (logs, machine_file), on_stage)
         cycles, against = made.cycles, ""
         if by is not None:
-            told = frames_for_calibration(made, folder)
+            told = read_frames_for_calibration(made, folder)
             against = describe_contradicted_priors(told["nuisances"])
             shared_errors = SharedErrors.from_frames(told)
             cycles = cycles if against else calibrate_cycles(cycles, by.calibration, shared_errors)
-        shift = ShiftCount.from_cycles(cycles, made.shift, made.t0_unix_ns, verdicts, folder)
+        shift = ShiftCount.count_cycles(cycles, made.shift, made.t0_unix_ns, verdicts, folder)
         on_stage("write")
         targets = [folder / name for name in (RECORDING, *OUTPUTS)]
         if kept is not None:
@@ -152,18 +152,18 @@ def review_shift(
         with atomic_files(targets, force=True) as stage:
             if made.run is not None:
                 write_recording(
-                    run_for_shift_recording(made.run, full=options.full), stage / RECORDING
+                    select_frames_for_recording(made.run, full=options.full), stage / RECORDING
                 )
                 digest = file_sha256(stage / RECORDING)
-                torn = find_torn_logs(opened, channel_fields(machine), made.run.provenance)
-                energy = _shift_energy(made.run, machine)
+                torn = find_torn_logs(opened, list_channel_fields(machine), made.run.provenance)
+                energy = _compute_shift_energy_of_run(made.run, machine)
                 state = collect_review_state(made.run, key, digest, plain, made.mixed, torn, energy)
             else:
                 assert before is not None
                 state = before
             says = "" if by is None else by.describe(logged)
             state = state.model_copy(update={"resolved": plain, "calibration": (says, against)})
-            changes = None if before is None else _list_changes_since(before, state)
+            changes = None if before is None else _list_input_changes(before, state)
             page = shift.make_page(state, changes, made.track)
             write_review(page, stage)
     return ShiftReview.from_replay(folder, page, replayed=kept is None)
@@ -203,42 +203,44 @@ def _replay_opened_shift(
         frames["cycles"],
         frames["shift"],
         made.provenance.t0_unix_ns,
-        thinned_track_or_none(frames["aligned"]),
+        make_thinned_track(frames["aligned"]),
         made,
-        mixed_machines_warning(made, opened, machine),
+        make_mixed_machines_warning(made, opened, machine),
     )
 
 
-def mixed_machines_warning(run: Run, opened: list[Log], machine: Machine) -> str:
+def make_mixed_machines_warning(run: Run, opened: list[Log], machine: Machine) -> str:
     """Warning that the logs may be of two machines; empty if nothing indicates it."""
-    begins = begin_of_each_log_ns(opened, channel_fields(machine), run.provenance.t0_unix_ns)
+    begins = compute_log_begins_ns(opened, list_channel_fields(machine), run.provenance.t0_unix_ns)
     found = find_empty_mass_jump(run.frames["manoeuvres"], list(begins.values()))
     return "" if found is None else found.warning_text(list(begins)[found.log].path.name)
 
 
-def _shift_energy(run: Run, machine: Machine) -> ShiftEnergy:
+def _compute_shift_energy_of_run(run: Run, machine: Machine) -> ShiftEnergy:
     """Energy of the shift, by the settings of its replay."""
     frames, settings = run.frames, run.provenance.settings
     gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])
     return compute_shift_energy(frames, machine.model_copy(update={"settings": settings}), gaps)
 
 
-def read_earlier_replay(folder: Path, before: ReviewState | None, key: str) -> ReplayedShift | None:
+def read_earlier_replay(
+    folder: Path, earlier_review: ReviewState | None, key: str
+) -> ReplayedShift | None:
     """Read the replay of an earlier review of the same logs and settings; None if there is none."""
     recording = folder / RECORDING
-    if before is None or before.key != key or not recording.is_file():
+    if earlier_review is None or earlier_review.key != key or not recording.is_file():
         return None
-    if file_sha256(recording) != before.recording_sha256:
+    if file_sha256(recording) != earlier_review.recording_sha256:
         return None
     try:
         cycles, shift = (read_frame(recording, name) for name in ("cycles", "shift"))
-        track = thinned_track_or_none(read_frame(recording, "aligned"))
+        track = make_thinned_track(read_frame(recording, "aligned"))
     except RecordingError:
         return None
-    return ReplayedShift(cycles, shift, before.t0_unix_ns, track)
+    return ReplayedShift(cycles, shift, earlier_review.t0_unix_ns, track)
 
 
-def run_for_shift_recording(run: Run, *, full: bool) -> Run:
+def select_frames_for_recording(run: Run, *, full: bool) -> Run:
     """Frames for the recording of a shift."""
     if full:
         return run
@@ -266,11 +268,11 @@ def sort_by_first_message(logs: list[Log]) -> list[Log]:
     return sorted(logs, key=first_message_of_log)
 
 
-def frames_for_calibration(shift: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:
+def read_frames_for_calibration(shift: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:
     """Frames needed for calibration, from the replay or its recording."""
     if shift.run is not None:
         return shift.run.frames
-    there = columns_by_frame(folder / RECORDING)
+    there = list_columns_by_frame(folder / RECORDING)
     return {
         name: read_frame(folder / RECORDING, name) for name in LATER_LOG_FRAMES if name in there
     }
@@ -280,10 +282,10 @@ def digest_replay_inputs(logs: list[Log], machine: Machine, *, full: bool) -> st
     """Digest of everything that a replay and its recording depend on."""
     whole = {
         "format": FORMAT,
-        "inputs": [each.sha256 for log in logs for each in input_files(log)],
+        "inputs": [each.sha256 for log in logs for each in list_input_files(log)],
         "machine": machine_without_settings_as_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
-        "versions": package_versions(),
+        "versions": collect_package_versions(),
         "full": full,
     }
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
@@ -296,19 +298,19 @@ def _make_review_inputs(
     return {
         **machine_without_settings_as_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
-        "versions": package_versions(),
+        "versions": collect_package_versions(),
         "target_kg": options.target_kg,
         "decimal_comma": options.decimal_comma,
         "calibration": "none" if calibration is None else f"evidence {calibration.document.id}",
     }
 
 
-def _list_changes_since(earlier: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
+def _list_input_changes(earlier: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
     """Settings, options and logs that differ from the earlier review."""
     was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (earlier, state))
     logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]
     logs += [(f"log {name}", "–", "there") for name in sorted(now - was)]
-    return [*logs, *changed_settings_of_review(earlier, state.resolved)]
+    return [*logs, *list_changed_settings(earlier, state.resolved)]
 
 
 def find_torn_logs(
@@ -321,7 +323,7 @@ def find_torn_logs(
         wanted: fields used by channels, by topic.
         provenance: provenance of the replay, with its losses and the origin of its times.
     """
-    begins = begin_of_each_log_ns(logs, wanted, provenance.t0_unix_ns)
+    begins = compute_log_begins_ns(logs, wanted, provenance.t0_unix_ns)
     ordered = list(begins)
     found: list[TornLog] = []
     for number, log in enumerate(ordered, 1):

@@ -8,18 +8,18 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck, judge_payload_target
-from analysis.cycles.shift_totals import LabelTotal, recount_shift, sum_by_label
-from recordings.review.energy_columns import energy_as_dict
+from analysis.cycles.shift_totals import LabelTotal, recompute_shift_totals, sum_cycles_by_label
+from recordings.review.energy_columns import convert_energy_to_dict
 from recordings.review.ledger_table import TABLE_CSV, XLSX, write_table_csv, write_xlsx
 from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, render_review_html
 from recordings.review.review_state import STATE, ReviewState
 from recordings.review.reviewer_verdicts import (
     LABELS,
     CycleVerdict,
+    assign_verdicts_to_rows,
     parse_verdicts,
-    verdicts_by_row,
 )
-from recordings.review.shift_facts import reason_for_no_tonnes
+from recordings.review.shift_facts import describe_missing_tonnes
 from recordings.review.shift_ledger import (
     CSV,
     PARQUET,
@@ -58,9 +58,9 @@ class ShiftReview:
     replayed: bool
 
     @property
-    def no_tonnes(self) -> str:
+    def missing_tonnes_reason(self) -> str:
         """Why no cycle counts; empty if one does."""
-        return reason_for_no_tonnes(self.state, self.ledger)
+        return describe_missing_tonnes(self.state, self.ledger)
 
     def to_dict(self) -> dict[str, Any]:
         """The fields as plain JSON values."""
@@ -68,12 +68,12 @@ class ShiftReview:
             "folder": str(self.folder),
             "shift": self.shift,
             "target": None if self.target is None else self.target._asdict(),
-            "no_tonnes": self.no_tonnes,
+            "no_tonnes": self.missing_tonnes_reason,
             "can_weigh": self.state.can_weigh,
             "losses": list(self.state.losses),
             "warnings": [self.state.mixed_machines] if self.state.mixed_machines else [],
             "calibration": self.calibration._asdict(),
-            "energy": energy_as_dict(self.ledger, self.shift, self.state),
+            "energy": convert_energy_to_dict(self.ledger, self.shift, self.state),
             "replayed": self.replayed,
         }
 
@@ -103,7 +103,7 @@ class ShiftCount:
     totals: Mapping[str, list[LabelTotal]]
 
     @classmethod
-    def from_cycles(
+    def count_cycles(
         cls,
         cycles: pl.DataFrame,
         summary: pl.DataFrame,
@@ -124,13 +124,15 @@ class ShiftCount:
             ReviewError: the file says something else, or a verdict is about no cycle.
         """
         verdicts = parse_verdicts(text, folder)
-        by_row = verdicts_by_row(verdicts, make_cycle_ids(cycles, t0_unix_ns), folder)
+        by_row = assign_verdicts_to_rows(verdicts, make_cycle_ids(cycles, t0_unix_ns), folder)
         rejected = [int(cycles["cycle"][row]) for row, each in by_row.items() if each.reject]
-        rows = make_ledger(cycles, t0_unix_ns, by_row, verdicts.labels_at_dump_time)
-        totals = {name: sum_by_label(cycles, rows[name].to_list(), rejected) for name in LABELS}
+        rows = make_ledger(cycles, t0_unix_ns, by_row, verdicts.find_labels_at_dump)
+        totals = {
+            name: sum_cycles_by_label(cycles, rows[name].to_list(), rejected) for name in LABELS
+        }
         return cls(
             rows,
-            recount_shift(summary, cycles, rejected).row(0, named=True),
+            recompute_shift_totals(summary, cycles, rejected).row(0, named=True),
             text,
             by_row,
             {name: sums for name, sums in totals.items() if sums},
@@ -170,7 +172,7 @@ def write_review(page: ReviewPage, folder: Path) -> None:
     (folder / STATE).write_text(page.state.model_dump_json(indent=1) + "\n", encoding="utf-8")
 
 
-def thinned_track_or_none(aligned: pl.DataFrame) -> pl.DataFrame | None:
+def make_thinned_track(aligned: pl.DataFrame) -> pl.DataFrame | None:
     """Thinned positions of the frame `aligned`; None if it has none."""
     names = ("latitude_deg", "longitude_deg")
     if not set(names) <= set(aligned.columns):

@@ -8,17 +8,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import recordings  # its names are imported when first used
-from analysis.compare.run_comparison import ValueChange, changed_settings
+from analysis.compare.run_comparison import ValueChange, list_changed_settings_and_keys
 from analysis.model.answer import Answer, answer
 from analysis.model.machine import Machine
 from estimators.errors import DataError, LogError, PayscopeError
 from recordings.report.atomic_output import refuse_input_as_output
 from replay.logs import open_log
 from replay.machines.machine_file import (
-    find_file_signature,
+    find_machine_file,
+    find_time_axis_of_machine,
     load_machine,
-    machine_file_or_shipped,
-    time_axis_of_machine,
+    read_file_signature,
 )
 from replay.pipeline import STAGES, run
 from replay.runs.run_limits import LIMITS
@@ -87,11 +87,12 @@ def replay_logs(
         recordings.require_writable_recording(output.path, force=output.force)
         refuse_input_as_output(output.path, (path for path in logs if path.exists()))
     # before the work: without a screen there is nothing to wait for
-    viewer = open_live_view(output)
+    viewer = open_requested_viewer(output)
     with ExitStack() as stack:
         on_stage("open")
         opened = [
-            stack.enter_context(open_log(path, time=time_axis_of_machine(machine))) for path in logs
+            stack.enter_context(open_log(path, time=find_time_axis_of_machine(machine)))
+            for path in logs
         ]
         if by is not None:
             by.require_logs_of_machine(opened)
@@ -112,7 +113,7 @@ def replay_logs(
     return answer(result, str(output.path) if output.path else None)
 
 
-def open_live_view(output: RecordTo) -> "LiveView | None":
+def open_requested_viewer(output: RecordTo) -> "LiveView | None":
     """The open viewer, or a new one if it is requested; None without one."""
     if output.viewer is not None or not output.live:
         return output.viewer
@@ -149,14 +150,14 @@ def watch_machine_file(
     from recordings.rrd.viewer import list_shown_recordings, replace_recording
 
     # a file that is gone is not the shipped one of its name
-    path = machine_file_or_shipped(machine_file).absolute()
-    view = open_live_view(output)
+    path = find_machine_file(machine_file).absolute()
+    view = open_requested_viewer(output)
     last: Machine | None = None
     failed = False
-    for _ in machine_file_changes(path):
+    for _ in iter_machine_file_changes(path):
         try:
             machine = load_machine(path, overrides)
-            changed = [] if last is None else changed_settings(last, machine)
+            changed = [] if last is None else list_changed_settings_and_keys(last, machine)
             if last is not None and not changed and not failed:
                 continue  # a comment, or the file was touched
             before = list_shown_recordings(view.address) if view else ()
@@ -176,13 +177,13 @@ def watch_machine_file(
         on_answer(answer, changed)
 
 
-def machine_file_changes(path: Path) -> Iterator[None]:
+def iter_machine_file_changes(path: Path) -> Iterator[None]:
     """Yield once at the start, after each change that has settled, and when the file vanishes."""
-    seen, missed = find_file_signature(path), 0
+    seen, missed = read_file_signature(path), 0
     yield
     while True:
         time.sleep(LIMITS.check_interval_s)
-        now = find_file_signature(path)
+        now = read_file_signature(path)
         missed = missed + 1 if now is None else 0
         if missed == LIMITS.checks_until_removed:
             seen = None  # the same file again is a change
@@ -191,7 +192,7 @@ def machine_file_changes(path: Path) -> Iterator[None]:
             continue
         while True:
             time.sleep(LIMITS.check_interval_s)
-            settled = find_file_signature(path)
+            settled = read_file_signature(path)
             if settled == now:
                 break
             now = settled

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.campaign_readings import masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import calibrated_errors_of_runs
+from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
+from analysis.calibration.campaign.method_errors import compute_start_errors
 from analysis.model.answer import Answer, answer
 from analysis.model.machine import LogSection, Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
 from replay.inputs.derived_logs import CachedLog
 from replay.logs import open_log
-from replay.machines.machine_file import load_machine, time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine, load_machine
 from replay.pipeline import run
 from replay.runs.run_limits import LIMITS
 from replay.simulation.log_truth import has_truth, read_true_trials
@@ -61,7 +61,7 @@ def sweep_settings(
         logs: logs; errors are given if the truth is next to each log.
         machine_file: the machine file.
         overrides: `key=value` for every combination.
-        grid: combinations of further overrides (`value_combinations`).
+        grid: combinations of further overrides (`list_value_combinations`).
         reference_kg: true mass, if known.
         calibration: evidence that calibrates the masses of the combinations that it is of; the
             others give the reason why they have none.
@@ -93,7 +93,7 @@ def sweep_settings(
             if machine.log not in opened:
                 opened[machine.log] = [
                     CachedLog(
-                        stack.enter_context(open_log(path, time=time_axis_of_machine(machine)))
+                        stack.enter_context(open_log(path, time=find_time_axis_of_machine(machine)))
                     )
                     for path in logs
                 ]
@@ -111,7 +111,7 @@ def sweep_settings(
                     for method, mass in row.quantities["mass_kg"].items()
                 }
             if truth is not None:
-                errors |= rms_errors_by_truth(replayed, truth, weighs=told.verdict.can_weigh)
+                errors |= rms_errors_by_truth(replayed, truth, can_weigh=told.verdict.can_weigh)
             values = dict(part.split("=", 1) for part in each)
             rows.append(SweepRow(values, told, errors))
     return rows
@@ -132,11 +132,11 @@ def _replay_combination(
 
 
 def rms_errors_by_truth(
-    replayed: Run, truth: pl.DataFrame, *, weighs: bool
+    replayed: Run, truth: pl.DataFrame, *, can_weigh: bool
 ) -> dict[str, dict[str, float | None]]:
     """Root mean square errors of the runs' masses, by name and method."""
-    estimates = masses_by_method_and_run(replayed, truth)
-    errors = calibrated_errors_of_runs(estimates).with_columns(
+    estimates = average_masses_by_method_and_run(replayed, truth)
+    errors = compute_start_errors(estimates).with_columns(
         raw_kg=pl.col("mass_kg") - pl.col("reference_kg"),
     )
     names = {"rmse_kg": "raw_kg"}
@@ -146,7 +146,7 @@ def rms_errors_by_truth(
     return {
         name: {
             method: _rms_error(by_method[method][column])
-            if weighs and method in by_method
+            if can_weigh and method in by_method
             else None
             for method in replayed.frames["masses"]["method"]
         }
@@ -159,20 +159,20 @@ def _rms_error(errors: pl.Series) -> float | None:
     return float(np.sqrt((known**2).mean())) if known.size else None
 
 
-def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
+def list_value_combinations(options: Sequence[str]) -> list[tuple[str, ...]]:
     """Every combination of the requested values.
 
     Args:
-        over: `key=from:to:step` (both ends included) or `key=a,b,c`.
+        options: `key=from:to:step` (both ends included) or `key=a,b,c`.
 
     Returns:
-        Each as overrides of a machine file, `key=value`, in the order of `over`; the last varies
+        Each as overrides of a machine file, `key=value`, in the order of `options`; the last varies
         fastest.
 
     Raises:
         MachineError: --over is not a range or list, or gives a key twice; one line.
     """
-    axes = [parse_swept_key(each) for each in over]
+    axes = [parse_swept_key(each) for each in options]
     keys = [axis[0].partition("=")[0] for axis in axes]
     for key in keys:
         if keys.count(key) > 1:
@@ -193,13 +193,13 @@ def parse_swept_key(option: str) -> list[str]:
     key, equals, text = (part.strip() for part in option.partition("="))
     if not (key and equals and text):
         raise MachineError(f"--over {option}: {_HOW}")
-    values = parse_range(option, text) if ":" in text else split_values_outside_brackets(text)
+    values = parse_swept_range(option, text) if ":" in text else split_values_outside_brackets(text)
     if not all(values):
         raise MachineError(f"--over {option}: a value is missing; {_HOW}")
     return [f"{key}={value}" for value in values]
 
 
-def parse_range(option: str, text: str) -> list[str]:
+def parse_swept_range(option: str, text: str) -> list[str]:
     """Decimal numbers of the range `from:to:step`, as text."""
     try:
         first, last, step = (Decimal(part.strip()) for part in text.split(":"))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from analysis.simulation.logs.shift_logs import ShiftTruth
 
 
-def truth_path(log: Path) -> Path:
+def make_truth_path(log: Path) -> Path:
     """Path of the truth of a simulated log."""
     return log.with_name(f"{log.name}.truth.json")
 
@@ -32,7 +32,7 @@ def write_truth(simulated: SimulatedLog, log: Path) -> None:
         "manoeuvres": simulated.manoeuvres.to_dicts(),
         "scenario": simulated.scenario.model_dump(mode="json"),
     }
-    truth_path(log).write_text(json.dumps(truth, indent=2) + "\n", encoding="utf-8")
+    make_truth_path(log).write_text(json.dumps(truth, indent=2) + "\n", encoding="utf-8")
 
 
 def write_shift_truth(
@@ -52,7 +52,7 @@ def write_shift_truth(
 
 def has_truth(logs: Sequence[Path]) -> bool:
     """Whether every log has the truth of its trials next to it; a shift has no trials."""
-    return all(truth_path(log).is_file() and _has_trials(truth_path(log)) for log in logs)
+    return all(make_truth_path(log).is_file() and _has_trials(make_truth_path(log)) for log in logs)
 
 
 def read_true_trials(logs: Sequence[Path]) -> pl.DataFrame:
@@ -67,7 +67,7 @@ def read_true_trials(logs: Sequence[Path]) -> pl.DataFrame:
     Raises:
         LogError: a truth file cannot be read, or is not one.
     """
-    return pl.concat([_read_trials(truth_path(log)) for log in logs])
+    return pl.concat([_read_trials(make_truth_path(log)) for log in logs])
 
 
 def _has_trials(path: Path) -> bool:

@@ -6,16 +6,16 @@ from typing import Any
 
 from analysis.simulation import Scenario
 from analysis.simulation.trials.trial_limits import (
-    check_scenario_can_be_driven,
-    check_shift_can_be_driven,
+    refuse_undrivable_scenario,
+    refuse_undrivable_shift,
 )
 from estimators.errors import ScenarioError
 from recordings.report.atomic_output import atomic_file
 from replay.machines.toml_file import (
+    format_toml,
     read_toml,
     refuse_other_kind_of_file,
     set_dotted_key,
-    toml_text,
     validate_toml_content,
 )
 
@@ -41,9 +41,9 @@ def load_scenario(path: Path | str | None, overrides: Iterable[str] = ()) -> Sce
     scenario = validate_toml_content(source, content, Scenario, ScenarioError)
     try:
         if scenario.shift is None:
-            check_scenario_can_be_driven(scenario, scenario.campaign.loads_kg)
+            refuse_undrivable_scenario(scenario, scenario.campaign.loads_kg)
         else:
-            check_shift_can_be_driven(scenario, scenario.shift)
+            refuse_undrivable_shift(scenario, scenario.shift)
     except ScenarioError as fault:
         raise ScenarioError(f"{source}: {fault}") from None
     return scenario
@@ -75,5 +75,5 @@ def write_scenario(scenario: Scenario, path: Path, *, force: bool = False) -> No
 
 def _format_toml_block(title: str, values: Mapping[str, Any]) -> str:
     return "".join(
-        [f"{title}\n", *(f"{key} = {toml_text(value)}\n" for key, value in values.items())]
+        [f"{title}\n", *(f"{key} = {format_toml(value)}\n" for key, value in values.items())]
     )

@@ -13,7 +13,7 @@ from recordings.report.atomic_output import atomic_files
 from replay.logs.writers.bag_writer import write_bag
 from replay.logs.writers.mcap_writer import write_mcap
 from replay.logs.writers.rosbag2_writer import METADATA, write_db3, write_rosbag2
-from replay.simulation.log_truth import truth_path, write_shift_truth, write_truth
+from replay.simulation.log_truth import make_truth_path, write_shift_truth, write_truth
 
 
 def write_csv(log: SimulatedLog, path: Path) -> None:
@@ -69,17 +69,19 @@ def write_logs(
                 f"{target}: no format '{target.suffix}'; use .bag, .mcap, .db3, .csv, "
                 "or no suffix for a rosbag2 directory"
             )
-    with atomic_files([*targets, *map(truth_path, targets), *further_files], force=force) as stage:
+    with atomic_files(
+        [*targets, *map(make_truth_path, targets), *further_files], force=force
+    ) as stage:
         for log, target in zip(logs, targets, strict=True):
             WRITERS[target.suffix](log, stage / target.name)
             if log.torn_share:
-                cut_off_end_of_log(stage / target.name, log.torn_share)
+                truncate_log_file(stage / target.name, log.torn_share)
             write_truth(log, stage / target.name)
         for target, write in further_files.items():
             write(stage / target.name)
 
 
-def cut_off_end_of_log(log: Path, fraction: float) -> None:
+def truncate_log_file(log: Path, fraction: float) -> None:
     """Cut off the end of a log's file; a directory also loses its metadata.
 
     Args:
@@ -113,14 +115,14 @@ def simulate_scenario(scenario: Scenario, output: Path, *, force: bool = False) 
             be written to.
         ScenarioError: the machine cannot be driven as asked.
     """
-    targets = log_paths(scenario, output)
+    targets = make_log_paths(scenario, output)
     if scenario.shift is None:
         write_logs(simulate_campaign(scenario), targets, force=force)
         return targets
     from analysis.simulation.logs.shift_logs import ShiftSimulation
 
     shift = ShiftSimulation(scenario, scenario.shift)
-    beside = shift_truth_path(output)
+    beside = make_shift_truth_path(output)
     write_logs(
         shift.simulate_logs(),
         targets,
@@ -132,12 +134,12 @@ def simulate_scenario(scenario: Scenario, output: Path, *, force: bool = False) 
     return targets
 
 
-def shift_truth_path(output: Path) -> Path:
+def make_shift_truth_path(output: Path) -> Path:
     """Path of the truth of a simulated shift."""
     return output.with_name(f"{output.stem}.cycles.json")
 
 
-def log_paths(scenario: Scenario, output: Path) -> list[Path]:
+def make_log_paths(scenario: Scenario, output: Path) -> list[Path]:
     """Paths of the logs that `simulate` writes.
 
     Raises:

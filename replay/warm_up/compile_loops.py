@@ -12,10 +12,10 @@ from analysis.model.methods import METHODS
 from analysis.online.follower import FollowedRow
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
-from estimators.interpreted import compile_at_once
+from estimators.interpreted import force_compilation
 from replay.follow.follow_logs import Following, follow_logs
 from replay.machines.machine_file import load_machine
-from replay.machines.toml_file import toml_text
+from replay.machines.toml_file import format_toml
 from replay.review.review_shift import ReviewOptions, review_shift
 from replay.runs.run_logs import replay_logs
 from replay.simulation.simulate_logs import simulate_scenario
@@ -27,7 +27,7 @@ STEPS: Final = (
     *("rates", "turns", "follow", "review"),
 )
 _MACHINE: Final = Path("cat262c.toml")
-_ALL_METHODS: Final = f"settings.trace.methods={toml_text([*METHODS])}"
+_ALL_METHODS: Final = f"settings.trace.methods={format_toml([*METHODS])}"
 #: Two starts in half a minute, at half the usual rate: as little as a fit needs.
 _STRAIGHT: Final = {
     "campaign": {
@@ -70,7 +70,7 @@ def compile_loops(on_stage: Callable[[str], None] = lambda _: None) -> None:
     Args:
         on_stage: called with the name of each of `STEPS` as it begins.
     """
-    with compile_at_once(), TemporaryDirectory(prefix="payscope-warm-up-") as made:
+    with force_compilation(), TemporaryDirectory(prefix="payscope-warm-up-") as made:
         folder = Path(made)
         on_stage("simulate")
         straight = Scenario.model_validate(_STRAIGHT)

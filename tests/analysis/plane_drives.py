@@ -20,7 +20,7 @@ from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import estimate_channel_noise
 from analysis.stages.signals.align import align
 from analysis.stages.signals.derive import derive, read_measured_channels
-from analysis.stages.signals.mounting import rotation_to_machine_axes
+from analysis.stages.signals.mounting import compute_rotation_to_machine_axes
 from estimators.planar import planar_rows as model
 from tests.analysis.settings_by_name import staged
 
@@ -128,10 +128,13 @@ def sensors(drive, seed=1, noise=1.0, parameters=LOADER, origin_x_m=0.0, imu=Non
     acc, alpha = np.gradient(v) * RATE_HZ, np.gradient(omega) * RATE_HZ
     zero = np.zeros(v.size)
     seen = np.stack([acc - omega**2 * origin_x_m, omega * v + alpha * origin_x_m, zero + 9.80665])
-    exact = model.regressor(seen[0], seen[1], v, omega, alpha) @ parameters
+    exact = model.make_planar_regressor(seen[0], seen[1], v, omega, alpha) @ parameters
     turn = np.stack([zero, zero, omega])
     if imu is not None:
-        seen, turn = rotation_to_machine_axes(imu).T @ seen, rotation_to_machine_axes(imu).T @ turn
+        seen, turn = (
+            compute_rotation_to_machine_axes(imu).T @ seen,
+            compute_rotation_to_machine_axes(imu).T @ turn,
+        )
     said = dict(zip(NOISE, [exact[:, 0], exact[:, 1], v, *seen, *turn], strict=True))
     generator = np.random.default_rng(seed)
     return pl.DataFrame(

@@ -3,7 +3,9 @@
 from analysis.model.settings import Settings
 
 STAGE_OF = {
-    name: stage for stage, model in Settings.stage_models().items() for name in model.model_fields
+    name: stage
+    for stage, model in Settings.list_stage_models().items()
+    for name in model.model_fields
 }
 
 
@@ -11,7 +13,7 @@ def staged(**values):
     """The content of a `[settings]` table; what is named after a stage stays as it is."""
     content = {}
     for name, value in values.items():
-        if name in Settings.stage_models():
+        if name in Settings.list_stage_models():
             content[name] = value
         else:
             content.setdefault(STAGE_OF[name], {})[name] = value

@@ -5,10 +5,10 @@ import polars as pl
 import pytest
 from scipy.signal import lfilter
 
-from analysis.model.axes import straight_regressor_and_force
+from analysis.model.axes import make_straight_regressor_and_force
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.stages.gating.gate import gate_windows
-from analysis.stages.gating.segments import pool_by_manoeuvre, pooled_manoeuvre_of_samples
+from analysis.stages.gating.segments import number_pooled_manoeuvres, pool_by_manoeuvre
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import align
@@ -81,9 +81,9 @@ def found(seeds, starts, plain):
         table = pool_by_manoeuvre(excitation, gated, plain.settings).filter(
             pl.col("mass_kg").is_not_null()
         )
-        ids = pooled_manoeuvre_of_samples(excitation, gated, plain.settings)
+        ids = number_pooled_manoeuvres(excitation, gated, plain.settings)
         textbook = textbook_deviations(
-            *straight_regressor_and_force(excitation, plain.settings), ids
+            *make_straight_regressor_and_force(excitation, plain.settings), ids
         )
         rows.append(np.column_stack([table["mass_kg"], table["mass_std_kg"], textbook]))
     return np.concatenate(rows).T

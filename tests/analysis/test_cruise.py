@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.model.axes import straight_regressor_and_force
+from analysis.model.axes import make_straight_regressor_and_force
 from analysis.stages.gating.gate import gate_windows
 from estimators.methods import rls
 
@@ -21,7 +21,7 @@ def errors(drive, excitation_of, machine):
         excitation = excitation_of(
             drive(("standstill", "start", "cruise"), (5.0, 3.0, 90.0), seed=seed)
         )
-        A, f = straight_regressor_and_force(excitation, settings)
+        A, f = make_straight_regressor_and_force(excitation, settings)
         first = int(np.argmax(np.isfinite(A).all(axis=1)))
         every = np.arange(f.size) >= first + window - 1
         accepted = gate_windows(excitation, settings)["accepted_x"].to_numpy()

@@ -6,7 +6,7 @@ import pytest
 
 from analysis.model.machine_body import ImuMounting
 from analysis.model.windows import mark_samples_in_windows
-from analysis.stages.estimation.masses import reasons_for_no_answer
+from analysis.stages.estimation.masses import list_reasons_for_no_answer
 from tests.analysis.plane_drives import (
     LOADER,
     braked,
@@ -194,11 +194,11 @@ def test_without_a_channel_there_is_no_yaw_axis_and_a_note_names_it(missing):
     stages = replayed(sensors(starts() + spins()), loader)
     for name in ("gate", "masses", "segments", "estimates/ls"):
         assert not [c for c in stages[name].columns if "_z" in c or c == "axis"]
-    (note,) = reasons_for_no_answer(stages["excitation"], stages["gate"], loader.settings)
+    (note,) = list_reasons_for_no_answer(stages["excitation"], stages["gate"], loader.settings)
     assert note.startswith("the log has spins, but the inertia needs ")
     assert f"channels.{missing}" in note
     turned = replayed(sensors(starts()), loader)
-    assert reasons_for_no_answer(turned["excitation"], turned["gate"], loader.settings) == []
+    assert list_reasons_for_no_answer(turned["excitation"], turned["gate"], loader.settings) == []
 
 
 @pytest.mark.parametrize(

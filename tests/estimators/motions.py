@@ -60,7 +60,7 @@ def spatial(motion, lateral_speed=None):
     """The (n, 6, 16) regressor (5) of a motion on level ground."""
     zero = np.zeros(2000)
     lateral = zero if lateral_speed is None else lateral_speed
-    return rigid_body.regressor(
+    return rigid_body.make_rigid_body_regressor(
         np.column_stack([zero, zero, motion["yaw_rate"]]),
         np.column_stack([zero, zero, motion["yaw_acceleration"]]),
         np.column_stack([motion["speed"], lateral, zero]),
@@ -78,4 +78,4 @@ def measured(motion, noise, generator, mean):
 
 
 def forces(motion, parameters=LOADER):
-    return planar_rows.regressor(**motion) @ parameters
+    return planar_rows.make_planar_regressor(**motion) @ parameters

@@ -10,10 +10,10 @@ from analysis.model.methods import METHODS, AxisNoise, FeedKind, MethodOptions
 from estimators.estimate import Trace
 from estimators.methods import fgls, ls, rls, rtls, tls
 from estimators.numerics.autocorrelation import (
-    pooled_autocorrelation,
-    residuals_of_disjoint_windows,
+    compute_disjoint_window_residuals,
+    estimate_pooled_autocorrelation,
 )
-from estimators.numerics.small_systems import scaled_condition_from_gram
+from estimators.numerics.small_systems import compute_scaled_condition
 
 WINDOW = 40
 #: Accepted window ends: two stretches that share samples, one alone, one far away.
@@ -88,14 +88,14 @@ def repeated_steps(log, _traced, options):
     fed = list(range(first.start, first.stop))
     weights = np.linalg.pinv(log.A[first])
     alone = ls.trace(log.A, log.f, WINDOW, log.accepted)
-    residuals = residuals_of_disjoint_windows(log.A, log.f, alone.theta, ends, WINDOW)
-    correlation, variance = pooled_autocorrelation(*residuals, log.A)
+    residuals = compute_disjoint_window_residuals(log.A, log.f, alone.theta, ends, WINDOW)
+    correlation, variance = estimate_pooled_autocorrelation(*residuals, log.A)
 
     def std():
         cover = weights @ correlation_matrix(fed, correlation) @ weights.T
         return np.sqrt(variance * np.maximum(cover, weights @ weights.T).diagonal())
 
-    rows = [(ends[0], state.theta, std(), rms_of(state), scaled_condition_from_gram(gram))]
+    rows = [(ends[0], state.theta, std(), rms_of(state), compute_scaled_condition(gram))]
     inside = log.union
     for k in range(ends[0] + 1, log.f.size):
         if inside[k]:
@@ -103,7 +103,7 @@ def repeated_steps(log, _traced, options):
             fed.append(k)
             state = rls.step(state, log.A[k], log.f[k], options)
         if log.accepted[k]:
-            condition = scaled_condition_from_gram(np.linalg.inv(state.P))
+            condition = compute_scaled_condition(np.linalg.inv(state.P))
             rows.append((k, state.theta, std(), rms_of(state), condition))
     return rows
 
@@ -143,12 +143,12 @@ def repeated_total_steps(log, _traced, options):
         if log.accepted[k]:
             x = np.append(-state.theta * scale, 1.0)
             rms = np.sqrt(x @ state.C @ x / state.weight)
-            condition = scaled_condition_from_gram(state.C[:-1, :-1].copy())
+            condition = compute_scaled_condition(state.C[:-1, :-1].copy())
             rows.append((k, state.theta, rms, condition))
             new = [sample for sample in fed if owner[sample] < 0]
             residual[new], owner[new] = log.f[new] - log.A[new] @ state.theta, 0
             covers.append((clean_gram(state.C, scale), log.A[fed] * weights[:, None], list(fed)))
-    correlation, variance = pooled_autocorrelation(residual, owner, None)
+    correlation, variance = estimate_pooled_autocorrelation(residual, owner, None)
     for row, (gram, weighted, samples) in enumerate(covers):
         bread = np.linalg.inv(gram)
         meat = weighted.T @ correlation_matrix(samples, correlation) @ weighted

@@ -43,9 +43,9 @@ def test_what_an_error_was_given_is_kept_so_that_a_report_of_many_lines_shows(te
     ],
 )
 def test_a_misspelt_word_gets_the_nearest_choice_or_all_of_them(word, hint):
-    assert errors.nearest(word, {"window_samples", "threshold_nat"}) == hint
+    assert errors.suggest_choice(word, {"window_samples", "threshold_nat"}) == hint
 
 
 def test_no_choices_are_said_to_be_none():
-    assert errors.nearest("word", []) == "known: none"
-    assert errors.nearest("word", (c for c in ["words"])) == "did you mean 'words'?"
+    assert errors.suggest_choice("word", []) == "known: none"
+    assert errors.suggest_choice("word", (c for c in ["words"])) == "did you mean 'words'?"

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from estimators import compile_cache, interpreted
-from estimators.interpreted import Loop, compile_at_once, compiled_ahead
+from estimators.interpreted import Loop, compiled_unless_short_log, force_compilation
 from estimators.numerics import group_mean, group_sums, rolling, sandwich, small_systems
-from estimators.numerics.fit_loss import fit_loss
+from estimators.numerics.fit_loss import compute_fit_loss
 from tests.golden.golden import LOGS, replay
 
 
@@ -91,11 +91,11 @@ def test_sums_of_nothing_and_of_zeros_of_either_sign(count: int) -> None:
 def test_systems_that_are_singular_or_hold_what_is_no_number() -> None:
     A = np.random.default_rng(2).normal(size=(5, 20, 3))
     A[1, :, 1], A[2, :, 0], A[3, 4, 2] = A[1, :, 0], 0.0, np.nan
-    G = np.stack([small_systems.pack(each.T @ each) for each in A], axis=1)
+    G = np.stack([small_systems.pack_symmetric_matrix(each.T @ each) for each in A], axis=1)
     for p in (1, 2, 3):
-        L, inverse = both_ways(small_systems.factor, G, 3, p)
-        both_ways(small_systems.substitute, L, inverse, G[:p].copy())
-        both_ways(small_systems.condition_numbers, G, 3, p)
+        L, inverse = both_ways(small_systems.factor_packed_ldl, G, 3, p)
+        both_ways(small_systems.solve_factored_in_place, L, inverse, G[:p].copy())
+        both_ways(small_systems.compute_condition_numbers, G, 3, p)
 
 
 @pytest.mark.parametrize("lags", [1, 2, 7])
@@ -113,13 +113,13 @@ def test_neighbours_of_the_first_and_the_last_sample(lags: int, across_later: bo
 def test_samples_before_the_first(begin: int) -> None:
     rng = np.random.default_rng(4)
     A, group = rng.normal(size=(9, 2)), np.array([0, 0, 0, 1, 0, 0, 0, 0, 1])
-    both_ways(sandwich.meat, A, group, 0, begin, 7, rng.normal(size=5))
+    both_ways(sandwich.compute_sandwich_meat, A, group, 0, begin, 7, rng.normal(size=5))
 
 
 def test_a_fit_shorter_than_its_lags(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Loop, "__call__", both_ways)
     A = np.random.default_rng(5).normal(size=(12, 2))
-    assert fit_loss(A, np.repeat([0, 1, -1, 2], [5, 3, 1, 3]), 4).shape == (4, 4)
+    assert compute_fit_loss(A, np.repeat([0, 1, -1, 2], [5, 3, 1, 3]), 4).shape == (4, 4)
 
 
 @pytest.fixture
@@ -129,7 +129,7 @@ def loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Loop]
     compile_cache.known_folder_of.cache_clear()
 
     def make() -> Loop:
-        made = compiled_ahead(small_systems.packed_index._function)
+        made = compiled_unless_short_log(small_systems.find_packed_index._function)
         made.__dict__["compiled"] = lambda *_: "compiled"
         return made
 
@@ -159,16 +159,16 @@ def test_what_another_process_has_compiled_is_used(loop: Callable[..., Loop]) ->
     before = loop()
     assert before(0, 1, 2) == 1
     code = (
-        "from estimators.interpreted import compile_at_once\n"
-        "from estimators.numerics.small_systems import packed_index\n"
-        "with compile_at_once():\n"
-        "    packed_index(0, 1, 2)\n"
+        "from estimators.interpreted import force_compilation\n"
+        "from estimators.numerics.small_systems import find_packed_index\n"
+        "with force_compilation():\n"
+        "    find_packed_index(0, 1, 2)\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, cwd=compile_cache._HOUSE)
     assert loop()(0, 1, 2) == "compiled"
 
 
 def test_everything_is_compiled_when_that_is_asked_for(loop: Callable[..., Loop]) -> None:
-    with compile_at_once():
+    with force_compilation():
         assert loop()(0, 1, 2) == "compiled"
     assert loop()(0, 1, 2) == 1

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from estimators.methods import fgls, ls, rls, tls
-from estimators.numerics.mutual_information import window_correlation
+from estimators.numerics.mutual_information import compute_window_correlation
 
 W = 320
 TWELVE_HOURS = 4_320_000
@@ -107,7 +107,7 @@ def test_ols_over_twelve_hours_is_that_of_each_window_alone(twelve_hours):
 
 def test_the_correlation_over_twelve_hours_is_that_of_exact_sums(twelve_hours):
     A, f, index = twelve_hours
-    rho, _ = window_correlation(A[:, 0].copy(), f, W)
+    rho, _ = compute_window_correlation(A[:, 0].copy(), f, W)
     for k in index[::25]:
         exact = exact_correlation(A[k - W + 1 : k + 1, 0], f[k - W + 1 : k + 1])
         assert rho[k] == pytest.approx(exact, rel=1e-9, abs=1e-12)
@@ -136,7 +136,7 @@ def test_ols_and_the_correlation_keep_nine_digits_of(case):
     fine = solved.condition <= ACCEPTED
     assert fine.mean() > 0.7
     assert_digits(solved.theta[fine], by_qr(A, f, index[fine]))
-    rho, _ = window_correlation(A[:, 0].copy(), f, W)
+    rho, _ = compute_window_correlation(A[:, 0].copy(), f, W)
     for k in index[::50]:
         exact = exact_correlation(A[k - W + 1 : k + 1, 0], f[k - W + 1 : k + 1])
         assert rho[k] == pytest.approx(exact, rel=1e-9, abs=1e-12)

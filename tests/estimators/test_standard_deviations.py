@@ -8,14 +8,14 @@ import pytest
 from scipy.stats import norm, t
 
 from estimators.methods import ls, pooled, rls, rtls
-from estimators.methods.ls import mean_estimate
+from estimators.methods.ls import average_estimates
 from estimators.methods.tls import TlsOptions
 from estimators.numerics.autocorrelation import (
-    pooled_autocorrelation,
-    residuals_of_disjoint_windows,
-    student_factor,
+    compute_disjoint_window_residuals,
+    estimate_pooled_autocorrelation,
+    student_to_normal_ratio,
 )
-from estimators.numerics.sandwich import meat, standard_deviations
+from estimators.numerics.sandwich import compute_sandwich_meat, compute_sandwich_stds
 
 TRUTH = np.array([3614.0, 2891.0])
 RUNS, SAMPLES, MEAN = 9, 320, 10
@@ -68,7 +68,7 @@ def test_the_deviation_of_a_mean_of_overlapping_windows_is_its_spread():
     for seed in range(1000, 1120):
         A, f, _ = campaign(seed)
         traced = ls.trace(A, f, 200, accepted_ends(200))
-        theta, std = mean_estimate(A, f, 200, traced.index, traced.theta, traced.std)
+        theta, std = average_estimates(A, f, 200, traced.index, traced.theta, traced.std)
         means.append(theta)
         stds.append(std)
     spread = np.std(means, axis=0, ddof=1)
@@ -107,7 +107,7 @@ def test_the_deviation_of_a_recursion_is_its_spread_from_its_first_window_to_its
 def test_a_mean_of_one_window_is_that_window():
     A, f, _ = campaign(1)
     traced = ls.trace(A, f, 320, accepted_ends(320) & (np.arange(f.size) == 319))
-    theta, std = mean_estimate(A, f, 320, traced.index, traced.theta, traced.std)
+    theta, std = average_estimates(A, f, 320, traced.index, traced.theta, traced.std)
     np.testing.assert_allclose(theta, traced.theta[0])
     np.testing.assert_allclose(std, traced.std[0], rtol=0.1)
 
@@ -117,14 +117,14 @@ def test_a_mean_leaves_out_windows_without_an_estimate_and_is_nan_without_any():
     traced = ls.trace(A, f, 200, accepted_ends(200))
     unsolved = traced.index % 3 == 0
     holes = np.where(unsolved[:, None], np.nan, traced.theta)
-    kept = mean_estimate(
+    kept = average_estimates(
         A, f, 200, traced.index[~unsolved], traced.theta[~unsolved], traced.std[~unsolved]
     )
     for given, expected in zip(
-        mean_estimate(A, f, 200, traced.index, holes, traced.std), kept, strict=True
+        average_estimates(A, f, 200, traced.index, holes, traced.std), kept, strict=True
     ):
         np.testing.assert_allclose(given, expected)
-    nothing = mean_estimate(A, f, 200, traced.index, np.full_like(holes, np.nan), traced.std)
+    nothing = average_estimates(A, f, 200, traced.index, np.full_like(holes, np.nan), traced.std)
     assert np.isnan(nothing).all()
 
 
@@ -140,11 +140,11 @@ def test_without_correlation_the_sandwich_is_the_textbooks_student_interval_over
 @pytest.mark.parametrize("freedom", [3.0, 4.0, 7.5, 30.0, 1e6])
 def test_the_factor_of_few_degrees_of_freedom_is_students(freedom):
     exact = t.ppf(0.975, freedom) / norm.ppf(0.975)
-    assert student_factor(freedom) == pytest.approx(exact, rel=0.005)
+    assert student_to_normal_ratio(freedom) == pytest.approx(exact, rel=0.005)
 
 
 def test_hardly_any_degree_of_freedom_counts_as_three():
-    assert student_factor(0.1) == student_factor(3.0)
+    assert student_to_normal_ratio(0.1) == student_to_normal_ratio(3.0)
 
 
 def test_the_middle_of_the_sandwich_is_the_regressor_around_the_correlation_matrix():
@@ -154,20 +154,22 @@ def test_the_middle_of_the_sandwich_is_the_regressor_around_the_correlation_matr
     lag = np.abs(np.subtract.outer(np.arange(60), np.arange(60)))
     R = np.where(lag < 4, correlation[np.minimum(lag, 3)], 0.0)
     R[group < 0] = R[:, group < 0] = 0.0
-    B = meat(A, group, 0, 0, 59, correlation)
+    B = compute_sandwich_meat(A, group, 0, 0, 59, correlation)
     np.testing.assert_allclose(B, A.T @ R @ A, rtol=1e-12)
 
 
 def test_fewer_samples_than_a_deviation_needs_give_nan():
     A = np.random.default_rng(5).normal(size=(2, 2))
-    B = meat(A, np.zeros(2, np.int64), 0, 0, 1, np.ones(1))
-    assert np.isnan(standard_deviations(A.T @ A, B, 0.0, 2.0)).all()
+    B = compute_sandwich_meat(A, np.zeros(2, np.int64), 0, 0, 1, np.ones(1))
+    assert np.isnan(compute_sandwich_stds(A.T @ A, B, 0.0, 2.0)).all()
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_white_residuals_keep_one_lag_effectively(seed):
     white = np.random.default_rng(seed).normal(size=3000)
-    correlation, variance = pooled_autocorrelation(white, np.repeat(np.arange(10), 300), None)
+    correlation, variance = estimate_pooled_autocorrelation(
+        white, np.repeat(np.arange(10), 300), None
+    )
     assert correlation[0] == 1.0
     assert np.abs(correlation[1:]).sum() < 0.1
     assert variance == pytest.approx(1.0, abs=0.1)
@@ -177,7 +179,7 @@ def test_a_mean_of_ten_is_seen_as_the_triangle_that_it_is():
     white = np.random.default_rng(6).normal(size=30_009)
     smoothed = np.convolve(white, np.ones(10) / 10, "valid")
     group = np.repeat(np.arange(100), 300)
-    correlation, variance = pooled_autocorrelation(smoothed, group, None)
+    correlation, variance = estimate_pooled_autocorrelation(smoothed, group, None)
     triangle = np.maximum(1 - np.arange(correlation.size) / 10, 0)
     np.testing.assert_allclose(correlation, triangle, atol=0.06)
     assert variance == pytest.approx(0.1, rel=0.05)
@@ -187,7 +189,7 @@ def test_a_part_of_many_residuals_tells_what_all_of_them_do():
     white = np.random.default_rng(7).normal(size=1_200_009)
     smoothed = np.convolve(white, np.ones(10) / 10, "valid")
     for group in (np.zeros(smoothed.size, np.int64), np.arange(smoothed.size) // 240):
-        correlation, variance = pooled_autocorrelation(smoothed, group, None)
+        correlation, variance = estimate_pooled_autocorrelation(smoothed, group, None)
         assert 2.0 * correlation.sum() - 1.0 == pytest.approx(10.0, rel=0.04)
         assert variance == pytest.approx(0.1, rel=0.03)
 
@@ -203,7 +205,7 @@ def test_a_part_of_many_residuals_tells_what_all_of_them_do():
 )
 def test_residuals_that_say_nothing_have_no_correlation(residual, group, variance):
     A = np.ones((residual.size, 3))
-    correlation, found = pooled_autocorrelation(residual, group.astype(np.int64), A)
+    correlation, found = estimate_pooled_autocorrelation(residual, group.astype(np.int64), A)
     np.testing.assert_array_equal(correlation, [1.0])
     np.testing.assert_array_equal(found, variance)
 
@@ -211,14 +213,14 @@ def test_residuals_that_say_nothing_have_no_correlation(residual, group, varianc
 def test_lags_never_join_two_groups():
     """Each group is constant and alternates in sign with the next: no lag may see both."""
     residual = np.repeat(np.tile([1.0, -1.0], 20), 50)
-    correlation, _ = pooled_autocorrelation(residual, np.repeat(np.arange(40), 50), None)
+    correlation, _ = estimate_pooled_autocorrelation(residual, np.repeat(np.arange(40), 50), None)
     assert (correlation[: correlation.size // 2] == 1.0).all()
 
 
 def test_windows_that_share_samples_are_thinned_to_disjoint_ones_first_come_first():
     A, f = np.ones((22, 1)), np.arange(22.0)
     index = np.array([4, 5, 9, 10, 19])
-    residual, owner = residuals_of_disjoint_windows(A, f, np.arange(5.0)[:, None], index, 5)
+    residual, owner = compute_disjoint_window_residuals(A, f, np.arange(5.0)[:, None], index, 5)
     expected = [0] * 5 + [2] * 5 + [-1] * 5 + [4] * 5 + [-1] * 2
     np.testing.assert_array_equal(owner, expected)
     np.testing.assert_array_equal(residual, np.where(owner < 0, 0.0, f - owner))

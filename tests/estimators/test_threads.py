@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from estimators.threads import one_blas_thread
+from estimators.threads import limit_blas_to_one_thread
 
 
 def blas_threads() -> set[int]:
@@ -14,10 +14,10 @@ def blas_threads() -> set[int]:
 def test_inside_blas_has_one_thread_and_outside_as_many_as_before() -> None:
     with threadpool_limits(limits=2, user_api="blas"):
         before = blas_threads()
-        with one_blas_thread(), one_blas_thread():
+        with limit_blas_to_one_thread(), limit_blas_to_one_thread():
             assert blas_threads() == {1}
         assert blas_threads() == before == {2}
-        with pytest.raises(RuntimeError), one_blas_thread():
+        with pytest.raises(RuntimeError), limit_blas_to_one_thread():
             raise RuntimeError
         assert blas_threads() == before
 
@@ -26,6 +26,6 @@ def test_a_long_sum_has_the_same_bits_on_any_number_of_threads() -> None:
     x, y = np.random.default_rng(1).normal(size=(2, 200_001))
     sums = set()
     for threads in (1, 2):
-        with threadpool_limits(limits=threads, user_api="blas"), one_blas_thread():
+        with threadpool_limits(limits=threads, user_api="blas"), limit_blas_to_one_thread():
             sums.add(float(x @ y))
     assert len(sums) == 1

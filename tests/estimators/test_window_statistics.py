@@ -19,7 +19,7 @@ def noisy(seed=3, n=400):
 def test_each_number_is_its_formula(noise):
     A, f = noisy()
     index = np.arange(WINDOW - 1, f.size)
-    seen = ls.window_statistics(A, f, WINDOW, index, noise)
+    seen = ls.compute_window_statistics(A, f, WINDOW, index, noise)
     for row, k in enumerate(index):
         part, force = A[k - WINDOW + 1 : k + 1], f[k - WINDOW + 1 : k + 1]
         bread = np.linalg.inv(part.T @ part)
@@ -46,7 +46,7 @@ def test_the_share_of_noise_is_what_noise_draws_the_first_parameter_by():
     clean = generator.normal(size=(n, 2)) @ [[0.3, 1.0], [0.0, 0.2]]
     A = clean + generator.normal(size=(n, 2)) * np.sqrt(np.diag(covariance)[:2])
     f = clean @ [100.0, 20.0]
-    seen = ls.window_statistics(A, f, n, np.array([n - 1]), covariance)
+    seen = ls.compute_window_statistics(A, f, n, np.array([n - 1]), covariance)
     assert 0.05 < seen.noise_share[0] < 0.95
     found = ls.fit(A, f).theta[0]
     assert found == pytest.approx(100.0 * (1.0 - seen.noise_share[0]), rel=0.05)

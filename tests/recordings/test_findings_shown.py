@@ -8,15 +8,15 @@ from analysis import Run
 from analysis.explain import explain
 from recordings import write_recording
 from recordings.explain.explanation_view import (
-    answer_and_cause_sentence,
+    describe_answer_and_cause,
     draw_explanation,
     iter_finding_lines,
     iter_gate_lines,
     plot_explanation,
 )
-from recordings.report.finding_text import findings_markdown
+from recordings.report.finding_text import format_findings_markdown
 from recordings.rrd.display_frames import make_display_frames
-from recordings.rrd.recording_texts import answer_markdown
+from recordings.rrd.recording_texts import format_answer_markdown
 from recordings.rrd.stored_names import STATE
 from recordings.rrd.writer import make_scene
 
@@ -36,7 +36,7 @@ def healthy(run: Run) -> Run:
 def test_every_finding_is_told_with_evidence_kilograms_and_what_it_cannot_be_told_from(
     drives,
 ) -> None:
-    text = findings_markdown(drives(30.0))
+    text = format_findings_markdown(drives(30.0))
     assert "## 1. delay (force_x_N)" in text
     for part in (
         "it is 42 ± 3 ms late",
@@ -46,13 +46,13 @@ def test_every_finding_is_told_with_evidence_kilograms_and_what_it_cannot_be_tol
         "## 2. frozen (speed_x_m_s, 7.0 to 9.0 s)",
     ):
         assert part in text
-    assert "- **1** delay (force_x_N): it is 42 ± 3 ms late" in answer_markdown(drives(30.0))
+    assert "- **1** delay (force_x_N): it is 42 ± 3 ms late" in format_answer_markdown(drives(30.0))
 
 
 def test_silence_is_an_answer_and_a_run_that_was_not_looked_at_says_nothing(drives) -> None:
     run = drives(30.0)
-    assert "None of the known causes" in findings_markdown(healthy(run))
-    assert findings_markdown(without(run, "findings")) == ""
+    assert "None of the known causes" in format_findings_markdown(healthy(run))
+    assert format_findings_markdown(without(run, "findings")) == ""
 
 
 def test_in_the_lane_a_finding_of_a_stretch_stands_before_one_of_the_whole_log(drives) -> None:
@@ -85,29 +85,29 @@ def test_findings_are_events_in_time(drives, tmp_path: Path) -> None:
 
 
 def test_the_verdict_is_one_sentence_with_the_likeliest_cause(drives) -> None:
-    said = answer_and_cause_sentence(explain(drives(60.0)))
+    said = describe_answer_and_cause(explain(drives(60.0)))
     assert said.count("\n") == 0
     assert said.endswith(
         "likeliest cause of an error: delay (fixing it changes the mass by +123 ± 10 kg), "
         "and 1 finding more."
     )
-    assert answer_and_cause_sentence(explain(healthy(drives(60.0)))).endswith(
+    assert describe_answer_and_cause(explain(healthy(drives(60.0)))).endswith(
         "none of the known causes of an error was detected."
     )
     told = drives(60.0)
     told.frames["findings"] = told.frames["findings"].with_columns(
         severity=pl.lit("tell"), mass_change_kg=pl.lit(None, pl.Float64)
     )
-    assert answer_and_cause_sentence(explain(told)).endswith(
+    assert describe_answer_and_cause(explain(told)).endswith(
         "none of the findings is known to affect the mass: delay, frozen."
     )
-    older = answer_and_cause_sentence(explain(without(drives(60.0), "findings")))
+    older = describe_answer_and_cause(explain(without(drives(60.0), "findings")))
     assert older.endswith("replay the log.")
 
 
 def test_at_a_moment_the_gate_is_told_with_the_number_that_decided(drives) -> None:
     explained = explain(drives(60.0), at_s=14.0)
-    assert "at 14 s the window is accepted (index" in answer_and_cause_sentence(explained)
+    assert "at 14 s the window is accepted (index" in describe_answer_and_cause(explained)
     lines = list(iter_gate_lines(explained))
     assert any("accepted (index" in line and "≥ 0.7 nat" in line for line in lines)
     # what is 5 s away is told as well, a finding elsewhere is not

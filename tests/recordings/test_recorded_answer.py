@@ -3,7 +3,7 @@
 from analysis import Run, Settings
 from analysis.model.answer import answer
 from recordings import read_recording, write_recording
-from recordings.rrd.recording_texts import markdown_by_text_name
+from recordings.rrd.recording_texts import make_all_texts
 
 
 def test_a_recording_from_before_the_joint_fit_is_read_and_answers(drives, tmp_path):
@@ -21,8 +21,7 @@ def test_a_recording_from_before_the_joint_fit_is_read_and_answers(drives, tmp_p
     assert said.loads == []
     assert "joint" not in said.rows[0].methods
     assert (
-        "pooled, statistical standard deviation"
-        in markdown_by_text_name(read_recording(path))["answer"]
+        "pooled, statistical standard deviation" in make_all_texts(read_recording(path))["answer"]
     )
 
 

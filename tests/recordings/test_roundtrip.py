@@ -14,7 +14,7 @@ from analysis import Loss, Provenance, Run
 from analysis.model.schema import PHASE
 from estimators.errors import OutputError, RecordingError
 from recordings import (
-    columns_by_frame,
+    list_columns_by_frame,
     read_frame,
     read_provenance,
     read_recording,
@@ -22,7 +22,7 @@ from recordings import (
 )
 from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.stored_frames import StoredFrame
-from recordings.rrd.viewer import viewer_executable
+from recordings.rrd.viewer import find_viewer_executable
 from tests.one_line import assert_one_line
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def test_whatever_was_written_is_read_back_bit_for_bit_in_the_same_order(run: Ru
     back = read_recording(path)
     assert back == run
     assert bits(back) == bits(run)
-    assert columns_by_frame(path) == {
+    assert list_columns_by_frame(path) == {
         name: tuple(frame.columns) for name, frame in run.frames.items()
     }
 
@@ -116,7 +116,9 @@ def test_a_run_with_every_frame_comes_back_equal_and_the_recorder_verifies_the_f
     path = write_recording(run, tmp_path / "shift.rrd")
     assert read_recording(path) == run
     assert read_provenance(path) == run.provenance
-    subprocess.run([viewer_executable(), "rrd", "verify", path], check=True, capture_output=True)
+    subprocess.run(
+        [find_viewer_executable(), "rrd", "verify", path], check=True, capture_output=True
+    )
 
 
 def test_rows_of_many_blocks_keep_their_order_also_after_the_recorder_rearranged_them(
@@ -131,7 +133,7 @@ def test_rows_of_many_blocks_keep_their_order_also_after_the_recorder_rearranged
     path = write_recording(run, tmp_path / "long.rrd")
     assert read_recording(path) == run
     tidied = tmp_path / "tidied.rrd"
-    command = [viewer_executable(), "rrd", "optimize", path, "-o", tidied]
+    command = [find_viewer_executable(), "rrd", "optimize", path, "-o", tidied]
     subprocess.run(command, check=True, capture_output=True)
     assert read_recording(tidied) == run
 
@@ -140,7 +142,7 @@ def test_what_the_recorder_put_apart_is_put_together_again(drives, tmp_path: Pat
     # it keeps thin columns, as those of booleans, in other chunks than thick ones
     run = drives(60.0)
     path, tidied = write_recording(run, tmp_path / "shift.rrd"), tmp_path / "tidied.rrd"
-    command = [viewer_executable(), "rrd", "optimize", path, "-o", tidied]
+    command = [find_viewer_executable(), "rrd", "optimize", path, "-o", tidied]
     subprocess.run(command, check=True, capture_output=True)
     assert read_recording(tidied) == run
 
@@ -206,7 +208,7 @@ def test_an_existing_recording_is_replaced_only_when_forced(tmp_path: Path):
     new = Run({"new": pl.DataFrame({"a": [2]})})
     with pytest.raises(OutputError, match=r"exists already.*--force"):
         write_recording(new, path)
-    assert list(columns_by_frame(path)) == ["old"]
+    assert list(list_columns_by_frame(path)) == ["old"]
     write_recording(new, path, force=True)
     assert read_recording(path) == new
     assert [each.name for each in tmp_path.iterdir()] == ["shift.rrd"]
@@ -283,7 +285,7 @@ def test_a_truncated_recording_names_the_remedy_and_the_remedy_saves_its_complet
     with pytest.raises(RecordingError, match=r"damaged or not finished.*`rerun rrd optimize"):
         read_recording(path)
     saved = tmp_path / "recovered.rrd"
-    command = [viewer_executable(), "rrd", "optimize", path, "-o", saved]
+    command = [find_viewer_executable(), "rrd", "optimize", path, "-o", saved]
     subprocess.run(command, check=True, capture_output=True)
     back = read_recording(saved)
     rows = back.frames["stage"].height

@@ -23,11 +23,11 @@ from replay.logs.blocks.slabs import RecordGrammar, SlabIndex
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.unaligned import load64
 from replay.logs.mcap import mcap_grammar as mcap_grammar
-from replay.logs.messages.message_fields import resolve_field
+from replay.logs.messages.message_fields import resolve_message_field
 from replay.logs.messages.message_types import RecordType, Scalar
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.sqlite.database_pages import LEAF, RowFilter, read_page_layout_or_none
-from replay.logs.sqlite.leaf_pages import ScannedRows, fill_child_pages, scan_leaves
+from replay.logs.sqlite.leaf_pages import ScannedRows, fill_child_pages, scan_leaf_pages
 from replay.logs.storage.file_bytes import FileBytes
 from tests.replay.guarded import Guarded
 from tests.replay.logs.decoding.random_types import Sample, Types, types
@@ -105,7 +105,7 @@ def _decoding(encoding: str) -> Callable[[], None]:
 def text() -> None:
     """Characters of several bytes that the end of their message cuts."""
     record = RecordType("t/msg/Label", (("label", Scalar("string")),))
-    plan = DecodePlan(record, ros1=True, fields=[resolve_field("label", record)])
+    plan = DecodePlan(record, ros1=True, fields=[resolve_message_field("label", record)])
     for character in ("é", "€", "🚜"):
         for before in range(9):
             whole = b"x" * before + character.encode()
@@ -194,7 +194,7 @@ def sqlite_pages() -> None:
     for page in chain(pages, damaged, led_astray, cut_off):
         data = GUARDED.at_end(page)
         found = (np.empty(shape, np.int64) for shape in ((5, 60), (5, 9), (2, 3)))
-        scan_leaves(
+        scan_leaf_pages(
             data, slots, layout, wanted, 512, 2**20, np.zeros(7, np.int64), ScannedRows(*found)
         )
         fill_child_pages(data, slots, layout.usable_bytes, np.empty(86, np.uint32))

@@ -11,14 +11,14 @@ from typing import Any
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from recordings.calibration.bundle_folder import READINGS, REPORT, STATEMENT, SUMS
-from recordings.signatures.canonical_json import canonical_json_bytes
+from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.signing import (
     PAYLOAD_TYPE,
     PublicKey,
     SigningKey,
+    encode_for_signature,
     make_key_pair_pem,
     make_signed_envelope_bytes,
-    pre_authentication_encoding,
     read_signing_key,
 )
 from tests.replay.attacker import Bundle, Tamper, sign_with, sign_with_own_key, tampered
@@ -93,7 +93,7 @@ def in_envelope(change: Callable[[dict[str, Any]], object]) -> Callable[[Made, P
     def write(folder: Path) -> None:
         held = json.loads((folder / STATEMENT).read_bytes())
         change(held)
-        (folder / STATEMENT).write_bytes(canonical_json_bytes(held))
+        (folder / STATEMENT).write_bytes(encode_canonical_json(held))
 
     return copied(write)
 
@@ -104,7 +104,7 @@ def in_statement(change: Callable[[dict[str, Any]], object]) -> Callable[[Made, 
     def inside(held: dict[str, Any]) -> None:
         said = json.loads(base64.b64decode(held["payload"]))
         change(said)
-        held["payload"] = base64.b64encode(canonical_json_bytes(said)).decode()
+        held["payload"] = base64.b64encode(encode_canonical_json(said)).decode()
 
     return in_envelope(inside)
 
@@ -128,7 +128,7 @@ def weak_key_forgery(bundle: Bundle) -> None:
         held = json.loads((folder / STATEMENT).read_bytes())
         forged = base64.b64encode((1).to_bytes(32, "little") + bytes(32)).decode()
         held["signatures"] = [{"keyid": weak.key_id, "sig": forged}]
-        (folder / STATEMENT).write_bytes(canonical_json_bytes(held))
+        (folder / STATEMENT).write_bytes(encode_canonical_json(held))
 
     bundle.last.append(sign)
 
@@ -166,7 +166,7 @@ def signed_as_other_kind(made: Made, scratch: Path) -> Asked:
     folder = Path(shutil.copytree(made.bundle, scratch / "b"))
     held = json.loads((folder / STATEMENT).read_bytes())
     said = json.loads(base64.b64decode(held["payload"])) | {"predicateType": "https://slsa.dev/x"}
-    (folder / STATEMENT).write_bytes(make_signed_envelope_bytes(canonical_json_bytes(said), key))
+    (folder / STATEMENT).write_bytes(make_signed_envelope_bytes(encode_canonical_json(said), key))
     return verified(made, folder)
 
 
@@ -175,10 +175,10 @@ def signed_under_other_type(made: Made, scratch: Path) -> Asked:
     assert key is not None
     folder = Path(shutil.copytree(made.bundle, scratch / "b"))
     held = json.loads((folder / STATEMENT).read_bytes())
-    other = key.sign(pre_authentication_encoding("text/plain", base64.b64decode(held["payload"])))
+    other = key.sign(encode_for_signature("text/plain", base64.b64decode(held["payload"])))
     held["signatures"][0]["sig"] = base64.b64encode(other).decode()
     assert held["payloadType"] == PAYLOAD_TYPE
-    (folder / STATEMENT).write_bytes(canonical_json_bytes(held))
+    (folder / STATEMENT).write_bytes(encode_canonical_json(held))
     return verified(made, folder)
 
 
@@ -333,6 +333,6 @@ def signed_under_the_signers_id(bundle: Bundle) -> None:
             make_signed_envelope_bytes(payload, SigningKey(Ed25519PrivateKey.generate()))
         )
         held["signatures"][0]["sig"] = made["signatures"][0]["sig"]
-        (folder / STATEMENT).write_bytes(canonical_json_bytes(held))
+        (folder / STATEMENT).write_bytes(encode_canonical_json(held))
 
     bundle.last.append(sign)

@@ -20,14 +20,14 @@ from recordings.calibration.bundle_folder import (
     REPORT,
     STATEMENT,
     SUMS,
+    format_sha256sums,
     list_bundle_entries,
     read_bundle_file,
-    sha256sums_text,
 )
 from recordings.calibration.bundle_tables import encode_table_as_parquet
-from recordings.calibration.calibration_report import report_html
+from recordings.calibration.calibration_report import render_report_html
 from recordings.calibration.evidence_document import EvidenceDocument, parse_evidence
-from recordings.signatures.canonical_json import canonical_json_bytes
+from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.signing import (
     PAYLOAD_TYPE,
     SigningKey,
@@ -107,20 +107,22 @@ def _write(bundle: Bundle) -> None:
         bundle.evidence["tables"][f"{name.partition('.')[0]}_sha256"] = hashlib.sha256(
             data
         ).hexdigest()
-    data = canonical_json_bytes(bundle.evidence)
+    data = encode_canonical_json(bundle.evidence)
     (folder / EVIDENCE).write_bytes(data)
     try:
         document: EvidenceDocument = parse_evidence(data, EVIDENCE)
     except EvidenceError:
         return  # the schema will refuse it; the page stays as it was
-    (folder / REPORT).write_bytes(report_html(document, bundle.readings, bundle.points).encode())
+    (folder / REPORT).write_bytes(
+        render_report_html(document, bundle.readings, bundle.points).encode()
+    )
 
 
 def _digest_anew(bundle: Bundle) -> None:
     folder = bundle.folder
     names, _ = list_bundle_entries(folder)
     digests = {n: read_bundle_file(folder, n).sha256 for n in names if n not in (SUMS, STATEMENT)}
-    sums = sha256sums_text(digests).encode()
+    sums = format_sha256sums(digests).encode()
     (folder / SUMS).write_bytes(sums)
     if (folder / STATEMENT).exists():
         held = json.loads((folder / STATEMENT).read_bytes())
@@ -136,8 +138,8 @@ def _digest_anew(bundle: Bundle) -> None:
             "counter": evidence["chain"]["counter"],
             "previous": evidence["chain"]["previous"],
         }
-        held["payload"] = base64.b64encode(canonical_json_bytes(said)).decode()
-        (folder / STATEMENT).write_bytes(canonical_json_bytes(held))
+        held["payload"] = base64.b64encode(encode_canonical_json(said)).decode()
+        (folder / STATEMENT).write_bytes(encode_canonical_json(held))
 
 
 def sign_with_own_key(bundle: Bundle) -> None:

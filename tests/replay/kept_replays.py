@@ -21,7 +21,7 @@ from analysis.model.run_record import Run
 from recordings.calibration.check_outcomes import BundleFinding
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.recomputation import compare_bundle_with_recomputed
-from replay.inputs.channel_inputs import input_files
+from replay.inputs.channel_inputs import list_input_files
 from replay.logs import Log
 from replay.pipeline import run as replay
 from tests.made_once import make_value_once
@@ -63,7 +63,7 @@ def _replay_once(
     logs: Log | Sequence[Log], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
 ) -> Run:
     every = logs if isinstance(logs, Sequence) else [logs]
-    made_of = f"replay {[input_files(log) for log in every]} {machine.model_dump_json()}"
+    made_of = f"replay {[list_input_files(log) for log in every]} {machine.model_dump_json()}"
     return make_value_once(made_of, lambda: replay(logs, machine, on_stage))
 
 

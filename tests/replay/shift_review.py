@@ -6,7 +6,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from analysis.simulation import Scenario
-from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate_scenario
+from replay.simulation.simulate_logs import make_log_paths, make_shift_truth_path, simulate_scenario
 from tests.made_once import make_value_once
 
 SCENARIO = Scenario.model_validate(
@@ -61,8 +61,8 @@ def shift_folder(folder: Path) -> tuple[list[Path], Path, dict[str, Any]]:
     machine.write_text(
         shipped.replace('name = "Cat 262C"', f'name = "{HOSTILE}"') + CHANNELS, encoding="utf-8"
     )
-    truth = json.loads(shift_truth_path(folder / "shift.mcap").read_text(encoding="utf-8"))
-    return log_paths(SCENARIO, folder / "shift.mcap"), machine, truth
+    truth = json.loads(make_shift_truth_path(folder / "shift.mcap").read_text(encoding="utf-8"))
+    return make_log_paths(SCENARIO, folder / "shift.mcap"), machine, truth
 
 
 def verdict(identity: str, more: str) -> str:

@@ -9,8 +9,8 @@ import pytest
 
 from recordings import read_recording, write_recording
 from replay import load_machine, open_log, run
-from replay.commands.frame_output import frame_as_text_table
-from replay.machines.machine_file import time_axis_of_machine
+from replay.commands.frame_output import format_frame_as_table
+from replay.machines.machine_file import find_time_axis_of_machine
 from tests.replay.logs.damaged import chunks, overwrite
 from tests.replay.logs.written_logs import Joints, write_mcap
 from tests.replay.sledge import MACHINE, Payscope, one_line, sledge
@@ -27,7 +27,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     sledge().write_csv(log)
     machine_file.write_text(MACHINE)
     machine = load_machine(machine_file)
-    with open_log(log, time=time_axis_of_machine(machine)) as opened:
+    with open_log(log, time=find_time_axis_of_machine(machine)) as opened:
         return write_recording(run(opened, machine), folder / "out.rrd")
 
 
@@ -35,11 +35,11 @@ def test_on_a_narrow_screen_a_wide_frame_stands_in_parts() -> None:
     frame = pl.DataFrame(
         {"local": ["12:00", "12:01"], "t_s": [0, 60], **{f"column_{k}": [k, 10] for k in range(9)}}
     )
-    whole = frame_as_text_table(frame, 40)
+    whole = format_frame_as_table(frame, 40)
     assert len(whole.splitlines()) == 3
-    assert frame_as_text_table(frame, 40, 200) == whole
+    assert format_frame_as_table(frame, 40, 200) == whole
     for width in (5, 30, 60):
-        parts = frame_as_text_table(frame, 40, width).split("\n\n")
+        parts = format_frame_as_table(frame, 40, width).split("\n\n")
         names = [line.split() for line in (part.splitlines()[0] for part in parts)]
         assert all(each[:2] == ["local", "t_s"] for each in names)
         assert [name for each in names for name in each[2:]] == frame.columns[2:]

@@ -127,7 +127,7 @@ class TestRun:
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
         screen = Console(highlight=False, width=width, force_terminal=False)
-        monkeypatch.setattr(print_tables, "stdout_console", lambda: screen)
+        monkeypatch.setattr(print_tables, "make_stdout_console", lambda: screen)
         said = payscope("run", log, "-m", machine_file, "-vv")
         sentences = (
             "± excludes scale error: ",

@@ -13,11 +13,11 @@ from tests.replay.sledge import MACHINE, sledge
 ONE_LOOP = """
 from replay.commands.cli import discard_unreadable_cache
 import numpy as np
-from estimators.interpreted import compile_at_once
-from estimators.methods.ls import mean_weights
+from estimators.interpreted import force_compilation
+from estimators.methods.ls import compute_mean_weights
 try:
-    with compile_at_once():
-        mean_weights(np.ones((4, 2)), np.ones((2, 2, 1)), np.array([3]), 2)
+    with force_compilation():
+        compute_mean_weights(np.ones((4, 2)), np.ones((2, 2, 1)), np.array([3]), 2)
     print("done")
 except Exception as error:
     print(discard_unreadable_cache(error))
@@ -49,9 +49,9 @@ def test_a_loop_that_cannot_be_read_is_removed_and_compiled_anew(tmp_path: Path)
 
 #: The command, which interprets no short log.
 COMMAND = """
-from estimators.interpreted import compile_at_once
+from estimators.interpreted import force_compilation
 from replay.commands.cli import main
-with compile_at_once():
+with force_compilation():
     main()
 """
 

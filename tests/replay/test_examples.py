@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.stages.signals.derive import derivation_in_si
+from analysis.stages.signals.derive import parse_derivation_in_si
 from replay import load_machine
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -26,7 +26,7 @@ EMPTY_KG = {
 def test_an_example_is_a_machine_file(path: Path) -> None:
     machine = load_machine(path)
     for name, channel in machine.channels.items():
-        assert channel.expression is None or derivation_in_si(name, machine)
+        assert channel.expression is None or parse_derivation_in_si(name, machine)
     assert machine.machine.empty_mass_kg == EMPTY_KG.get(path.stem, machine.machine.empty_mass_kg)
     assert "speed_x_m_s" in machine.channels
 
@@ -43,7 +43,7 @@ def test_a_machine_of_the_page_is_a_machine_file_and_its_units_fit(
     path.write_text(text, encoding="utf-8")
     machine = load_machine(path)
     for name, channel in machine.channels.items():
-        assert channel.expression is None or derivation_in_si(name, machine)
+        assert channel.expression is None or parse_derivation_in_si(name, machine)
 
 
 def test_the_page_has_twelve_machines() -> None:

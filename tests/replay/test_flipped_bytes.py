@@ -20,7 +20,7 @@ from recordings.calibration.bundle_folder import (
     UNLISTED,
     list_bundle_entries,
 )
-from recordings.calibration.check_outcomes import BundleOutcome, most_severe_outcome
+from recordings.calibration.check_outcomes import BundleOutcome, find_most_severe_outcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import parse_evidence
 from recordings.signatures.keyring import Keyring
@@ -78,7 +78,7 @@ def test_a_flip_of_any_byte_of_any_file_is_found(made: Made, tmp_path: Path) -> 
                 if name in UNLISTED:
                     digests = {n: each.sha256 for n, each in held.items() if n not in UNLISTED}
                     check_signature(checked, held, digests, document, key, Keyring(Path()))
-            assert most_severe_outcome(checked.findings) is TAMPERED, (name, place)
+            assert find_most_severe_outcome(checked.findings) is TAMPERED, (name, place)
             flips += 1
     assert flips == sum((folder / name).stat().st_size for name in names)
     assert not made.verify(folder).findings

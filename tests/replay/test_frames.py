@@ -6,7 +6,7 @@ import polars as pl
 import pytest
 
 from analysis.model.run_record import Run
-from analysis.model.schema import FRAMES, frame_schema
+from analysis.model.schema import FRAMES, find_frame_declaration
 from recordings import read_recording, write_recording
 from replay import load_machine, open_log, run
 from replay.demo.run_demo import replay_campaign
@@ -56,7 +56,9 @@ def undeclared(frames: dict[str, pl.DataFrame]) -> list[str]:
             if begins != [("log_time_ns", pl.Int64), ("header_stamp_ns", pl.Int64)]:
                 wrong.append(f"{name}: {begins}")
             continue
-        declared = [(c.name, c.dtype) for c in frame_schema(name).columns if c.name in frame]
+        declared = [
+            (c.name, c.dtype) for c in find_frame_declaration(name).columns if c.name in frame
+        ]
         pairs = zip(frame.schema.items(), declared, strict=True)
         wrong += [f"{name}: {here}, not {there}" for here, there in pairs if here != there]
     return wrong

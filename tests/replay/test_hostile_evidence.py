@@ -15,7 +15,7 @@ from recordings.calibration.bundle_folder import (
     REPORT,
     STATEMENT,
     SUMS,
-    sha256sums_text,
+    format_sha256sums,
 )
 from recordings.calibration.bundle_tables import UntrustedTable, read_untrusted_tables
 from recordings.calibration.check_outcomes import BundleOutcome
@@ -193,9 +193,9 @@ def test_numbers_that_break_a_step_are_findings_and_no_traceback(
     evidence = json.loads((folder / EVIDENCE).read_bytes())
     bundle = Bundle(folder, evidence, None, None)  # pyright: ignore
     tamper(bundle)
-    from recordings.signatures.canonical_json import canonical_json_bytes
+    from recordings.signatures.canonical_json import encode_canonical_json
 
-    (folder / EVIDENCE).write_bytes(canonical_json_bytes(evidence))
+    (folder / EVIDENCE).write_bytes(encode_canonical_json(evidence))
     found = verify_bundle(folder)
     assert found.outcome is BundleOutcome.TAMPERED
     assert all(finding.item for finding in found.findings)
@@ -222,5 +222,5 @@ def _signed(genuine: Path, tmp_path: Path) -> Path:
     """The same with a statement, which `tampered` takes off again."""
     folder = Path(shutil.copytree(genuine, tmp_path / "signed"))
     (folder / STATEMENT).write_bytes(b"{}")
-    assert sha256sums_text({}) == ""
+    assert format_sha256sums({}) == ""
     return folder

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.real_faults import FAULTS, trial
 from replay import load_machine, open_log, run
-from replay.machines.machine_file import time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine
 from tests.twins import mark_slow_after
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -21,7 +21,7 @@ def data(shared_data: Path) -> Path:
 
 def findings(log: Path, machine_file: str, overrides: Sequence[str] = ()) -> pl.DataFrame:
     machine = load_machine(EXAMPLES / machine_file, overrides)
-    with open_log(log, time=time_axis_of_machine(machine)) as opened:
+    with open_log(log, time=find_time_axis_of_machine(machine)) as opened:
         return run(opened, machine).frames["findings"]
 
 

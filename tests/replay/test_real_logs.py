@@ -13,7 +13,7 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.stages.estimation.masses import summarise_masses
 from replay import load_machine, open_log, run
-from replay.machines.machine_file import time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine
 from tests.twins import mark_slow_after
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -31,7 +31,7 @@ def replay() -> Iterator[Replay]:
         machine = load_machine(EXAMPLES / machine_file, overrides)
         asked = log, machine.model_dump_json()
         if asked not in kept:
-            with open_log(log, time=time_axis_of_machine(machine)) as opened:
+            with open_log(log, time=find_time_axis_of_machine(machine)) as opened:
                 kept[asked] = run(opened, machine)
         return kept[asked]
 
@@ -276,7 +276,7 @@ class TestHusky:
         assert planar.height
         assert planar["withheld"].all()
         assert planar["com_x_m"].null_count() == planar.height
-        assert answer(refused).verdict.can_tell_inertia is False
+        assert answer(refused).verdict.can_estimate_inertia is False
 
     def test_a_cut_off_above_the_topics_rate_is_not_applied_and_reported(
         self, replay: Replay, data: Path

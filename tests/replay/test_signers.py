@@ -21,11 +21,11 @@ from cryptography.hazmat.primitives.serialization import (
 
 from estimators.errors import EvidenceError
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.signatures.canonical_json import canonical_json_bytes
+from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
 from recordings.signatures.signing import (
     PublicKey,
-    key_weakness_text,
+    describe_key_weakness,
     read_public_key,
     read_signing_key,
 )
@@ -123,9 +123,9 @@ def test_the_first_use_of_a_key_is_asked_on_a_terminal_and_remembered(
     """Test: the owner typed at a terminal. Expected Result: kept, and not asked again."""
     code = (
         "from pathlib import Path\n"
-        "from replay.commands.common_options import calibration_request_from_options\n"
+        "from replay.commands.common_options import make_calibration_request\n"
         "from replay.calibration.apply_evidence import load_calibration\n"
-        f"asked = calibration_request_from_options(Path({str(made.bundle)!r}), None, signed=True)\n"
+        f"asked = make_calibration_request(Path({str(made.bundle)!r}), None, signed=True)\n"
         "print('FOUND', load_calibration(asked).signed_by)\n"
     )
     first = at_a_terminal(code, "Test lab\n")
@@ -299,7 +299,7 @@ def test_a_published_key_neither_signs_nor_verifies(seed: bytes, tmp_path: Path)
 def test_a_key_as_it_should_be_has_no_weakness() -> None:
     for _ in range(20):
         raw = Ed25519PrivateKey.generate().public_key().public_bytes_raw()
-        assert key_weakness_text(raw) == ""
+        assert describe_key_weakness(raw) == ""
 
 
 def test_evidence_that_names_a_weak_key_is_tampered(made: Made, tmp_path: Path) -> None:
@@ -315,7 +315,7 @@ def test_evidence_that_names_a_weak_key_is_tampered(made: Made, tmp_path: Path) 
             held["signatures"] = [
                 {"keyid": weak.key_id, "sig": base64.b64encode(signature).decode()}
             ]
-            (folder / "statement.dsse.json").write_bytes(canonical_json_bytes(held))
+            (folder / "statement.dsse.json").write_bytes(encode_canonical_json(held))
 
         bundle.last.append(sign)
 

@@ -13,7 +13,7 @@ from analysis.simulation import Scenario
 from replay import load_machine, open_log, run
 from replay.simulation.log_truth import has_truth
 from replay.simulation.scenario_file import format_scenario_file, load_scenario
-from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate_scenario
+from replay.simulation.simulate_logs import make_log_paths, make_shift_truth_path, simulate_scenario
 from tests.one_line import assert_one_line
 from tests.replay.sledge import Payscope, one_line
 
@@ -45,7 +45,7 @@ def named(folder: Path, suffix: str) -> Path:
 
 
 def truth_of(output: Path) -> dict[str, Any]:
-    return json.loads(shift_truth_path(output).read_text(encoding="utf-8"))
+    return json.loads(make_shift_truth_path(output).read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize("suffix", ["bag", "mcap", "db3", ""])
@@ -119,9 +119,9 @@ def test_the_truth_beside_a_log_has_its_manoeuvres_and_that_of_the_shift_its_cyc
 
 def test_a_shift_in_one_log_has_its_name(tmp_path: Path) -> None:
     one = Scenario.model_validate({"shift": {}})
-    assert log_paths(one, tmp_path / "day.bag") == [tmp_path / "day.bag"]
+    assert make_log_paths(one, tmp_path / "day.bag") == [tmp_path / "day.bag"]
     ten = Scenario.model_validate({"shift": {"logs": 10}})
-    assert log_paths(ten, Path("day"))[0] == Path("day_01")
+    assert make_log_paths(ten, Path("day"))[0] == Path("day_01")
 
 
 def test_the_same_shift_is_written_with_the_same_bytes(tmp_path: Path) -> None:

@@ -12,14 +12,14 @@ from estimators.errors import EvidenceError
 from recordings.calibration import evidence_document
 from recordings.calibration.bundle_folder import EVIDENCE, REPORT
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.derived_values import estimator_with_digest
+from recordings.calibration.derived_values import make_estimator_with_digest
 from recordings.calibration.evidence_document import parse_evidence
 from recordings.calibration.released_defaults import (
-    changed_defaults_of_absent_settings,
-    defaults_of_this_version,
-    released_defaults,
+    collect_present_defaults,
+    find_changed_defaults,
+    load_released_defaults,
 )
-from recordings.signatures.canonical_json import canonical_json_bytes
+from recordings.signatures.canonical_json import encode_canonical_json
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.machines.machine_file import load_machine
@@ -152,9 +152,9 @@ def lacking(*place: str) -> Callable[[Bundle], None]:
         for name in place[:-1]:
             inside = inside[name]
         del inside[place[-1]]
-        document = parse_evidence(canonical_json_bytes(bundle.evidence), EVIDENCE)
-        estimator = estimator_with_digest(
-            document.campaign, document.weighing_machine, document.settings_at_default
+        document = parse_evidence(encode_canonical_json(bundle.evidence), EVIDENCE)
+        estimator = make_estimator_with_digest(
+            document.campaign, document.weighing_machine, document.list_settings_at_default
         )
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
@@ -172,7 +172,7 @@ def test_an_absent_setting_takes_the_default_that_it_came_with(
     monkeypatch.setattr(evidence_document, "released_defaults", lambda: released)
     held = load_calibration(CalibrationRequest(folder))
     assert held.document.machine.settings.priors.sag_weight_share == 0.05 != today.sag_weight_share
-    assert held.document.data == (folder / EVIDENCE).read_bytes()
+    assert held.document.encode_json == (folder / EVIDENCE).read_bytes()
     assert any("priors.sag_weight_share = 0.05" in note for note in verify_bundle(folder).notes)
     # and who weighs with today's is told
     machine = load_machine(made.campaign.with_name("sledge.toml"))
@@ -184,15 +184,13 @@ def test_an_absent_setting_takes_the_default_that_it_came_with(
 def test_a_whole_part_that_came_later_takes_the_defaults_that_it_came_with() -> None:
     kept = {"0.2.0": {"machine.settings.new.a": 1, "machine.settings.new.b": 2}}
     absent = {"machine.settings.new": {"a": 1, "b": 3}, "machine.settings.other": 4}
-    assert changed_defaults_of_absent_settings(absent, kept) == {
-        "machine.settings.new": {"a": 1, "b": 2}
-    }
+    assert find_changed_defaults(absent, kept) == {"machine.settings.new": {"a": 1, "b": 2}}
 
 
 def test_defaults_of_this_version_are_kept_as_they_are() -> None:
     """A default that changes belongs to a new version: evidence of this one has the old one."""
-    kept = released_defaults()[version("payscope")]
-    assert kept == defaults_of_this_version(), (
+    kept = load_released_defaults()[version("payscope")]
+    assert kept == collect_present_defaults(), (
         "python -P -m recordings.calibration.released_defaults prints what has to be in "
         "recordings/calibration/released_defaults.json; where a released default changes, write a "
         "new version into pyproject.toml first"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.campaign_fit import points_without_line
+from analysis.calibration.campaign.campaign_fit import average_runs_without_line
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Point
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.model.schema import conform_to_schema
@@ -38,16 +38,16 @@ def calibrate_methods(estimates: pl.DataFrame) -> pl.DataFrame:
         determine no line.
     """
     rows: list[dict[str, Any]] = []
-    for method, found in readings_by_method(estimates):
+    for method, found in iter_readings_by_method(estimates):
         known, exact = found.references, found.covariance_kg2
         try:
             line = fit_calibration(found.readings, known, exact, CalibrationOptions(method))
         except DataError:
-            line, points = None, points_without_line(found.readings, known)
+            line, points = None, average_runs_without_line(found.readings, known)
         else:
             points = line.points
-        rows += method_rows(method, points, line, lambda point: float(point.load_id))
-    return calibration_frame(rows)
+        rows += make_method_rows(method, points, line, lambda point: float(point.load_id))
+    return make_calibration_frame(rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class MethodReadings:
     covariance_kg2: Floats
 
 
-def readings_by_method(estimates: pl.DataFrame) -> Iterator[tuple[str, MethodReadings]]:
+def iter_readings_by_method(estimates: pl.DataFrame) -> Iterator[tuple[str, MethodReadings]]:
     """Readings of each method, in order of appearance.
 
     Args:
@@ -85,7 +85,7 @@ def readings_by_method(estimates: pl.DataFrame) -> Iterator[tuple[str, MethodRea
         yield str(method), MethodReadings(readings, known, exact)
 
 
-def method_rows(
+def make_method_rows(
     method: str,
     points: Iterable[Point],
     line: Calibration | None,
@@ -112,7 +112,7 @@ def method_rows(
     ]
 
 
-def calibration_frame(rows: list[dict[str, Any]]) -> pl.DataFrame:
+def make_calibration_frame(rows: list[dict[str, Any]]) -> pl.DataFrame:
     """Frame `calibration` of the rows."""
     texts = {"method": pl.String, "load_kg": pl.Float64, "runs": pl.Int64}
     numbers = dict.fromkeys((*_COLUMNS.values(), "alpha_1", "beta_kg"), pl.Float64)

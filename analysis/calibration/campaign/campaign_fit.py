@@ -21,7 +21,7 @@ from analysis.calibration.use.error_limits import (
     DecisionRule,
     ErrorLimits,
     error_limit_kg,
-    judge_error_limits,
+    judge_campaign_loads,
 )
 from analysis.model.machine_body import Body
 from estimators.errors import CampaignError, DataError
@@ -90,23 +90,25 @@ def fit_campaign(
         options: options of the fit.
         responses: responses of runs to errors of learnt means.
     """
-    known, covariance_kg2 = references_and_covariance(campaign, body)
+    known, covariance_kg2 = make_references_and_covariance(campaign, body)
     rule = make_decision_rule(campaign, known)
     try:
         fitted = fit_calibration(readings, known, covariance_kg2, options, responses)
     except DataError as fault:
         no_fit = str(fault).removeprefix("calibration: ")
-        return CampaignFit(None, no_fit, points_without_line(readings, known), None)
-    limits = None if rule is None else judge_error_limits(fitted, rule)
+        return CampaignFit(None, no_fit, average_runs_without_line(readings, known), None)
+    limits = None if rule is None else judge_campaign_loads(fitted, rule)
     return CampaignFit(fitted, "", fitted.points, limits)
 
 
-def make_decision_rule(campaign: CalibrationCampaign, known: pl.DataFrame) -> DecisionRule | None:
+def make_decision_rule(
+    campaign: CalibrationCampaign, known_masses: pl.DataFrame
+) -> DecisionRule | None:
     """Decision rule of a campaign file; None without one.
 
     Args:
         campaign: campaign with its decision.
-        known: frame with `reference_kg` of its loads.
+        known_masses: frame with `reference_kg` of its loads.
 
     Raises:
         DataError: the class is unknown, needs a scale interval, or does not cover a load.
@@ -115,7 +117,7 @@ def make_decision_rule(campaign: CalibrationCampaign, known: pl.DataFrame) -> De
     if asked is None:
         return None
     rule = DecisionRule(**asked.model_dump())
-    for reference_kg in known["reference_kg"]:
+    for reference_kg in known_masses["reference_kg"]:
         error_limit_kg(rule, reference_kg - rule.tare_kg)
     return rule
 
@@ -143,7 +145,7 @@ def make_calibration_options(
     )
 
 
-def stated_force_scale_parts(
+def make_force_scale_parts(
     campaign: CalibrationCampaign, budgets: Iterable[pl.DataFrame]
 ) -> tuple[StatedPart, ...]:
     """Force factors that no log determines, from the budgets of the replays.
@@ -169,17 +171,19 @@ def stated_force_scale_parts(
     )
 
 
-def points_without_line(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Point, ...]:
+def average_runs_without_line(
+    readings: pl.DataFrame, known_masses: pl.DataFrame
+) -> tuple[Point, ...]:
     """Means of runs, without a line.
 
     Args:
         readings: frame `readings`.
-        known: frame with `load_id`, `reference_kg`.
+        known_masses: frame with `load_id`, `reference_kg`.
 
     Raises:
         DataError: a load has no reference.
     """
-    unknown = set(readings["load_id"]) - set(known["load_id"])
+    unknown = set(readings["load_id"]) - set(known_masses["load_id"])
     if unknown:
         raise DataError(f"calibration: no reference for load '{min(unknown)}'")
     used = pl.col("used") & pl.col("mass_kg").is_not_null()
@@ -192,7 +196,7 @@ def points_without_line(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Po
             mean_kg=pl.col("mass_kg").filter(used).mean(),
             std_kg=pl.col("mass_kg").filter(used).std(),
         )
-        .join(known, "load_id", "left", maintain_order="left")
+        .join(known_masses, "load_id", "left", maintain_order="left")
     )
     return tuple(
         Point(
@@ -206,7 +210,7 @@ def points_without_line(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Po
     )
 
 
-def references_and_covariance(
+def make_references_and_covariance(
     campaign: CalibrationCampaign, body: Body
 ) -> tuple[pl.DataFrame, NDArray[np.float64]]:
     """Reference of each load, and covariance of the references.
@@ -232,7 +236,10 @@ def references_and_covariance(
             elif one.source and one.source == other.source:
                 mass_kg2[i, j] = one.shared_u_kg * other.shared_u_kg
     on_board = np.array(
-        [[mass in campaign.masses_on_board(load) for mass in campaign.masses] for load in ids],
+        [
+            [mass in campaign.select_masses_of_load(load) for mass in campaign.masses]
+            for load in ids
+        ],
         np.float64,
     ).reshape(len(ids), count)
     values = np.array([mass.value_kg for mass in campaign.masses])
@@ -254,7 +261,7 @@ def references_and_covariance(
     return frame, covariance_kg2
 
 
-def compare_known_mass(
+def compare_with_known_mass(
     campaign: CalibrationCampaign,
     body: Body,
     readings: pl.DataFrame,
@@ -271,8 +278,8 @@ def compare_known_mass(
     Returns:
         The calibration with the points of this campaign, and the result of the check.
     """
-    known, covariance_kg2 = references_and_covariance(campaign, body)
-    (point, *_) = points_without_line(readings, known)
+    known, covariance_kg2 = make_references_and_covariance(campaign, body)
+    (point, *_) = average_runs_without_line(readings, known)
     drift = check_drift_by_known_mass(
         calibration,
         point.reference_kg,

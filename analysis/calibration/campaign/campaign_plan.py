@@ -17,7 +17,7 @@ from analysis.calibration.campaign.campaign_subjects import (
     ReferenceMass,
 )
 from analysis.model.strict_config import STRICT
-from estimators.errors import nearest
+from estimators.errors import suggest_choice
 
 #: What the joint fit gives: the machine's whole mass, or its difference to runs without load.
 JOINT_ESTIMATORS: Final = ("joint_mass", "joint_payload")
@@ -61,7 +61,7 @@ class CampaignRun(BaseModel):
         """The name of what is on board."""
         return "+".join(sorted(self.loads)) or EMPTY
 
-    def covers_middle_of(self, start_s: float, end_s: float) -> bool:
+    def contains_middle_of_stretch(self, start_s: float, end_s: float) -> bool:
         """Whether the middle of a stretch of its log lies in the run."""
         middle = (start_s + end_s) / 2.0
         return (self.from_s or 0.0) <= middle < (np.inf if self.to_s is None else self.to_s)
@@ -154,12 +154,12 @@ class NotaryStretch(BaseModel):
     )
 
     @property
-    def omission_reasons(self) -> dict[int, str]:
+    def omission_reasons_by_log(self) -> dict[int, str]:
         """Reason of each log that is left out, by its number."""
         return {each.number: each.reason for each in self.left_out}
 
     @model_validator(mode="after")
-    def _check_stretch(self) -> Self:
+    def _check_log_numbers(self) -> Self:
         if self.last < self.first:
             raise ValueError(f"notary: last is {self.last}, before first, {self.first}")
         numbers = [each.number for each in self.left_out]
@@ -219,7 +219,9 @@ class CalibrationCampaign(BaseModel):
         for run in self.runs:
             for load in run.loads:
                 if load not in known:
-                    raise ValueError(f"run '{run.id}': no mass '{load}'; {nearest(load, known)}")
+                    raise ValueError(
+                        f"run '{run.id}': no mass '{load}'; {suggest_choice(load, known)}"
+                    )
         self._refuse_overlapping_runs()
         return self
 
@@ -234,7 +236,7 @@ class CalibrationCampaign(BaseModel):
                 raise ValueError(f"runs '{first}' and '{second}' overlap in {log}")
 
     @property
-    def learns_priors(self) -> bool:
+    def does_learn_priors(self) -> bool:
         """Whether its logs narrow the priors of the mass that is calibrated."""
         return self.method.learn and self.method.estimator in JOINT_ESTIMATORS
 
@@ -255,7 +257,7 @@ class CalibrationCampaign(BaseModel):
         return last + dt.timedelta(days=self.campaign.valid_days)
 
     @property
-    def missing_statements(self) -> tuple[str, ...]:
+    def missing_certificate_keys(self) -> tuple[str, ...]:
         """Keys that ISO/IEC 17025, 7.8 asks for of a certificate, and that the file leaves open."""
         found = [name for name in ("laboratory", "customer") if getattr(self, name) is None]
         asked: tuple[tuple[str, BaseModel, tuple[str, ...]], ...] = (
@@ -265,17 +267,17 @@ class CalibrationCampaign(BaseModel):
         for table, model, names in asked:
             found += [f"{table}.{name}" for name in names if not getattr(model, name)]
         for name in _CONDITION_KEYS:
-            if any(self.conditions_of_run(run)[name] in ("", None) for run in self.runs):
+            if any(self.find_run_conditions(run)[name] in ("", None) for run in self.runs):
                 found.append(f"conditions.{name}")
         return tuple(found)
 
-    def conditions_of_run(self, run: CampaignRun) -> dict[str, Any]:
+    def find_run_conditions(self, run: CampaignRun) -> dict[str, Any]:
         """Conditions of a run: its own, or else those of all runs."""
         own, common = run.conditions.model_dump(), self.conditions.model_dump()
         return {n: common[n] if own[n] in ("", None) else own[n] for n in own}
 
     @property
-    def untraceable_references(self) -> tuple[str, ...]:
+    def describe_untraceable_references(self) -> tuple[str, ...]:
         """References that are not traceable, a sentence each."""
         found: list[str] = []
         for mass in self.masses:
@@ -294,16 +296,16 @@ class CalibrationCampaign(BaseModel):
                 found.append("the machine's empty mass has no certificate")
         return tuple(found)
 
-    def masses_on_board(self, load_id: str) -> tuple[ReferenceMass, ...]:
+    def select_masses_of_load(self, load_id: str) -> tuple[ReferenceMass, ...]:
         """The masses of a load."""
         wanted = () if load_id == EMPTY else load_id.split("+")
         return tuple(each for each in self.masses if each.id in wanted)
 
-    def overdue_certificates(self) -> list[str]:
+    def describe_invalid_certificates(self) -> list[str]:
         """Certificates that were not valid on the day of a run, a sentence each."""
         found: list[str] = []
         for run in self.runs:
-            dated = [(f"mass '{m.id}'", m.expires) for m in self.masses_on_board(run.load_id)]
+            dated = [(f"mass '{m.id}'", m.expires) for m in self.select_masses_of_load(run.load_id)]
             if self.method.estimator != "joint_payload":
                 dated.append(("the machine's empty mass", self.machine.empty_expires))
             found += [

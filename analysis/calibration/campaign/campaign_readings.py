@@ -62,11 +62,15 @@ def read_campaign_runs(
     """
     joint = estimator in JOINT_ESTIMATORS
     said = (
-        joint_fit_readings(replayed, procedure) if joint else method_readings(replayed, estimator)
+        make_joint_fit_readings(replayed, procedure)
+        if joint
+        else make_method_readings(replayed, estimator)
     )
     rows: list[dict[str, Any]] = []
     for run in runs:
-        inside = [each for each in said if run.covers_middle_of(each["start_s"], each["end_s"])]
+        inside = [
+            each for each in said if run.contains_middle_of_stretch(each["start_s"], each["end_s"])
+        ]
         about = {
             "run_id": run.id,
             "load_id": run.load_id,
@@ -82,10 +86,10 @@ def read_campaign_runs(
             why = f"excluded: {run.excluded}" if run.excluded else _NOTHING
             rows.append({**about, "reading": 1, "used": False, "reason": why})
     found = pl.DataFrame(rows, schema=READINGS, orient="row")
-    return differences_from_empty(found) if estimator == "joint_payload" else found
+    return subtract_mean_empty_reading(found) if estimator == "joint_payload" else found
 
 
-def responses_of_runs_to_learnt_means(
+def make_run_responses(
     replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator
 ) -> tuple[RunResponse, ...]:
     """Responses of the runs in one log to errors of learnt means; empty without any.
@@ -107,7 +111,9 @@ def responses_of_runs_to_learnt_means(
             inside := [
                 e
                 for e in said
-                if run.covers_middle_of(e["start_t_ns"] / NS_PER_S, e["end_t_ns"] / NS_PER_S)
+                if run.contains_middle_of_stretch(
+                    e["start_t_ns"] / NS_PER_S, e["end_t_ns"] / NS_PER_S
+                )
             ]
         )
     }
@@ -121,25 +127,25 @@ def responses_of_runs_to_learnt_means(
     )
 
 
-def joint_fit_readings(replayed: Run, procedure: Procedure) -> list[dict[str, Any]]:
+def make_joint_fit_readings(replayed: Run, procedure: Procedure) -> list[dict[str, Any]]:
     """Readings of the joint fit, one per manoeuvre."""
     loads = {row["load_id"]: row for row in replayed.frames["loads"].to_dicts()}
     factors = () if procedure.factors_in_common else _FACTORS
-    absorbed = [*common_sources_of_one_log(replayed), *factors]
+    absorbed = [*list_sources_common_within_log(replayed), *factors]
     own = replayed.frames["budget"].filter(pl.col("cause").is_in(absorbed))
     own_kg = dict(own.group_by("load_id").agg((pl.col("u_kg") ** 2).sum().sqrt()).iter_rows())
     found: list[dict[str, Any]] = []
     for row in replayed.frames["manoeuvres"].to_dicts():
         load = loads[row["load_id"]]
         withheld = f"this log cannot weigh: {load['withheld_for']}" if load["withheld"] else ""
-        common_kg = subtract_part_u(load["u_common_kg"], own_kg.get(row["load_id"]))
+        common_kg = subtract_uncertainty_part(load["u_common_kg"], own_kg.get(row["load_id"]))
         found.append(
             _make_reading_row(row, row["mass_kg"], row["mass_std_kg"], common_kg, withheld)
         )
     return found
 
 
-def common_sources_of_one_log(replayed: Run) -> list[str]:
+def list_sources_common_within_log(replayed: Run) -> list[str]:
     """Uncertainty sources common to one log's masses but not to all masses of the campaign.
 
     Errors of learnt means are absorbed by the line. Their prior widths vary from log to log, and
@@ -152,14 +158,14 @@ def common_sources_of_one_log(replayed: Run) -> list[str]:
     return ["learnt", *("slip" if term == "wheel_slip" else term for term in learnt)]
 
 
-def subtract_part_u(u_kg: float | None, part_kg: float | None) -> float | None:
+def subtract_uncertainty_part(u_kg: float | None, part_kg: float | None) -> float | None:
     """Standard uncertainty without one of its parts."""
     if u_kg is None or not part_kg:
         return u_kg
     return float(np.sqrt(max(u_kg**2 - part_kg**2, 0.0)))
 
 
-def method_readings(replayed: Run, method: str) -> list[dict[str, Any]]:
+def make_method_readings(replayed: Run, method: str) -> list[dict[str, Any]]:
     """Reading of each manoeuvre by a method of the paper, with a statistical ± only."""
     about = replayed.provenance
     segments = replayed.frames["segments"]
@@ -172,7 +178,7 @@ def method_readings(replayed: Run, method: str) -> list[dict[str, Any]]:
         load_kg=0.0,
         mass_kg=0.0,
     )
-    masses = masses_by_method_and_run(replayed, trials).filter(pl.col("method") == method)[
+    masses = average_masses_by_method_and_run(replayed, trials).filter(pl.col("method") == method)[
         "mass_kg"
     ]
     verdict = [row for row in replayed.frames["loads"].to_dicts() if row["withheld"]]
@@ -210,10 +216,10 @@ def _make_reading_row(
     }
 
 
-def differences_from_empty(found: pl.DataFrame) -> pl.DataFrame:
+def subtract_mean_empty_reading(readings: pl.DataFrame) -> pl.DataFrame:
     """Masses minus the mean of the log's empty readings, whose error they share."""
     parts: list[pl.DataFrame] = []
-    for log in found.partition_by("log", maintain_order=True):
+    for log in readings.partition_by("log", maintain_order=True):
         zero = log.filter((pl.col("load_id") == EMPTY) & pl.col("used"))
         level_kg = zero["mass_kg"].mean() if zero.height else None
         spread_kg = zero["mass_kg"].std() if zero.height > 1 else None
@@ -237,7 +243,7 @@ def differences_from_empty(found: pl.DataFrame) -> pl.DataFrame:
     return pl.concat(parts)
 
 
-def masses_by_method_and_run(replayed: Run, runs: pl.DataFrame) -> pl.DataFrame:
+def average_masses_by_method_and_run(replayed: Run, runs: pl.DataFrame) -> pl.DataFrame:
     """One mass per method and run; null if nothing in the run was accepted.
 
     Windowed methods give the mean of the windows that end in the run, weighted by 1/std²; the

@@ -3,15 +3,15 @@
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.by_method import MethodReadings, readings_by_method
-from analysis.calibration.line.calibration_points import average_runs
+from analysis.calibration.campaign.by_method import MethodReadings, iter_readings_by_method
+from analysis.calibration.line.calibration_points import average_readings_by_run
 from analysis.calibration.line.line_fit import fit_line_and_test
 from analysis.calibration.line.point_errors import fit_lines_without_each_load
 from estimators.arrays import Floats
 from estimators.errors import DataError
 
 
-def rms_errors(calibration: pl.DataFrame) -> pl.DataFrame:
+def compute_rms_errors(calibration: pl.DataFrame) -> pl.DataFrame:
     """Root mean square errors of a calibration over its loads, a row per method.
 
     Args:
@@ -38,7 +38,7 @@ def rms_errors(calibration: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def calibrated_errors_of_runs(estimates: pl.DataFrame) -> pl.DataFrame:
+def compute_start_errors(estimates: pl.DataFrame) -> pl.DataFrame:
     """Errors of single starts on the line through all loads, and through the other loads.
 
     Args:
@@ -55,8 +55,8 @@ def calibrated_errors_of_runs(estimates: pl.DataFrame) -> pl.DataFrame:
         pl.DataFrame({"row": of, "error_kg": within, "error_left_out_kg": without}).with_columns(
             pl.col("row").cast(pl.UInt32), pl.col(*columns).fill_nan(None)
         )
-        for of, (_, found) in zip(rows, readings_by_method(estimates), strict=True)
-        for within, without in (calibrated_errors_of_points(found),)
+        for of, (_, found) in zip(rows, iter_readings_by_method(estimates), strict=True)
+        for within, without in (compute_errors_on_and_off_line(found),)
     ]
     empty = pl.DataFrame(schema={"row": pl.UInt32, **columns})
     return numbered.join(pl.concat([empty, *frames]), "row", "left", maintain_order="left").select(
@@ -64,7 +64,7 @@ def calibrated_errors_of_runs(estimates: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def calibrated_errors_of_points(found: MethodReadings) -> tuple[Floats, Floats]:
+def compute_errors_on_and_off_line(found: MethodReadings) -> tuple[Floats, Floats]:
     """(starts,) errors on the line, and on the line without the start's load; NaN without one."""
     mass = found.readings["mass_kg"].to_numpy().astype(np.float64)
     loads = {load: k for k, load in enumerate(found.references["load_id"])}
@@ -72,7 +72,9 @@ def calibrated_errors_of_points(found: MethodReadings) -> tuple[Floats, Floats]:
     reference = found.references["reference_kg"].to_numpy().astype(np.float64)[load]
     within, without = np.full(mass.size, np.nan), np.full(mass.size, np.nan)
     try:
-        points = average_runs(found.readings, found.references, found.covariance_kg2).points
+        points = average_readings_by_run(
+            found.readings, found.references, found.covariance_kg2
+        ).points
         line, _ = fit_line_and_test(points, None)
     except DataError:
         return within, without

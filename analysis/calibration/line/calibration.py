@@ -246,13 +246,13 @@ class Calibration:
     responses: tuple[LineResponse, ...] = ()
 
     @property
-    def is_of_one_day(self) -> bool:
+    def has_single_day(self) -> bool:
         """Whether no data determine how the machine changes from day to day."""
         days = {point.day for point in self.points if point.readings}
         return len(days) == 1 and (self.day_kg is None or self.day_freedom is not None)
 
     @property
-    def inversion(self) -> Inversion:
+    def make_inversion(self) -> Inversion:
         """Make the inverse of the line, which turns a later m̂ into a mass."""
         parts = self.components
         return Inversion(
@@ -265,7 +265,7 @@ class Calibration:
             scatters=np.array([float(part.scatters) for part in parts]),
             estimated=np.flatnonzero([part.estimated for part in parts]).astype(np.int64),
             covariance=np.array(self.variance_covariance),
-            extra_kg2=extra_variance_kg2(
+            extra_kg2=unobserved_variance_kg2(
                 self.stated, self.common_kg if self.common_counts else 0.0
             ),
             few_dof={} if self.few_days is None else {DAY: self.few_days},
@@ -277,7 +277,7 @@ class Calibration:
         mass_kg: float | None,
         u_random_kg: float | None,
         readings: int,
-        unlike_u_kg: float = 0.0,
+        driving_u_kg: float = 0.0,
     ) -> CalibratedMass:
         """The mass of a later m̂, with its interval.
 
@@ -286,15 +286,15 @@ class Calibration:
             u_random_kg: the random part of its own standard uncertainty, in kg of m̂; None if
                 unknown: that of the campaign's readings.
             readings: whose mean it is.
-            unlike_u_kg: what its log has of errors that the line did not take with it, in kg of m̂.
+            driving_u_kg: what its log has of errors that the line did not take with it, in kg of m̂.
 
         Returns:
             The mass, or None with the reason: no estimate, a slope that cannot be distinguished
             from 0, or an interval that is wider than the valid range or lies outside of it.
         """
         if mass_kg is None or not np.isfinite(mass_kg) or readings < 1:
-            return _withheld_mass("no estimate")
-        found = self.inversion.add_common_u(unlike_u_kg / abs(self.c1_1)).invert(
+            return _make_withheld_mass("no estimate")
+        found = self.make_inversion.add_common_uncertainty(driving_u_kg / abs(self.c1_1)).invert(
             np.array([mass_kg]),
             np.array([float(readings)]),
             np.array([np.nan if u_random_kg is None else u_random_kg]),
@@ -304,15 +304,15 @@ class Calibration:
             float(x[0]) for x in (found.mass_kg, found.u_kg, found.low_kg, found.high_kg)
         )
         if not np.isfinite([low, high]).all():
-            return _withheld_mass("the calibration's slope cannot be told from 0")
+            return _make_withheld_mass("the calibration's slope cannot be told from 0")
         least, most = self.range_kg
         half = (high - low) / 2.0
         if half > most - least:
-            return _withheld_mass(
+            return _make_withheld_mass(
                 f"± {half:.3g} kg is more than the calibrated range, {least:.6g} to {most:.6g} kg"
             )
         if high < least or low > most:
-            return _withheld_mass(
+            return _make_withheld_mass(
                 f"{mass:.6g} kg is outside of the calibrated range, {least:.6g} to {most:.6g} kg"
             )
         return CalibratedMass(mass, u, low, high, "")
@@ -337,13 +337,13 @@ class Calibration:
             raise DataError(f"calibration: {where}: {what}") from error
 
 
-def extra_variance_kg2(stated_parts: tuple[StatedPart, ...], common_kg: float) -> float:
+def unobserved_variance_kg2(stated_parts: tuple[StatedPart, ...], common_kg: float) -> float:
     """Variance of every later m̂ that the points do not show."""
     anew = (one.u_kg for one in stated_parts if not one.absorbed and one.u_kg is not None)
     return common_kg**2 + sum(u_kg**2 for u_kg in anew)
 
 
-def _withheld_mass(reason: str) -> CalibratedMass:
+def _make_withheld_mass(reason: str) -> CalibratedMass:
     return CalibratedMass(None, None, None, None, reason)
 
 

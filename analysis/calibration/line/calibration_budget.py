@@ -22,12 +22,12 @@ from analysis.calibration.line.line_model import (
     REPEATABILITY,
     RUN,
     Points,
-    make_scatter,
+    make_covariance_structure,
 )
 from analysis.calibration.line.variance_components import (
     Variances,
     WithinRunVariance,
-    expected_information,
+    compute_expected_information,
 )
 from estimators.arrays import Floats
 
@@ -44,11 +44,11 @@ _MEANINGS: Final = {
 }
 
 
-def calibration_budget_rows(
+def make_calibration_budget(
     inversion: Inversion,
     components: Sequence[Component],
     stated_parts: Sequence[StatedPart],
-    at: tuple[float, int],
+    mass_kg_and_readings: tuple[float, int],
     common_kg: float | None,
 ) -> tuple[BudgetRow, ...]:
     """Rows of all components in kg of calibrated mass; their squares add up to the total.
@@ -57,11 +57,11 @@ def calibration_budget_rows(
         inversion: inversion of the line.
         components: components of the line, in its order.
         stated_parts: components that the points do not show.
-        at: the mass, and its number of readings.
+        mass_kg_and_readings: the mass, and its number of readings.
         common_kg: common error that counts, in kg of m̂; None if the line absorbs it.
     """
-    mass_kg, readings = at
-    anew = clip_negative_parts(inversion.variance_parts_kg2(readings), components)
+    mass_kg, readings = mass_kg_and_readings
+    anew = clip_negative_variances(inversion.later_mass_variances_kg2(readings), components)
     size = abs(inversion.slope_1)
     rows = [
         BudgetRow(
@@ -82,7 +82,7 @@ def calibration_budget_rows(
         rows.append(
             BudgetRow(LACK_OF_FIT, "line", 0.0, None, "none found beyond the runs' scatter")
         )
-    level, slope, references = line_uncertainty_parts_kg(inversion, mass_kg)
+    level, slope, references = split_line_uncertainty_kg(inversion, mass_kg)
     rows += [
         BudgetRow("level", "line", level / size, None, "of the line at its centroid"),
         BudgetRow("slope", "line", slope / size, None, "of the line, at this mass"),
@@ -97,7 +97,7 @@ def calibration_budget_rows(
     else:
         known = "priors and scale: no second day shows whether they stay, so they count once"
         rows.append(BudgetRow("common error", "stated", common_kg / size, None, known))
-    rows += [_make_stated_row(one, size) for one in stated_parts]
+    rows += [_make_stated_budget_row(one, size) for one in stated_parts]
     given = {one.component for one in stated_parts}
     for name in EXPECTED:
         if name == "tare" and name not in given:
@@ -107,7 +107,7 @@ def calibration_budget_rows(
     return tuple(rows)
 
 
-def clip_negative_parts(parts_kg2: Floats, components: Sequence[Component]) -> Floats:
+def clip_negative_variances(parts_kg2: Floats, components: Sequence[Component]) -> Floats:
     """(effects,) standard deviations; a negative variance reduces the next finer effect."""
     parts = parts_kg2.copy()
     names = [component.name for component in components]
@@ -119,7 +119,7 @@ def clip_negative_parts(parts_kg2: Floats, components: Sequence[Component]) -> F
     return np.sqrt(np.maximum(parts, 0.0))
 
 
-def line_uncertainty_parts_kg(inversion: Inversion, mass_kg: float) -> tuple[float, float, float]:
+def split_line_uncertainty_kg(inversion: Inversion, mass_kg: float) -> tuple[float, float, float]:
     """Uncertainty of the line at a mass, in kg of m̂: due to centroid, slope and references."""
     own = inversion.scatters > 0.0
     line = np.tensordot(inversion.variance_kg2[own], inversion.on_line[own], 1)
@@ -132,14 +132,16 @@ def line_uncertainty_parts_kg(inversion: Inversion, mass_kg: float) -> tuple[flo
     return float(np.sqrt(level)), float(np.sqrt(slope)), float(np.sqrt(max(references, 0.0)))
 
 
-def _make_stated_row(one: StatedPart, size: float) -> BudgetRow:
+def _make_stated_budget_row(part: StatedPart, size_kg: float) -> BudgetRow:
     """Row of a stated component; zero if the line absorbs it."""
-    if one.absorbed:
-        before = "" if one.u_kg is None else f"; {one.u_kg / size:.3g} kg without a calibration"
-        known = f"{one.known}; the line takes it with it{before}"
-        return BudgetRow(one.component, "absorbed", 0.0, None, known)
-    u_kg = None if one.u_kg is None else one.u_kg / size
-    return BudgetRow(one.component, "stated", u_kg, None, one.known)
+    if part.absorbed:
+        before = (
+            "" if part.u_kg is None else f"; {part.u_kg / size_kg:.3g} kg without a calibration"
+        )
+        known = f"{part.known}; the line takes it with it{before}"
+        return BudgetRow(part.component, "absorbed", 0.0, None, known)
+    u_kg = None if part.u_kg is None else part.u_kg / size_kg
+    return BudgetRow(part.component, "stated", u_kg, None, part.known)
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,18 +179,18 @@ def rank_next_loads(calibration: Calibration, *, same_day: bool = False) -> tupl
     """
     used = [point for point in calibration.points if point.mean_kg is not None]
     ends = [reference.reference_kg for reference in calibration.references]
-    now = inversion_with_points(calibration, used)
+    now = make_inversion_for_points(calibration, used)
     now_kg = widest_half_interval_kg(calibration, now, ends)
     found: list[NextLoad] = []
     for reference in calibration.references:
         more = replace(
             used[-1],
             load_id=reference.load_id,
-            day=used[-1].day if same_day else unused_day(used),
+            day=used[-1].day if same_day else make_unused_day_label(used),
             reference_kg=reference.reference_kg,
             readings=calibration.budget_at[1],
         )
-        then = inversion_with_points(calibration, [*used, more])
+        then = make_inversion_for_points(calibration, [*used, more])
         found.append(
             NextLoad(
                 load_id=reference.load_id,
@@ -202,9 +204,9 @@ def rank_next_loads(calibration: Calibration, *, same_day: bool = False) -> tupl
     return tuple(sorted(found, key=lambda one: (one.determinant_1, one.load_id)))
 
 
-def unused_day(used: list[Point]) -> str:
+def make_unused_day_label(used_points: list[Point]) -> str:
     """Day label that no run uses."""
-    return max((point.day for point in used), key=len) + "+"
+    return max((point.day for point in used_points), key=len) + "+"
 
 
 def covariance_determinant(inversion: Inversion) -> float:
@@ -214,14 +216,14 @@ def covariance_determinant(inversion: Inversion) -> float:
 
 
 def widest_half_interval_kg(
-    calibration: Calibration, inversion: Inversion, at_kg: list[float]
+    calibration: Calibration, inversion: Inversion, masses_kg: list[float]
 ) -> float:
     """Largest half interval of a later mass at these masses."""
     confidence_1, readings = calibration.confidence_1, float(calibration.budget_at[1])
-    return max(inversion.half_interval_kg(mass_kg, confidence_1, readings) for mass_kg in at_kg)
+    return max(inversion.half_interval_kg(mass_kg, confidence_1, readings) for mass_kg in masses_kg)
 
 
-def inversion_with_points(calibration: Calibration, points: list[Point]) -> Inversion:
+def make_inversion_for_points(calibration: Calibration, points: list[Point]) -> Inversion:
     """The calibration's line with its variances, as if fitted to these points."""
     loads = {one.load_id: k for k, one in enumerate(calibration.references)}
     days = list(dict.fromkeys(point.day for point in points))
@@ -242,10 +244,10 @@ def inversion_with_points(calibration: Calibration, points: list[Point]) -> Inve
     value = np.array([one.variance_kg2 for one in components if one.estimated])
     names = tuple(one.name for one in components if one.estimated)
     known_days = (one.std_kg for one in components if one.name == DAY and not one.estimated)
-    scatter = make_scatter(as_points, names, next(known_days, None))
+    scatter = make_covariance_structure(as_points, names, next(known_days, None))
     slope, x_cov = calibration.c1_1, as_points.x_cov_kg2
     mean_squares: Floats = np.linalg.solve(scatter.squares, value).astype(np.float64)
-    information = expected_information(
+    information = compute_expected_information(
         design,
         scatter.mean_square_covariances,
         scatter.known_covariance + slope**2 * x_cov,
@@ -253,11 +255,11 @@ def inversion_with_points(calibration: Calibration, points: list[Point]) -> Inve
         mean_squares,
     )
     covariance = np.asarray(np.linalg.pinv(information, hermitian=True), np.float64)
-    variances = Variances(mean_squares, covariance).combine_linearly(scatter.squares)
-    effects = scatter.effects_on_line(variances, design, slope, x_cov)
+    variances = Variances(mean_squares, covariance).make_linear_combinations(scatter.squares)
+    effects = scatter.describe_effects_on_line(variances, design, slope, x_cov)
     several_days = DAY in names and len(days) < LIMITS.enough_days
     return replace(
-        calibration.inversion,
+        calibration.make_inversion,
         on_line=np.array([effect.on_line for effect in effects]),
         covariance=variances.covariance,
         few_dof={DAY: len(days) - 1} if several_days else {},

@@ -40,7 +40,7 @@ class StraightLine:
         return (y - self.intercept) / self.slope
 
 
-def distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> StraightLine:
+def fit_distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> StraightLine:
     """Fit a straight line by generalised distance regression.
 
     It minimises the distances in x and y together. For given parameters the best abscissae have a

@@ -14,11 +14,11 @@ from analysis.calibration.line.calibration import (
     Component,
     LackOfFit,
     Reference,
-    extra_variance_kg2,
+    unobserved_variance_kg2,
 )
-from analysis.calibration.line.calibration_budget import calibration_budget_rows
-from analysis.calibration.line.calibration_points import Campaign, average_runs
-from analysis.calibration.line.distance_regression import distance_regression
+from analysis.calibration.line.calibration_budget import make_calibration_budget
+from analysis.calibration.line.calibration_points import Campaign, average_readings_by_run
+from analysis.calibration.line.distance_regression import fit_distance_regression
 from analysis.calibration.line.line_inversion import Inversion
 from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.line_model import (
@@ -27,18 +27,18 @@ from analysis.calibration.line.line_model import (
     RUN,
     FittedLine,
     Points,
-    estimated_effects,
+    choose_estimable_effects,
     fit_line,
-    make_scatter,
+    make_covariance_structure,
 )
 from analysis.calibration.line.outliers import find_outliers
 from analysis.calibration.line.point_errors import (
-    point_rows,
+    estimate_slope_attenuation,
+    make_point_rows,
     root_mean_square,
-    scatter_over_stated_std,
-    slope_attenuation,
+    scatter_to_stated_std_ratio,
 )
-from analysis.calibration.line.shared_errors import RunResponse, line_responses
+from analysis.calibration.line.shared_errors import RunResponse, compute_line_responses
 from analysis.calibration.line.variance_components import estimate_variances_by_reml
 from estimators.arrays import Floats
 from estimators.errors import DataError
@@ -59,7 +59,7 @@ def test_lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
     """
     design = (points.load[:, None] == np.unique(points.load)[None, :]).astype(np.float64)
     loads, count = design.shape[1], points.y_kg.size
-    names = estimated_effects(points, loads, day_known=day_known_kg is not None)
+    names = choose_estimable_effects(points, loads, is_day_variance_known=day_known_kg is not None)
     above = loads - 2
     below = count - loads - (points.day_count - 1 if DAY in names else 0)
     against = "run to run, at the same load"
@@ -73,7 +73,7 @@ def test_lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
             "nothing: no load has two runs, nor a run two readings",
             separate=False,
         )
-    scatter = make_scatter(points, names, day_known_kg)
+    scatter = make_covariance_structure(points, names, day_known_kg)
     found = estimate_variances_by_reml(
         points.y_kg,
         design,
@@ -81,9 +81,9 @@ def test_lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
         scatter.known_covariance,
         points.within,
     )
-    y_cov = scatter.covariance_for_variances(found.combine_linearly(scatter.squares).value)
+    y_cov = scatter.covariance_for_variances(found.make_linear_combinations(scatter.squares).value)
     x_cov = points.x_cov_kg2
-    fitted = distance_regression(points.x_kg, points.y_kg, x_cov, y_cov)
+    fitted = fit_distance_regression(points.x_kg, points.y_kg, x_cov, y_cov)
     weight = np.linalg.inv(y_cov + fitted.slope**2 * x_cov)
     means = np.linalg.solve(design.T @ weight @ design, design.T @ weight @ points.y_kg)
     left = points.y_kg - design @ means
@@ -123,20 +123,20 @@ def fit_calibration(
     missing = [name for name in _NEEDED if name not in readings.columns]
     if missing:
         raise DataError(f"calibration: the readings have no column '{missing[0]}'")
-    campaign = average_runs(readings, references, covariance_kg2)
+    campaign = average_readings_by_run(readings, references, covariance_kg2)
     points = campaign.points
     line, test = fit_line_and_test(points, options.day_known_kg)
     day_unknown = options.day_known_kg is None and points.day_count == 1
-    common_kg = largest_common_kg(campaign.readings)
+    common_kg = largest_common_u_kg(campaign.readings)
     counted_kg = common_kg if day_unknown else 0.0
-    inversion = Inversion.from_line(line, extra_variance_kg2(options.stated, counted_kg))
-    components = estimate_components(line, campaign)
+    inversion = Inversion.from_line(line, unobserved_variance_kg2(options.stated, counted_kg))
+    components = describe_variance_components(line, campaign)
     low, high = float(points.x_kg.min()), float(points.x_kg.max())
     margin = options.margin_1 * (high - low)
     at = (high + margin, int(np.median(points.readings)))
     u_kg = inversion.u_kg(*at)
     half_kg = inversion.half_interval_kg(at[0], options.confidence_1, at[1])
-    rows = point_rows(campaign, line)
+    rows = make_point_rows(campaign, line)
     left_out = [row.error_left_out_kg for row in rows]
     c0 = line.level_kg - line.slope_1 * line.centre_kg
     shift = np.array([[1.0, -line.centre_kg], [0.0, 1.0]])
@@ -147,9 +147,9 @@ def fit_calibration(
         method=options.method,
         confidence_1=options.confidence_1,
         alpha_1=1.0 / line.slope_1,
-        alpha_interval_1=estimate_alpha_interval(inversion, options.confidence_1),
+        alpha_interval_1=alpha_confidence_interval(inversion, options.confidence_1),
         beta_kg=-c0 / line.slope_1,
-        beta_interval_kg=estimate_beta_interval(inversion, options.confidence_1),
+        beta_interval_kg=beta_confidence_interval_kg(inversion, options.confidence_1),
         c0_kg=c0,
         c1_1=line.slope_1,
         covariance=_upper_covariance_entries(covariance),
@@ -177,23 +177,23 @@ def fit_calibration(
         outliers=find_outliers(campaign, line),
         rms_error_kg=root_mean_square([row.error_kg for row in rows]) or 0.0,
         rms_error_left_out_kg=root_mean_square(left_out),
-        attenuation_1=slope_attenuation(campaign),
-        stated_ratio_1=scatter_over_stated_std(campaign),
+        attenuation_1=estimate_slope_attenuation(campaign),
+        stated_ratio_1=scatter_to_stated_std_ratio(campaign),
         range_kg=(low - margin, high + margin),
-        budget=calibration_budget_rows(
+        budget=make_calibration_budget(
             inversion, components, options.stated, at, common_kg if day_unknown else None
         ),
         budget_at=at,
         coverage_k_1=half_kg / u_kg,
         u_kg=u_kg,
         says=(),
-        responses=line_responses(
+        responses=compute_line_responses(
             responses,
             {row.run_id: row.reference_kg for row in rows if row.readings},
             line.centre_kg,
         ),
     )
-    return replace(calibration, says=calibration_notes(calibration))
+    return replace(calibration, says=write_calibration_notes(calibration))
 
 
 def fit_line_and_test(points: Points, day_known_kg: float | None) -> tuple[FittedLine, LackOfFit]:
@@ -214,14 +214,16 @@ def fit_line_and_test(points: Points, day_known_kg: float | None) -> tuple[Fitte
     return line, test
 
 
-def estimate_components(line: FittedLine, campaign: Campaign) -> tuple[Component, ...]:
+def describe_variance_components(line: FittedLine, campaign: Campaign) -> tuple[Component, ...]:
     """Components with the size of each effect, as plain numbers."""
     found: list[Component] = []
     place = 0
     for effect in line.effects:
         freedom: float | None = None
         if effect.estimated:
-            freedom = degrees_of_freedom(effect.name, effect.variance_kg2, line, campaign, place)
+            freedom = variance_degrees_of_freedom(
+                effect.name, effect.variance_kg2, line, campaign, place
+            )
             place += 1
         found.append(
             Component(
@@ -236,13 +238,13 @@ def estimate_components(line: FittedLine, campaign: Campaign) -> tuple[Component
     return tuple(found)
 
 
-def degrees_of_freedom(
-    name: str, variance_kg2: float, line: FittedLine, campaign: Campaign, place: int
+def variance_degrees_of_freedom(
+    name: str, variance_kg2: float, line: FittedLine, campaign: Campaign, effect_index: int
 ) -> float:
     """Degrees of freedom of an estimated variance; those of readings are counted."""
     if name == REPEATABILITY:
         return float(campaign.points.within.freedom)
-    uncertain = float(line.variances.covariance[place, place])
+    uncertain = float(line.variances.covariance[effect_index, effect_index])
     return 2.0 * variance_kg2**2 / uncertain if min(variance_kg2, uncertain) > 0.0 else 0.0
 
 
@@ -251,15 +253,15 @@ def _upper_covariance_entries(covariance: Floats) -> tuple[float, float, float]:
     return float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
 
 
-def largest_common_kg(used: pl.DataFrame) -> float:
+def largest_common_u_kg(readings: pl.DataFrame) -> float:
     """Largest common uncertainty of a run; 0 if none is stated."""
-    if "common_u_kg" not in used.columns:
+    if "common_u_kg" not in readings.columns:
         return 0.0
-    largest = used["common_u_kg"].cast(pl.Float64).max()
+    largest = readings["common_u_kg"].cast(pl.Float64).max()
     return float(largest) if isinstance(largest, float) and np.isfinite(largest) else 0.0
 
 
-def estimate_alpha_interval(
+def alpha_confidence_interval(
     inversion: Inversion, confidence_1: float
 ) -> tuple[float | None, float | None]:
     """Interval of α = 1/c1, without unit; (None, None) if that of c1 contains 0."""
@@ -267,18 +269,18 @@ def estimate_alpha_interval(
     return (1.0 / high, 1.0 / low) if low * high > 0.0 else (None, None)
 
 
-def estimate_beta_interval(
+def beta_confidence_interval_kg(
     inversion: Inversion, confidence_1: float
 ) -> tuple[float | None, float | None]:
     """Interval in kg of β, the mass at which the line is 0; (None, None) if it is unbounded."""
-    found = inversion.invert_without_scatter(0.0, confidence_1)
+    found = inversion.invert_line_only(0.0, confidence_1)
     low, high = float(found.low_kg[0]), float(found.high_kg[0])
     return (low, high) if np.isfinite(low) and np.isfinite(high) else (None, None)
 
 
-def calibration_notes(calibration: Calibration) -> tuple[str, ...]:
+def write_calibration_notes(calibration: Calibration) -> tuple[str, ...]:
     """One sentence per matter, the most important first."""
-    found = [*_notes_on_days(calibration), *_notes_on_line(calibration)]
+    found = [*_write_day_notes(calibration), *_write_line_notes(calibration)]
     found += [
         f"{one.test}: {one.about} stands out (p = {one.p_1:.2g}); it is in the fit"
         for one in calibration.outliers
@@ -286,7 +288,7 @@ def calibration_notes(calibration: Calibration) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _notes_on_days(calibration: Calibration) -> list[str]:
+def _write_day_notes(calibration: Calibration) -> list[str]:
     """Notes on what the runs' days show of changes from day to day."""
     days = len({point.day for point in calibration.points if point.readings})
     if calibration.day_freedom is None and calibration.day_kg is not None:
@@ -309,7 +311,7 @@ def _notes_on_days(calibration: Calibration) -> list[str]:
     return []
 
 
-def _notes_on_line(calibration: Calibration) -> list[str]:
+def _write_line_notes(calibration: Calibration) -> list[str]:
     """Notes on a large offset, an undetermined slope, lack of fit and attenuation."""
     found: list[str] = []
     middle_kg = sum(calibration.range_kg) / 2.0

@@ -62,7 +62,7 @@ class Inversion:
     most_readings: int
 
     @classmethod
-    def from_line(cls, line: FittedLine, extra_kg2: float = 0.0) -> "Inversion":
+    def from_line(cls, line: FittedLine, unobserved_variance_kg2: float = 0.0) -> "Inversion":
         """Inverse of a fitted line."""
         effects = line.effects
         return cls(
@@ -75,7 +75,7 @@ class Inversion:
             scatters=np.array([float(effect.scatters) for effect in effects]),
             estimated=np.flatnonzero([effect.estimated for effect in effects]).astype(np.int64),
             covariance=line.variances.covariance,
-            extra_kg2=extra_kg2,
+            extra_kg2=unobserved_variance_kg2,
             few_dof={} if line.few_days is None else {DAY: line.few_days},
             most_readings=line.most_readings,
         )
@@ -101,7 +101,7 @@ class Inversion:
         beyond = self._excess_random_variance_kg2(new, u_random_kg)
         return self._invert_with_effect_factors(y_kg, new, beyond + self.extra_kg2, confidence_1)
 
-    def invert_without_scatter(self, y_kg: float, confidence_1: float) -> InverseReading:
+    def invert_line_only(self, y_kg: float, confidence_1: float) -> InverseReading:
         """Mass whose value on the line is `y_kg`, with the interval of the line alone.
 
         Args:
@@ -118,7 +118,7 @@ class Inversion:
         half = float(np.sqrt((squared * gradient) @ self.variance_kg2)[0])
         return self.slope_1 - half, self.slope_1 + half
 
-    def variance_parts_kg2(self, readings: float) -> Floats:
+    def later_mass_variances_kg2(self, readings: float) -> Floats:
         """(effects,) variance that each new draw adds to a later mass, in kg² of mass."""
         return (
             self._effect_factors_of_new_value(np.array([readings]))[0]
@@ -126,7 +126,7 @@ class Inversion:
             / self.slope_1**2
         )
 
-    def add_common_u(self, u_kg: float) -> "Inversion":
+    def add_common_uncertainty(self, u_kg: float) -> "Inversion":
         """Add an uncertainty common to all later masses, in kg of mass."""
         return replace(self, extra_kg2=self.extra_kg2 + (u_kg * self.slope_1) ** 2)
 
@@ -268,8 +268,8 @@ class Inversion:
         )
 
 
-def two_sided_student_factor(confidence_1: float, freedom: Floats) -> Floats:
-    """Student's factor of a two-sided interval, by element; normal for infinite `freedom`."""
+def two_sided_student_factor(confidence_1: float, dof: Floats) -> Floats:
+    """Student's factor of a two-sided interval, by element; normal for infinite `dof`."""
     level = 0.5 + 0.5 * confidence_1
-    finite = np.isfinite(freedom)
-    return np.where(finite, stdtrit(np.where(finite, freedom, 1.0), level), ndtri(level))
+    finite = np.isfinite(dof)
+    return np.where(finite, stdtrit(np.where(finite, dof, 1.0), level), ndtri(level))

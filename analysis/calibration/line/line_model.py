@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.calibration.line.distance_regression import distance_regression
+from analysis.calibration.line.distance_regression import fit_distance_regression
 from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.variance_components import (
     Variances,
@@ -109,7 +109,9 @@ class FittedLine:
     most_readings: int
 
 
-def estimated_effects(points: Points, parameters: int, *, day_known: bool) -> tuple[str, ...]:
+def choose_estimable_effects(
+    points: Points, parameters: int, *, is_day_variance_known: bool
+) -> tuple[str, ...]:
     """Effects whose variances the points determine, given the number of fitted parameters.
 
     Days are separated from runs if there are several days, several runs in one of them, and enough
@@ -121,12 +123,12 @@ def estimated_effects(points: Points, parameters: int, *, day_known: bool) -> tu
         names.append(REPEATABILITY)
     if count > parameters:
         names.append(RUN)
-        if 1 < days < count and not day_known and count - parameters - (days - 1) > 0:
+        if 1 < days < count and not is_day_variance_known and count - parameters - (days - 1) > 0:
             names.append(DAY)
     return tuple(names)
 
 
-def mean_squares_to_variances(points: Points, names: tuple[str, ...]) -> Floats:
+def mean_square_to_variance_matrix(points: Points, names: tuple[str, ...]) -> Floats:
     """(effects, effects) matrix from mean squares, which cannot be negative, to variances.
 
     If means of runs scatter by chance less than their readings imply, their own variance is
@@ -150,7 +152,7 @@ class Scatter:
     Attributes:
         names: (effects,) names of the estimated effects.
         each: (effects, points, points) covariance for a unit variance of each.
-        squares: (effects, effects) matrix of `mean_squares_to_variances`.
+        squares: (effects, effects) matrix of `mean_square_to_variance_matrix`.
         day: (points, points) covariance for a unit variance of the day.
         day_known_kg: known deviation between days; None if unknown.
         known_covariance: (points, points) known covariance.
@@ -168,11 +170,11 @@ class Scatter:
         """(effects, points, points) covariance for a unit mean square of each."""
         return np.asarray(np.tensordot(self.squares.T, self.each, 1), np.float64)
 
-    def covariance_for_variances(self, value: Floats) -> Floats:
+    def covariance_for_variances(self, variances: Floats) -> Floats:
         """(points, points) covariance for the given variances."""
-        return np.asarray(np.tensordot(value, self.each, 1) + self.known_covariance, np.float64)
+        return np.asarray(np.tensordot(variances, self.each, 1) + self.known_covariance, np.float64)
 
-    def effects_on_line(
+    def describe_effects_on_line(
         self, variances: Variances, design: Floats, slope: float, x_cov: Floats
     ) -> tuple[Effect, ...]:
         """Each effect, with its contribution to a line fitted by generalised least squares."""
@@ -191,7 +193,9 @@ class Scatter:
         return (*effects, Effect(REFERENCES, 1.0, through, estimated=False, scatters=False))
 
 
-def make_scatter(points: Points, names: tuple[str, ...], day_known_kg: float | None) -> Scatter:
+def make_covariance_structure(
+    points: Points, names: tuple[str, ...], day_known_kg: float | None
+) -> Scatter:
     """Covariance structure of the points for these effects."""
     day = points.effect_covariance(DAY)
     known = (
@@ -200,7 +204,9 @@ def make_scatter(points: Points, names: tuple[str, ...], day_known_kg: float | N
     if day_known_kg is not None:
         known = known + day_known_kg**2 * day
     each = np.array([points.effect_covariance(name) for name in names])
-    return Scatter(names, each, mean_squares_to_variances(points, names), day, day_known_kg, known)
+    return Scatter(
+        names, each, mean_square_to_variance_matrix(points, names), day, day_known_kg, known
+    )
 
 
 def fit_line(
@@ -213,8 +219,10 @@ def fit_line(
         day_known_kg: known deviation between days, in kg of m̂; None if unknown.
         lack_of_fit: whether each load has its own deviation from the line.
     """
-    names = estimated_effects(points, 2, day_known=day_known_kg is not None)
-    scatter = make_scatter(points, (*names, LACK_OF_FIT) if lack_of_fit else names, day_known_kg)
+    names = choose_estimable_effects(points, 2, is_day_variance_known=day_known_kg is not None)
+    scatter = make_covariance_structure(
+        points, (*names, LACK_OF_FIT) if lack_of_fit else names, day_known_kg
+    )
     by_squares = scatter.mean_square_covariances
     x, y, x_cov = points.x_kg, points.y_kg, points.x_cov_kg2
     centre_kg = float(x.mean())
@@ -231,8 +239,8 @@ def fit_line(
             points.within,
             start,
         )
-        start, variances = found.value, found.combine_linearly(scatter.squares)
-        line = distance_regression(
+        start, variances = found.value, found.make_linear_combinations(scatter.squares)
+        line = fit_distance_regression(
             x - centre_kg, y, x_cov, scatter.covariance_for_variances(variances.value)
         )
         moved, slope = abs(line.slope - slope), line.slope
@@ -246,7 +254,7 @@ def fit_line(
         centre_kg=centre_kg,
         level_kg=line.intercept,
         slope_1=slope,
-        effects=scatter.effects_on_line(variances, design, slope, x_cov),
+        effects=scatter.describe_effects_on_line(variances, design, slope, x_cov),
         variances=variances,
         chi2=line.chi2,
         freedom=line.freedom,

@@ -10,7 +10,7 @@ from analysis.calibration.line.line_model import FittedLine
 from estimators.arrays import Floats
 
 
-def grubbs_test(values: Floats) -> tuple[int, float, float]:
+def compute_grubbs_test(values: Floats) -> tuple[int, float, float]:
     """Grubbs' test for one outlier on either side.
 
     Args:
@@ -57,7 +57,7 @@ def find_outliers(campaign: Campaign, line: FittedLine) -> tuple[Outlier, ...]:
         if part.height < LIMITS.outlier_min_readings:
             continue
         tested += 1
-        place, distance, p = grubbs_test(part["mass_kg"].to_numpy())
+        place, distance, p = compute_grubbs_test(part["mass_kg"].to_numpy())
         number = part["reading"][place] if "reading" in part.columns else place
         found.append(Outlier("Grubbs", f"reading {number} of run '{run_id}'", distance, p))
     found = [Outlier(one.test, one.about, one.value_1, min(tested * one.p_1, 1.0)) for one in found]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.calibration.line.calibration import Point
 from analysis.calibration.line.calibration_points import Campaign
-from analysis.calibration.line.distance_regression import StraightLine, distance_regression
+from analysis.calibration.line.distance_regression import StraightLine, fit_distance_regression
 from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.line_model import FittedLine, Points
 from analysis.calibration.line.outliers import studentised_residuals
@@ -22,14 +22,14 @@ from estimators.arrays import Floats
 _OF_19: Final = ("mass_kg", "reference_kg")
 
 
-def point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
+def make_point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
     """A row per run, including those without a used reading."""
     reference = campaign.points.x_kg
     calibrated = (campaign.points.y_kg - line.level_kg) / line.slope_1 + line.centre_kg
     values = {
         "calibrated_kg": calibrated,
         "error_kg": calibrated - reference,
-        "error_left_out_kg": leave_one_load_out_errors(campaign, line),
+        "error_left_out_kg": compute_leave_one_load_out_errors(campaign, line),
         "studentised_1": studentised_residuals(line),
     }
     place = {int(row): k for k, row in enumerate(campaign.fitted)}
@@ -44,7 +44,7 @@ def point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
     return tuple(rows)
 
 
-def leave_one_load_out_errors(campaign: Campaign, line: FittedLine) -> Floats:
+def compute_leave_one_load_out_errors(campaign: Campaign, line: FittedLine) -> Floats:
     """(points,) error on the line through the other loads; NaN if there is none."""
     points = campaign.points
     errors = np.full(points.y_kg.size, np.nan)
@@ -67,7 +67,7 @@ def fit_lines_without_each_load(points: Points, line: FittedLine) -> dict[int, S
         if np.unique(x[rest]).size < 2:
             continue
         inner = np.ix_(rest, rest)
-        other = distance_regression(x[rest], points.y_kg[rest], x_cov[inner], y_cov[inner])
+        other = fit_distance_regression(x[rest], points.y_kg[rest], x_cov[inner], y_cov[inner])
         if other.slope:
             found[int(load)] = other
     return found
@@ -79,7 +79,7 @@ def root_mean_square(errors: Sequence[float | None]) -> float | None:
     return float(np.sqrt(np.mean(np.square(known)))) if known else None
 
 
-def slope_attenuation(campaign: Campaign) -> float | None:
+def estimate_slope_attenuation(campaign: Campaign) -> float | None:
     """Slope of (19) fitted to single readings over that fitted to load means.
 
     Noise of the estimates attenuates a line from estimates to references, so the ratio is below 1.
@@ -97,7 +97,7 @@ def slope_attenuation(campaign: Campaign) -> float | None:
     return slopes[0] / slopes[1] if slopes[1] else None
 
 
-def scatter_over_stated_std(campaign: Campaign) -> float | None:
+def scatter_to_stated_std_ratio(campaign: Campaign) -> float | None:
     """Scatter of single readings within runs over their stated standard deviations."""
     if "std_kg" not in campaign.readings.columns:
         return None

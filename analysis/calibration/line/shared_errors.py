@@ -31,7 +31,7 @@ class RunResponse(BaseModel):
     response_kg: float
 
 
-def line_responses(
+def compute_line_responses(
     run_responses: Sequence[RunResponse], reference_kg: Mapping[str, float], centre_kg: float
 ) -> tuple[LineResponse, ...]:
     """Responses of a line's level and slope to errors of learnt means.
@@ -102,40 +102,46 @@ class SharedErrors:
         return cls(terms, error, covariance, told, moved_kg, scale_kg)
 
     def line_shifts(
-        self, responses: Sequence[LineResponse], level_1: float, away_kg: float
+        self,
+        responses: Sequence[LineResponse],
+        level_response_1: float,
+        distance_from_centre_kg: float,
     ) -> Floats:
         """(terms,) shifts of the line by one unit of each error.
 
         Args:
             responses: responses of the line.
-            level_1: factor of the line's level: 1 for a mass, 0 for a difference of two.
-            away_kg: distance from the line's centre.
+            level_response_1: factor of the line's level: 1 for a mass, 0 for a difference of two.
+            distance_from_centre_kg: distance from the line's centre.
         """
         by_term = {each.term: each for each in responses}
         return np.array(
             [
-                by_term[term].level_kg * level_1 + by_term[term].slope_1 * away_kg
+                by_term[term].level_kg * level_response_1
+                + by_term[term].slope_1 * distance_from_centre_kg
                 if term in by_term
                 else 0.0
                 for term in self.terms
             ]
         )
 
-    def offset_from_line_and_u_kg(self, moved_kg: Floats, line_kg: Floats) -> tuple[float, float]:
+    def line_offset_and_u_kg(
+        self, responses_kg: Floats, line_shifts_kg: Floats
+    ) -> tuple[float, float]:
         """Offset of an estimate from its line, with its standard uncertainty.
 
         Args:
-            moved_kg: (terms,) responses of the estimate.
-            line_kg: (terms,) shifts of the line.
+            responses_kg: (terms,) responses of the estimate.
+            line_shifts_kg: (terms,) shifts of the line.
         """
-        left = np.where(self.is_corrected, 0.0, moved_kg) - line_kg
-        return float(left @ self.error_1), self.u_kg(moved_kg - line_kg)
+        left = np.where(self.is_corrected, 0.0, responses_kg) - line_shifts_kg
+        return float(left @ self.error_1), self.u_kg(responses_kg - line_shifts_kg)
 
     def u_kg(self, moved_kg: Floats) -> float:
         """Standard uncertainty of an estimate due to the shared errors."""
         return float(np.sqrt(max(float(moved_kg @ self.covariance_1 @ moved_kg), 0.0)))
 
-    def learnt_part_kg(self, moved_kg: Floats) -> float:
+    def shared_part_of_log_u_kg(self, responses_kg: Floats) -> float:
         """Part of the log's own standard uncertainty due to these errors."""
-        told = np.where(self.is_corrected, moved_kg, 0.0)
-        return float(np.hypot(self.u_kg(told), np.linalg.norm(moved_kg - told)))
+        told = np.where(self.is_corrected, responses_kg, 0.0)
+        return float(np.hypot(self.u_kg(told), np.linalg.norm(responses_kg - told)))

@@ -33,7 +33,7 @@ class Variances:
     value: Floats
     covariance: Floats
 
-    def combine_linearly(self, coefficients: Floats) -> "Variances":
+    def make_linear_combinations(self, coefficients: Floats) -> "Variances":
         """Variances of the linear combinations `coefficients` @ value."""
         return Variances(coefficients @ self.value, coefficients @ self.covariance @ coefficients.T)
 
@@ -51,9 +51,9 @@ def estimate_variances_by_reml(
     residual: Floats,
     design: Floats,
     effects: Floats,
-    known: Floats,
+    known_covariance: Floats,
     within_run: WithinRunVariance,
-    start: Floats | None = None,
+    initial_variances: Floats | None = None,
 ) -> Variances:
     """Estimate variances of random effects by Fisher scoring.
 
@@ -65,23 +65,27 @@ def estimate_variances_by_reml(
         design: (points, parameters) regressors that are fitted with them.
         effects: (effects, points, points) structure of each; the first is that of readings if
             `within.freedom` is not 0.
-        known: (points, points) known covariance.
+        known_covariance: (points, points) known covariance.
         within_run: scatter of the readings, for the first effect.
-        start: (effects,) initial variances; None uses those of least squares.
+        initial_variances: (effects,) initial variances; None uses those of least squares.
 
     Source:
         Patterson and Thompson (1971); expected information as in Searle, Casella and McCulloch,
         Variance Components, 6.6.
     """
-    value = starting_variances(residual, design, effects, within_run) if start is None else start
-    floor = LIMITS.scoring_floor * max(float(value.max()), float(known.diagonal().min()))
+    value = (
+        guess_initial_variances(residual, design, effects, within_run)
+        if initial_variances is None
+        else initial_variances
+    )
+    floor = LIMITS.scoring_floor * max(float(value.max()), float(known_covariance.diagonal().min()))
     value = np.maximum(value, floor)
     information = np.eye(value.size)
     for _ in range(LIMITS.scoring_max_steps):
-        score, information = reml_score_and_information(
-            residual, design, effects, known, within_run, value
+        score, information = compute_reml_score_and_information(
+            residual, design, effects, known_covariance, within_run, value
         )
-        stepped = scoring_step(value, score, information, floor)
+        stepped = take_scoring_step(value, score, information, floor)
         settled = np.abs(stepped - value).max() <= LIMITS.scoring_tolerance * max(
             stepped.sum(), 1e-300
         )
@@ -91,7 +95,7 @@ def estimate_variances_by_reml(
     return Variances(value, np.asarray(np.linalg.pinv(information, hermitian=True), np.float64))
 
 
-def starting_variances(
+def guess_initial_variances(
     residual: Floats, design: Floats, effects: Floats, within_run: WithinRunVariance
 ) -> Floats:
     """Initial variances (effects,): equal shares of the residual, and the readings' own."""
@@ -104,62 +108,76 @@ def starting_variances(
     return value
 
 
-def expected_information(
-    design: Floats, effects: Floats, known: Floats, within_run: WithinRunVariance, value: Floats
+def compute_expected_information(
+    design: Floats,
+    effects: Floats,
+    known_covariance: Floats,
+    within_run: WithinRunVariance,
+    variances: Floats,
 ) -> Floats:
     """(effects, effects) expected information on the variances.
 
     Args:
         design: as `estimate_variances_by_reml` takes it.
         effects: likewise.
-        known: likewise.
+        known_covariance: likewise.
         within_run: as in `estimate_variances_by_reml`; its sum of squares is not used.
-        value: (effects,) the variances.
+        variances: (effects,) the variances.
     """
-    return fisher_information(
-        reml_projection(design, effects, known, value) @ effects, within_run, value
+    return compute_fisher_information(
+        compute_reml_projection(design, effects, known_covariance, variances) @ effects,
+        within_run,
+        variances,
     )
 
 
-def reml_projection(design: Floats, effects: Floats, known: Floats, value: Floats) -> Floats:
+def compute_reml_projection(
+    design: Floats, effects: Floats, known_covariance: Floats, variances: Floats
+) -> Floats:
     """Projection matrix P (points, points) of restricted maximum likelihood."""
-    weight = np.linalg.inv(np.tensordot(value, effects, 1) + known)
+    weight = np.linalg.inv(np.tensordot(variances, effects, 1) + known_covariance)
     weighted = weight @ design
     return weight - weighted @ np.linalg.solve(design.T @ weighted, weighted.T)
 
 
-def fisher_information(through: Floats, within_run: WithinRunVariance, value: Floats) -> Floats:
+def compute_fisher_information(
+    projected_effects: Floats, within_run: WithinRunVariance, variances: Floats
+) -> Floats:
     """Expected information (effects, effects) on the variances; readings add to the first."""
-    information = 0.5 * np.einsum("kij,lji->kl", through, through)
+    information = 0.5 * np.einsum("kij,lji->kl", projected_effects, projected_effects)
     if within_run.freedom:
-        information[0, 0] += 0.5 * within_run.freedom / value[0] ** 2
+        information[0, 0] += 0.5 * within_run.freedom / variances[0] ** 2
     return information
 
 
-def reml_score_and_information(
+def compute_reml_score_and_information(
     residual: Floats,
     design: Floats,
     effects: Floats,
-    known: Floats,
+    known_covariance: Floats,
     within_run: WithinRunVariance,
-    value: Floats,
+    variances: Floats,
 ) -> tuple[Floats, Floats]:
     """Derivative (effects,) of the restricted log likelihood, and expected information."""
-    projection = reml_projection(design, effects, known, value)
+    projection = compute_reml_projection(design, effects, known_covariance, variances)
     projected = projection @ residual
     through = projection @ effects
     score = 0.5 * (
         np.einsum("i,kij,j->k", projected, effects, projected) - np.trace(through, 0, 1, 2)
     )
     if within_run.freedom:
-        score[0] += 0.5 * (within_run.squares / value[0] - within_run.freedom) / value[0]
-    return score, fisher_information(through, within_run, value)
+        score[0] += 0.5 * (within_run.squares / variances[0] - within_run.freedom) / variances[0]
+    return score, compute_fisher_information(through, within_run, variances)
 
 
-def scoring_step(value: Floats, score: Floats, information: Floats, floor: float) -> Floats:
+def take_scoring_step(
+    variances: Floats, score: Floats, information: Floats, min_fraction: float
+) -> Floats:
     """Variances (effects,) after a scoring step, each at least a fraction of what it was."""
     try:
         step = np.linalg.solve(information, score)
     except np.linalg.LinAlgError:
         step = np.linalg.lstsq(information, score, rcond=None)[0]
-    return np.maximum(np.maximum(value + step, LIMITS.scoring_min_shrink * value), floor)
+    return np.maximum(
+        np.maximum(variances + step, LIMITS.scoring_min_shrink * variances), min_fraction
+    )

@@ -16,13 +16,13 @@ from analysis.calibration.use.calibration_drift import (
 )
 from analysis.calibration.use.learnt_priors import (
     describe_contradicted_priors,
-    describe_undetectable_changes,
+    describe_undetectable_changes_by_load,
 )
-from analysis.calibration.use.mass_differences import NORMAL, calibrate_payloads_by_line
+from analysis.calibration.use.mass_differences import NORMAL, calibrate_mass_differences
 from analysis.calibration.use.use_limits import LIMITS
 from analysis.model.machine_body import Body
 from analysis.model.schema import CALIBRATED, conform_to_schema
-from estimators.errors import DataError, nearest
+from estimators.errors import DataError, suggest_choice
 
 #: The estimators of frame `loads`: m̂ and the random part of its standard uncertainty.
 ESTIMATORS: Final[Mapping[str, tuple[str, str]]] = {
@@ -78,16 +78,16 @@ def calibrate_loads(
     if calibration.method not in ESTIMATORS:
         raise DataError(
             f"calibration: it was made for '{calibration.method}', which is not a mass of the "
-            f"loads; {nearest(calibration.method, ESTIMATORS)}"
+            f"loads; {suggest_choice(calibration.method, ESTIMATORS)}"
         )
     mass, u_random = ESTIMATORS[calibration.method]
     rows = loads.with_columns(estimate_kg=mass, estimate_u_random_kg=u_random).to_dicts()
     check = check_empty_machine_drift(rows, calibration, log)
-    refused = log.refused or machine_change_text(check, log)
+    refused = log.refused or describe_machine_change(check, log)
     told = check is not None and check.drifted is not None
     empties = sum(row["manoeuvres"] for row in rows if row["empty"])
     found = [
-        _calibrate_load_columns(
+        _make_calibrated_columns(
             row, calibration, log, refused, drift_was_checked=told, empty_weighings=empties
         )
         for row in rows
@@ -98,7 +98,7 @@ def calibrate_loads(
     return conform_to_schema("loads", loads.with_columns(**columns))
 
 
-def _calibrate_load_columns(
+def _make_calibrated_columns(
     row: Mapping[str, Any],
     calibration: Calibration,
     log: LaterLog,
@@ -108,8 +108,8 @@ def _calibrate_load_columns(
     empty_weighings: int,
 ) -> dict[str, Any]:
     """Calibrated columns of a load."""
-    off_kg, unlike_u_kg = _offset_by_unlike_driving_and_u_kg(row, calibration, log.shared_errors)
-    one = _calibrate_load(row, calibration, refusal, off_kg, unlike_u_kg)
+    off_kg, unlike_u_kg = driving_offset_and_u_kg(row, calibration, log.shared_errors)
+    one = _calibrate_load_mass(row, calibration, refusal, off_kg, unlike_u_kg)
     said = {
         "calibrated_kg": one.mass_kg,
         "calibrated_u_kg": one.u_kg,
@@ -121,9 +121,9 @@ def _calibrate_load_columns(
     if one.mass_kg is None:
         return said
     said["calibrated_unlike_u_kg"] = unlike_u_kg / abs(calibration.c1_1)
-    if calibration.is_of_one_day and not drift_was_checked:
+    if calibration.has_single_day and not drift_was_checked:
         said["calibrated_said"] = log.unseen.get(row["load_id"], "")
-    payload = payload_with_u_and_half_interval(row, calibration, log, one, empty_weighings)
+    payload = calibrate_payload(row, calibration, log, one, empty_weighings)
     if payload is not None:
         mass_kg, u_kg, half_kg = payload
         said |= {
@@ -135,7 +135,7 @@ def _calibrate_load_columns(
     return said
 
 
-def _offset_by_unlike_driving_and_u_kg(
+def driving_offset_and_u_kg(
     row: Mapping[str, Any], calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
     """Offset of m̂ caused by driving unlike the campaign, with its uncertainty, in kg."""
@@ -144,15 +144,15 @@ def _offset_by_unlike_driving_and_u_kg(
         return 0.0, 0.0
     away_kg = ((row["estimate_kg"] or 0.0) - calibration.level_kg) / calibration.c1_1
     line_kg = shared_errors.line_shifts(calibration.responses, 1.0, away_kg)
-    return shared_errors.offset_from_line_and_u_kg(shared_errors.moved_kg[key], line_kg)
+    return shared_errors.line_offset_and_u_kg(shared_errors.moved_kg[key], line_kg)
 
 
-def _calibrate_load(
+def _calibrate_load_mass(
     row: Mapping[str, Any],
     calibration: Calibration,
     refusal: str,
-    off_kg: float,
-    unlike_u_kg: float,
+    driving_offset_kg: float,
+    driving_u_kg: float,
 ) -> CalibratedMass:
     """Calibrated mass of a load, or the reason why it has none."""
     estimate_kg, withheld_for = row["estimate_kg"], row["withheld_for"]
@@ -163,42 +163,49 @@ def _calibrate_load(
             return CalibratedMass(None, None, None, None, f"withheld for {withheld_for}")
         return calibration.calibrate_estimate(None, None, row["manoeuvres"])
     random_kg, count = row["estimate_u_random_kg"], row["manoeuvres"]
-    return calibration.calibrate_estimate(estimate_kg - off_kg, random_kg, count, unlike_u_kg)
+    return calibration.calibrate_estimate(
+        estimate_kg - driving_offset_kg, random_kg, count, driving_u_kg
+    )
 
 
-def payload_with_u_and_half_interval(
+def calibrate_payload(
     row: Mapping[str, Any],
     calibration: Calibration,
     log: LaterLog,
-    one: CalibratedMass,
-    empties: int,
+    load_mass: CalibratedMass,
+    empty_weighings: int,
 ) -> tuple[float, float, float] | None:
     """Payload, standard uncertainty and half interval in kg; None without a payload."""
-    if one.mass_kg is None or one.u_kg is None or row["own_payload_kg"] is None or row["empty"]:
+    if (
+        load_mass.mass_kg is None
+        or load_mass.u_kg is None
+        or row["own_payload_kg"] is None
+        or row["empty"]
+    ):
         return None
-    assert one.high_kg is not None
-    assert one.low_kg is not None
-    half_kg = (one.high_kg - one.low_kg) / 2.0
+    assert load_mass.high_kg is not None
+    assert load_mass.low_kg is not None
+    half_kg = (load_mass.high_kg - load_mass.low_kg) / 2.0
     if calibration.method == "joint_payload":
-        return one.mass_kg, one.u_kg, half_kg
+        return load_mass.mass_kg, load_mass.u_kg, half_kg
     if row["payload_to"] is None:
         empty_kg = row["mass_kg"] - row["own_payload_kg"]
-        u_kg = float(np.hypot(one.u_kg, log.empty_u_kg))
-        return one.mass_kg - empty_kg, u_kg, float(np.hypot(half_kg, NORMAL * log.empty_u_kg))
+        u_kg = float(np.hypot(load_mass.u_kg, log.empty_u_kg))
+        return load_mass.mass_kg - empty_kg, u_kg, float(np.hypot(half_kg, NORMAL * log.empty_u_kg))
     # by readings that repeat no better than the campaign's
     repeats_kg = (calibration.repeatability_kg or 0.0) * float(
-        np.sqrt(1.0 / row["manoeuvres"] + 1.0 / max(empties, 1))
+        np.sqrt(1.0 / row["manoeuvres"] + 1.0 / max(empty_weighings, 1))
     )
     u_kg, u_random_kg = row["own_payload_u_kg"], row["own_payload_u_random_kg"]
     random_kg = max(u_random_kg, repeats_kg)
     common_kg = float(np.sqrt(max(u_kg**2 - u_random_kg**2, 0.0)))
-    found = calibrate_payloads_by_line(
+    found = calibrate_mass_differences(
         calibration,
         log.shared_errors,
         [("payload", row["load_id"])],
         np.array([row["own_payload_kg"]]),
     )
-    beside_kg = found.common_kg_beside_line(np.array([common_kg]))[0]
+    beside_kg = found.common_u_beside_line_kg(np.array([common_kg]))[0]
     parts = (random_kg / abs(calibration.c1_1), beside_kg, found.unlike_u_kg[0], found.line_kg[0])
     u_kg = float(np.linalg.norm(parts))
     return float(found.payload_kg[0]), u_kg, max(calibration.coverage_k_1, NORMAL) * u_kg
@@ -213,9 +220,7 @@ def check_empty_machine_drift(
         return None
     count = np.array([row["manoeuvres"] for row in empty], np.float64)
     share = count / count.sum()
-    apart = [
-        _offset_by_unlike_driving_and_u_kg(row, calibration, log.shared_errors) for row in empty
-    ]
+    apart = [driving_offset_and_u_kg(row, calibration, log.shared_errors) for row in empty]
     mass_kg = float(
         share @ [row["mass_kg"] - off for row, (off, _) in zip(empty, apart, strict=True)]
     )
@@ -227,7 +232,7 @@ def check_empty_machine_drift(
     return check_drift_by_known_mass(calibration, log.empty_kg, u_kg, point)
 
 
-def machine_change_text(check: DriftCheck | None, log: LaterLog) -> str:
+def describe_machine_change(check: DriftCheck | None, log: LaterLog) -> str:
     """Why the calibration no longer applies to this machine; "" if it does."""
     if (
         check is None
@@ -245,20 +250,20 @@ def machine_change_text(check: DriftCheck | None, log: LaterLog) -> str:
 
 
 def describe_later_log(
-    frames: Mapping[str, pl.DataFrame], body: Body, refused: str = ""
+    frames: Mapping[str, pl.DataFrame], body: Body, refusal_reasons: str = ""
 ) -> LaterLog:
     """Collect the facts about a later log.
 
     Args:
         frames: `LATER_LOG_FRAMES` of a replay with the calibration's learnt priors.
         body: machine body with the calibration's empty mass.
-        refused: known reason why the log must not be calibrated, if any.
+        refusal_reasons: known reason why the log must not be calibrated, if any.
     """
     nuisances, shared_errors = frames["nuisances"], SharedErrors.from_frames(frames)
     return LaterLog(
-        refused or describe_contradicted_priors(nuisances),
+        refusal_reasons or describe_contradicted_priors(nuisances),
         shared_errors,
         body.empty_mass_kg,
         body.empty_mass_u_kg or 0.0,
-        describe_undetectable_changes(nuisances, shared_errors),
+        describe_undetectable_changes_by_load(nuisances, shared_errors),
     )

@@ -59,8 +59,8 @@ def check_drift_by_known_mass(
     calibration: Calibration,
     reference_kg: float,
     reference_u_kg: float,
-    point: CheckPoint,
-    matters_kg: float | None = None,
+    machine_reading: CheckPoint,
+    min_relevant_drift_kg: float | None = None,
 ) -> DriftCheck:
     """Compare one known mass with its mass by the calibration.
 
@@ -68,8 +68,8 @@ def check_drift_by_known_mass(
         calibration: calibration of the machine.
         reference_kg: known mass, including the machine if the calibration includes it.
         reference_u_kg: its standard uncertainty, independent of the calibration's.
-        point: reading of the machine.
-        matters_kg: drift that must be detected; None for twice the limit.
+        machine_reading: reading of the machine.
+        min_relevant_drift_kg: drift that must be detected; None for twice the limit.
 
     Raises:
         DataError: an uncertainty or drift is not a positive number.
@@ -78,24 +78,24 @@ def check_drift_by_known_mass(
         raise DataError(
             "check: the standard uncertainty of the known mass must be a number of at least 0 kg"
         )
-    if matters_kg is not None and not matters_kg > 0.0:
+    if min_relevant_drift_kg is not None and not min_relevant_drift_kg > 0.0:
         raise DataError("check: the drift limit must be above 0 kg")
     low, high = calibration.range_kg
     # a drifted machine may well say a mass outside of the range: the known mass has to be in it
     if not low <= reference_kg <= high:
-        return _no_drift_check(
+        return _make_missing_drift_check(
             f"{reference_kg:g} kg is outside of the range, {low:g} to {high:g} kg"
         )
-    if point.mass_kg is None or point.readings < 1:
-        return _no_drift_check("no estimate")
-    inversion = calibration.inversion.add_common_u(reference_u_kg)
-    run = (float(point.readings), point.u_random_kg or 0.0)
-    mass = calibration.alpha_1 * point.mass_kg + calibration.beta_kg
+    if machine_reading.mass_kg is None or machine_reading.readings < 1:
+        return _make_missing_drift_check("no estimate")
+    inversion = calibration.make_inversion.add_common_uncertainty(reference_u_kg)
+    run = (float(machine_reading.readings), machine_reading.u_random_kg or 0.0)
+    mass = calibration.alpha_1 * machine_reading.mass_kg + calibration.beta_kg
     difference = mass - reference_kg
     u = inversion.u_kg(reference_kg, *run)
     limit = inversion.half_interval_kg(reference_kg, calibration.confidence_1, *run)
     tail = inversion.exceedance_probability(abs(difference), reference_kg, *run)
-    matters = 2.0 * limit if matters_kg is None else matters_kg
+    matters = 2.0 * limit if min_relevant_drift_kg is None else min_relevant_drift_kg
     # the limit is given by then, so that what a drift leaves within it is as good as normal
     missed = float(ndtr((limit - matters) / u) - ndtr((-limit - matters) / u))
     return DriftCheck(
@@ -111,5 +111,5 @@ def check_drift_by_known_mass(
     )
 
 
-def _no_drift_check(reason: str) -> DriftCheck:
+def _make_missing_drift_check(reason: str) -> DriftCheck:
     return DriftCheck(None, None, None, None, None, None, None, None, reason)

@@ -8,7 +8,7 @@ from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
 from analysis.calibration.line.calibration import Calibration
-from estimators.errors import DataError, nearest
+from estimators.errors import DataError, suggest_choice
 
 _CONFIG: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
 #: OIML R 51: loads up to so many scale intervals e, by class; it has no more than the last.
@@ -105,7 +105,7 @@ def error_limit_kg(rule: DecisionRule, load_kg: float) -> float:
     if name in _R134_LIMITS_1:
         return _R134_LIMITS_1[name] * (2.0 if rule.in_service else 1.0) * abs(load_kg)
     if name not in _R51_STEPS_E:
-        raise DataError(f"error limits: no class '{name}'; {nearest(name, CLASSES)}")
+        raise DataError(f"error limits: no class '{name}'; {suggest_choice(name, CLASSES)}")
     e_kg = rule.scale_interval_kg
     if e_kg is None or not e_kg > 0.0:
         raise DataError(f"error limits: {name} needs a scale interval e in kg")
@@ -119,7 +119,7 @@ def error_limit_kg(rule: DecisionRule, load_kg: float) -> float:
     return _R51_LIMITS_E[rule.in_service][step] * e_kg
 
 
-def judge_error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
+def judge_campaign_loads(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
     """Judge later masses at each load of the campaign.
 
     A later mass is assumed to err by the mean leave-one-out error of its load, and by the
@@ -137,9 +137,9 @@ def judge_error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLim
         JCGM 106:2012, 8.3 (guarded acceptance, specific risk).
     """
     readings = float(calibration.budget_at[1])
-    inversion = calibration.inversion
+    inversion = calibration.make_inversion
     rows: list[LimitRow] = []
-    for load_id, reference_kg, error_kg in mean_errors_of_loads(calibration):
+    for load_id, reference_kg, error_kg in compute_mean_errors_kg(calibration):
         limit = error_limit_kg(rule, reference_kg - rule.tare_kg)
         outside = min(
             inversion.exceedance_probability(limit - error_kg, reference_kg, readings)
@@ -155,14 +155,14 @@ def judge_error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLim
                 error_kg=error_kg,
                 u_kg=inversion.u_kg(reference_kg, readings),
                 guard_kg=inversion.half_interval_kg(reference_kg, one_sided, readings),
-                verdict=verdict_on_load(outside, rule.risk_1),
+                verdict=judge_load_risk(outside, rule.risk_1),
                 outside_1=outside,
             )
         )
-    return overall_verdict(rule, tuple(rows))
+    return choose_worst_verdict(rule, tuple(rows))
 
 
-def mean_errors_of_loads(calibration: Calibration) -> list[tuple[str, float, float]]:
+def compute_mean_errors_kg(calibration: Calibration) -> list[tuple[str, float, float]]:
     """Name, reference and mean error of each load on board, in kg."""
     found: list[tuple[str, float, float]] = []
     for reference in calibration.references:
@@ -177,14 +177,14 @@ def mean_errors_of_loads(calibration: Calibration) -> list[tuple[str, float, flo
     return found
 
 
-def verdict_on_load(outside_1: float, risk_1: float) -> str:
+def judge_load_risk(exceedance_probability_1: float, allowed_risk_1: float) -> str:
     """Verdict on one load by the probability that a mass is beyond the limits."""
-    if outside_1 <= risk_1:
+    if exceedance_probability_1 <= allowed_risk_1:
         return WITHIN
-    return OUTSIDE if outside_1 >= 1.0 - risk_1 else UNDECIDED
+    return OUTSIDE if exceedance_probability_1 >= 1.0 - allowed_risk_1 else UNDECIDED
 
 
-def overall_verdict(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> ErrorLimits:
+def choose_worst_verdict(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> ErrorLimits:
     """The worst verdict of all loads, its risk and its sentence."""
     verdicts = {row.verdict for row in rows}
     verdict = next(v for v in (OUTSIDE, UNDECIDED, WITHIN) if v in verdicts)

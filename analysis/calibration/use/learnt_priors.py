@@ -59,7 +59,7 @@ class LearntPriors(BaseModel):
     responses: tuple[RunResponse, ...] = Field(default=(), max_length=100_000)
 
 
-def learnable_terms(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
+def select_learnable_terms(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
     """Terms of a log from which priors can be learnt.
 
     Args:
@@ -74,7 +74,7 @@ def learnable_terms(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
     )
 
 
-def pool_terms_of_logs(
+def pool_terms_over_logs(
     log_terms: Iterable[TermOfLog], procedure: Procedure = PRESENT_PROCEDURE
 ) -> dict[LearnableTerm, LearntTerm]:
     """Pool the logs' estimates of each term: weighted mean, uncertainty, variation between logs.
@@ -101,16 +101,20 @@ def pool_terms_of_logs(
         if procedure.terms_tested_singly
         else LIMITS.variation_probability / max(len(pooled), 1)
     )
-    return {term: pool_term(by_term[term], level) for term in pooled}
+    return {term: pool_term_over_logs(by_term[term], level) for term in pooled}
 
 
-def pool_term(log_terms: Sequence[TermOfLog], level: float) -> LearntTerm:
+def pool_term_over_logs(log_terms: Sequence[TermOfLog], significance_level: float) -> LearntTerm:
     """Prior of a term from the logs' estimates, which count once with the old prior."""
     # all floats are Python's own: evidence is written and read back to the last bit
     prior = float(max(each.prior_std for each in log_terms))
-    told = [own for each in log_terms if (own := estimate_and_std_without_prior(each)) is not None]
+    told = [own for each in log_terms if (own := remove_prior_of_term(each)) is not None]
     value, variance = np.array([v for v, _ in told]), np.array([s**2 for _, s in told])
-    between = between_log_variance(value, variance, level) if len(told) >= LIMITS.min_logs else 0.0
+    between = (
+        estimate_between_log_variance(value, variance, significance_level)
+        if len(told) >= LIMITS.min_logs
+        else 0.0
+    )
     weight = 1.0 / (variance + between)
     # the prior counts once, not once a log
     total = float(weight.sum()) + prior**-2
@@ -121,13 +125,13 @@ def pool_term(log_terms: Sequence[TermOfLog], level: float) -> LearntTerm:
     )
 
 
-def estimate_and_std_without_prior(log_term: TermOfLog) -> tuple[float, float] | None:
+def remove_prior_of_term(log_term: TermOfLog) -> tuple[float, float] | None:
     """Estimate of a term by the log alone, without the prior, and its standard deviation."""
     prior = (log_term.prior_mean, log_term.prior_std)
-    return remove_prior((log_term.posterior, log_term.posterior_std), prior)
+    return divide_out_prior((log_term.posterior, log_term.posterior_std), prior)
 
 
-def remove_prior(
+def divide_out_prior(
     posterior: tuple[float, float], prior: tuple[float, float]
 ) -> tuple[float, float] | None:
     """Remove a prior from a posterior (mean and deviation each); None if the log adds little."""
@@ -138,18 +142,20 @@ def remove_prior(
     return (value * std**-2 - mean * width**-2) / information, float(information**-0.5)
 
 
-def between_log_variance(value: np.ndarray, variance: np.ndarray, level: float) -> float:
-    """Variance between logs; 0 if chance explains the differences more often than `level`."""
+def estimate_between_log_variance(
+    estimates: np.ndarray, variance: np.ndarray, significance_level: float
+) -> float:
+    """Variance between logs; 0 if the differences are not significant at this level."""
     weight = 1.0 / variance
-    mean = float(weight @ value / weight.sum())
-    squares, freedom = float(weight @ (value - mean) ** 2), value.size - 1
-    if float(chdtrc(freedom, squares)) > level:
+    mean = float(weight @ estimates / weight.sum())
+    squares, freedom = float(weight @ (estimates - mean) ** 2), estimates.size - 1
+    if float(chdtrc(freedom, squares)) > significance_level:
         return 0.0
     spare = float(weight.sum() - (weight @ weight) / weight.sum())
     return max(squares - freedom, 0.0) / spare
 
 
-def machine_with_learnt_priors(
+def apply_learnt_priors_to_machine(
     machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]
 ) -> Machine:
     """The machine with a calibration's learnt priors; those stated in its file are kept."""
@@ -163,7 +169,7 @@ def machine_with_learnt_priors(
     return machine.model_copy(update={"settings": machine.settings.with_changes(content)})
 
 
-def machine_for_later_log(machine: Machine) -> Machine:
+def prepare_machine_for_later_log(machine: Machine) -> Machine:
     """The machine for later logs, in which several loads show errors of learnt means."""
     told = {"priors.learnt_means": "told"}
     return machine.model_copy(update={"settings": machine.settings.with_changes(told)})
@@ -176,7 +182,7 @@ def describe_contradicted_priors(nuisances: pl.DataFrame) -> str:
         nuisances: the frame `nuisances`.
     """
     worst, said = LIMITS.contradicting_std, ""
-    for row, own, std in estimates_of_log(nuisances):
+    for row, own, std in iter_learnt_term_estimates(nuisances):
         deviations = abs(own - row["prior_mean"]) / std
         if deviations > worst:
             worst = deviations
@@ -188,12 +194,14 @@ def describe_contradicted_priors(nuisances: pl.DataFrame) -> str:
     return said
 
 
-def estimates_of_log(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], float, float]]:
+def iter_learnt_term_estimates(
+    nuisances: pl.DataFrame,
+) -> Iterator[tuple[dict[str, Any], float, float]]:
     """Row, estimate by the log alone, and expected deviation of each learnt term."""
     if "alone" not in nuisances.columns:
         return
     for row in nuisances.drop_nulls("alone").to_dicts():
-        own = remove_prior(
+        own = divide_out_prior(
             (row["alone"], row["alone_std"]), (row["alone_prior_mean"], row["alone_prior_std"])
         )
         if own is not None and row["prior_mean_u"]:
@@ -201,7 +209,7 @@ def estimates_of_log(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], 
             yield row, own[0], std
 
 
-def describe_undetectable_changes(
+def describe_undetectable_changes_by_load(
     nuisances: pl.DataFrame, shared_errors: SharedErrors | None
 ) -> dict[int, str]:
     """Largest change since the calibration that this log would not contradict, by load.
@@ -214,7 +222,7 @@ def describe_undetectable_changes(
         return {}
     place = {term: k for k, term in enumerate(shared_errors.terms)}
     times = np.zeros(len(place))
-    for row, _, std in estimates_of_log(nuisances):
+    for row, _, std in iter_learnt_term_estimates(nuisances):
         if row["term"] in place and row["term"] in _CHANGES:
             times[place[row["term"]]] = LIMITS.contradicting_std * std / row["prior_mean_u"]
     return {

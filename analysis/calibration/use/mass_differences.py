@@ -46,12 +46,12 @@ class DifferenceOnLine:
     shared_u_kg: Floats
     size_1: float
 
-    def common_kg_beside_line(self, common_kg: Floats) -> Floats:
+    def common_u_beside_line_kg(self, common_kg: Floats) -> Floats:
         """(n,) common uncertainty in kg of m̂ minus the absorbed part, in kg of mass."""
         return np.sqrt(np.maximum(common_kg**2 - self.taken_kg**2, 0.0)) / self.size_1
 
 
-def calibrate_payloads_by_line(
+def calibrate_mass_differences(
     calibration: Calibration,
     shared_errors: SharedErrors | None,
     kinds_and_numbers: Sequence[tuple[str, int]],
@@ -66,7 +66,11 @@ def calibrate_payloads_by_line(
         payload_kg: (n,) uncalibrated payloads; NaN if missing.
     """
     absolute = calibration.method == "joint_payload"
-    gain = slope_gain(calibration) if absolute else combine_gains(calibration, shared_errors)
+    gain = (
+        make_slope_gain(calibration)
+        if absolute
+        else combine_slope_and_level_gain(calibration, shared_errors)
+    )
     slope, size = gain.slope_1, abs(gain.slope_1)
     level_kg = calibration.c0_kg if absolute else 0.0
     mass_kg = (payload_kg - level_kg) / slope
@@ -85,13 +89,13 @@ def calibrate_payloads_by_line(
             [each in shared_errors.moved_kg for each in kinds_and_numbers]
         ) & np.isfinite(mass_kg)
         moved, line = (np.where(told[:, None], each, 0.0) for each in (moved, line))
-        off = [
-            shared_errors.offset_from_line_and_u_kg(*each) for each in zip(moved, line, strict=True)
-        ]
+        off = [shared_errors.line_offset_and_u_kg(*each) for each in zip(moved, line, strict=True)]
         off_kg, unlike_u_kg = (np.array(each) for each in zip(*off, strict=True))
         share = np.nan_to_num(np.abs(mass_kg)) / max(float(np.nansum(np.abs(mass_kg))), 1e-9)
         scale_kg = np.array([shared_errors.scale_kg.get(each, 0.0) for each in kinds_and_numbers])
-        taken_kg = np.hypot(share * shared_errors.learnt_part_kg(moved.sum(axis=0)), scale_kg)
+        taken_kg = np.hypot(
+            share * shared_errors.shared_part_of_log_u_kg(moved.sum(axis=0)), scale_kg
+        )
         shared_u_kg = share * shared_errors.u_kg((moved - line).sum(axis=0))
     mass_kg = (payload_kg - off_kg - level_kg) / slope
     variance = gain.variance_1 * mass_kg**2
@@ -123,15 +127,17 @@ class DifferenceGain:
     by_level_1: float
 
 
-def slope_gain(calibration: Calibration) -> DifferenceGain:
+def make_slope_gain(calibration: Calibration) -> DifferenceGain:
     """Gain by the slope of the line alone."""
     return DifferenceGain(calibration.c1_1, calibration.covariance[2], 0.0)
 
 
-def combine_gains(calibration: Calibration, shared_errors: SharedErrors | None) -> DifferenceGain:
+def combine_slope_and_level_gain(
+    calibration: Calibration, shared_errors: SharedErrors | None
+) -> DifferenceGain:
     """Gain of mass differences: slope and level of the line, weighted by uncertainty."""
     if shared_errors is None or not calibration.responses:
-        return slope_gain(calibration)
+        return make_slope_gain(calibration)
     at_kg, slope = calibration.centre_kg, calibration.c1_1
     level_variance, both, slope_variance = calibration.covariance
     # the line's own uncertainty at its centre, of c0 + c1 m
@@ -142,7 +148,7 @@ def combine_gains(calibration: Calibration, shared_errors: SharedErrors | None) 
         [by_level_kg2 / at_kg**2, slope_variance + (LIMITS.slope_by_load_std_1 * slope) ** 2]
     )
     if abs(by_level - slope) > LIMITS.slope_gain_max_std * float(np.sqrt(variances.sum())):
-        return slope_gain(calibration)
+        return make_slope_gain(calibration)
     share = float(variances[1] / variances.sum())
     variance = share**2 * max(own, 0.0) / at_kg**2 + (1.0 - share) ** 2 * float(variances[1])
     return DifferenceGain(share * by_level + (1.0 - share) * slope, variance, share)

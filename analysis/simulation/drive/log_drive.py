@@ -21,7 +21,7 @@ from estimators.arrays import Floats
 from estimators.errors import ScenarioError
 
 
-def integrate_trials_of_log(scenario: Scenario, load_kg: float, load_index: int) -> IntegratedLog:
+def integrate_log_trials(scenario: Scenario, load_kg: float, load_index: int) -> IntegratedLog:
     """Drive all trials of one log, without noise.
 
     Args:
@@ -33,7 +33,7 @@ def integrate_trials_of_log(scenario: Scenario, load_kg: float, load_index: int)
         ScenarioError: the machine does not start, does not stop, or becomes too fast.
     """
     driver = TrialDriver(scenario, load_kg, load_index)
-    asked_s = sum(expected_duration_s(each) for each in scenario.campaign.trial)
+    asked_s = sum(estimate_manoeuvre_duration_s(each) for each in scenario.campaign.trial)
     driver.reserve_rows(scenario.campaign.runs * asked_s)
     trial_s = [0.0]
     for trial in range(scenario.campaign.runs):
@@ -46,11 +46,11 @@ def integrate_trials_of_log(scenario: Scenario, load_kg: float, load_index: int)
         np.array(trial_s),
         tuple(driver.driven),
         driver.kept.rows,
-        driver.kept.kind_of_each_row,
+        driver.kept.stage_kinds_of_rows,
     )
 
 
-def expected_duration_s(manoeuvre: Manoeuvre) -> float:
+def estimate_manoeuvre_duration_s(manoeuvre: Manoeuvre) -> float:
     """Approximate duration of a manoeuvre, including its stop."""
     match manoeuvre:
         case Rest():
@@ -68,7 +68,7 @@ class TrialDriver(MachineDriver):
         super().__init__(scenario, load_kg, load_index)
         self.driven: list[DrivenManoeuvre] = []
         self._load_kg = load_kg
-        self.mass_kg = RigidBody.from_scenario_with_load(scenario, load_kg).mass_kg
+        self.mass_kg = RigidBody.make_loaded_body(scenario, load_kg).mass_kg
         #: Whether a stand has the load of the start after it, or, as logs of before have it, the
         #: one that the log began with.
         self._stands_loaded = bool(scenario.chassis.pitch_deg_kg or scenario.loading.spill_1_s)
@@ -79,11 +79,11 @@ class TrialDriver(MachineDriver):
     ) -> None:
         """Drive one manoeuvre, from standing to standing."""
         loading = self.scenario.loading
-        added_kg = loading.added_kg(self.starts)
+        added_kg = loading.added_load_kg(self.starts)
         if added_kg != self._added_kg:
             self._added_kg, self._lost_kg = added_kg, 0.0
         load_kg = self._load_kg + added_kg - self._lost_kg
-        body = RigidBody.from_scenario_with_load(self.scenario, load_kg)
+        body = RigidBody.make_loaded_body(self.scenario, load_kg)
         body = replace(body, rolling_x_N=self.rolling_resistance(body.mass_kg))
         if self._stands_loaded:
             self.mass_kg = body.mass_kg
@@ -92,8 +92,8 @@ class TrialDriver(MachineDriver):
             case Rest():
                 times = self.stand_still(manoeuvre.duration_s, self.mass_kg)
             case Start():
-                body = replace(body, coulomb_x_N=self.draw_coulomb())
-                sign = self._direction_of_start(manoeuvre)
+                body = replace(body, coulomb_x_N=self.draw_coulomb_friction())
+                sign = self._choose_start_direction(manoeuvre)
                 direction = "forward" if sign > 0.0 else "reverse"
                 throttle = manoeuvre.throttle * self.draw_throttle()
                 order = StartOrder(
@@ -123,7 +123,7 @@ class TrialDriver(MachineDriver):
                     "integrated"
                 )
         since = times.subtract_begin(trial_begin_s)
-        body = self.body_with_friction_at(body, times.start_s)
+        body = self.make_body_with_cold_friction(body, times.start_s)
         self.driven.append(
             DrivenManoeuvre(
                 trial, manoeuvre_number, since, body, load_kg, load_end_kg, direction, throttle
@@ -141,12 +141,12 @@ class TrialDriver(MachineDriver):
         )
         wave = np.array(
             [
-                self.scenario.force_and_torque_through_valves(float(value), 0.0)[0]
+                self.scenario.limit_force_and_torque_by_valves(float(value), 0.0)[0]
                 for value in force(since_s)
             ]
         )
         stage = DriveStage(begin_s, body.mass_kg, coulomb_N=body.coulomb_x_N)
-        self.state[plant.BRAKE] = -body.mass_kg * self.uphill_m_s2()
+        self.state[plant.BRAKE] = -body.mass_kg * self.uphill_gravity_m_s2()
         self.integrate_stage(FREE, stage, excite.duration_s, wave)
         braking_s = self.time_s
         self.brake_to_stop(stage._replace(begin_s=braking_s))
@@ -216,7 +216,7 @@ class TrialDriver(MachineDriver):
             stage = DriveStage(self.time_s, self.mass_kg, drive_N=drive_N, facing=self.facing)
             self.integrate_stage(FREE, stage, LIMITS.step_s)
 
-    def _direction_of_start(self, start: Start) -> float:
+    def _choose_start_direction(self, start: Start) -> float:
         sign = 1.0 if start.direction == "forward" else -1.0
         turned = self.scenario.starts.directions == "alternating" and self.starts % 2 == 1
         return -sign if turned else sign
@@ -250,14 +250,14 @@ def draw_travel_legs(
         if first:
             speed, first = target, False
         parts += [
-            ramp_speeds_m_s(speed, target, travel, step_s),
+            make_ramp_speeds_m_s(speed, target, travel, step_s),
             np.full(round(hold_s / step_s), target),
         ]
         left_s -= (parts[-2].size + parts[-1].size) * step_s
         speed = target
         ends = left_s <= 0.0
         if stands or (ends and not travel.in_motion):
-            parts.append(ramp_speeds_m_s(speed, 0.0, travel, step_s))
+            parts.append(make_ramp_speeds_m_s(speed, 0.0, travel, step_s))
             yield TravelLeg(np.concatenate(parts), 0.0 if ends else stand_s)
             left_s -= parts[-1].size * step_s + stand_s
             parts, speed = [], 0.0
@@ -265,7 +265,7 @@ def draw_travel_legs(
         yield TravelLeg(np.concatenate(parts), None)
 
 
-def ramp_speeds_m_s(begin_m_s: float, end_m_s: float, travel: Travel, step_s: float) -> Floats:
+def make_ramp_speeds_m_s(begin_m_s: float, end_m_s: float, travel: Travel, step_s: float) -> Floats:
     """Target speeds of a ramp in m/s, one per integration step."""
     steps = round(abs(end_m_s - begin_m_s) / travel.acceleration_m_s2 / step_s)
     return np.linspace(begin_m_s, end_m_s, steps, endpoint=False)

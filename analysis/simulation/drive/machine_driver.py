@@ -18,7 +18,7 @@ from analysis.simulation.plant.integrated_motion import (
     RowBuffer,
 )
 from analysis.simulation.plant.plant_inputs import DriveStage, make_plant
-from analysis.simulation.plant.resistance import cold_friction_share, rolling_resistance
+from analysis.simulation.plant.resistance import cold_friction_fraction, rolling_resistance
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.sensors.random_streams import make_generator
@@ -61,7 +61,7 @@ class MachineDriver:
         self.time_s = 0.0
         self.kept = RowBuffer()
         self.scenario = scenario
-        self.state = plant.state_at_rest()
+        self.state = plant.make_state_at_rest()
         self.starts = 0
         #: 1 or -1: whether the machine looks uphill or downhill where the ground slopes up.
         self.facing = 1.0
@@ -281,12 +281,12 @@ class MachineDriver:
         self.kept.commit_rows(kept, kind)
         return rows[:kept]
 
-    def uphill_m_s2(self) -> float:
+    def uphill_gravity_m_s2(self) -> float:
         """Component of gravity against the machine at its position."""
         slope_rad = self.scenario.terrain.slope_at_rad(self.position_m)
         return self.facing * self._plant.gravity_m_s2 * math.sin(slope_rad)
 
-    def body_with_friction_at(self, body: RigidBody, time_s: float) -> RigidBody:
+    def make_body_with_cold_friction(self, body: RigidBody, time_s: float) -> RigidBody:
         """Body with the remaining cold friction at a time."""
         viscous, coulomb = self._cold_viscous_and_coulomb_shares(time_s)
         return replace(
@@ -299,11 +299,11 @@ class MachineDriver:
         """Remaining fractions of cold viscous and Coulomb friction at a time."""
         viscous, coulomb = self._plant.friction_warming, self._plant.coulomb_warming
         warming_s = self._plant.warming_s
-        return cold_friction_share(time_s, viscous, warming_s), cold_friction_share(
+        return cold_friction_fraction(time_s, viscous, warming_s), cold_friction_fraction(
             time_s, coulomb, warming_s
         )
 
-    def draw_coulomb(self) -> float:
+    def draw_coulomb_friction(self) -> float:
         """Draw the Coulomb friction of the next start in N, on a cold machine."""
         drawn = self._make_random_generator("start_coulomb").standard_normal()
         varied = self.scenario.starts.coulomb_std_N * float(drawn)
@@ -321,18 +321,18 @@ class MachineDriver:
     def _make_random_generator(self, stream: str) -> np.random.Generator:
         return make_generator(self.scenario.sensors.seed, self._load_index, self.starts, stream)
 
-    def _cruise_duration_s(self, gone_m: float, distance_m: float, body: RigidBody) -> float:
+    def _cruise_duration_s(self, driven_m: float, distance_m: float, body: RigidBody) -> float:
         """Cruise duration after which the machine stops at about the wanted distance, in s."""
         speed = abs(float(self.state[plant.WHEEL]))
         campaign = self.scenario.campaign
         stop_m = speed * (campaign.valve_lag_s + 0.5 * speed / campaign.braking_m_s2)
         if self.scenario.brakes.gentle_m_s2:
             stop_m = self._gentle_stopping_distance_m(speed, body)
-        return max((distance_m - gone_m - stop_m) / max(speed, 0.05), LIMITS.min_cruise_s)
+        return max((distance_m - driven_m - stop_m) / max(speed, 0.05), LIMITS.min_cruise_s)
 
     def _gentle_stopping_distance_m(self, speed_m_s: float, body: RigidBody) -> float:
         """Stopping distance under gentle brakes and friction, in m."""
-        gripping = body.standstill_grip[0] / body.mass_kg
+        gripping = body.holding_force_and_torque[0] / body.mass_kg
         braking_m_s2 = self.scenario.brakes.gentle_m_s2 + gripping
         viscous_1_s = max(body.friction_x_N_s_m / body.mass_kg, 1e-3)
         slowed = braking_m_s2 / viscous_1_s
@@ -344,7 +344,7 @@ class MachineDriver:
         wheel_kg = self._plant.wheel_share * mass_kg + self._plant.rotating_kg
         body_kg = mass_kg * (1.0 - self._plant.wheel_share)
         reduced_kg = wheel_kg * body_kg / (wheel_kg + body_kg)
-        pull_N = body_kg * self.uphill_m_s2()
+        pull_N = body_kg * self.uphill_gravity_m_s2()
         return pull_N / (reduced_kg * self._plant.resonance_rad_s**2)
 
     def rolling_resistance(
@@ -356,9 +356,9 @@ class MachineDriver:
             self.position_m, speed_m_s, turn_rad_s, mass_kg, slope_rad, self._plant
         )
 
-    def _cruise_force(self, stage: DriveStage, full_N: float) -> float:
+    def _cruise_force(self, stage: DriveStage, full_force_N: float) -> float:
         """Drive force in N that keeps the speed on this slope, limited by the throttle."""
-        speed, sign = float(self.state[plant.WHEEL]), math.copysign(1.0, full_N)
+        speed, sign = float(self.state[plant.WHEEL]), math.copysign(1.0, full_force_N)
         turned = abs(stage.turn_rad_s) if speed else 0.0
         viscous, coulomb = self._cold_viscous_and_coulomb_shares(self.time_s)
         resistance_N = stage.coulomb_N * coulomb + self._plant.drag_N
@@ -368,7 +368,7 @@ class MachineDriver:
             self._plant.friction_N_s_m * viscous * speed
             + self._plant.air_N_s2_m2 * abs(speed) * speed
             + self.facing * self._plant.spring_N_m * self.position_m
-            + stage.mass_kg * self.uphill_m_s2()
+            + stage.mass_kg * self.uphill_gravity_m_s2()
             + stage.fill_kg_s * speed
             + sign * resistance_N
         )

@@ -125,7 +125,9 @@ class ShiftDriver(MachineDriver):
         self._drive_start_and_stand(-1.0, shift.back_m, operator)
         if not reverse:
             self._turn_machine(operator)
-        self._drive_legs(-1.0, LIMITS.pile_reach_m, shift.haul_starts_most, operator, pours=pours)
+        self._drive_legs(
+            -1.0, LIMITS.pile_reach_m, shift.haul_starts_most, operator, is_pouring=pours
+        )
         dump_s = self._dump_load()
         if not reverse:
             self._drive_start_and_stand(1.0, shift.back_m, operator)
@@ -154,9 +156,9 @@ class ShiftDriver(MachineDriver):
         )
         self._take_due_breaks()
 
-    def _body_with_load(self) -> RigidBody:
+    def _make_body_with_load(self) -> RigidBody:
         """Body of the machine with its present fuel and load."""
-        body = RigidBody.from_scenario_with_load(self.scenario, self._load_kg)
+        body = RigidBody.make_loaded_body(self.scenario, self._load_kg)
         mass_kg = body.mass_kg - self._burnt_kg
         return replace(body, mass_kg=mass_kg, rolling_x_N=self.rolling_resistance(mass_kg))
 
@@ -168,23 +170,23 @@ class ShiftDriver(MachineDriver):
         self,
         direction: float,
         until_m: float,
-        starts_most: int,
+        max_starts: int,
         operator: np.random.Generator,
         *,
-        pours: bool = False,
+        is_pouring: bool = False,
     ) -> None:
         """Drive along the way (1) or against it (-1) to a place, in a few starts.
 
-        With `pours` a part of the load is poured at the first stop.
+        With `is_pouring` a part of the load is poured at the first stop.
         """
-        count = max(int(operator.integers(1, starts_most + 1)), 1 + pours)
+        count = max(int(operator.integers(1, max_starts + 1)), 1 + is_pouring)
         parts = operator.uniform(0.7, 1.3, count)
         for number in range(count):
             left_m = direction * (until_m - self.position_m)
             share = parts[number] / parts[number:].sum()
             if left_m > 2.0:
                 self._drive_start_and_stand(direction, float(left_m * share), operator)
-                if pours and number == 0:
+                if is_pouring and number == 0:
                     self._pour_part_of_load()
 
     def _drive_start_and_stand(
@@ -192,7 +194,7 @@ class ShiftDriver(MachineDriver):
     ) -> None:
         """Drive one start along the way (1) or against it (-1), and stand afterwards."""
         sign = direction * self.facing
-        body = replace(self._body_with_load(), coulomb_x_N=self.draw_coulomb())
+        body = replace(self._make_body_with_load(), coulomb_x_N=self.draw_coulomb_friction())
         throttle = self.draw_throttle()
         open_s = (
             LIMITS.haul_throttle_s
@@ -217,14 +219,14 @@ class ShiftDriver(MachineDriver):
         self._record_manoeuvre(times, body, sign, throttle, begin_kg)
         self._rest_between_cycles(operator)
 
-    def _record_spill(self, kind: str, mass_kg: float, since_s: float, from_m: float) -> None:
+    def _record_spill(self, kind: str, mass_kg: float, begin_s: float, begin_m: float) -> None:
         """Record material that has left the bucket since a time and a place."""
-        lost = Dump(self._cycle, kind, since_s, self.time_s, from_m, self.position_m, mass_kg)
+        lost = Dump(self._cycle, kind, begin_s, self.time_s, begin_m, self.position_m, mass_kg)
         self.dumps.append(lost)
 
     def _pour_part_of_load(self) -> None:
         """Stand, and pour a part of the load halfway through the standstill."""
-        half_s, loaded = self.shift.dump_s / 2.0, self._body_with_load()
+        half_s, loaded = self.shift.dump_s / 2.0, self._make_body_with_load()
         times = self.stand_still(half_s, loaded.mass_kg)
         self._record_boom_angles(_CARRY, at_s=times.start_s)
         self._record_boom_angles(LIMITS.pour_angles_rad, at_s=self.time_s)
@@ -232,7 +234,7 @@ class ShiftDriver(MachineDriver):
         poured_kg = self._load_kg * self.shift.pour_share
         self._load_kg -= poured_kg
         self._record_spill("pour", poured_kg, self.time_s, self.position_m)
-        left = self._body_with_load()
+        left = self._make_body_with_load()
         self._record_manoeuvre(self.stand_still(half_s, left.mass_kg), left)
         self._record_boom_angles(_CARRY, at_s=self.time_s)
 
@@ -243,7 +245,7 @@ class ShiftDriver(MachineDriver):
             shift.load_kg, shift.load_std_kg
         )
         wanted_kg = float(np.clip(drawn, shift.load_least_kg, shift.load_most_kg))
-        body = replace(self._body_with_load(), coulomb_x_N=self.draw_coulomb())
+        body = replace(self._make_body_with_load(), coulomb_x_N=self.draw_coulomb_friction())
         self._record_boom_angles(_DIG, at_s=self.time_s)
         digging_s = shift.dig_s + LIMITS.digging_cruise_s
         order = StartOrder(
@@ -262,13 +264,13 @@ class ShiftDriver(MachineDriver):
         self._rest_between_cycles(operator)
 
     def _turn_machine(self, operator: np.random.Generator) -> None:
-        body, side = self._body_with_load(), 1.0 if operator.random() < 0.5 else -1.0
+        body, side = self._make_body_with_load(), 1.0 if operator.random() < 0.5 else -1.0
         self._record_manoeuvre(self.turn_around(side * self.shift.turn_rad_s, body.mass_kg), body)
         self._rest_between_cycles(operator)
 
     def _dump_load(self) -> float:
         """Stand, dump halfway through the standstill, and return the time of the dump in s."""
-        shift, loaded = self.shift, self._body_with_load()
+        shift, loaded = self.shift, self._make_body_with_load()
         drawn = self._make_cycle_random_generator("shift_carry_back").exponential(
             shift.carry_back_kg
         )
@@ -279,13 +281,13 @@ class ShiftDriver(MachineDriver):
         dumped_s, load_kg = self.time_s, self._load_kg
         self._load_kg = self._carried_kg = float(min(drawn, shift.carry_back_most_kg, load_kg))
         self._record_spill("dump", load_kg - self._load_kg, dumped_s, self.position_m)
-        empty = self._body_with_load()
+        empty = self._make_body_with_load()
         self._record_manoeuvre(self.stand_still(shift.dump_s / 2.0, empty.mass_kg), empty)
         self._record_boom_angles(_DRIVE, at_s=self.time_s)
         return dumped_s
 
     def _rest_between_cycles(self, operator: np.random.Generator) -> None:
-        body = self._body_with_load()
+        body = self._make_body_with_load()
         self._record_manoeuvre(
             self.stand_still(float(self.shift.pause_s * operator.uniform(0.5, 1.5)), body.mass_kg),
             body,
@@ -317,7 +319,7 @@ class ShiftDriver(MachineDriver):
 
     def _stand_and_record(self, kind: str, duration_s: float) -> None:
         """Stand for a while, and record it; only idling burns fuel."""
-        body, begin_s = self._body_with_load(), self.time_s
+        body, begin_s = self._make_body_with_load(), self.time_s
         self._record_manoeuvre(self.stand_still(duration_s, body.mass_kg), body)
         self.stands.append(Stand(kind, begin_s, self.time_s))
         if kind != "idle":
@@ -344,7 +346,7 @@ class ShiftDriver(MachineDriver):
                 self._cycle,
                 self._number,
                 times,
-                self.body_with_friction_at(body, times.start_s),
+                self.make_body_with_cold_friction(body, times.start_s),
                 begin_kg,
                 self._load_kg,
                 directions[math.copysign(1.0, sign) if sign else 0.0],

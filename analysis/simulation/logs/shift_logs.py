@@ -12,16 +12,21 @@ from numpy.typing import NDArray
 from analysis.simulation.drive.shift_drive import BoomAngle, ShiftDriver
 from analysis.simulation.logs.simulated_campaign import SimulatedLog
 from analysis.simulation.motion.solved_motion import Channels
-from analysis.simulation.motion.timeline import DrivenManoeuvre, Hints, Timeline, to_whole_ns
+from analysis.simulation.motion.timeline import (
+    DrivenManoeuvre,
+    Hints,
+    Timeline,
+    convert_to_whole_ns,
+)
 from analysis.simulation.plant import plant
 from analysis.simulation.plant.integrated_motion import IntegratedLog
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.sensors.random_streams import make_generator
-from analysis.simulation.sensors.recorder import phase_s, recorded_topics
+from analysis.simulation.sensors.recorder import list_recorded_topics, phase_s
 from analysis.simulation.sensors.sensors import measure_topics
-from analysis.simulation.trials.trial_limits import check_shift_can_be_driven
+from analysis.simulation.trials.trial_limits import refuse_undrivable_shift
 from estimators.arrays import Floats
 
 
@@ -64,13 +69,13 @@ class ShiftSimulation:
     shift: SimulatedShift
 
     def __post_init__(self) -> None:
-        check_shift_can_be_driven(self.scenario, self.shift)
+        refuse_undrivable_shift(self.scenario, self.shift)
         self._driver = ShiftDriver(self.scenario, self.shift)
         self._spans: list[LogSpan] = []
 
     def simulate_logs(self) -> Iterator[SimulatedLog]:
         """Logs in order, once; the same scenario gives the same logs bit for bit."""
-        start_ns = to_whole_ns(self.scenario.log.start_unix_s)
+        start_ns = convert_to_whole_ns(self.scenario.log.start_unix_s)
         planned = _plan_log_spans(self.scenario, self.shift)
         heading_rad = 0.0
         for index, span in enumerate(planned):
@@ -87,7 +92,7 @@ class ShiftSimulation:
 
     def collect_truth(self) -> ShiftTruth:
         """Collect the true values after all logs were requested."""
-        start_ns = to_whole_ns(self.scenario.log.start_unix_s)
+        start_ns = convert_to_whole_ns(self.scenario.log.start_unix_s)
         cycles = pl.DataFrame([each._asdict() for each in self._driver.cycles])
         starts = [span.start_s for span in self._spans]
 
@@ -128,17 +133,17 @@ class ShiftSimulation:
             if each.times.end_s > span.start_s and each.times.start_s < span.end_s
         )
         motion = IntegratedLog(
-            scenario, begins, mine, driver.kept.rows, driver.kept.kind_of_each_row, heading_rad
+            scenario, begins, mine, driver.kept.rows, driver.kept.stage_kinds_of_rows, heading_rad
         )
         timeline = Timeline(
-            start_ns + to_whole_ns(span.start_s),
-            start_ns + to_whole_ns(span.end_s),
+            start_ns + convert_to_whole_ns(span.start_s),
+            start_ns + convert_to_whole_ns(span.end_s),
             start_ns + np.rint(begins * 1e9).astype(np.int64),
             subtract_cycle_begins(mine, begins),
             _ShiftTimeline(motion, start_ns).sample,
             _PositionAndBoom(motion, tuple(driver.angles), start_ns).sample_hints,
         )
-        topics = recorded_topics(scenario)
+        topics = list_recorded_topics(scenario)
         return SimulatedLog(
             scenario=scenario,
             load_kg=0.0,
@@ -177,11 +182,12 @@ class _PositionAndBoom(NamedTuple):
 
 
 def subtract_cycle_begins(
-    driven: tuple[DrivenManoeuvre, ...], begins: Floats
+    manoeuvres: tuple[DrivenManoeuvre, ...], begins: Floats
 ) -> tuple[DrivenManoeuvre, ...]:
     """Manoeuvres with their times relative to the begin of their cycle."""
     return tuple(
-        each._replace(times=each.times.subtract_begin(float(begins[each.trial]))) for each in driven
+        each._replace(times=each.times.subtract_begin(float(begins[each.trial])))
+        for each in manoeuvres
     )
 
 

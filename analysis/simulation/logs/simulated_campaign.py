@@ -12,16 +12,16 @@ import polars as pl
 from analysis.model.schema import PHASE
 from analysis.simulation.motion.timeline import (
     Timeline,
+    convert_to_whole_ns,
     make_continuous_timeline,
     make_timeline_of_repeated_trial,
-    to_whole_ns,
 )
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.sensors.recorder import TOPICS, phase_s, sample_times_ns
+from analysis.simulation.sensors.recorder import TOPICS, make_sample_times_ns, phase_s
 from analysis.simulation.sensors.sensors import measure_topics
 from analysis.simulation.trials.solve_trial import solve_motion
-from analysis.simulation.trials.switches import key_that_needs_integration
-from analysis.simulation.trials.trial_limits import check_scenario_can_be_driven
+from analysis.simulation.trials.switches import find_key_needing_integration
+from analysis.simulation.trials.trial_limits import refuse_undrivable_scenario
 from estimators.errors import ScenarioError
 
 
@@ -57,12 +57,12 @@ class SimulatedLog:
     torn_share: float = 0.0
 
     @cached_property
-    def noise_free_motion(self) -> pl.DataFrame:
+    def sample_noise_free_motion(self) -> pl.DataFrame:
         """Motion without noise at `sensors.rate_hz`, from the log's begin on.
 
         The columns are `time_ns` (Unix) and the fields of `Channels`.
         """
-        time_ns = sample_times_ns(self.timeline, self.scenario.sensors.rate_hz, 0.0)
+        time_ns = make_sample_times_ns(self.timeline, self.scenario.sensors.rate_hz, 0.0)
         now = self.timeline.sample(time_ns)
         return pl.DataFrame({"time_ns": time_ns, **now._asdict()}).with_columns(
             pl.col("phase").cast(PHASE)
@@ -71,7 +71,7 @@ class SimulatedLog:
     @property
     def origin_unix_ns(self) -> int:
         """Unix time of the campaign's begin, from which times of its tables count."""
-        return to_whole_ns(self.scenario.log.start_unix_s)
+        return convert_to_whole_ns(self.scenario.log.start_unix_s)
 
 
 def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
@@ -86,12 +86,12 @@ def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
     """
     if scenario.shift is not None:
         raise ScenarioError("shift: is not a campaign; use ShiftSimulation")
-    check_scenario_can_be_driven(scenario, scenario.campaign.loads_kg)
+    refuse_undrivable_scenario(scenario, scenario.campaign.loads_kg)
     return _simulate_logs(scenario)
 
 
 def _simulate_logs(scenario: Scenario) -> Iterator[SimulatedLog]:
-    start_ns = to_whole_ns(scenario.log.start_unix_s)
+    start_ns = convert_to_whole_ns(scenario.log.start_unix_s)
     for index, load_kg in enumerate(scenario.campaign.loads_kg):
         timeline = _make_timeline(scenario, load_kg, index, start_ns)
         yield SimulatedLog(
@@ -103,18 +103,18 @@ def _simulate_logs(scenario: Scenario) -> Iterator[SimulatedLog]:
             timeline=timeline,
             phase_s={topic: phase_s(scenario, topic, index) for topic in TOPICS},
         )
-        start_ns = timeline.end_ns + to_whole_ns(scenario.log.load_change_s)
+        start_ns = timeline.end_ns + convert_to_whole_ns(scenario.log.load_change_s)
 
 
 def _make_timeline(scenario: Scenario, load_kg: float, index: int, start_ns: int) -> Timeline:
     """Time line of a load's log: one exact trial repeated if possible, else integrated."""
-    if key_that_needs_integration(scenario) is None:
+    if find_key_needing_integration(scenario) is None:
         return make_timeline_of_repeated_trial(
             scenario, load_kg, solve_motion(scenario, load_kg), start_ns
         )
-    from analysis.simulation.drive.log_drive import integrate_trials_of_log
+    from analysis.simulation.drive.log_drive import integrate_log_trials
 
-    whole = integrate_trials_of_log(scenario, load_kg, index)
+    whole = integrate_log_trials(scenario, load_kg, index)
     return make_continuous_timeline(
         scenario, whole.trial_s, whole.driven, whole.sample_channels, start_ns
     )

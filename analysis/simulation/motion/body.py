@@ -49,7 +49,7 @@ class RigidBody:
     rolling_x_N: float
 
     @classmethod
-    def from_scenario_with_load(cls, scenario: Scenario, load_kg: float) -> Self:
+    def make_loaded_body(cls, scenario: Scenario, load_kg: float) -> Self:
         """The scenario's machine with a point-mass load in its bucket."""
         machine, terrain = scenario.machine, scenario.terrain
         x, y = machine.load_x_m, machine.load_y_m
@@ -71,7 +71,7 @@ class RigidBody:
         )
 
     @property
-    def standstill_grip(self) -> tuple[float, float]:
+    def holding_force_and_torque(self) -> tuple[float, float]:
         """Largest force and torque that friction holds at standstill."""
         return self.coulomb_x_N + self.rolling_x_N, self.coulomb_z_N_m
 
@@ -85,7 +85,7 @@ class RigidBody:
         """Centre of mass in m to the left of the origin."""
         return self.first_moment_y_kg_m / self.mass_kg
 
-    def gravity_along_heading(self, heading: Values) -> tuple[Values, Values]:
+    def slope_force_per_kg(self, heading: Values) -> tuple[Values, Values]:
         """Force of the slope per kilogram along the body's x (ahead) and y (left), in m/s².
 
         Args:
@@ -103,7 +103,7 @@ class RigidBody:
             rate: v and ω.
             heading: heading in rad.
         """
-        gravity_x, gravity_y = self.gravity_along_heading(heading)
+        gravity_x, gravity_y = self.slope_force_per_kg(heading)
         v, omega = rate
         return AxisPair(
             applied.x
@@ -128,7 +128,7 @@ class RigidBody:
         turn = (net.z + mc_y * net.x / m) / (self.inertia_z_kg_m2 - mc_y * mc_y / m)
         return AxisPair((net.x + mc_y * turn) / m, turn)
 
-    def required_drive(
+    def required_force_and_torque(
         self, rate: AxisPair, acceleration: AxisPair, heading: Values, friction: AxisPair
     ) -> AxisPair:
         """Drive F, T of a motion; `friction` has the sign of Coulomb friction on each axis."""
@@ -136,6 +136,12 @@ class RigidBody:
         dv, turn = acceleration
         mc_y = self.first_moment_y_kg_m
         return AxisPair(
-            self.mass_kg * dv - mc_y * turn - left.x + self.standstill_grip[0] * friction.x,
-            self.inertia_z_kg_m2 * turn - mc_y * dv - left.z + self.standstill_grip[1] * friction.z,
+            self.mass_kg * dv
+            - mc_y * turn
+            - left.x
+            + self.holding_force_and_torque[0] * friction.x,
+            self.inertia_z_kg_m2 * turn
+            - mc_y * dv
+            - left.z
+            + self.holding_force_and_torque[1] * friction.z,
         )

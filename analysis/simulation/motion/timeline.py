@@ -81,9 +81,9 @@ class Timeline:
                 {
                     "run": trial,
                     "start_ns": begin_ns,
-                    "throttle_ns": _unix_ns_after(begin_ns, times.drive_s),
-                    "cruise_ns": _unix_ns_after(begin_ns, times.steady_s),
-                    "braking_ns": _unix_ns_after(begin_ns, times.braking_s),
+                    "throttle_ns": _add_seconds_to_unix_ns(begin_ns, times.drive_s),
+                    "cruise_ns": _add_seconds_to_unix_ns(begin_ns, times.steady_s),
+                    "braking_ns": _add_seconds_to_unix_ns(begin_ns, times.braking_s),
                     "end_ns": int(self.trial_ns[trial + 1]),
                     "load_kg": first.load_kg,
                     "mass_kg": body.mass_kg,
@@ -111,11 +111,11 @@ class Timeline:
                     "run": each.trial,
                     "manoeuvre": each.number,
                     "kind": times.kind,
-                    "start_ns": begin_ns + to_whole_ns(times.start_s),
-                    "drive_ns": _unix_ns_after(begin_ns, times.drive_s),
-                    "steady_ns": _unix_ns_after(begin_ns, times.steady_s),
-                    "braking_ns": _unix_ns_after(begin_ns, times.braking_s),
-                    "end_ns": begin_ns + to_whole_ns(times.end_s),
+                    "start_ns": begin_ns + convert_to_whole_ns(times.start_s),
+                    "drive_ns": _add_seconds_to_unix_ns(begin_ns, times.drive_s),
+                    "steady_ns": _add_seconds_to_unix_ns(begin_ns, times.steady_s),
+                    "braking_ns": _add_seconds_to_unix_ns(begin_ns, times.braking_s),
+                    "end_ns": begin_ns + convert_to_whole_ns(times.end_s),
                     "load_kg": each.load_kg,
                     "load_end_kg": each.load_end_kg,
                     "mass_kg": each.body.mass_kg,
@@ -156,14 +156,14 @@ def make_timeline_of_repeated_trial(
         for trial in range(trials)
         for number, times in enumerate(motion.manoeuvres)
     )
-    end_ns = int(trial_ns[-1]) + to_whole_ns(scenario.campaign.rest_s)
+    end_ns = int(trial_ns[-1]) + convert_to_whole_ns(scenario.campaign.rest_s)
     return Timeline(start_ns, end_ns, trial_ns, driven, sample_repeated_trial)
 
 
 def make_continuous_timeline(
     scenario: Scenario,
     trial_s: Floats,
-    driven: tuple[DrivenManoeuvre, ...],
+    manoeuvres: tuple[DrivenManoeuvre, ...],
     motion: Callable[[Floats], Channels],
     start_ns: int,
 ) -> Timeline:
@@ -172,7 +172,7 @@ def make_continuous_timeline(
     Args:
         scenario: simulated scenario.
         trial_s: (trials + 1,) begin of each trial, and end of the last, since the log began.
-        driven: manoeuvres in order.
+        manoeuvres: manoeuvres in order.
         motion: computes the channels at times in s since the log began.
         start_ns: Unix time of the log's begin.
     """
@@ -181,14 +181,14 @@ def make_continuous_timeline(
     def sample_whole_log(time_ns: NDArray[np.int64]) -> Channels:
         return motion((time_ns - start_ns) * np.float64(1e-9))
 
-    end_ns = int(trial_ns[-1]) + to_whole_ns(scenario.campaign.rest_s)
-    return Timeline(start_ns, end_ns, trial_ns, driven, sample_whole_log)
+    end_ns = int(trial_ns[-1]) + convert_to_whole_ns(scenario.campaign.rest_s)
+    return Timeline(start_ns, end_ns, trial_ns, manoeuvres, sample_whole_log)
 
 
-def _unix_ns_after(start_ns: int, seconds: float | None) -> int | None:
-    return None if seconds is None else start_ns + to_whole_ns(seconds)
+def _add_seconds_to_unix_ns(start_ns: int, seconds: float | None) -> int | None:
+    return None if seconds is None else start_ns + convert_to_whole_ns(seconds)
 
 
-def to_whole_ns(seconds: float) -> int:
+def convert_to_whole_ns(seconds: float) -> int:
     """Seconds as whole nanoseconds."""
     return round(seconds * 1_000_000_000)

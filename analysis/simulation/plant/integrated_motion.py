@@ -40,7 +40,7 @@ class RowBuffer:
         return self._rows[: self._size]
 
     @property
-    def kind_of_each_row(self) -> NDArray[np.int8]:
+    def stage_kinds_of_rows(self) -> NDArray[np.int8]:
         """(n,) the kind of stage of each row."""
         return np.repeat(np.array(self._kinds, np.int8), self._counts)
 
@@ -206,26 +206,26 @@ def _find_row_before(rows: Floats, time_s: float, known: int) -> int:
 
 
 @compiled_inline
-def _rate_of_interpolated_quantity(row: Floats, which: int) -> float:
+def _rate_of_interpolated_quantity(row: Floats, column: int) -> float:
     """Rate of an interpolated quantity at a row."""
-    if which == FORCE_RATE:
+    if column == FORCE_RATE:
         return row[plant.GROUND] - row[plant.BRAKED]
-    if which == FILLING:
+    if column == FILLING:
         return row[plant.MASS]
-    return row[plant.YAW_RATE if which == TURN else plant.ACCELERATION]
+    return row[plant.YAW_RATE if column == TURN else plant.ACCELERATION]
 
 
 @compiled_inline
-def rate_at_row(rows: Floats, at: int, which: int) -> float:
+def rate_at_row(rows: Floats, row_index: int, column: int) -> float:
     """Rate of a value at a row from both sides, without discontinuities."""
     total, known = 0.0, 0.0
-    for first in (at - 1, at):
+    for first in (row_index - 1, row_index):
         if first >= 0 and first + 1 < rows.shape[0]:
             span = rows[first + 1, plant.TIME] - rows[first, plant.TIME]
             if span > 0.0:
                 total += (
-                    _rate_of_interpolated_quantity(rows[first + 1], which)
-                    - _rate_of_interpolated_quantity(rows[first], which)
+                    _rate_of_interpolated_quantity(rows[first + 1], column)
+                    - _rate_of_interpolated_quantity(rows[first], column)
                 ) / span
                 known += 1.0
     return total / max(known, 1.0)

@@ -17,8 +17,8 @@ import numpy as np
 
 from analysis.simulation.plant.plant_inputs import DriveStage, Plant
 from analysis.simulation.plant.resistance import (
-    cold_friction_share,
-    friction_capacity,
+    cold_friction_fraction,
+    coulomb_friction_force,
     gentle_brake_force,
     rolling_resistance,
 )
@@ -45,9 +45,9 @@ _HALVINGS: Final = 60
 
 
 @compiled_inline
-def limited_motor_force(asked_N: float, speed_m_s: float, plant: Plant) -> float:
+def limit_motor_force(commanded_N: float, speed_m_s: float, plant: Plant) -> float:
     """Force of the motor in N: the commanded one, within its limits while it drives."""
-    force_N = asked_N
+    force_N = commanded_N
     if force_N * speed_m_s > 0.0:
         fast = abs(speed_m_s)
         if plant.no_load_m_s > 0.0:
@@ -58,9 +58,7 @@ def limited_motor_force(asked_N: float, speed_m_s: float, plant: Plant) -> float
 
 
 @compiled_inline
-def commanded_force_or_speed(
-    t: float, stage: DriveStage, wave: Floats, wave_step_s: float
-) -> float:
+def compute_command(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> float:
     """Commanded drive force in N or, for a pedal, the target speed in m/s."""
     since_s = t - stage.begin_s
     if wave.size:
@@ -74,9 +72,11 @@ def commanded_force_or_speed(
 
 
 @compiled_inline
-def pedal_force(wanted_m_s: float, speed_m_s: float, stage: DriveStage) -> tuple[float, float]:
+def compute_pedal_and_brake_force(
+    target_m_s: float, speed_m_s: float, stage: DriveStage
+) -> tuple[float, float]:
     """Drive force and brake force in N that a pedal commands."""
-    ahead_N = stage.way * stage.pedal_N_s_m * (wanted_m_s - speed_m_s)
+    ahead_N = stage.way * stage.pedal_N_s_m * (target_m_s - speed_m_s)
     if ahead_N >= 0.0:
         return stage.way * min(ahead_N, stage.most_drive_N), 0.0
     slowing_N = stage.way * min(-ahead_N, stage.most_brake_N)
@@ -93,7 +93,7 @@ def _rotating_mass_kg(speed_m_s: float, plant: Plant) -> float:
 
 
 @compiled_inline
-def total_mass_at_kg(t: float, stage: DriveStage) -> float:
+def compute_total_mass_kg(t: float, stage: DriveStage) -> float:
     """Mass of machine and load in kg at a time in s; some of it may fall in or off."""
     mass = stage.mass_kg + stage.fill_kg_s * (t - stage.begin_s)
     if stage.spill_1_s > 0.0:
@@ -102,7 +102,9 @@ def total_mass_at_kg(t: float, stage: DriveStage) -> float:
 
 
 @compiled_inline
-def pitch_acceleration_rad_s2(y: Floats, acc_m_s2: float, load_kg: float, plant: Plant) -> float:
+def compute_pitch_acceleration_rad_s2(
+    y: Floats, acc_m_s2: float, load_kg: float, plant: Plant
+) -> float:
     """Pitch acceleration on springs under load and acceleration."""
     squat = (plant.squat_s2_m + plant.squat_s2_m_kg * load_kg) * acc_m_s2
     squat += plant.pitch_1_kg * load_kg
@@ -125,16 +127,16 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
 ) -> None:
     """Compute the derivatives of the state, and the forces, into `out`."""
     wheel, body = y[WHEEL], y[BODY]
-    mass = total_mass_at_kg(t, stage)
+    mass = compute_total_mass_kg(t, stage)
     slope = plant.slope_rad + plant.hills_rad * math.sin(
         plant.hills_rad_m * y[POSITION] + plant.hills_phase_rad
     )
     gravity = stage.facing * plant.gravity_m_s2 * math.sin(slope)
     boom = plant.boom_N * math.sin(plant.boom_rad_s * t)
-    force = limited_motor_force(y[DRIVE], wheel, plant)
+    force = limit_motor_force(y[DRIVE], wheel, plant)
     ground = force / plant.efficiency if force * wheel < 0.0 else force * plant.efficiency
     turn = stage.turn_rad_s * -math.expm1(-abs(wheel) / _TURNS_AT)
-    capacity = friction_capacity(t, turn, plant, stage)
+    capacity = coulomb_friction_force(t, turn, plant, stage)
     capacity += rolling_resistance(
         y[POSITION], wheel, turn, mass, slope, plant
     ) + gentle_brake_force(t, grip, mass, gravity, plant, stage)
@@ -144,7 +146,7 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     share = plant.wheel_share if soft else 1.0
     wheel_kg = share * mass + _rotating_mass_kg(wheel, plant)
     body_kg = (1.0 - share) * mass
-    friction = plant.friction_N_s_m * cold_friction_share(
+    friction = plant.friction_N_s_m * cold_friction_fraction(
         t, plant.friction_warming, plant.warming_s
     )
     pull = ground - friction * wheel - share * mass * gravity
@@ -175,13 +177,13 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     out[WHEEL] = wheel_acc
     out[BODY] = body_acc
     out[STRETCH] = wheel - body if soft else 0.0
-    asked, braking = commanded_force_or_speed(t, stage, wave, wave_step_s), stage.brake_N
+    asked, braking = compute_command(t, stage, wave, wave_step_s), stage.brake_N
     if stage.pedal_N_s_m > 0.0:
-        asked, braking = pedal_force(asked, wheel, stage)
+        asked, braking = compute_pedal_and_brake_force(asked, wheel, stage)
     out[DRIVE] = (asked - y[DRIVE]) / plant.lag_s
     out[BRAKE] = (braking - y[BRAKE]) / plant.lag_s
     out[PITCH] = y[PITCH_RATE]
-    out[PITCH_RATE] = pitch_acceleration_rad_s2(y, body_acc, mass - plant.empty_kg, plant)
+    out[PITCH_RATE] = compute_pitch_acceleration_rad_s2(y, body_acc, mass - plant.empty_kg, plant)
     out[_PULL] = pull
     out[_CAPACITY] = capacity
     out[_FORCE] = force
@@ -206,7 +208,7 @@ def _write_state_row(row: Floats, t: float, y: Floats, out: Floats, stands: floa
 
 
 @compiled
-def _integrate_step(  # noqa: PLR0913 - compiled, as above
+def integrate_runge_kutta_step(  # noqa: PLR0913 - compiled, as above
     t: float,
     dt: float,
     y: Floats,
@@ -217,20 +219,20 @@ def _integrate_step(  # noqa: PLR0913 - compiled, as above
     wave: Floats,
     wave_step_s: float,
     k: Floats,
-    made: Floats,
+    next_state: Floats,
 ) -> None:
-    """One Runge-Kutta step from `y` to `made`; `k` (4, _OUT) begins with the rates at `t`."""
+    """One Runge-Kutta step from `y` to `next_state`; `k` (4, _OUT) begins with the rates at `t`."""
     for i in range(STATES):
-        made[i] = y[i] + 0.5 * dt * k[0, i]
-    _fill_state_rates(t + 0.5 * dt, made, grip, waits, plant, stage, wave, wave_step_s, k[1])
+        next_state[i] = y[i] + 0.5 * dt * k[0, i]
+    _fill_state_rates(t + 0.5 * dt, next_state, grip, waits, plant, stage, wave, wave_step_s, k[1])
     for i in range(STATES):
-        made[i] = y[i] + 0.5 * dt * k[1, i]
-    _fill_state_rates(t + 0.5 * dt, made, grip, waits, plant, stage, wave, wave_step_s, k[2])
+        next_state[i] = y[i] + 0.5 * dt * k[1, i]
+    _fill_state_rates(t + 0.5 * dt, next_state, grip, waits, plant, stage, wave, wave_step_s, k[2])
     for i in range(STATES):
-        made[i] = y[i] + dt * k[2, i]
-    _fill_state_rates(t + dt, made, grip, waits, plant, stage, wave, wave_step_s, k[3])
+        next_state[i] = y[i] + dt * k[2, i]
+    _fill_state_rates(t + dt, next_state, grip, waits, plant, stage, wave, wave_step_s, k[3])
     for i in range(STATES):
-        made[i] = y[i] + dt / 6.0 * (k[0, i] + 2.0 * (k[1, i] + k[2, i]) + k[3, i])
+        next_state[i] = y[i] + dt / 6.0 * (k[0, i] + 2.0 * (k[1, i] + k[2, i]) + k[3, i])
 
 
 @compiled
@@ -285,7 +287,7 @@ def integrate_plant(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes wi
         _write_state_row(rows[kept], t, y, k[0], stands)
         kept += 1
         dt = stage.begin_s + (number + 1) * step - t
-        _integrate_step(t, dt, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
+        integrate_runge_kutta_step(t, dt, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
         crosses = grip != 0.0 and made[WHEEL] * grip < 0.0
         if crosses and not stops and k[0, _CAPACITY] <= _LEAST_GRIP:
             grip = -grip
@@ -295,12 +297,16 @@ def integrate_plant(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes wi
             least, most = 0.0, dt
             for _ in range(_HALVINGS):
                 middle = 0.5 * (least + most)
-                _integrate_step(t, middle, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
+                integrate_runge_kutta_step(
+                    t, middle, y, grip, waits, plant, stage, wave, wave_step_s, k, made
+                )
                 if made[WHEEL] * grip < 0.0:
                     most = middle
                 else:
                     least = middle
-            _integrate_step(t, least, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
+            integrate_runge_kutta_step(
+                t, least, y, grip, waits, plant, stage, wave, wave_step_s, k, made
+            )
             if plant.resonance_rad_s == 0.0:
                 made[BODY] = 0.0
             made[WHEEL] = 0.0
@@ -324,6 +330,6 @@ def integrate_plant(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes wi
     return t, kept + 1, moved
 
 
-def state_at_rest() -> Floats:
+def make_state_at_rest() -> Floats:
     """State (8,) of a standing machine."""
     return np.zeros(STATES)

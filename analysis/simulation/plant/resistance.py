@@ -11,7 +11,7 @@ _AXLES_APART_M: Final = 1.2
 
 
 @compiled_inline
-def cold_friction_share(t: float, warming: float, warming_s: float) -> float:
+def cold_friction_fraction(t: float, warming: float, warming_s: float) -> float:
     """Remaining fraction of a cold machine's extra friction at a time."""
     if warming == 0.0:
         return 1.0
@@ -19,9 +19,9 @@ def cold_friction_share(t: float, warming: float, warming_s: float) -> float:
 
 
 @compiled_inline
-def friction_capacity(t: float, turn_rad_s: float, plant: Plant, stage: DriveStage) -> float:
+def coulomb_friction_force(t: float, turn_rad_s: float, plant: Plant, stage: DriveStage) -> float:
     """Coulomb friction at a time and yaw rate, in N: its limit at rest, its force in motion."""
-    coulomb_N = stage.coulomb_N * cold_friction_share(t, plant.coulomb_warming, plant.warming_s)
+    coulomb_N = stage.coulomb_N * cold_friction_fraction(t, plant.coulomb_warming, plant.warming_s)
     capacity = coulomb_N + plant.drag_N + stage.scrub_N_s_rad * abs(turn_rad_s)
     if stage.release_s > 0.0:
         since_s = t - stage.release_from_s

@@ -218,7 +218,7 @@ class SimulatedDefects(BaseModel):
     )
 
     @property
-    def acc_tilt_rad(self) -> float:
+    def accelerometer_tilt_rad(self) -> float:
         """How far the accelerometer is mounted nose up."""
         return math.radians(self.acc_tilt_deg)
 

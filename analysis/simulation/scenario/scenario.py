@@ -113,7 +113,7 @@ class SimulatedLoading(BaseModel):
         "is lost stays lost until the load changes",
     )
 
-    def added_kg(self, start: int) -> float:
+    def added_load_kg(self, start: int) -> float:
         """The change of the load at a start of the log, counted from 0."""
         late = 0 < self.change_before_start <= start
         return self.change_kg * float((self.alternating and start % 2 == 1) != late)
@@ -254,13 +254,13 @@ class SimulatedCampaign(BaseModel):
         start = Start(start_s=self.start_s, cruise_s=self.cruise_s)
         return self.manoeuvres or (Rest(duration_s=self.standstill_s), start)
 
-    def drive_fraction_at_throttle(self, share: float) -> float:
+    def drive_fraction_at_throttle(self, throttle_fraction: float) -> float:
         """The share of the full drive that a share of the full throttle gives, in steady state.
 
         Dead band, then linear up to full at full throttle.
         """
-        opened = max(abs(share) - self.valve_deadband_share, 0.0)
-        return math.copysign(opened / (1.0 - self.valve_deadband_share), share)
+        opened = max(abs(throttle_fraction) - self.valve_deadband_share, 0.0)
+        return math.copysign(opened / (1.0 - self.valve_deadband_share), throttle_fraction)
 
     @field_validator("loads_kg")
     @classmethod
@@ -350,7 +350,7 @@ class Scenario(BaseModel):
         full_N = self.campaign.throttle_force_N
         return full_N, full_N * self.machine.track_width_m / 2.0
 
-    def force_and_torque_through_valves(
+    def limit_force_and_torque_by_valves(
         self, force_N: float, torque_N_m: float
     ) -> tuple[float, float]:
         """Force and torque that both valves give for those asked, but for their lag."""

@@ -16,7 +16,7 @@ from estimators.arrays import Floats
 TOPICS: Final[tuple[TopicName, ...]] = ("imu", "torque", "speed")
 
 
-def recorded_topics(scenario: Scenario) -> tuple[TopicName, ...]:
+def list_recorded_topics(scenario: Scenario) -> tuple[TopicName, ...]:
     """Names of the recorded topics."""
     return TOPICS if scenario.shift is None else (*TOPICS, *scenario.shift.topics)
 
@@ -37,7 +37,7 @@ def phase_s(scenario: Scenario, topic: TopicName, load_index: int) -> float:
     return float(drawn) / rate_hz(scenario, topic)
 
 
-def sample_times_ns(timeline: Timeline, rate_hz: float, phase_s: float) -> NDArray[np.int64]:
+def make_sample_times_ns(timeline: Timeline, rate_hz: float, phase_s: float) -> NDArray[np.int64]:
     """Unix times (n,) of a topic's samples, from `phase_s` to the end of the log."""
     first_ns = timeline.start_ns + round(phase_s * 1e9)
     period_ns = 1e9 / rate_hz
@@ -66,7 +66,7 @@ def record_topic(
     log = scenario.log
     latency_s = log.latency_s + log.latency_jitter_s * streams.draw_uniform(f"{topic}_latency")
     log_time_ns = at_ns + np.rint(latency_s * 1e9).astype(np.int64)
-    keeps = ~find_dropouts(scenario, at_ns, streams, timeline)
+    keeps = ~mark_dropouts(scenario, at_ns, streams, timeline)
     if log.dropout_share:
         keeps &= streams.draw_uniform(f"{topic}_dropout") >= log.dropout_share
     frame = pl.DataFrame(
@@ -78,7 +78,9 @@ def record_topic(
     ).filter(keeps)
     if not log.swapped_share:
         return frame
-    late = swap_with_next(log_time_ns, streams.draw_uniform(f"{topic}_swap") < log.swapped_share)
+    late = swap_messages_with_next(
+        log_time_ns, streams.draw_uniform(f"{topic}_swap") < log.swapped_share
+    )
     return frame.with_columns(log_time_ns=late[keeps]).sort("log_time_ns")
 
 
@@ -98,17 +100,19 @@ def stamp_samples_ns(
     return at_ns + np.rint(ahead_ns).astype(np.int64)
 
 
-def swap_with_next(time_ns: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+def swap_messages_with_next(
+    time_ns: NDArray[np.int64], is_swapped: NDArray[np.bool_]
+) -> NDArray[np.int64]:
     """Times (n,) with the selected messages swapped with their successors."""
     swapped = time_ns.copy()
-    for index in np.flatnonzero(chosen[:-1]):
+    for index in np.flatnonzero(is_swapped[:-1]):
         # one that has gone back already goes no further
         if swapped[index] == time_ns[index]:
             swapped[[index, index + 1]] = time_ns[[index + 1, index]]
     return swapped
 
 
-def find_dropouts(
+def mark_dropouts(
     scenario: Scenario, at_ns: NDArray[np.int64], streams: Streams, timeline: Timeline
 ) -> NDArray[np.bool_]:
     """Mark lost samples (n,): dropouts begin at any sample with equal probability."""
@@ -116,7 +120,7 @@ def find_dropouts(
     if not log.blackout_every_s:
         return np.zeros(at_ns.shape, np.bool_)
     # the same stretches in all topics, whatever their rates
-    grid_ns = sample_times_ns(timeline, rate, 0.0)
+    grid_ns = make_sample_times_ns(timeline, rate, 0.0)
     common = Streams(streams.seed, streams.load_index, timeline.number_trials(grid_ns))
     begins = common.draw_uniform("blackout") < -math.expm1(-1.0 / rate / log.blackout_every_s)
     begins_ns = np.concatenate([[np.int64(-(2**62))], grid_ns[begins]])

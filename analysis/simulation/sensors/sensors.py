@@ -19,11 +19,11 @@ from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.sensors.random_streams import Streams
 from analysis.simulation.sensors.recorder import (
+    list_recorded_topics,
+    make_sample_times_ns,
     phase_s,
     rate_hz,
     record_topic,
-    recorded_topics,
-    sample_times_ns,
 )
 from estimators.arrays import Floats
 from estimators.numerics.play import follow_with_play
@@ -49,13 +49,13 @@ def measure_topics(
         own instants. Lost messages have no row; rows are in the order of recording.
     """
     frames: dict[str, pl.DataFrame] = {}
-    for topic in recorded_topics(scenario):
+    for topic in list_recorded_topics(scenario):
         phase = phase_s(scenario, topic, load_index)
-        at_ns = sample_times_ns(timeline, rate_hz(scenario, topic), phase)
+        at_ns = make_sample_times_ns(timeline, rate_hz(scenario, topic), phase)
         streams = Streams(scenario.sensors.seed, load_index, timeline.number_trials(at_ns))
         readings = _READERS[topic](scenario, timeline, at_ns, streams)
         if scenario.defects.frozen_topic == topic:
-            held = repeated_sample_indices(scenario, at_ns - timeline.start_ns)
+            held = find_repeated_sample_indices(scenario, at_ns - timeline.start_ns)
             readings = {name: values[held] for name, values in readings.items()}
         frames[topic] = record_topic(scenario, topic, at_ns, streams, timeline, readings)
     return frames
@@ -68,9 +68,11 @@ class WhiteNoise(NamedTuple):
     lsb: float
 
 
-def _add_sensor_errors(value: Floats, streams: Streams, name: str, white: WhiteNoise) -> Floats:
-    reading = value + streams.draw_white_noise(name, white.std)
-    return np.rint(reading / white.lsb) * white.lsb if white.lsb else reading
+def _add_sensor_errors(
+    value: Floats, streams: Streams, name: str, white_noise: WhiteNoise
+) -> Floats:
+    reading = value + streams.draw_white_noise(name, white_noise.std)
+    return np.rint(reading / white_noise.lsb) * white_noise.lsb if white_noise.lsb else reading
 
 
 def delay_and_filter_signals(
@@ -99,7 +101,7 @@ def _measure_imu(
     times_s = (sensors.imu_delay_s, defects.imu_lag_s)
     made = dict(
         delay_and_filter_signals(
-            timeline, at_ns, times_s, lambda motion, _: _true_imu_signals(scenario, motion)
+            timeline, at_ns, times_s, lambda motion, _: _compute_true_imu_signals(scenario, motion)
         )
     )
     if defects.vibration_m_s2:
@@ -122,7 +124,7 @@ def _measure_imu(
     }
 
 
-def _true_imu_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
+def _compute_true_imu_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
     sensors, terrain, defects = scenario.sensors, scenario.terrain, scenario.defects
     x, y = sensors.imu_x_m, sensors.imu_y_m
     omega, turn = motion.yaw_rate_rad_s, motion.yaw_acc_rad_s2
@@ -135,7 +137,7 @@ def _true_imu_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]
     # at the IMU's place on the turning machine, in a field of gravity that a slope tilts
     force_x = ahead - omega * omega * x - turn * y
     force_y = left - omega * omega * y + turn * x
-    nose_up = motion.squat_rad + defects.acc_tilt_rad
+    nose_up = motion.squat_rad + defects.accelerometer_tilt_rad
     if nose_up.any():
         sine, cosine = np.sin(nose_up), np.cos(nose_up)
         force_x, force_z = force_x * cosine + force_z * sine, force_z * cosine - force_x * sine
@@ -177,7 +179,7 @@ def _measure_torque(
     lever_m = machine.force_share * machine.wheel_radius_m
     times_s = (sensors.force_delay_s, defects.force_lag_s)
     signals = delay_and_filter_signals(
-        timeline, at_ns, times_s, lambda motion, part: true_torque_signals(scenario, motion, part)
+        timeline, at_ns, times_s, lambda motion, part: compute_true_torques(scenario, motion, part)
     )
     noise = sensors.force_noise_N * lever_m / math.sqrt(2)
     most_N_m, play_N_m = (
@@ -200,7 +202,7 @@ def _measure_torque(
     return _swap_sides_if_defective(scenario, "torque_{}_N_m", readings)
 
 
-def true_torque_signals(scenario: Scenario, motion: Channels, part: Floats) -> dict[str, Floats]:
+def compute_true_torques(scenario: Scenario, motion: Channels, part: Floats) -> dict[str, Floats]:
     """Torques (n,) in N·m by (17) and (18) inverted, from force fraction and true radius."""
     sensors, machine, defects = scenario.sensors, scenario.machine, scenario.defects
     lever_m = machine.force_share * machine.wheel_radius_m
@@ -222,7 +224,7 @@ def _measure_speed(
     sensors = scenario.sensors
     times_s = (sensors.speed_delay_s, scenario.defects.speed_lag_s)
     signals = delay_and_filter_signals(
-        timeline, at_ns, times_s, lambda motion, _: true_speed_signals(scenario, motion)
+        timeline, at_ns, times_s, lambda motion, _: compute_true_wheel_speeds(scenario, motion)
     )
     # the mean of both sides has the scenario's noise
     white = WhiteNoise(sensors.speed_noise_m_s * math.sqrt(2), sensors.speed_lsb_m_s)
@@ -232,7 +234,7 @@ def _measure_speed(
     return _swap_sides_if_defective(scenario, "speed_{}_m_s", readings)
 
 
-def true_speed_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
+def compute_true_wheel_speeds(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
     """Wheel speed of each side: ground speed plus the slip of its force.
 
     Slip κ = (v_wheel - v) / |v| = F / C with the longitudinal slip stiffness C: the linear range of
@@ -264,7 +266,9 @@ def _swap_sides_if_defective(
     return readings
 
 
-def repeated_sample_indices(scenario: Scenario, since_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+def find_repeated_sample_indices(
+    scenario: Scenario, since_ns: NDArray[np.int64]
+) -> NDArray[np.int64]:
     """Index (n,) of the sample that each message repeats: its own, unless frozen."""
     defects = scenario.defects
     every_ns = round(defects.frozen_every_s * 1e9)

@@ -13,7 +13,7 @@ from analysis.simulation.scenario.manoeuvres import Arc
 from estimators.arrays import Floats
 
 
-def arc_phases_and_times(
+def make_arc_phases_and_times(
     body: RigidBody, manoeuvre: Arc, begin_s: float, heading_rad: float
 ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
     """Phases of an arc: ramp up, constant, ramp down."""
@@ -29,14 +29,14 @@ def arc_phases_and_times(
         turned = (
             manoeuvre.yaw_rate_rad_s
             * manoeuvre.ramp_s
-            * (smooth_step_integral(up) - smooth_step_integral(down))
+            * (integrate_smooth_step(up) - integrate_smooth_step(down))
         )
         rate = AxisPair(manoeuvre.speed_m_s * level, manoeuvre.yaw_rate_rad_s * level)
         acceleration = AxisPair(manoeuvre.speed_m_s * slope, manoeuvre.yaw_rate_rad_s * slope)
         heading = heading_rad + turned
         sign = AxisPair(np.sign(rate.x), np.sign(rate.z))
-        total = body.required_drive(rate, acceleration, heading, sign)
-        drive = AxisPair(_zero_where_braking(total.x, rate.x), _zero_where_braking(total.z, rate.z))
+        total = body.required_force_and_torque(rate, acceleration, heading, sign)
+        drive = AxisPair(_keep_driven_part(total.x, rate.x), _keep_driven_part(total.z, rate.z))
         values: list[Values] = [
             rate.x,
             acceleration.x,
@@ -59,22 +59,22 @@ def arc_phases_and_times(
     return phases, ManoeuvreTimes("arc", begin_s, begin_s, steady_s, down_s, end_s)
 
 
-def _zero_where_braking(total: Values, rate: Values) -> Values:
+def _keep_driven_part(total: Values, rate: Values) -> Values:
     """The part of a ramp in which force and rate have one sign."""
     return np.where(total * rate >= 0.0, total, 0.0)
 
 
-def _interpolate_smooth_step(part: Floats) -> Floats:
-    part = np.minimum(part, 1.0)
-    return part**3 * (10.0 + part * (6.0 * part - 15.0))
+def _interpolate_smooth_step(fraction: Floats) -> Floats:
+    fraction = np.minimum(fraction, 1.0)
+    return fraction**3 * (10.0 + fraction * (6.0 * fraction - 15.0))
 
 
-def _smooth_step_rate(part: Floats) -> Floats:
-    part = np.minimum(part, 1.0)
-    return 30.0 * part**2 * (1.0 - part) ** 2
+def _smooth_step_rate(fraction: Floats) -> Floats:
+    fraction = np.minimum(fraction, 1.0)
+    return 30.0 * fraction**2 * (1.0 - fraction) ** 2
 
 
-def smooth_step_integral(part: Floats) -> Floats:
+def integrate_smooth_step(fraction: Floats) -> Floats:
     """Integral of `_step`."""
-    ramp = np.minimum(part, 1.0)
-    return ramp**4 * (2.5 + ramp * (ramp - 3.0)) + (part - ramp)
+    ramp = np.minimum(fraction, 1.0)
+    return ramp**4 * (2.5 + ramp * (ramp - 3.0)) + (fraction - ramp)

@@ -26,10 +26,10 @@ from analysis.simulation.scenario.manoeuvres import (
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
-from analysis.simulation.trials.arc import arc_phases_and_times
+from analysis.simulation.trials.arc import make_arc_phases_and_times
 from analysis.simulation.trials.stiction import RATES, Commands, Stiction
-from analysis.simulation.trials.switches import key_that_needs_integration
-from analysis.simulation.trials.trial_limits import check_scenario_can_be_driven
+from analysis.simulation.trials.switches import find_key_needing_integration
+from analysis.simulation.trials.trial_limits import refuse_undrivable_scenario
 from estimators.arrays import Floats
 from estimators.errors import DataError, ScenarioError
 
@@ -51,11 +51,11 @@ def solve_motion(scenario: Scenario, load_kg: float) -> SolvedMotion:
     Raises:
         ScenarioError: the machine cannot be driven as requested.
     """
-    check_scenario_can_be_driven(scenario, [load_kg])
-    asked = key_that_needs_integration(scenario)
+    refuse_undrivable_scenario(scenario, [load_kg])
+    asked = find_key_needing_integration(scenario)
     if asked is not None:
         raise ScenarioError(f"{asked}: needs a whole log; use simulate_campaign")
-    trial = _Trial(scenario, RigidBody.from_scenario_with_load(scenario, load_kg))
+    trial = _Trial(scenario, RigidBody.make_loaded_body(scenario, load_kg))
     phases = [trial.stand_at_heading(-math.inf, 0.0, heading_rad=0.0)]
     windows: list[ManoeuvreTimes] = []
     for manoeuvre in scenario.campaign.trial:
@@ -92,15 +92,15 @@ class _Trial:
                 sign = 1.0 if manoeuvre.direction == "left" else -1.0
                 return self._solve_straight_or_spin(manoeuvre, 1, sign, begin_s, heading_rad)
             case Arc():
-                return arc_phases_and_times(self.body, manoeuvre, begin_s, heading_rad)
+                return make_arc_phases_and_times(self.body, manoeuvre, begin_s, heading_rad)
             case Excite():
                 return self._solve_excitation(manoeuvre, begin_s, heading_rad)
             case Travel():
-                raise AssertionError("needs a whole log, which `key_that_needs_integration` says")
+                raise AssertionError("needs a whole log, which `find_key_needing_integration` says")
 
     def stand_at_heading(self, start_s: float, end_s: float, heading_rad: float) -> MotionPhase:
         """Phase of standing at a heading, held by the brakes."""
-        hold = self.body.required_drive(_STILL, _STILL, heading_rad, _STILL)
+        hold = self.body.required_force_and_torque(_STILL, _STILL, heading_rad, _STILL)
 
         def standing_state(time_s: Floats) -> MotionState:
             zero = np.zeros_like(time_s)
@@ -129,7 +129,7 @@ class _Trial:
         opened, state = machine.follow_until(names[0], stalled.end_s, steady_s, state, asked)
         signs = AxisPair(sign, 0.0) if axis == 0 else AxisPair(0.0, sign)
         rate = AxisPair(float(state[0]), float(state[3]))
-        keeping = self.body.required_drive(rate, _STILL, float(state[6]), signs)[axis]
+        keeping = self.body.required_force_and_torque(rate, _STILL, float(state[6]), signs)[axis]
         asked = Commands(_make_constant_drive(axis, float(keeping)))
         kept, state = machine.follow_until(names[1], steady_s, braking_s, state, asked)
         braked = machine.follow_until_rest(names[2], braking_s, state, self._brake_commands(state))
@@ -144,9 +144,9 @@ class _Trial:
 
         The brakes release as the drive takes over the slope.
         """
-        hold = self.body.required_drive(_STILL, _STILL, heading_rad, _STILL)
+        hold = self.body.required_force_and_torque(_STILL, _STILL, heading_rad, _STILL)
         against = sign * float(hold[axis])
-        coulomb = self.body.standstill_grip[axis]
+        coulomb = self.body.holding_force_and_torque[axis]
         lag_s = self.scenario.campaign.valve_lag_s
         breakaway_s = begin_s - lag_s * math.log1p(-max((coulomb + against) / full, 0.0))
 
@@ -177,12 +177,12 @@ class _Trial:
 
         def waveform_drive(time_s: float) -> tuple[float, float]:
             since = float(time_s - begin_s)
-            return self.scenario.force_and_torque_through_valves(
+            return self.scenario.limit_force_and_torque_by_valves(
                 force(since) if force else 0.0, torque(since) if torque else 0.0
             )
 
         kinks = [begin_s + kink for wave in waves for kink in wave.kinks_s(manoeuvre.duration_s)]
-        hold = self.body.required_drive(_STILL, _STILL, heading_rad, _STILL)
+        hold = self.body.required_force_and_torque(_STILL, _STILL, heading_rad, _STILL)
         state = np.array([0.0, 0.0, -hold.x, 0.0, 0.0, -hold.z, heading_rad])
         machine = DrivenMotion(
             self.body, self.scenario.campaign.valve_lag_s, (force is not None, torque is not None)
@@ -280,7 +280,11 @@ class DrivenMotion:
         choices: list[tuple[float | None, ...]] = []
         for axis in (0, 1):
             rate = float(state[RATES[axis]])
-            if not free[axis] or rate != 0.0 or self.body.standstill_grip[axis] <= LIMITS.min_grip:
+            if (
+                not free[axis]
+                or rate != 0.0
+                or self.body.holding_force_and_torque[axis] <= LIMITS.min_grip
+            ):
                 choices.append((float(np.sign(rate)),))
             else:
                 choices.append((1.0, -1.0) if axis in loose else (None, 1.0, -1.0))

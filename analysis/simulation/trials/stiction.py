@@ -52,8 +52,8 @@ class Stiction:
         body, grip = self.body, self.grip
         net_x, net_z = body.net_drive(applied, AxisPair(v, omega), heading)
         return AxisPair(
-            net_x - body.standstill_grip[0] * (grip[0] or 0.0),
-            net_z - body.standstill_grip[1] * (grip[1] or 0.0),
+            net_x - body.holding_force_and_torque[0] * (grip[0] or 0.0),
+            net_z - body.holding_force_and_torque[1] * (grip[1] or 0.0),
         )
 
     def accelerations(self, net: AxisPair) -> AxisPair:
@@ -65,7 +65,7 @@ class Stiction:
         x, z = (self.free[axis] and self.grip[axis] is not None for axis in (0, 1))
         return x, z
 
-    def force_to_hold(self, state: Floats) -> tuple[float, float]:
+    def holding_force_required(self, state: Floats) -> tuple[float, float]:
         """Force and torque in the state (7,) that sticking friction must hold."""
         net = self.net_force_and_torque(state)
         acceleration = self.accelerations(net)
@@ -79,7 +79,7 @@ class Stiction:
         motion that begins. The inertia is positive definite, so exactly one grip is consistent.
         """
         pull, acceleration = (
-            self.force_to_hold(state),
+            self.holding_force_required(state),
             self.accelerations(self.net_force_and_torque(state)),
         )
         inertia = (self.body.mass_kg, self.body.inertia_z_kg_m2)
@@ -87,7 +87,7 @@ class Stiction:
         for axis in (0, 1):
             sign = self.grip[axis]
             if sign is None:
-                wrong += max(abs(pull[axis]) - self.body.standstill_grip[axis], 0.0)
+                wrong += max(abs(pull[axis]) - self.body.holding_force_and_torque[axis], 0.0)
             elif state[RATES[axis]] == 0.0:
                 wrong += max(-sign * float(acceleration[axis]) * inertia[axis], 0.0)
         return wrong
@@ -121,7 +121,8 @@ class Stiction:
         changes = [
             axis
             for axis in (0, 1)
-            if self.free[axis] and (stop or self.body.standstill_grip[axis] > LIMITS.min_grip)
+            if self.free[axis]
+            and (stop or self.body.holding_force_and_torque[axis] > LIMITS.min_grip)
         ]
         solution = solve_ivp(
             self._make_state_rates(state, commands),
@@ -139,7 +140,7 @@ class Stiction:
             name,
             start_s,
             last_s,
-            self._make_states_with_stiction_function(expand_to_full_state, solution.sol),
+            self._make_state_function(expand_to_full_state, solution.sol),
         )
         found: Sequence[Floats] = solution.t_events or ()
         changed = [axis for axis, at in zip(changes, found, strict=True) if at.size]
@@ -174,13 +175,13 @@ class Stiction:
 
         return state_rates
 
-    def _make_states_with_stiction_function(
+    def _make_state_function(
         self, full: Callable[[Floats], Floats], solved: Callable[[Floats], Floats]
     ) -> Callable[[Floats], MotionState]:
         def states_at(time_s: Floats) -> MotionState:
             v, drive_x, brake_x, omega, drive_z, brake_z, heading = whole = full(solved(time_s))
             acceleration = self.accelerations(self.net_force_and_torque(whole))
-            kept = self.body.required_drive(
+            kept = self.body.required_force_and_torque(
                 AxisPair(v, omega), acceleration, heading, AxisPair(0.0, 0.0)
             )
             if not self.free[0]:
@@ -206,5 +207,8 @@ class _GripChange:
     def __call__(self, _time_s: float, part: Floats) -> float:
         machine, axis, state = self._machine, self._axis, self._full(part)
         if machine.grip[axis] is None:
-            return abs(machine.force_to_hold(state)[axis]) - machine.body.standstill_grip[axis]
+            return (
+                abs(machine.holding_force_required(state)[axis])
+                - machine.body.holding_force_and_torque[axis]
+            )
         return float(state[RATES[axis]])

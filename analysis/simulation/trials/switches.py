@@ -16,7 +16,7 @@ _CHANGES_ALONG: Final = {
 }
 
 
-def key_that_needs_integration(scenario: Scenario) -> str | None:
+def find_key_needing_integration(scenario: Scenario) -> str | None:
     """First key of the scenario that needs the integrated plant; None if trials are exact."""
     if scenario.shift is not None:
         return "shift"
@@ -45,7 +45,7 @@ def key_that_needs_integration(scenario: Scenario) -> str | None:
     return None
 
 
-def check_plant_supports_settings(scenario: Scenario) -> None:
+def refuse_settings_without_plant_support(scenario: Scenario) -> None:
     """Raise an error for settings that the integrated plant does not support.
 
     Raises:
@@ -56,7 +56,7 @@ def check_plant_supports_settings(scenario: Scenario) -> None:
             "drivetrain.relaxation_length_m: needs slipping tyres; give machine.slip_stiffness_N "
             "as well"
         )
-    asked = key_that_needs_integration(scenario)
+    asked = find_key_needing_integration(scenario)
     if asked is None:
         return
     terrain = scenario.terrain

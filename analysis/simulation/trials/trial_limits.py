@@ -13,16 +13,16 @@ from analysis.simulation.scenario.manoeuvres import Arc, Excite, Manoeuvre, Spin
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.scenario.simulation_limits import LIMITS
-from analysis.simulation.sensors.recorder import rate_hz, recorded_topics
-from analysis.simulation.trials.arc import arc_phases_and_times
-from analysis.simulation.trials.switches import check_plant_supports_settings
+from analysis.simulation.sensors.recorder import list_recorded_topics, rate_hz
+from analysis.simulation.trials.arc import make_arc_phases_and_times
+from analysis.simulation.trials.switches import refuse_settings_without_plant_support
 from estimators.errors import ScenarioError
 
 #: What of `[starts]` holds for the starts of a shift too.
 _HABITS: Final = {"throttle_least", "throttle_most", "coulomb_std_N", "stick_share", "stick_hz"}
 
 
-def check_scenario_can_be_driven(scenario: Scenario, loads_kg: Sequence[float]) -> None:
+def refuse_undrivable_scenario(scenario: Scenario, loads_kg: Sequence[float]) -> None:
     """Raise an error if the scenario cannot be driven with one of the loads.
 
     Args:
@@ -33,10 +33,10 @@ def check_scenario_can_be_driven(scenario: Scenario, loads_kg: Sequence[float]) 
         ScenarioError: the key and the fault.
     """
     machine, full_N = scenario.machine, scenario.campaign.throttle_force_N
-    check_plant_supports_settings(scenario)
+    refuse_settings_without_plant_support(scenario)
     if (
         scenario.log.latency_jitter_s
-        * max(rate_hz(scenario, topic) for topic in recorded_topics(scenario))
+        * max(rate_hz(scenario, topic) for topic in list_recorded_topics(scenario))
         >= 1
     ):
         raise ScenarioError(
@@ -48,10 +48,9 @@ def check_scenario_can_be_driven(scenario: Scenario, loads_kg: Sequence[float]) 
             "machine.slip_stiffness_N: at full throttle the wheels would slip more than 100 %; "
             f"give more than {full_N:g}, or 0 for none"
         )
-    loads_kg = [*loads_kg, *_loads_after_changes_kg(scenario, loads_kg)]
+    loads_kg = [*loads_kg, *_list_loads_after_changes_kg(scenario, loads_kg)]
     bodies = [
-        RigidBody.from_scenario_with_load(scenario, load_kg)
-        for load_kg in (min(loads_kg), max(loads_kg))
+        RigidBody.make_loaded_body(scenario, load_kg) for load_kg in (min(loads_kg), max(loads_kg))
     ]
     for body in bodies:
         square = body.first_moment_x_kg_m**2 + body.first_moment_y_kg_m**2
@@ -63,14 +62,14 @@ def check_scenario_can_be_driven(scenario: Scenario, loads_kg: Sequence[float]) 
             )
     trial = scenario.campaign.trial
     limits = _TrialLimits(
-        scenario, *bodies, turns=any(_turns_machine(manoeuvre) for manoeuvre in trial)
+        scenario, *bodies, turns=any(_does_manoeuvre_turn_machine(manoeuvre) for manoeuvre in trial)
     )
     for number, manoeuvre in enumerate(trial):
         key = f"campaign.manoeuvres.{number}" if scenario.campaign.manoeuvres else ""
         limits.check(manoeuvre, key)
 
 
-def _loads_after_changes_kg(scenario: Scenario, loads_kg: Sequence[float]) -> list[float]:
+def _list_loads_after_changes_kg(scenario: Scenario, loads_kg: Sequence[float]) -> list[float]:
     """Loads of starts that differ from the load at the beginning of the log."""
     loading = scenario.loading
     if not (loading.alternating or loading.change_before_start):
@@ -84,7 +83,7 @@ def _loads_after_changes_kg(scenario: Scenario, loads_kg: Sequence[float]) -> li
     return changed
 
 
-def _turns_machine(manoeuvre: Manoeuvre) -> bool:
+def _does_manoeuvre_turn_machine(manoeuvre: Manoeuvre) -> bool:
     match manoeuvre:
         case Spin():
             return True
@@ -133,7 +132,7 @@ class _TrialLimits:
         uphill = self.heaviest.uphill_m_s2
         return -abs(uphill) if self.turns else sign * uphill
 
-    def _check_start(self, start: Start, key: str) -> None:
+    def _check_start(self, start: Start, scenario_key: str) -> None:
         campaign = self.scenario.campaign
         sign = 1.0 if start.direction == "forward" else -1.0
         along = sign * self.heaviest.uphill_m_s2
@@ -145,9 +144,10 @@ class _TrialLimits:
         )
         reached_N = full_N * -math.expm1(-start.start_s / campaign.valve_lag_s)
         if reached_N <= resistance_N:
-            where = f"in {key or 'campaign'}.start_s"
+            where = f"in {scenario_key or 'campaign'}.start_s"
             raise ScenarioError(
-                f"{key or 'campaign.throttle_force_N'}: reaches {reached_N:.0f} N {where}, but "
+                f"{scenario_key or 'campaign.throttle_force_N'}: "
+                f"reaches {reached_N:.0f} N {where}, but "
                 f"slope and friction hold {self.heaviest.mass_kg:g} kg with "
                 f"{resistance_N:.0f} N"
             )
@@ -158,12 +158,12 @@ class _TrialLimits:
             light.friction_x_N_s_m, light.mass_kg / start.start_s
         ):
             raise ScenarioError(
-                f"{key or 'campaign.throttle_force_N'}: drives the machine beyond "
-                f"{LIMITS.top_speed_m_s:g} m/s in {key or 'campaign'}.start_s"
+                f"{scenario_key or 'campaign.throttle_force_N'}: drives the machine beyond "
+                f"{LIMITS.top_speed_m_s:g} m/s in {scenario_key or 'campaign'}.start_s"
             )
-        self._check_brakes(downhill)
+        self._refuse_too_weak_brakes(downhill)
 
-    def _check_spin(self, spin: Spin, key: str) -> None:
+    def _check_spin(self, spin: Spin, scenario_key: str) -> None:
         campaign = self.scenario.campaign
         full_N_m = self.scenario.full_force_and_torque[1] * campaign.drive_fraction_at_throttle(
             spin.throttle
@@ -172,52 +172,54 @@ class _TrialLimits:
         resistance_N_m = self.heaviest.coulomb_z_N_m + self._largest_slope_torque()
         if reached_N_m <= resistance_N_m:
             raise ScenarioError(
-                f"{key}: reaches {reached_N_m:.0f} N·m in start_s, but slope and Coulomb friction "
+                f"{scenario_key}: reaches {reached_N_m:.0f} N·m in start_s, "
+                f"but slope and Coulomb friction "
                 f"hold it with {resistance_N_m:.0f} N·m"
             )
         slowest = max(self.lightest.friction_z_N_m_s, self.lightest.inertia_z_kg_m2 / spin.start_s)
         if full_N_m > LIMITS.top_yaw_rate_rad_s * slowest:
             raise ScenarioError(
-                f"{key}: turns faster than {LIMITS.top_yaw_rate_rad_s:g} rad/s in start_s"
+                f"{scenario_key}: turns faster than {LIMITS.top_yaw_rate_rad_s:g} rad/s in start_s"
             )
-        self._check_brakes(0.0)
+        self._refuse_too_weak_brakes(0.0)
 
-    def _check_excite(self, excite: Excite, key: str) -> None:
+    def _check_excite(self, excite: Excite, scenario_key: str) -> None:
         light, force, torque = self.lightest, excite.force, excite.torque
         highest_N = max(map(abs, force.range)) if force else 0.0
         highest_N_m = max(map(abs, torque.range)) if torque else 0.0
-        self._check_full_throttle(highest_N, highest_N_m, key)
+        self._check_full_throttle(highest_N, highest_N_m, scenario_key)
         push_N = highest_N + light.mass_kg * abs(light.uphill_m_s2)
         slow = max(light.friction_x_N_s_m, light.mass_kg / excite.duration_s)
         if force and push_N > LIMITS.top_speed_m_s * slow:
             raise ScenarioError(
-                f"{key}.force: drives the machine beyond {LIMITS.top_speed_m_s:g} m/s"
+                f"{scenario_key}.force: drives the machine beyond {LIMITS.top_speed_m_s:g} m/s"
             )
         slow = max(light.friction_z_N_m_s, light.inertia_z_kg_m2 / excite.duration_s)
         if highest_N_m > LIMITS.top_yaw_rate_rad_s * slow:
             raise ScenarioError(
-                f"{key}.torque: turns faster than {LIMITS.top_yaw_rate_rad_s:g} rad/s"
+                f"{scenario_key}.torque: turns faster than {LIMITS.top_yaw_rate_rad_s:g} rad/s"
             )
-        self._check_brakes(-abs(light.uphill_m_s2))
+        self._refuse_too_weak_brakes(-abs(light.uphill_m_s2))
 
-    def _check_travel(self, travel: Travel, key: str) -> None:
+    def _check_travel(self, travel: Travel, scenario_key: str) -> None:
         campaign = self.scenario.campaign
         if travel.in_motion and (len(campaign.trial) > 1 or campaign.runs > 1 or campaign.rest_s):
             raise ScenarioError(
-                f"{key}.in_motion: a log that begins and ends in motion holds one manoeuvre: "
+                f"{scenario_key}.in_motion: "
+                f"a log that begins and ends in motion holds one manoeuvre: "
                 "remove the other [[campaign.trial]] entries and set campaign.runs = 1 and "
                 "campaign.rest_s = 0"
             )
-        self._check_brakes(-abs(self.lightest.uphill_m_s2))
+        self._refuse_too_weak_brakes(-abs(self.lightest.uphill_m_s2))
 
-    def _check_arc(self, arc: Arc, key: str) -> None:
+    def _check_arc(self, arc: Arc, scenario_key: str) -> None:
         time_s = np.linspace(0.0, arc.ramp_s * 2.0 + arc.duration_s, 200)
         for body in (self.lightest, self.heaviest):
-            state = arc_phases_and_times(body, arc, 0.0, 0.0)[0][0].state(time_s)
+            state = make_arc_phases_and_times(body, arc, 0.0, 0.0)[0][0].state(time_s)
             sides = np.maximum(abs(state.drive_x) / 2, abs(state.brake_x) / 2)
             torque = np.maximum(abs(state.drive_z), abs(state.brake_z))
             worst = int(np.argmax(sides + torque / self.scenario.machine.track_width_m))
-            self._check_full_throttle(2.0 * float(sides[worst]), float(torque[worst]), key)
+            self._check_full_throttle(2.0 * float(sides[worst]), float(torque[worst]), scenario_key)
 
     def _check_full_throttle(self, force_N: float, torque_N_m: float, key: str) -> None:
         """Raise an error if a side exceeds full throttle with its part of force and torque."""
@@ -229,12 +231,12 @@ class _TrialLimits:
                 f"{full_N:.0f} N; ask for less, or raise campaign.throttle_force_N"
             )
 
-    def _check_brakes(self, downhill_m_s2: float) -> None:
+    def _refuse_too_weak_brakes(self, downhill_acceleration_m_s2: float) -> None:
         braking = self.scenario.campaign.braking_m_s2
-        if braking + downhill_m_s2 < LIMITS.min_braking_m_s2:
+        if braking + downhill_acceleration_m_s2 < LIMITS.min_braking_m_s2:
             raise ScenarioError(
                 f"campaign.braking_m_s2: {braking:g} does not stop the machine on this slope; "
-                f"give at least {LIMITS.min_braking_m_s2 - downhill_m_s2:.2f}"
+                f"give at least {LIMITS.min_braking_m_s2 - downhill_acceleration_m_s2:.2f}"
             )
         spin_N_m = (braking - LIMITS.min_braking_m_s2) * 2.0 / self.scenario.machine.track_width_m
         if self.lightest.inertia_z_kg_m2 * spin_N_m < self._largest_slope_torque():
@@ -253,7 +255,7 @@ class _TrialLimits:
         return moment * abs(self.heaviest.uphill_m_s2)
 
 
-def check_shift_can_be_driven(scenario: Scenario, shift: SimulatedShift) -> None:
+def refuse_undrivable_shift(scenario: Scenario, shift: SimulatedShift) -> None:
     """Raise an error if a shift cannot be driven.
 
     Raises:
@@ -289,7 +291,7 @@ def check_shift_can_be_driven(scenario: Scenario, shift: SimulatedShift) -> None
         update={"campaign": campaign.model_copy(update={"manoeuvres": both}), "shift": None}
     )
     try:
-        check_scenario_can_be_driven(driven, [0.0, shift.load_most_kg])
+        refuse_undrivable_scenario(driven, [0.0, shift.load_most_kg])
     except ScenarioError as fault:
         named = re.sub(
             r"campaign\.manoeuvres\.\d+(\.start_s)?", "starts.throttle_least", str(fault)

@@ -34,13 +34,13 @@ def partial_correlation(A: Floats, f: Floats, moving: Bools) -> float:
     return float(rest[:, 0] @ rest[:, 1] / norms.prod()) if norms.all() else float("nan")
 
 
-def share_along_motion(speed: Floats, f: Floats, samples: Bools) -> float:
+def force_fraction_along_motion(speed: Floats, f: Floats, samples: Bools) -> float:
     """Fraction of the samples whose force acts along the motion."""
     return float((speed[samples] * f[samples] >= 0).mean()) if samples.any() else float("nan")
 
 
-def share_against_motion(
-    A: Floats, f: Floats, braking: Bools, speeding: Bools, raw: Floats | None = None
+def force_fraction_against_motion(
+    A: Floats, f: Floats, braking: Bools, is_speeding_up: Bools, raw_force: Floats | None = None
 ) -> float:
     """Fraction of the samples braked by the drive whose force opposes the motion.
 
@@ -54,49 +54,50 @@ def share_against_motion(
         A: (n, 2) acceleration and speed of an axis.
         f: (n,) force or torque.
         braking: (n,) samples that slow down.
-        speeding: (n,) samples that speed up.
-        raw: (n,) the same force before it was filtered, whose sign is judged; None judges `f`.
+        is_speeding_up: (n,) samples that speed up.
+        raw_force: (n,) the same force before it was filtered, whose sign is judged; None judges
+            `f`.
 
     Returns:
         The fraction; NaN where the drive does not brake or no sensor sees it.
     """
-    judged = f if raw is None else raw
-    if not has_enough_samples(A, speeding):
-        return 1.0 - share_along_motion(A[:, 1], judged, braking)
-    own = f[speeding]
-    expected = A @ np.linalg.lstsq(A[speeding], own, rcond=None)[0]
+    judged = f if raw_force is None else raw_force
+    if not has_enough_samples(A, is_speeding_up):
+        return 1.0 - force_fraction_along_motion(A[:, 1], judged, braking)
+    own = f[is_speeding_up]
+    expected = A @ np.linalg.lstsq(A[is_speeding_up], own, rcond=None)[0]
     least = LIMITS.signed_force_fraction * float(np.quantile(np.abs(own), 0.95))
     braked = braking
-    if float(np.var(own - expected[speeding])) < LIMITS.explained_variance_fraction * float(
+    if float(np.var(own - expected[is_speeding_up])) < LIMITS.explained_variance_fraction * float(
         np.var(own)
     ):
         braked = braking & (-np.sign(A[:, 1]) * expected > least)
     seen = braked & (np.abs(judged) > least)
     if np.count_nonzero(seen) <= LIMITS.signed_braking_fraction * np.count_nonzero(braked):
         return float("nan")
-    return 1.0 - share_along_motion(A[:, 1], judged, seen)
+    return 1.0 - force_fraction_along_motion(A[:, 1], judged, seen)
 
 
-def regression_slope(x: Floats, y: Floats, used: Bools, x_noise: float = 0.0) -> float:
+def fit_slope_with_noisy_x(x: Floats, y: Floats, is_used: Bools, x_noise: float = 0.0) -> float:
     """Slope of y on x about their means, over the known samples.
 
     Args:
         x: (n,).
         y: (n,).
-        used: (n,) samples to use.
+        is_used: (n,) samples to use.
         x_noise: noise variance of x, whose attenuation is corrected.
     """
-    used = used & np.isfinite(x) & np.isfinite(y)
-    if used.sum() < LIMITS.samples_per_parameter:
+    is_used = is_used & np.isfinite(x) & np.isfinite(y)
+    if is_used.sum() < LIMITS.samples_per_parameter:
         return float("nan")
-    x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
+    x, y = x[is_used] - x[is_used].mean(), y[is_used] - y[is_used].mean()
     squares = float(x @ x)
     told = max(squares - x_noise * x.size, LIMITS.min_variance_fraction * squares)
     return float(x @ y) / told if told else float("nan")
 
 
-def spin_centre_offset_m(
-    force_x: Floats, force_y: Floats, yaw_rate: Floats, yaw_acceleration: Floats, used: Bools
+def estimate_spin_centre_offset_m(
+    force_x: Floats, force_y: Floats, yaw_rate: Floats, yaw_acceleration: Floats, is_used: Bools
 ) -> float:
     """Distance from the origin to the centre of rotation in spins, in m; NaN if unknown.
 
@@ -106,9 +107,9 @@ def spin_centre_offset_m(
     zero, one = np.zeros(yaw_rate.size), np.ones(yaw_rate.size)
     row_x = np.column_stack([-(yaw_rate**2), -yaw_acceleration, one, zero])
     row_y = np.column_stack([yaw_acceleration, -(yaw_rate**2), zero, one])
-    used = used & np.isfinite(row_x).all(axis=1) & np.isfinite(force_x) & np.isfinite(force_y)
-    if used.sum() < LIMITS.samples_per_parameter * row_x.shape[1]:
+    is_used = is_used & np.isfinite(row_x).all(axis=1) & np.isfinite(force_x) & np.isfinite(force_y)
+    if is_used.sum() < LIMITS.samples_per_parameter * row_x.shape[1]:
         return float("nan")
-    rows = np.concatenate([row_x[used], row_y[used]])
-    r = np.linalg.lstsq(rows, np.concatenate([force_x[used], force_y[used]]), rcond=None)[0]
+    rows = np.concatenate([row_x[is_used], row_y[is_used]])
+    r = np.linalg.lstsq(rows, np.concatenate([force_x[is_used], force_y[is_used]]), rcond=None)[0]
     return float(np.hypot(r[0], r[1]))

@@ -10,23 +10,23 @@ from analysis.model.axes import (
     Axis,
     X,
     Z,
-    available_axes,
+    list_available_axes,
+    make_parameter_columns,
+    make_regressor_and_force,
     read_parameters_and_stds,
-    regressor_and_force,
     select_rows_of_axis,
-    theta_columns,
 )
 from analysis.model.machine import Machine
 from analysis.model.methods import METHODS, AxisNoise, LogSummary, Method
 from analysis.model.schema import build_frame, column_values
 from analysis.model.settings import Settings
 from analysis.model.verdict import Verdict
-from analysis.model.windows import runs_of_flagged_samples
+from analysis.model.windows import find_flagged_runs
 from analysis.stages.gating.gate import mark_samples_to_pool
 from analysis.stages.motion.phases import TURNS
-from analysis.stages.noise.column_noise import attenuation_errors, collect_axis_noise
+from analysis.stages.noise.column_noise import collect_axis_noise, compute_attenuation_errors
 from estimators.arrays import Floats
-from estimators.methods.ls import mean_estimate
+from estimators.methods.ls import average_estimates
 
 
 def summarise_masses(
@@ -49,7 +49,7 @@ def summarise_masses(
         noise: noise of the columns, if known.
     """
     columns: dict[str, Floats | pl.Series] = {"method": pl.Series(list(estimates), dtype=pl.String)}
-    for axis in available_axes(excitation):
+    for axis in list_available_axes(excitation):
         rows: dict[str, pl.DataFrame] = {
             method: select_rows_of_axis(axis, frame) for method, frame in estimates.items()
         }
@@ -57,7 +57,7 @@ def summarise_masses(
         totals = estimate_whole_log_by_method(
             axis, excitation, gated, rows, machine.settings, known
         )
-        columns |= theta_columns(axis, *totals)
+        columns |= make_parameter_columns(axis, *totals)
         suffix = "" if axis is X else "_z"
         columns[f"rows{suffix}"] = pl.Series([frame.height for frame in rows.values()])
         columns[f"withheld{suffix}"] = pl.Series([False] * len(rows))
@@ -68,29 +68,29 @@ def summarise_masses(
 
 
 def withhold_masses(
-    totals: pl.DataFrame, verdict: Verdict, contradicted: Collection[str]
+    masses: pl.DataFrame, verdict: Verdict, contradicted_methods: Collection[str]
 ) -> pl.DataFrame:
     """Remove the numbers that the verdict withholds.
 
     Args:
-        totals: the frame `masses`.
+        masses: the frame `masses`.
         verdict: the verdict, which withholds the x axis, the z axis or both.
-        contradicted: methods whose mass the log contradicts.
+        contradicted_methods: methods whose mass the log contradicts.
     """
     about_x = {*(name for pair in X.parameters for name in pair), "payload_kg"}
     about_z = {name for pair in Z.parameters for name in pair}
-    hidden = (not verdict.can_weigh) | pl.col("method").is_in(list(contradicted))
+    hidden = (not verdict.can_weigh) | pl.col("method").is_in(list(contradicted_methods))
     columns = [
-        *(pl.when(hidden).then(None).otherwise(n).alias(n) for n in about_x if n in totals.columns),
+        *(pl.when(hidden).then(None).otherwise(n).alias(n) for n in about_x if n in masses.columns),
         hidden.alias("withheld"),
     ]
-    if "withheld_z" in totals.columns:
-        turns = pl.lit(not verdict.can_tell_inertia)
+    if "withheld_z" in masses.columns:
+        turns = pl.lit(not verdict.can_estimate_inertia)
         columns += [
             *(pl.when(turns).then(None).otherwise(n).alias(n) for n in about_z),
             turns.alias("withheld_z"),
         ]
-    return build_frame("masses", totals.with_columns(columns).to_dict())
+    return build_frame("masses", masses.with_columns(columns).to_dict())
 
 
 def fit_pooled_over_log(
@@ -102,7 +102,7 @@ def fit_pooled_over_log(
     method: Method = METHODS["pooled"],
 ) -> tuple[Floats, Floats]:
     """Fit every accepted sample of an axis; parameters and standard deviations, (p,) each."""
-    A, f = regressor_and_force(axis, excitation, settings)
+    A, f = make_regressor_and_force(axis, excitation, settings)
     used = mark_samples_to_pool(excitation, gated, settings, axis)
     if not used.any():
         return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
@@ -120,7 +120,7 @@ def estimate_whole_log_by_method(
     noise: AxisNoise,
 ) -> tuple[Floats, Floats]:
     """Parameters and standard deviations, (methods, p) each; NaN without an estimate."""
-    A, f = regressor_and_force(axis, excitation, settings)
+    A, f = make_regressor_and_force(axis, excitation, settings)
     t_ns = excitation["t_ns"].to_numpy()
     theta = np.full((len(estimates), A.shape[1]), np.nan)
     std = theta.copy()
@@ -139,25 +139,27 @@ def estimate_whole_log_by_method(
             case LogSummary.MEAN:
                 index = np.searchsorted(t_ns, frame["t_ns"].to_numpy()).astype(np.int64)
                 windows = read_parameters_and_stds(axis, frame)
-                unseen = attenuation_errors(method, A, f, index, windows[0], settings, noise)
-                theta[row], std[row] = mean_estimate(
+                unseen = compute_attenuation_errors(
+                    method, A, f, index, windows[0], settings, noise
+                )
+                theta[row], std[row] = average_estimates(
                     A, f, settings.gate.window_samples, index, *windows, unseen
                 )
     return theta, std
 
 
-def reasons_for_no_answer(
+def list_reasons_for_no_answer(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
 ) -> list[str]:
     """Reasons why this log has no answer, a sentence each."""
     found = (
-        why_nothing_was_accepted(excitation, gated, settings),
-        why_spins_are_not_used(excitation, settings),
+        describe_missing_acceptance(excitation, gated, settings),
+        describe_unused_spins(excitation, settings),
     )
     return [sentence for sentence in found if sentence]
 
 
-def why_spins_are_not_used(excitation: pl.DataFrame, settings: Settings) -> str | None:
+def describe_unused_spins(excitation: pl.DataFrame, settings: Settings) -> str | None:
     """Sentence that names the channels missing for spins, if there are spins; else None."""
     spins = (excitation["phase"] == "spinning").fill_null(False).sum()
     missing = [name for name in YAW_COLUMNS if name not in excitation.columns]
@@ -171,7 +173,7 @@ def why_spins_are_not_used(excitation: pl.DataFrame, settings: Settings) -> str 
     return f"the log has spins, but the inertia needs {wanted}"
 
 
-def why_nothing_was_accepted(
+def describe_missing_acceptance(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
 ) -> str | None:
     """Sentence that names the obstacle if the gate accepted no window; else None."""
@@ -200,15 +202,15 @@ def why_nothing_was_accepted(
         if longest_s < window_s:
             return (
                 f"the longest stretch without {what} is {longest_s:.2f} s, "
-                f"the window {window_s:.2f} s{_braking_remedy_text(what)}"
+                f"the window {window_s:.2f} s{_describe_braking_remedy(what)}"
             )
     reasons = gated["reason_x"].cast(pl.String)
     counts = reasons.filter(reasons != "warming_up").value_counts(sort=True)
     often = counts["reason_x"][0]
-    return f"no window was accepted, most often for: {often}{_braking_remedy_text(often)}"
+    return f"no window was accepted, most often for: {often}{_describe_braking_remedy(often)}"
 
 
-def _braking_remedy_text(reason: str) -> str:
+def _describe_braking_remedy(reason: str) -> str:
     if reason != "braking":
         return ""
     return "; if the force sensor measures the brakes, set settings.gate.exclude_braking = false"
@@ -216,6 +218,6 @@ def _braking_remedy_text(reason: str) -> str:
 
 def count_longest_run(flags: pl.Series) -> int:
     """Longest run of true values, in rows."""
-    first, last = runs_of_flagged_samples(flags.to_numpy())
+    first, last = find_flagged_runs(flags.to_numpy())
     lengths = last + 1 - first
     return int(lengths.max()) if lengths.size else 0

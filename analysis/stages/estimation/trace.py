@@ -9,16 +9,21 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, available_axes, regressor_and_force, trace_columns
+from analysis.model.axes import (
+    Axis,
+    list_available_axes,
+    make_regressor_and_force,
+    make_trace_columns,
+)
 from analysis.model.methods import METHODS, AxisNoise, FeedKind, Method
 from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import mark_settled_windows
-from analysis.stages.gating.segments import pooled_manoeuvre_of_samples
+from analysis.stages.gating.segments import number_pooled_manoeuvres
 from analysis.stages.noise.column_noise import (
-    attenuation_errors,
     collect_axis_noise,
-    stds_by_column_noise_alone,
+    compute_attenuation_errors,
+    compute_stds_by_column_noise,
 )
 from estimators.arrays import Floats, Ints
 from estimators.estimate import Trace
@@ -52,7 +57,7 @@ def trace_estimates(
             collect_axis_noise(axis, settings, noise),
             load_begin_rows,
         )
-        for axis in available_axes(excitation)
+        for axis in list_available_axes(excitation)
     }
     t_ns = excitation["t_ns"].to_numpy()
     return {
@@ -72,7 +77,7 @@ def _trace_methods(
     load_begin_rows: Sequence[int],
 ) -> dict[str, Trace]:
     """Traces of every method over one axis."""
-    A, f = regressor_and_force(axis, excitation, settings)
+    A, f = make_regressor_and_force(axis, excitation, settings)
     window = settings.gate.window_samples
 
     @cache
@@ -83,7 +88,7 @@ def _trace_methods(
             case FeedKind.SETTLED:
                 return window, mark_settled_windows(excitation, gated, settings, axis)
             case FeedKind.SEGMENTS:
-                return (pooled_manoeuvre_of_samples(excitation, gated, settings, axis),)
+                return (number_pooled_manoeuvres(excitation, gated, settings, axis),)
 
     traces: dict[str, Trace] = {}
     for name in settings.trace.methods:
@@ -95,11 +100,14 @@ def _trace_methods(
         else:
             traced = method.estimator.trace(A, f, *inputs_for_feed(method.feed), options)
         if method.feed is not FeedKind.SEGMENTS:
-            unseen = attenuation_errors(method, A, f, traced.index, traced.theta, settings, noise)
+            unseen = compute_attenuation_errors(
+                method, A, f, traced.index, traced.theta, settings, noise
+            )
             std = traced.std
             if method.feed is FeedKind.WINDOWS:
                 std = np.maximum(
-                    std, stds_by_column_noise_alone(A, f, window, traced.index, traced.theta, noise)
+                    std,
+                    compute_stds_by_column_noise(A, f, window, traced.index, traced.theta, noise),
                 )
             traced = replace(traced, std=np.hypot(std, unseen))
         traces[name] = traced
@@ -131,7 +139,7 @@ def trace_by_load(
 def _make_estimates_frame(traced: dict[Axis, Trace], t_ns: Ints) -> pl.DataFrame:
     """Frame `estimates` of one method: rows of all axes in order of time."""
     parts = [
-        pl.DataFrame({"t_ns": t_ns[rows.index], **trace_columns(axis, rows)}).with_columns(
+        pl.DataFrame({"t_ns": t_ns[rows.index], **make_trace_columns(axis, rows)}).with_columns(
             **({"axis": pl.lit(axis.letter, pl.String)} if len(traced) > 1 else {})
         )
         for axis, rows in traced.items()

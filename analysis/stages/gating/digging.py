@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import X, regressor_and_force
+from analysis.model.axes import X, make_regressor_and_force
 from analysis.model.machine import Machine
 from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
-from analysis.stages.gating.gate import refuse_windows
-from analysis.stages.motion.phases import speed_rate_span_rows
+from analysis.stages.gating.gate import refuse_windows_with_rows
+from analysis.stages.motion.phases import count_speed_rate_rows
 from analysis.stages.stage_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
@@ -66,7 +66,7 @@ class _PileContact:
 
 def _find_resistance_changes(excitation: pl.DataFrame, machine: Machine) -> list[_PileContact]:
     """Starts whose resistance significantly changes by the size of a pile's, in order of time."""
-    A, force = regressor_and_force(X, excitation, machine.settings)
+    A, force = make_regressor_and_force(X, excitation, machine.settings)
     acceleration, speed = A[:, 0], A[:, 1]
     driving = excitation["phase"].is_in(["accelerating", "cruising"]).fill_null(False).to_numpy()
     slowing = (excitation["phase"] == "braking").fill_null(False).to_numpy()
@@ -77,14 +77,14 @@ def _find_resistance_changes(excitation: pl.DataFrame, machine: Machine) -> list
     # a force that reads zero throughout digs nowhere
     if (
         np.count_nonzero(driving) >= LIMITS.start_min_samples
-        and (largest_N := robust_largest(force[driving])) > 0.0
+        and (largest_N := find_robust_maximum_force(force[driving])) > 0.0
     ):
-        fastest = robust_largest(speed[driving])
+        fastest = find_robust_maximum_force(speed[driving])
         against = (
             slowing & whole & (np.sign(speed) * force > LIMITS.slowing_drive_fraction * largest_N)
         )
         mass_kg = machine.machine.empty_mass_kg or largest_N / max(
-            robust_largest(acceleration[driving]), 1e-3
+            find_robust_maximum_force(acceleration[driving]), 1e-3
         )
         widths = np.array(
             [
@@ -101,7 +101,7 @@ def _find_resistance_changes(excitation: pl.DataFrame, machine: Machine) -> list
         goes_on = np.flatnonzero(drives)
         for rows in split_drive_stretches(drives, speed, machine.settings):
             way = int(np.sign(np.mean(speed[rows])))
-            grown_N, std_N = resistance_growth_and_std(
+            grown_N, std_N = estimate_resistance_growth_and_std(
                 np.column_stack([way * acceleration[rows], way * speed[rows]]),
                 way * force[rows],
                 (t_ns[rows] - t_ns[rows[0]]) / max(t_ns[rows[-1]] - t_ns[rows[0]], 1),
@@ -115,7 +115,7 @@ def _find_resistance_changes(excitation: pl.DataFrame, machine: Machine) -> list
             )
             if least_N < abs(grown_N) < LIMITS.pile_max_growth_fraction * largest_N:
                 row = int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N
-                stops = first_row_after(ends[way], int(rows[-1])) <= first_row_after(
+                stops = find_first_row_after(ends[way], int(rows[-1])) <= find_first_row_after(
                     goes_on, int(rows[-1])
                 )
                 stops &= float(np.abs(speed[rows]).max()) <= LIMITS.pile_max_speed_m_s
@@ -123,19 +123,19 @@ def _find_resistance_changes(excitation: pl.DataFrame, machine: Machine) -> list
     return found
 
 
-def select_pile_contacts(contacts: list[_PileContact]) -> list[_PileContact]:
+def select_pile_contacts(candidates: list[_PileContact]) -> list[_PileContact]:
     """Select starts driven into a pile; none if resistance also varies without piles."""
-    grows = [each for each in contacts if each.row[2] > 0.0]
+    grows = [each for each in candidates if each.row[2] > 0.0]
     # the bucket is where most of them go: a log may have its signs turned round
     bucket = 1 if 2 * sum(each.way > 0 for each in grows) >= len(grows) else -1
     piles = [each for each in grows if each.way == bucket and each.stops]
     # backwards out of a pile, what holds the bucket lets go
-    let_go = sum(each.way != bucket and each.row[2] < 0.0 for each in contacts)
-    against = len(contacts) - len(piles) - let_go
+    let_go = sum(each.way != bucket and each.row[2] < 0.0 for each in candidates)
+    against = len(candidates) - len(piles) - let_go
     return piles if against < LIMITS.pile_contradiction_fraction * len(piles) else []
 
 
-def first_row_after(rows: Ints, row: int) -> float:
+def find_first_row_after(rows: Ints, row: int) -> float:
     """First of the rows after `row`; infinite if there is none."""
     place = int(np.searchsorted(rows, row, "right"))
     return float(rows[place]) if place < rows.size else np.inf
@@ -156,9 +156,9 @@ def refuse_windows_that_dig(
         return gated
     # the phase sees a start late, and its end
     dug = mark_digging_samples(
-        excitation["t_ns"].to_numpy(), digs, speed_rate_span_rows(machine.settings)
+        excitation["t_ns"].to_numpy(), digs, count_speed_rate_rows(machine.settings)
     )
-    return refuse_windows(gated, dug, "digging", machine.settings)
+    return refuse_windows_with_rows(gated, dug, "digging", machine.settings)
 
 
 def add_digs_column(aligned: pl.DataFrame, digs: pl.DataFrame) -> pl.DataFrame:
@@ -177,7 +177,7 @@ def mark_digging_samples(t_ns: Ints, digs: pl.DataFrame, margin: int = 0) -> Boo
     return dug
 
 
-def robust_largest(values: Floats) -> float:
+def find_robust_maximum_force(values: Floats) -> float:
     """Largest value without outliers."""
     return float(np.quantile(np.abs(values), LIMITS.reached_quantile))
 
@@ -193,7 +193,7 @@ def split_drive_stretches(driving: Bools, speed: Floats, settings: Settings) -> 
     return [part for part in parts if fewest <= part.size <= longest]
 
 
-def resistance_growth_and_std(
+def estimate_resistance_growth_and_std(
     motion: Floats, force: Floats, progress: Floats, mean_kg: float, widths: Floats, noise_N: float
 ) -> tuple[float, float]:
     """Growth of the resistance over a start, and its standard deviation, in N.

@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, X, available_axes, regressor_and_force
+from analysis.model.axes import Axis, X, list_available_axes, make_regressor_and_force
 from analysis.model.schema import PHASE, REASON, build_frame, column_values
 from analysis.model.settings import Settings
 from analysis.model.windows import flag_windows, mark_samples_in_windows
@@ -12,12 +12,12 @@ from analysis.stages.gating.gate_rules import (
     Codes,
     decide_windows,
     flag_rows_by_reason,
-    is_braking,
+    mark_braking_rows,
 )
 from analysis.stages.motion.phases import (
-    average_like_speed_rate,
-    speed_rate_span_rows,
-    yaw_speeding_sign,
+    average_over_speed_rate_span,
+    count_speed_rate_rows,
+    sign_of_yaw_rate_change,
 )
 from analysis.stages.noise.column_noise import collect_axis_noise
 from estimators.arrays import Bools, Floats, Ints
@@ -47,7 +47,7 @@ def gate_windows(
         `gate`: a row per row of `excitation`; columns of the z axis if the channels allow it.
     """
     columns: dict[str, Floats | pl.Series] = {"t_ns": excitation["t_ns"]}
-    for axis in available_axes(excitation):
+    for axis in list_available_axes(excitation):
         columns |= _make_gate_columns(axis, excitation, settings, noise)
     return build_frame("gate", columns)
 
@@ -57,9 +57,9 @@ def _make_gate_columns(
 ) -> dict[str, Floats | pl.Series]:
     """Columns of `gate` for one axis."""
     window, letter = settings.gate.window_samples, axis.letter
-    A, f = regressor_and_force(axis, excitation, settings)
+    A, f = make_regressor_and_force(axis, excitation, settings)
     n = f.size
-    phase = phase_codes(excitation)
+    phase = encode_phases(excitation)
     # a row of unknown phase might be braking, and is in no manoeuvre
     missing = ~(np.isfinite(A).all(axis=1) & np.isfinite(f)) | (phase == UNKNOWN)
     complete = ~flag_windows(missing, window)
@@ -67,7 +67,9 @@ def _make_gate_columns(
     rows = np.flatnonzero(complete).astype(np.int64)
     seen = ls.WindowStatistics(*(np.full(n, np.nan) for _ in ls.WindowStatistics._fields))
     known = collect_axis_noise(axis, settings, noise).mean
-    for whole, part in zip(seen, ls.window_statistics(A, f, window, rows, known), strict=True):
+    for whole, part in zip(
+        seen, ls.compute_window_statistics(A, f, window, rows, known), strict=True
+    ):
         whole[rows] = part
 
     first = int(np.argmin(missing)) if n and not missing.all() else n
@@ -78,7 +80,7 @@ def _make_gate_columns(
     flags = {"gap": missing, **flag_rows_by_reason(axis, phase, f, brakes, slips, settings.gate)}
 
     def estimate_window_information(window_ends: Ints) -> Floats:
-        return nearest_neighbours.window_mutual_information(
+        return nearest_neighbours.estimate_window_mutual_information(
             A[:, 0].copy(), f, window, window_ends, settings.gate.ksg_neighbours
         )
 
@@ -106,7 +108,7 @@ def _make_gate_columns(
     }
 
 
-def phase_codes(excitation: pl.DataFrame) -> Codes:
+def encode_phases(excitation: pl.DataFrame) -> Codes:
     """Indices of the phases in `PHASES`, (rows,)."""
     codes = excitation["phase"].cast(PHASE).to_physical().cast(pl.UInt8)
     return (codes.fill_null(UNKNOWN) if codes.null_count() else codes).to_numpy()
@@ -130,7 +132,7 @@ def mark_samples_to_pool(
     )
 
 
-def refuse_windows(
+def refuse_windows_with_rows(
     gated: pl.DataFrame, excluded_rows: Bools, rejection_reason: str, settings: Settings
 ) -> pl.DataFrame:
     """The gate, with accepted straight windows that contain one of these rows rejected.
@@ -167,7 +169,7 @@ def mark_settled_windows(
 
 def mark_possible_braking(braking: Bools, settings: Settings) -> Bools:
     """Braking samples, and those before them that may brake undetected, (rows,)."""
-    return flag_windows(braking[::-1], speed_rate_span_rows(settings) + settings.smooth.samples)[
+    return flag_windows(braking[::-1], count_speed_rate_rows(settings) + settings.smooth.samples)[
         ::-1
     ]
 
@@ -182,8 +184,8 @@ def mark_excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settin
 def mark_deceleration(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
     """Whether speed, or yaw rate, decreases at each sample, (rows,), with or without brakes."""
     if axis is X:
-        return is_braking(phase_codes(excitation))
-    return yaw_speeding_sign(column_values(excitation, "yaw_rate_rad_s"), settings) < 0
+        return mark_braking_rows(encode_phases(excitation))
+    return sign_of_yaw_rate_change(column_values(excitation, "yaw_rate_rad_s"), settings) < 0
 
 
 def _forward_acceleration(excitation: pl.DataFrame) -> Floats:
@@ -215,5 +217,5 @@ def find_slipping_samples(speed_rate: Floats, acceleration: Floats, settings: Se
     limit = settings.gate.slip_acc_m_s2
     if limit is None:
         return np.zeros(speed_rate.size, np.bool_)
-    mean = average_like_speed_rate(acceleration, settings)[-speed_rate.size :]
+    mean = average_over_speed_rate_span(acceleration, settings)[-speed_rate.size :]
     return np.abs(speed_rate - mean) > limit

@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 from analysis.model.axes import Axis, X
 from analysis.model.schema import PHASES
 from analysis.model.settings import GateSettings
-from analysis.stages.motion.phases import TURNS, number_first_condition
+from analysis.stages.motion.phases import TURNS, find_first_true_condition
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods.ls import WindowStatistics
-from estimators.numerics.mutual_information import gaussian_information, information_index
+from estimators.numerics.mutual_information import (
+    correlation_to_gaussian_information,
+    correlation_to_information_index,
+)
 
 Codes = NDArray[np.uint8]
 
@@ -24,16 +27,16 @@ UNKNOWN: Final = 255
 _BRAKING, _STANDSTILL = PHASES.index("braking"), PHASES.index("standstill")
 
 
-def phase_code_mask(*phases: str) -> Bools:
+def make_phase_code_mask(*phases: str) -> Bools:
     """Mask of the codes (256,) of the given phases."""
     found = np.zeros(256, np.bool_)
     found[[PHASES.index(name) for name in phases]] = True
     return found
 
 
-_TURNING: Final = phase_code_mask(*TURNS)
+_TURNING: Final = make_phase_code_mask(*TURNS)
 #: What a window of the z axis may hold: in place the machine spins or stands.
-_IN_PLACE: Final = phase_code_mask("spinning", "standstill")
+_IN_PLACE: Final = make_phase_code_mask("spinning", "standstill")
 
 
 class Decision(NamedTuple):
@@ -97,7 +100,7 @@ def flag_rows_by_reason(
     }
 
 
-def is_braking(phase: Codes) -> Bools:
+def mark_braking_rows(phase: Codes) -> Bools:
     """Whether each row brakes, by its phase, (rows,)."""
     return phase == _BRAKING
 
@@ -105,7 +108,7 @@ def is_braking(phase: Codes) -> Bools:
 def decide_windows(
     axis: Axis,
     statistics: WindowStatistics,
-    warming_up: Bools,
+    is_warming_up: Bools,
     holds: Mapping[str, Bools],
     nearest: Callable[[Ints], Floats],
     settings: GateSettings,
@@ -115,15 +118,15 @@ def decide_windows(
     Args:
         axis: straight motion or spins.
         statistics: statistics of each window, NaN for a window with a missing sample.
-        warming_up: (windows,) whether the log has had no whole window yet.
+        is_warming_up: (windows,) whether the log has had no whole window yet.
         holds: whether each window holds a row flagged `gap` or as in `row_flags`, in that order.
         nearest: computes the mutual information of some windows by nearest neighbours, in nat.
         settings: the index and its threshold.
     """
     rho, spread, predicted_std, condition, _, noise_share = statistics
-    index = information_index(rho)
+    index = correlation_to_information_index(rho)
     refusals = {
-        "warming_up": warming_up,
+        "warming_up": is_warming_up,
         **{why: ~held if why == "standstill" else held for why, held in holds.items()},
         "no_variance": np.isnan(rho),
         # (10) takes rho squared: either sign informs it
@@ -134,7 +137,7 @@ def decide_windows(
         case "information":
             poor = index < settings.threshold_nat
         case "gaussian":
-            poor = gaussian_information(rho) < settings.threshold_nat
+            poor = correlation_to_gaussian_information(rho) < settings.threshold_nat
         case "variance":
             std_max = settings.threshold_std_kg if axis is X else settings.threshold_std_kg_m2
             poor = ~(predicted_std <= std_max)
@@ -155,5 +158,5 @@ def decide_windows(
         noise_share=noise_share,
         ksg_nat=ksg,
         reasons=(*refusals, "accepted"),
-        chosen=number_first_condition(list(refusals.values())),
+        chosen=find_first_true_condition(list(refusals.values())),
     )

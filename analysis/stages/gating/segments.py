@@ -3,7 +3,14 @@
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, X, Z, available_axes, regressor_and_force, trace_columns
+from analysis.model.axes import (
+    Axis,
+    X,
+    Z,
+    list_available_axes,
+    make_regressor_and_force,
+    make_trace_columns,
+)
 from analysis.model.methods import METHODS
 from analysis.model.schema import PHASE, REASON, build_frame
 from analysis.model.settings import Settings
@@ -33,7 +40,7 @@ def number_manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
     return np.where(known, np.cumsum(begins) - 1, -1).astype(np.int64)
 
 
-def pooled_manoeuvre_of_samples(
+def number_pooled_manoeuvres(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
 ) -> Ints:
     """The manoeuvre that each sample is pooled into, (rows,), -1 for those that are not."""
@@ -55,23 +62,23 @@ def pool_by_manoeuvre(
         settings: window, what is refused.
         noise: noise of the columns, if known.
     """
-    turns = TURNS if Z not in available_axes(excitation) else ("arc", "turning")
+    turns = TURNS if Z not in list_available_axes(excitation) else ("arc", "turning")
     refused_for = {**dict.fromkeys(turns, "turning"), "standstill": "standstill"}
     if settings.gate.exclude_braking:
         refused_for["braking"] = "braking"
     segment_id = number_manoeuvres(excitation, settings)
     used = np.zeros(segment_id.size, np.bool_)
     parts: list[pl.DataFrame] = []
-    for axis in available_axes(excitation):
-        pooled_ids = pooled_manoeuvre_of_samples(excitation, gated, settings, axis)
+    for axis in list_available_axes(excitation):
+        pooled_ids = number_pooled_manoeuvres(excitation, gated, settings, axis)
         used |= pooled_ids >= 0
-        A, f = regressor_and_force(axis, excitation, settings)
+        A, f = make_regressor_and_force(axis, excitation, settings)
         method = METHODS["pooled"]
         options = method.options(settings.trace, collect_axis_noise(axis, settings, noise))
         traced = method.estimator.trace(A, f, pooled_ids, options)
         parts.append(
             pl.DataFrame(
-                {"segment_id": pooled_ids[traced.index], **trace_columns(axis, traced)},
+                {"segment_id": pooled_ids[traced.index], **make_trace_columns(axis, traced)},
                 schema_overrides={"segment_id": pl.Int64},
             )
         )
@@ -91,7 +98,7 @@ def pool_by_manoeuvre(
         .with_columns(
             # a spin is judged on the yaw axis where there is one
             pl.when(spinning).then(gated["reason_z"].cast(pl.String)).otherwise("reason")
-            if Z in available_axes(excitation)
+            if Z in list_available_axes(excitation)
             else "reason"
         )
         .filter(pl.col("segment_id") >= 0)

@@ -8,7 +8,7 @@ from analysis.model.axes import YAW_COLUMNS
 from analysis.model.machine import Machine
 from analysis.model.machine_body import Body
 from analysis.model.schema import FRAMES, build_frame, column_values
-from analysis.stages.motion.phases import classify_motion_phases, trailing_speed_rate
+from analysis.stages.motion.phases import classify_motion_phases, compute_trailing_speed_rate
 from estimators.arrays import Floats
 
 
@@ -24,7 +24,7 @@ def compute_excitation(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame
     """
     settings = machine.settings
     speed = column_values(smoothed, "speed_x_m_s")
-    rate = trailing_speed_rate(speed, settings)
+    rate = compute_trailing_speed_rate(speed, settings)
     declared = {column.name for column in FRAMES["excitation"].columns}
     columns: dict[str, NDArray[np.float64] | pl.Series] = {
         # arrays: of series, `build` would look for NaN by a query
@@ -32,19 +32,19 @@ def compute_excitation(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame
         for name in smoothed.columns
         if name in declared
     }
-    columns["force_x_N"] = longitudinal_force(smoothed, machine.machine)
-    torque = yaw_torque(smoothed, machine.machine)
+    columns["force_x_N"] = compute_longitudinal_force(smoothed, machine.machine)
+    torque = compute_yaw_torque(smoothed, machine.machine)
     if torque is not None:
         columns["torque_z_N_m"] = torque
-    columns["regressor_acc_x_m_s2"] = regressor_acceleration(smoothed, machine)
+    columns["regressor_acc_x_m_s2"] = compute_regressor_acceleration(smoothed, machine)
     if set(YAW_COLUMNS) <= set(columns):
-        columns["regressor_acc_y_m_s2"] = lateral_acceleration(smoothed, machine)
+        columns["regressor_acc_y_m_s2"] = compute_lateral_acceleration(smoothed, machine)
     columns["speed_rate_x_m_s2"] = rate
     columns["phase"] = classify_motion_phases(smoothed, speed, rate, settings)
     return build_frame("excitation", columns)
 
 
-def longitudinal_force(smoothed: pl.DataFrame, body: Body) -> Floats:
+def compute_longitudinal_force(smoothed: pl.DataFrame, body: Body) -> Floats:
     """Equation (17), (rows,) in N: (τ_r + τ_l) / r over the share of the measured wheels."""
     if "force_x_N" in smoothed.columns:
         force = column_values(smoothed, "force_x_N") / body.force_share
@@ -59,7 +59,7 @@ def longitudinal_force(smoothed: pl.DataFrame, body: Body) -> Floats:
     return np.where(reverses, force / body.force_gain_in_reverse, force)
 
 
-def yaw_torque(smoothed: pl.DataFrame, body: Body) -> Floats | None:
+def compute_yaw_torque(smoothed: pl.DataFrame, body: Body) -> Floats | None:
     """Equation (18), (rows,) in N·m: (τ_r - τ_l) / r · L/2 over the share; None when unknown."""
     if "torque_z_N_m" in smoothed.columns:
         return column_values(smoothed, "torque_z_N_m") / body.force_share
@@ -74,7 +74,7 @@ def yaw_torque(smoothed: pl.DataFrame, body: Body) -> Floats | None:
     return difference / body.wheel_radius_m * body.track_width_m / 2.0 / body.force_share
 
 
-def regressor_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
+def compute_regressor_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
     """Acceleration that multiplies the mass in (7), (rows,) in m/s².
 
     Gravity moves to the left of (4): the accelerometer's specific force has it already, an
@@ -90,7 +90,7 @@ def regressor_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
     return acceleration
 
 
-def lateral_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
+def compute_lateral_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
     """Specific force of the origin to the left, (rows,) in m/s².
 
     The accelerometer's, where it is chosen and has that axis: it knows a skid-steer's sideways

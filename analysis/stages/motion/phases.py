@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from analysis.model.schema import PHASE, column_values
 from analysis.model.settings import Settings
 from analysis.model.windows import flag_windows
-from analysis.stages.motion.smooth import trailing_mean
+from analysis.stages.motion.smooth import compute_trailing_mean
 from analysis.stages.stage_limits import LIMITS
 from estimators.arrays import Bools, Floats
 
@@ -23,46 +23,48 @@ from estimators.arrays import Bools, Floats
 TURNS: Final = ("spinning", "arc", "turning")
 
 
-def trailing_speed_rate(speed: Floats, settings: Settings) -> Floats:
+def compute_trailing_speed_rate(speed: Floats, settings: Settings) -> Floats:
     """The change of speed over the last `speed_rate_span_s`, (rows,) in m/s²; looks back only.
 
     NaN where a sample of that span is missing: rows beside a hole may be hours apart.
     """
-    span = min(speed_rate_span_rows(settings), speed.size)
+    span = min(count_speed_rate_rows(settings), speed.size)
     rate = np.full(speed.size, np.nan)
     rate[span:] = (speed[span:] - speed[: speed.size - span]) * settings.align.rate_hz / span
-    rate[np.isnan(trailing_mean(speed, span + 1))] = np.nan
+    rate[np.isnan(compute_trailing_mean(speed, span + 1))] = np.nan
     return rate
 
 
-def average_like_speed_rate(acceleration: Floats, settings: Settings) -> Floats:
+def average_over_speed_rate_span(acceleration: Floats, settings: Settings) -> Floats:
     """Acceleration (rows,) averaged over the span of the speed rate, to have its delay."""
-    return trailing_mean(acceleration, speed_rate_span_rows(settings))
+    return compute_trailing_mean(acceleration, count_speed_rate_rows(settings))
 
 
-def speed_rate_span_rows(settings: Settings) -> int:
+def count_speed_rate_rows(settings: Settings) -> int:
     """Rows that the speed rate looks back."""
     return max(1, round(settings.phases.speed_rate_span_s * settings.align.rate_hz))
 
 
-def speeding_sign(speed: Floats, rate: Floats, steady: float, settings: Settings) -> Floats:
+def sign_of_speed_change(
+    speed: Floats, rate: Floats, steady_rate: float, settings: Settings
+) -> Floats:
     """Sign of the change of v², (rows,): 1 growing, -1 falling, 0 steady; v may be a yaw rate.
 
     v·dv/dt over the span is the change of v²/2; the sign of v alone would be noise at a stop. Rates
-    up to `steady` count as steady.
+    up to `steady_rate` count as steady.
     """
-    changing = np.abs(rate) > steady
+    changing = np.abs(rate) > steady_rate
     return np.where(changing, np.sign(_mean_speed_over_span(speed, rate, settings) * rate), 0.0)
 
 
-def yaw_speeding_sign(yaw_rate: Floats, settings: Settings) -> Floats:
+def sign_of_yaw_rate_change(yaw_rate: Floats, settings: Settings) -> Floats:
     """Whether the turn speeds up (1), slows down (-1) or is steady (0), (rows,)."""
-    rate = trailing_speed_rate(yaw_rate, settings)
-    return speeding_sign(yaw_rate, rate, settings.phases.steady_yaw_acc_rad_s2, settings)
+    rate = compute_trailing_speed_rate(yaw_rate, settings)
+    return sign_of_speed_change(yaw_rate, rate, settings.phases.steady_yaw_acc_rad_s2, settings)
 
 
 def mark_stopping_samples(
-    speed: Floats, stands: Bools, noise_m_s: float, settings: Settings
+    speed: Floats, is_standing: Bools, noise_m_s: float, settings: Settings
 ) -> Bools:
     """Samples from which the speed only falls until the machine stands, (n,).
 
@@ -70,7 +72,7 @@ def mark_stopping_samples(
 
     Args:
         speed: (n,) in m/s.
-        stands: (n,) whether the machine stands.
+        is_standing: (n,) whether the machine stands.
         noise_m_s: change of speed within the noise.
         settings: settings with grid rate and braking threshold.
     """
@@ -79,8 +81,8 @@ def mark_stopping_samples(
     size = np.nan_to_num(np.abs(speed))
     span = max(1, round(LIMITS.stop_span_s * settings.align.rate_hz))
     found = np.zeros(speed.size, np.bool_)
-    ends = np.flatnonzero(stands & ~np.append(True, stands[:-1]))
-    begins = np.flatnonzero(~stands & np.append(True, stands[:-1]))
+    ends = np.flatnonzero(is_standing & ~np.append(True, is_standing[:-1]))
+    begins = np.flatnonzero(~is_standing & np.append(True, is_standing[:-1]))
     for begin, end in zip(begins, ends, strict=False):
         fastest_from = np.maximum.accumulate(size[begin:end][::-1])[::-1]
         before = np.append(np.full(span, fastest_from[0]), fastest_from)[: end - begin]
@@ -104,7 +106,7 @@ def mark_falls_beyond_noise(speed: Floats, noise_m_s: float, settings: Settings)
     steady_m_s2, rate_hz = settings.phases.steady_acc_m_s2, settings.align.rate_hz
     span_s = min(LIMITS.fall_min_std * np.sqrt(2.0) * noise_m_s / steady_m_s2, LIMITS.stop_span_s)
     span = math.ceil(span_s * rate_hz)
-    if span <= speed_rate_span_rows(settings) or span >= speed.size:
+    if span <= count_speed_rate_rows(settings) or span >= speed.size:
         return np.ones(speed.size, np.bool_)
     size = np.abs(speed)
     falls = np.ones(speed.size, np.bool_)
@@ -114,7 +116,7 @@ def mark_falls_beyond_noise(speed: Floats, noise_m_s: float, settings: Settings)
 
 
 def _mean_speed_over_span(speed: Floats, rate: Floats, settings: Settings) -> Floats:
-    return speed - rate * speed_rate_span_rows(settings) / settings.align.rate_hz / 2.0
+    return speed - rate * count_speed_rate_rows(settings) / settings.align.rate_hz / 2.0
 
 
 def classify_motion_phases(
@@ -136,9 +138,9 @@ def classify_motion_phases(
     """
     yaw_rate = np.nan_to_num(column_values(smoothed, "yaw_rate_rad_s"))
     # a derivative of the gyroscope is too noisy by itself to tell a steady arc
-    yaw_acc = average_like_speed_rate(column_values(smoothed, "yaw_acc_rad_s2"), settings)
+    yaw_acc = average_over_speed_rate_span(column_values(smoothed, "yaw_acc_rad_s2"), settings)
     if "yaw_acc_rad_s2" not in smoothed.columns:
-        yaw_acc = trailing_speed_rate(yaw_rate, settings)
+        yaw_acc = compute_trailing_speed_rate(yaw_rate, settings)
     mean_speed = _mean_speed_over_span(speed, rate, settings)
     turning = np.abs(yaw_rate) > settings.phases.turning_rate_rad_s
     slow = np.abs(speed) < settings.phases.standstill_speed_m_s
@@ -156,7 +158,7 @@ def classify_motion_phases(
     return label_by_first_condition(conditions, "braking", PHASE).alias("phase")
 
 
-def number_first_condition(conditions: Sequence[NDArray[np.bool_]]) -> NDArray[np.uint8]:
+def find_first_true_condition(conditions: Sequence[NDArray[np.bool_]]) -> NDArray[np.uint8]:
     """Index of the first true condition for each row, (n,); their number if none is true.
 
     Args:
@@ -171,18 +173,18 @@ def number_first_condition(conditions: Sequence[NDArray[np.bool_]]) -> NDArray[n
 
 
 def label_by_first_condition(
-    conditions: Mapping[str | None, NDArray[np.bool_]], otherwise: str, labels: pl.Enum
+    conditions: Mapping[str | None, NDArray[np.bool_]], default_label: str, labels: pl.Enum
 ) -> pl.Series:
     """Label each row (n,) by the first true condition.
 
     Args:
         conditions: conditions by label, in order of precedence; the label None gives null.
-        otherwise: label if no condition is true.
+        default_label: label if no condition is true.
         labels: enum of the series.
     """
     # numbers, since rows of text are slow to make
-    choices = _label_series((*conditions, otherwise), labels)
-    return choices[number_first_condition(list(conditions.values()))]
+    choices = _label_series((*conditions, default_label), labels)
+    return choices[find_first_true_condition(list(conditions.values()))]
 
 
 @cache

@@ -28,11 +28,11 @@ def smooth(aligned: pl.DataFrame, settings: SmoothSettings) -> pl.DataFrame:
         if name in ("t_ns", "gap"):
             continue
         x = np.where(gap, np.nan, column_values(aligned, name))
-        columns[name] = trailing_mean(x, settings.samples)
+        columns[name] = compute_trailing_mean(x, settings.samples)
     return build_frame("aligned", {"t_ns": aligned["t_ns"], **columns, "gap": aligned["gap"]})
 
 
-def trailing_mean(x: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
+def compute_trailing_mean(x: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
     """Mean (rows,) of each sample and the `samples` - 1 before it; NaN if any of them is."""
     # each output is its own sum: a running sum would carry a NaN, and rounding, to the end
     total = np.convolve(x, np.ones(samples))[: x.size] if x.size else x

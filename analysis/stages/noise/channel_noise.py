@@ -18,31 +18,35 @@ from analysis.model.axes import YAW_COLUMNS
 from analysis.model.machine import Machine
 from analysis.model.schema import NOISE_COLUMNS, NOISE_SOURCES, build_frame, column_values
 from analysis.model.settings import NoiseSettings
-from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque
+from analysis.stages.motion.forces import (
+    compute_longitudinal_force,
+    compute_regressor_acceleration,
+    compute_yaw_torque,
+)
 from analysis.stages.noise.grid_noise import (
     ColumnResponse,
-    is_each_column_hidden_by_grid,
-    response_of_each_column,
+    find_columns_hidden_by_grid,
+    list_column_responses,
     simulate_grid_noise_covariances,
 )
-from analysis.stages.noise.noise_bounds import RESIDUALS, SPREAD, clip_to_limits
+from analysis.stages.noise.noise_bounds import RESIDUALS, SPREAD, clip_covariances
 from analysis.stages.noise.noise_limits import LIMITS
 from analysis.stages.noise.noise_spectra import (
     LAGS,
-    average_over_neighbours,
-    block_ends,
+    average_over_neighbouring_frequencies,
     block_frequencies,
     block_power,
-    covariances_from_spectra,
-    cross_spectra,
-    cut_pieces,
-    fast_band,
+    choose_block_ends,
+    choose_noise_band,
+    compute_cross_spectra,
+    convert_spectra_to_covariances,
+    cut_detrended_pieces,
+    estimate_lag_covariances,
+    find_reading_step,
     find_true_runs,
-    lag_covariances,
     quantisation_covariances,
-    reading_step,
     spectrum_frequencies,
-    trim_to_settled,
+    trim_stretch_to_settled,
 )
 from analysis.stages.signals.mounting import Series
 from estimators.arrays import Bools, Floats, Ints
@@ -82,12 +86,12 @@ class NoiseSamples:
     @property
     def lowest_noise_frequency(self) -> float:
         """Lowest frequency at which everything is noise, over the rate."""
-        return fast_band(self.rate_hz)[0]
+        return choose_noise_band(self.rate_hz)[0]
 
     @property
-    def noise_band_top(self) -> float:
+    def noise_band_upper_frequency(self) -> float:
         """Top of the band above it, whose level extends to lower frequencies, over the rate."""
-        return fast_band(self.rate_hz)[1]
+        return choose_noise_band(self.rate_hz)[1]
 
 
 def estimate_channel_noise(
@@ -109,7 +113,7 @@ def estimate_channel_noise(
     """
     rate_hz = machine.settings.align.rate_hz
     gap = aligned["gap"].to_numpy()
-    columns = force_and_yaw_columns(aligned, machine)
+    columns = compute_equation_columns(aligned, machine)
     phase = excitation["phase"]
     stands = (phase == "standstill").fill_null(False).to_numpy()
     moves = phase.is_not_null().to_numpy() & ~stands
@@ -123,17 +127,17 @@ def estimate_channel_noise(
         samples = _select_standing_and_moving_samples(
             x, stands & known, moves & known, known, rate_hz
         )
-        made = response_of_each_column(tuple(axis), machine)
-        found, sources = covariances_and_noise_sources(samples, made)
+        made = list_column_responses(tuple(axis), machine)
+        found, sources = estimate_covariances_and_sources(samples, made)
         if read is not None:
-            replace_noise_hidden_by_grid(found, sources, tuple(axis), machine, read)
-        clip_to_limits(found, sources, x, samples.moving, [each.derivative_of for each in made])
+            replace_hidden_noise(found, sources, tuple(axis), machine, read)
+        clip_covariances(found, sources, x, samples.moving, [each.derivative_of for each in made])
         override_noise_by_settings(found, sources, axis, machine.settings.noise)
         tables.append(_make_noise_frame(tuple(axis), found, sources))
     return build_frame("noise", pl.concat(tables).to_dict())
 
 
-def noise_source_notes(noise: pl.DataFrame) -> list[str]:
+def write_noise_source_notes(noise: pl.DataFrame) -> list[str]:
     """Notes on columns whose noise the grid hides, with the source used instead.
 
     Args:
@@ -148,19 +152,19 @@ def noise_source_notes(noise: pl.DataFrame) -> list[str]:
     return said
 
 
-def replace_noise_hidden_by_grid(
-    found: Floats,
+def replace_hidden_noise(
+    covariances: Floats,
     sources: list[str],
     names: tuple[str, ...],
     machine: Machine,
-    read: Mapping[str, Series],
+    channels: Mapping[str, Series],
 ) -> None:
     """Replace noise that the grid hides by that of the channels' own samples."""
     beyond = [source == "differences" for source in sources]
     unseen = (
         np.array(
-            is_each_column_hidden_by_grid(
-                [channels_of_column(name, machine) for name in names], machine, read
+            find_columns_hidden_by_grid(
+                [list_channels_of_column(name, machine) for name in names], machine, channels
             )
         )
         & beyond
@@ -169,20 +173,20 @@ def replace_noise_hidden_by_grid(
         return
 
     def grid_columns(aligned: pl.DataFrame) -> Floats:
-        columns = force_and_yaw_columns(aligned, machine)
+        columns = compute_equation_columns(aligned, machine)
         x = np.column_stack([columns[name] for name in names])
         return np.where(aligned["gap"].to_numpy()[:, None], np.nan, x)
 
-    told = simulate_grid_noise_covariances(read, machine, grid_columns)
+    told = simulate_grid_noise_covariances(channels, machine, grid_columns)
     if told is None:
         return
     for column in np.flatnonzero(unseen):
-        found[column, :] = np.where(unseen[:, None], told[column, :], 0.0)
-        found[:, column] = np.where(unseen[:, None], told[:, column], 0.0)
+        covariances[column, :] = np.where(unseen[:, None], told[column, :], 0.0)
+        covariances[:, column] = np.where(unseen[:, None], told[:, column], 0.0)
         sources[column] = "samples"
 
 
-def channels_of_column(name: str, machine: Machine) -> tuple[str, ...]:
+def list_channels_of_column(name: str, machine: Machine) -> tuple[str, ...]:
     """Channels that a column of the equations is computed from."""
     if name == "regressor_acc_x_m_s2":
         kinematic = machine.settings.forces.acceleration == "kinematic"
@@ -192,15 +196,15 @@ def channels_of_column(name: str, machine: Machine) -> tuple[str, ...]:
     return ("torque_left_N_m", "torque_right_N_m")
 
 
-def force_and_yaw_columns(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
+def compute_equation_columns(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
     """Columns of the force and yaw equations, (rows,) each, by name."""
     body = machine.machine
     columns = {
-        "regressor_acc_x_m_s2": regressor_acceleration(aligned, machine),
+        "regressor_acc_x_m_s2": compute_regressor_acceleration(aligned, machine),
         "speed_x_m_s": column_values(aligned, "speed_x_m_s"),
-        "force_x_N": longitudinal_force(aligned, body),
+        "force_x_N": compute_longitudinal_force(aligned, body),
     }
-    torque = yaw_torque(aligned, body)
+    torque = compute_yaw_torque(aligned, body)
     columns |= {} if torque is None else {"torque_z_N_m": torque}
     return columns | {
         name: column_values(aligned, name)
@@ -219,7 +223,7 @@ def _select_standing_and_moving_samples(
     )
     quiet = [(a + after, b - before) for a, b in find_true_runs(stands) if b - before > a + after]
     quiet = quiet[:: max(len(quiet) // LIMITS.max_standstills, 1)]
-    quiet = [trim_to_settled(x, begin, end) for begin, end in quiet]
+    quiet = [trim_stretch_to_settled(x, begin, end) for begin, end in quiet]
     still = np.zeros(stands.size, np.bool_)
     for begin, end in quiet:
         still[begin:end] = True
@@ -227,26 +231,26 @@ def _select_standing_and_moving_samples(
         x=x,
         quiet=quiet,
         moving=moves,
-        still_blocks=block_ends(still),
-        moving_blocks=block_ends(moves),
-        every_block=block_ends(known),
+        still_blocks=choose_block_ends(still),
+        moving_blocks=choose_block_ends(moves),
+        every_block=choose_block_ends(known),
         rate_hz=rate_hz,
     )
 
 
-def covariances_and_noise_sources(
+def estimate_covariances_and_sources(
     samples: NoiseSamples, column_responses: list[ColumnResponse]
 ) -> tuple[Floats, list[str]]:
     """Covariances (columns, columns, LAGS), and the source of each column's noise."""
     p = samples.x.shape[1]
-    cut = cut_pieces(samples.x, samples.quiet)
-    found = lag_covariances(cut) if cut else np.zeros((p, p, LAGS))
+    cut = cut_detrended_pieces(samples.x, samples.quiet)
+    found = estimate_lag_covariances(cut) if cut else np.zeros((p, p, LAGS))
     live = [bool(cut) and shows_noise_at_standstill(samples, cut, column) for column in range(p)]
     powers = [
         block_power(samples.x[:, column], samples.moving_blocks, samples.lowest_noise_frequency)
         for column in range(p)
     ]
-    spectra = cross_spectra(found)
+    spectra = compute_cross_spectra(found)
     for column in np.flatnonzero(~np.array(live)):
         spectra[column, :] = 0.0
         spectra[:, column] = 0.0
@@ -259,7 +263,7 @@ def covariances_and_noise_sources(
                 )
             if power is not None:
                 # one that mostly keeps its reading has the noise of rounding at least
-                level = spectrum_of_fast_changes(power[0], column_responses[column], samples)
+                level = estimate_fast_change_spectrum(power[0], column_responses[column], samples)
                 spectra[column, column] = np.maximum(
                     level, estimate_rounding_variance(samples, column)
                 )
@@ -274,17 +278,17 @@ def covariances_and_noise_sources(
             spectra[of, column] = shared * turn
             spectra[column, of] = shared * turn.conj()
     for column in range(p):
-        step = reading_step(samples.x[:, column], samples.moving)
+        step = find_reading_step(samples.x[:, column], samples.moving)
         coarse = (
             step is not None
-            and step**2 / 12.0 > covariances_from_spectra(spectra)[column, column, 0]
+            and step**2 / 12.0 > convert_spectra_to_covariances(spectra)[column, column, 0]
         )
         if step is not None and coarse:
             own = quantisation_covariances(samples.x[:, column], samples.moving, step)[None, None]
-            spectra[column, column] = cross_spectra(own)[0, 0]
+            spectra[column, column] = compute_cross_spectra(own)[0, 0]
             live[column] = False
     grown = [
-        noise_growth_in_motion(samples, column, powers[column])
+        estimate_noise_growth_in_motion(samples, column, powers[column])
         if live[column]
         else np.ones(at.size)
         for column in range(p)
@@ -292,7 +296,7 @@ def covariances_and_noise_sources(
     for i in range(p):
         for j in range(p):
             spectra[i, j] *= np.sqrt(grown[i] * grown[j])
-    return covariances_from_spectra(spectra), [
+    return convert_spectra_to_covariances(spectra), [
         "standstill" if alive else "differences" for alive in live
     ]
 
@@ -304,10 +308,10 @@ def estimate_rounding_variance(samples: NoiseSamples, column: int) -> float:
     ) ** 2
 
 
-def shows_noise_at_standstill(samples: NoiseSamples, cut: list[Floats], column: int) -> bool:
+def shows_noise_at_standstill(samples: NoiseSamples, pieces: list[Floats], column: int) -> bool:
     """Whether a column shows its noise at standstill, where most pieces have several values."""
     least = estimate_rounding_variance(samples, column)
-    noisy = [float((part[:, column] ** 2).mean()) > least for part in cut]
+    noisy = [float((part[:, column] ** 2).mean()) > least for part in pieces]
     many = [
         np.unique(samples.x[begin : min(end, begin + LAGS), column]).size
         > LIMITS.constant_max_values
@@ -317,7 +321,7 @@ def shows_noise_at_standstill(samples: NoiseSamples, cut: list[Floats], column: 
     return float(np.mean(noisy)) > 0.5 and float(np.mean(many)) > 0.5
 
 
-def spectrum_of_fast_changes(
+def estimate_fast_change_spectrum(
     power: Floats, column_response: ColumnResponse, samples: NoiseSamples
 ) -> Floats:
     """Spectrum of a column from its fast changes, (frequencies,).
@@ -327,13 +331,13 @@ def spectrum_of_fast_changes(
     at, wanted = block_frequencies(), spectrum_frequencies()
     response = column_response.power_response(at)
     fast = samples.lowest_noise_frequency
-    band = (at >= fast) & (at <= samples.noise_band_top) & (response > 0.0)
+    band = (at >= fast) & (at <= samples.noise_band_upper_frequency) & (response > 0.0)
     level = float(np.mean(power[band] / response[band]))
-    seen = np.interp(wanted, at[1:], average_over_neighbours(power, 1)[1:])
+    seen = np.interp(wanted, at[1:], average_over_neighbouring_frequencies(power, 1)[1:])
     return np.where(wanted < fast, level * column_response.power_response(wanted), seen)
 
 
-def noise_growth_in_motion(
+def estimate_noise_growth_in_motion(
     samples: NoiseSamples, column: int, moving: tuple[Floats, int] | None
 ) -> Floats:
     """Power in motion over that at standstill, at least 1, at `spectrum_frequencies`."""
@@ -350,32 +354,34 @@ def noise_growth_in_motion(
     ratio = np.where(told, moving[0] / np.where(told, still, 1.0), np.nan)
     # half-overlapping blocks are worth three quarters; so are neighbouring frequencies two thirds
     error = np.sqrt((1.0 / moving[1] + 1.0 / resting[1]) / 0.75)
-    band = told & (at <= samples.noise_band_top)
+    band = told & (at <= samples.noise_band_upper_frequency)
     below = float(np.median(ratio[band])) if band.any() else 1.0
     below = (
         below
         if below > 1.0 + LIMITS.growth_min_std * error * np.sqrt(1.5 / max(band.sum(), 1))
         else 1.0
     )
-    near = np.where(told, average_over_neighbours(ratio, 2), 1.0)
+    near = np.where(told, average_over_neighbouring_frequencies(ratio, 2), 1.0)
     near = np.where(near > 1.0 + LIMITS.growth_min_std * error * np.sqrt(1.5 / 5.0), near, 1.0)
     return np.where(wanted < samples.lowest_noise_frequency, below, np.interp(wanted, at, near))
 
 
 def override_noise_by_settings(
-    found: Floats, sources: list[str], axis: Mapping[str, str], settings: NoiseSettings
+    covariances: Floats, sources: list[str], axis: Mapping[str, str], settings: NoiseSettings
 ) -> None:
     """Replace the noise by white noise where the settings give one."""
     for column, name in enumerate(axis.values()):
         std = getattr(settings, name)
         if std is not None:
-            found[column, :] = 0.0
-            found[:, column] = 0.0
-            found[column, column, 0] = std**2
+            covariances[column, :] = 0.0
+            covariances[:, column] = 0.0
+            covariances[column, column, 0] = std**2
             sources[column] = "setting"
 
 
-def _make_noise_frame(names: tuple[str, ...], found: Floats, sources: list[str]) -> pl.DataFrame:
+def _make_noise_frame(
+    names: tuple[str, ...], covariances: Floats, sources: list[str]
+) -> pl.DataFrame:
     p = len(names)
     rank = np.array([NOISE_SOURCES.index(source) for source in sources])
     first, second, lag = (axis.ravel() for axis in np.indices((p, p, LAGS)))
@@ -384,7 +390,7 @@ def _make_noise_frame(names: tuple[str, ...], found: Floats, sources: list[str])
             "first": np.array(names)[first],
             "second": np.array(names)[second],
             "lag": lag,
-            "covariance": found.ravel(),
+            "covariance": covariances.ravel(),
             # a pair is from the log where both are
             "source": np.array(NOISE_SOURCES)[np.maximum(rank[first], rank[second])],
         }

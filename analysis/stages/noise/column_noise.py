@@ -13,11 +13,11 @@ from analysis.model.schema import NOISE_COLUMNS
 from analysis.model.settings import NoiseSettings, Settings
 from analysis.stages.noise.noise_limits import LIMITS
 from estimators.arrays import Floats, Ints
-from estimators.methods.attenuation import window_attenuations
-from estimators.methods.ls import residual_noise, solve_windows
+from estimators.methods.attenuation import compute_window_attenuations
+from estimators.methods.ls import residual_noise_variance, solve_windows
 from estimators.methods.method_limits import LIMITS as METHOD_LIMITS
 from estimators.methods.tls import TlsOptions
-from estimators.numerics.small_systems import factor, invert
+from estimators.numerics.small_systems import factor_packed_ldl, invert
 
 #: Ratios for TLS where neither log nor settings tell the noise: what the paper's sensors have.
 _USUAL: Final[Mapping[str, TlsOptions]] = {
@@ -39,7 +39,7 @@ class ColumnNoise:
     covariances: Floats
 
     @classmethod
-    def of_axis(
+    def select_axis_noise(
         cls, axis: Axis, noise: pl.DataFrame | None, settings: NoiseSettings
     ) -> "ColumnNoise | None":
         """Noise of an axis from the frame `noise`, or white noise from complete settings."""
@@ -65,12 +65,12 @@ class ColumnNoise:
         """(p, p) covariance of trailing means of `samples`."""
         lag = np.arange(self.covariances.shape[2])
         pairs = np.maximum(samples - lag, 0) / samples**2
-        return nearest_semidefinite(self._sum_lags(pairs))
+        return find_nearest_semidefinite(self._sum_lags(pairs))
 
-    def power_at_zero(self) -> Floats:
+    def power_at_zero_frequency(self) -> Floats:
         """(p, p) power at 0 Hz: variance per sample of long sums."""
         lags = self.covariances.shape[2]
-        return nearest_semidefinite(self._sum_lags(1.0 - np.arange(lags) / lags))
+        return find_nearest_semidefinite(self._sum_lags(1.0 - np.arange(lags) / lags))
 
     def _sum_lags(self, weights: Floats) -> Floats:
         """Sum of the covariances at positive and negative lags, weighted by `weights` (lags,)."""
@@ -79,7 +79,7 @@ class ColumnNoise:
         return self.covariances[:, :, 0] * weights[0] + later + later.T
 
 
-def nearest_semidefinite(covariance: Floats) -> Floats:
+def find_nearest_semidefinite(covariance: Floats) -> Floats:
     """Nearest positive semidefinite matrix, since sums of estimated lags may be negative."""
     scale = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
     scale = np.where(scale > 0.0, scale, 1.0)
@@ -99,11 +99,11 @@ def collect_axis_noise(
         settings: settings with samples of the mean, and noise.
         noise: frame `noise` of the log; without it the settings must give all columns.
     """
-    known = ColumnNoise.of_axis(axis, noise, settings.noise)
+    known = ColumnNoise.select_axis_noise(axis, noise, settings.noise)
     usual = _noise_ratios_with_settings(axis, settings.noise)
     if known is None or len(known.names) < len(NOISE_COLUMNS[axis.letter]):
         return AxisNoise(usual, None, None)
-    mean, lasting = known.covariance(settings.smooth.samples), known.power_at_zero()
+    mean, lasting = known.covariance(settings.smooth.samples), known.power_at_zero_frequency()
     std = np.sqrt(np.diagonal(mean))
     *of_A, of_f = (float(each) for each in std)
     if axis is X:
@@ -126,7 +126,7 @@ def _noise_ratios_with_settings(axis: Axis, settings: NoiseSettings) -> TlsOptio
     return TlsOptions((*of_A, *usual.noise_A[2:]), of_f)
 
 
-def stds_after_moving_mean(
+def compute_stds_after_moving_mean(
     settings: Settings, noise: pl.DataFrame | None = None
 ) -> dict[str, float]:
     """Noise of each column after the moving mean, by name; the default if unknown."""
@@ -136,7 +136,7 @@ def stds_after_moving_mean(
         each = (*usual.noise_A[:2], usual.noise_f)
         for name, std in zip(NOISE_COLUMNS[axis.letter], each, strict=True):
             stds[name] = std / float(np.sqrt(settings.smooth.samples))
-        known = ColumnNoise.of_axis(axis, noise, settings.noise)
+        known = ColumnNoise.select_axis_noise(axis, noise, settings.noise)
         if known is not None:
             seen = np.sqrt(np.diagonal(known.covariance(settings.smooth.samples))).tolist()
             told = dict(zip(known.names, seen, strict=True))
@@ -144,7 +144,7 @@ def stds_after_moving_mean(
     return stds
 
 
-def attenuation_errors(
+def compute_attenuation_errors(
     method: Method,
     A: Floats,
     f: Floats,
@@ -169,11 +169,13 @@ def attenuation_errors(
     """
     if noise.mean is None:
         return np.zeros_like(theta)
-    drawn = window_attenuations(A, f, settings.gate.window_samples, index, theta, noise.mean)
+    drawn = compute_window_attenuations(
+        A, f, settings.gate.window_samples, index, theta, noise.mean
+    )
     return METHOD_LIMITS.uncertain_correction_fraction * drawn if method.takes_noise_off else drawn
 
 
-def stds_by_column_noise_alone(
+def compute_stds_by_column_noise(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, noise: AxisNoise
 ) -> Floats:
     """Standard deviations of windows by column noise alone, (rows, p); 0 if unknown.
@@ -184,8 +186,10 @@ def stds_by_column_noise_alone(
         return np.zeros_like(theta)
     p = A.shape[1]
     grams = np.ascontiguousarray(solve_windows(A, f, window, index).grams.T)
-    bread = invert(*factor(grams, p, p))
+    bread = invert(*factor_packed_ldl(grams, p, p))
     each = np.ascontiguousarray(theta.T)
     # slow columns add up what lasts; no sample has less than its own
-    variance = np.maximum(residual_noise(each, noise.mean), residual_noise(each, noise.lasting))
+    variance = np.maximum(
+        residual_noise_variance(each, noise.mean), residual_noise_variance(each, noise.lasting)
+    )
     return np.sqrt(np.array([bread[i, i] for i in range(p)]) * variance).T

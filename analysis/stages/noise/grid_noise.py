@@ -20,11 +20,11 @@ from analysis.model.machine import Machine
 from analysis.stages.noise.noise_limits import LIMITS
 from analysis.stages.noise.noise_spectra import (
     LAGS,
-    block_ends,
     block_frequencies,
     block_power,
-    fast_band,
-    reading_step,
+    choose_block_ends,
+    choose_noise_band,
+    find_reading_step,
 )
 from analysis.stages.signals import filters, mounting, rates
 from analysis.stages.signals.align import align
@@ -59,38 +59,50 @@ class ColumnResponse:
     causal: bool
     rate_hz: float
 
-    def power_response(self, at: Floats) -> Floats:
+    def power_response(self, relative_frequency: Floats) -> Floats:
         """Power of unit white noise after processing, at frequencies over the rate."""
-        slope = 2.0 * np.sin(np.pi * at) if self.causal else np.sin(2.0 * np.pi * at)
+        slope = (
+            2.0 * np.sin(np.pi * relative_frequency)
+            if self.causal
+            else np.sin(2.0 * np.pi * relative_frequency)
+        )
         power = (slope * self.rate_hz) ** (2 * self.derivatives)
         if self.filtered:
-            power = power * filters.low_pass_power_gain(at / self.cutoff, causal=self.causal)
+            power = power * filters.low_pass_power_gain(
+                relative_frequency / self.cutoff, causal=self.causal
+            )
         return power
 
-    def derivative_response(self, at: Floats) -> Complexes:
+    def derivative_response(self, relative_frequency: Floats) -> Complexes:
         """Transfer function of one derivative, at frequencies over the rate."""
         if self.causal:
-            return np.asarray(self.rate_hz * (1.0 - np.exp(-2j * np.pi * at)), np.complex128)
-        return self.rate_hz * 1j * np.sin(2.0 * np.pi * at)
+            return np.asarray(
+                self.rate_hz * (1.0 - np.exp(-2j * np.pi * relative_frequency)), np.complex128
+            )
+        return self.rate_hz * 1j * np.sin(2.0 * np.pi * relative_frequency)
 
 
-def is_each_column_hidden_by_grid(
-    columns: list[tuple[str, ...]], machine: Machine, read: Mapping[str, mounting.Series]
+def find_columns_hidden_by_grid(
+    columns: list[tuple[str, ...]], machine: Machine, channels: Mapping[str, mounting.Series]
 ) -> list[bool]:
     """Whether the grid hides the noise of each column.
 
     Args:
         columns: channels that each column is computed from.
         machine: machine file with channels, filter and grid.
-        read: raw readings by channel.
+        channels: raw readings by channel.
     """
     rate_hz, cutoff_hz = machine.settings.align.rate_hz, machine.settings.filter.cutoff_hz
     causal = machine.settings.filter.causal
-    own_hz = {name: 1e9 / rates.mean_period_ns(t, 1e9 / PAPER_HZ) for name, (t, _) in read.items()}
+    own_hz = {
+        name: 1e9 / rates.mean_period_ns(t, 1e9 / PAPER_HZ) for name, (t, _) in channels.items()
+    }
     derived = any(channel.is_derivative for channel in machine.channels.values())
 
     def source_rates_hz(names: Iterable[str]) -> list[float]:
-        made_of = frozenset[str]().union(*(rates.source_channels(name, machine) for name in names))
+        made_of = frozenset[str]().union(
+            *(rates.find_source_channels(name, machine) for name in names)
+        )
         return [own_hz[name] for name in made_of if name in own_hz]
 
     found: list[bool] = []
@@ -98,7 +110,7 @@ def is_each_column_hidden_by_grid(
         mine = source_rates_hz(names)
         beside = source_rates_hz(
             next(
-                (each for each in rates.channels_of_each_equation(machine) if each & {*names}),
+                (each for each in rates.list_channels_of_equations(machine) if each & {*names}),
                 frozenset(names),
             )
         )
@@ -111,7 +123,7 @@ def is_each_column_hidden_by_grid(
         )
         slow = min(beside) * SIGNAL_LIMITS.other_rate_ratio < (PAPER_HZ if derived else rate_hz)
         filtered = derived and cutoff_hz < SIGNAL_LIMITS.cutoff_max_rate_fraction * min(mine)
-        top_hz = fast_band(rate_hz)[1] * rate_hz
+        top_hz = choose_noise_band(rate_hz)[1] * rate_hz
         left = filters.low_pass_power_gain(np.array(top_hz / cutoff_hz), causal=causal)
         stopped = filtered and float(left) < LIMITS.hidden_power_fraction
         other = derived and abs(min(mine) / rate_hz - 1.0) > LIMITS.same_rate_1
@@ -120,14 +132,14 @@ def is_each_column_hidden_by_grid(
 
 
 def simulate_grid_noise_covariances(
-    read: Mapping[str, mounting.Series],
+    channels: Mapping[str, mounting.Series],
     machine: Machine,
     columns: Callable[[pl.DataFrame], Floats],
 ) -> Floats | None:
     """Simulate the channels' noise on the grid; return its covariances (columns, columns, LAGS).
 
     Args:
-        read: raw readings by channel.
+        channels: raw readings by channel.
         machine: machine file with the processing of channels.
         columns: computes the (rows, columns) from a grid.
 
@@ -136,13 +148,13 @@ def simulate_grid_noise_covariances(
     """
     settings = machine.settings.align
     std = {
-        name: white_noise_std(t, x, filters.longest_step_ns(t, settings))
-        for name, (t, x) in read.items()
+        name: estimate_white_noise_std(t, x, filters.longest_step_ns(t, settings))
+        for name, (t, x) in channels.items()
         if name not in UNFILTERED
     }
-    longest_ns = max(filters.longest_step_ns(t, settings) for t, _ in read.values())
+    longest_ns = max(filters.longest_step_ns(t, settings) for t, _ in channels.values())
     part = repeat_stamps(
-        row_stamps_to_analyse(read, settings.rate_hz), settings.rate_hz, longest_ns
+        select_row_stamps(channels, settings.rate_hz), settings.rate_hz, longest_ns
     )
     rng = np.random.default_rng(LIMITS.simulation_seed)
     noise = {
@@ -156,11 +168,11 @@ def simulate_grid_noise_covariances(
     return np.where(pairs > 0, sums / np.maximum(pairs, 1.0), 0.0)
 
 
-def row_stamps_to_analyse(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str, Ints]:
+def select_row_stamps(channels: Mapping[str, mounting.Series], rate_hz: float) -> dict[str, Ints]:
     """Stamps of each channel, up to the simulated rows after the last one has begun."""
-    begin = max(int(t[0]) for t, _ in read.values())
+    begin = max(int(t[0]) for t, _ in channels.values())
     end = begin + math.ceil(LIMITS.simulated_rows / rate_hz * 1e9)
-    return {name: t[: max(int(np.searchsorted(t, end)), 2)] for name, (t, _) in read.items()}
+    return {name: t[: max(int(np.searchsorted(t, end)), 2)] for name, (t, _) in channels.items()}
 
 
 def repeat_stamps(stamps: Mapping[str, Ints], rate_hz: float, longest_ns: float) -> dict[str, Ints]:
@@ -199,7 +211,7 @@ def sum_lagged_products(x: Floats) -> tuple[Floats, Floats]:
     return sums, np.round(np.fft.irfft(np.abs(seen) ** 2, n)[:LAGS])
 
 
-def white_noise_std(t_ns: Ints, x: Floats, longest_ns: float) -> float:
+def estimate_white_noise_std(t_ns: Ints, x: Floats, longest_ns: float) -> float:
     """Standard deviation of a channel's white noise, from its fast changes.
 
     Args:
@@ -209,19 +221,19 @@ def white_noise_std(t_ns: Ints, x: Floats, longest_ns: float) -> float:
     """
     whole = np.ones(t_ns.size, np.bool_)
     whole[1:] = np.diff(t_ns) <= longest_ns
-    fast, top = fast_band(1e9 / filters.period_ns(t_ns))
-    power = block_power(x, block_ends(whole), fast)
+    fast, top = choose_noise_band(1e9 / filters.median_period_ns(t_ns))
+    power = block_power(x, choose_block_ends(whole), fast)
     if power is None:
         second = np.diff(x, 2)[whole[1:-1] & whole[2:]]
         variance = float((second**2).mean()) / _SECOND_DIFFERENCES if second.size else 0.0
     else:
         at = block_frequencies()
         variance = float(power[0][(at >= fast) & (at <= top)].mean())
-    step = reading_step(x, whole)
+    step = find_reading_step(x, whole)
     return float(np.sqrt(max(variance, 0.0 if step is None else step**2 / 12.0)))
 
 
-def response_of_each_column(axis: tuple[str, ...], machine: Machine) -> list[ColumnResponse]:
+def list_column_responses(axis: tuple[str, ...], machine: Machine) -> list[ColumnResponse]:
     """Processing of each column of an axis.
 
     Args:
@@ -242,9 +254,9 @@ def response_of_each_column(axis: tuple[str, ...], machine: Machine) -> list[Col
     for name in names:
         depth, at = 0, name
         while at in channels and channels[at].direct_source_channels:
-            depth += channels[at].derivative_of is not None
+            depth += channels[at].differentiated_channel is not None
             at = channels[at].direct_source_channels[0]
-        parent = channels[name].derivative_of if name in channels else None
+        parent = channels[name].differentiated_channel if name in channels else None
         found.append(
             ColumnResponse(
                 depth,

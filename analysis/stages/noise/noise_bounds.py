@@ -12,18 +12,18 @@ RESIDUALS: Final = "residuals"
 SPREAD: Final = "spread"
 
 
-def noise_std_limits(x: Floats, moves: Bools) -> tuple[Floats, Floats]:
+def compute_noise_std_limits(x: Floats, is_moving: Bools) -> tuple[Floats, Floats]:
     """Upper limits of each column's noise standard deviation, (columns,) each.
 
     Args:
         x: (rows, columns) acceleration, speed and force, or those of a turn; may have gaps.
-        moves: (rows,) whether the machine moves.
+        is_moving: (rows,) whether the machine moves.
 
     Returns:
         The spread of each column; and the residual of force = m a + b v + c v|v| + d sign(v) + e
         over the column's coefficient, infinite for a coefficient of 0.
     """
-    x = x[moves]
+    x = x[is_moving]
     spread = x.std(axis=0) if len(x) else np.full(x.shape[1], np.inf)
     left = np.full(x.shape[1], np.inf)
     if x.shape[1] == 3 and len(x) > LIMITS.residual_min_rows:
@@ -36,20 +36,20 @@ def noise_std_limits(x: Floats, moves: Bools) -> tuple[Floats, Floats]:
     return spread, left
 
 
-def clip_to_limits(
-    found: Floats, sources: list[str], x: Floats, moves: Bools, derivative_of: list[int]
+def clip_covariances(
+    covariances: Floats, sources: list[str], x: Floats, is_moving: Bools, derivative_of: list[int]
 ) -> None:
     """Reduce covariances that exceed their limit, in place, with those of derivatives.
 
     Args:
-        found: (columns, columns, LAGS) covariances.
+        covariances: (columns, columns, LAGS) covariances.
         sources: source of each column's noise; noise seen at standstill is not changed.
         x: (rows, columns) values.
-        moves: (rows,) whether the machine moves.
+        is_moving: (rows,) whether the machine moves.
         derivative_of: the column that each is the derivative of, -1 for none.
     """
-    spread, left = noise_std_limits(x, moves)
-    std = np.sqrt(np.maximum(np.diagonal(found[:, :, 0]), 0.0))
+    spread, left = compute_noise_std_limits(x, is_moving)
+    std = np.sqrt(np.maximum(np.diagonal(covariances[:, :, 0]), 0.0))
     for column, source in enumerate(sources):
         limit = min(spread[column], left[column])
         if source == "standstill" or not std[column] > LIMITS.excess_ratio * limit:
@@ -58,7 +58,7 @@ def clip_to_limits(
         for each in {column, derivative_of[column]} - {-1}:
             if sources[each] == "standstill":
                 continue
-            found[each, :] *= share
-            found[:, each] *= share
+            covariances[each, :] *= share
+            covariances[:, each] *= share
             std[each] *= share
             sources[each] = SPREAD if spread[column] < left[column] else RESIDUALS

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.model.windows import runs_of_flagged_samples
+from analysis.model.windows import find_flagged_runs
 from analysis.stages.noise.noise_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
@@ -13,7 +13,7 @@ from estimators.arrays import Bools, Floats, Ints
 LAGS: Final = 64
 
 
-def fast_band(rate_hz: float) -> tuple[float, float]:
+def choose_noise_band(rate_hz: float) -> tuple[float, float]:
     """Lowest frequency that is all noise, and top of the band above it, over the rate."""
     # faster noise leaks into the lowest frequencies of a block
     fast = min(
@@ -25,11 +25,11 @@ def fast_band(rate_hz: float) -> tuple[float, float]:
 
 def find_true_runs(flags: Bools) -> list[tuple[int, int]]:
     """First and end row of every run of True."""
-    first, last = runs_of_flagged_samples(flags)
+    first, last = find_flagged_runs(flags)
     return list(zip(first.tolist(), (last + 1).tolist(), strict=True))
 
 
-def trim_to_settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
+def trim_stretch_to_settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
     """Trim a stretch at both ends to where the short means of all columns are level.
 
     In a slow start the speed still counts as standstill for up to a second.
@@ -62,15 +62,19 @@ def trim_to_settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
     return begin, max(end, begin)
 
 
-def cut_pieces(x: Floats, quiet: list[tuple[int, int]]) -> list[Floats]:
+def cut_detrended_pieces(x: Floats, quiet_stretches: list[tuple[int, int]]) -> list[Floats]:
     """Cut stretches into pieces (n, columns) without their linear trends; many are sampled.
 
     Args:
         x: (rows, columns), finite in the stretches.
-        quiet: stretches that contain only noise.
+        quiet_stretches: stretches that contain only noise.
     """
     cut: list[Floats] = []
-    long = [stretch for stretch in quiet if stretch[1] - stretch[0] >= LIMITS.piece_min_samples]
+    long = [
+        stretch
+        for stretch in quiet_stretches
+        if stretch[1] - stretch[0] >= LIMITS.piece_min_samples
+    ]
     pieces_in_all = sum(-(-(end - begin) // LIMITS.piece_max_samples) for begin, end in long)
     for begin, end in long[:: max(pieces_in_all // LIMITS.max_pieces, 1)]:
         parts = np.array_split(x[begin:end], -(-(end - begin) // LIMITS.piece_max_samples))
@@ -78,52 +82,52 @@ def cut_pieces(x: Floats, quiet: list[tuple[int, int]]) -> list[Floats]:
     return cut[:: max(len(cut) // LIMITS.max_pieces, 1)]
 
 
-def detrend_piece(part: Floats) -> Floats:
+def detrend_piece(piece: Floats) -> Floats:
     """The piece (n, columns) without mean and linear trend of each column."""
-    ramp = np.linspace(-1.0, 1.0, len(part))[:, None]
-    level = part - part.mean(axis=0)
+    ramp = np.linspace(-1.0, 1.0, len(piece))[:, None]
+    level = piece - piece.mean(axis=0)
     return level - ramp * ((ramp * level).sum(axis=0) / (ramp**2).sum())
 
 
-def lag_covariances(cut: list[Floats]) -> Floats:
+def estimate_lag_covariances(pieces: list[Floats]) -> Floats:
     """E[x_i(t) x_j(t + lag)] over detrended pieces, (columns, columns, LAGS).
 
     Pieces in which any column varies far more than usual are left out. What the straight lines took
     with them, 2/n of the power at zero frequency, is put back.
     """
-    power = np.array([(part**2).mean(axis=0) for part in cut])
+    power = np.array([(part**2).mean(axis=0) for part in pieces])
     usual = np.median(power, axis=0)
-    cut = [
+    pieces = [
         part
-        for part, own in zip(cut, power, strict=True)
+        for part, own in zip(pieces, power, strict=True)
         if (own <= LIMITS.event_variance_ratio * usual).all()
     ]
-    if not cut:
+    if not pieces:
         return np.zeros((power.shape[1], power.shape[1], LAGS))
-    lengths = np.array([len(part) for part in cut])
-    padded = np.zeros((len(cut), cut[0].shape[1], LIMITS.piece_max_samples + LAGS))
-    for row, part in enumerate(cut):
+    lengths = np.array([len(part) for part in pieces])
+    padded = np.zeros((len(pieces), pieces[0].shape[1], LIMITS.piece_max_samples + LAGS))
+    for row, part in enumerate(pieces):
         padded[row, :, : len(part)] = part.T
     spectra = np.fft.rfft(padded)
     cross = np.einsum("kif,kjf->ijf", spectra.conj(), spectra)
     sums = np.fft.irfft(cross, LIMITS.piece_max_samples + LAGS)[:, :, :LAGS]
     pairs = np.maximum(lengths[:, None] - np.arange(LAGS), 0).sum(axis=0)
     found = sums / np.maximum(pairs, 1)
-    lost = spectral_density_at_zero(found) * (2.0 * len(cut) / lengths.sum())
+    lost = estimate_density_at_zero(found) * (2.0 * len(pieces) / lengths.sum())
     return np.where(pairs > 0, found + lost[:, :, None], 0.0)
 
 
-def spectral_density_at_zero(found: Floats) -> Floats:
+def estimate_density_at_zero(covariances: Floats) -> Floats:
     """Sum of the covariances over all lags, tapered, (columns, columns), no variance negative."""
     taper = 1.0 - np.arange(1, LIMITS.correlated_lags) / LIMITS.correlated_lags
-    later = found[:, :, 1 : LIMITS.correlated_lags] @ taper
-    total = found[:, :, 0] + later + later.T
+    later = covariances[:, :, 1 : LIMITS.correlated_lags] @ taper
+    total = covariances[:, :, 0] + later + later.T
     own = np.sqrt(np.maximum(np.diag(total), 0.0))
     limit = np.outer(own, own)
     return np.clip(total, -limit, limit)
 
 
-def block_ends(flags: Bools) -> Ints:
+def choose_block_ends(flags: Bools) -> Ints:
     """Last rows (blocks,) of half-overlapping blocks inside runs of True; many are sampled."""
     rows = np.arange(flags.size)
     # the last row before the run
@@ -134,7 +138,7 @@ def block_ends(flags: Bools) -> Ints:
     return ends[:: max(ends.size // LIMITS.max_blocks, 1)]
 
 
-def block_power(x: Floats, ends: Ints, fast: float) -> tuple[Floats, int] | None:
+def block_power(x: Floats, ends: Ints, min_frequency: float) -> tuple[Floats, int] | None:
     """Power of noise at `block_frequencies`, and number of blocks; None if there are too few.
 
     It is of second differences, so that smooth signals do not leak, divided by their response, so
@@ -143,8 +147,8 @@ def block_power(x: Floats, ends: Ints, fast: float) -> tuple[Floats, int] | None
 
     Args:
         x: (rows,), finite in the blocks.
-        ends: `block_ends`.
-        fast: lowest frequency over the rate at which blocks are judged.
+        ends: `choose_block_ends`.
+        min_frequency: lowest frequency over the rate at which blocks are judged.
     """
     if ends.size < LIMITS.min_blocks:
         return None
@@ -158,7 +162,7 @@ def block_power(x: Floats, ends: Ints, fast: float) -> tuple[Floats, int] | None
     power = np.abs(np.fft.rfft(blocks * taper)) ** 2 / (taper**2).sum()
     usual = np.median(power, axis=0)
     at = block_frequencies()
-    told = (at >= fast) & (usual > LIMITS.stop_band_fraction * usual.max())
+    told = (at >= min_frequency) & (usual > LIMITS.stop_band_fraction * usual.max())
     if told.any():
         ratio = (power[:, told] / usual[told]).mean(axis=1)
         for _ in range(2):
@@ -178,7 +182,7 @@ def block_frequencies() -> Floats:
     return np.arange(LIMITS.block_samples // 2 + 1) / LIMITS.block_samples
 
 
-def average_over_neighbours(power: Floats, reach: int) -> Floats:
+def average_over_neighbouring_frequencies(power: Floats, reach: int) -> Floats:
     """Mean (frequencies,) of each one and up to `reach` neighbours on either side."""
     kernel = np.ones(2 * reach + 1)
     known = np.isfinite(power)
@@ -186,26 +190,26 @@ def average_over_neighbours(power: Floats, reach: int) -> Floats:
     return total / np.maximum(np.convolve(known.astype(float), kernel, "same"), 1.0)
 
 
-def cross_spectra(found: Floats) -> NDArray[np.complex128]:
+def compute_cross_spectra(covariances: Floats) -> NDArray[np.complex128]:
     """Cross spectra of covariances (columns, columns, LAGS) at LAGS + 1 frequencies."""
-    both = np.zeros((*found.shape[:2], 2 * LAGS))
-    both[:, :, :LAGS] = found
+    both = np.zeros((*covariances.shape[:2], 2 * LAGS))
+    both[:, :, :LAGS] = covariances
     # E[x_i(t) x_j(t - lag)] = E[x_j(t) x_i(t + lag)]
-    both[:, :, LAGS + 1 :] = found.transpose(1, 0, 2)[:, :, :0:-1]
+    both[:, :, LAGS + 1 :] = covariances.transpose(1, 0, 2)[:, :, :0:-1]
     return np.fft.rfft(both)
 
 
-def covariances_from_spectra(spectra: NDArray[np.complex128]) -> Floats:
+def convert_spectra_to_covariances(spectra: NDArray[np.complex128]) -> Floats:
     """Covariances (columns, columns, LAGS) from cross spectra."""
     return np.fft.irfft(spectra, 2 * LAGS)[:, :, :LAGS]
 
 
 def spectrum_frequencies() -> Floats:
-    """Frequencies of `cross_spectra`, over the rate."""
+    """Frequencies of `compute_cross_spectra`, over the rate."""
     return np.arange(LAGS + 1) / (2 * LAGS)
 
 
-def reading_step(x: Floats, chosen_rows: Bools) -> float | None:
+def find_reading_step(x: Floats, chosen_rows: Bools) -> float | None:
     """Step that a column's readings are multiples of; None if it is not visible.
 
     Interpolated readings are not multiples, and of all values only multiples of the step recur
@@ -213,11 +217,11 @@ def reading_step(x: Floats, chosen_rows: Bools) -> float | None:
     """
     held = chosen_rows.copy()
     held[1:] &= x[1:] == x[:-1]
-    step = quantisation_step(x[held], int(chosen_rows.sum()))
-    return quantisation_step(x[chosen_rows], int(chosen_rows.sum())) if step is None else step
+    step = find_quantisation_step(x[held], int(chosen_rows.sum()))
+    return find_quantisation_step(x[chosen_rows], int(chosen_rows.sum())) if step is None else step
 
 
-def quantisation_step(readings: Floats, total_readings: int) -> float | None:
+def find_quantisation_step(readings: Floats, total_readings: int) -> float | None:
     """Step that frequently repeated readings are multiples of."""
     every = max(readings.size // LIMITS.quantisation_samples, 1)
     readings, total_readings = readings[::every], total_readings // every

@@ -43,14 +43,14 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
         DataError: the channels do not overlap in time, or the grid would not fit into memory.
     """
     raw, series = _make_channel_and_regressor_series(channels, machine)
-    start, end = common_span_ns(required_series(series))
+    start, end = find_common_span_ns(select_required_series(series))
     origin = Origin(
-        start, grid_latency_ns(series, machine) if machine.settings.filter.causal else 0
+        start, choose_grid_latency_ns(series, machine) if machine.settings.filter.causal else 0
     )
     grid = make_grid_without_holes(
-        required_series(series), start, end, 1e9 / machine.settings.align.rate_hz
+        select_required_series(series), start, end, 1e9 / machine.settings.align.rate_hz
     )
-    return align_at_instants(raw, series, grid, origin, machine), start + origin.late_ns
+    return align_channels_at_instants(raw, series, grid, origin, machine), start + origin.late_ns
 
 
 class Origin(NamedTuple):
@@ -72,7 +72,10 @@ def find_grid_origin(channels: Mapping[str, pl.DataFrame], machine: Machine) -> 
         DataError: the channels do not overlap in time yet.
     """
     _, series = _make_channel_and_regressor_series(channels, machine)
-    return Origin(common_span_ns(required_series(series))[0], grid_latency_ns(series, machine))
+    return Origin(
+        find_common_span_ns(select_required_series(series))[0],
+        choose_grid_latency_ns(series, machine),
+    )
 
 
 def align_on_grid(
@@ -97,7 +100,7 @@ def align_on_grid(
         `aligned`, rows from `after_ns` on.
     """
     raw, series = _make_channel_and_regressor_series(channels, machine)
-    needed = required_series(series)
+    needed = select_required_series(series)
     if is_whole:
         end = min(int(each.t_ns[-1]) for each in needed.values())
     else:
@@ -108,7 +111,7 @@ def align_on_grid(
         grid = np.empty(0, np.int64)
     else:
         grid = make_grid_without_holes(needed, origin.start_ns, end, step_ns, first)
-    return align_at_instants(raw, series, grid, origin, machine)
+    return align_channels_at_instants(raw, series, grid, origin, machine)
 
 
 def _make_channel_and_regressor_series(
@@ -120,12 +123,12 @@ def _make_channel_and_regressor_series(
     return raw, _reduce_channels(raw, machine)
 
 
-def required_series(series: Mapping[str, ChannelSeries]) -> dict[str, ChannelSeries]:
+def select_required_series(series: Mapping[str, ChannelSeries]) -> dict[str, ChannelSeries]:
     """Channels that the grid must contain."""
     return {name: each for name, each in series.items() if name not in HINTS}
 
 
-def align_at_instants(
+def align_channels_at_instants(
     raw: Mapping[str, ChannelSeries],
     series: Mapping[str, ChannelSeries],
     grid: Ints,
@@ -139,18 +142,18 @@ def align_at_instants(
     columns: dict[str, NDArray[np.float64]] = {}
     for name, each in series.items():
         instants, stale = chosen.sample_instants(name) if chosen else (grid, np.False_)
-        x = each.values_at(instants)
+        x = each.interpolate_values(instants)
         if each is not raw[name]:
             # between two stamps of the slowest channel, a faster one may have a gap
-            stale = stale | np.isnan(raw[name].values_at(instants))
+            stale = stale | np.isnan(raw[name].interpolate_values(instants))
         columns[name] = np.where(stale, np.nan, rates.rewrap_angle(name, x))
         if name not in HINTS:
             gap |= np.isnan(columns[name])
-    columns = mounting.move_to_origin(columns, machine.machine.imu)
+    columns = mounting.transfer_to_origin(columns, machine.machine.imu)
     return build_frame("aligned", {"t_ns": grid - origin.start_ns, **columns, "gap": gap})
 
 
-def alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
+def write_alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
     """Notes on what `align` does to these channels."""
     raw = {
         n: rates.make_channel_series(n, frame, machine.settings.align)
@@ -158,7 +161,7 @@ def alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> l
     }
     said = [str(each) for each in rates.find_rate_limited_regressors(raw, machine)]
     if machine.settings.filter.causal:
-        late_s = grid_latency_ns(_reduce_channels(raw, machine), machine) / 1e9
+        late_s = choose_grid_latency_ns(_reduce_channels(raw, machine), machine) / 1e9
         said.append(f"causal: a row holds the motion {late_s:.4g} s before it (align.latency_s)")
     return said
 
@@ -173,9 +176,11 @@ def _reduce_channels(
     return series
 
 
-def common_span_ns(needed: Mapping[str, ChannelSeries]) -> tuple[int, int]:
+def find_common_span_ns(required_channels: Mapping[str, ChannelSeries]) -> tuple[int, int]:
     """Latest first stamp and earliest last stamp."""
-    spans = {name: (int(s.t_ns[0]), int(s.t_ns[-1])) for name, s in sorted(needed.items())}
+    spans = {
+        name: (int(s.t_ns[0]), int(s.t_ns[-1])) for name, s in sorted(required_channels.items())
+    }
     start, end = max(first for first, _ in spans.values()), min(last for _, last in spans.values())
     if end <= start:
         shown = (f"{n} {first / 1e9:.3f}…{last / 1e9:.3f} s" for n, (first, last) in spans.items())
@@ -186,13 +191,15 @@ def common_span_ns(needed: Mapping[str, ChannelSeries]) -> tuple[int, int]:
     return start, end
 
 
-def grid_latency_ns(series: Mapping[str, ChannelSeries], machine: Machine) -> int:
+def choose_grid_latency_ns(series: Mapping[str, ChannelSeries], machine: Machine) -> int:
     """Latency of the settings, or the period of the regressor's slowest channel."""
     given = machine.settings.align.latency_s
     if given is not None:
         return round(given * 1e9)
-    names = frozenset[str]().union(*rates.channels_of_each_equation(machine)) & set(series)
-    return round(max(filters.period_ns(series[n].t_ns) + series[n].lag_ns for n in names))
+    names = frozenset[str]().union(*rates.list_channels_of_equations(machine)) & set(series)
+    return round(
+        max(filters.median_period_ns(series[n].t_ns) + series[n].typical_lag_ns for n in names)
+    )
 
 
 class KnownInstants:
@@ -206,9 +213,11 @@ class KnownInstants:
         self, series: Mapping[str, ChannelSeries], grid: Ints, late_ns: int, machine: Machine
     ) -> None:
         self.series, self.grid, self.late_ns = series, grid, late_ns
-        self.names = frozenset[str]().union(*rates.channels_of_each_equation(machine)) & set(series)
+        self.names = frozenset[str]().union(*rates.list_channels_of_equations(machine)) & set(
+            series
+        )
         self.newest = {
-            name: each.newest_known_instant(grid + late_ns) for name, each in series.items()
+            name: each.find_newest_known_instant_ns(grid + late_ns) for name, each in series.items()
         }
         self.shared = grid
         for name in self.names:
@@ -218,13 +227,17 @@ class KnownInstants:
         """Instants (rows,) of a channel, and whether its newest sample is too old."""
         each = self.series[name]
         newest = self.newest[name]
-        usual = self.grid - max(0, round(each.lag_ns) - self.late_ns)
+        usual = self.grid - max(0, round(each.typical_lag_ns) - self.late_ns)
         instants = self.shared if name in self.names else np.minimum(self.grid, newest)
         return instants, usual - newest > each.longest_ns
 
 
 def make_grid_without_holes(
-    needed: Mapping[str, ChannelSeries], start: int, end: int, step_ns: float, first: int = 0
+    required_channels: Mapping[str, ChannelSeries],
+    start: int,
+    end: int,
+    step_ns: float,
+    first: int = 0,
 ) -> Ints:
     """Grid points (rows,) in ns from start to end, without the inside of long holes.
 
@@ -233,7 +246,7 @@ def make_grid_without_holes(
     holes = [
         # in integers: a float holds unix time to a quarter of a microsecond only
         (int(each.t_ns[i]) + round(each.longest_ns), int(each.t_ns[i + 1]))
-        for each in needed.values()
+        for each in required_channels.values()
         for i in np.flatnonzero(np.diff(each.t_ns) > each.longest_ns + LIMITS.longest_hole_s * 1e9)
     ]
     pieces: list[tuple[int, int]] = []

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import polars as pl
 
 from analysis.model.physical_units import NS_PER_S
-from analysis.model.windows import runs_of_flagged_samples
+from analysis.model.windows import find_flagged_runs
 from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Floats, Ints
 
@@ -41,11 +41,11 @@ def find_copied_rows(raw: Mapping[str, pl.DataFrame]) -> dict[str, list[Copy]]:
 
 
 def drop_copied_rows(
-    raw: Mapping[str, pl.DataFrame], copied: Mapping[str, list[Copy]]
+    raw: Mapping[str, pl.DataFrame], copies_by_topic: Mapping[str, list[Copy]]
 ) -> dict[str, pl.DataFrame]:
     """Drop the rows of each topic that repeat earlier ones: what they replaced was not recorded."""
     found = dict(raw)
-    for topic, copies in copied.items():
+    for topic, copies in copies_by_topic.items():
         kept = np.ones(raw[topic].height, np.bool_)
         for begin, end, _ in copies:
             kept[begin : end + 1] = False
@@ -53,7 +53,7 @@ def drop_copied_rows(
     return found
 
 
-def copied_row_notes(copied: Mapping[str, list[Copy]]) -> list[str]:
+def write_copied_row_notes(copied: Mapping[str, list[Copy]]) -> list[str]:
     """Notes on topics with rows that are left out."""
     return [
         f"{topic}: {sum(end - begin + 1 for begin, end, _ in copies):,} rows repeat earlier ones "
@@ -74,10 +74,10 @@ def list_copied_stretches(t: Ints, columns: list[Floats]) -> list[Copy]:
     """
     if not columns or t.size < 2 * LIMITS.copy_min_rows:
         return []
-    rows = _hash_rows(columns)
+    rows = hash_rows(columns)
     found: list[Copy] = []
-    for distance in _distances_of_equal_windows(rows):
-        begins, ends = runs_of_flagged_samples(rows[distance:] == rows[:-distance])
+    for distance in _find_copy_distances(rows):
+        begins, ends = find_flagged_runs(rows[distance:] == rows[:-distance])
         long = ends - begins + 1 >= LIMITS.copy_min_rows
         for begin, end in zip(begins[long].tolist(), ends[long].tolist(), strict=True):
             first, last = begin + distance, end + distance
@@ -117,7 +117,7 @@ def _is_noisy(x: Floats) -> bool:
     )
 
 
-def _hash_rows(columns: list[Floats]) -> Hashes:
+def hash_rows(columns: list[Floats]) -> Hashes:
     """Hash of each row, (n,)."""
     rows = np.zeros(columns[0].size, np.uint64)
     for x in columns:
@@ -129,7 +129,7 @@ def _hash_rows(columns: list[Floats]) -> Hashes:
     return rows
 
 
-def _distances_of_equal_windows(rows: Hashes) -> list[int]:
+def _find_copy_distances(rows: Hashes) -> list[int]:
     """Distances in rows between windows with equal hashes, the most frequent first."""
     differs = np.concatenate([[0], np.cumsum(rows[1:] != rows[:-1])])
     count = rows.size - LIMITS.copy_window_rows + 1

@@ -38,7 +38,7 @@ UNFILTERED = frozenset({"pitch_rad", "roll_rad"}) | HINTS
 
 
 def derive(
-    read: Mapping[str, mounting.Series], machine: Machine
+    select_measured_channels: Mapping[str, mounting.Series], machine: Machine
 ) -> tuple[dict[str, pl.DataFrame], list[str]]:
     """Compute every channel of the machine file from the measured ones.
 
@@ -48,7 +48,7 @@ def derive(
     before derivatives.
 
     Args:
-        read: channels from `read_measured_channels`.
+        select_measured_channels: channels from `read_measured_channels`.
         machine: machine file with channels and settings.
 
     Returns:
@@ -58,18 +58,22 @@ def derive(
     settings = machine.settings
     notes: list[str] = []
     filtering = any(channel.is_derivative for channel in machine.channels.values())
-    picked = _low_pass_channel(read, settings, notes) if filtering else dict(read)
+    picked = (
+        _low_pass_channel(select_measured_channels, settings, notes)
+        if filtering
+        else dict(select_measured_channels)
+    )
 
     series = mounting.rotate_to_machine_axes(picked, machine.machine.imu, settings.align)
-    for name in machine.derivation_order():
+    for name in machine.order_channels_by_derivation():
         channel = machine.channels[name]
-        if channel.derivative_of:
-            t, x = series[channel.derivative_of]
+        if channel.differentiated_channel:
+            t, x = series[channel.differentiated_channel]
             longest_ns = filters.longest_step_ns(t, settings.align)
             t, x = filters.differentiate(t, x, longest_ns, causal=settings.filter.causal)
         elif channel.averaged_channels:
             first, second = channel.averaged_channels
-            t, x = mean_of_channels(series[first], series[second], settings.align)
+            t, x = average_two_channels(series[first], series[second], settings.align)
         elif channel.expression is not None:
             t, x = _evaluate_arithmetic(name, series, machine, notes)
         else:
@@ -85,12 +89,14 @@ def derive(
         name: [pl.Series("unix_ns", t), pl.Series(name, x)] for name, (t, x) in series.items()
     }
     if settings.filter.causal:
-        for name, known_ns in known_times_of_samples(read, picked, series, machine).items():
+        for name, known_ns in find_known_times(
+            select_measured_channels, picked, series, machine
+        ).items():
             columns[name].append(pl.Series("known_ns", known_ns))
     return {name: pl.DataFrame(each) for name, each in columns.items()}, notes
 
 
-def derivation_in_si(name: str, machine: Machine) -> Expression:
+def parse_derivation_in_si(name: str, machine: Machine) -> Expression:
     """Expression that derives a channel, in SI units.
 
     Raises:
@@ -99,9 +105,9 @@ def derivation_in_si(name: str, machine: Machine) -> Expression:
     tree = machine.channels[name].expression
     assert tree is not None
     try:
-        units = {each: unit_of_name(each) for each in iter_channel_names(tree)}
+        units = {each: find_unit_in_name(each) for each in iter_channel_names(tree)}
         found, dimension = convert_to_si(tree, units, unit_registry())
-        _, wanted = convert_to_si(Name(name), {name: unit_of_name(name)}, unit_registry())
+        _, wanted = convert_to_si(Name(name), {name: find_unit_in_name(name)}, unit_registry())
     except (ExpressionError, MachineError) as error:
         raise MachineError(f"channels.{name}: {error}") from None
     if dimension != wanted:
@@ -113,7 +119,7 @@ def derivation_in_si(name: str, machine: Machine) -> Expression:
     return found
 
 
-def unit_of_name(name: str) -> str:
+def find_unit_in_name(name: str) -> str:
     """Unit at the end of a channel's or machine key's name.
 
     Raises:
@@ -136,7 +142,7 @@ def _evaluate_arithmetic(
 
     Samples without a value are left out, as where a divisor is near zero.
     """
-    tree, settings = derivation_in_si(name, machine), machine.settings
+    tree, settings = parse_derivation_in_si(name, machine), machine.settings
     own = {each: series[each] for each in iter_channel_names(tree) if each not in BODY_NUMBERS}
     for each in iter_differentiated_channels(tree):
         t, x = series[each]
@@ -144,7 +150,7 @@ def _evaluate_arithmetic(
         own[f"{SLOPE} {each}"] = filters.differentiate(
             t, x, longest_ns, causal=settings.filter.causal
         )
-    at = max((t for t, _ in own.values()), key=lambda t: (filters.period_ns(t), -t.size))
+    at = max((t for t, _ in own.values()), key=lambda t: (filters.median_period_ns(t), -t.size))
     values = {
         each: filters.interpolate_in_stretches(t, x, at, filters.longest_step_ns(t, settings.align))
         if not np.array_equal(t, at)
@@ -182,17 +188,19 @@ def read_measured_channels(
         topic = channel.topic or "table"
         if channel.direct_source_channels or (name in HINTS and topic not in placed):
             continue
-        if channel.angle_of:
-            read[name] = angle_from_orientation(name, channel, placed[topic], machine, losses)
+        if channel.angle_and_quaternion_field:
+            read[name] = compute_angle_from_orientation(
+                name, channel, placed[topic], machine, losses
+            )
         else:
             read[name] = pick_field_of_channel(name, channel, placed[topic], losses)
-    return share_equal_stamps(read), losses
+    return share_equal_stamp_arrays(read), losses
 
 
-def share_equal_stamps(read: Mapping[str, mounting.Series]) -> dict[str, mounting.Series]:
+def share_equal_stamp_arrays(channels: Mapping[str, mounting.Series]) -> dict[str, mounting.Series]:
     """The same channels, where those of equal stamps keep one array of them."""
     out: dict[str, mounting.Series] = {}
-    for name, (t, x) in read.items():
+    for name, (t, x) in channels.items():
         out[name] = next((each for each, _ in out.values() if np.array_equal(each, t)), t), x
     return out
 
@@ -205,7 +213,9 @@ def _low_pass_channel(
     A causal filter delays, so if one channel's rate is too low, none is filtered.
     """
     cutoff_hz, causal = settings.filter.cutoff_hz, settings.filter.causal
-    rates_hz = {n: 1e9 / filters.period_ns(t) for n, (t, _) in read.items() if n not in UNFILTERED}
+    rates_hz = {
+        n: 1e9 / filters.median_period_ns(t) for n, (t, _) in read.items() if n not in UNFILTERED
+    }
     slow = {
         name: hz
         for name, hz in rates_hz.items()
@@ -222,11 +232,13 @@ def _low_pass_channel(
     for name in (each for each in rates_hz if each not in slow):
         t, x = read[name]
         longest_ns = filters.longest_step_ns(t, settings.align)
-        out[name] = _fill_gaps(name, *filters.low_pass(t, x, cutoff_hz, longest_ns, causal=causal))
+        out[name] = _fill_gaps(
+            name, *filters.apply_low_pass(t, x, cutoff_hz, longest_ns, causal=causal)
+        )
     return out
 
 
-def angle_from_orientation(
+def compute_angle_from_orientation(
     name: str,
     channel: Channel,
     frame: pl.DataFrame,
@@ -234,11 +246,11 @@ def angle_from_orientation(
     losses: list[Loss],
 ) -> tuple[filters.Ints, filters.Floats]:
     """Stamps and angle of the machine in rad, (n,) each, from its IMU's orientation."""
-    assert channel.angle_of is not None
-    angle, quaternion = channel.angle_of
-    parts = np.stack([_numbers_of_field(name, channel, field, frame) for field in channel.fields])
-    x = mounting.pitch_and_roll(parts, machine.machine.imu)[angle]
-    return usable_readings(name, channel, quaternion, frame, x, losses)
+    assert channel.angle_and_quaternion_field is not None
+    angle, quaternion = channel.angle_and_quaternion_field
+    parts = np.stack([_read_field_numbers(name, channel, field, frame) for field in channel.fields])
+    x = mounting.compute_pitch_and_roll(parts, machine.machine.imu)[angle]
+    return select_usable_readings(name, channel, quaternion, frame, x, losses)
 
 
 def pick_field_of_channel(
@@ -247,15 +259,15 @@ def pick_field_of_channel(
     """Stamps and values of a channel's field in SI units, (n,) each."""
     field = str(channel.field)
     gain, offset = (
-        gain_and_offset_to_si(channel.unit, unit_of_name(name)) if channel.unit else (1.0, 0.0)
+        gain_and_offset_to_si(channel.unit, find_unit_in_name(name)) if channel.unit else (1.0, 0.0)
     )
     with np.errstate(over="ignore"):  # what does not fit is no reading
-        x = _numbers_of_field(name, channel, field, frame) * channel.scale + channel.offset
+        x = _read_field_numbers(name, channel, field, frame) * channel.scale + channel.offset
         x = x * gain + offset
-    return usable_readings(name, channel, field, frame, x, losses)
+    return select_usable_readings(name, channel, field, frame, x, losses)
 
 
-def _numbers_of_field(
+def _read_field_numbers(
     name: str, channel: Channel, field: str, frame: pl.DataFrame
 ) -> filters.Floats:
     dtype = frame[field].dtype
@@ -265,7 +277,7 @@ def _numbers_of_field(
     return frame[field].cast(pl.Float64).to_numpy()
 
 
-def usable_readings(
+def select_usable_readings(
     name: str,
     channel: Channel,
     field: str,
@@ -279,12 +291,12 @@ def usable_readings(
     delay_ns = round(channel.delay_s * 1e9)
     if t.size > 1 and (np.abs(x) <= LIMITS.largest_si).all() and (np.diff(t) > 0).all():
         # nothing to leave out: what a follower has at nearly every look
-        return t - delay_ns, zero_unresolved(x)
+        return t - delay_ns, set_unresolved_to_zero(x)
     finite = np.isfinite(x)
     if not finite.any():
         raise DataError(f"{name}: {where} holds no number in {x.size} samples")
     told = finite & (np.abs(x) <= LIMITS.largest_si)
-    limit = f"beyond {LIMITS.largest_si:g} {unit_of_name(name)}, which cannot be a reading"
+    limit = f"beyond {LIMITS.largest_si:g} {find_unit_in_name(name)}, which cannot be a reading"
     if not told.any():
         raise DataError(f"{name}: {where} holds only numbers {limit}: check its unit, scale")
     empty = "missing or not finite"
@@ -311,7 +323,7 @@ def usable_readings(
     t, x = t[told][last], x[told][last]
     if t.size < 2:
         raise DataError(f"{name}: {where} holds a single sample")
-    return t - delay_ns, zero_unresolved(x)
+    return t - delay_ns, set_unresolved_to_zero(x)
 
 
 def count_lost_readings(t_ns: filters.Ints, is_reading: Bools) -> int:
@@ -327,10 +339,10 @@ def count_lost_readings(t_ns: filters.Ints, is_reading: Bools) -> int:
     if not missing:
         return 0
     kept = t_ns[is_reading]
-    period_ns = float(np.median(np.diff(kept))) if kept.size > 1 else 0.0
-    if not period_ns > 0.0:
+    median_period_ns = float(np.median(np.diff(kept))) if kept.size > 1 else 0.0
+    if not median_period_ns > 0.0:
         return missing
-    gaps = np.diff(np.concatenate([t_ns[:1], kept, t_ns[-1:]])) / period_ns
+    gaps = np.diff(np.concatenate([t_ns[:1], kept, t_ns[-1:]])) / median_period_ns
     return min(missing, int(np.maximum(np.ceil(gaps - LIMITS.reading_gap_periods), 0.0).sum()))
 
 
@@ -340,64 +352,64 @@ def _fill_gaps(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series
         raise DataError(
             f"{name}: no stretch of the log without gaps is long enough to derive this channel"
         )
-    return t, zero_unresolved(x)
+    return t, set_unresolved_to_zero(x)
 
 
-def zero_unresolved(x: filters.Floats) -> filters.Floats:
+def set_unresolved_to_zero(values: filters.Floats) -> filters.Floats:
     """Values (n,) with those below any sensor's resolution set to 0: filters ring down long."""
-    return np.where(np.abs(x) < LIMITS.smallest_si, 0.0, x)
+    return np.where(np.abs(values) < LIMITS.smallest_si, 0.0, values)
 
 
-def mean_of_channels(
+def average_two_channels(
     a: mounting.Series, b: mounting.Series, settings: AlignSettings
 ) -> mounting.Series:
     """Mean of two channels at the stamps of one, with the other interpolated.
 
     The slower one's stamps are used if interpolation would low-pass it, else the first one's.
     """
-    if filters.period_ns(b[0]) > LIMITS.other_rate_ratio * filters.period_ns(a[0]):
+    if filters.median_period_ns(b[0]) > LIMITS.other_rate_ratio * filters.median_period_ns(a[0]):
         a, b = b, a
     t, other = filters.interpolate_linearly(*b, a[0], filters.longest_step_ns(b[0], settings))
     return t, (a[1][np.searchsorted(a[0], t)] + other) / 2.0
 
 
-def known_times_of_samples(
-    read: Mapping[str, mounting.Series],
-    picked: Mapping[str, mounting.Series],
+def find_known_times(
+    channels: Mapping[str, mounting.Series],
+    picked_channels: Mapping[str, mounting.Series],
     series: Mapping[str, mounting.Series],
     machine: Machine,
 ) -> dict[str, filters.Ints]:
     """Time at which each sample of each channel is known on board.
 
     Args:
-        read: channels as read.
-        picked: the same channels after the filter.
+        channels: channels as read.
+        picked_channels: the same channels after the filter.
         series: all channels.
         machine: machine file with delays and derived channels.
     """
     filtered = {
-        name: filters.interpolation_ready_ns(
-            t, t + round(machine.channels[name].delay_s * 1e9), picked[name][0]
+        name: filters.compute_interpolation_ready_ns(
+            t, t + round(machine.channels[name].delay_s * 1e9), picked_channels[name][0]
         )
-        for name, (t, _) in read.items()
+        for name, (t, _) in channels.items()
     }
     known: dict[str, filters.Ints] = {}
     for name, own in filtered.items():
-        beside = mounting.axes_turned_with(name, picked, machine.machine.imu)
+        beside = mounting.list_axes_rotated_together(name, picked_channels, machine.machine.imu)
         at = series[name][0]
         each = [
-            filters.interpolation_ready_ns(picked[other][0], filtered[other], at)
+            filters.compute_interpolation_ready_ns(picked_channels[other][0], filtered[other], at)
             for other in beside
         ]
         known[name] = np.max(each, axis=0) if each else own
-    for name in machine.derivation_order():
+    for name in machine.order_channels_by_derivation():
         channel, sources = machine.channels[name], machine.channels[name].direct_source_channels
         if sources:
             # a central difference waits for the next sample
-            wait_ns = 1 if channel.derivative_of else 0
+            wait_ns = 1 if channel.differentiated_channel else 0
             at = series[name][0] + wait_ns
             each = [
-                filters.interpolation_ready_ns(series[source][0], known[source], at)
+                filters.compute_interpolation_ready_ns(series[source][0], known[source], at)
                 for source in sources
             ]
             known[name] = np.max(each, axis=0)

@@ -10,7 +10,7 @@ from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Floats, Ints
 
 
-def period_ns(t_ns: Ints) -> float:
+def median_period_ns(t_ns: Ints) -> float:
     """Median period of ascending stamps in ns; NaN below two samples."""
     if t_ns.size < 2:
         return float("nan")
@@ -28,16 +28,16 @@ def longest_step_ns(t_ns: Ints, settings: AlignSettings) -> float:
 
     Log times come in bursts, so the topic's own period would make every pause a gap.
     """
-    return settings.gap_periods * float(np.fmax(period_ns(t_ns), 1e9 / settings.rate_hz))
+    return settings.gap_periods * float(np.fmax(median_period_ns(t_ns), 1e9 / settings.rate_hz))
 
 
-def slices_between_gaps(t_ns: Ints, longest_ns: float) -> list[slice]:
+def find_slices_between_gaps(t_ns: Ints, longest_ns: float) -> list[slice]:
     """Slices without steps longer than `longest_ns`."""
     edges = np.flatnonzero(np.diff(t_ns) > longest_ns) + 1
     return [slice(a, b) for a, b in zip([0, *edges], [*edges, t_ns.size], strict=True)]
 
 
-def low_pass(
+def apply_low_pass(
     t_ns: Ints, x: Floats, cutoff_hz: float, longest_ns: float, *, causal: bool
 ) -> tuple[Ints, Floats]:
     """Butterworth low-pass of fourth order, forwards and backwards unless `causal`.
@@ -58,12 +58,12 @@ def low_pass(
     # late: it takes as long to import as all else that a run imports, and few logs need it
     from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
-    period = period_ns(t_ns)
+    period = median_period_ns(t_ns)
     sos = cast("Floats", butter(LIMITS.low_pass_order, cutoff_hz, fs=1e9 / period, output="sos"))
     settle = 3 * (2 * sos.shape[0] + 1)
     times: list[Ints] = []
     outputs: list[Floats] = []
-    for part in slices_between_gaps(t_ns, longest_ns):
+    for part in find_slices_between_gaps(t_ns, longest_ns):
         t, y = _resample_uniformly(t_ns[part], x[part], period)
         if t.size <= settle:
             continue
@@ -79,12 +79,12 @@ def low_pass(
     return np.concatenate(times), np.concatenate(outputs)
 
 
-def low_pass_power_gain(at: Floats, *, causal: bool) -> Floats:
+def low_pass_power_gain(relative_frequency: Floats, *, causal: bool) -> Floats:
     """Fraction of power that the low-pass passes, at frequencies over its cutoff.
 
     It holds well below half the rate.
     """
-    one_pass = 1.0 / (1.0 + at ** (2 * LIMITS.low_pass_order))
+    one_pass = 1.0 / (1.0 + relative_frequency ** (2 * LIMITS.low_pass_order))
     return one_pass if causal else one_pass**2
 
 
@@ -102,7 +102,7 @@ def differentiate(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> 
     """
     times: list[Ints] = []
     rates: list[Floats] = []
-    for part in slices_between_gaps(t_ns, longest_ns):
+    for part in find_slices_between_gaps(t_ns, longest_ns):
         t, y = t_ns[part], x[part]
         if t.size < 3:
             continue
@@ -132,7 +132,7 @@ def interpolate_linearly(
     return at_ns[found], values[found]
 
 
-def interpolation_ready_ns(t_ns: Ints, known_ns: Ints, at_ns: Ints) -> Ints:
+def compute_interpolation_ready_ns(t_ns: Ints, known_ns: Ints, at_ns: Ints) -> Ints:
     """Time at which the interpolation at each instant is known: arrival of its later sample.
 
     Args:

@@ -21,20 +21,20 @@ _WINDOW_S: Final[float] = GateSettings.model_fields["window_samples"].default / 
 _MEAN_S: Final[float] = SmoothSettings.model_fields["samples"].default / PAPER_HZ
 
 
-def machine_at_rate_of_log(
-    read: Mapping[str, mounting.Series], machine: Machine
+def set_rate_from_log(
+    channels: Mapping[str, mounting.Series], machine: Machine
 ) -> tuple[Machine, list[str]]:
     """Set the grid rate, window and moving mean that the machine file leaves open.
 
     Args:
-        read: channels from `read_measured_channels`.
+        channels: channels from `read_measured_channels`.
         machine: machine file; given settings are kept.
 
     Returns:
         The completed machine, and notes on values other than the paper's.
     """
     settings = machine.settings
-    slowest, own_hz = slowest_channel_and_rate_hz(read, machine)
+    slowest, own_hz = find_slowest_channel_and_rate_hz(channels, machine)
     rate_hz = settings.align.rate_hz
     chosen: dict[str, float] = {}
     if "rate_hz" not in settings.align.model_fields_set:
@@ -42,9 +42,9 @@ def machine_at_rate_of_log(
         chosen["align.rate_hz"] = rate_hz
     if "window_samples" not in settings.gate.model_fields_set:
         readings = math.ceil(LIMITS.window_min_readings * rate_hz / own_hz)
-        chosen["gate.window_samples"] = rows_in_duration(_WINDOW_S, rate_hz, readings)
+        chosen["gate.window_samples"] = count_rows_in_duration(_WINDOW_S, rate_hz, readings)
     if "samples" not in settings.smooth.model_fields_set:
-        chosen["smooth.samples"] = rows_in_duration(_MEAN_S, rate_hz)
+        chosen["smooth.samples"] = count_rows_in_duration(_MEAN_S, rate_hz)
     differs = any(settings.value(name) != value for name, value in chosen.items())
     settings = settings.with_changes(chosen)
     said = f"{slowest} comes at {own_hz:.4g} Hz, so without a setting " + ", ".join(
@@ -59,23 +59,23 @@ def machine_at_rate_of_log(
     return machine.model_copy(update={"settings": settings}), [said] if differs else []
 
 
-def rows_in_duration(seconds: float, rate_hz: float, min_rows: int = 1) -> int:
+def count_rows_in_duration(seconds: float, rate_hz: float, min_rows: int = 1) -> int:
     """Number of grid rows in a duration, at least `min_rows`."""
     return max(round(seconds * rate_hz), min_rows)
 
 
-def slowest_channel_and_rate_hz(
-    read: Mapping[str, mounting.Series], machine: Machine
+def find_slowest_channel_and_rate_hz(
+    channels: Mapping[str, mounting.Series], machine: Machine
 ) -> tuple[str, float]:
     """Name and rate in Hz of the slowest channel of the regressor."""
     names = {
         source
-        for regressor in rates.channels_of_each_equation(machine)
+        for regressor in rates.list_channels_of_equations(machine)
         for name in regressor - {"direction_x_1"}
-        for source in rates.source_channels(name, machine)
-        if source in read
+        for source in rates.find_source_channels(name, machine)
+        if source in channels
     }
-    periods = {name: rates.mean_period_ns(read[name][0], 1e9 / PAPER_HZ) for name in names}
+    periods = {name: rates.mean_period_ns(channels[name][0], 1e9 / PAPER_HZ) for name in names}
     slowest = max(sorted(periods), key=lambda name: periods[name])
     # six digits: a clock is no better, and the grid of an even log falls on its samples
     return slowest, float(f"{1e9 / periods[slowest]:.6g}")

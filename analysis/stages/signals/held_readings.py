@@ -30,7 +30,7 @@ class HeldReadings:
     @classmethod
     def from_readings(cls, x: Floats, rate_hz: float) -> Self | None:
         """Find how long readings (n,) in rows at a rate are held; None if they are not."""
-        first = first_rows_of_runs(x)
+        first = find_first_rows_of_runs(x)
         changes = np.abs(np.diff(x[first]))
         if changes.size <= LIMITS.held_min_runs or x.size < LIMITS.other_rate_ratio * first.size:
             return None
@@ -51,57 +51,59 @@ class HeldReadings:
         is_slow = LIMITS.other_rate_ratio < rows < LIMITS.held_max_s * rate_hz
         return cls(rows) if is_even and is_slow else None
 
-    def select_readings(self, x: Floats) -> Ints:
+    def find_first_rows_of_readings(self, held_values: Floats) -> Ints:
         """Rows (readings,) at which a reading was taken, of held readings (n,).
 
         The first row of each run, and of a long one those at multiples of the mean distance, or a
         stand would be a gap. None depends on what comes later.
         """
-        first = first_rows_of_runs(x)
-        since = np.arange(x.size) - np.repeat(first, np.diff(np.append(first, x.size)))
+        first = find_first_rows_of_runs(held_values)
+        since = np.arange(held_values.size) - np.repeat(
+            first, np.diff(np.append(first, held_values.size))
+        )
         number = since // self.rows
         repeats = (number >= LIMITS.repeated_min_readings) & (number > (since - 1) // self.rows)
         return np.flatnonzero((since == 0) | repeats)
 
 
-def find_held_channels(read: Mapping[str, mounting.Series]) -> dict[str, HeldReadings]:
+def find_held_channels(channels: Mapping[str, mounting.Series]) -> dict[str, HeldReadings]:
     """Find the force and motion channels whose readings are held.
 
     Args:
-        read: channels from `read_measured_channels`.
+        channels: channels from `read_measured_channels`.
     """
     found = {
-        name: HeldReadings.from_readings(x, 1e9 / filters.period_ns(t))
-        for name, (t, x) in read.items()
+        name: HeldReadings.from_readings(x, 1e9 / filters.median_period_ns(t))
+        for name, (t, x) in channels.items()
         if name not in HINTS
     }
     return {name: held for name, held in found.items() if held is not None}
 
 
 def drop_repeated_rows(
-    read: Mapping[str, mounting.Series], held: Mapping[str, HeldReadings]
+    channels: Mapping[str, mounting.Series], held_channels: Mapping[str, HeldReadings]
 ) -> dict[str, mounting.Series]:
     """Drop the rows that repeat a held reading, so that a channel comes at its sensor's rate."""
-    out = dict(read)
-    for name, each in held.items():
-        t, x = read[name]
-        rows = each.select_readings(x)
+    out = dict(channels)
+    for name, each in held_channels.items():
+        t, x = channels[name]
+        rows = each.find_first_rows_of_readings(x)
         out[name] = t[rows], x[rows]
     return out
 
 
-def held_reading_notes(
-    read: Mapping[str, mounting.Series], held: Mapping[str, HeldReadings]
+def write_held_reading_notes(
+    channels: Mapping[str, mounting.Series], held_channels: Mapping[str, HeldReadings]
 ) -> list[str]:
     """Notes on channels that are held, as they were read."""
-    rates_hz = {name: 1e9 / filters.period_ns(read[name][0]) for name in held}
+    rates_hz = {name: 1e9 / filters.median_period_ns(channels[name][0]) for name in held_channels}
     return [
         f"{name} holds each reading for {each.rows:.3g} rows of {rates_hz[name]:.4g} Hz: it is "
         f"taken at {rates_hz[name] / each.rows:.4g} Hz, without the rows that repeat a reading"
-        for name, each in held.items()
+        for name, each in held_channels.items()
     ]
 
 
-def first_rows_of_runs(x: Floats) -> Ints:
+def find_first_rows_of_runs(readings: Floats) -> Ints:
     """First row of each run of equal readings, (runs,)."""
-    return np.flatnonzero(np.append(True, np.diff(x) != 0.0))
+    return np.flatnonzero(np.append(True, np.diff(readings) != 0.0))

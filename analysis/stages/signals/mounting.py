@@ -16,7 +16,7 @@ _SPECIFIC_FORCE = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_f
 _RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
 
 
-def rotation_to_machine_axes(imu: ImuMounting) -> Floats:
+def compute_rotation_to_machine_axes(imu: ImuMounting) -> Floats:
     """Rotation (3, 3) from IMU to machine axes, R = Rz(yaw) Ry(pitch) Rx(roll), right-handed."""
     r, p, y = np.deg2rad([imu.roll_deg, imu.pitch_deg, imu.yaw_deg])
     Rx = np.array([[1, 0, 0], [0, np.cos(r), -np.sin(r)], [0, np.sin(r), np.cos(r)]])
@@ -25,14 +25,14 @@ def rotation_to_machine_axes(imu: ImuMounting) -> Floats:
     return Rz @ Ry @ Rx
 
 
-def is_rotated(imu: ImuMounting) -> bool:
+def is_imu_rotated(imu: ImuMounting) -> bool:
     """Whether the IMU's axes differ from the machine's by at least 1e-12 rad."""
     if not (imu.roll_deg or imu.pitch_deg or imu.yaw_deg):
         return False
-    return not np.allclose(rotation_to_machine_axes(imu), np.eye(3), rtol=0.0, atol=1e-12)
+    return not np.allclose(compute_rotation_to_machine_axes(imu), np.eye(3), rtol=0.0, atol=1e-12)
 
 
-def pitch_and_roll(quaternion: Floats, imu: ImuMounting) -> dict[str, Floats]:
+def compute_pitch_and_roll(quaternion: Floats, imu: ImuMounting) -> dict[str, Floats]:
     """`pitch` and `roll` of the machine, (n,) in rad, from its IMU's orientation (4, n).
 
     The quaternion (x, y, z, w) rotates IMU axes to world axes: x forward, y left, z up (REP-103).
@@ -42,7 +42,7 @@ def pitch_and_roll(quaternion: Floats, imu: ImuMounting) -> dict[str, Floats]:
         x, y, z, w = quaternion / np.linalg.norm(quaternion, axis=0)
     # the world's vertical in IMU axes, then in those of the machine
     up = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x**2 + y**2)], -1)
-    up_x, up_y, up_z = (up @ rotation_to_machine_axes(imu).T).T
+    up_x, up_y, up_z = (up @ compute_rotation_to_machine_axes(imu).T).T
     return {"pitch": np.arcsin(np.clip(up_x, -1.0, 1.0)), "roll": np.arctan2(up_y, up_z)}
 
 
@@ -60,9 +60,9 @@ def rotate_to_machine_axes(
         DataError: some axes of a rotated sensor are missing.
     """
     out = dict(series)
-    if not is_rotated(imu):
+    if not is_imu_rotated(imu):
         return out
-    R = rotation_to_machine_axes(imu)
+    R = compute_rotation_to_machine_axes(imu)
     for triple in (_SPECIFIC_FORCE, _RATES):
         given = [name for name in triple if name in series]
         if not given:
@@ -78,11 +78,13 @@ def rotate_to_machine_axes(
     return out
 
 
-def axes_turned_with(name: str, given: Iterable[str], imu: ImuMounting) -> tuple[str, ...]:
+def list_axes_rotated_together(
+    name: str, channel_names: Iterable[str], imu: ImuMounting
+) -> tuple[str, ...]:
     """Axes that are rotated together with an axis, including itself; none without rotation."""
     for triple in (_SPECIFIC_FORCE, _RATES):
-        if name in triple and is_rotated(imu):
-            return tuple(each for each in triple if each in set(given))
+        if name in triple and is_imu_rotated(imu):
+            return tuple(each for each in triple if each in set(channel_names))
     return ()
 
 
@@ -90,7 +92,7 @@ def _interpolate_at(series: Series, t: Ints, settings: AlignSettings) -> Series:
     return filters.interpolate_linearly(*series, t, filters.longest_step_ns(series[0], settings))
 
 
-def move_to_origin(columns: Mapping[str, Floats], imu: ImuMounting) -> dict[str, Floats]:
+def transfer_to_origin(columns: Mapping[str, Floats], imu: ImuMounting) -> dict[str, Floats]:
     """Transfer the accelerometer from its position to the origin, in machine axes.
 
     The planar effect of the lever arm is subtracted: a_x + ω_z² x + ω̇_z y and a_y + ω_z² y - ω̇_z

@@ -13,8 +13,8 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.machine_body import ImuMounting
 from analysis.model.schema import column_values
-from analysis.stages.signals.filters import slices_between_gaps
-from analysis.stages.signals.mounting import rotation_to_machine_axes
+from analysis.stages.signals.filters import find_slices_between_gaps
+from analysis.stages.signals.mounting import compute_rotation_to_machine_axes
 from analysis.stages.signals.resample import average_about_instants
 from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
@@ -66,7 +66,9 @@ def guess_mounting(
     Returns:
         None if the mean specific force is not gravity.
     """
-    still = standstill_samples(t_ns, speed) if speed is not None else np.zeros(t_ns.size, np.bool_)
+    still = (
+        mark_standstill_samples(t_ns, speed) if speed is not None else np.zeros(t_ns.size, np.bool_)
+    )
     stood = bool(still.any())
     gravity = np.median(specific_force[still], axis=0) if stood else specific_force.mean(axis=0)
     size = float(np.linalg.norm(gravity))
@@ -83,7 +85,7 @@ def guess_mounting(
     )
     levelled = (
         specific_force
-        @ rotation_to_machine_axes(ImuMounting(roll_deg=roll_deg, pitch_deg=pitch_deg)).T
+        @ compute_rotation_to_machine_axes(ImuMounting(roll_deg=roll_deg, pitch_deg=pitch_deg)).T
     )
     yaw_deg, std_deg = (
         guess_yaw_and_std_deg(t_ns, levelled, speed) if speed is not None else (np.nan, np.nan)
@@ -99,7 +101,7 @@ def guess_mounting(
     )
 
 
-def gravity_tilt_deg(frame: pl.DataFrame, machine: Machine) -> float:
+def estimate_gravity_tilt_deg(frame: pl.DataFrame, machine: Machine) -> float:
     """Angle in degrees between gravity at standstill and the machine's +z axis.
 
     If the accelerometer has an x axis only, a lower bound of that angle.
@@ -120,7 +122,7 @@ def gravity_tilt_deg(frame: pl.DataFrame, machine: Machine) -> float:
         slow = np.abs(column_values(frame, "speed_x_m_s"))
         still = slow < machine.settings.phases.standstill_speed_m_s
         t_ns = frame["t_ns"].to_numpy()
-        still = long_standstills(t_ns, still)
+        still = mark_long_standstills(t_ns, still)
     force = np.stack(axes, axis=1)[still]
     force = force[~np.isnan(force).any(axis=1)]
     if not force.size:
@@ -140,11 +142,11 @@ def round_angle(angle_deg: float, step_deg: float) -> float:
     return angle + 360.0 if angle <= -180.0 else angle + 0.0
 
 
-def standstill_samples(t_ns: Ints, speed: tuple[Ints, Floats]) -> Bools:
+def mark_standstill_samples(t_ns: Ints, speed: tuple[Ints, Floats]) -> Bools:
     """Mask (n,) of samples at standstill, without those just before and after motion."""
     stamps, v = speed
     slow = np.abs(v) <= LIMITS.standing_speed_fraction * np.quantile(np.abs(v), 0.99)
-    still = long_standstills(stamps, slow)
+    still = mark_long_standstills(stamps, slow)
     if not still.any() or still.all():
         return np.full(t_ns.size, bool(still.all()) and v.size > 0)
     before = np.clip(np.searchsorted(stamps, t_ns, side="right") - 1, 0, stamps.size - 1)
@@ -152,16 +154,16 @@ def standstill_samples(t_ns: Ints, speed: tuple[Ints, Floats]) -> Bools:
     return still[before] & still[after]
 
 
-def long_standstills(t_ns: Ints, still: Bools) -> Bools:
+def mark_long_standstills(t_ns: Ints, is_standing: Bools) -> Bools:
     """Mask (n,) of standstills of at least half a second without gaps."""
-    kept = np.zeros(still.size, np.bool_)
-    index = np.flatnonzero(still)
+    kept = np.zeros(is_standing.size, np.bool_)
+    index = np.flatnonzero(is_standing)
     if not index.size:
         return kept
     # a moving sample between two standing ones ends a stretch
     edges = np.flatnonzero(np.diff(index) > 1) + 1
     for run in np.split(index, edges):
-        for part in slices_between_gaps(t_ns[run], LIMITS.standing_min_ns):
+        for part in find_slices_between_gaps(t_ns[run], LIMITS.standing_min_ns):
             each = run[part]
             if t_ns[each[-1]] - t_ns[each[0]] >= LIMITS.standing_min_ns:
                 kept[each] = True
@@ -169,7 +171,7 @@ def long_standstills(t_ns: Ints, still: Bools) -> Bools:
 
 
 def guess_yaw_and_std_deg(
-    t_ns: Ints, levelled: Floats, speed: tuple[Ints, Floats]
+    t_ns: Ints, levelled_specific_force: Floats, speed: tuple[Ints, Floats]
 ) -> tuple[float, float]:
     """Yaw and its standard deviation in degrees; NaN if driving does not determine it.
 
@@ -192,7 +194,7 @@ def guess_yaw_and_std_deg(
         [
             average_about_instants(
                 t_ns,
-                levelled[:, axis],
+                levelled_specific_force[:, axis],
                 edges[:-1] + LIMITS.yaw_span_ns // 2,
                 LIMITS.yaw_span_ns,
                 longest_ns,

@@ -38,7 +38,7 @@ class ChannelSeries:
     period_ns: float
     width_ns: int
 
-    def values_at(self, instants_ns: Ints) -> Floats:
+    def interpolate_values(self, instants_ns: Ints) -> Floats:
         """Values (rows,) at ascending instants, NaN in gaps."""
         if self.width_ns:
             return average_about_instants(
@@ -46,19 +46,19 @@ class ChannelSeries:
             )
         return interpolate_in_stretches(self.t_ns, self.x, instants_ns, self.longest_ns)
 
-    def known_times_ns(self, instants_ns: Ints) -> Ints:
+    def find_known_times_ns(self, instants_ns: Ints) -> Ints:
         """Times (rows,) at which the values at ascending instants are known."""
-        return filters.interpolation_ready_ns(
+        return filters.compute_interpolation_ready_ns(
             self.t_ns, self.known_ns, instants_ns + self.width_ns // 2
         )
 
-    def newest_known_instant(self, now_ns: Ints) -> Ints:
+    def find_newest_known_instant_ns(self, now_ns: Ints) -> Ints:
         """Latest instant (rows,) whose value is known at each time; far past before any."""
         last = np.searchsorted(self.known_ns, now_ns, side="right") - 1
         return np.where(last >= 0, self.t_ns[last] - self.width_ns // 2, np.int64(-(2**62)))
 
     @property
-    def lag_ns(self) -> float:
+    def typical_lag_ns(self) -> float:
         """Typical delay from an instant until its value is known."""
         return float(np.median(self.known_ns - self.t_ns)) + self.width_ns / 2
 
@@ -81,7 +81,7 @@ def make_channel_series(name: str, frame: pl.DataFrame, settings: AlignSettings)
 def mean_period_ns(t_ns: Ints, step_ns: float) -> float:
     """Mean of a channel's steps that are not gaps on a grid of `step_ns`."""
     gap_periods: float = AlignSettings.model_fields["gap_periods"].default
-    longest_ns = gap_periods * float(np.fmax(filters.period_ns(t_ns), step_ns))
+    longest_ns = gap_periods * float(np.fmax(filters.median_period_ns(t_ns), step_ns))
     return mean_step_ns(t_ns, longest_ns, step_ns)
 
 
@@ -100,7 +100,7 @@ def rewrap_angle(name: str, x: Floats) -> Floats:
     return np.where(np.abs(x) > turn / 2, x - turn * np.round(x / turn), x)
 
 
-def channels_of_each_equation(machine: Machine) -> list[frozenset[str]]:
+def list_channels_of_equations(machine: Machine) -> list[frozenset[str]]:
     """Sets of channels that share an equation: straight motion (7), spins (8), or both."""
     channels = set(machine.channels)
     kinematic = machine.settings.forces.acceleration == "kinematic"
@@ -114,13 +114,13 @@ def channels_of_each_equation(machine: Machine) -> list[frozenset[str]]:
     return [straight | spin] if straight & spin else [straight, spin]
 
 
-def source_channels(name: str, machine: Machine) -> frozenset[str]:
+def find_source_channels(name: str, machine: Machine) -> frozenset[str]:
     """Measured channels that a channel is derived from, or the channel itself."""
     channel = machine.channels.get(name)
     if channel is None or not channel.direct_source_channels:
         return frozenset({name})
     return frozenset[str]().union(
-        *(source_channels(each, machine) for each in channel.direct_source_channels)
+        *(find_source_channels(each, machine) for each in channel.direct_source_channels)
     )
 
 
@@ -163,7 +163,7 @@ def find_rate_limited_regressors(
     """
     step_ns = 1e9 / machine.settings.align.rate_hz
     found: list[ReducedRegressor] = []
-    for names in channels_of_each_equation(machine):
+    for names in list_channels_of_equations(machine):
         # the sign of the speed comes with the speed
         own = sorted((names & set(series)) - {"direction_x_1"})
         least_ns = step_ns
@@ -175,7 +175,7 @@ def find_rate_limited_regressors(
             name
             for name in own
             if (channel := machine.channels.get(name))
-            and channel.derivative_of
+            and channel.differentiated_channel
             and periods[name] > LIMITS.other_rate_ratio * least_ns
         )
         if derived or periods[slowest] > LIMITS.other_rate_ratio * min(periods.values()):
@@ -205,9 +205,9 @@ def reduce_to_slowest_channel(
         values[name] = (
             average_curved_signal(series[name], at_ns, 2 * wait_ns)
             if wait_ns
-            else series[name].values_at(at_ns)
+            else series[name].interpolate_values(at_ns)
         )
-        known.append(series[name].known_times_ns(at_ns + wait_ns))
+        known.append(series[name].find_known_times_ns(at_ns + wait_ns))
     kept = ~np.isnan(np.stack(list(values.values()))).any(axis=0)
     if kept.sum() < 2:
         # they share no time: for `align` to say
@@ -219,16 +219,16 @@ def reduce_to_slowest_channel(
     }
 
 
-def average_curved_signal(series: ChannelSeries, at_ns: Ints, span_ns: int) -> Floats:
+def average_curved_signal(series: ChannelSeries, instants_ns: Ints, span_ns: int) -> Floats:
     """Mean (rows,) over a span about each instant of a signal that curves between samples.
 
     With the curvature x'', the line through samples lies T²/12 x'' too high on average, and the
     middle lies span²/24 x'' below the mean: this mixture of both is right (of three samples over a
     span of two steps, Simpson's rule).
     """
-    line = average_about_instants(series.t_ns, series.x, at_ns, span_ns, series.longest_ns)
+    line = average_about_instants(series.t_ns, series.x, instants_ns, span_ns, series.longest_ns)
     share = span_ns**2 / (2 * series.period_ns**2 + span_ns**2)
-    return share * line + (1.0 - share) * series.values_at(at_ns)
+    return share * line + (1.0 - share) * series.interpolate_values(instants_ns)
 
 
 def _join_names(names: frozenset[str]) -> str:

@@ -6,28 +6,28 @@ Stamps are integer nanoseconds throughout: a float holds unix time to a quarter 
 import numpy as np
 
 from estimators.arrays import Floats, Ints
-from estimators.interpreted import compiled_ahead
+from estimators.interpreted import compiled_unless_short_log
 
 
-def interpolate_in_stretches(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> Floats:
+def interpolate_in_stretches(t_ns: Ints, x: Floats, instants_ns: Ints, longest_ns: float) -> Floats:
     """Interpolate linearly between samples, except across gaps.
 
     Args:
         t_ns: (n,) stamps, strictly ascending.
         x: (n,) samples.
-        at_ns: (rows,) instants, ascending.
+        instants_ns: (rows,) instants, ascending.
         longest_ns: longest step that is not a gap.
 
     Returns:
         (rows,) values, NaN in gaps, before the first sample and after the last.
     """
-    out = np.full(at_ns.size, np.nan)
-    _fill_interpolated(t_ns, np.ascontiguousarray(x), at_ns, int(longest_ns), out)
+    out = np.full(instants_ns.size, np.nan)
+    _fill_interpolated_values(t_ns, np.ascontiguousarray(x), instants_ns, int(longest_ns), out)
     return out
 
 
 def average_about_instants(
-    t_ns: Ints, x: Floats, at_ns: Ints, width_ns: int, longest_ns: float
+    t_ns: Ints, x: Floats, instants_ns: Ints, width_ns: int, longest_ns: float
 ) -> Floats:
     """Average the linear interpolation over a width about each instant, exactly integrated.
 
@@ -37,46 +37,52 @@ def average_about_instants(
     Args:
         t_ns: (n,) stamps, strictly ascending.
         x: (n,) samples.
-        at_ns: (rows,) instants, ascending.
+        instants_ns: (rows,) instants, ascending.
         width_ns: averaging width, half of it on either side.
         longest_ns: longest step that is not a gap.
     """
-    out = np.full(at_ns.size, np.nan)
-    _fill_averages(t_ns, np.ascontiguousarray(x), at_ns, width_ns // 2, int(longest_ns), out)
+    out = np.full(instants_ns.size, np.nan)
+    _fill_averages(t_ns, np.ascontiguousarray(x), instants_ns, width_ns // 2, int(longest_ns), out)
     return out
 
 
-@compiled_ahead
-def _fill_interpolated(t: Ints, x: Floats, at: Ints, longest: int, out: Floats) -> None:
+@compiled_unless_short_log
+def _fill_interpolated_values(
+    t: Ints, x: Floats, instants: Ints, longest_step: int, out: Floats
+) -> None:
     last = t.size - 1
     i = 0
-    for k in range(at.size):
-        while i < last and t[i + 1] <= at[k]:
+    for k in range(instants.size):
+        while i < last and t[i + 1] <= instants[k]:
             i += 1
-        since = at[k] - t[i]
+        since = instants[k] - t[i]
         if since == 0:
             out[k] = x[i]
-        elif since > 0 and i < last and t[i + 1] - t[i] <= longest:
+        elif since > 0 and i < last and t[i + 1] - t[i] <= longest_step:
             out[k] = x[i] + (x[i + 1] - x[i]) * (since / (t[i + 1] - t[i]))
 
 
-@compiled_ahead
-def _fill_averages(t: Ints, x: Floats, at: Ints, half: int, longest: int, out: Floats) -> None:
+@compiled_unless_short_log
+def _fill_averages(
+    t: Ints, x: Floats, instants: Ints, half_width: int, longest_step: int, out: Floats
+) -> None:
     last = t.size - 1
     i = 0
-    for k in range(at.size):
-        s = at[k]
+    for k in range(instants.size):
+        s = instants[k]
         while i < last and t[i + 1] <= s:
             i += 1
-        if s < t[i] or (s > t[i] and (i == last or t[i + 1] - t[i] > longest)):
+        if s < t[i] or (s > t[i] and (i == last or t[i + 1] - t[i] > longest_step)):
             continue
         left = i
-        while t[left] > s - half and left > 0 and t[left] - t[left - 1] <= longest:
+        while t[left] > s - half_width and left > 0 and t[left] - t[left - 1] <= longest_step:
             left -= 1
         right = i if s == t[i] else i + 1
-        while t[right] < s + half and right < last and t[right + 1] - t[right] <= longest:
+        while (
+            t[right] < s + half_width and right < last and t[right + 1] - t[right] <= longest_step
+        ):
             right += 1
-        reach = min(half, s - t[left], t[right] - s)
+        reach = min(half_width, s - t[left], t[right] - s)
         if reach <= 0:
             out[k] = x[i]
             continue

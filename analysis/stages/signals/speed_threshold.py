@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from analysis.model.physical_units import NS_PER_S
-from analysis.model.windows import runs_of_flagged_samples
+from analysis.model.windows import find_flagged_runs
 from analysis.stages.signals import filters, mounting
 from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Floats, Ints
@@ -37,42 +37,43 @@ def estimate_speed_threshold_m_s(speed_m_s: Floats) -> float:
     return least_m_s if is_threshold else 0.0
 
 
-def find_speed_thresholds(read: Mapping[str, mounting.Series]) -> dict[str, float]:
+def find_speed_thresholds(channels: Mapping[str, mounting.Series]) -> dict[str, float]:
     """Thresholds in m/s of the speed channels that have one, and whose drives outlast a gap.
 
     Args:
-        read: channels from `read_measured_channels`.
+        channels: channels from `read_measured_channels`.
     """
     found = {
         name: estimate_speed_threshold_m_s(x)
-        for name, (t, x) in read.items()
-        if name in SPEEDS and _median_drive_s(t, x) >= LIMITS.threshold_min_drive_s
+        for name, (t, x) in channels.items()
+        if name in SPEEDS and median_drive_s(t, x) >= LIMITS.threshold_min_drive_s
     }
     return {name: threshold_m_s for name, threshold_m_s in found.items() if threshold_m_s}
 
 
-def _median_drive_s(t_ns: Ints, x: Floats) -> float:
+def median_drive_s(t_ns: Ints, x: Floats) -> float:
     """Median duration of the runs of readings that are not 0, in s; 0 without any."""
-    first, last = runs_of_flagged_samples(x != 0.0)
+    first, last = find_flagged_runs(x != 0.0)
     return float(np.median(t_ns[last] - t_ns[first])) / NS_PER_S if first.size else 0.0
 
 
 def drop_readings_below_threshold(
-    read: Mapping[str, mounting.Series], thresholds: Mapping[str, float]
+    channels: Mapping[str, mounting.Series], thresholds: Mapping[str, float]
 ) -> dict[str, mounting.Series]:
     """Drop the readings of 0 beside motion, so that the step to the threshold is a gap."""
-    out = dict(read)
+    out = dict(channels)
     for name in thresholds:
-        t, x = read[name]
+        t, x = channels[name]
         beside_ns = max(
-            LIMITS.threshold_gap_s * NS_PER_S, LIMITS.threshold_gap_readings * filters.period_ns(t)
+            LIMITS.threshold_gap_s * NS_PER_S,
+            LIMITS.threshold_gap_readings * filters.median_period_ns(t),
         )
-        kept = (x != 0.0) | (_distance_to_motion_ns(t, x) > beside_ns)
+        kept = (x != 0.0) | (distance_to_motion_ns(t, x) > beside_ns)
         out[name] = t[kept], x[kept]
     return out
 
 
-def _distance_to_motion_ns(t_ns: Ints, x: Floats) -> Floats:
+def distance_to_motion_ns(t_ns: Ints, x: Floats) -> Floats:
     """Time from each reading (n,) to the nearest that is not 0, in ns."""
     moving_ns = t_ns[x != 0.0]
     place = np.searchsorted(moving_ns, t_ns)
@@ -81,7 +82,7 @@ def _distance_to_motion_ns(t_ns: Ints, x: Floats) -> Floats:
     return np.minimum(np.abs(before_ns), np.abs(after_ns)).astype(np.float64)
 
 
-def speed_threshold_notes(thresholds: Mapping[str, float]) -> list[str]:
+def write_speed_threshold_notes(thresholds: Mapping[str, float]) -> list[str]:
     """Notes on speeds with a threshold."""
     return [
         f"{name} reads 0 below {threshold_m_s:.2g} m/s: its readings of 0 beside motion are left "

@@ -45,7 +45,9 @@ def assign_timestamps(
     losses: list[Loss] = []
     headers = {topic: check_header_stamps(topic, frame, losses) for topic, frame in raw.items()}
     # how far log time lies after the stamps that would place each topic
-    behind_ns = {t: median_log_delay_ns(frame) if headers[t] else 0.0 for t, frame in raw.items()}
+    behind_ns = {
+        t: compute_median_log_delay_ns(frame) if headers[t] else 0.0 for t, frame in raw.items()
+    }
     if max(behind_ns.values()) - min(behind_ns.values()) > LIMITS.clock_jump_ns:
         for topic in raw:
             if abs(behind_ns[topic]) > LIMITS.clock_jump_ns:
@@ -67,7 +69,7 @@ def assign_timestamps(
         labels[topic] = "header" if headers[topic] else ("table" if of_table else "log")
         # of a shift each copy is hundreds of megabytes
         kept = frame.filter(pl.col(column).is_not_null()) if frame[column].has_nulls() else frame
-        scatter = relative_step_scatter(frame) if headers[topic] else None
+        scatter = measure_relative_step_scatter(frame) if headers[topic] else None
         if scatter is not None:
             labels[topic] = "log"
             kept = kept.with_columns(
@@ -108,7 +110,7 @@ def assign_timestamps(
     return placed, labels, losses
 
 
-def relative_step_scatter(frame: pl.DataFrame) -> tuple[float, float] | None:
+def measure_relative_step_scatter(frame: pl.DataFrame) -> tuple[float, float] | None:
     """Scatter of the steps of header stamps and of log time, relative to their period.
 
     Args:
@@ -167,7 +169,7 @@ def check_header_stamps(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> 
     return True
 
 
-def median_log_delay_ns(frame: pl.DataFrame) -> float:
+def compute_median_log_delay_ns(frame: pl.DataFrame) -> float:
     """Median of log time less header stamp."""
     behind = (frame["log_time_ns"] - frame["header_stamp_ns"]).median()
     return float(behind) if isinstance(behind, int | float) else 0.0
@@ -205,7 +207,7 @@ def measure_clock_drifts(raw: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
         time_s = (log - log.min()) / 1e9
         latency = log - stamped["header_stamp_ns"].to_numpy()
         latency_s = (latency - latency.min()) / 1e9
-        line = fit_line_below_latencies(time_s, latency_s)
+        line = fit_minimum_latency_slope(time_s, latency_s)
         if line is not None:
             slope, std = line
             rows.append((topic, -slope * 1e6, std * 1e6, float(time_s.max())))
@@ -235,7 +237,7 @@ def find_largest_relative_drift(drifts: pl.DataFrame) -> RelativeDrift | None:
     return max(pairs, key=lambda pair: pair.drift_ppm / pair.drift_std_ppm, default=None)
 
 
-def fit_line_below_latencies(time_s: Floats, latency_s: Floats) -> tuple[float, float] | None:
+def fit_minimum_latency_slope(time_s: Floats, latency_s: Floats) -> tuple[float, float] | None:
     """Slope of a line along the lowest latencies, and its standard deviation; None if too few."""
     span_s = float(time_s.max())
     if not span_s > 0:
@@ -245,12 +247,14 @@ def fit_line_below_latencies(time_s: Floats, latency_s: Floats) -> tuple[float, 
     members = [each for each in members if each.size >= LIMITS.drift_part_min_samples]
     if len(members) < LIMITS.drift_min_parts:
         return None
-    slope = median_slope(*middles_and_quantiles_of_parts(time_s, latency_s, members, 0.5, 0.0))
+    slope = estimate_median_slope(
+        *compute_part_middles_and_quantiles(time_s, latency_s, members, 0.5, 0.0)
+    )
     # anew without the slope: within a part it would choose the early or the late ones
-    t, y = middles_and_quantiles_of_parts(
+    t, y = compute_part_middles_and_quantiles(
         time_s, latency_s, members, LIMITS.drift_latency_quantile, slope
     )
-    slope = median_slope(t, y)
+    slope = estimate_median_slope(t, y)
     residual = y - slope * t
     residual -= np.median(residual)
     # the normal distribution's ratio, and two parameters fitted
@@ -260,16 +264,20 @@ def fit_line_below_latencies(time_s: Floats, latency_s: Floats) -> tuple[float, 
     return slope, max(float(std), LIMITS.stamp_resolution_s / span_s)
 
 
-def middles_and_quantiles_of_parts(
-    time_s: Floats, latency_s: Floats, members: list[NDArray[np.int64]], q: float, slope: float
+def compute_part_middles_and_quantiles(
+    time_s: Floats,
+    latency_s: Floats,
+    part_samples: list[NDArray[np.int64]],
+    quantile: float,
+    slope: float,
 ) -> tuple[Floats, Floats]:
     """Middle of each part in s, and quantile of its distances from a line through 0, (parts,)."""
-    t = np.array([(time_s[each].min() + time_s[each].max()) / 2 for each in members])
+    t = np.array([(time_s[each].min() + time_s[each].max()) / 2 for each in part_samples])
     off = latency_s - slope * time_s
-    return t, np.array([np.quantile(off[each], q) for each in members]) + slope * t
+    return t, np.array([np.quantile(off[each], quantile) for each in part_samples]) + slope * t
 
 
-def median_slope(t: Floats, y: Floats) -> float:
+def estimate_median_slope(t: Floats, y: Floats) -> float:
     """Median of the slopes between all pairs of points (Theil-Sen)."""
     i, j = np.triu_indices(t.size, 1)
     return float(np.median((y[j] - y[i]) / (t[j] - t[i])))

@@ -10,7 +10,7 @@ from estimators.errors import LogError
 from replay.logs.bag.bag_index import (
     BagIndex,
     chunk_at_offset_or_none,
-    read_index_or_none,
+    read_bag_index,
     read_indexed_times,
 )
 from replay.logs.bag.bag_records import (
@@ -22,8 +22,8 @@ from replay.logs.bag.bag_records import (
     MESSAGE,
     VERSION,
     BagRecord,
-    parse_fields,
-    read_record,
+    parse_header_fields,
+    read_bag_record,
 )
 from replay.logs.blocks import (
     Block,
@@ -33,8 +33,8 @@ from replay.logs.blocks import (
     LooseRecords,
     RecordGrammar,
     describe_end_of_reading,
+    describe_torn_end,
     find_records_after_damage,
-    torn_end_text,
 )
 from replay.logs.messages.broken_bytes import KIND_BYTES, describe_other_file
 from replay.logs.storage import Connection
@@ -66,10 +66,10 @@ class BagFile(BlockFile):
             )
         self._connections: dict[int, Connection] = {}
         self._connections_at: dict[int, int] = {}
-        header = read_record(self._file, len(head))
+        header = read_bag_record(self._file, len(head))
         index = self._read_index(header)
         if index is not None:
-            self._take_index_records(index)
+            self._add_index_records(index)
         else:
             self._read_whole_file(len(head), header)
         return tuple(self._connections.values())
@@ -95,16 +95,16 @@ class BagFile(BlockFile):
             connections == chunks == 0
         ):
             return None
-        return read_index_or_none(self._file, position, connections, chunks)
+        return read_bag_index(self._file, position, connections, chunks)
 
-    def _take_index_records(self, index: BagIndex) -> None:
+    def _add_index_records(self, index: BagIndex) -> None:
         """Add connections and chunks from the index."""
         for record, data in index.connections:
             self._note_connection(record.fields, data, -1)
         unknown: list[Block] = []
         for offset in sorted(index.chunks):
             counts = index.chunks[offset]
-            block = chunk_at_offset_or_none(self._file, offset, read_record(self._file, offset))
+            block = chunk_at_offset_or_none(self._file, offset, read_bag_record(self._file, offset))
             # the index stands behind all chunks, so that the end of the file tears none of them
             if block is None or (block.is_torn and counts):
                 lost = Block(offset, 0, 0, "", 0, counts=counts)
@@ -118,17 +118,17 @@ class BagFile(BlockFile):
             else:
                 self._store.add(block, times)
         if unknown:
-            self._store.add_unindexed(unknown)
+            self._store.add_unindexed_blocks(unknown)
 
     def _read_whole_file(self, begin: int, header: BagRecord | None) -> None:
         """Read the file from start to end."""
         damage = self._store.damage
         walk = BagWalk(self._store, begin, self._process_record)
-        self._store.add_unindexed(walk.chunks())
+        self._store.add_unindexed_blocks(walk.chunks())
         position = b"" if header is None else header.fields.get(b"index_pos", b"")
         unfinished = position == bytes(8)
         why = "the recorder did not finish it" if unfinished else "the index is damaged"
-        torn = torn_end_text(self._file.size - walk.end, self._store.torn_messages)
+        torn = describe_torn_end(self._file.size - walk.end, self._store.torn_messages)
         damage.note(
             f"{why}: scanned from start to end, all whole messages are read"
             f"{describe_end_of_reading(self._store.last_ns)}{torn}"
@@ -139,7 +139,7 @@ class BagFile(BlockFile):
         del op
         size = int.from_bytes(content[:4], "little")
         self._note_connection(
-            parse_fields(content[4 : 4 + size]) or {}, content[8 + size :], offset
+            parse_header_fields(content[4 : 4 + size]) or {}, content[8 + size :], offset
         )
 
     def _note_connection(self, fields: dict[bytes, bytes], data: bytes, offset: int) -> None:
@@ -153,7 +153,7 @@ class BagFile(BlockFile):
 
 def make_connection(fields: dict[bytes, bytes], data: bytes) -> Connection | None:
     """Connection from a record's header fields and data; None if damaged."""
-    inner = parse_fields(data) or {}
+    inner = parse_header_fields(data) or {}
     key, topic = fields.get(b"conn", b""), fields.get(b"topic", inner.get(b"topic", b""))
     if len(key) != 4 or b"type" not in inner:
         return None
@@ -182,7 +182,7 @@ class BagWalk:
         stretches = LooseRecords(self.store)
         at = self.end
         while at < file.size:
-            record = read_record(file, at)
+            record = read_bag_record(file, at)
             block = chunk_at_offset_or_none(file, at, record)
             end = at
             if block is not None:

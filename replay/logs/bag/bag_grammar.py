@@ -5,10 +5,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.interpreted import compiled, compiled_unless_few_turns
+from estimators.interpreted import compiled, compiled_for_many_iterations
 from replay.logs.bag.bag_records import CONNECTION, LONGEST_HEADER, MESSAGE
 from replay.logs.blocks import RecordGrammar
-from replay.logs.decoding.bytes_at import count_scan_turns, load32, load64
+from replay.logs.decoding.bytes_at import count_scan_iterations, load32, load64
 
 #: Where records are looked for after damage.
 _USUAL_HEADER: Final = 1024
@@ -21,8 +21,8 @@ _3_BYTES, _5_BYTES = 2**24 - 1, 2**40 - 1
 
 
 @compiled
-def parse_record(
-    data: NDArray[np.uint8], at: int, end: int, longest: int
+def parse_bag_record(
+    data: NDArray[np.uint8], at: int, end: int, max_bytes: int
 ) -> tuple[int, int, int, int, int]:
     """Parse the record at `at`: op, connection, time, begin of the data, and end of the record.
 
@@ -31,7 +31,7 @@ def parse_record(
     none = (-1, -1, -1, 0, 0)
     size = load32(data, at)
     fields_end = at + 4 + size
-    if size > longest or fields_end + 4 > end:
+    if size > max_bytes or fields_end + 4 > end:
         return none
     op, connection, time = -1, -1, -1
     field = at + 4
@@ -53,7 +53,7 @@ def parse_record(
     return op, connection, time, body, body + load32(data, fields_end)
 
 
-@compiled_unless_few_turns(count_scan_turns)
+@compiled_for_many_iterations(count_scan_iterations)
 def _scan_records(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
@@ -65,7 +65,7 @@ def _scan_records(
     at = begin
     room = rows.shape[1]
     while at + 8 <= end:
-        op, connection, time, body, stop = parse_record(data, at, end, LONGEST_HEADER)
+        op, connection, time, body, stop = parse_bag_record(data, at, end, LONGEST_HEADER)
         if (op not in (MESSAGE, CONNECTION)) or stop > end:
             break
         if row < room:
@@ -79,14 +79,14 @@ def _scan_records(
     return found, at
 
 
-@compiled_unless_few_turns(count_scan_turns)
+@compiled_for_many_iterations(count_scan_iterations)
 def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     """Offset from which several records follow each other; -1 if none."""
     for first in range(begin, end - 7):
         at = first
         links = 0
         while links < _PROVEN and at + 8 <= end:
-            op, _, _, _, stop = parse_record(data, at, end, _USUAL_HEADER)
+            op, _, _, _, stop = parse_bag_record(data, at, end, _USUAL_HEADER)
             if op < MESSAGE or op > CONNECTION or stop > limit:
                 links = 0
                 break

@@ -12,7 +12,7 @@ from replay.logs.bag.bag_records import (
     CONNECTION,
     INDEX_DATA,
     BagRecord,
-    read_record,
+    read_bag_record,
 )
 from replay.logs.blocks import Block
 from replay.logs.storage import FileBytes, ReadBuffer
@@ -36,16 +36,14 @@ class BagIndex:
     chunks: dict[int, dict[int, int]]
 
 
-def read_index_or_none(
-    file: FileBytes, offset: int, connections: int, chunks: int
-) -> BagIndex | None:
+def read_bag_index(file: FileBytes, offset: int, connections: int, chunks: int) -> BagIndex | None:
     """Index at `offset`; None if it is incomplete."""
     described: list[tuple[BagRecord, bytes]] = []
     counts: dict[int, dict[int, int]] = {}
     at = offset
     window = ReadBuffer(file, offset, min(file.size - offset, _MOST_INDEX_BYTES))
     while at < file.size:
-        record = read_record(window, at)
+        record = read_bag_record(window, at)
         if record is None or record.end > file.size:
             return None
         data = window.read(record.data_offset, record.data_bytes)
@@ -73,7 +71,7 @@ def chunk_at_offset_or_none(file: FileBytes, offset: int, record: BagRecord | No
     compression = record.fields.get(b"compression", b"none").decode(errors="replace")
     unpacked = record.unsigned_field(b"size") if b"size" in record.fields else 0
     left = file.size - record.data_offset
-    behind = read_record(file, record.end) if record.data_bytes == unpacked == 0 else None
+    behind = read_bag_record(file, record.end) if record.data_bytes == unpacked == 0 else None
     is_open = record.data_bytes == unpacked == 0 and (
         behind is None or behind.op not in (CHUNK, INDEX_DATA)
     )
@@ -96,7 +94,7 @@ def read_indexed_times(
     expected = _ENTRY.itemsize * sum(counts.values()) + _HEADER_BYTES * (len(counts) + 1)
     window = ReadBuffer(file, at, min(expected, _MOST_INDEX_BYTES))
     for _ in counts:
-        record = read_record(window, at)
+        record = read_bag_record(window, at)
         if record is None or record.op != INDEX_DATA or b"conn" not in record.fields:
             return None
         data = window.read(record.data_offset, record.data_bytes)

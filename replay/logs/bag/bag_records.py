@@ -53,7 +53,7 @@ class BagRecord(NamedTuple):
         return self.data_offset + self.data_bytes
 
 
-def parse_fields(header: bytes) -> dict[bytes, bytes] | None:
+def parse_header_fields(header: bytes) -> dict[bytes, bytes] | None:
     """Fields of a header; None if it is invalid."""
     fields: dict[bytes, bytes] = {}
     at = 0
@@ -69,7 +69,7 @@ def parse_fields(header: bytes) -> dict[bytes, bytes] | None:
     return fields
 
 
-def read_record(file: FileBytes | ReadBuffer, offset: int) -> BagRecord | None:
+def read_bag_record(file: FileBytes | ReadBuffer, offset: int) -> BagRecord | None:
     """Record at `offset`; None if there is none. Its data may extend beyond the file."""
     head = file.read(offset, 256)
     if len(head) < 4:
@@ -81,7 +81,7 @@ def read_record(file: FileBytes | ReadBuffer, offset: int) -> BagRecord | None:
         head = file.read(offset, 8 + size)
     if 8 + size > len(head):
         return None
-    fields = parse_fields(head[4 : 4 + size])
+    fields = parse_header_fields(head[4 : 4 + size])
     if not fields or b"op" not in fields:
         return None
     return BagRecord(fields, offset + 8 + size, _U32.unpack_from(head, 4 + size)[0])

@@ -10,8 +10,8 @@ from replay.logs.bag.bag_records import (
     MAGIC,
     MESSAGE,
     VERSION,
-    parse_fields,
-    read_record,
+    parse_header_fields,
+    read_bag_record,
 )
 from replay.logs.blocks import GrowingBlockFile, RecordGrammar
 from replay.logs.messages.raw_batch import RawBatch
@@ -35,10 +35,10 @@ class BagTail(GrowingBlockFile):
         file = self._file
         if self._at == 0:
             return self._check_first_line()
-        if 0 < self._index_position() <= self._at:
+        if 0 < self._find_index_offset() <= self._at:
             self.is_finished = True
             return []
-        record = read_record(file, self._at)
+        record = read_bag_record(file, self._at)
         if record is None or record.end > file.size:
             return None
         if record.op == CHUNK:
@@ -51,9 +51,9 @@ class BagTail(GrowingBlockFile):
             ):
                 return None
             self._at = record.end
-            return self._take_block(block)
+            return self._read_chunk_messages(block)
         if record.op == MESSAGE:
-            return self._take_unchunked_messages(record.end - self._at)
+            return self._read_unchunked_messages(record.end - self._at)
         if record.op == CONNECTION:
             self._process_record(CONNECTION, file.read(self._at, record.end - self._at))
         self._at = record.end
@@ -72,9 +72,9 @@ class BagTail(GrowingBlockFile):
             return []
         return None
 
-    def _index_position(self) -> int:
+    def _find_index_offset(self) -> int:
         """Offset of the index; 0 until the recorder has written it."""
-        header = read_record(self._file, len(_HEAD))
+        header = read_bag_record(self._file, len(_HEAD))
         if header is None or header.op != BAG_HEADER or b"index_pos" not in header.fields:
             return 0
         return header.unsigned_field(b"index_pos")
@@ -82,7 +82,7 @@ class BagTail(GrowingBlockFile):
     def _process_record(self, op: int, content: bytes) -> None:
         del op
         size = int.from_bytes(content[:4], "little")
-        fields = parse_fields(content[4 : 4 + size]) or {}
+        fields = parse_header_fields(content[4 : 4 + size]) or {}
         connection = make_connection(fields, content[8 + size :])
         if connection is None:
             self._losses.note(self._file.path, "the record of a connection is damaged")

@@ -71,7 +71,7 @@ class BlockFile(ABC):
 
     def message_count(self, connection_id: int) -> int:
         """Number of log times of a connection."""
-        return self._store.message_count_of(connection_id)
+        return self._store.count_messages_of_connection(connection_id)
 
     def read_message_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None

@@ -16,8 +16,8 @@ from replay.logs.blocks.slabs import (
     ChunkStats,
     RecordGrammar,
     Slab,
-    chunk_stats,
-    read_slabs,
+    compute_chunk_stats,
+    iter_slabs,
     select_messages_of_connections,
 )
 from replay.logs.storage import (
@@ -26,7 +26,7 @@ from replay.logs.storage import (
     TIME,
     BatchGroup,
     FileBytes,
-    group_by_key,
+    group_rows_by_key,
     make_empty_times,
 )
 
@@ -116,7 +116,7 @@ class BlockStore:
 
     def add(self, block: Block, times: Mapping[int, NDArray[np.int64]]) -> None:
         """Add a block with the log times (64 bits) of its messages, by connection."""
-        described, usable = describe_block(block, times)
+        described, usable = complete_block_by_times(block, times)
         self._blocks.append(described)
         self._counts.update(described.counts)
         for key, values in usable.items():
@@ -133,25 +133,27 @@ class BlockStore:
         self, block: Block, times: Mapping[int, NDArray[np.int64]], why: str
     ) -> None:
         """Note that a block with known messages cannot be read."""
-        described, _ = describe_block(block, times)
+        described, _ = complete_block_by_times(block, times)
         self.damage.note_lost_block(described, why)
 
-    def add_unindexed(self, blocks: Iterable[Block]) -> None:
+    def add_unindexed_blocks(self, blocks: Iterable[Block]) -> None:
         """Add blocks without an index, which are unpacked to find their messages."""
-        for slab in read_slabs(self.file, blocks, self.grammar):
+        for slab in iter_slabs(self.file, blocks, self.grammar):
             for block, why in slab.damaged:
                 self.damage.note_lost_block(block, why)
             for block, first, last, unread in slab.parts:
-                self.add_rows(block, slab.data, slab.rows[:, first:last])
+                self.add_scanned_block(block, slab.data, slab.rows[:, first:last])
                 self._note_unread_bytes(block, unread)
                 self._note_verified_block(block)
 
-    def add_rows(self, block: Block, data: NDArray[np.uint8], rows: NDArray[np.int64]) -> None:
+    def add_scanned_block(
+        self, block: Block, data: NDArray[np.uint8], rows: NDArray[np.int64]
+    ) -> None:
         """Add a block with the rows found by scanning it."""
         for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
             content = data[offset : offset + length].tobytes()
             self._process_record(-1 - key, content, block.record_offset)
-        self.add(block, {key: rows[TIME, at] for key, at in group_by_key(rows[KEY])})
+        self.add(block, {key: rows[TIME, at] for key, at in group_rows_by_key(rows[KEY])})
 
     def finish(self, topics: Mapping[int, str]) -> None:
         """Sort the blocks by file order after all were added, and note unusable messages.
@@ -176,7 +178,7 @@ class BlockStore:
         self._read_indexed_times()
         return np.concatenate([make_empty_times(), *self._times.get(connection_id, [])])
 
-    def message_count_of(self, connection_id: int) -> int:
+    def count_messages_of_connection(self, connection_id: int) -> int:
         """Number of log times of a connection."""
         return self._counts[connection_id] - self._late.get(connection_id, 0)
 
@@ -187,7 +189,7 @@ class BlockStore:
             unknown: list[Block] = []
             for block, read_times in self._unread:
                 times = read_times()
-                if times is None or not _are_times_of(block, times):
+                if times is None or not _do_times_match_block(block, times):
                     unknown.append(block)
                     continue
                 for key, values in times.items():
@@ -195,7 +197,7 @@ class BlockStore:
             if unknown:
                 unpacked = BlockStore(self.file, self._load_grammar, self._process_record)
                 unpacked.damage = self.damage
-                unpacked.add_unindexed(unknown)
+                unpacked.add_unindexed_blocks(unknown)
                 for key, parts in unpacked._times.items():
                     found.setdefault(key, []).extend(parts)
             for key, parts in found.items():
@@ -220,7 +222,7 @@ class BlockStore:
         begins = np.array([*(block.first_ns for block in touched), END_NS], np.int64)
         floors = np.minimum.accumulate(begins[::-1])[::-1]
         done = 0
-        for slab in read_slabs(self.file, touched, self.grammar):
+        for slab in iter_slabs(self.file, touched, self.grammar):
             self._check_slab(slab)
             done += len(slab.parts) + len(slab.damaged)
             found = list(select_messages_of_connections(slab.data, slab.rows, chosen, first, last))
@@ -233,7 +235,7 @@ class BlockStore:
         blocks = [block for block, *_ in slab.parts]
         keys = sorted({*self._topics, *(key for block in blocks for key in block.counts)})
         topics = [*(self._topics.get(key, "") for key in keys), ""]
-        found = chunk_stats(slab, np.array(keys, np.int64))
+        found = compute_chunk_stats(slab, np.array(keys, np.int64))
         for (block, _, _, unread), held in zip(slab.parts, found, strict=True):
             self._note_unread_bytes(block, unread)
             self._note_verified_block(block)
@@ -279,7 +281,7 @@ class BlockStore:
             )
 
 
-def describe_block(
+def complete_block_by_times(
     block: Block, times: Mapping[int, NDArray[np.int64]]
 ) -> tuple[Block, Mapping[int, NDArray[np.int64]]]:
     """The block with its counts and time span, and the usable log times.
@@ -296,7 +298,7 @@ def describe_block(
     return replace(block, counts=counts, first_ns=int(first), last_ns=int(last)), times
 
 
-def _are_times_of(block: Block, times: Mapping[int, NDArray[np.int64]]) -> bool:
+def _do_times_match_block(block: Block, times: Mapping[int, NDArray[np.int64]]) -> bool:
     """Whether an index lists as many messages as its block holds, all within its time span."""
     whole = np.concatenate([make_empty_times(), *times.values()])
     in_span = block.first_ns <= whole.min() and whole.max() <= block.last_ns if whole.size else True

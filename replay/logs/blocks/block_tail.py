@@ -21,7 +21,7 @@ from replay.logs.storage import (
     Connection,
     FileBytes,
     LossList,
-    group_by_key,
+    group_rows_by_key,
 )
 
 #: Bytes of records outside chunks that are taken at once.
@@ -85,7 +85,7 @@ class GrowingBlockFile(ABC):
         """Release the file."""
         self._file.close()
 
-    def _take_block(self, block: Block) -> list[RawBatch]:
+    def _read_chunk_messages(self, block: Block) -> list[RawBatch]:
         """Messages of a complete chunk; a damaged one is a loss."""
         try:
             if block.max_unpacked_bytes > LARGEST_BYTES:
@@ -96,17 +96,17 @@ class GrowingBlockFile(ABC):
             what = f"the chunk at byte {block.record_offset} cannot be read: {error}"
             self._losses.note(self._file.path, what)
             return []
-        batches, _ = self._take_records(data)
+        batches, _ = self._split_complete_records(data)
         return batches
 
-    def _take_unchunked_messages(self, record_bytes: int) -> list[RawBatch]:
+    def _read_unchunked_messages(self, record_bytes: int) -> list[RawBatch]:
         """Messages outside chunks, from `_at` on, where the first one is complete."""
         data = self._file.read_array(self._at, max(record_bytes, _LOOSE_BYTES))
-        batches, whole = self._take_records(data)
+        batches, whole = self._split_complete_records(data)
         self._at += max(whole, record_bytes)
         return batches
 
-    def _take_records(self, data: NDArray[np.uint8]) -> tuple[list[RawBatch], int]:
+    def _split_complete_records(self, data: NDArray[np.uint8]) -> tuple[list[RawBatch], int]:
         """Messages in some bytes (n,), and offset of the first incomplete record."""
         grammar = self._grammar()
         _, whole = grammar.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
@@ -117,5 +117,5 @@ class GrowingBlockFile(ABC):
             self._process_record(-1 - key, data[offset : offset + length].tobytes())
         return [
             RawBatch(key, data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
-            for key, at in group_by_key(rows[KEY])
+            for key, at in group_rows_by_key(rows[KEY])
         ], whole

@@ -36,7 +36,7 @@ class LooseRecords:
         if stop:
             rows = SlabIndex(grammar, data, 0)
             rows.scan(0, stop)
-            self._store.add_rows(Block(offset, offset, stop, "", stop), data, rows.found)
+            self._store.add_scanned_block(Block(offset, offset, stop, "", stop), data, rows.found)
         return offset + stop
 
 
@@ -46,12 +46,12 @@ _SHORTEST: Final = 16_384
 _LONGEST: Final = 8 * 2**20
 
 
-def find_records_after_damage(file: FileBytes, damaged: int, find: Find) -> int | None:
+def find_records_after_damage(file: FileBytes, damage_offset: int, find_record: Find) -> int | None:
     """Offset after damage at which records continue; None if there is none."""
-    at, size = damaged + 1, _SHORTEST
+    at, size = damage_offset + 1, _SHORTEST
     while at < file.size:
         data = np.frombuffer(file.read(at, size), np.uint8)
-        found = find(data, 0, data.size, file.size - at)
+        found = find_record(data, 0, data.size, file.size - at)
         if found >= 0:
             return at + found
         at += max(data.size - _SHORTEST // 2, _SHORTEST // 2)

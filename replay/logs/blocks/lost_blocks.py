@@ -20,9 +20,9 @@ class BlockDamage(Damage):
         #: stretches that hold no records: from, to
         self._gaps: dict[int, int] = {}
 
-    def note_lost_block(self, block: Block, why: str) -> None:
+    def note_lost_block(self, block: Block, reason: str) -> None:
         """Note that a block is not used."""
-        self._blocks[block.record_offset] = (block, why)
+        self._blocks[block.record_offset] = (block, reason)
 
     def note_unreadable_bytes(self, start: int, end: int) -> None:
         """Note that nothing can be read between two offsets."""
@@ -52,13 +52,13 @@ class BlockDamage(Damage):
             yield (
                 f"{len(damaged):,} chunks ({sum(b.stored_bytes for b in blocks):,} bytes) are "
                 f"damaged and were not read, the first at byte {blocks[0].record_offset}: "
-                f"{damaged[0][1]}; {contents_of_blocks_text(blocks, topics)}"
+                f"{damaged[0][1]}; {describe_block_contents(blocks, topics)}"
             )
             return
         for block, why in damaged:
             yield (
                 f"the chunk at byte {block.record_offset} ({block.stored_bytes:,} bytes) is "
-                f"damaged and was not read: {why}; {contents_of_blocks_text([block], topics)}"
+                f"damaged and was not read: {why}; {describe_block_contents([block], topics)}"
             )
 
     def _describe_gaps(self) -> Iterable[str]:
@@ -81,7 +81,7 @@ def describe_end_of_reading(last_ns: int | None) -> str:
     return "" if last_ns is None else f", the last at log time {format_log_time(last_ns)}"
 
 
-def torn_end_text(size: int, messages: int) -> str:
+def describe_torn_end(size: int, messages: int) -> str:
     """Clause that describes the bytes after the last complete record.
 
     Args:
@@ -95,7 +95,7 @@ def torn_end_text(size: int, messages: int) -> str:
     return f"; {size:,} bytes at the end are lost or of a torn record" if size else ""
 
 
-def contents_of_blocks_text(blocks: list[Block], topics: Mapping[int, str]) -> str:
+def describe_block_contents(blocks: list[Block], topics: Mapping[int, str]) -> str:
     """Contents of damaged blocks, as far as an index gives them."""
     counts: dict[str, int] = {}
     for block in blocks:

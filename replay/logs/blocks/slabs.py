@@ -109,7 +109,7 @@ _WORKERS: Final = min(4, os.cpu_count() or 1)
 _MOST_WAITING_BYTES: Final = (_WORKERS + 1) * SLAB_BYTES
 
 
-def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: RecordGrammar) -> Iterator[Slab]:
+def iter_slabs(file: FileBytes, blocks: Iterable[Block], grammar: RecordGrammar) -> Iterator[Slab]:
     """Unpack and scan blocks in order.
 
     A slab's memory is reused once the next slab is requested.
@@ -119,8 +119,8 @@ def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: RecordGrammar)
     prepared = 0
     pool = ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-unpack")
     try:
-        for group in _block_groups(blocks):
-            size = sum(_bytes_in_slab(block) for block in group)
+        for group in _group_blocks_for_slabs(blocks):
+            size = sum(_count_slab_bytes(block) for block in group)
             while waiting and (
                 sum(each for _, each in waiting) + size > _MOST_WAITING_BYTES
                 or (prepared < _GROWING and len(waiting) > 1)
@@ -147,21 +147,21 @@ def _yield_and_reuse_oldest_slab(
         free.append(slab.data)
 
 
-def _bytes_in_slab(block: Block) -> int:
+def _count_slab_bytes(block: Block) -> int:
     # a block that nobody believes takes no room; unpacking it says why
     return block.max_unpacked_bytes if block.max_unpacked_bytes <= LARGEST_BYTES else 0
 
 
-def _block_groups(blocks: Iterable[Block]) -> Iterator[list[Block]]:
+def _group_blocks_for_slabs(blocks: Iterable[Block]) -> Iterator[list[Block]]:
     """Group blocks that fit into one slab; the first groups are small."""
     group: list[Block] = []
     size, most = 0, _FIRST_BYTES
     for block in blocks:
-        if group and size + _bytes_in_slab(block) > most:
+        if group and size + _count_slab_bytes(block) > most:
             yield group
             group, size, most = [], 0, min(_GROWTH * most, SLAB_BYTES)
         group.append(block)
-        size += _bytes_in_slab(block)
+        size += _count_slab_bytes(block)
     if group:
         yield group
 
@@ -173,7 +173,7 @@ def unpack_and_scan_blocks(
     damaged: list[tuple[Block, str]] = []
     parts: list[tuple[Block, int, int, int]] = []
     try:
-        size = max(SLAB_BYTES, sum(map(_bytes_in_slab, blocks)))
+        size = max(SLAB_BYTES, sum(map(_count_slab_bytes, blocks)))
         buffer = np.empty(size, np.uint8) if recycled is None else recycled
         rows = SlabIndex(grammar, buffer, sum(sum(block.counts.values()) for block in blocks))
     except MemoryError:
@@ -196,22 +196,24 @@ def unpack_and_scan_blocks(
 
 
 def select_messages_of_connections(
-    data: NDArray[np.uint8], rows: Ints, wanted: Ints, first: int, last: int
+    data: NDArray[np.uint8], rows: Ints, connection_ids: Ints, first: int, last: int
 ) -> Iterator[RawBatch]:
     """Select messages of a slab, as one batch per connection with messages.
 
     Args:
         data: (bytes,) bytes of the slab.
         rows: (4, n) records of the slab.
-        wanted: (connections,) requested connections, ascending.
+        connection_ids: (connections,) requested connections, ascending.
         first: first log time in ns.
         last: last log time in ns.
     """
-    ends = np.zeros(wanted.size, np.int64)
+    ends = np.zeros(connection_ids.size, np.int64)
     found = np.empty((3, rows.shape[1]), np.int64)
-    fill_wanted_messages(rows, indices_of_keys(rows[KEY], wanted), first, last, ends, found)
+    fill_wanted_messages(
+        rows, find_key_indices(rows[KEY], connection_ids), first, last, ends, found
+    )
     begin = 0
-    for key, end in zip(wanted.tolist(), ends.tolist(), strict=True):
+    for key, end in zip(connection_ids.tolist(), ends.tolist(), strict=True):
         if end > begin:
             offsets, lengths, times = found[:, begin:end]
             yield RawBatch(key, data, offsets, lengths, times)
@@ -253,7 +255,7 @@ def fill_wanted_messages(
             ends[owner] = place + 1
 
 
-def indices_of_keys(values: Ints, keys: Ints) -> Ints:
+def find_key_indices(values: Ints, keys: Ints) -> Ints:
     """Index of each of `values` (n,) in the ascending `keys`; -1 if absent."""
     places = np.empty(values.size, np.int64)
     _fill_key_indices(values, keys, places)
@@ -292,14 +294,14 @@ class ChunkStats(NamedTuple):
     late: int
 
 
-def chunk_stats(slab: Slab, keys: Ints) -> list[ChunkStats]:
+def compute_chunk_stats(slab: Slab, keys: Ints) -> list[ChunkStats]:
     """Count the contents of each of `slab.parts`; `keys` (connections,) are ascending."""
     bounds = np.array([part[1:3] for part in slab.parts], np.int64).reshape(-1, 2)
     counts = np.zeros((len(bounds), keys.size + 1), np.int64)
     spans = np.tile(np.array([_INT64_MAX, -1, 0]), (len(bounds), 1))
     # -1, of a key that nobody asked for, is the last: that of all others
     _count_messages_per_block(
-        slab.rows, bounds, indices_of_keys(slab.rows[KEY], keys), counts, spans
+        slab.rows, bounds, find_key_indices(slab.rows[KEY], keys), counts, spans
     )
     pairs = zip(counts.tolist(), spans.tolist(), strict=True)
     return [ChunkStats(held, *span) for held, span in pairs]

@@ -31,41 +31,41 @@ ELEMENT_TYPES: Final[dict[str, Any]] = {
 }
 
 
-def array_of_values(bits: Ints, kind: str, absent: Flags | None = None) -> Array:
+def make_value_array(bits: Ints, kind: str, is_absent: Flags | None = None) -> Array:
     """Single values (n,) from their 64-bit representation; null where absent."""
     if kind == "bool":
-        return pa.array(bits != 0, mask=absent)
-    validity = _make_validity_bitmap(absent)
+        return pa.array(bits != 0, mask=is_absent)
+    validity = _make_validity_bitmap(is_absent)
     return pa.Array.from_buffers(
         _TYPES.get(kind, _INT64), bits.size, [validity, pa.py_buffer(bits)]
     )
 
 
-def array_of_elements(numbers: NDArray[Any], kind: str) -> Array:
+def make_element_array(numbers: NDArray[Any], kind: str) -> Array:
     """List elements (n,), in their original size."""
     if kind == "bool":
         return pa.array(numbers != 0)
     return pa.Array.from_buffers(ELEMENT_TYPES[kind], numbers.size, [None, pa.py_buffer(numbers)])
 
 
-def array_of_times(times: Ints) -> Array:
+def make_time_array(times: Ints) -> Array:
     """Times (n,) in ns."""
     return pa.Array.from_buffers(_INT64, times.size, [None, pa.py_buffer(times)])
 
 
-def array_of_strings(
-    views: NDArray[np.uint32], text: NDArray[np.uint8], absent: Flags | None = None
+def make_string_array(
+    views: NDArray[np.uint32], text: NDArray[np.uint8], is_absent: Flags | None = None
 ) -> Array:
     """Strings (n,) from their views (n, 4) and the text of the long ones."""
     buffers = [
-        _make_validity_bitmap(absent),
+        _make_validity_bitmap(is_absent),
         pa.py_buffer(views),
         *([pa.py_buffer(text)] if text.size else []),
     ]
     return pa.Array.from_buffers(pa.string_view(), len(views), buffers)
 
 
-def array_of_lists(counts: Ints, elements: Array) -> Array:
+def make_list_array(counts: Ints, elements: Array) -> Array:
     """Lists with the given numbers of elements (n,); null where the number is -1."""
     ends = np.zeros(counts.size + 1, np.int64)
     absent = counts < 0
@@ -78,7 +78,7 @@ def array_of_lists(counts: Ints, elements: Array) -> Array:
     )
 
 
-def _make_validity_bitmap(absent: Flags | None) -> Any:
-    if absent is None or not absent.any():
+def _make_validity_bitmap(is_absent: Flags | None) -> Any:
+    if is_absent is None or not is_absent.any():
         return None
-    return pa.py_buffer(np.packbits(~absent, bitorder="little"))
+    return pa.py_buffer(np.packbits(~is_absent, bitorder="little"))

@@ -12,7 +12,13 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from replay.logs.decoding.decoder import DecodedBatch, Decoder, DecodeTally, Submit, submit_at_once
+from replay.logs.decoding.decoder import (
+    DecodedBatch,
+    Decoder,
+    DecodeTally,
+    Submit,
+    run_work_immediately,
+)
 from replay.logs.decoding.gather_values import concatenate_byte_ranges
 from replay.logs.messages.raw_batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 
@@ -69,10 +75,10 @@ class TopicStream:
             floor_ns: lower bound of the log times of later messages.
         """
         if not self.tally.rows:  # whoever wants the first rows does not wait for a batch of them
-            self._begin_small_batches(submit_at_once)
+            self._begin_small_batches(run_work_immediately)
             self.finish_decoding()
         waiting = [int(batch.log_times.min()) for batch in self._few]
-        frame = merge_frames(self._frames)
+        frame = merge_sorted_frames(self._frames)
         if not frame.height:
             return frame
         ready = count_rows_until(frame, min([floor_ns, *waiting]))
@@ -85,9 +91,9 @@ class TopicStream:
 
     def drain_all_rows(self) -> pl.DataFrame:
         """Return all remaining rows."""
-        self._begin_small_batches(submit_at_once)
+        self._begin_small_batches(run_work_immediately)
         self.finish_decoding()
-        frame = merge_frames(self._frames)
+        frame = merge_sorted_frames(self._frames)
         self._frames.clear()
         return frame
 
@@ -107,10 +113,12 @@ class TopicStream:
             self._few, self._rows, self._bytes = [], 0, 0
 
     def _begin_batch(self, batch: RawBatch, submit: Submit) -> None:
-        self._begun.append(self._decoder.begin(sort_batch(batch), submit))
+        self._begun.append(self._decoder.begin(sort_batch_by_log_time(batch), submit))
 
 
-def feed_streams(groups: Iterable[list[RawBatch]], streams: Mapping[int, TopicStream]) -> None:
+def feed_batches_to_streams(
+    groups: Iterable[list[RawBatch]], streams: Mapping[int, TopicStream]
+) -> None:
     """Feed messages to streams; compiled work runs in other threads.
 
     Args:
@@ -130,7 +138,7 @@ def feed_streams(groups: Iterable[list[RawBatch]], streams: Mapping[int, TopicSt
 def feed_and_drain_streams(
     groups: Iterable[tuple[list[RawBatch], int]], streams: Mapping[int, TopicStream]
 ) -> Iterator[tuple[TopicStream, pl.DataFrame]]:
-    """Decode like `feed_streams`, and yield rows of each stream once their order is final.
+    """Decode like `feed_batches_to_streams`, and yield the rows whose order is final.
 
     Args:
         groups: lists of batches, each with the lower bound of later log times.
@@ -178,7 +186,7 @@ def _join_batches(batches: list[RawBatch]) -> RawBatch:
 TIME = "log_time_ns"
 
 
-def sort_batch(batch: RawBatch) -> RawBatch:
+def sort_batch_by_log_time(batch: RawBatch) -> RawBatch:
     """Sort messages by log time without moving their bytes."""
     times = batch.log_times
     if (times[1:] >= times[:-1]).all():
@@ -186,7 +194,7 @@ def sort_batch(batch: RawBatch) -> RawBatch:
     return batch.select(np.argsort(times, kind="stable"))
 
 
-def merge_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:
+def merge_sorted_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:
     """Merge sorted frames; among rows of equal time those of earlier frames come first.
 
     Args:
@@ -195,7 +203,7 @@ def merge_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:
     found = list(frames)
     placed: list[pl.DataFrame] = []
     for frame in filter(len, found):
-        placed += merge_overlap(placed.pop(), frame) if placed else [frame]
+        placed += merge_overlapping_rows(placed.pop(), frame) if placed else [frame]
     placed = placed or found[:1]
     whole = pl.concat(placed, rechunk=False) if len(placed) > 1 else placed[0]
     # a frame that begins before those in front of the last
@@ -208,7 +216,7 @@ def count_rows_until(frame: pl.DataFrame, last_ns: int) -> int:
     return int(np.searchsorted(frame[TIME].to_numpy(), last_ns, side="right"))
 
 
-def merge_overlap(first: pl.DataFrame, second: pl.DataFrame) -> list[pl.DataFrame]:
+def merge_overlapping_rows(first: pl.DataFrame, second: pl.DataFrame) -> list[pl.DataFrame]:
     """Two frames as consecutive parts, with rows merged where their times overlap."""
     begin, end = second[TIME][0], first[TIME][-1]
     if begin >= end:

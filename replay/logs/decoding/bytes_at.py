@@ -19,12 +19,12 @@ def _make_unsigned_reader(size: int) -> Callable[[Bytes, int], np.int64]:
     return load_unsigned
 
 
-def _load_64_bits(data: Bytes, at: int) -> np.int64:
-    return np.int64(int.from_bytes(data[at : at + 8].tobytes(), "little", signed=True))
+def _load_64_bits(data: Bytes, offset: int) -> np.int64:
+    return np.int64(int.from_bytes(data[offset : offset + 8].tobytes(), "little", signed=True))
 
 
-def _copy_bytes(data: Bytes, at: int, target: Bytes, to: int, size: int) -> None:
-    target[to : to + size] = data[at : at + size]
+def _copy_bytes(data: Bytes, offset: int, target: Bytes, target_offset: int, size: int) -> None:
+    target[target_offset : target_offset + size] = data[offset : offset + size]
 
 
 def _widen(bits: int) -> np.int64:
@@ -33,7 +33,7 @@ def _widen(bits: int) -> np.int64:
     return np.int64(single.astype(np.float64).view(np.int64))
 
 
-def _do_not_prefetch(data: Bytes, at: int) -> None:
+def _skip_prefetch(data: Bytes, at: int) -> None:
     pass
 
 
@@ -41,7 +41,7 @@ def _do_not_prefetch(data: Bytes, at: int) -> None:
 _RECORD_BYTES: Final = 256
 
 
-def count_scan_turns(_: Bytes, begin: int, end: int, *__: Any) -> int:
+def count_scan_iterations(_: Bytes, begin: int, end: int, *__: Any) -> int:
     """The turns of a loop over the records between two places."""
     return (end - begin) // _RECORD_BYTES
 
@@ -64,4 +64,4 @@ copy = cast("Callable[[Bytes, int, Bytes, int, int], None]", _make_primitive("co
 #: (the bits of a number of single precision) -> those of the double that equals it
 widened = cast("Callable[[int], int]", _make_primitive("widened", _widen))
 #: (data, at): the processor may bring what lies there nearer
-fetch = cast("Callable[[Bytes, int], None]", _make_primitive("fetch", _do_not_prefetch))
+fetch = cast("Callable[[Bytes, int], None]", _make_primitive("fetch", _skip_prefetch))

@@ -10,17 +10,17 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from estimators.arrays import Bytes, Ints
-from replay.logs.decoding.arrow_arrays import array_of_times
+from replay.logs.decoding.arrow_arrays import make_time_array
 from replay.logs.decoding.decode_program import DecodeProgram, Wanted, compile_program
 from replay.logs.decoding.decoder import (
     DecodedBatch,
     Submit,
-    frame_schema_of_fields,
-    submit_at_once,
+    make_frame_schema,
+    run_work_immediately,
 )
-from replay.logs.decoding.direct_fields import DirectFields, direct_fields
+from replay.logs.decoding.direct_fields import DirectFields, select_direct_fields
 from replay.logs.decoding.field_columns import Columns
-from replay.logs.decoding.one_pass import reserve_rows, walk_and_gather
+from replay.logs.decoding.one_pass import allocate_gathered_rows, walk_and_gather
 from replay.logs.decoding.spans import NoPlanError
 from replay.logs.decoding.walk_program import (
     FAULTS,
@@ -33,7 +33,7 @@ from replay.logs.decoding.walk_program import (
     read_encapsulations,
 )
 from replay.logs.decoding.wire import ENCAPSULATIONS, REFUSED, ROS1, Wire
-from replay.logs.messages.message_fields import ALL, OWN_COLUMNS, Field, resolve_field
+from replay.logs.messages.message_fields import ALL, OWN_COLUMNS, Field, resolve_message_field
 from replay.logs.messages.message_types import RecordType
 from replay.logs.messages.raw_batch import RawBatch
 
@@ -82,13 +82,13 @@ class BatchPass:
         rows = int(np.count_nonzero(sizes >= program.least_bytes))
         self._program, self._direct, self._swap = program, direct, swap
         self._messages = EncodedMessages(data, begins, sizes)
-        self._gathered = reserve_rows(direct.gather_plan, rows)
+        self._gathered = allocate_gathered_rows(direct.gather_plan, rows)
         self._outcome = WalkOutcome(np.empty(begins.size, np.int8), np.empty(begins.size, np.int64))
         self._room = room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
         room[0] = rows
         self._notes = _allocate_marks(program, room)
 
-    def execute(self) -> None:
+    def walk_and_gather_batch(self) -> None:
         """Walk and gather; repeat if there was too little memory for the marks."""
         program, wire = self._program, self._program.wire
         while True:
@@ -154,10 +154,10 @@ class DecodePlan:
 
     def __init__(self, record: RecordType, *, ros1: bool, fields: Sequence[Field]) -> None:
         self._fields = tuple(fields)
-        self._stamp = resolve_field("header.stamp", record) if record.has_header else None
+        self._stamp = resolve_message_field("header.stamp", record) if record.has_header else None
         wanted: Wanted = {}
         for field in (*self._fields, *filter(None, [self._stamp])):
-            _mark_field_wanted(wanted, field)
+            _add_wanted_field(wanted, field)
         self._ros1 = ros1
         self._read_fields = self._fields if self._stamp is None else (self._stamp, *self._fields)
         self._names = [*OWN_COLUMNS, *(field.name for field in self._fields)]
@@ -172,7 +172,7 @@ class DecodePlan:
         """Program for an encoding, compiled when a message first uses it."""
         if wire not in self._programs:
             program = compile_program(self._record, self._wanted, wire)
-            direct = direct_fields(program.root, self._read_fields)
+            direct = select_direct_fields(program.root, self._read_fields)
             place_of = {steps: place for place, steps in enumerate(direct.steps)}
             places = tuple(place_of.get(field.steps) for field in self._read_fields)
             self._programs[wire] = program, direct, places
@@ -180,7 +180,7 @@ class DecodePlan:
 
     def decode(self, batch: RawBatch) -> DecodedBatch:
         """Decode messages; incomplete ones are skipped."""
-        return self.begin(batch, submit_at_once)()
+        return self.begin(batch, run_work_immediately)()
 
     def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:
         """See `Decoder.begin`."""
@@ -204,12 +204,12 @@ class DecodePlan:
         """Decode messages of several encapsulations, or of unknown ones."""
         chosen = [np.flatnonzero(kinds == kind) for kind in self._wires]
         parts = [
-            (at, self._begin_part(batch.select(at), kind, submit_at_once)())
+            (at, self._begin_part(batch.select(at), kind, run_work_immediately)())
             for kind, at in zip(self._wires, chosen, strict=True)
             if at.size
         ]
         frames = [
-            pl.DataFrame(schema=frame_schema_of_fields(self._fields)),
+            pl.DataFrame(schema=make_frame_schema(self._fields)),
             *(part.frame for _, part in parts),
         ]
         # back into the order of the batch
@@ -218,7 +218,7 @@ class DecodePlan:
         faults = [(at[part.faulty], part.first_fault) for at, part in parts if part.faulty.size]
         unknown = np.flatnonzero(~np.isin(kinds, list(self._wires)))
         if unknown.size:
-            faults.append((unknown, _reason_for_no_plan_text(int(kinds[unknown[0]]))))
+            faults.append((unknown, _describe_missing_plan(int(kinds[unknown[0]]))))
         _, first_fault = min(faults, key=lambda fault: int(fault[0][0]), default=(unknown, ""))
         return DecodedBatch(pl.concat(frames)[order], sum(at.size for at, _ in faults), first_fault)
 
@@ -229,7 +229,7 @@ class DecodePlan:
             program, direct, places = self._program_for_encoding(wire)
         except NoPlanError as error:
             faulty = _DecodedPart(
-                pl.DataFrame(schema=frame_schema_of_fields(self._fields)),
+                pl.DataFrame(schema=make_frame_schema(self._fields)),
                 np.empty(0, np.int64),
                 np.arange(batch.rows),
                 str(error),
@@ -243,7 +243,7 @@ class DecodePlan:
             batch.lengths - wire.encapsulation_bytes,
             swap=wire.cdr and kind % 2 == 0,
         )
-        wait = submit(batch_pass.execute)
+        wait = submit(batch_pass.walk_and_gather_batch)
 
         def finish_part() -> _DecodedPart:
             wait()
@@ -257,14 +257,14 @@ class DecodePlan:
         columns, is_complete = walked.columns, walked.is_complete
         faulty = np.flatnonzero(~is_complete)
         log_times = log_times[is_complete] if faulty.size else log_times
-        gathered = list(columns.fields_gathered_in_pass())
+        gathered = list(columns.iter_gathered_fields())
         arrays: list[Any] = [
             columns.make_column(field) if place is None else gathered[place]
             for field, place in zip(self._read_fields, places, strict=True)
         ]
         if self._stamp is None:
             arrays.insert(0, pa.nulls(log_times.size, pa.int64()))
-        table: Any = pa.RecordBatch.from_arrays([array_of_times(log_times), *arrays], self._names)
+        table: Any = pa.RecordBatch.from_arrays([make_time_array(log_times), *arrays], self._names)
         return _DecodedPart(
             pl.DataFrame(table), np.flatnonzero(is_complete), faulty, walked.first_fault
         )
@@ -274,7 +274,7 @@ class DecodePlan:
 _CompiledProgram: TypeAlias = tuple[DecodeProgram, DirectFields, tuple[int | None, ...]]
 
 
-def _mark_field_wanted(wanted: Wanted, field: Field) -> None:
+def _add_wanted_field(wanted: Wanted, field: Field) -> None:
     """Add the path of a field to the tree of wanted fields."""
     for step in field.steps:
         if isinstance(step.element, str) and step.element != ALL:
@@ -282,7 +282,7 @@ def _mark_field_wanted(wanted: Wanted, field: Field) -> None:
         wanted = wanted.setdefault(step.name, {})
 
 
-def _reason_for_no_plan_text(kind: int) -> str:
+def _describe_missing_plan(kind: int) -> str:
     if kind == TOO_SHORT:
         return "it is too short for its encapsulation"
     return f"no decoder for the encapsulation {REFUSED.get(kind, 'it begins with')} (0x{kind:04x})"

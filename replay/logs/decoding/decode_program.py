@@ -22,13 +22,13 @@ from replay.logs.decoding.field_places import (
 from replay.logs.decoding.spans import (
     NoPlanError,
     Span,
-    first_alignment,
-    fixed_size_span,
+    append_field_to_span,
+    element_stride_bytes,
+    first_number_alignment_bytes,
     is_preceded_by_byte_size,
-    mean_stride,
-    place_in_span,
-    smallest_size,
-    stored_members,
+    list_stored_members,
+    make_fixed_size_span,
+    min_size_bytes,
 )
 from replay.logs.decoding.wire import Wire
 from replay.logs.messages.message_types import FieldType, ListOf, RecordType, Scalar
@@ -92,7 +92,7 @@ def compile_program(record: RecordType, wanted: Wanted, wire: Wire) -> DecodePro
     Raises:
         NoPlanError: a field fits no column, or the type is too large.
     """
-    least_bytes = smallest_size(record, wire)
+    least_bytes = min_size_bytes(record, wire)
     compiler = _Compiler(wire)
     root = compiler.compile_record(record, wanted)
     steps = np.array(compiler.steps, np.int64).reshape(-1, len(Operand))
@@ -123,7 +123,7 @@ class _Compiler:
     def compile_record(self, record: RecordType, wanted: Wanted | None) -> NestedMessage:
         """Compile the fields of a message."""
         fields: dict[str, Located] = {}
-        for name, kind in stored_members(record, self.wire):
+        for name, kind in list_stored_members(record, self.wire):
             located = self._compile_field(kind, None if wanted is None else wanted.get(name))
             if located is not None:
                 fields[name] = located
@@ -135,19 +135,23 @@ class _Compiler:
         if kind == Scalar("string"):
             self._append_step(Op.TEXT)
             return None if wanted is None else TextField(self._reserve_marks(2))
-        if fixed_size_span(kind, self.wire) is not None:
+        if make_fixed_size_span(kind, self.wire) is not None:
             return self._allocate_in_span(kind, wanted)
         assert isinstance(kind, ListOf), "a value that is neither list nor string has a fixed size"
         return self._compile_list(kind, wanted)
 
     def _allocate_in_span(self, kind: FieldType, wanted: Wanted | None) -> InSpan | None:
         """Place a number or fixed-size array in the open span, or else in a new one."""
-        value = None if self.span is None else place_in_span(self.span, kind, self.wire)
+        value = None if self.span is None else append_field_to_span(self.span, kind, self.wire)
         if value is None:
             # the first byte of a message is aligned to everything
-            alignment = first_alignment(kind, self.wire) if self.steps else self.wire.max_alignment
+            alignment = (
+                first_number_alignment_bytes(kind, self.wire)
+                if self.steps
+                else self.wire.max_alignment
+            )
             span = Span(alignment)
-            value = place_in_span(span, kind, self.wire)
+            value = append_field_to_span(span, kind, self.wire)
             assert value is not None
             self._append_step(Op.SPAN, alignment=alignment)
             self.span = span
@@ -161,9 +165,9 @@ class _Compiler:
             raise NoPlanError("no plan for an array of length 0 whose elements vary in size")
         if is_preceded_by_byte_size(kind, self.wire):
             self._allocate_in_span(Scalar("uint32"), None)
-        least = smallest_size(kind.element, self.wire)
+        least = min_size_bytes(kind.element, self.wire)
         length = -1 if kind.length is None else kind.length
-        fixed = fixed_size_span(kind.element, self.wire)
+        fixed = make_fixed_size_span(kind.element, self.wire)
         if fixed is None:
             return self._compile_walked_list(kind.element, length, least, wanted)
         # arrays of a fixed size lie in spans
@@ -171,14 +175,14 @@ class _Compiler:
         if not least:
             return self._allocate_in_span(Scalar("uint32"), None)
         one, value = fixed
-        stride = mean_stride(one)
+        stride = element_stride_bytes(one)
         self._append_step(Op.STRIDED, alignment=one.alignment, size=one.size, stride=stride)
         return None if wanted is None else StridedList(self._reserve_marks(2), stride, value)
 
     def _compile_walked_list(
-        self, element: FieldType, length: int, least: int, wanted: Wanted | None
+        self, element: FieldType, length: int, min_element_bytes: int, wanted: Wanted | None
     ) -> WalkedList | None:
-        head = self._append_step(Op.LIST, size=least, length=length)
+        head = self._append_step(Op.LIST, size=min_element_bytes, length=length)
         mark = -1 if wanted is None else self._reserve_marks(1)
         above, self.node = self.node, -1 if wanted is None else self.nodes
         self.nodes += wanted is not None

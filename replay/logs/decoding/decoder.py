@@ -13,7 +13,7 @@ from replay.logs.messages.raw_batch import RawBatch
 Submit: TypeAlias = Callable[[Callable[[], None]], Callable[[], object]]
 
 
-def submit_at_once(work: Callable[[], None]) -> Callable[[], object]:
+def run_work_immediately(work: Callable[[], None]) -> Callable[[], object]:
     """A `Submit` that does the work immediately."""
     work()
     return lambda: None
@@ -52,7 +52,7 @@ class Decoder(Protocol):
         ...
 
 
-def frame_schema_of_fields(fields: Sequence[Field]) -> pl.Schema:
+def make_frame_schema(fields: Sequence[Field]) -> pl.Schema:
     """Schema of the frame with these fields."""
     return pl.Schema(
         {

@@ -7,7 +7,7 @@ from typing import Any
 import polars as pl
 
 from replay.logs.decoding.decode_program import compile_program
-from replay.logs.decoding.decoder import DecodedBatch, Decoder, Submit, frame_schema_of_fields
+from replay.logs.decoding.decoder import DecodedBatch, Decoder, Submit, make_frame_schema
 from replay.logs.decoding.spans import NoPlanError
 from replay.logs.decoding.wire import CDR
 from replay.logs.messages.broken_bytes import BrokenBytesError
@@ -38,7 +38,7 @@ class PerMessageDecoder:
                 rows.append((time, *self._decode_values(data)))
             except BrokenBytesError as error:
                 faults.append(str(error))
-        frame = pl.DataFrame(rows, schema=frame_schema_of_fields(self._fields), orient="row")
+        frame = pl.DataFrame(rows, schema=make_frame_schema(self._fields), orient="row")
         return DecodedBatch(frame, len(faults), faults[0] if faults else "")
 
     def _decode_values(self, data: bytes) -> tuple[Any, ...]:
@@ -47,17 +47,22 @@ class PerMessageDecoder:
         stamp = None
         if self._kind.record.has_header:
             stamp = library.stamp_ns(library.get(library.get(message, "header"), "stamp"))
-        return (stamp, *(_value_at_path(library, message, f.steps, f.kind) for f in self._fields))
+        return (
+            stamp,
+            *(_read_value_at_path(library, message, f.steps, f.kind) for f in self._fields),
+        )
 
 
-def _value_at_path(library: Library, message: Any, steps: Sequence[PathStep], kind: str) -> Any:
+def _read_value_at_path(
+    library: Library, message: Any, steps: Sequence[PathStep], kind: str
+) -> Any:
     for number, step in enumerate(steps, 1):
         value = library.get(message, step.name)
         if value is None:
             return None
         if step.element == ALL:
             return [
-                _value_at_path(library, element, steps[number:], kind)
+                _read_value_at_path(library, element, steps[number:], kind)
                 for element in library.elements(value)
             ]
         if step.element is not None:
@@ -80,7 +85,7 @@ def _pick_element(names: Sequence[Any], values: Sequence[Any], element: int | st
     return values[number] if number < len(values) else None
 
 
-def decoder_name(kind: MessageType) -> str:
+def choose_decoder_name(kind: MessageType) -> str:
     """Name the decoder of a type: `columnar`, or the library that decodes message by message."""
     if kind.library is ROSBAGS:
         try:

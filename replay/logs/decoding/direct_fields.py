@@ -64,9 +64,9 @@ class _FixedField:
     value: InlineField | InlineArray | TextField
 
 
-def direct_fields(root: NestedMessage, fields: Iterable[Field]) -> DirectFields:
+def select_direct_fields(root: NestedMessage, fields: Iterable[Field]) -> DirectFields:
     """Select the fields that are at the same place in every message."""
-    places = {field.steps: _find_fixed_place(root, field.steps) for field in fields}
+    places = {field.steps: _find_fixed_field(root, field.steps) for field in fields}
     values: list[tuple[Steps, str]] = []
     arrays: list[tuple[Steps, str, int]] = []
     texts: list[Steps] = []
@@ -92,7 +92,7 @@ def direct_fields(root: NestedMessage, fields: Iterable[Field]) -> DirectFields:
     return DirectFields(gather_plan, tuple(values), tuple(arrays), tuple(texts))
 
 
-def _find_fixed_place(root: NestedMessage, steps: Steps) -> _FixedField | None:
+def _find_fixed_field(root: NestedMessage, steps: Steps) -> _FixedField | None:
     """Place of a field, if it is the same in every message."""
     here: NestedMessage | InlineRecord = root
     mark, offset = -1, 0

@@ -15,10 +15,10 @@ from estimators.arrays import Ints
 from replay.logs.decoding.arrow_arrays import (
     ELEMENT_TYPES,
     Array,
-    array_of_elements,
-    array_of_lists,
-    array_of_strings,
-    array_of_values,
+    make_element_array,
+    make_list_array,
+    make_string_array,
+    make_value_array,
 )
 from replay.logs.decoding.direct_fields import DirectFields
 from replay.logs.decoding.field_places import (
@@ -36,10 +36,10 @@ from replay.logs.decoding.field_places import (
 from replay.logs.decoding.gather_values import (
     DTYPES,
     concatenate_byte_ranges,
+    convert_bytes_to_numbers,
+    find_name_in_lists,
     gather_string_views,
     gather_values,
-    indices_of_name_in_lists,
-    numbers_from_bytes,
 )
 from replay.logs.decoding.one_pass import GatheredRows
 from replay.logs.decoding.wire import WIDTHS
@@ -83,41 +83,43 @@ class Columns:
     gathered_rows: GatheredRows
     _found: dict[tuple[int, str], Ints] = field(default_factory=dict[tuple[int, str], Ints])
 
-    def fields_gathered_in_pass(self) -> Iterator[Array]:
+    def iter_gathered_fields(self) -> Iterator[Array]:
         """Fields gathered during the pass, in the order of `DirectFields.steps`."""
         direct, gathered_rows = self.direct, self.gathered_rows
         rows, room = self.rows, gathered_rows.values.shape[1]
         for (_, kind), bits in zip(direct.values, gathered_rows.values, strict=True):
-            yield array_of_values(bits[:rows], kind)
+            yield make_value_array(bits[:rows], kind)
         above = 0
         sizes = direct.gather_plan.array_bytes.tolist()
         for (_, kind, length), size in zip(direct.arrays, sizes, strict=True):
             stored = gathered_rows.arrays[above : above + rows * size]
-            elements = array_of_elements(numbers_from_bytes(stored, kind, swap=self.swap), kind)
-            yield array_of_lists(np.full(rows, length), elements)
+            elements = make_element_array(
+                convert_bytes_to_numbers(stored, kind, swap=self.swap), kind
+            )
+            yield make_list_array(np.full(rows, length), elements)
             above += room * size
         for k, mark in enumerate(direct.gather_plan.text_marks.tolist()):
             if gathered_rows.long_bytes[k]:
-                yield array_of_strings(
+                yield make_string_array(
                     *gather_string_views(
                         self.data, self.mark_values[mark], self.mark_values[mark + 1]
                     )
                 )
             else:
-                yield array_of_strings(gathered_rows.views[k, :rows], _NO_TEXT)
+                yield make_string_array(gathered_rows.views[k, :rows], _NO_TEXT)
 
-    def make_column(self, wanted: Field) -> Array:
+    def make_column(self, field: Field) -> Array:
         """Values of a field, one for every complete message."""
         place: _Place = _Elements(self.root, None)
         spreads: list[Ints] = []
-        for step in wanted.steps:
+        for step in field.steps:
             above, place = place, self._place_of_member(place, step.name)
             if step.element is None:
                 continue
             if step.element == ALL:
                 counts = self._count_elements(place)
                 spreads.append(counts)
-                if step is wanted.steps[-1] and _is_contiguous(place):
+                if step is field.steps[-1] and _is_contiguous(place):
                     return _wrap_in_lists(self._gather_contiguous_elements(place, counts), spreads)
                 place = self._place_of_all_elements(place, counts)
             elif isinstance(step.element, int):
@@ -127,8 +129,8 @@ class Columns:
                     place, self._find_element_by_name(above, step.element)
                 )
         found = self._gather_values(place)
-        if spreads and wanted.kind in ELEMENT_TYPES:
-            found = found.cast(ELEMENT_TYPES[wanted.kind], safe=False)
+        if spreads and field.kind in ELEMENT_TYPES:
+            found = found.cast(ELEMENT_TYPES[field.kind], safe=False)
         return _wrap_in_lists(found, spreads)
 
     def _place_of_member(self, place: _Place, name: str) -> _Place:
@@ -142,12 +144,12 @@ class Columns:
             return _Positions(located.value, self._select_marks(located.mark, place.chosen))
         return _Elements(located, place.chosen)
 
-    def _select_marks(self, mark: int, chosen: Ints | None, absent: int = -1) -> Ints:
-        """Marks of selected elements; `absent` for those that do not exist."""
-        if chosen is None:
+    def _select_marks(self, mark: int, chosen_messages: Ints | None, absent_mark: int = -1) -> Ints:
+        """Marks of selected elements; `absent_mark` for those that do not exist."""
+        if chosen_messages is None:
             return self.mark_values[mark]
         # one more, which is what -1 picks
-        return np.append(self.mark_values[mark], absent)[chosen]
+        return np.append(self.mark_values[mark], absent_mark)[chosen_messages]
 
     def _count_elements(self, place: _Place) -> Ints:
         """Number of elements of each list; -1 for a missing list."""
@@ -215,7 +217,7 @@ class Columns:
         assert isinstance(names.element, TextField)
         if (names.mark, name) not in self._found:
             text = names.element.mark
-            self._found[names.mark, name] = indices_of_name_in_lists(
+            self._found[names.mark, name] = find_name_in_lists(
                 self.data,
                 self.mark_values[text],
                 self.mark_values[text + 1],
@@ -239,22 +241,22 @@ class Columns:
         assert isinstance(array.element, InlineField)
         kind = array.element.kind
         stored = concatenate_byte_ranges(self.data, starts, counts * DTYPES[kind].itemsize)
-        return array_of_elements(numbers_from_bytes(stored, kind, swap=self.swap), kind)
+        return make_element_array(convert_bytes_to_numbers(stored, kind, swap=self.swap), kind)
 
     def _gather_values(self, place: _Place) -> Array:
         """Values at a place as an Arrow array."""
         if isinstance(place, _Elements):
             assert isinstance(place.located, TextField)
             starts = self._select_marks(place.located.mark, place.chosen)
-            sizes = self._select_marks(place.located.mark + 1, place.chosen, absent=0)
-            return array_of_strings(
-                *gather_string_views(self.data, starts, sizes), absent=starts < 0
+            sizes = self._select_marks(place.located.mark + 1, place.chosen, absent_mark=0)
+            return make_string_array(
+                *gather_string_views(self.data, starts, sizes), is_absent=starts < 0
             )
         value = place.value
         assert isinstance(value, InlineField)
         offset = place.offset + value.offset
         bits = gather_values(self.data, place.at, offset, value.kind, swap=self.swap)
-        return array_of_values(bits, value.kind, absent=place.at < 0)
+        return make_value_array(bits, value.kind, is_absent=place.at < 0)
 
 
 def _is_contiguous(place: _Place) -> bool:
@@ -266,8 +268,8 @@ def _is_contiguous(place: _Place) -> bool:
     )
 
 
-def _wrap_in_lists(found: Array, spreads: list[Ints]) -> Array:
+def _wrap_in_lists(values: Array, list_counts: list[Ints]) -> Array:
     """Nest values into lists, from the inside out."""
-    for counts in reversed(spreads):
-        found = array_of_lists(counts, found)
-    return found
+    for counts in reversed(list_counts):
+        values = make_list_array(counts, values)
+    return values

@@ -36,7 +36,7 @@ _INLINE: Final = 12
 
 @compiled
 def load_values_as_64_bits(
-    data: Bytes, positions: Ints, offset: int, how: int, swap: bool, out: Ints
+    data: Bytes, positions: Ints, offset: int, conversion: int, swap: bool, out: Ints
 ) -> None:
     """Load values of a column as 64 bits each: floats as double, stamps in ns.
 
@@ -44,11 +44,11 @@ def load_values_as_64_bits(
         data: (bytes,) bytes that contain the values.
         positions: (n,) base positions.
         offset: offset from the base positions.
-        how: type of the values, see `LOADS`.
+        conversion: type of the values, see `LOADS`.
         swap: whether they are big-endian.
         out: (n,) output.
     """
-    size = abs(how)
+    size = abs(conversion)
     if size == 8:
         _load_8_byte_values(data, positions, offset, swap, out)
         return
@@ -58,11 +58,11 @@ def load_values_as_64_bits(
             out[k] = 0
             continue
         at += offset
-        if how == _STAMP:
+        if conversion == _STAMP:
             seconds = _swap_4_bytes(load32(data, at)) if swap else load32(data, at)
             rest = _swap_4_bytes(load32(data, at + 4)) if swap else load32(data, at + 4)
             out[k] = _sign_extend(seconds, 32) * np.int64(10**9) + rest
-        elif how == _FLOAT32:
+        elif conversion == _FLOAT32:
             out[k] = widened(_swap_4_bytes(load32(data, at)) if swap else load32(data, at))
         else:
             if size == 4:
@@ -73,7 +73,7 @@ def load_values_as_64_bits(
                     value = (value & 0xFF) << 8 | value >> 8
             else:
                 value = int(data[at])
-            out[k] = _sign_extend(value, 8 * size) if how < 0 else value
+            out[k] = _sign_extend(value, 8 * size) if conversion < 0 else value
 
 
 @compiled
@@ -189,9 +189,7 @@ def _find_name_in_messages(
         first += counts[row]
 
 
-def indices_of_name_in_lists(
-    data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str
-) -> Ints:
+def find_name_in_lists(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str) -> Ints:
     """Index of the first occurrence of a name in each list of strings; -1 if absent.
 
     Args:
@@ -230,7 +228,7 @@ def concatenate_byte_ranges(data: Bytes, starts: Ints, sizes: Ints) -> Bytes:
     return out
 
 
-def numbers_from_bytes(stored: Bytes, kind: str, *, swap: bool) -> NDArray[Any]:
+def convert_bytes_to_numbers(stored: Bytes, kind: str, *, swap: bool) -> NDArray[Any]:
     """Numbers of one type, from their bytes."""
     dtype = DTYPES[kind]
     bits = stored.view(f"u{dtype.itemsize}")

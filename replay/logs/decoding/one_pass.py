@@ -46,7 +46,7 @@ class GatheredRows(NamedTuple):
     nowhere: Bytes
 
 
-def reserve_rows(gather_plan: GatherPlan, rows: int) -> GatheredRows:
+def allocate_gathered_rows(gather_plan: GatherPlan, rows: int) -> GatheredRows:
     """Allocate memory for the rows."""
     texts = gather_plan.text_marks.size
     views = np.empty((texts, rows, 4), np.uint32)

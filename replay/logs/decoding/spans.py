@@ -31,12 +31,12 @@ class Span:
         return offset
 
 
-def alignment_of_kind(kind: str, wire: Wire) -> int:
+def find_alignment_bytes(kind: str, wire: Wire) -> int:
     """Alignment of a number or stamp, in bytes."""
-    return min(4 if kind == "stamp" else width_of_kind(kind), wire.max_alignment)
+    return min(4 if kind == "stamp" else find_width_bytes(kind), wire.max_alignment)
 
 
-def width_of_kind(kind: str) -> int:
+def find_width_bytes(kind: str) -> int:
     """Size of a number or stamp, in bytes.
 
     Raises:
@@ -49,69 +49,73 @@ def width_of_kind(kind: str) -> int:
     return WIDTHS[kind]
 
 
-def stored_members(record: RecordType, wire: Wire) -> tuple[tuple[str, FieldType], ...]:
+def list_stored_members(record: RecordType, wire: Wire) -> tuple[tuple[str, FieldType], ...]:
     """The fields as stored: an empty message takes a byte in CDR."""
     return record.fields or ((("", Scalar("uint8")),) if wire.cdr else ())
 
 
-def place_in_span(span: Span, kind: FieldType, wire: Wire) -> InlineValue | None:
+def append_field_to_span(span: Span, kind: FieldType, wire: Wire) -> InlineValue | None:
     """Append a field to a span; None if its place would vary."""
     if isinstance(kind, Scalar):
         if kind.kind == "string":
             return None
-        offset = span.append_field(alignment_of_kind(kind.kind, wire), width_of_kind(kind.kind))
+        offset = span.append_field(
+            find_alignment_bytes(kind.kind, wire), find_width_bytes(kind.kind)
+        )
         return None if offset is None else InlineField(offset, kind.kind)
     if isinstance(kind, RecordType):
         fields: dict[str, InlineValue] = {}
-        for name, field in stored_members(kind, wire):
-            placed = place_in_span(span, field, wire)
+        for name, field in list_stored_members(kind, wire):
+            placed = append_field_to_span(span, field, wire)
             if placed is None:
                 return None
             fields[name] = placed
         return InlineRecord(fields)
-    if kind.length is None or fixed_size_span(kind.element, wire) is None:
+    if kind.length is None or make_fixed_size_span(kind.element, wire) is None:
         return None
     if is_preceded_by_byte_size(kind, wire) and span.append_field(4, 4) is None:
         return None
-    return _place_array(span, kind.element, kind.length, wire)
+    return append_array_to_span(span, kind.element, kind.length, wire)
 
 
-def _place_array(span: Span, element: FieldType, length: int, wire: Wire) -> InlineArray | None:
+def append_array_to_span(
+    span: Span, element: FieldType, length: int, wire: Wire
+) -> InlineArray | None:
     """Append an array of fixed size; None if its place would vary."""
-    fixed = fixed_size_span(element, wire)
+    fixed = make_fixed_size_span(element, wire)
     assert fixed is not None
     one, value = fixed
-    size = (length - 1) * mean_stride(one) + one.size if length else 0
+    size = (length - 1) * element_stride_bytes(one) + one.size if length else 0
     offset = span.append_field(one.alignment, size)
-    return None if offset is None else InlineArray(offset, length, mean_stride(one), value)
+    return None if offset is None else InlineArray(offset, length, element_stride_bytes(one), value)
 
 
-def fixed_size_span(element: FieldType, wire: Wire) -> tuple[Span, InlineValue] | None:
+def make_fixed_size_span(element: FieldType, wire: Wire) -> tuple[Span, InlineValue] | None:
     """An element as a span of its own; None if its size varies."""
-    span = Span(first_alignment(element, wire))
-    value = place_in_span(span, element, wire)
+    span = Span(first_number_alignment_bytes(element, wire))
+    value = append_field_to_span(span, element, wire)
     return None if value is None else (span, value)
 
 
-def mean_stride(span: Span) -> int:
+def element_stride_bytes(span: Span) -> int:
     """Distance between consecutive elements, in bytes."""
     return -(-span.size // span.alignment) * span.alignment
 
 
-def first_alignment(kind: FieldType, wire: Wire) -> int:
+def first_number_alignment_bytes(kind: FieldType, wire: Wire) -> int:
     """Alignment of a field's first number, which may be a string's length."""
     if isinstance(kind, RecordType):
-        filled = (f for _, f in stored_members(kind, wire) if smallest_size(f, wire))
+        filled = (f for _, f in list_stored_members(kind, wire) if min_size_bytes(f, wire))
         first = next(filled, None)
-        return 1 if first is None else first_alignment(first, wire)
+        return 1 if first is None else first_number_alignment_bytes(first, wire)
     if isinstance(kind, Scalar) and kind.kind != "string":
-        return alignment_of_kind(kind.kind, wire)
+        return find_alignment_bytes(kind.kind, wire)
     if (
         isinstance(kind, ListOf)
         and kind.length is not None
         and not is_preceded_by_byte_size(kind, wire)
     ):
-        return first_alignment(kind.element, wire)
+        return first_number_alignment_bytes(kind.element, wire)
     return wire.length_alignment
 
 
@@ -121,21 +125,21 @@ def is_preceded_by_byte_size(kind: ListOf, wire: Wire) -> bool:
     return wire.delimited_lists and not is_number
 
 
-def smallest_size(kind: FieldType, wire: Wire) -> int:
+def min_size_bytes(kind: FieldType, wire: Wire) -> int:
     """Minimum size of a field in bytes, without padding.
 
     Raises:
         NoPlanError: it exceeds the largest message.
     """
     if isinstance(kind, Scalar):
-        size = 4 if kind.kind == "string" else width_of_kind(kind.kind)
+        size = 4 if kind.kind == "string" else find_width_bytes(kind.kind)
     elif isinstance(kind, RecordType):
-        size = sum(smallest_size(field, wire) for _, field in stored_members(kind, wire))
+        size = sum(min_size_bytes(field, wire) for _, field in list_stored_members(kind, wire))
     elif kind.length is None:
-        smallest_size(kind.element, wire)
+        min_size_bytes(kind.element, wire)
         size = 4
     else:
-        size = kind.length * smallest_size(kind.element, wire)
+        size = kind.length * min_size_bytes(kind.element, wire)
     if size > LARGEST_BYTES:
         raise NoPlanError("a field is larger than any message")
     return size

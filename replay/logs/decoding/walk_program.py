@@ -157,7 +157,7 @@ def walk_messages(
         _prefetch_message(data, begins, sizes, message)
         is_known = check_count >= 0 and size == other_size
         if is_known and has_same_layout(data, begin, other, checks, check_count):
-            _repeat_marks(table, marks, filled, notes, note_count, begin)
+            _repeat_layout_marks(table, marks, filled, notes, note_count, begin)
             _add_elements(filled, elements)
             faults[message] = 0
             places[message] = other_end
@@ -182,7 +182,7 @@ def walk_messages(
                     notes, check_count, note_count, mark, element - int(kept[node]), place, count
                 )
                 _write_marks(table, marks, mark, element, place, count, begin)
-            step, depth = _next_step(steps, step, filled, left, depth, count)
+            step, depth = _find_next_step(steps, step, filled, left, depth, count)
         if fault == 0 and size - at > (3 if encoding.cdr else 0):
             fault = _GOES_ON
         faults[message] = fault
@@ -207,9 +207,9 @@ def _prefetch_message(data: Bytes, begins: Ints, sizes: Ints, message: int) -> N
 
 
 @compiled_inline
-def has_same_layout(data: Bytes, begin: int, other: int, checks: Ints, count: int) -> bool:
+def has_same_layout(data: Bytes, begin: int, other_begin: int, checks: Ints, count: int) -> bool:
     """Whether a message equals another of its size in all bytes that determine the layout."""
-    gap = other - begin
+    gap = other_begin - begin
     same = True
     check = 0
     while same and check < count:
@@ -226,14 +226,16 @@ def has_same_layout(data: Bytes, begin: int, other: int, checks: Ints, count: in
 
 
 @compiled_inline
-def _repeat_marks(
-    table: Ints, marks: Ints, filled: Ints, notes: Ints, count: int, begin: int
+def _repeat_layout_marks(
+    table: Ints, marks: Ints, filled_counts: Ints, template_notes: Ints, count: int, begin: int
 ) -> None:
     """Write the marks of a message that repeats another's layout."""
     for number in range(count):
-        mark = notes[number, 0]
-        element = filled[table[mark, 0]] + notes[number, 1]
-        _write_marks(table, marks, mark, element, notes[number, 2], notes[number, 3], begin)
+        mark = template_notes[number, 0]
+        element = filled_counts[table[mark, 0]] + template_notes[number, 1]
+        _write_marks(
+            table, marks, mark, element, template_notes[number, 2], template_notes[number, 3], begin
+        )
 
 
 @compiled_inline
@@ -266,17 +268,17 @@ def _add_note_to_template(
 
 
 @compiled_inline
-def _copy_counts(filled: Ints, out: Ints) -> None:
-    for node in range(filled.size):
-        out[node] = filled[node]
+def _copy_counts(filled_counts: Ints, out: Ints) -> None:
+    for node in range(filled_counts.size):
+        out[node] = filled_counts[node]
 
 
 @compiled_inline
-def _add_elements(filled: Ints, elements: Ints) -> None:
+def _add_elements(filled_counts: Ints, elements: Ints) -> None:
     """Count a message and the elements of its lists."""
-    for node in range(1, filled.size):
-        filled[node] += elements[node]
-    filled[0] += 1
+    for node in range(1, filled_counts.size):
+        filled_counts[node] += elements[node]
+    filled_counts[0] += 1
 
 
 @compiled_inline
@@ -288,23 +290,23 @@ def _count_elements(filled: Ints, kept: Ints, elements: Ints) -> None:
 
 
 @compiled_inline
-def _next_step(
-    steps: Ints, step: int, filled: Ints, left: Ints, depth: int, count: int
+def _find_next_step(
+    steps: Ints, step: int, filled_counts: Ints, elements_left: Ints, depth: int, count: int
 ) -> tuple[int, int]:
     """The step after this one, and its depth of nested lists; counts the elements of lists."""
     op = steps[step, _OP]
     if op == _NEXT:
         node = steps[step, _NODE]
         if node >= 0:
-            filled[node] += 1
-        left[depth - 1] -= 1
-        if left[depth - 1] > 0:
+            filled_counts[node] += 1
+        elements_left[depth - 1] -= 1
+        if elements_left[depth - 1] > 0:
             return steps[step, _JUMP], depth
         return step + 1, depth - 1
     if op == _LIST:
         if count == 0:
             return steps[step, _JUMP], depth
-        left[depth] = count
+        elements_left[depth] = count
         return step + 1, depth + 1
     return step + 1, depth
 
@@ -344,11 +346,11 @@ def read_walk_step(
 
 @compiled_inline
 def _read_length(
-    data: Bytes, begin: int, at: int, size: int, encoding: Encoding, known: int
+    data: Bytes, begin: int, at: int, size: int, encoding: Encoding, is_length_known: int
 ) -> tuple[int, int, int, int]:
     """Length of a string or list, begin and end of the length unless known, and fault."""
-    if known >= 0:
-        return known, at, at, 0
+    if is_length_known >= 0:
+        return is_length_known, at, at, 0
     at = (at + encoding.length_alignment - 1) & -encoding.length_alignment
     if size - at < 4:
         return 0, at, at, _ENDS

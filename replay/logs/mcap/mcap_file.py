@@ -21,8 +21,8 @@ from replay.logs.blocks import (
     LooseRecords,
     RecordGrammar,
     describe_end_of_reading,
+    describe_torn_end,
     find_records_after_damage,
-    torn_end_text,
 )
 from replay.logs.mcap.mcap_index import (
     Summary,
@@ -122,7 +122,7 @@ class McapFile(BlockFile):
         self._channels_at = dict.fromkeys(self._channels, -1)
         self._schemas_at = dict.fromkeys(self._schemas, -1)
         self._is_sealed = summary.is_sealed
-        self._take_summary_index(summary)
+        self._add_summary_index(summary)
         said = summary.message_count
         indexed, lost = self._store.message_count, self._store.damage.lost_messages
         is_enough = indexed > 0 if said is None else lost is None or indexed + lost == said
@@ -157,9 +157,9 @@ class McapFile(BlockFile):
         self._compare_with_first_pass(walk.chunks(), walk.store)
         if not (walk.data_end and walk.has_footer) and not self._store.damage:
             self._store.damage.note("its records do not lead from its data to its footer")
-        return self._store.crcs + self._is_sealed + self._does_data_crc_agree(walk.data_end)
+        return self._store.crcs + self._is_sealed + self._is_data_crc_valid(walk.data_end)
 
-    def _does_data_crc_agree(self, end: int) -> bool:
+    def _is_data_crc_valid(self, end: int) -> bool:
         """Whether the data up to `end` have a CRC that agrees."""
         said = int.from_bytes(self._file.read(end + RECORD_HEAD.size, 4), "little") if end else 0
         if not said:  # 0 says that the writer computed none
@@ -172,7 +172,7 @@ class McapFile(BlockFile):
             )
         return agrees
 
-    def _take_summary_index(self, summary: Summary) -> None:
+    def _add_summary_index(self, summary: Summary) -> None:
         described = all(c.schema_id in {0, *summary.schemas} for c in summary.channels.values())
         unknown: list[Block] = []
         chunks = {chunk.chunk_start_offset: chunk for chunk in summary.chunks}
@@ -188,25 +188,25 @@ class McapFile(BlockFile):
                 self._store.note_lost_block(
                     lost, read_times() or {}, "it is not at the position that the index gives"
                 )
-            elif counts and is_described and _has_same_times(chunk, block):
+            elif counts and is_described and _has_chunk_same_times(chunk, block):
                 self._store.add_indexed(block, read_times)
             else:
                 unknown.append(block)
         if unknown:
-            self._store.add_unindexed(unknown)
+            self._store.add_unindexed_blocks(unknown)
 
     def _read_whole_file(self) -> McapWalk:
         """Read the file from start to end."""
         walk = McapWalk(self._store, self._process_record)
-        self._store.add_unindexed(walk.chunks())
+        self._store.add_unindexed_blocks(walk.chunks())
         if not self._store.damage:
             # messages outside chunks have no CRC but that of all data together
-            self._does_data_crc_agree(walk.data_end)
+            self._is_data_crc_valid(walk.data_end)
         return walk
 
-    def _note_missing_end(self, walk: McapWalk, fault: str) -> None:
+    def _note_missing_end(self, file_walk: McapWalk, fault: str) -> None:
         """Note what is missing after the data; `fault` is the reason why the index is unusable."""
-        if walk.has_footer or walk.data_ended:  # behind the data there is only an index
+        if file_walk.has_footer or file_walk.data_ended:  # behind the data there is only an index
             if fault:
                 self._store.damage.note(
                     f"{fault}: torn or damaged after the data, which is complete and was scanned "
@@ -214,10 +214,10 @@ class McapFile(BlockFile):
                 )
             return
         size = self._file.size
-        torn = torn_end_text(size - walk.end, self._store.torn_messages)
+        torn = describe_torn_end(size - file_walk.end, self._store.torn_messages)
         self._store.damage.note(
-            f"breaks off after byte {walk.end} of {size}, without a footer: all whole messages "
-            f"are read{describe_end_of_reading(self._store.last_ns)}{torn}"
+            f"breaks off after byte {file_walk.end} of {size}, without a footer: all whole "
+            f"messages are read{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
     def _process_record(self, op: int, content: bytes, offset: int) -> None:
@@ -236,7 +236,7 @@ class McapFile(BlockFile):
             self._schemas[record.id], self._schemas_at[record.id] = record, offset
 
 
-def _has_same_times(chunk: ChunkIndex, block: Block) -> bool:
+def _has_chunk_same_times(chunk: ChunkIndex, block: Block) -> bool:
     indexed = chunk.message_start_time, chunk.message_end_time
     return (block.first_ns, block.last_ns) == indexed
 

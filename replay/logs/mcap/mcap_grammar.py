@@ -5,9 +5,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.interpreted import compiled, compiled_unless_few_turns
+from estimators.interpreted import compiled, compiled_for_many_iterations
 from replay.logs.blocks import RecordGrammar
-from replay.logs.decoding.bytes_at import count_scan_turns, load16, load32, load64
+from replay.logs.decoding.bytes_at import count_scan_iterations, load16, load32, load64
 from replay.logs.mcap.mcap_records import CHANNEL, CHUNK, DATA_END, MESSAGE, RECORD_HEAD, SCHEMA
 
 _HEAD: Final = RECORD_HEAD.size
@@ -22,7 +22,7 @@ _LONGEST_NAME: Final = 32
 _PROVEN: Final = 4
 
 
-@compiled_unless_few_turns(count_scan_turns)
+@compiled_for_many_iterations(count_scan_iterations)
 def _scan_records(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
@@ -64,36 +64,38 @@ def _scan_records(
 
 
 @compiled
-def _link_records(data: NDArray[np.uint8], at: int, end: int, limit: int) -> tuple[int, int]:
-    """End of the record at `at`, and how plausible it is; 0 if it is not a record."""
-    opcode = np.int64(data[at])
-    length = load64(data, at + 1)
-    if opcode < 1 or opcode > _LAST_OPCODE or length < 0 or length > limit - at - _HEAD:
+def _find_record_end_and_plausibility(
+    data: NDArray[np.uint8], offset: int, end: int, limit: int
+) -> tuple[int, int]:
+    """End of the record at `offset`, and how plausible it is; 0 if it is not a record."""
+    opcode = np.int64(data[offset])
+    length = load64(data, offset + 1)
+    if opcode < 1 or opcode > _LAST_OPCODE or length < 0 or length > limit - offset - _HEAD:
         return 0, 0
     if opcode == MESSAGE and length < _MESSAGE_HEAD:
         return 0, 0
     proof = 1
     if opcode == CHUNK:
-        if at + _HEAD + _CHUNK_HEAD > end:
+        if offset + _HEAD + _CHUNK_HEAD > end:
             return 0, 0
-        name = load32(data, at + _HEAD + 28)
-        stored = at + _HEAD + 32 + name
+        name = load32(data, offset + _HEAD + 28)
+        stored = offset + _HEAD + 32 + name
         if name > _LONGEST_NAME or stored + 8 > end:
             return 0, 0
         if load64(data, stored) != length - _CHUNK_HEAD - name:
             return 0, 0
         proof = _PROVEN  # 64 bits that agree
-    return at + _HEAD + length, proof
+    return offset + _HEAD + length, proof
 
 
-@compiled_unless_few_turns(count_scan_turns)
+@compiled_for_many_iterations(count_scan_iterations)
 def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     """Offset from which plausible records follow each other; -1 if none."""
     for first in range(begin, end - _HEAD + 1):
         at = first
         proof = 0
         while proof < _PROVEN and at + _HEAD <= end:
-            at, more = _link_records(data, at, end, limit)
+            at, more = _find_record_end_and_plausibility(data, at, end, limit)
             if more == 0:
                 proof = 0
                 break

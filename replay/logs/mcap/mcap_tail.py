@@ -55,10 +55,10 @@ class McapTail(GrowingBlockFile):
             self.is_finished = True
             return []
         if opcode in _LOOSE:
-            return self._take_unchunked_messages(RECORD_HEAD.size + length)
+            return self._read_unchunked_messages(RECORD_HEAD.size + length)
         block = chunk_at_offset_or_none(file, self._at) if opcode == CHUNK else None
         self._at += RECORD_HEAD.size + length
-        return [] if block is None else self._take_block(block)
+        return [] if block is None else self._read_chunk_messages(block)
 
     def _check_magic(self) -> list[RawBatch] | None:
         """Check the magic of the file; None while it is incomplete."""

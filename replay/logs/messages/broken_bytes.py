@@ -43,15 +43,15 @@ _KINDS: Final = (
 KIND_BYTES: Final = 16
 
 
-def describe_other_file(head: bytes, otherwise: str) -> str:
+def describe_other_file(head: bytes, default_text: str) -> str:
     """What a file is by its first bytes, with the name that it should have.
 
     Args:
         head: its first `KIND_BYTES`.
-        otherwise: what is returned for a file of no known kind.
+        default_text: what is returned for a file of no known kind.
     """
     found = (f"it is {kind}" for mark, kind in _KINDS if head.startswith(mark))
-    return next(found, otherwise)
+    return next(found, default_text)
 
 
 class BrokenBytesError(Exception):

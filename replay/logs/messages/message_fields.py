@@ -6,7 +6,7 @@ from typing import Final
 
 import polars as pl
 
-from estimators.errors import nearest
+from estimators.errors import suggest_choice
 from replay.logs.messages.message_types import (
     COLUMN_DTYPES,
     ELEMENT_DTYPES,
@@ -57,7 +57,7 @@ class Field:
         return dtype
 
 
-def resolve_field(name: str, record: RecordType) -> Field:
+def resolve_message_field(name: str, record: RecordType) -> Field:
     """Find a field of a message type.
 
     Args:
@@ -78,7 +78,7 @@ def resolve_field(name: str, record: RecordType) -> Field:
     for step in steps:
         kind = here.type_of_field(step.name) if isinstance(here, RecordType) else None
         if kind is None:
-            raise FieldError(f"no field {name!r}; {nearest(name, iter_leaf_names(record))}")
+            raise FieldError(f"no field {name!r}; {suggest_choice(name, iter_leaf_names(record))}")
         walked = f"{walked}.{step.name}".lstrip(".")
         if isinstance(kind, ListOf):
             assert isinstance(here, RecordType)
@@ -116,20 +116,22 @@ def _parse_element_or_none(text: str | None) -> int | str | None:
     return int(text) if len(text) < 19 else 2**63 - 1
 
 
-def _check_element(walked: str, step: PathStep, kind: ListOf, parent: RecordType) -> None:
-    by_name = f" or by name, {walked}[NAME]" if parent.has_names else ""
+def _check_element(path_so_far: str, step: PathStep, kind: ListOf, parent: RecordType) -> None:
+    by_name = f" or by name, {path_so_far}[NAME]" if parent.has_names else ""
     if step.element is None:
-        raise FieldError(f"'{walked}' is a list; pick an element by index, {walked}[0]{by_name}")
+        raise FieldError(
+            f"'{path_so_far}' is a list; pick an element by index, {path_so_far}[0]{by_name}"
+        )
     if step.element == ALL:
         return
     if isinstance(step.element, str):
         if not parent.has_names:
             raise FieldError(
-                f"'{walked}[{step.element}]' selects by name, but {parent.name} has no list "
-                f"'name'; select by index, {walked}[0]"
+                f"'{path_so_far}[{step.element}]' selects by name, but {parent.name} has no list "
+                f"'name'; select by index, {path_so_far}[0]"
             )
     elif kind.length is not None and step.element >= kind.length:
         raise FieldError(
-            f"'{walked}[{step.element}]' is out of range; it has {walked}[0] to "
-            f"{walked}[{kind.length - 1}]"
+            f"'{path_so_far}[{step.element}]' is out of range; it has {path_so_far}[0] to "
+            f"{path_so_far}[{kind.length - 1}]"
         )

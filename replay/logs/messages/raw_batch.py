@@ -55,14 +55,14 @@ class RawBatch:
         """Number of messages."""
         return self.offsets.size
 
-    def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp] | slice) -> "RawBatch":
+    def select(self, selection: NDArray[np.bool_] | NDArray[np.intp] | slice) -> "RawBatch":
         """Select some of the messages."""
         return RawBatch(
             self.connection_id,
             self.data,
-            self.offsets[chosen],
-            self.lengths[chosen],
-            self.log_times[chosen],
+            self.offsets[selection],
+            self.lengths[selection],
+            self.log_times[selection],
             is_part=True,
         )
 
@@ -86,7 +86,7 @@ class RawBatch:
             yield self.data[start : start + size].tobytes()
 
 
-def join_messages(
+def make_batch_of_messages(
     connection_id: int, log_times: Sequence[int], messages: Sequence[bytes]
 ) -> RawBatch:
     """Batch of single messages."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from analysis.model.loss import Loss
 from estimators.errors import LogError
 from replay.logs.mcap import McapFile
-from replay.logs.messages.raw_batch import BATCH_BYTES, RawBatch, join_messages
+from replay.logs.messages.raw_batch import BATCH_BYTES, RawBatch, make_batch_of_messages
 from replay.logs.rosbag2.rosbag2_metadata import METADATA, Metadata, MetadataError, read_metadata
 from replay.logs.sqlite import Db3File
 from replay.logs.storage import (
@@ -32,7 +32,7 @@ from replay.logs.storage import (
     Container,
     LossList,
     make_empty_times,
-    prefetch,
+    prefetch_items,
 )
 
 #: Parts of a split recording may reach into each other by as much.
@@ -71,7 +71,9 @@ class Rosbag2Directory:
         return [*self._losses, *(loss for part in self._parts for loss in part.losses)]
 
     def _read_metadata(self) -> Metadata:
-        names = tuple(sorted((p.name for p in list_storage_files(self._path)), key=_part_sort_key))
+        names = tuple(
+            sorted((p.name for p in list_storage_files(self._path)), key=_make_part_sort_key)
+        )
         # a recorder that ends while it compresses leaves both; what it compressed from is whole
         names = tuple(n for n in names if n.removesuffix(".zstd") == n or n[:-5] not in names)
         if not (self._path / METADATA).exists():
@@ -90,14 +92,16 @@ class Rosbag2Directory:
         self._note_wrong_file_names(metadata.names, names)
         return metadata
 
-    def _note_wrong_file_names(self, named: Sequence[str], found: Sequence[str]) -> None:
+    def _note_wrong_file_names(
+        self, expected_names: Sequence[str], existing_names: Sequence[str]
+    ) -> None:
         """Note files that metadata.yaml names twice or leaves out."""
-        for name, times in Counter(named).items():
+        for name, times in Counter(expected_names).items():
             if times > 1:
                 what = f"names {name} {times:,} times; it is read once"
                 self._losses.note(self._path / METADATA, what)
-        known = {name.removesuffix(".zstd") for name in named}
-        for name in found:
+        known = {name.removesuffix(".zstd") for name in expected_names}
+        for name in existing_names:
             if name.removesuffix(".zstd") not in known:
                 self._losses.note(self._path / name, f"not read: {METADATA} does not name it")
 
@@ -190,7 +194,7 @@ class Rosbag2Directory:
                 continue
             stored = part.read_message_groups(list(outer), start_ns, end_ns)
             if self._metadata.message_zstd:
-                stored = prefetch(self._decompress_part(part, stored))
+                stored = prefetch_items(self._decompress_part(part, stored))
             for batches, floor_ns in stored:
                 renamed = [replace(b, connection_id=outer[b.connection_id]) for b in batches]
                 yield BatchGroup(renamed, min(floor_ns, behind))
@@ -201,7 +205,7 @@ class Rosbag2Directory:
         lost: Counter[int] = Counter()
         floor_ns = UNKNOWN_NS
         for batches, next_floor_ns in stored:
-            for unpacked, damaged in chain.from_iterable(map(unpack_messages, batches)):
+            for unpacked, damaged in chain.from_iterable(map(decompress_messages, batches)):
                 lost[unpacked.connection_id] += damaged
                 yield BatchGroup([unpacked], floor_ns)
             floor_ns = next_floor_ns
@@ -273,20 +277,23 @@ def list_storage_files(folder: Path) -> list[Path]:
     return [p for p in folder.iterdir() if Path(p.name.removesuffix(".zstd")).suffix in _STORAGE]
 
 
-def _part_sort_key(name: str) -> list[tuple[int, str]]:
+def _make_part_sort_key(name: str) -> list[tuple[int, str]]:
     """Sort key that puts shift_10 after shift_9."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
 
 
-def decompress_file_and_find_fault(packed: Path, target: Path) -> str | None:
+def decompress_file_and_find_fault(compressed_file: Path, target: Path) -> str | None:
     """Decompress a file; if it is damaged, keep the part before and return the reason."""
     import pyarrow as pa  # slow to import, and most logs are not compressed so
 
     # half of what is free is left to others
     free = shutil.disk_usage(target.parent).free // 2
-    room = min(_MOST_GROWTH * packed.stat().st_size + _STEP, free)
+    room = min(_MOST_GROWTH * compressed_file.stat().st_size + _STEP, free)
     try:
-        with pa.input_stream(packed, compression="zstd") as source, target.open("wb") as out:
+        with (
+            pa.input_stream(compressed_file, compression="zstd") as source,
+            target.open("wb") as out,
+        ):
             while step := source.read(_STEP):
                 room -= len(step)
                 if room < 0:
@@ -297,7 +304,7 @@ def decompress_file_and_find_fault(packed: Path, target: Path) -> str | None:
     return None
 
 
-def unpack_messages(batch: RawBatch) -> Iterator[tuple[RawBatch, int]]:
+def decompress_messages(batch: RawBatch) -> Iterator[tuple[RawBatch, int]]:
     """Unpack the messages of a batch in parts of bounded size; yields also the failures."""
     unpacker = zstandard.ZstdDecompressor()
     messages: list[bytes] = []
@@ -313,27 +320,29 @@ def unpack_messages(batch: RawBatch) -> Iterator[tuple[RawBatch, int]]:
         times.append(time)
         size += len(message)
         if size >= BATCH_BYTES:
-            yield join_messages(batch.connection_id, times, messages), failed
+            yield make_batch_of_messages(batch.connection_id, times, messages), failed
             messages, times, failed, size = [], [], 0, 0
-    yield join_messages(batch.connection_id, times, messages), failed
+    yield make_batch_of_messages(batch.connection_id, times, messages), failed
 
 
-def _decompress_file(unpacker: zstandard.ZstdDecompressor, packed: bytes) -> bytes:
-    room = min(_MOST_GROWTH * len(packed) + _ANY_MESSAGE, LARGEST_BYTES)
-    declared = zstandard.frame_content_size(packed)
+def _decompress_file(unpacker: zstandard.ZstdDecompressor, compressed: bytes) -> bytes:
+    room = min(_MOST_GROWTH * len(compressed) + _ANY_MESSAGE, LARGEST_BYTES)
+    declared = zstandard.frame_content_size(compressed)
     if declared > room:
         raise zstandard.ZstdError("implausibly large")
     if declared >= 0:
-        return unpacker.decompress(packed, max_output_size=room)
-    return _unpack_stepwise(unpacker, packed, room)
+        return unpacker.decompress(compressed, max_output_size=room)
+    return _decompress_stepwise(unpacker, compressed, room)
 
 
-def _unpack_stepwise(unpacker: zstandard.ZstdDecompressor, packed: bytes, max_bytes: int) -> bytes:
+def _decompress_stepwise(
+    unpacker: zstandard.ZstdDecompressor, compressed: bytes, max_bytes: int
+) -> bytes:
     """Unpack a frame of unknown size, in steps that a few bytes can hold."""
     stream = unpacker.decompressobj()
     parts: list[bytes] = []
-    for at in range(0, len(packed), _FEW_BYTES):
-        parts.append(stream.decompress(packed[at : at + _FEW_BYTES]))
+    for at in range(0, len(compressed), _FEW_BYTES):
+        parts.append(stream.decompress(compressed[at : at + _FEW_BYTES]))
         max_bytes -= len(parts[-1])
         if max_bytes < 0:
             raise zstandard.ZstdError("implausibly large")

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.logs.sqlite.row_query import fetch_all
+from replay.logs.sqlite.row_query import fetch_all_rows
 from replay.logs.storage import FileBytes
 
 MAGIC: Final = b"SQLite format 3\x00"
@@ -97,10 +97,10 @@ def _is_unfinished(path: Path) -> bool:
 
 def _find_messages_table(database: sqlite3.Connection) -> tuple[int, int, int, int, int] | None:
     """Root page of table `messages`, its columns, and the places of topic, time and message."""
-    found = fetch_all(
+    found = fetch_all_rows(
         database, "SELECT rootpage FROM sqlite_master WHERE type = 'table' AND name = 'messages'"
     )
-    columns = fetch_all(database, "PRAGMA table_xinfo(messages)")
+    columns = fetch_all_rows(database, "PRAGMA table_xinfo(messages)")
     if not found or type(found[0][0]) is not int:
         return None
     names = [str(name).lower() for _, name, *_ in columns]

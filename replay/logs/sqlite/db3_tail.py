@@ -8,8 +8,8 @@ from typing import Final
 
 from analysis.model.loss import Loss
 from replay.logs.messages.broken_bytes import BrokenBytesError
-from replay.logs.messages.raw_batch import RawBatch, join_messages
-from replay.logs.sqlite.row_query import LEAST_ID, Row, fetch_all, guard_sqlite_call
+from replay.logs.messages.raw_batch import RawBatch, make_batch_of_messages
+from replay.logs.sqlite.row_query import LEAST_ID, Row, fetch_all_rows, guard_sqlite_call
 from replay.logs.sqlite.sqlite_file import connect_for_reading, read_connections
 from replay.logs.storage import Connection, LossList
 
@@ -59,7 +59,7 @@ class Db3Tail:
                 contents.append(message)
             else:
                 self._losses.note(self._path, f"row {number} is not a message of a known topic")
-        return [join_messages(topic, *parts) for topic, parts in messages.items()]
+        return [make_batch_of_messages(topic, *parts) for topic, parts in messages.items()]
 
     def end(self) -> None:
         """Do nothing, since transactions are never partial."""
@@ -75,7 +75,7 @@ class Db3Tail:
 
     def _read_new_rows(self, database: sqlite3.Connection) -> list[Row]:
         known = len(self.connections)
-        (count,) = fetch_all(database, "SELECT count(*) FROM topics")[0]
+        (count,) = fetch_all_rows(database, "SELECT count(*) FROM topics")[0]
         if count > known:
             found = read_connections(database, lambda what: self._losses.note(self._path, what))
             self.connections.update({each.id: each for each in found})

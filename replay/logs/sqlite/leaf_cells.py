@@ -23,41 +23,41 @@ MESSAGE, DAMAGED, NO_MESSAGE, UNUSUAL = range(4)
 
 
 @compiled_without_refcounts
-def read_big_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
+def read_big_endian(data: NDArray[np.uint8], offset: int, size: int) -> int:
     """Unsigned big-endian integer of less than 8 bytes."""
     value = np.int64(0)
     for k in range(size):
-        value = (value << np.int64(8)) | np.int64(data[at + k])
+        value = (value << np.int64(8)) | np.int64(data[offset + k])
     return value  # pyright: ignore[reportReturnType] an int outside of numba
 
 
 @compiled_without_refcounts
-def read_signed(data: NDArray[np.uint8], at: int, size: int) -> int:
+def read_signed(data: NDArray[np.uint8], offset: int, size: int) -> int:
     """Two's complement integer of 1 to 8 bytes."""
-    value = np.int64(data[at])
+    value = np.int64(data[offset])
     if value > 127:
         value -= np.int64(256)
     for k in range(1, size):
-        value = (value << np.int64(8)) | np.int64(data[at + k])
+        value = (value << np.int64(8)) | np.int64(data[offset + k])
     return value  # pyright: ignore[reportReturnType] an int outside of numba
 
 
 @compiled_without_refcounts
-def read_varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
+def read_varint(data: NDArray[np.uint8], offset: int, end: int) -> tuple[int, int]:
     """Variable-length integer of 1 to 9 bytes, and its end; -1 if beyond `end`."""
     value, bits, stop = np.int64(0), 0, -1
     # with several ways out numba would count references to the data, which takes longer than this
-    while at < end and stop < 0:
-        byte = np.int64(data[at])
-        at += 1
+    while offset < end and stop < 0:
+        byte = np.int64(data[offset])
+        offset += 1
         if bits == 56:
             value = (value << np.int64(8)) | byte
-            stop = at
+            stop = offset
         else:
             value = (value << np.int64(7)) | (byte & np.int64(127))
             bits += 7
             if byte < 128:
-                stop = at
+                stop = offset
     return value, stop  # pyright: ignore[reportReturnType] an int outside of numba
 
 
@@ -87,32 +87,37 @@ def _count_local_bytes(payload: int, usable: int) -> int:
 
 @compiled_without_refcounts
 def parse_cell(
-    data: NDArray[np.uint8], at: int, begin: int, end: int, layout: PageLayout, with_data: bool
+    data: NDArray[np.uint8],
+    offset: int,
+    begin: int,
+    end: int,
+    layout: PageLayout,
+    reads_message: bool,
 ) -> tuple[int, int, int, int, int, int, int, int]:
-    """Parse the cell at `at` in a page with its cells in [begin, end).
+    """Parse the cell at `offset` in a page with its cells in [begin, end).
 
     Returns:
         Kind (one of the four above), id, topic, time, begin and size of the message, its bytes in
         the leaf, and the end of the record's part in the leaf.
     """
     damaged = (DAMAGED, 0, 0, 0, 0, 0, 0, 0)
-    payload, row_id, at, stop = _open_cell(data, at, begin, end, layout)
+    payload, row_id, offset, stop = parse_cell_header(data, offset, begin, end, layout)
     if stop < 0:
         return damaged
-    head, field = read_varint(data, at, stop)
-    if field < 0 or head < 0 or head > stop - at:
+    head, field = read_varint(data, offset, stop)
+    if field < 0 or head < 0 or head > stop - offset:
         return damaged
     what = MESSAGE if payload <= LARGEST_BYTES else UNUSUAL
-    head_end = body = at + head
+    head_end = body = offset + head
     column, topic, time, message, length = 0, 0, 0, 0, 0
     while field < head_end:
         kind, field = read_varint(data, field, head_end)
         size = count_value_bytes(kind)
-        if field < 0 or size < 0 or size > at + payload - body:
+        if field < 0 or size < 0 or size > offset + payload - body:
             return damaged
         if column == layout.data:
             message, length = body, size
-            if with_data and (kind < _BLOB or kind % 2 == 1):
+            if reads_message and (kind < _BLOB or kind % 2 == 1):
                 what = max(what, NO_MESSAGE)
         elif column == layout.topic:
             topic, found = read_integer(data, body, kind, size, stop)
@@ -122,7 +127,7 @@ def parse_cell(
             what = max(what, found)
         body += size
         column += 1
-    if field != head_end or body != at + payload:
+    if field != head_end or body != offset + payload:
         return damaged
     local = min(length, stop - message)
     # columns that were added later, and columns behind a message on overflow pages
@@ -132,36 +137,36 @@ def parse_cell(
 
 
 @compiled_without_refcounts
-def _open_cell(
-    data: NDArray[np.uint8], at: int, begin: int, end: int, layout: PageLayout
+def parse_cell_header(
+    data: NDArray[np.uint8], offset: int, begin: int, end: int, layout: PageLayout
 ) -> tuple[int, int, int, int]:
     """Size of a cell's record, its id, its begin, and the end of its part in the leaf.
 
     The end is -1 if the cell is damaged.
     """
     damaged = (0, 0, 0, -1)
-    if at < begin or at >= end:
+    if offset < begin or offset >= end:
         return damaged
-    payload, at = read_varint(data, at, end)
-    if at < 0 or payload < 0 or payload > layout.pages * layout.page_bytes:
+    payload, offset = read_varint(data, offset, end)
+    if offset < 0 or payload < 0 or payload > layout.pages * layout.page_bytes:
         return damaged
-    row_id, at = read_varint(data, at, end)
-    if at < 0:
+    row_id, offset = read_varint(data, offset, end)
+    if offset < 0:
         return damaged
     here = _count_local_bytes(payload, layout.usable_bytes)
-    stop = at + here
+    stop = offset + here
     if stop + (4 if here < payload else 0) > end:
         return damaged
-    return payload, row_id, at, stop
+    return payload, row_id, offset, stop
 
 
 @compiled_without_refcounts
 def read_integer(
-    data: NDArray[np.uint8], at: int, kind: int, size: int, stop: int
+    data: NDArray[np.uint8], offset: int, kind: int, size: int, stop: int
 ) -> tuple[int, int]:
     """Integer column, and whether a message may have it."""
     if kind in (_NULL, _FLOAT) or kind > _ONE:
         return 0, NO_MESSAGE
-    if at + size > stop:
+    if offset + size > stop:
         return 0, UNUSUAL
-    return (kind - _ZERO if size == 0 else read_signed(data, at, size)), MESSAGE
+    return (kind - _ZERO if size == 0 else read_signed(data, offset, size)), MESSAGE

@@ -49,7 +49,7 @@ class ScannedRows(NamedTuple):
     gaps: NDArray[np.int64]
 
 
-def leaf_page_numbers_or_none(file: FileBytes, layout: PageLayout) -> NDArray[np.uint32] | None:
+def find_leaf_pages(file: FileBytes, layout: PageLayout) -> NDArray[np.uint32] | None:
     """Numbers of the leaf pages; None if the tree is damaged.
 
     No page is visited twice, so a cyclic tree ends here.
@@ -70,7 +70,7 @@ def leaf_page_numbers_or_none(file: FileBytes, layout: PageLayout) -> NDArray[np
             return level[:0] if is_empty else level
         if len(kinds) > 1:
             return None
-        below = child_pages(file, layout, level)
+        below = list_child_pages(file, layout, level)
         if below is None or below.max() > layout.pages or seen[below].any():
             return None
         met = int(np.count_nonzero(seen))
@@ -80,7 +80,7 @@ def leaf_page_numbers_or_none(file: FileBytes, layout: PageLayout) -> NDArray[np
         level = below
 
 
-def child_pages(
+def list_child_pages(
     file: FileBytes, layout: PageLayout, level: NDArray[np.uint32]
 ) -> NDArray[np.uint32] | None:
     """Pages below a level of the tree; None if one is damaged."""
@@ -88,8 +88,8 @@ def child_pages(
     data = np.empty(max(_STEP_BYTES, layout.page_bytes), np.uint8)
     done = 0
     while done < level.size:
-        ranges, slots = page_ranges(level[done:], layout.page_bytes, data.size)
-        if not read_ranges(file, ranges, layout.page_bytes, data):
+        ranges, slots = make_page_ranges(level[done:], layout.page_bytes, data.size)
+        if not read_page_ranges(file, ranges, layout.page_bytes, data):
             return None
         # a page holds fewer than its bytes
         children = np.empty(slots.size * (layout.page_bytes // 6 + 1), np.uint32)
@@ -140,7 +140,7 @@ class PageRanges(NamedTuple):
     begin: NDArray[np.int64]
 
 
-def page_ranges(
+def make_page_ranges(
     pages: NDArray[np.uint32], page_bytes: int, max_bytes: int
 ) -> tuple[PageRanges, NDArray[np.int64]]:
     """Ranges that contain as many of `pages` as there is room for, at least one.
@@ -162,7 +162,7 @@ def page_ranges(
     return ranges, slot * page_bytes
 
 
-def read_ranges(
+def read_page_ranges(
     file: FileBytes, ranges: PageRanges, page_bytes: int, target: NDArray[np.uint8]
 ) -> bool:
     """Read ranges of pages into `target`; returns whether the file has all of them."""
@@ -174,7 +174,7 @@ def read_ranges(
 
 
 @compiled_without_refcounts
-def scan_leaves(
+def scan_leaf_pages(
     data: NDArray[np.uint8],
     leaves: NDArray[np.int64],
     layout: PageLayout,

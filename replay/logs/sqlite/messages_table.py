@@ -8,8 +8,14 @@ import numpy as np
 
 from estimators.interpreted import is_compiler_loaded
 from replay.logs.sqlite.database_pages import PageLayout, RowFilter, read_page_layout_or_none
-from replay.logs.sqlite.row_query import LEAST_ID, Row, TableRows, guard_sqlite_call, read_rows
-from replay.logs.storage import KEY, LENGTH, OFFSET, TIME, FileBytes, prefetch
+from replay.logs.sqlite.row_query import (
+    LEAST_ID,
+    Row,
+    TableRows,
+    guard_sqlite_call,
+    iter_row_batches,
+)
+from replay.logs.storage import KEY, LENGTH, OFFSET, TIME, FileBytes, prefetch_items
 
 _TIMES: Final = "SELECT rowid, topic_id, timestamp FROM messages WHERE rowid > ? ORDER BY rowid"
 _MESSAGES: Final = _TIMES.replace("timestamp", "timestamp, data")
@@ -79,7 +85,7 @@ class MessageTable:
         from replay.logs.sqlite.page_walk import PageWalk  # compiled code
 
         walk = PageWalk(self._file, layout, row_filter, self._note)
-        yield from prefetch(iter(walk))
+        yield from prefetch_items(iter(walk))
         return walk.left_after
 
     def _iter_rows_from_sqlite(
@@ -87,7 +93,7 @@ class MessageTable:
     ) -> Iterator[TableRows]:
         query = _MESSAGES if row_filter.with_data else _TIMES
         has_blob = row_filter.with_data
-        for rows in read_rows(self._database, query, after, note, has_blob=has_blob):
+        for rows in iter_row_batches(self._database, query, after, note, has_blob=has_blob):
             try:
                 found = _make_row_columns(rows, has_blob=has_blob)
             except _NoMessageError:  # SQLite asks nobody for types

@@ -24,10 +24,10 @@ from replay.logs.sqlite.leaf_pages import (
     ROW,
     PageRanges,
     ScannedRows,
-    leaf_page_numbers_or_none,
-    page_ranges,
-    read_ranges,
-    scan_leaves,
+    find_leaf_pages,
+    make_page_ranges,
+    read_page_ranges,
+    scan_leaf_pages,
 )
 from replay.logs.sqlite.row_query import LEAST_ID, MOST_ID, TableRows
 from replay.logs.storage import OFFSET, FileBytes
@@ -92,14 +92,14 @@ class PageWalk:
 
     def __iter__(self) -> Iterator[TableRows]:
         try:
-            leaves = leaf_page_numbers_or_none(self._file, self._layout)
+            leaves = find_leaf_pages(self._file, self._layout)
             if leaves is not None:
-                yield from self._walk_leaves(leaves)
+                yield from self._iter_rows_by_leaf(leaves)
         except (OSError, MemoryError):
             pass  # SQLite says what is the matter, or has another way
         self._note_losses()
 
-    def _walk_leaves(self, leaves: NDArray[np.uint32]) -> Iterator[TableRows]:
+    def _iter_rows_by_leaf(self, leaves: NDArray[np.uint32]) -> Iterator[TableRows]:
         """Yield rows leaf by leaf, with twice the reach of the step before."""
         memories = (_PageBuffers(), _PageBuffers())
         at, step, reach = 0, 0, _FIRST_LEAVES
@@ -121,12 +121,12 @@ class PageWalk:
     ) -> tuple[TableRows, bool]:
         """Rows from the given leaves on, and whether the following leaves have the usual layout."""
         size = self._layout.page_bytes
-        ranges, slots = page_ranges(leaves, size, _LEAF_BYTES)
-        if not read_ranges(self._file, ranges, size, memory.data):
+        ranges, slots = make_page_ranges(leaves, size, _LEAF_BYTES)
+        if not read_page_ranges(self._file, ranges, size, memory.data):
             raise OSError("the file was truncated while it was read")
         tail = int(ranges.begin[-1] + ranges.pages[-1] * size)
         self._state[AT_LEAF] = 0
-        found, spilled, joined_bytes, is_usual = scan_leaves(
+        found, spilled, joined_bytes, is_usual = scan_leaf_pages(
             memory.data,
             slots,
             self._layout,
@@ -223,14 +223,16 @@ class OverflowPageReader:
         Args:
             data: bytes of leaves and other pages, with room.
             ranges: ranges of those pages.
-            rows: (5, n) output of `scan_leaves`.
-            spills: (5, m) output of `scan_leaves`.
+            rows: (5, n) output of `scan_leaf_pages`.
+            spills: (5, m) output of `scan_leaf_pages`.
             count: number of spilled messages.
         """
         order = np.argsort(ranges.first, kind="stable")
         at_hand = np.stack([each[order] for each in ranges])
         state = np.array([0, 0, 0, 0, self._used], np.int64)
-        while _continue_chains(data, at_hand, self._near, self._layout, rows, spills, count, state):
+        while _join_overflow_chains(
+            data, at_hand, self._near, self._layout, rows, spills, count, state
+        ):
             # where pages do not follow each other, reading many at once is for nothing
             progress = int(state[_USED]) - self._used
             self._at_once = min(self._most, max(_FEWEST_PAGES, 2 * progress))
@@ -253,19 +255,19 @@ class OverflowPageReader:
 
 
 @compiled
-def find_page(at_hand: NDArray[np.int64], page: int, page_bytes: int) -> int:
+def find_page(loaded_pages: NDArray[np.int64], page: int, page_bytes: int) -> int:
     """Position of a page in the data; -1 if absent."""
-    found = np.searchsorted(at_hand[0], page, side="right") - 1
-    if found < 0 or page >= at_hand[0, found] + at_hand[1, found]:
+    found = np.searchsorted(loaded_pages[0], page, side="right") - 1
+    if found < 0 or page >= loaded_pages[0, found] + loaded_pages[1, found]:
         return -1
-    return at_hand[2, found] + (page - at_hand[0, found]) * page_bytes
+    return loaded_pages[2, found] + (page - loaded_pages[0, found]) * page_bytes
 
 
 @compiled
-def _continue_chains(
+def _join_overflow_chains(
     data: NDArray[np.uint8],
-    at_hand: NDArray[np.int64],
-    near: NearPages,
+    loaded_pages: NDArray[np.int64],
+    loaded_ranges: NearPages,
     layout: PageLayout,
     rows: NDArray[np.int64],
     spills: NDArray[np.int64],
@@ -273,7 +275,7 @@ def _continue_chains(
     state: NDArray[np.int64],
 ) -> bool:
     """Continue joining from `state`; returns True at a page that must be read first."""
-    first_near, near_pages, near_bytes = near
+    first_near, near_pages, near_bytes = loaded_ranges
     most = layout.usable_bytes - 4
     while state[_SPILL] < count:
         spill = state[_SPILL]
@@ -296,7 +298,7 @@ def _continue_chains(
                 following = read_big_endian(near_bytes, at, 4)
                 data[to : to + size] = near_bytes[at + 4 : at + 4 + size]
             else:
-                at = find_page(at_hand, page, layout.page_bytes)
+                at = find_page(loaded_pages, page, layout.page_bytes)
                 if at < 0:
                     return True
                 following = read_big_endian(data, at, 4)

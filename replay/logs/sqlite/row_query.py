@@ -50,7 +50,7 @@ def guard_sqlite_call() -> Generator[None]:
         raise BrokenBytesError(error) from error
 
 
-def fetch_all(database: sqlite3.Connection, query: str) -> list[Row]:
+def fetch_all_rows(database: sqlite3.Connection, query: str) -> list[Row]:
     """All rows of a query.
 
     Raises:
@@ -60,11 +60,11 @@ def fetch_all(database: sqlite3.Connection, query: str) -> list[Row]:
         return database.execute(query).fetchall()
 
 
-def read_rows(
+def iter_row_batches(
     database: sqlite3.Connection,
     query: str,
     after: int,
-    note: Callable[[str], None],
+    note_damage: Callable[[str], None],
     *,
     has_blob: bool,
 ) -> Iterator[list[Row]]:
@@ -75,7 +75,7 @@ def read_rows(
         query: query for rows after the rowid that is its parameter, ordered by rowid, its first
             column.
         after: rowid after which to read.
-        note: called with a sentence for each damaged place.
+        note_damage: called with a sentence for each damaged place.
         has_blob: whether the last column is a blob, whose size bounds the batches.
     """
     while True:
@@ -91,7 +91,7 @@ def read_rows(
                     yield whole
                     after = whole[-1][0]
                 if len(whole) < len(rows):
-                    note(f"the database is damaged after row {after}: its rows form a loop")
+                    note_damage(f"the database is damaged after row {after}: its rows form a loop")
                     return
         except BrokenBytesError as error:
             fault = error
@@ -102,9 +102,9 @@ def read_rows(
         if rows:
             yield rows
             after = rows[-1][0]
-        following = find_id_behind_damage(database, query, after)
+        following = find_id_after_damage(database, query, after)
         until = "on" if following is None else f"to {following}"
-        note(f"the database is damaged ({fault}): rows from {after + 1} {until} are lost")
+        note_damage(f"the database is damaged ({fault}): rows from {after + 1} {until} are lost")
         if following is None:
             return
         after = following
@@ -181,7 +181,7 @@ def _iter_while_ids_increase(after: int, rows: list[Row]) -> Iterator[Row]:
         yield row
 
 
-def find_id_behind_damage(database: sqlite3.Connection, query: str, after: int) -> int | None:
+def find_id_after_damage(database: sqlite3.Connection, query: str, after: int) -> int | None:
     """Id after which a row can be read again; None if there is none."""
 
     def first_id_after_gap(gap: int) -> int | None:

@@ -16,7 +16,7 @@ from replay.logs.messages.broken_bytes import BrokenBytesError, describe_other_f
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.sqlite.database_pages import HEADER_BYTES, MAGIC
 from replay.logs.sqlite.messages_table import MessageTable
-from replay.logs.sqlite.row_query import fetch_all
+from replay.logs.sqlite.row_query import fetch_all_rows
 from replay.logs.storage import (
     END_NS,
     KEY,
@@ -28,7 +28,7 @@ from replay.logs.storage import (
     Connection,
     Damage,
     FileBytes,
-    group_by_key,
+    group_rows_by_key,
     make_empty_times,
 )
 
@@ -56,7 +56,7 @@ class Db3File:
             if not head.startswith(MAGIC):
                 why = describe_other_file(head, "it is not an SQLite database")
                 raise LogError(f"{path}: not a rosbag2 .db3 file; {why}")
-            if tear := torn_end_text_or_none(head, file.size):
+            if tear := describe_torn_database(head, file.size):
                 self._damage.note(tear)
             journal = path.with_name(f"{path.name}-wal")
             unfinished = journal.exists() and journal.stat().st_size > 0
@@ -92,7 +92,7 @@ class Db3File:
         if self._times is None:
             parts: dict[int, list[NDArray[np.int64]]] = {}
             for found in self._table.iter_times():
-                for key, at in group_by_key(found.rows[KEY]):
+                for key, at in group_rows_by_key(found.rows[KEY]):
                     parts.setdefault(key, []).append(found.rows[TIME, at])
             self._times = {
                 key: self._drop_times_before_1970(key, np.concatenate(parts[key])) for key in parts
@@ -106,11 +106,13 @@ class Db3File:
         """Number of messages of a topic; the first call reads the whole table."""
         return self.log_times(connection_id).size
 
-    def _drop_times_before_1970(self, key: int, times: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _drop_times_before_1970(
+        self, connection_id: int, times: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
         """Log times without those before 1970, which are noted as damage."""
         early = int(np.count_nonzero(times < 0))
         if early:
-            topic = next((c.topic for c in self.connections if c.id == key), "")
+            topic = next((c.topic for c in self.connections if c.id == connection_id), "")
             what = f"{early:,} messages have log times before the year 1970: not used"
             self._damage.note(what, topic)
         return times[times >= 0]
@@ -126,7 +128,7 @@ class Db3File:
             rows = found.rows
             batches = [
                 RawBatch(key, found.data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
-                for key, at in group_by_key(rows[KEY])
+                for key, at in group_rows_by_key(rows[KEY])
             ]
             latest = max(latest, int(rows[TIME].max(initial=UNKNOWN_NS)))
             yield BatchGroup(batches, self._earliest_later_time_ns(latest))
@@ -153,7 +155,7 @@ class Db3File:
     def earliest_ns(self) -> int:
         """Earliest log time, by SQLite."""
         try:
-            ((earliest,),) = fetch_all(self._database, "SELECT min(timestamp) FROM messages")
+            ((earliest,),) = fetch_all_rows(self._database, "SELECT min(timestamp) FROM messages")
         except BrokenBytesError:
             return UNKNOWN_NS
         if earliest is None:
@@ -163,7 +165,7 @@ class Db3File:
     def check_and_count_crcs(self) -> int:
         """Let SQLite check its pages; it keeps no CRCs."""
         try:
-            ((answer,),) = fetch_all(self._database, "PRAGMA quick_check(1)")
+            ((answer,),) = fetch_all_rows(self._database, "PRAGMA quick_check(1)")
         except BrokenBytesError as error:
             answer = str(error)
         if answer != "ok" and not self._damage:
@@ -183,7 +185,7 @@ def read_connections(
     Raises:
         BrokenBytesError: it is damaged, or not a rosbag2 database.
     """
-    found = fetch_all(database, "SELECT name FROM sqlite_master WHERE type = 'table'")
+    found = fetch_all_rows(database, "SELECT name FROM sqlite_master WHERE type = 'table'")
     tables = {name for (name,) in found}
     if not tables >= {"topics", "messages"}:
         raise BrokenBytesError(f"it has {', '.join(sorted(tables)) or 'no tables'}")
@@ -191,14 +193,14 @@ def read_connections(
     if "message_definitions" in tables:
         definitions = {
             name: (text, encoding)
-            for name, text, encoding in fetch_all(
+            for name, text, encoding in fetch_all_rows(
                 database,
                 "SELECT topic_type, encoded_message_definition, encoding"
                 " FROM message_definitions WHERE typeof(encoded_message_definition) = 'text'"
                 " AND typeof(encoding) = 'text'",
             )
         }
-    topics = fetch_all(
+    topics = fetch_all_rows(
         database,
         "SELECT id, name, type, serialization_format,"
         " typeof(id) = 'integer' AND typeof(name) = 'text' AND typeof(type) = 'text'"
@@ -207,7 +209,7 @@ def read_connections(
     whole = [row for *row, is_topic in topics if is_topic]
     if len(whole) < len(topics):
         note(f"{len(topics) - len(whole):,} of its topics are damaged")
-    if not whole and fetch_all(database, "SELECT 1 FROM messages LIMIT 1"):
+    if not whole and fetch_all_rows(database, "SELECT 1 FROM messages LIMIT 1"):
         note("it holds messages without their topics")
     return tuple(
         Connection(key, str(topic), str(kind), str(encoding), *definitions.get(kind, ("", "")))
@@ -224,7 +226,7 @@ def read_metadata_texts(path: Path) -> list[str]:
     query = "SELECT metadata FROM metadata WHERE typeof(metadata) = 'text' ORDER BY id DESC"
     with closing(database):
         try:
-            return [str(text) for (text,) in fetch_all(database, f"{query} LIMIT 1")]
+            return [str(text) for (text,) in fetch_all_rows(database, f"{query} LIMIT 1")]
         except BrokenBytesError:
             return []
 
@@ -241,11 +243,11 @@ def connect_for_reading(path: Path, *, unfinished: bool) -> sqlite3.Connection:
         database.execute("PRAGMA writable_schema = ON")
     except sqlite3.Error as error:
         raise LogError(f"{path}: cannot be opened: {error}") from error
-    database.text_factory = _decode
+    database.text_factory = _decode_text
     return database
 
 
-def _decode(text: bytes) -> str:
+def _decode_text(text: bytes) -> str:
     return text.decode(errors="replace")
 
 
@@ -284,12 +286,14 @@ def count_uncommitted_bytes(path: Path) -> int:
         return size - closed
 
 
-def torn_end_text_or_none(head: bytes, size: int) -> str | None:
+def describe_torn_database(first_page: bytes, size: int) -> str | None:
     """What is wrong with the end of a database, by its first page; None if complete."""
-    page = int.from_bytes(head[16:18], "big")
+    page = int.from_bytes(first_page[16:18], "big")
     page = 2**16 if page == 1 else page
     # the number of pages counts if what changed it last also changed the version behind it
-    pages = int.from_bytes(head[28:32], "big") if head[24:28] == head[92:96] else 0
+    pages = (
+        int.from_bytes(first_page[28:32], "big") if first_page[24:28] == first_page[92:96] else 0
+    )
     if not page or not (size % page or pages * page > size):
         return None
     if pages and size > pages * page:

@@ -12,7 +12,14 @@ from replay.logs.storage.container import (
 )
 from replay.logs.storage.file_bytes import FileBytes, ReadBuffer
 from replay.logs.storage.loss_text import Damage, LossList
-from replay.logs.storage.message_rows import KEY, LENGTH, OFFSET, TIME, group_by_key, prefetch
+from replay.logs.storage.message_rows import (
+    KEY,
+    LENGTH,
+    OFFSET,
+    TIME,
+    group_rows_by_key,
+    prefetch_items,
+)
 
 __all__ = [
     "END_NS",
@@ -30,7 +37,7 @@ __all__ = [
     "LossList",
     "ReadBuffer",
     "Tail",
-    "group_by_key",
+    "group_rows_by_key",
     "make_empty_times",
-    "prefetch",
+    "prefetch_items",
 ]

@@ -14,7 +14,7 @@ T = TypeVar("T")
 KEY, TIME, OFFSET, LENGTH = range(4)
 
 
-def group_by_key(keys: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.intp]]]:
+def group_rows_by_key(keys: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.intp]]]:
     """Group rows by connection: each nonnegative key of `keys` (n,), with its rows."""
     order = np.argsort(keys, kind="stable")
     ordered = keys[order]
@@ -26,7 +26,7 @@ def group_by_key(keys: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.intp
             begin = end
 
 
-def prefetch(items: Iterator[T]) -> Iterator[T]:
+def prefetch_items(items: Iterator[T]) -> Iterator[T]:
     """Yield the items while another thread already produces the next one."""
     with ThreadPoolExecutor(1, thread_name_prefix="payscope-prefetch") as pool:
         following = pool.submit(next, items, None)

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from replay.logs.tables.axis import RowTimes, TableTimes, find_time_columns
     from replay.logs.tables.csv_columns import CsvColumns
     from replay.logs.tables.dialect import Dialect, sniff_dialect
-    from replay.logs.tables.only_time import describe_disagreement
-    from replay.logs.tables.text import Utf8Text, convert_file_to_utf8, read_head_lines
+    from replay.logs.tables.only_time import describe_contradicting_time_column
+    from replay.logs.tables.text import Utf8Text, convert_file_to_utf8, read_first_lines
     from replay.logs.tables.times import NS_PER_UNIT, TimeError
 
 __all__ = [
@@ -32,9 +32,9 @@ __all__ = [
     "TimeError",
     "Utf8Text",
     "convert_file_to_utf8",
-    "describe_disagreement",
+    "describe_contradicting_time_column",
     "find_time_columns",
-    "read_head_lines",
+    "read_first_lines",
     "sniff_dialect",
 ]
 
@@ -49,9 +49,9 @@ __getattr__ = make_late_getattr(
         "TimeError": "replay.logs.tables.times",
         "Utf8Text": "replay.logs.tables.text",
         "convert_file_to_utf8": "replay.logs.tables.text",
-        "describe_disagreement": "replay.logs.tables.only_time",
+        "describe_contradicting_time_column": "replay.logs.tables.only_time",
         "find_time_columns": "replay.logs.tables.axis",
-        "read_head_lines": "replay.logs.tables.text",
+        "read_first_lines": "replay.logs.tables.text",
         "sniff_dialect": "replay.logs.tables.dialect",
     },
 )

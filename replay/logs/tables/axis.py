@@ -10,32 +10,32 @@ import polars as pl
 
 from estimators.arrays import Floats
 from replay.logs.tables.dates import (
+    convert_calendar_to_ns,
+    convert_clock_times_to_stamps,
+    convert_fractions_to_ns,
     find_calendar_columns,
-    fraction_column_or_none,
-    fractions_ns_and_unit,
-    is_date,
+    find_fraction_column,
+    is_date_only,
     is_time_of_day,
-    lower_case_letters,
-    stamps_of_clock_times,
-    times_of_calendar,
+    keep_lower_case_letters,
 )
 from replay.logs.tables.header import (
     ColumnName,
-    column_named_before_dash,
-    column_named_by_last_part,
+    find_zone_offset_s,
     has_multiple_of_unit,
-    split_unit,
-    zone_offset_s,
+    name_column_before_dash,
+    name_column_by_last_part,
+    split_column_unit,
 )
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
-from replay.logs.tables.only_time import only_time_column_or_empty
+from replay.logs.tables.only_time import find_only_time_column
 from replay.logs.tables.table_limits import LIMITS
 from replay.logs.tables.times import (
     NS_PER_UNIT,
     TimeError,
+    convert_times_to_ns,
     correct_epoch_of_1904,
-    find_plausible_epoch_or_none,
-    times_in_ns,
+    find_plausible_epoch,
 )
 
 #: Names of a time column without what is no letter, in the order they are looked for.
@@ -128,7 +128,9 @@ class TableTimes:
         if self.calendar:
             names = ", ".join(self.calendar)
             note = f"its times are composed of {names}" + ", as UTC" * (len(self.calendar) > 3)
-            whole = RowTimes(times_of_calendar([cells[name] for name in self.calendar]), (note,))
+            whole = RowTimes(
+                convert_calendar_to_ns([cells[name] for name in self.calendar]), (note,)
+            )
             return self._add_fractions(whole, cells)
         if self.time is None:
             assert self.rate_hz is not None
@@ -143,7 +145,7 @@ class TableTimes:
         """Add fractions of a second from another column."""
         if self.fraction is None:
             return seconds
-        fractions, unit = fractions_ns_and_unit(cells[self.fraction])
+        fractions, unit = convert_fractions_to_ns(cells[self.fraction])
         note = f"the fractions of its seconds are those of '{self.fraction}', in {unit}"
         return RowTimes((seconds.stamps + fractions).alias("log_time_ns"), (*seconds.notes, note))
 
@@ -151,29 +153,33 @@ class TableTimes:
         assert self.time is not None
         text = cells[self.time]
         if self.date is not None:
-            zone = zone_offset_s(self.time)
+            zone = find_zone_offset_s(self.time)
             if zone is None:
-                zone = zone_offset_s(self.date)
-            return RowTimes(*stamps_of_clock_times(cells[self.date], text, self.day_first, zone))
+                zone = find_zone_offset_s(self.date)
+            return RowTimes(
+                *convert_clock_times_to_stamps(cells[self.date], text, self.day_first, zone)
+            )
         if text.dtype == pl.String:
             sample = text.head(1000).drop_nulls().str.strip_chars()
             words = sample.filter(sample != "").head(50).to_list()
             if words and sum(map(is_time_of_day, words)) * 2 > len(words):
                 return RowTimes(
-                    *stamps_of_clock_times(None, text, self.day_first, zone_offset_s(self.time))
+                    *convert_clock_times_to_stamps(
+                        None, text, self.day_first, find_zone_offset_s(self.time)
+                    )
                 )
-            if words and sum(is_date(word) for word in words) * 2 > len(words):
+            if words and sum(is_date_only(word) for word in words) * 2 > len(words):
                 raise TimeError("it holds dates without a time of day; set a column with times")
         if self.unit in ("min", "h"):
             scaled = text.cast(pl.Float64, strict=False) * (_NS[self.unit] // 10**9)
-            return RowTimes(times_in_ns(scaled, "s"), ())
+            return RowTimes(convert_times_to_ns(scaled, "s"), ())
         if self.unit is not None or text.dtype.is_temporal():
-            stamps, note = correct_epoch_of_1904(times_in_ns(text, self.unit or "s"))
+            stamps, note = correct_epoch_of_1904(convert_times_to_ns(text, self.unit or "s"))
             return RowTimes(stamps, (note,) if note else ())
         if self.fraction is not None:
             # what has a fraction beside it counts seconds
-            return RowTimes(times_in_ns(text, "s"))
-        return RowTimes(*recognise_times(text))
+            return RowTimes(convert_times_to_ns(text, "s"))
+        return RowTimes(*convert_unitless_times(text))
 
 
 def find_time_columns(
@@ -201,10 +207,10 @@ def find_time_columns(
             unit = time_unit_in_name(columns[place])
         return [(_make_table_times(columns, cells, place, unit, table), names)]
     if calendar := find_calendar_columns(columns):
-        fraction = fraction_column_or_none(columns, cells, names.index(calendar[-1]))
+        fraction = find_fraction_column(columns, cells, names.index(calendar[-1]))
         return [(TableTimes(None, fraction=fraction, calendar=calendar), names)]
-    found = rank_time_columns(columns, cells) or only_time_column_or_empty(columns, cells)
-    for part in (column_named_by_last_part, column_named_before_dash) if not found else ():
+    found = rank_time_columns(columns, cells) or find_only_time_column(columns, cells)
+    for part in (name_column_by_last_part, name_column_before_dash) if not found else ():
         columns = [part(column) for column in columns]
         if found := rank_time_columns(columns, cells):
             break
@@ -234,7 +240,7 @@ def find_time_columns(
 def _make_table_times(
     columns: Sequence[ColumnName],
     cells: Callable[[int], list[str]],
-    place: int,
+    column_index: int,
     unit: str | None,
     table: TableHints | None,
 ) -> TableTimes:
@@ -243,9 +249,9 @@ def _make_table_times(
     if fraction is not None and fraction not in [column.name for column in columns]:
         raise DialectError(f"no column '{fraction}'; set [log] time_fraction")
     return TableTimes(
-        columns[place].name,
-        find_date_column(columns, cells, place),
-        fraction or fraction_column_or_none(columns, cells, place),
+        columns[column_index].name,
+        find_date_column(columns, cells, column_index),
+        fraction or find_fraction_column(columns, cells, column_index),
         unit=unit,
         day_first=table.day_first if table else None,
     )
@@ -261,9 +267,9 @@ def rank_time_columns(
     ranked: list[tuple[bool, int, int, int]] = []
     for place, column in enumerate(columns):
         # what stands behind a number is an axis or a state: time1, t_2
-        bare = lower_case_letters(column.bare)
-        if lower_case_letters(column.name) in ("mstoday", "timeus", "timems"):
-            bare = lower_case_letters(column.name)
+        bare = keep_lower_case_letters(column.bare)
+        if keep_lower_case_letters(column.name) in ("mstoday", "timeus", "timems"):
+            bare = keep_lower_case_letters(column.name)
         if re.search(r"\d", re.sub(r" \(\d+\)$", "", column.bare)):
             continue
         if bare in _NAMES and (column.unit is None or column.unit in _NS):
@@ -292,34 +298,34 @@ def time_unit_in_name(column: ColumnName) -> str | None:
         )
     if column.unit in _NS:
         return column.unit
-    return _UNITS.get(lower_case_letters(column.name)) or (
-        unit if (unit := split_unit(column.name)[1]) in _NS else None
+    return _UNITS.get(keep_lower_case_letters(column.name)) or (
+        unit if (unit := split_column_unit(column.name)[1]) in _NS else None
     )
 
 
 def find_date_column(
-    columns: Sequence[ColumnName], cells: Callable[[int], list[str]], place: int
+    columns: Sequence[ColumnName], cells: Callable[[int], list[str]], column_index: int
 ) -> str | None:
     """Column of the dates, if the time is a time of day."""
-    own = cells(place)[:5]
+    own = cells(column_index)[:5]
     if (
         not own
         or not all(is_time_of_day(cell) for cell in own)
-        or any(is_date(c[:10]) for c in own)
+        or any(is_date_only(c[:10]) for c in own)
     ):
         return None
-    dated = lower_case_letters(columns[place].bare).replace("time", "date")
+    dated = keep_lower_case_letters(columns[column_index].bare).replace("time", "date")
     dates = [
         column.name
         for k, column in enumerate(columns)
-        if k != place
-        and lower_case_letters(column.bare) in (*_DATES, dated)
-        and all(map(is_date, cells(k)[:5] or ""))
+        if k != column_index
+        and keep_lower_case_letters(column.bare) in (*_DATES, dated)
+        and all(map(is_date_only, cells(k)[:5] or ""))
     ]
     return dates[0] if dates else None
 
 
-def recognise_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
+def convert_unitless_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
     """Log times of numbers without a unit.
 
     Args:
@@ -335,42 +341,42 @@ def recognise_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
     numbers = stripped.cast(pl.Float64, strict=False)
     finite = numbers.filter(numbers.is_finite().fill_null(value=False)).to_numpy()
     if not finite.size:
-        return times_in_ns(cells, "s"), ()
+        return convert_times_to_ns(cells, "s"), ()
     x = np.sort(finite)
     steps = np.diff(x)
     steps = steps[steps > 0]
     if not steps.size:
         raise TimeError("all its cells hold the same number; set another column")
     step, span = float(np.median(steps)), float(x[-1] - x[0])
-    if epoch := find_plausible_epoch_or_none(float(x[0]), float(x[-1]), step, LIMITS.row_steps_s):
+    if epoch := find_plausible_epoch(float(x[0]), float(x[-1]), step, LIMITS.row_steps_s):
         integers = stripped.cast(pl.Int64, strict=False)
         exact = not stripped.dtype.is_float() and integers.count() == numbers.count()
         return epoch.to_unix_ns(integers if exact else numbers), (f"its times are {epoch.name}",)
     if is_hhmmss_number(finite, step):
         hours, rest = numbers // 10_000, numbers % 10_000
         seconds = hours * 3600 + (rest // 100) * 60 + rest % 100
-        return times_in_ns(seconds, "s"), ("its times are read as hhmmss.s",)
+        return convert_times_to_ns(seconds, "s"), ("its times are read as hhmmss.s",)
     unit = guess_time_unit(x, step, span)
-    stamps, note = correct_epoch_of_1904(times_in_ns(cells, unit))
+    stamps, note = correct_epoch_of_1904(convert_times_to_ns(cells, unit))
     taken = f"its times are taken in {unit}, by their spacing"
     return stamps, (taken, note) if note else (taken,)
 
 
-def guess_time_unit(x: Floats, step: float, span: float) -> str:
+def guess_time_unit(values: Floats, step: float, span: float) -> str:
     """The only unit of time that is possible."""
     possible = [
         unit
         for unit, ns in NS_PER_UNIT.items()
         if LIMITS.row_steps_s[0] <= step * ns / 1e9 <= LIMITS.row_steps_s[1]
-        and (span * ns / 1e9 >= LIMITS.shortest_log_s or x.size < 3)
+        and (span * ns / 1e9 >= LIMITS.shortest_log_s or values.size < 3)
     ]
     if len(possible) == 1:
         return possible[0]
     since_1970 = [
         unit
         for unit in possible
-        if LIMITS.epoch_s[0] <= x[0] * NS_PER_UNIT[unit] / 1e9
-        and x[-1] * NS_PER_UNIT[unit] / 1e9 <= LIMITS.epoch_s[1]
+        if LIMITS.epoch_s[0] <= values[0] * NS_PER_UNIT[unit] / 1e9
+        and values[-1] * NS_PER_UNIT[unit] / 1e9 <= LIMITS.epoch_s[1]
     ]
     if len(since_1970) == 1:
         return since_1970[0]
@@ -381,14 +387,14 @@ def guess_time_unit(x: Floats, step: float, span: float) -> str:
     )
 
 
-def is_hhmmss_number(x: Floats, step: float) -> bool:
+def is_hhmmss_number(values: Floats, step: float) -> bool:
     """Whether numbers are hhmmss.s: at most 59 s and min, with a jump of 40 at each minute."""
-    if x.min() < 0 or x.max() >= 240_000 or step > LIMITS.row_steps_s[1]:
+    if values.min() < 0 or values.max() >= 240_000 or step > LIMITS.row_steps_s[1]:
         return False
-    if (x % 100 >= 60).any() or (x // 100 % 100 >= 60).any():
+    if (values % 100 >= 60).any() or (values // 100 % 100 >= 60).any():
         return False
-    jumps = np.abs(np.diff(x))
+    jumps = np.abs(np.diff(values))
     return (
         bool((np.abs(jumps - 40.0 - step) < step + LIMITS.minute_jump_tolerance * 40).any())
-        and x.max() - x.min() > 40
+        and values.max() - values.min() > 40
     )

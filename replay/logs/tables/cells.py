@@ -7,7 +7,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.model.physical_units import pint_name_of_unit
+from analysis.model.physical_units import find_pint_name
 from replay.logs.tables.table_limits import LIMITS
 
 _EXPONENT: Final = r"(?:[eEdD][+-]?\d+)?"
@@ -71,39 +71,39 @@ def classify_cell(cell: str, decimal: str, *, is_grouped: bool = False) -> str:
         return "text"
     if _NUMBERLIKE.fullmatch(cell):
         return "odd"
-    return "measure" if unit_in_cell_or_none(cell, decimal) else "text"
+    return "measure" if find_unit_in_cell(cell, decimal) else "text"
 
 
 #: Kinds of cells that fill a numeric column.
 NUMERIC: Final = frozenset({"number", "grouped", "measure", "time"})
 
 
-def is_numeric(kinds: Sequence[str], *, empty: bool = False) -> bool:
+def is_numeric(cell_classes: Sequence[str], *, empty: bool = False) -> bool:
     """Whether most cells are numbers or times; `empty` if there are no cells."""
-    present = [each for each in kinds if each != "empty"]
+    present = [each for each in cell_classes if each != "empty"]
     if not present:
         return empty
     return sum(each in NUMERIC for each in present) >= LIMITS.kind_min_fraction * len(present)
 
 
-def matches_decimal_sign_and_may_group(cell: str, decimal: str) -> tuple[bool, bool]:
+def match_decimal_number(cell: str, decimal: str) -> tuple[bool, bool]:
     """Whether a cell is a number with the decimal sign, and whether that may group thousands."""
     signed = decimal in cell and _NUMBERS[decimal].fullmatch(cell) is not None
     return signed, signed and _THOUSANDS[decimal].fullmatch(cell) is not None
 
 
 @lru_cache(maxsize=1 << 16)
-def unit_in_cell_or_none(cell: str, decimal: str) -> str | None:
+def find_unit_in_cell(cell: str, decimal: str) -> str | None:
     """Unit after a number, as written (` km/h`); None if unknown."""
     match = _MEASURE.fullmatch(cell)
     if match is None or not _NUMBERS[decimal].fullmatch(match["number"]):
         return None
-    return match["unit"] if pint_name_of_unit(match["unit"]) else None
+    return match["unit"] if find_pint_name(match["unit"]) else None
 
 
-def common_unit_or_none(cells: Sequence[str], decimal: str) -> str | None:
+def find_common_unit(cells: Sequence[str], decimal: str) -> str | None:
     """Unit after the numbers of a column, if all have the same; else None."""
-    found = {unit_in_cell_or_none(cell, decimal) for cell in cells}
+    found = {find_unit_in_cell(cell, decimal) for cell in cells}
     return next(iter(found)) if len(found) == 1 else None
 
 
@@ -123,7 +123,9 @@ def write_decimal_points(
     cell = cell.str.replace(r"^([+-])\s+", "${1}")
     if unit is not None:
         cell = pl.when(cell.str.ends_with(unit)).then(cell.str.strip_suffix(unit)).otherwise(cell)
-    form = grouped_number_pattern(decimal) if is_grouped else _certain_group_pattern(decimal)
+    form = (
+        make_grouped_number_pattern(decimal) if is_grouped else _make_certain_group_pattern(decimal)
+    )
     has_groups = cell.str.contains(f"^(?:{form})$")
     cell = (
         pl.when(has_groups).then(cell.str.replace_all(f"[{_GROUPS[decimal]}]", "")).otherwise(cell)
@@ -134,13 +136,13 @@ def write_decimal_points(
     return column.to_frame().select(cell.alias(column.name)).to_series()
 
 
-def grouped_number_pattern(decimal: str) -> str:
+def make_grouped_number_pattern(decimal: str) -> str:
     """Pattern of a number with thousands separators."""
     groups = rf"\d{{1,3}}(?:[{_GROUPS[decimal]}]\d{{3}})+|{_LAKHS[decimal]}"
     return rf"[+-]?(?:{groups})(?:[{decimal}]\d*)?"
 
 
-def _certain_group_pattern(decimal: str) -> str:
+def _make_certain_group_pattern(decimal: str) -> str:
     """Pattern of numbers whose separators are certain: several, blanks, or a decimal sign after."""
     signs = _GROUPS[decimal]
     ambiguous, blanks = signs[0], signs[1:]
@@ -151,5 +153,5 @@ def _certain_group_pattern(decimal: str) -> str:
     )
 
 
-_GROUPED: Final = {sign: re.compile(grouped_number_pattern(sign)) for sign in ".,"}
-_SURELY: Final = {sign: re.compile(_certain_group_pattern(sign)) for sign in ".,"}
+_GROUPED: Final = {sign: re.compile(make_grouped_number_pattern(sign)) for sign in ".,"}
+_SURELY: Final = {sign: re.compile(_make_certain_group_pattern(sign)) for sign in ".,"}

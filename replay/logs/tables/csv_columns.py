@@ -12,15 +12,15 @@ from polars.exceptions import PanicException, PolarsError
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.tables.cells import classify_cell, is_numeric, write_decimal_points
 from replay.logs.tables.dates import is_date_and_time_in_digits
-from replay.logs.tables.dialect import BLANKS, first_cells_of_column, sniff_dialect
+from replay.logs.tables.dialect import BLANKS, read_first_cells, sniff_dialect
 from replay.logs.tables.hints import TableHints
 from replay.logs.tables.text import (
     Utf8Text,
     convert_file_to_utf8,
     copy_with_ascii_digits,
-    copy_with_tabs_for_blanks,
+    copy_with_blanks_as_tabs,
     copy_without_torn_quote,
-    read_head_lines,
+    read_first_lines,
 )
 
 #: Stands in no text: a line is one cell.
@@ -56,9 +56,9 @@ class CsvColumns:
         self._text = convert_file_to_utf8(path, hints.encoding)
         try:
             self._replace_text_file(copy_with_ascii_digits(self._text))
-            self._dialect = sniff_dialect(read_head_lines(self._text.path), hints)
+            self._dialect = sniff_dialect(read_first_lines(self._text.path), hints)
             if self._dialect.separator == BLANKS:
-                self._replace_text_file(copy_with_tabs_for_blanks(self._text))
+                self._replace_text_file(copy_with_blanks_as_tabs(self._text))
             whole = copy_without_torn_quote(self._text, self._dialect.separator)
             self._is_torn = whole is not None
             self._replace_text_file(whole)
@@ -72,7 +72,7 @@ class CsvColumns:
         self._height: int | None = None
         self._kept: dict[str, pl.Series] = {}
         self._once: dict[str, pl.Series] = {}
-        heads = {name: first_cells_of_column(self._dialect, k) for k, name in enumerate(self.names)}
+        heads = {name: read_first_cells(self._dialect, k) for k, name in enumerate(self.names)}
         self._types = {name: guess_type_of_cells(cells) for name, cells in heads.items()}
         decimal, is_grouped = self._dialect.decimal, self._dialect.is_grouped
         #: Columns of numbers, or of which the beginning tells nothing.
@@ -102,16 +102,19 @@ class CsvColumns:
         return self._dialect.preamble
 
     @property
-    def first(self) -> int:
+    def head_row_count(self) -> int:
         """Number of rows that `head` is taken from."""
         return len(self._dialect.rows)
 
-    def first_text_cells(self, place: int, count: int = 50) -> list[str]:
+    def first_text_cells(self, column_index: int, count: int = 50) -> list[str]:
         """Some first cells of a column that are not empty."""
-        return first_cells_of_column(self._dialect, place, count)
+        return read_first_cells(self._dialect, column_index, count)
 
     def find_ragged_rows(
-        self, keep: Sequence[str], once: Sequence[str], note: Callable[[str], None]
+        self,
+        kept_columns: Sequence[str],
+        single_use_columns: Sequence[str],
+        note_fault: Callable[[str], None],
     ) -> None:
         """Find rows that are too long, too short or torn, reading some columns in the same pass.
 
@@ -119,9 +122,9 @@ class CsvColumns:
         unless it has all its cells (RFC 4180), since its last cell may be half a number.
 
         Args:
-            keep: columns to read and keep.
-            once: columns to read and keep until requested.
-            note: called with a sentence for each loss.
+            kept_columns: columns to read and keep.
+            single_use_columns: columns to read and keep until requested.
+            note_fault: called with a sentence for each loss.
 
         Raises:
             BrokenBytesError: the rows cannot be read.
@@ -130,31 +133,33 @@ class CsvColumns:
             return
         last = self.names[-1]
         looked = self._read(
-            list(dict.fromkeys([*keep, *once])),
+            list(dict.fromkeys([*kept_columns, *single_use_columns])),
             pl.col(last).is_null().alias(_SHORT),
             pl.col(_BEYOND).is_not_null().alias(_LONG),
         )
         short, long = looked.pop(_SHORT), looked.pop(_LONG)
         self.rows = short.len()
         if long.any():
-            note("rows with more cells than the header: the additional cells are not read")
+            note_fault("rows with more cells than the header: the additional cells are not read")
         if self._is_torn:
-            note("its last row is cut off and was not read")
+            note_fault("its last row is cut off and was not read")
         if not self._quotes_are_paired:
-            note("its quotes are not paired: rows between them may be read as one cell")
+            note_fault("its quotes are not paired: rows between them may be read as one cell")
         lines = self._find_short_lines() if short.any() else []
         end = self.rows + self._dialect.data_line
         if lines and lines[-1] == end and not _ends_in_a_line_end(self._text.path):
-            note(f"its last row (line {lines.pop()}) is cut off and was not read")
+            note_fault(f"its last row (line {lines.pop()}) is cut off and was not read")
             self.rows -= 1
         if lines:
-            note(
+            note_fault(
                 f"rows with fewer cells than the header: {len(lines):,}, the first in line "
                 f"{lines[0]}; their missing cells are empty"
             )
-        self._kept = {name: looked[name].head(self.rows) for name in dict.fromkeys(keep)}
+        self._kept = {name: looked[name].head(self.rows) for name in dict.fromkeys(kept_columns)}
         self._once = {
-            name: series.head(self.rows) for name, series in looked.items() if name not in keep
+            name: series.head(self.rows)
+            for name, series in looked.items()
+            if name not in kept_columns
         }
 
     def read(self, names: Sequence[str]) -> dict[str, pl.Series]:

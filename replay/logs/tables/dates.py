@@ -83,7 +83,7 @@ def is_date_and_time_in_digits(cell: str) -> bool:
     return re.fullmatch(_DIGITS, cell) is not None
 
 
-def is_date(cell: str) -> bool:
+def is_date_only(cell: str) -> bool:
     """Whether a cell is a date without a time of day; digits alone are a number."""
     return any(
         re.fullmatch(_WEEKDAY + pattern, cell.strip()) for pattern in _DATES if pattern != _COMPACT
@@ -95,10 +95,10 @@ def is_time_of_day(cell: str) -> bool:
     text = cell.strip()
     if any(re.fullmatch(pattern, text) for pattern in (_MINUTES, _CLOCK, _SINCE)):
         return True
-    return datetime_pattern_or_none(text) is not None
+    return find_datetime_pattern(text) is not None
 
 
-def datetime_pattern_or_none(text: str) -> str | None:
+def find_datetime_pattern(text: str) -> str | None:
     """Pattern of a date that is followed by a time of day; None without one."""
     days = [pattern for pattern in _DATES if pattern != _COMPACT]
     moments = [rf"{day}(?:[T, ]|\s+@)\s*{_CLOCK}" for day in days]
@@ -109,7 +109,7 @@ def datetime_pattern_or_none(text: str) -> str | None:
     return None
 
 
-def stamps_of_clock_times(
+def convert_clock_times_to_stamps(
     dates: pl.Series | None,
     times: pl.Series,
     day_first: bool | None,
@@ -131,18 +131,18 @@ def stamps_of_clock_times(
     """
     text = times.str.strip_chars()
     if dates is not None:
-        text = _join_dates(dates, text)
+        text = _join_dates_and_times(dates, text)
     present = text.filter(text.is_not_null() & (text != ""))
     if present.is_empty():
         return pl.Series("log_time_ns", [None] * text.len(), dtype=pl.Int64), ()
     first = str(present[0])
-    pattern = datetime_pattern_or_none(first)
+    pattern = find_datetime_pattern(first)
     if pattern is None:
         return parse_times_of_day(text, first)
-    part = match_named_groups(text, pattern)
+    part = extract_named_groups(text, pattern)
     notes: list[str] = []
     day = count_days_since_1970(part, day_first, notes)
-    stamps = day * DAY_NS + time_of_day_ns(part)
+    stamps = day * DAY_NS + convert_time_of_day_to_ns(part)
     if part.get_column("zone").drop_nulls().is_empty() and zone_offset_s is not None:
         stamps = stamps - zone_offset_s * 10**9
     elif part.get_column("zone").drop_nulls().is_empty():
@@ -150,12 +150,12 @@ def stamps_of_clock_times(
     return stamps.alias("log_time_ns"), tuple(notes)
 
 
-def _join_dates(dates: pl.Series, times: pl.Series) -> pl.Series:
+def _join_dates_and_times(dates: pl.Series, times: pl.Series) -> pl.Series:
     frame = pl.DataFrame({"date": dates.str.strip_chars(), "time": times})
     return frame.select(pl.concat_str("date", "time", separator=" ")).to_series()
 
 
-def match_named_groups(text: pl.Series, pattern: str) -> pl.DataFrame:
+def extract_named_groups(text: pl.Series, pattern: str) -> pl.DataFrame:
     """Named groups of a pattern for each cell; null if it does not match."""
     names = tuple(re.compile(pattern).groupindex)
     found = text.str.extract_groups(pattern).struct.unnest()
@@ -168,7 +168,7 @@ def _parse_whole_numbers(column: pl.Expr) -> pl.Expr:
     return column.cast(pl.Int64, strict=False)
 
 
-def time_of_day_ns(part: pl.DataFrame) -> pl.Series:
+def convert_time_of_day_to_ns(groups: pl.DataFrame) -> pl.Series:
     """Time of day in ns, from hour, minute, second, fraction and zone."""
     hour, half = _parse_whole_numbers(pl.col("h")), pl.col("half").str.to_lowercase()
     hour = (
@@ -190,22 +190,22 @@ def time_of_day_ns(part: pl.DataFrame) -> pl.Series:
         + _parse_whole_numbers(pl.col("s")).fill_null(0)
         - offset
     )
-    return part.select(seconds * 10**9 + fraction).to_series()
+    return groups.select(seconds * 10**9 + fraction).to_series()
 
 
 def count_days_since_1970(
-    part: pl.DataFrame, day_first: bool | None, notes: list[str]
+    groups: pl.DataFrame, day_first: bool | None, notes: list[str]
 ) -> pl.Series:
     """Days since 1970."""
-    if "one" in part.columns:
-        part = decide_day_and_month(part, day_first, notes)
-    if "name" in part.columns:
-        part = split_dates_with_short_years(part, day_first)
+    if "one" in groups.columns:
+        groups = decide_day_and_month(groups, day_first, notes)
+    if "name" in groups.columns:
+        groups = split_dates_with_short_years(groups, day_first)
         begins = [pl.col("name").str.to_lowercase().str.starts_with(each) for each in _MONTH_OF]
         months = zip(begins, _MONTH_OF.values(), strict=True)
         number = pl.coalesce(pl.when(fits).then(month) for fits, month in months)
-        part = part.with_columns(number.cast(pl.String).alias("m"))
-    years = part.get_column("y").cast(pl.Int64, strict=False).drop_nulls()
+        groups = groups.with_columns(number.cast(pl.String).alias("m"))
+    years = groups.get_column("y").cast(pl.Int64, strict=False).drop_nulls()
     odd = years.filter((years < LIMITS.years[0]) | (years > LIMITS.years[1]))
     if odd.len():
         raise TimeError(
@@ -214,38 +214,38 @@ def count_days_since_1970(
         )
     written = pl.concat_str("y", pl.lit("-"), "m", pl.lit("-"), "d")
     day = written.str.to_date("%Y-%m-%d", strict=False)
-    return part.select(day.cast(pl.Int32).cast(pl.Int64)).to_series()
+    return groups.select(day.cast(pl.Int32).cast(pl.Int64)).to_series()
 
 
-def split_dates_with_short_years(part: pl.DataFrame, day_first: bool | None) -> pl.DataFrame:
+def split_dates_with_short_years(groups: pl.DataFrame, day_first: bool | None) -> pl.DataFrame:
     """Dates with month names, whose two-digit year may be the first or the last number.
 
     Raises:
         TimeError: the order is ambiguous.
     """
     is_short = pl.col("y").str.len_chars() == 2
-    if not part.select(is_short.any()).item():
-        return part
+    if not groups.select(is_short.any()).item():
+        return groups
     if day_first is None:
-        first = part.filter(is_short).row(0, named=True)
+        first = groups.filter(is_short).row(0, named=True)
         raise TimeError(
             f"'{first['d']}-{first['name']}-{first['y']}' has its year in two digits: set [log] "
             "day_first = true for day, month, year, false for year, month, day"
         )
     day, year = ("d", "y") if day_first else ("y", "d")
-    return part.with_columns(pl.col(day).alias("d"), ("20" + pl.col(year)).alias("y"))
+    return groups.with_columns(pl.col(day).alias("d"), ("20" + pl.col(year)).alias("y"))
 
 
 def decide_day_and_month(
-    part: pl.DataFrame, day_first: bool | None, notes: list[str]
+    groups: pl.DataFrame, day_first: bool | None, notes: list[str]
 ) -> pl.DataFrame:
     """Decide which of two numbers is the day: the one above 12."""
-    one, two = (part.get_column(n).cast(pl.Int64, strict=False) for n in ("one", "two"))
-    short = part.get_column("y").drop_nulls().str.len_chars().to_list()
-    example = "/".join(str(part.row(0, named=True)[n]) for n in ("one", "two", "y"))
+    one, two = (groups.get_column(n).cast(pl.Int64, strict=False) for n in ("one", "two"))
+    short = groups.get_column("y").drop_nulls().str.len_chars().to_list()
+    example = "/".join(str(groups.row(0, named=True)[n]) for n in ("one", "two", "y"))
     largest = [int(x.max() or 0) for x in (one, two)]  # pyright: ignore[reportArgumentType] of integers
     if day_first is None:
-        dots = part.get_column("sign").drop_nulls().head(1).to_list() == ["."]
+        dots = groups.get_column("sign").drop_nulls().head(1).to_list() == ["."]
         same = bool((one == two).all())
         if short and short[0] == 2:
             raise TimeError(
@@ -265,7 +265,7 @@ def decide_day_and_month(
             notes.append(f"dates are taken with the {'day' if day_first else 'month'} first")
     day, month = ("one", "two") if day_first else ("two", "one")
     year = pl.when(pl.col("y").str.len_chars() == 2).then("20" + pl.col("y"))
-    return part.with_columns(
+    return groups.with_columns(
         pl.col(day).alias("d"), pl.col(month).alias("m"), year.otherwise(pl.col("y")).alias("y")
     )
 
@@ -273,18 +273,18 @@ def decide_day_and_month(
 def parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[str, ...]]:
     """Times of day, which continue over midnight."""
     if re.fullmatch(_SINCE, first):
-        part = match_named_groups(text, f"^{_SINCE}$")
+        part = extract_named_groups(text, f"^{_SINCE}$")
         day = part.select(_parse_whole_numbers(pl.col("days"))).to_series()
-        return (time_of_day_ns(part) + day * DAY_NS).alias("log_time_ns"), ()
+        return (convert_time_of_day_to_ns(part) + day * DAY_NS).alias("log_time_ns"), ()
     pattern = f"^{_CLOCK}$"
     if re.fullmatch(_MINUTES, first):
         pattern = f"^{_MINUTES}$"
     elif first.count(":") < 2:
         raise TimeError(f"'{first}' may be hours and minutes or minutes and seconds")
-    part = match_named_groups(text, pattern)
+    part = extract_named_groups(text, pattern)
     if pattern != f"^{_CLOCK}$":
         part = part.with_columns(h=pl.lit("0"))
-    stamps = time_of_day_ns(part)
+    stamps = convert_time_of_day_to_ns(part)
     frame = pl.DataFrame({"t": stamps})
     step = pl.col("t").forward_fill().diff()
     has_halves = part.get_column("half").drop_nulls().len() > 0
@@ -300,7 +300,7 @@ def parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[st
     return (stamps + days.cast(pl.Int64) * DAY_NS).alias("log_time_ns"), (note,)
 
 
-def lower_case_letters(text: str) -> str:
+def keep_lower_case_letters(text: str) -> str:
     """Name in lower case, letters only."""
     return "".join(each for each in text.lower() if each.isalpha())
 
@@ -310,7 +310,7 @@ def find_calendar_columns(columns: Sequence[ColumnName]) -> tuple[str, ...]:
 
     Empty if one of them is missing.
     """
-    by_word = {lower_case_letters(column.name): column.name for column in reversed(columns)}
+    by_word = {keep_lower_case_letters(column.name): column.name for column in reversed(columns)}
     found = [next((by_word[w] for w in words if w in by_word), None) for words in _CALENDAR]
     clock = found[_DAY_PARTS:]
     if None in clock:
@@ -319,7 +319,7 @@ def find_calendar_columns(columns: Sequence[ColumnName]) -> tuple[str, ...]:
     return tuple(each for each in parts if each is not None)
 
 
-def times_of_calendar(parts: Sequence[pl.Series]) -> pl.Series:
+def convert_calendar_to_ns(parts: Sequence[pl.Series]) -> pl.Series:
     """Log times from columns of year to second, or hour to second; null if one is missing."""
     numbers = [part.cast(pl.Float64, strict=False).alias(str(k)) for k, part in enumerate(parts)]
     frame = pl.DataFrame(numbers)
@@ -333,15 +333,15 @@ def times_of_calendar(parts: Sequence[pl.Series]) -> pl.Series:
     return stamps.alias("log_time_ns")
 
 
-def fraction_column_or_none(
-    columns: Sequence[ColumnName], cells: Callable[[int], list[str]], place: int
+def find_fraction_column(
+    columns: Sequence[ColumnName], cells: Callable[[int], list[str]], column_index: int
 ) -> str | None:
     """Column of the fractions of a second, if the times have none; else None."""
-    own = cells(place)
+    own = cells(column_index)
     if not own or any(re.search(r"[.,]\d|:\d+:\d+:", cell) for cell in own):
         return None
     is_clock = any(":" in cell for cell in own)
-    names = [lower_case_letters(columns[place].name)]
+    names = [keep_lower_case_letters(columns[column_index].name)]
     if not is_clock and not any(
         name in ("sec", "secs", "second", "seconds", "s", "ss") for name in names
     ):
@@ -350,22 +350,22 @@ def fraction_column_or_none(
         (
             column.name
             for k, column in enumerate(columns)
-            if k != place
-            and fraction_unit_or_none(column.name) is not None
+            if k != column_index
+            and find_fraction_unit(column.name) is not None
             and all(cell.isdigit() for cell in cells(k))
         ),
         None,
     )
 
 
-def fraction_unit_or_none(name: str) -> str | None:
+def find_fraction_unit(name: str) -> str | None:
     """Unit of fractions of a second in a name: `nanosec`, `Millitm`."""
-    word = lower_case_letters(name)
+    word = keep_lower_case_letters(name)
     by_beginning = (unit for start, unit in _BEGINNINGS.items() if word.startswith(start))
     return _FRACTIONS.get(word) or next(by_beginning, None)
 
 
-def fractions_ns_and_unit(cells: pl.Series) -> tuple[pl.Series, str]:
+def convert_fractions_to_ns(cells: pl.Series) -> tuple[pl.Series, str]:
     """Fractions of a second in ns, and their unit, from the name or from their size.
 
     Raises:
@@ -375,7 +375,7 @@ def fractions_ns_and_unit(cells: pl.Series) -> tuple[pl.Series, str]:
     largest, least = numbers.max(), numbers.min()
     if not isinstance(largest, float) or not isinstance(least, float) or least < 0:
         raise TimeError(f"column '{cells.name}' holds no fractions of a second")
-    stated = fraction_unit_or_none(cells.name)
+    stated = find_fraction_unit(cells.name)
     possible = [unit for unit in ("ms", "us", "ns") if largest < NS / NS_PER_UNIT[unit]]
     unit = stated or (possible[0] if possible else "")
     if unit not in possible:

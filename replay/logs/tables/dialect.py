@@ -14,18 +14,18 @@ from typing import Final
 
 from replay.logs.tables.cells import (
     classify_cell,
-    common_unit_or_none,
+    find_common_unit,
     is_numeric,
-    matches_decimal_sign_and_may_group,
+    match_decimal_number,
 )
-from replay.logs.tables.dates import is_date, is_time_of_day
+from replay.logs.tables.dates import is_date_only, is_time_of_day
 from replay.logs.tables.header import (
     ColumnName,
     TextRow,
-    column_names,
     find_labelled_header_rows,
     find_name_and_unit_rows,
-    refuse_two_units,
+    make_column_names,
+    refuse_contradicting_units,
     strip_comment_and_join_brackets,
 )
 from replay.logs.tables.hints import DialectError, TableHints
@@ -100,7 +100,7 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
     """
     # a cell of a damaged file may be all of it
     csv.field_size_limit(min(sys.maxsize, 2**31 - 1))
-    separators = _given_separators(hints)
+    separators = _candidate_separators(hints)
     if hints.decimal not in (None, ".", ","):
         raise DialectError(f"no decimal sign '{hints.decimal}'; [log] decimal is '.' or ','")
     decimals = (hints.decimal,) if hints.decimal else (".", ",")
@@ -124,7 +124,7 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
     return _find_head_rows(reading, lines, hints)
 
 
-def _given_separators(hints: TableHints) -> tuple[str, ...]:
+def _candidate_separators(hints: TableHints) -> tuple[str, ...]:
     """Separator that the machine file names, else all known ones."""
     if hints.separator is None:
         return SEPARATORS
@@ -137,11 +137,11 @@ def _given_separators(hints: TableHints) -> tuple[str, ...]:
     return (given,)
 
 
-def _decide_decimal(best: list[_DialectTrial], hints: TableHints) -> _DialectTrial:
+def _decide_decimal(best_trials: list[_DialectTrial], hints: TableHints) -> _DialectTrial:
     """Choose among dialects that differ in the decimal sign only."""
-    with_sign = [each for each in best if each.decimals]
+    with_sign = [each for each in best_trials if each.decimals]
     # where no cell has a sign, the signs mean the same
-    reading = (with_sign or best)[0]
+    reading = (with_sign or best_trials)[0]
     clear = [each for each in with_sign if each.thousands < each.decimals]
     if not hints.decimal and (len(with_sign) > 1 or (with_sign and not clear)):
         # after a comma between cells, a point is no thousands' sign
@@ -213,15 +213,13 @@ def _iter_separator_trials(
 
 
 def _try_separators(
-    rows: list[TextRow], later: list[TextRow], width: int, signs: tuple[str, str], below: int
+    rows: list[TextRow], later_rows: list[TextRow], width: int, signs: tuple[str, str], below: int
 ) -> _DialectTrial | None:
     separator, decimal = signs
-    fitting = [row for row in later if len(row.cells) == width] or later
+    fitting = [row for row in later_rows if len(row.cells) == width] or later_rows
     columns = [[row.cells[k] for row in fitting if k < len(row.cells)] for k in range(width)]
     kinds = [[classify_cell(cell, decimal) for cell in column] for column in columns]
-    signed = [
-        matches_decimal_sign_and_may_group(cell, decimal) for column in columns for cell in column
-    ]
+    signed = [match_decimal_number(cell, decimal) for column in columns for cell in column]
     # a sign before three digits separates thousands where others show that it is not the decimal
     grouped = any("grouped" in each for each in kinds) or any(x and not y for x, y in signed)
     known = "grouped" if grouped else "odd"
@@ -230,14 +228,14 @@ def _try_separators(
     if not numeric:
         return None
     odd = sum(each.count("odd") for each in kinds)
-    ragged = sum(len(row.cells) != width for row in later)
-    faults = odd / max(sum(map(len, kinds)), 1) + ragged / len(later)
+    ragged = sum(len(row.cells) != width for row in later_rows)
+    faults = odd / max(sum(map(len, kinds)), 1) + ragged / len(later_rows)
     if odd * 5 > sum(len(each) for each in kinds):
         return None
     is_data = [
         row.line >= below
         and (len(row.cells) > 1 or row is rows[-1])
-        and _is_data(row.cells, numeric, width, decimal)
+        and _is_data_row(row.cells, numeric, width, decimal)
         for row in rows[: LIMITS.judged_rows]
     ]
     first = next(
@@ -247,7 +245,7 @@ def _try_separators(
             if yes
             and sum(n := is_data[k : k + LIMITS.next_rows]) >= LIMITS.next_data_fraction * len(n)
             # a row that is short of cells may be one of a long preamble
-            and not _has_names_below(
+            and not _do_names_follow(
                 rows[
                     k + 1 : k
                     + 1
@@ -265,7 +263,7 @@ def _try_separators(
         return None
     some = rows[first : first + LIMITS.judged_rows]
     cells = [row.cells[k] for row in some for k in numeric if k < len(row.cells)]
-    with_sign = [matches_decimal_sign_and_may_group(cell, decimal) for cell in cells]
+    with_sign = [match_decimal_number(cell, decimal) for cell in cells]
     return _DialectTrial(
         separator,
         decimal,
@@ -279,7 +277,7 @@ def _try_separators(
     )
 
 
-def _has_names_below(
+def _do_names_follow(
     rows: Sequence[TextRow],
     is_data: Sequence[bool],
     numeric: Sequence[int],
@@ -295,11 +293,13 @@ def _has_names_below(
     )
 
 
-def _is_data(cells: Sequence[str], numeric: Sequence[int], width: int, decimal: str) -> bool:
+def _is_data_row(
+    cells: Sequence[str], numeric_columns: Sequence[int], width: int, decimal: str
+) -> bool:
     """Whether a row has numbers where the table has them."""
     if len(cells) > width + 1:
         return False
-    kinds = [classify_cell(cells[k], decimal) for k in numeric if k < len(cells)]
+    kinds = [classify_cell(cells[k], decimal) for k in numeric_columns if k < len(cells)]
     return is_numeric(["number" if each == "maybe grouped" else each for each in kinds])
 
 
@@ -349,9 +349,9 @@ def _find_head_rows(reading: _DialectTrial, lines: Sequence[str], hints: TableHi
             "decimal, or header_row"
         )
     if units is not None and hints.units_row is None:
-        refuse_two_units(cells, units.cells, units.line + 1)
+        refuse_contradicting_units(cells, units.cells, units.line + 1)
     cell_units = tuple(
-        common_unit_or_none(
+        find_common_unit(
             [row[k] for row in data[: LIMITS.judged_rows] if k < len(row) and row[k]],
             reading.decimal,
         )
@@ -361,7 +361,7 @@ def _find_head_rows(reading: _DialectTrial, lines: Sequence[str], hints: TableHi
     dialect = Dialect(
         separator,
         reading.decimal,
-        tuple(column_names(cells, stated)),
+        tuple(make_column_names(cells, stated)),
         rows[reading.first].line if reading.first < len(rows) else rows[-1].after,
         tuple(data[: LIMITS.judged_rows]),
         has_tail,
@@ -373,7 +373,7 @@ def _find_head_rows(reading: _DialectTrial, lines: Sequence[str], hints: TableHi
 
 
 def _begins_with_a_date(data: Sequence[Sequence[str]]) -> bool:
-    return bool(data) and is_date(data[0][0]) and is_time_of_day(data[0][1])
+    return bool(data) and is_date_only(data[0][0]) and is_time_of_day(data[0][1])
 
 
 def _describe_dialect(
@@ -394,7 +394,7 @@ def _describe_dialect(
         yield f"the table is read with {', '.join(said)}"
 
 
-def first_cells_of_column(dialect: Dialect, column: int, count: int = 50) -> list[str]:
+def read_first_cells(dialect: Dialect, column: int, count: int = 50) -> list[str]:
     """First cells of a column that are not empty."""
     cells = (row[column] for row in dialect.rows if column < len(row) and row[column])
     return list(islice(cells, count))

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from analysis.model.physical_units import (
+    find_pint_name,
     gain_and_offset_to_si,
-    pint_name_of_unit,
     split_unit_from_name,
 )
 from estimators.errors import MachineError
@@ -55,7 +55,7 @@ class ColumnName:
     unit: str | None
 
 
-def column_names(cells: Sequence[str], units: Sequence[str] = ()) -> list[ColumnName]:
+def make_column_names(cells: Sequence[str], units: Sequence[str] = ()) -> list[ColumnName]:
     """Distinct names that are not empty, with units from the names or the row of units.
 
     Args:
@@ -63,7 +63,7 @@ def column_names(cells: Sequence[str], units: Sequence[str] = ()) -> list[Column
         units: cells of the row of units; () without one.
     """
     over = [_OVER.fullmatch(cell.strip()) for cell in cells]
-    is_over = len(cells) > 1 and all(match and pint_name_of_unit(match["unit"]) for match in over)
+    is_over = len(cells) > 1 and all(match and find_pint_name(match["unit"]) for match in over)
     found: list[ColumnName] = []
     taken: dict[str, int] = {}
     for number, cell in enumerate(cells, start=1):
@@ -73,15 +73,15 @@ def column_names(cells: Sequence[str], units: Sequence[str] = ()) -> list[Column
             again += 1
             name = f"{stated} ({again + 1})"
         taken[stated], taken[name] = again, taken.get(name, 0)
-        bare, unit = split_unit(stated)
+        bare, unit = split_column_unit(stated)
         if is_over and (match := over[number - 1]):
-            bare, unit = match["name"], pint_name_of_unit(match["unit"])
+            bare, unit = match["name"], find_pint_name(match["unit"])
         row_unit = units[number - 1] if number <= len(units) else ""
-        found.append(ColumnName(name, bare, pint_name_of_unit(row_unit) or unit))
+        found.append(ColumnName(name, bare, find_pint_name(row_unit) or unit))
     return found
 
 
-def refuse_two_units(cells: Sequence[str], units: Sequence[str], line: int) -> None:
+def refuse_contradicting_units(cells: Sequence[str], units: Sequence[str], line: int) -> None:
     """Raise an error if a column's name and the row of units state different units.
 
     Units of other dimensions are not compared: `v_N` in rpm is the speed of N.
@@ -90,7 +90,7 @@ def refuse_two_units(cells: Sequence[str], units: Sequence[str], line: int) -> N
         DialectError: a column has two units.
     """
     for cell, stated in zip(cells, units, strict=False):
-        name, row = split_unit(" ".join(cell.split()))[1], pint_name_of_unit(stated)
+        name, row = split_column_unit(" ".join(cell.split()))[1], find_pint_name(stated)
         if name is None or row is None or name == row:
             continue
         with suppress(MachineError):
@@ -101,7 +101,7 @@ def refuse_two_units(cells: Sequence[str], units: Sequence[str], line: int) -> N
             )
 
 
-def split_unit(name: str) -> tuple[str, str | None]:
+def split_column_unit(name: str) -> tuple[str, str | None]:
     """Name without its unit, and the unit; None if no known unit is stated.
 
     `Velocity [km/h]`, `torque (Nm)`, `Speed / km/h`, `speed_kmh`, `left_Mz_Nm`.
@@ -113,35 +113,35 @@ def split_unit(name: str) -> tuple[str, str | None]:
         return name, None
     for form in (_BRACKETS, _BEHIND, _MIDDLE):
         match = form.fullmatch(name)
-        unit = pint_name_of_unit(match["unit"]) if match and match["name"] else None
+        unit = find_pint_name(match["unit"]) if match and match["name"] else None
         if match and unit:
             rest = match["rest"] if form is _MIDDLE else ""
             return f"{match['name'].strip()} {rest}".strip(), unit
     if (match := _REMARK.fullmatch(name)) and (remarked := _BEHIND.fullmatch(match["name"])):
-        unit = pint_name_of_unit(remarked["unit"])
+        unit = find_pint_name(remarked["unit"])
         if unit:
             return remarked["name"].strip(), unit
     return split_unit_from_name(name)
 
 
-def column_named_by_last_part(column: ColumnName) -> ColumnName:
+def name_column_by_last_part(column: ColumnName) -> ColumnName:
     """Column named by the last part of its name: payload.ts, /robot/time."""
     return replace(column, bare=re.split(r"[./]", column.bare)[-1])
 
 
-def column_named_before_dash(column: ColumnName) -> ColumnName:
+def name_column_before_dash(column: ColumnName) -> ColumnName:
     """Column named by the part before its channel: Time (s) - Speed (m/s)."""
-    bare, unit = split_unit(column.name.partition(" - ")[0])
+    bare, unit = split_column_unit(column.name.partition(" - ")[0])
     return replace(column, bare=bare, unit=unit)
 
 
 def has_multiple_of_unit(name: str) -> bool:
     """Whether a name states a multiple of a unit: `Time [0.1 ms]`."""
     match = _MULTIPLE.fullmatch(name)
-    return match is not None and pint_name_of_unit(match["unit"]) is not None
+    return match is not None and find_pint_name(match["unit"]) is not None
 
 
-def zone_offset_s(name: str) -> int | None:
+def find_zone_offset_s(name: str) -> int | None:
     """Offset of the time zone in a column's name in s; None without one."""
     match = _ZONE.search(name)
     if match is None:
@@ -153,7 +153,7 @@ def zone_offset_s(name: str) -> int | None:
 def is_row_of_units(cells: Sequence[str], *, half: bool = False) -> bool:
     """Whether a row contains only units, most of them known (half with `half`)."""
     said = [cell.strip() for cell in cells if cell.strip()]
-    known = sum(pint_name_of_unit(cell) is not None for cell in said)
+    known = sum(find_pint_name(cell) is not None for cell in said)
     blank = sum(cell.strip("[]() ") in ("", "-", "–", "1", "bool", "none") for cell in said)
     # a unit that is not known is still short, or in brackets
     short = sum(len(cell) <= LIMITS.unit_characters or cell[0] in "[(" for cell in said)
@@ -191,19 +191,19 @@ def strip_comment_and_join_brackets(
 
 
 def find_name_and_unit_rows(
-    above: list[TextRow], width: int, hints: TableHints
+    rows_above: list[TextRow], width: int, hints: TableHints
 ) -> tuple[TextRow | None, TextRow | None]:
     """Row of the names and row of the units; None for each that is missing.
 
     Args:
-        above: rows above the data, in order.
+        rows_above: rows above the data, in order.
         width: number of data columns.
         hints: properties given by the user.
 
     Raises:
         DialectError: the given line has no cells, or two rows may hold the units.
     """
-    by_line = {row.line + 1: row for row in above}
+    by_line = {row.line + 1: row for row in rows_above}
     for key, line in (("header_row", hints.header_row), ("units_row", hints.units_row)):
         if line and line not in by_line:
             raise DialectError(
@@ -215,7 +215,7 @@ def find_name_and_unit_rows(
         return None, stated
     if given is not None:
         if stated is None and hints.units_row is None:
-            nearby = [row for row in above if abs(row.line - given.line) <= 2 and row != given]
+            nearby = [row for row in rows_above if abs(row.line - given.line) <= 2 and row != given]
             stated = next(
                 (
                     r
@@ -225,7 +225,7 @@ def find_name_and_unit_rows(
                 None,
             )
         return given, stated
-    stated, wide = _find_wide_rows(above, width, stated, hints)
+    stated, wide = _find_wide_rows(rows_above, width, stated, hints)
     if not wide:
         return None, stated
     if hints.units_row is None and stated is None and len(wide) > 2:
@@ -240,10 +240,10 @@ def find_name_and_unit_rows(
             return third, second
     if stated is not None or len(wide) == 1:
         return wide[-1], stated
-    return take_names_and_units(*wide[-2:], has_no_units=hints.units_row == 0)
+    return take_name_and_unit_rows(*wide[-2:], has_no_units=hints.units_row == 0)
 
 
-def take_names_and_units(
+def take_name_and_unit_rows(
     before: TextRow, last: TextRow, *, has_no_units: bool
 ) -> tuple[TextRow, TextRow | None]:
     """Names, and units if one of the last two rows contains only units.
@@ -267,7 +267,7 @@ def take_names_and_units(
 
 
 def find_labelled_header_rows(
-    above: list[TextRow], width: int, *, is_blank_first: bool
+    rows_above: list[TextRow], width: int, *, is_blank_first: bool
 ) -> tuple[TextRow, TextRow] | None:
     """Rows of names and units that begin with a label: "SIGNAL", "TIME", "CH1".
 
@@ -276,13 +276,13 @@ def find_labelled_header_rows(
     """
     rows = [
         TextRow(row.line, row.after, ("",) * is_blank_first + row.cells[1:])
-        for row in above
+        for row in rows_above
         if row.cells[0] and (is_blank_first or len(row.cells) == width + 1)
     ]
     rows = [row for row in rows if width - sum(map(bool, row.cells)) <= 2 * is_blank_first]
     units = [row for row in rows if is_row_of_units(row.cells)]
     names = [row for row in rows if row not in units and not any(map(_NUMBER.fullmatch, row.cells))]
-    words = {row.line: row.cells[0] for row in above}
+    words = {row.line: row.cells[0] for row in rows_above}
     said = any(_OF_UNITS.search(words[row.line]) for row in units)
     if not names or not units or not (said or is_blank_first):
         return None
@@ -290,23 +290,27 @@ def find_labelled_header_rows(
 
 
 def _find_wide_rows(
-    above: list[TextRow], width: int, stated: TextRow | None, hints: TableHints
+    rows_above: list[TextRow], width: int, stated_rows: TextRow | None, hints: TableHints
 ) -> tuple[TextRow | None, list[TextRow]]:
     """Row of units if labelled as such, and candidate rows for names or units."""
-    attributes = {row.line: found for row in above if (found := parse_attribute_row(row))}
+    attributes = {row.line: found for row in rows_above if (found := parse_attribute_row(row))}
     if not any(
-        _has_cell_for_each_column(row, width) and row.line not in attributes for row in above
+        _has_cell_for_each_column(row, width) and row.line not in attributes for row in rows_above
     ):
         # one word before all names is a part of them: "Latest: Time (s)"
         attributes = {}
-    if stated is None and hints.units_row is None:
-        stated = next((row for key, row in attributes.values() if key in ("unit", "units")), None)
+    if stated_rows is None and hints.units_row is None:
+        stated_rows = next(
+            (row for key, row in attributes.values() if key in ("unit", "units")), None
+        )
     wide = [
         row
-        for row in above
-        if _has_cell_for_each_column(row, width) and row != stated and row.line not in attributes
+        for row in rows_above
+        if _has_cell_for_each_column(row, width)
+        and row != stated_rows
+        and row.line not in attributes
     ]
-    return stated, wide
+    return stated_rows, wide
 
 
 def parse_attribute_row(row: TextRow) -> tuple[str, TextRow] | None:

@@ -4,13 +4,13 @@ from collections.abc import Callable, Sequence
 
 import polars as pl
 
-from replay.logs.tables.dates import is_time_of_day, stamps_of_clock_times
+from replay.logs.tables.dates import convert_clock_times_to_stamps, is_time_of_day
 from replay.logs.tables.header import ColumnName
 from replay.logs.tables.table_limits import LIMITS
-from replay.logs.tables.times import NS_PER_UNIT, TimeError, times_in_ns
+from replay.logs.tables.times import NS_PER_UNIT, TimeError, convert_times_to_ns
 
 
-def only_time_column_or_empty(
+def find_only_time_column(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
 ) -> list[int]:
     """Index of the only column that contains times; empty if there is none or several.
@@ -21,7 +21,9 @@ def only_time_column_or_empty(
     if clocks:
         return clocks if len(clocks) == 1 else []
     rising = [
-        k for k, column in enumerate(columns) if column.unit in NS_PER_UNIT and is_rising(cells(k))
+        k
+        for k, column in enumerate(columns)
+        if column.unit in NS_PER_UNIT and is_strictly_increasing(cells(k))
     ]
     return rising if len(rising) == 1 else []
 
@@ -35,7 +37,7 @@ def is_clock_column(cells: list[str]) -> bool:
     )
 
 
-def is_rising(cells: list[str]) -> bool:
+def is_strictly_increasing(cells: list[str]) -> bool:
     """Whether the cells are strictly increasing numbers."""
     numbers = pl.Series(cells, dtype=pl.String).str.replace(",", ".").cast(pl.Float64, strict=False)
     steps = numbers.diff().drop_nulls()
@@ -46,7 +48,7 @@ def is_rising(cells: list[str]) -> bool:
     )
 
 
-def describe_disagreement(
+def describe_contradicting_time_column(
     columns: Sequence[ColumnName],
     cells: Callable[[int], list[str]],
     name: str,
@@ -63,14 +65,14 @@ def describe_disagreement(
     Returns:
         The sentence; None if the times agree.
     """
-    taken_s = rising_span_s(stamps)
+    taken_s = find_rising_span_s(stamps)
     if taken_s is None:
         return None
     for place, column in enumerate(columns):
         own = cells(place) if column.name != name else []
         if len(own) != stamps.len() or not _may_column_be_time(column, own):
             continue
-        other_s = _rising_span_of_column_s(column, own)
+        other_s = _find_column_span_s(column, own)
         if other_s is None:
             continue
         if abs(other_s - taken_s) > LIMITS.clock_drift_s + LIMITS.clock_drift_fraction * max(
@@ -88,17 +90,21 @@ def _may_column_be_time(column: ColumnName, cells: list[str]) -> bool:
     return named or is_clock_column(cells)
 
 
-def _rising_span_of_column_s(column: ColumnName, cells: list[str]) -> float | None:
+def _find_column_span_s(column: ColumnName, cells: list[str]) -> float | None:
     text = pl.Series(column.name, cells, dtype=pl.String)
     try:
         if is_clock_column(cells):
-            return rising_span_s(stamps_of_clock_times(None, text, None)[0])
-        return rising_span_s(times_in_ns(text, column.unit or "s")) if is_rising(cells) else None
+            return find_rising_span_s(convert_clock_times_to_stamps(None, text, None)[0])
+        return (
+            find_rising_span_s(convert_times_to_ns(text, column.unit or "s"))
+            if is_strictly_increasing(cells)
+            else None
+        )
     except TimeError:
         return None
 
 
-def rising_span_s(stamps: pl.Series) -> float | None:
+def find_rising_span_s(stamps: pl.Series) -> float | None:
     """Seconds from first to last stamp; None if they do not increase."""
     there = stamps.drop_nulls()
     if there.len() < LIMITS.rising_min_rows or (there.diff() < 0).any():

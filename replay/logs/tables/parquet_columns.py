@@ -10,9 +10,9 @@ import polars as pl
 import pyarrow as pa
 from pyarrow.parquet import ParquetFile
 
-from analysis.model.physical_units import pint_name_of_unit
+from analysis.model.physical_units import find_pint_name
 from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
-from replay.logs.tables.header import ColumnName, split_unit
+from replay.logs.tables.header import ColumnName, split_column_unit
 
 _MAPS: Final = ("units", "unit", "column_units")
 _OF_A_COLUMN: Final = (
@@ -49,9 +49,10 @@ class ParquetColumns:
         schema = self._read_schema()
         self.metadata = _decode_texts(schema.metadata or {})
         flat = [field for field in schema if not pa.types.is_nested(field.type)]
-        stated = units_of_schema(self.metadata, [field.name for field in flat])
+        stated = find_schema_units(self.metadata, [field.name for field in flat])
         self.columns = [
-            _name_column(field.name, field.metadata or {}, stated.get(field.name)) for field in flat
+            _make_column_name(field.name, field.metadata or {}, stated.get(field.name))
+            for field in flat
         ]
         self.names = [column.name for column in self.columns]
 
@@ -60,7 +61,7 @@ class ParquetColumns:
             self._footer = file.metadata
             return file.schema_arrow
 
-    def first_text_cells(self, place: int) -> list[str]:  # noqa: ARG002 as of a text
+    def first_text_cells(self, column_index: int) -> list[str]:  # noqa: ARG002 as of a text
         """Empty, since columns of a Parquet file have types."""
         return []
 
@@ -134,15 +135,17 @@ def _guard_library_call() -> Generator[None]:
         raise BrokenBytesError(error) from error
 
 
-def _name_column(name: str, metadata: dict[bytes, bytes], schema_unit: str | None) -> ColumnName:
+def _make_column_name(
+    name: str, metadata: dict[bytes, bytes], schema_unit: str | None
+) -> ColumnName:
     """Column with the unit from its metadata, the schema's metadata, or its name."""
     stated = next((metadata[key] for key in _UNIT_KEYS if key in metadata), b"")
-    bare, unit = split_unit(name)
-    own = pint_name_of_unit(stated.decode("utf-8", "replace"))
+    bare, unit = split_column_unit(name)
+    own = find_pint_name(stated.decode("utf-8", "replace"))
     return ColumnName(name, bare, own or schema_unit or unit)
 
 
-def units_of_schema(metadata: Mapping[str, str], names: Sequence[str]) -> dict[str, str]:
+def find_schema_units(metadata: Mapping[str, str], names: Sequence[str]) -> dict[str, str]:
     """Units stated in a file's metadata, by column, in pint's names.
 
     Args:
@@ -151,7 +154,7 @@ def units_of_schema(metadata: Mapping[str, str], names: Sequence[str]) -> dict[s
     """
     found: dict[str, str] = {}
     for name, text in _iter_stated_units(metadata, names):
-        unit = pint_name_of_unit(text)
+        unit = find_pint_name(text)
         if unit is not None:
             found.setdefault(name, unit)
     return found
@@ -165,28 +168,28 @@ def _iter_stated_units(
         yield from ((name, metadata[key]) for key in keys if key in metadata)
     known = frozenset(names)
     for key in _MAPS:
-        yield from _iter_units_of_map(parse_json_or_none(metadata.get(key)), known)
+        yield from _iter_map_units(try_parse_json(metadata.get(key)), known)
     for key in _ATTRIBUTES:
-        yield from iter_units_of_attributes(parse_json_or_none(metadata.get(key)), known)
+        yield from iter_attribute_units(try_parse_json(metadata.get(key)), known)
 
 
-def iter_units_of_attributes(attributes: Any, known: frozenset[str]) -> Iterator[tuple[str, str]]:
+def iter_attribute_units(attributes: Any, known_names: frozenset[str]) -> Iterator[tuple[str, str]]:
     """Units in attributes: a map of units, a map per column, or columns with `metadata`."""
     if not isinstance(attributes, dict):
         return
     for key in _MAPS:
-        yield from _iter_units_of_map(attributes.get(key), known)
-    yield from _iter_units_of_map(attributes, known)
+        yield from _iter_map_units(attributes.get(key), known_names)
+    yield from _iter_map_units(attributes, known_names)
     columns = attributes.get("columns")
     for column in columns if isinstance(columns, list) else ():
         if isinstance(column, dict) and isinstance(column.get("name"), str):
-            yield from _iter_units_of_map({column["name"]: column.get("metadata")}, known)
+            yield from _iter_map_units({column["name"]: column.get("metadata")}, known_names)
 
 
-def _iter_units_of_map(units: Any, known: frozenset[str]) -> Iterator[tuple[str, str]]:
+def _iter_map_units(units: Any, known_names: frozenset[str]) -> Iterator[tuple[str, str]]:
     """Units in `{"speed": "km/h"}`, or `{"speed": {"unit": "km/h"}}`."""
     for name, stated in units.items() if isinstance(units, dict) else ():
-        if name not in known:
+        if name not in known_names:
             continue
         if isinstance(stated, dict):
             stated = next((stated[key] for key in _MAPS if key in stated), None)
@@ -194,7 +197,7 @@ def _iter_units_of_map(units: Any, known: frozenset[str]) -> Iterator[tuple[str,
             yield name, stated
 
 
-def parse_json_or_none(text: str | None) -> Any:
+def try_parse_json(text: str | None) -> Any:
     """Parsed JSON; None if invalid or nested too deeply."""
     try:
         return json.loads(text) if text else None

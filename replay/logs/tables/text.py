@@ -110,7 +110,7 @@ def _has_cr_line_ends(path: Path) -> bool:
     return b"\n" not in head and head.count(b"\r") > 1
 
 
-def copy_with_tabs_for_blanks(text: Utf8Text) -> Utf8Text:
+def copy_with_blanks_as_tabs(text: Utf8Text) -> Utf8Text:
     """Copy with each run of blanks replaced by a tab."""
     lines = ("\t".join(line.split()) + "\n" for line in _iter_lines(text.path, "utf-8-sig"))
     return _copy_lines_to_file(text.path, lines, text.notes)
@@ -204,7 +204,7 @@ def _recognise_encoding(path: Path) -> str:
 _OTHER_LETTERS: Final = re.compile(rb"[\x80-\xff]{3}")
 
 
-def read_head_lines(path: Path) -> list[str]:
+def read_first_lines(path: Path) -> list[str]:
     """First complete lines of a UTF-8 text, to detect its dialect."""
     with path.open("rb") as file:
         head = file.read(LIMITS.head_bytes)

@@ -21,7 +21,7 @@ class TimeError(Exception):
     """A column cannot be the time; one line with the reason."""
 
 
-def times_in_ns(values: pl.Series, unit: str) -> pl.Series:
+def convert_times_to_ns(values: pl.Series, unit: str) -> pl.Series:
     """Times as Int64 ns; null if missing.
 
     Integers are multiplied as integers. A float is split into whole and fraction first, so that the
@@ -89,11 +89,11 @@ def _datetimes_to_ns(values: pl.Series) -> pl.Series:
     raise TimeError(f"it holds {values.dtype}, not times")
 
 
-def refuse_times_beyond_64_bits(extremes: Iterable[object], largest: int, unit: str) -> None:
+def refuse_times_beyond_64_bits(extremes: Iterable[object], max_value: int, unit: str) -> None:
     """Raise an error if a time does not fit into 64-bit ns."""
     # as Python numbers: polars compares integers only with what fits into their own dtype
     for extreme in extremes:
-        if isinstance(extreme, (int, float)) and abs(extreme) > largest:
+        if isinstance(extreme, (int, float)) and abs(extreme) > max_value:
             raise TimeError(
                 f"{extreme} {unit} does not fit into 64 bit nanoseconds; its unit is wrong"
             )
@@ -144,7 +144,7 @@ _OTHERS: Final = (
 )
 
 
-def find_plausible_epoch_or_none(
+def find_plausible_epoch(
     low: float, high: float, step: float, steps_s: tuple[float, float]
 ) -> Epoch | None:
     """Clock by which numbers are plausible dates of a log; None without one.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.simulation import SimulatedLog
 from estimators.arrays import Ints
-from replay.logs.writers.recorded_order import FullChunk, cut_into_chunks, iter_blocks_by_log_time
+from replay.logs.writers.recorded_order import FullChunk, iter_record_blocks, split_into_chunks
 from replay.logs.writers.ros_messages import TOPICS, make_recorded_topics
 from replay.logs.writers.serialise_messages import Envelope
 
@@ -44,9 +44,7 @@ def write_bag(log: SimulatedLog, path: Path) -> None:
     topics = make_recorded_topics(log, store, numbers, _make_envelope, ros1=True)
     with path.open("xb") as file:
         file.write(_MAGIC + _encode_bag_header(0, 0, 0))
-        whole = cut_into_chunks(
-            iter_blocks_by_log_time(topics), b"".join(connections), _CHUNK_BYTES
-        )
+        whole = split_into_chunks(iter_record_blocks(topics), b"".join(connections), _CHUNK_BYTES)
         written = [_write_chunk(file, chunk) for chunk in whole]
         index_at = file.tell()
         file.write(b"".join(connections))

@@ -32,8 +32,8 @@ from estimators.arrays import Ints
 from replay.logs.writers.recorded_order import (
     FullChunk,
     RecordedTopic,
-    cut_into_chunks,
-    iter_blocks_by_log_time,
+    iter_record_blocks,
+    split_into_chunks,
 )
 from replay.logs.writers.ros_messages import TOPICS, make_recorded_topics
 from replay.logs.writers.serialise_messages import Envelope
@@ -148,7 +148,7 @@ class ColumnMcap:
         self._write_record(Header("ros2", "payscope"))
         preamble = b"".join(_serialise_record(record) for each in self.channels for record in each)
         for chunk, done in self._compress_ahead(
-            cut_into_chunks(iter_blocks_by_log_time(topics), preamble, _CHUNK_BYTES)
+            split_into_chunks(iter_record_blocks(topics), preamble, _CHUNK_BYTES)
         ):
             counts = self._write_chunk(chunk, done.result())
             _add_to_statistics(self.statistics, counts, chunk)

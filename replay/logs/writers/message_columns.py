@@ -44,27 +44,27 @@ class RaggedColumn:
         return np.cumsum(self.lengths) - self.lengths
 
 
-def number_message_shapes(column: Column) -> Ints | None:
+def number_messages_by_shape(column: Column) -> Ints | None:
     """Numbers (n,) that are equal for messages of equal lengths; None if all lengths are equal."""
     if isinstance(column, RaggedColumn):
-        return _list_shape_ids(column)
+        return _number_list_shapes(column)
     if isinstance(column, Mapping):
-        return number_joint_shapes([number_message_shapes(each) for each in column.values()])
+        return combine_shape_numbers([number_messages_by_shape(each) for each in column.values()])
     if isinstance(column, list | tuple):
-        return number_joint_shapes([number_message_shapes(each) for each in column])
+        return combine_shape_numbers([number_messages_by_shape(each) for each in column])
     return None
 
 
-def number_joint_shapes(found: Sequence[Ints | None]) -> Ints | None:
+def combine_shape_numbers(shape_numbers: Sequence[Ints | None]) -> Ints | None:
     """Number the combinations of shapes of several columns."""
-    known = [each for each in found if each is not None]
+    known = [each for each in shape_numbers if each is not None]
     if len(known) < 2:
         return known[0] if known else None
     return np.unique(np.column_stack(known), axis=0, return_inverse=True)[1].reshape(-1)
 
 
-def _list_shape_ids(column: RaggedColumn) -> Ints:
-    inside, lengths = number_message_shapes(column.content), column.lengths
+def _number_list_shapes(column: RaggedColumn) -> Ints:
+    inside, lengths = number_messages_by_shape(column.content), column.lengths
     if inside is None:
         return lengths
     numbers = np.zeros(lengths.size, np.int64)

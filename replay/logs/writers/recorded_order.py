@@ -46,7 +46,7 @@ def _scatter_rows(rows: Bytes, size: int, begins: Ints, target: Bytes) -> None:
         copy(rows, number * size, target, begins[number], size)
 
 
-def iter_blocks_by_log_time(topics: Sequence[RecordedTopic]) -> Iterator[RecordBlock]:
+def iter_record_blocks(topics: Sequence[RecordedTopic]) -> Iterator[RecordBlock]:
     """Yield all messages in order of log time; ties are in the order of the topics."""
     times = np.concatenate([np.empty(0, np.int64), *(topic.log_time_ns for topic in topics)])
     sizes = [topic.log_time_ns.size for topic in topics]
@@ -60,17 +60,17 @@ def iter_blocks_by_log_time(topics: Sequence[RecordedTopic]) -> Iterator[RecordB
 
 
 def _make_next_block(
-    topics: Sequence[RecordedTopic], times: Ints, kinds: Ints, done: list[int]
+    topics: Sequence[RecordedTopic], times: Ints, topic_ids: Ints, messages_done: list[int]
 ) -> RecordBlock:
-    """Next block of messages; `done` counts the messages of each topic that precede it."""
+    """Next block of messages; `messages_done` counts the messages of each topic that precede it."""
     lengths = np.empty(times.size, np.int64)
     made: list[tuple[Bytes, Ints]] = []
     for number, topic in enumerate(topics):
-        places = np.flatnonzero(kinds == number)
+        places = np.flatnonzero(topic_ids == number)
         if not places.size:
             continue
-        first, done[number] = done[number], done[number] + places.size
-        for same in topic.records(first, done[number]):
+        first, messages_done[number] = messages_done[number], messages_done[number] + places.size
+        for same in topic.records(first, messages_done[number]):
             chosen = places if same.chosen is None else places[same.chosen]
             lengths[chosen] = same.rows.shape[1]
             made.append((same.rows, chosen))
@@ -80,7 +80,7 @@ def _make_next_block(
     for rows, chosen in made:
         _scatter_rows(rows.reshape(-1), rows.shape[1], begins[chosen], data)
     numbers = np.array([topic.connection for topic in topics], np.int64)
-    return RecordBlock(data, numbers[kinds], times, ends)
+    return RecordBlock(data, numbers[topic_ids], times, ends)
 
 
 class FullChunk(NamedTuple):
@@ -105,7 +105,7 @@ class FullChunk(NamedTuple):
         return found
 
 
-def cut_into_chunks(
+def split_into_chunks(
     blocks: Iterator[RecordBlock], preamble: bytes, threshold: int
 ) -> Iterator[FullChunk]:
     """Cut records into chunks, each ending with the record that exceeds the threshold.
@@ -140,10 +140,10 @@ def cut_into_chunks(
         yield _join_into_full_chunk(lead, pieces)
 
 
-def _join_into_full_chunk(lead: Bytes, pieces: Sequence[RecordBlock]) -> FullChunk:
-    data = np.concatenate([lead, *(piece.data for piece in pieces)])
+def _join_into_full_chunk(preamble: Bytes, pieces: Sequence[RecordBlock]) -> FullChunk:
+    data = np.concatenate([preamble, *(piece.data for piece in pieces)])
     offsets: list[Ints] = []
-    at = lead.size
+    at = preamble.size
     for piece in pieces:
         offsets.append(np.concatenate([[0], piece.ends[:-1]]) + at)
         at += piece.data.size

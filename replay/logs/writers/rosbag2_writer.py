@@ -18,7 +18,7 @@ from replay.logs.writers.mcap_writer import (
     make_channel_record,
     make_envelope,
 )
-from replay.logs.writers.recorded_order import RecordedTopic, iter_blocks_by_log_time
+from replay.logs.writers.recorded_order import RecordedTopic, iter_record_blocks
 from replay.logs.writers.ros_messages import TOPICS, make_recorded_topics
 from replay.logs.writers.serialise_messages import Envelope
 
@@ -129,7 +129,7 @@ class _Database(Sqlite3Writer):
 
 
 def _iter_messages(topics: Sequence[RecordedTopic]) -> Iterator[tuple[int, int, memoryview]]:
-    for block in iter_blocks_by_log_time(topics):
+    for block in iter_record_blocks(topics):
         data = memoryview(block.data.data)
         begins = np.concatenate([[0], block.ends[:-1]]).tolist()
         parts = zip(begins, block.ends.tolist(), strict=True)

@@ -14,7 +14,7 @@ from rosbags.interfaces import Nodetype
 
 from estimators.arrays import Bytes, Ints
 from replay.logs.decoding.wire import Wire
-from replay.logs.writers.message_columns import Column, RaggedColumn, number_message_shapes
+from replay.logs.writers.message_columns import Column, RaggedColumn, number_messages_by_shape
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -56,17 +56,15 @@ def serialise_messages(
     Returns:
         Messages by layout, each preceded by its envelope.
     """
-    found = number_message_shapes(column)
+    found = number_messages_by_shape(column)
     numbers = np.empty(0, np.int64) if found is None else np.unique(found)
     if found is None or numbers.size == 1:
         return [
-            SameLayout(
-                None, _serialise_layout(store, msgtype, column, slice(count), wire, envelope)
-            )
+            SameLayout(None, serialise_layout(store, msgtype, column, slice(count), wire, envelope))
         ]
     groups = (np.flatnonzero(found == number) for number in numbers)
     return [
-        SameLayout(rows, _serialise_layout(store, msgtype, column, rows, wire, envelope))
+        SameLayout(rows, serialise_layout(store, msgtype, column, rows, wire, envelope))
         for rows in groups
     ]
 
@@ -75,7 +73,7 @@ def serialise_messages(
 _Chosen: TypeAlias = "slice | Ints"
 
 
-def _serialise_layout(
+def serialise_layout(
     store: "Typestore",
     msgtype: str,
     column: Column,

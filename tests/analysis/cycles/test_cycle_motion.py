@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis.cycles.cycle_parts import (
-    find_idle_standstills,
+    find_idle_spans_ns,
     summarise_cycle_motion,
     summarise_shift_motion,
 )
@@ -67,5 +67,5 @@ def test_without_a_speed_there_is_no_distance() -> None:
 
 
 def test_a_stand_of_more_than_half_a_minute_is_idle() -> None:
-    [(start_ns, end_ns)] = find_idle_standstills(driven())
+    [(start_ns, end_ns)] = find_idle_spans_ns(driven())
     assert (start_ns / NS, end_ns / NS) == (pytest.approx(30.0), pytest.approx(69.9))

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.cycles.cycles import weigh_cycles
-from analysis.cycles.cycles_without_mass import estimate_cycles_in_gaps, find_channel_gaps_ns
+from analysis.cycles.cycles_without_mass import estimate_cycles_lost_in_gaps, find_channel_gaps_ns
 from analysis.cycles.payload_target import judge_payload_target
-from analysis.cycles.shift_totals import recount_shift, sum_shift
+from analysis.cycles.shift_totals import make_shift_totals, recompute_shift_totals
 from analysis.model.schema import FRAMES
 from analysis.model.verdict import Verdict
 from replay import load_machine
@@ -26,7 +26,9 @@ def found(frames: dict[str, pl.DataFrame]) -> pl.DataFrame:
 
 
 def summed(frames: dict[str, pl.DataFrame]) -> dict[str, float]:
-    return sum_shift(found(frames), frames["excitation"], frames["aligned"]).row(0, named=True)
+    return make_shift_totals(found(frames), frames["excitation"], frames["aligned"]).row(
+        0, named=True
+    )
 
 
 @given(st.lists(st.floats(200.0, 1100.0), min_size=2, max_size=30))
@@ -113,7 +115,7 @@ def test_intervals_of_payloads_and_of_the_sum_hold_what_they_say(noise_kg: float
         table = found(frames)
         off = np.abs(table["payload_kg"].to_numpy() - payloads)
         held += (off < 2.0 * table["payload_u_kg"].to_numpy()).tolist()
-        row = sum_shift(table, frames["excitation"], frames["aligned"]).row(0, named=True)
+        row = make_shift_totals(table, frames["excitation"], frames["aligned"]).row(0, named=True)
         sums.append((row["payload_kg"] - sum(payloads)) / row["payload_u_kg"])
     assert 0.92 < np.mean(held) < 0.99
     assert 0.8 < np.sqrt(np.mean(np.square(sums))) < 1.25
@@ -126,7 +128,7 @@ def test_common_parts_do_not_average_out_and_random_ones_do() -> None:
         common = table.with_columns(payload_u_shared_kg=pl.lit(7.0))
         columns = FRAMES["shift"].columns
         blank = pl.DataFrame({c.name: pl.Series([None], dtype=c.dtype) for c in columns})
-        sums.append(recount_shift(blank, common).row(0, named=True))
+        sums.append(recompute_shift_totals(blank, common).row(0, named=True))
     few, lots = sums
     assert lots["payload_u_common_kg"] == pytest.approx(16 * few["payload_u_common_kg"])
     assert lots["payload_u_random_kg"] < 6 * few["payload_u_random_kg"]
@@ -135,8 +137,8 @@ def test_common_parts_do_not_average_out_and_random_ones_do() -> None:
 def test_a_rejected_cycle_is_not_in_the_sum() -> None:
     frames = drawn_shift([700.0, 600.0, 800.0])
     table = found(frames)
-    whole = sum_shift(table, frames["excitation"], frames["aligned"])
-    row = recount_shift(whole, table, [2]).row(0, named=True)
+    whole = make_shift_totals(table, frames["excitation"], frames["aligned"])
+    row = recompute_shift_totals(whole, table, [2]).row(0, named=True)
     assert row["payload_kg"] == pytest.approx(1500.0)
     assert (row["cycles_counted"], row["cycles_rejected"]) == (2, 1)
 
@@ -148,7 +150,7 @@ def test_a_hole_of_some_cycles_is_priced_and_a_short_one_costs_nothing() -> None
     for length, expected in ((10.0, 0.0), (427.0, 4.0)):
         gap = pl.Series("gap", (t_s > 500.0) & (t_s < 500.0 + length))
         gaps = find_channel_gaps_ns(frames["excitation"], aligned.with_columns(gap))
-        lost = estimate_cycles_in_gaps(table, gaps)
+        lost = estimate_cycles_lost_in_gaps(table, gaps)
         assert lost.cycles == pytest.approx(expected, abs=0.02)
         assert lost.payload_kg == pytest.approx(700.0 * expected, abs=10.0)
 
@@ -156,7 +158,7 @@ def test_a_hole_of_some_cycles_is_priced_and_a_short_one_costs_nothing() -> None
 def test_where_no_haul_was_seen_whole_a_hole_has_no_price_and_no_number_is_missing() -> None:
     frames = drawn_shift([700.0] * 6)
     unseen = found(frames).with_columns(haul_s=pl.lit(None, pl.Float64))
-    assert estimate_cycles_in_gaps(unseen, [(0, int(427 * NS))]) == (0.0, 0.0, 0.0, 0.0)
+    assert estimate_cycles_lost_in_gaps(unseen, [(0, int(427 * NS))]) == (0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(

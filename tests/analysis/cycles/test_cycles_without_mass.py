@@ -4,9 +4,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.cycles.cycles_without_mass import unweighed_load_and_u_kg
-from recordings.report.shift_text import shift_payload_sentence
-from recordings.review.shift_facts import missing_load_sentences
+from analysis.cycles.cycles_without_mass import estimate_unweighed_load_and_u_kg
+from recordings.report.shift_text import describe_shift_payload
+from recordings.review.shift_facts import describe_missing_loads
 from tests.analysis.cycles.drawn import NS, drawn_shift
 from tests.analysis.cycles.test_cycles import found, summed
 
@@ -36,7 +36,7 @@ def test_a_load_that_is_on_board_at_the_end_is_said_and_not_in_the_tonnes_of_the
     assert row["cycles_counted"] == len(LOADS) - 1
     assert row["on_board_kg"] == pytest.approx(LOADS[-1])
     assert row["total_kg"] == pytest.approx(sum(LOADS[:-1]))
-    assert missing_load_sentences(row)[0].startswith("On board when the recording ends: 0.680 ±")
+    assert describe_missing_loads(row)[0].startswith("On board when the recording ends: 0.680 ±")
 
 
 @pytest.mark.parametrize(("until_s", "dumped"), [(782.0, False), (785.0, True)])
@@ -68,7 +68,7 @@ def test_a_cycle_of_which_no_start_tells_the_load_is_dated_by_the_boom_and_price
     assert table["dump_t_ns"][3] == pytest.approx(383.5 * NS, abs=NS)
     assert (row["uncounted_cycles"], row["uncounted_cycles_u"]) == (1.0, 0.0)
     assert abs(row["total_kg"] - sum(LOADS)) < 2.0 * row["total_u_kg"]
-    assert "in the shift" in shift_payload_sentence(row)
+    assert "in the shift" in describe_shift_payload(row)
 
 
 def test_a_dump_of_the_boom_without_digging_is_worth_less_where_the_others_are_dug() -> None:
@@ -98,7 +98,7 @@ def test_loads_that_are_dug_and_cannot_be_told_from_empty_are_said() -> None:
     frames = drawn_shift([20.0] * 8, noise_kg=60.0)
     row = summed(frames)
     assert (row["cycles_counted"], row["cycles_without_mass"]) == (0, 8)
-    assert "cycles detected by digging or the boom" in missing_load_sentences(row)[0]
+    assert "cycles detected by digging or the boom" in describe_missing_loads(row)[0]
 
 
 @pytest.mark.parametrize("boom", [True, False])
@@ -127,10 +127,12 @@ def test_of_such_loads_those_that_are_not_seen_to_be_dug_are_told_by_their_mass(
 
 
 def test_one_load_that_is_weighed_is_no_price_for_all_others() -> None:
-    few, many = (unweighed_load_and_u_kg(30.0, 0.0, 300.0, 60.0, counted) for counted in (2, 60))
+    few, many = (
+        estimate_unweighed_load_and_u_kg(30.0, 0.0, 300.0, 60.0, counted) for counted in (2, 60)
+    )
     assert few[0] == many[0] == 9000.0
     assert few[1] > 1000.0 > 2.0 * many[1]
-    assert unweighed_load_and_u_kg(30.0, 0.0, 300.0, None, 1)[1] > 0.5 * 9000.0
+    assert estimate_unweighed_load_and_u_kg(30.0, 0.0, 300.0, None, 1)[1] > 0.5 * 9000.0
 
 
 def test_idle_hours_invent_nothing() -> None:

@@ -164,7 +164,7 @@ class TestWhatIsNamed:
         force[850] = 170.0
         found = self.signals(force)
         assert found.frozen_s == 0.0
-        assert found.clipped_share_and_limit["force_x_N"] == (pytest.approx(0.299), 150.0)
+        assert found.clipped_fraction_and_limit["force_x_N"] == (pytest.approx(0.299), 150.0)
         begins_s = [begin / 1e9 for begin, _ in found.clipped_spans["force_x_N"]]
         assert begins_s == pytest.approx([1.0, 4.0, 8.0], abs=0.3)
 

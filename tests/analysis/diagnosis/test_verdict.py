@@ -10,7 +10,7 @@ from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
 from analysis.model.schema import build_frame
 from analysis.model.verdict import Verdict
 from analysis.stages.gating.gate import gate_windows
-from analysis.stages.motion.phases import trailing_speed_rate
+from analysis.stages.motion.phases import compute_trailing_speed_rate
 
 TRIP = ("standstill", "start", "brake", "standstill")
 
@@ -139,7 +139,7 @@ def test_fast_motion_does_not_make_wheels_and_accelerometer_disagree(machine):
     settings = machine().settings
     speed = 2.0 + 0.2 * np.sin(2 * np.pi * 2.0 * t)
     acc = 0.2 * 2 * np.pi * 2.0 * np.cos(2 * np.pi * 2.0 * t)
-    rate = trailing_speed_rate(speed, settings)
+    rate = compute_trailing_speed_rate(speed, settings)
     excitation = build_frame(
         "excitation",
         {

@@ -8,16 +8,16 @@ import pytest
 from analysis.excitation.error_prediction import (
     Filters,
     MeasuredSignals,
+    compute_sensor_noise,
+    compute_true_parameters,
     make_window_system,
-    sensor_noise_of_scenario,
-    true_parameters,
 )
 from analysis.excitation.excitation_design import (
+    compute_settling_time_s,
+    count_determined_parameters,
     design_excitation,
-    determined_parameter_count,
-    driveline_response_time_s,
     find_best_score,
-    scenario_with_manoeuvres,
+    replace_manoeuvres,
     score_waveform,
 )
 from analysis.simulation import Scenario, solve_motion
@@ -49,10 +49,10 @@ def errors(made, drive, score, window_s, force_noise_N=None):
     if force_noise_N is not None:
         sensors = made.sensors.model_copy(update={"force_noise_N": force_noise_N})
         made = made.model_copy(update={"sensors": sensors})
-    filters, noise = Filters(10, made.sensors.rate_hz), sensor_noise_of_scenario(made)
+    filters, noise = Filters(10, made.sensors.rate_hz), compute_sensor_noise(made)
     samples = round(window_s * filters.rate_hz) + filters.margin_samples
     longer = score.manoeuvre.model_copy(update={"duration_s": score.start_s + window_s + 1.0})
-    motion = solve_motion(scenario_with_manoeuvres(made, longer), 0.0)
+    motion = solve_motion(replace_manoeuvres(made, longer), 0.0)
     truth = MeasuredSignals.from_motion(
         motion.sample_channels(score.start_s + np.arange(samples) / filters.rate_hz)
     )
@@ -129,8 +129,8 @@ def test_an_accuracy_that_other_noise_forbids_has_no_signal_to_noise_ratio():
 
 
 def test_the_response_time_of_the_papers_machine_is_its_five_seconds():
-    assert driveline_response_time_s(PLAIN, 0.0, "force") == pytest.approx(5.0, abs=0.1)
-    assert driveline_response_time_s(PLAIN, 0.0, "torque") == pytest.approx(4 * 0.8 + 0.08, abs=0.1)
+    assert compute_settling_time_s(PLAIN, 0.0, "force") == pytest.approx(5.0, abs=0.1)
+    assert compute_settling_time_s(PLAIN, 0.0, "torque") == pytest.approx(4 * 0.8 + 0.08, abs=0.1)
 
 
 def test_period_and_window_follow_from_the_response_time():
@@ -153,8 +153,8 @@ def test_speed_and_yaw_rate_in_step_would_leave_rank_five():
     wave = {"waveform": "triangular", "period_s": 15.0}
     excite = {"kind": "excite", "force": {**wave, "highest_N": 3000.0}}
     excite["torque"] = {**wave, "highest_N_m": 2250.0}
-    motion = solve_motion(scenario_with_manoeuvres(alike, Excite.model_validate(excite)), 0.0)
-    assert determined_parameter_count(motion.sample_channels(np.arange(15.0, 30.0, 0.01))) == 5
+    motion = solve_motion(replace_manoeuvres(alike, Excite.model_validate(excite)), 0.0)
+    assert count_determined_parameters(motion.sample_channels(np.arange(15.0, 30.0, 0.01))) == 5
     # the design puts their periods apart instead
     for score in design_excitation(alike, "joint").scores:
         assert score.rank == 6
@@ -182,7 +182,7 @@ def test_a_yard_rules_out_what_drives_beyond_it():
 
 def test_coulomb_friction_that_the_model_leaves_out_is_part_of_the_predicted_error():
     made = scenario(machine={"coulomb_N": 300.0})
-    response_s = {"force": driveline_response_time_s(made, 0.0, "force")}
+    response_s = {"force": compute_settling_time_s(made, 0.0, "force")}
     window_s = 2 * response_s["force"]
     score = score_waveform(made, "straight", "triangular", "both ways", response_s, window_s, 0.01)
     found, body = errors(made, "straight", score, window_s)
@@ -207,6 +207,6 @@ def test_what_cannot_be_designed_is_refused_with_the_reason(sections, options, s
 
 
 def test_the_parameters_are_those_of_the_rows():
-    assert true_parameters(solve_motion(AHEAD, 0.0).body).tolist() == pytest.approx(
+    assert compute_true_parameters(solve_motion(AHEAD, 0.0).body).tolist() == pytest.approx(
         [3614.0, 4000.0, -0.2 * 3614.0, 0.03 * 3614.0, 2891.0, 5000.0]
     )

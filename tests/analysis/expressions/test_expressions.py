@@ -13,7 +13,7 @@ from analysis.expressions.parse import (
     Name,
     Number,
     convert_to_si,
-    expression_text,
+    format_expression,
     parse_expression,
 )
 from analysis.expressions.values import evaluate_and_count_near_zero
@@ -85,7 +85,7 @@ def by_polars(tree: Expression) -> pl.Expr:
 
 @given(trees)
 def test_what_is_written_is_parsed_to_the_same_tree(tree: Expression) -> None:
-    assert expression_text(parse_expression(expression_text(tree))) == expression_text(tree)
+    assert format_expression(parse_expression(format_expression(tree))) == format_expression(tree)
 
 
 @given(trees)

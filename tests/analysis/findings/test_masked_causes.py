@@ -5,7 +5,7 @@ import pytest
 
 from analysis.findings import add_masked_findings, cut_to_first_hour
 from analysis.model.machine import Machine
-from analysis.model.schema import frame_schema
+from analysis.model.schema import find_frame_declaration
 from benchmarks.weighed import machine
 from tests.analysis.findings.conftest import Named
 
@@ -51,7 +51,7 @@ def _found(*causes: str, setting: str | None = "channels.force_x_N.scale") -> pl
             "evidence": ["seen"] * len(causes),
         }
     )
-    kept = {column.name: column.dtype for column in frame_schema("findings").columns}
+    kept = {column.name: column.dtype for column in find_frame_declaration("findings").columns}
     return pl.concat([pl.DataFrame(schema=kept), rows], how="diagonal_relaxed")
 
 

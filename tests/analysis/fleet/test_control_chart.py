@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from analysis.fleet.fleet_limits import LIMITS
 from analysis.fleet.machine_drifts import (
-    average_run_length,
-    cusum_limit,
+    compute_average_run_length,
+    find_cusum_limit,
     make_control_chart,
     standardise_innovations,
     whiten_series,
@@ -25,17 +25,17 @@ def test_the_run_length_is_that_of_the_literature(limit: float, run_length: floa
     """Of both sums together, with the allowance ¼ (Montgomery, Statistical Quality Control)."""
     if limit == 8.01:
         assert LIMITS.cusum_allowance_std == 0.25
-        assert average_run_length(limit) / 2.0 == pytest.approx(run_length, rel=0.01)
+        assert compute_average_run_length(limit) / 2.0 == pytest.approx(run_length, rel=0.01)
     else:
         # Siegmund's approximation
         b = limit + 1.166
         known = (np.exp(0.5 * b) - 0.5 * b - 1.0) / (2.0 * LIMITS.cusum_allowance_std**2)
-        assert average_run_length(limit) == pytest.approx(known, rel=0.02)
+        assert compute_average_run_length(limit) == pytest.approx(known, rel=0.02)
 
 
 def test_the_limit_has_the_run_length_that_was_asked_for() -> None:
     for run_length in (100.0, 1000.0, 3000.0):
-        assert average_run_length(cusum_limit(run_length)) == pytest.approx(
+        assert compute_average_run_length(find_cusum_limit(run_length)) == pytest.approx(
             2.0 * run_length, rel=0.01
         )
 
@@ -50,7 +50,7 @@ def test_a_simulated_run_length_is_the_computed_one() -> None:
             total = max(total + draw.normal() - LIMITS.cusum_allowance_std, 0.0)
             n += 1
         lengths.append(n)
-    assert np.mean(lengths) == pytest.approx(average_run_length(limit), rel=0.1)
+    assert np.mean(lengths) == pytest.approx(compute_average_run_length(limit), rel=0.1)
 
 
 def test_innovations_are_standard_normal_from_the_third_value_on() -> None:
@@ -90,7 +90,7 @@ def test_a_jump_is_flagged_where_it_begins_with_its_size() -> None:
     draw = np.random.default_rng(4)
     x = draw.normal(3600.0, 5.0, 200)
     x[120:] += 15.0
-    chart = make_control_chart(x, cusum_limit(2190.0))
+    chart = make_control_chart(x, find_cusum_limit(2190.0))
     assert chart.flagged is not None
     assert chart.since is not None
     assert 120 <= chart.flagged < 132
@@ -102,7 +102,7 @@ def test_a_jump_is_flagged_where_it_begins_with_its_size() -> None:
 def test_one_day_with_a_broken_log_is_no_drift() -> None:
     x = np.random.default_rng(5).normal(3600.0, 5.0, 200)
     x[100] += 2000.0
-    assert make_control_chart(x, cusum_limit(2190.0)).flagged is None
+    assert make_control_chart(x, find_cusum_limit(2190.0)).flagged is None
 
 
 def test_days_that_are_alike_in_a_row_are_told_from_a_drift() -> None:

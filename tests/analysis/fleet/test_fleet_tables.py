@@ -11,10 +11,10 @@ from analysis.fleet.calibration_steps import FleetCalibration, find_line_changes
 from analysis.fleet.daily_figures import (
     make_daily_figures,
     sum_machines,
-    sum_results,
-    weekly_tonnes,
+    sum_results_by_group,
+    sum_weekly_tonnes,
 )
-from analysis.fleet.fleet_tables import TABLES, rows_of_table, table_schema
+from analysis.fleet.fleet_tables import TABLES, convert_rows_for_table, make_table_schema
 from analysis.fleet.results_comparison import compare_results
 
 OF = {"key": "k", "machine": "m", "day": "2026-01-05", "t0_unix_ns": 1}
@@ -43,7 +43,7 @@ def results(*rows: dict[str, Any]) -> pl.DataFrame:
         "log_sha256": "x",
     }
     frames = [
-        rows_of_table(
+        convert_rows_for_table(
             "results", pl.DataFrame([{**plain, **row}]), {**OF, "key": f"k{n}", **_of(row)}
         )
         for n, row in enumerate(rows)
@@ -56,17 +56,21 @@ def _of(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def cycles(*rows: dict[str, Any]) -> pl.LazyFrame:
-    schema = table_schema("cycles")
+    schema = make_table_schema("cycles")
     frames = [
-        rows_of_table("cycles", pl.DataFrame([{"counted": True, **row}]), {**OF, **_of(row)})
+        convert_rows_for_table(
+            "cycles", pl.DataFrame([{"counted": True, **row}]), {**OF, **_of(row)}
+        )
         for row in rows
     ]
     return pl.concat([pl.DataFrame(schema=schema), *frames]).lazy()
 
 
 def findings(*rows: dict[str, Any]) -> pl.LazyFrame:
-    schema = table_schema("findings")
-    frames = [rows_of_table("findings", pl.DataFrame([row]), {**OF, **_of(row)}) for row in rows]
+    schema = make_table_schema("findings")
+    frames = [
+        convert_rows_for_table("findings", pl.DataFrame([row]), {**OF, **_of(row)}) for row in rows
+    ]
     return pl.concat([pl.DataFrame(schema=schema), *frames]).lazy()
 
 
@@ -95,13 +99,13 @@ def test_the_first_cause_of_a_recording_is_a_reason_unless_it_only_tells() -> No
 
 def test_every_table_begins_with_the_result_that_a_row_is_of() -> None:
     for name in TABLES:
-        assert table_schema(name).names()[:4] == ["key", "machine", "day", "t0_unix_ns"]
-        assert rows_of_table(name, pl.DataFrame(), OF).is_empty()
-        assert not any(isinstance(dtype, pl.Enum) for dtype in table_schema(name).values())
+        assert make_table_schema(name).names()[:4] == ["key", "machine", "day", "t0_unix_ns"]
+        assert convert_rows_for_table(name, pl.DataFrame(), OF).is_empty()
+        assert not any(isinstance(dtype, pl.Enum) for dtype in make_table_schema(name).values())
 
 
 def test_random_parts_add_up_in_squares_and_common_ones_as_they_are() -> None:
-    machines = sum_results(results({}, {}, {"machine": "n"}), ["machine"])
+    machines = sum_results_by_group(results({}, {}, {"machine": "n"}), ["machine"])
     m, n = machines.iter_rows(named=True)
     assert m["payload_kg"] == 14_000.0
     assert m["payload_u_random_kg"] == pytest.approx(30.0 * 2**0.5)
@@ -113,7 +117,7 @@ def test_random_parts_add_up_in_squares_and_common_ones_as_they_are() -> None:
 
 
 def test_weeks_begin_on_mondays_and_undated_recordings_are_in_none() -> None:
-    found = weekly_tonnes(
+    found = sum_weekly_tonnes(
         results({}, {"day": "2026-01-11"}, {"day": "2026-01-12"}, {"day": "undated"})
     )
     assert found["week"].to_list() == [dt.date(2026, 1, 5), dt.date(2026, 1, 12)]
@@ -201,5 +205,5 @@ def test_lines_that_follow_each_other_are_compared_in_the_middle_of_both() -> No
     one, two = find_line_changes([moved, first, same])
     assert (one.zero_kg, two.zero_kg) == (1.0, 29.0)
     assert one.zero_limit_kg == pytest.approx(2.0 * 8.0**0.5)
-    assert not one.has_moved
-    assert two.has_moved
+    assert not one.has_line_moved
+    assert two.has_line_moved

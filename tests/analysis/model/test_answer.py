@@ -9,8 +9,8 @@ from analysis.diagnosis import CHECKS, CheckInputs, judge_checks
 from analysis.model.answer import answer
 from analysis.model.run_record import Loss, Provenance, Run
 from analysis.stages.estimation.masses import (
+    describe_missing_acceptance,
     summarise_masses,
-    why_nothing_was_accepted,
     withhold_masses,
 )
 from analysis.stages.estimation.trace import trace_estimates
@@ -122,7 +122,7 @@ def test_a_withheld_mass_is_null_in_the_answer(replayed):
 def test_the_obstacle_is_named(drive, excitation_of, machine, manoeuvres, seconds, changes, why):
     settings = machine().settings
     excitation = excitation_of(drive(manoeuvres, seconds).but(**changes))
-    said = why_nothing_was_accepted(excitation, gate_windows(excitation, settings), settings)
+    said = describe_missing_acceptance(excitation, gate_windows(excitation, settings), settings)
     if why is None:
         assert said is None
     else:

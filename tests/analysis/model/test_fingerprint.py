@@ -3,7 +3,7 @@
 import polars as pl
 import pytest
 
-from analysis.model.fingerprint import frame_digest, take_fingerprint
+from analysis.model.fingerprint import digest_frame, take_fingerprint
 from analysis.model.run_record import InputFile, Provenance, Run
 from analysis.model.settings import Settings
 
@@ -27,8 +27,8 @@ def cell(column: str, row: int, value: object) -> pl.DataFrame:
 
 
 def test_a_frame_made_alike_has_the_same_digest():
-    assert frame_digest(FRAME) == frame_digest(FRAME.clone())
-    assert frame_digest(pl.DataFrame()) == frame_digest(pl.DataFrame())
+    assert digest_frame(FRAME) == digest_frame(FRAME.clone())
+    assert digest_frame(pl.DataFrame()) == digest_frame(pl.DataFrame())
 
 
 @pytest.mark.parametrize(
@@ -57,41 +57,41 @@ def test_a_frame_made_alike_has_the_same_digest():
     ],
 )
 def test_any_change_makes_another_digest(other: pl.DataFrame):
-    assert frame_digest(other) != frame_digest(FRAME)
+    assert digest_frame(other) != digest_frame(FRAME)
 
 
 def test_a_zero_is_not_a_negative_zero():
-    digests = {frame_digest(pl.DataFrame({"force_x_N": [zero]})) for zero in (0.0, -0.0)}
+    digests = {digest_frame(pl.DataFrame({"force_x_N": [zero]})) for zero in (0.0, -0.0)}
     assert len(digests) == 2
 
 
 def test_where_one_text_ends_and_the_next_begins_counts():
-    digests = {frame_digest(pl.DataFrame({"name": names})) for names in (["ab", "c"], ["a", "bc"])}
+    digests = {digest_frame(pl.DataFrame({"name": names})) for names in (["ab", "c"], ["a", "bc"])}
     assert len(digests) == 2
 
 
 def test_chunks_and_what_lies_below_a_null_do_not_count():
     chunked = pl.concat([FRAME[:1], FRAME[1:2], FRAME[2:]], rechunk=False)
     assert chunked["t_ns"].n_chunks() == 3
-    assert frame_digest(chunked) == frame_digest(FRAME)
+    assert digest_frame(chunked) == digest_frame(FRAME)
     read = pl.DataFrame(pl.from_arrow(FRAME.to_arrow()))
-    assert frame_digest(read.cast(dict(FRAME.schema))) == frame_digest(FRAME)
-    assert frame_digest(pl.concat([FRAME, FRAME])[4:]) == frame_digest(FRAME)
+    assert digest_frame(read.cast(dict(FRAME.schema))) == digest_frame(FRAME)
+    assert digest_frame(pl.concat([FRAME, FRAME])[4:]) == digest_frame(FRAME)
     mask = pl.Series([True, False, True, True])
     hidden = [
         pl.DataFrame({"x": values}).select(pl.when(mask).then("x").alias("x"))
         for values in ([1.0, 2.0, 3.0, 4.0], [1.0, 9.0, 3.0, 4.0])
     ]
-    assert frame_digest(hidden[0]) == frame_digest(hidden[1])
+    assert digest_frame(hidden[0]) == digest_frame(hidden[1])
 
 
 def test_rows_beyond_those_hashed_together_count():
     long = pl.DataFrame({"t_ns": pl.int_range(1_100_003, eager=True)})
     other = long.with_columns(pl.when(pl.col("t_ns") == 1_100_001).then(0).otherwise("t_ns"))
-    assert frame_digest(long) != frame_digest(other)
+    assert digest_frame(long) != digest_frame(other)
     holed = long.with_columns(pl.when(pl.col("t_ns") != 1_100_001).then("t_ns"))
     chunked = pl.concat([holed[:777_777], holed[777_777:]], rechunk=False)
-    assert frame_digest(chunked) == frame_digest(holed)
+    assert digest_frame(chunked) == digest_frame(holed)
 
 
 def test_values_that_no_recording_holds_count_as_well():
@@ -103,7 +103,7 @@ def test_values_that_no_recording_holds_count_as_well():
         pl.DataFrame({"x": pl.Series([1, 2], dtype=pl.Datetime("ns"))}),
         pl.DataFrame({"x": pl.Series([1, 3], dtype=pl.Datetime("ns"))}),
     ]
-    assert len({frame_digest(frame) for frame in frames}) == len(frames)
+    assert len({digest_frame(frame) for frame in frames}) == len(frames)
 
 
 def test_the_digest_of_a_frame_is_the_one_documented():
@@ -118,7 +118,7 @@ def test_the_digest_of_a_frame_is_the_one_documented():
     values = digest(struct.pack("<3d", 1.5, 0.0, -2.0))
     nulls = digest(bytes([0b01000000]))
     column = digest(f'[["x","Float64"],"{values}","{nulls}"]'.encode())
-    assert frame_digest(pl.DataFrame({"x": [1.5, None, -2.0]})) == digest(
+    assert digest_frame(pl.DataFrame({"x": [1.5, None, -2.0]})) == digest(
         f'[3,["{column}"]]'.encode()
     )
 

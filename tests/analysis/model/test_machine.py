@@ -152,10 +152,10 @@ def test_a_channel_that_cannot_be_is_refused(channel, fault):
 
 def test_derivations_are_read_with_any_spacing():
     rate = Channel(derive="  d/dt   speed_x_m_s ")
-    assert (rate.derivative_of, rate.averaged_channels) == ("speed_x_m_s", None)
+    assert (rate.differentiated_channel, rate.averaged_channels) == ("speed_x_m_s", None)
     assert rate.direct_source_channels == ("speed_x_m_s",)
     mean = Channel(derive="mean( speed_left_m_s ,speed_right_m_s)")
-    assert (mean.derivative_of, mean.averaged_channels) == (
+    assert (mean.differentiated_channel, mean.averaged_channels) == (
         None,
         ("speed_left_m_s", "speed_right_m_s"),
     )
@@ -246,7 +246,9 @@ def test_channels_are_derived_after_their_sources():
         "speed_right_m_s": {"field": "r"},
         "speed_left_m_s": {"field": "l"},
     }
-    order = load(chain, settings={"forces": {"acceleration": "kinematic"}}).derivation_order()
+    order = load(
+        chain, settings={"forces": {"acceleration": "kinematic"}}
+    ).order_channels_by_derivation()
     assert sorted(order) == sorted(chain)
     for name in order:
         for source in Channel.model_validate(chain[name]).direct_source_channels:

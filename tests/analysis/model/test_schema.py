@@ -14,7 +14,7 @@ from analysis.model.schema import (
     build_frame,
     column_values,
     conform_to_schema,
-    frame_schema,
+    find_frame_declaration,
 )
 
 COLUMNS = [(frame.name, column) for frame in FRAMES.values() for column in frame.columns]
@@ -26,7 +26,7 @@ COLUMNS = [(frame.name, column) for frame in FRAMES.values() for column in frame
 def test_every_column_has_a_unit_and_a_meaning(frame, column):
     assert column.unit
     assert column.meaning
-    assert column == frame_schema(frame).column(column.name)
+    assert column == find_frame_declaration(frame).column(column.name)
 
 
 UNIT_SUFFIXES = {
@@ -116,9 +116,9 @@ def test_every_channel_is_a_column_of_aligned():
 
 
 def test_a_frame_of_a_method_has_its_stages_schema():
-    assert frame_schema("estimates/ls") is FRAMES["estimates"]
+    assert find_frame_declaration("estimates/ls") is FRAMES["estimates"]
     with pytest.raises(KeyError):
-        frame_schema("raw/imu")
+        find_frame_declaration("raw/imu")
 
 
 @pytest.mark.parametrize(

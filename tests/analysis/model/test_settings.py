@@ -20,14 +20,14 @@ def test_the_papers_values_are_the_defaults():
 
 
 def test_every_setting_says_what_it_does():
-    for part in Settings.stage_models().values():
+    for part in Settings.list_stage_models().values():
         assert part.__doc__
         for name, field in part.model_fields.items():
             assert field.description, name
 
 
 def test_no_two_stages_have_a_setting_of_one_name():
-    names = [name for part in Settings.stage_models().values() for name in part.model_fields]
+    names = [name for part in Settings.list_stage_models().values() for name in part.model_fields]
     assert len(names) == len(set(names))
 
 

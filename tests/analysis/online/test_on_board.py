@@ -15,7 +15,7 @@ from analysis.model.settings import Settings
 from analysis.online import on_board as online
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows
-from analysis.stages.gating.segments import pooled_manoeuvre_of_samples
+from analysis.stages.gating.segments import number_pooled_manoeuvres
 from analysis.stages.noise.channel_noise import estimate_channel_noise
 from tests.analysis import plane_drives as plane
 from tests.analysis.noisy_logs import noisy_log
@@ -47,10 +47,10 @@ def assert_as_in_replay(excitation, settings, noise=None, axis=X):
     frames = trace_estimates(excitation, gated, settings, noise)
     rows_of_gate, found, _ = on_board(excitation, settings, noise, axis)
     assert [m.reason for m in rows_of_gate] == gated[f"reason_{axis.letter}"].to_list()
-    for name in rows_of_gate[0].gate_columns(axis):
+    for name in rows_of_gate[0].make_gate_columns(axis):
         if name in gated.columns:
             expected = gated[name].fill_null(np.nan).to_numpy()
-            mine = [m.gate_columns(axis)[name] for m in rows_of_gate]
+            mine = [m.make_gate_columns(axis)[name] for m in rows_of_gate]
             np.testing.assert_array_equal(mine, expected)
     times = excitation["t_ns"].to_numpy()
     for method, rows in found.items():
@@ -207,7 +207,7 @@ def test_a_log_without_an_accelerometer_or_any_row(two_starts):
 def test_a_pooled_estimate_comes_when_braking_can_claim_no_sample_of_it(two_starts):
     """Braking is seen at once, so the manoeuvre that it ends is over then."""
     settings = Settings(trace={"methods": ("pooled",)})
-    numbers = pooled_manoeuvre_of_samples(two_starts, gate_windows(two_starts, settings), settings)
+    numbers = number_pooled_manoeuvres(two_starts, gate_windows(two_starts, settings), settings)
     state, came = online.start(settings), {}
     for k, row in enumerate(two_starts.iter_rows(named=True)):
         step = online.step(state, row)

@@ -15,7 +15,7 @@ _DRIVE = """
 import gc
 from analysis.online import on_board
 from analysis.online.rehearsal import rehearse
-from estimators.interpreted import Loop, compile_at_once
+from estimators.interpreted import Loop, force_compilation
 from tests.analysis import plane_drives as plane
 from tests.analysis.settings_by_name import settings_of
 
@@ -33,7 +33,7 @@ def loaded():
     }}
 
 before = loaded()
-with compile_at_once():
+with force_compilation():
     state = on_board.start(settings)
     for row in rows:
         step = on_board.step(state, row)

@@ -5,7 +5,7 @@ import pytest
 
 from analysis.paper import printed_numbers
 from analysis.paper.paper_excitation import SteadyDrive, integrate_steady_drive
-from analysis.paper.table1 import errors_by_window_length, errors_in_raw_units
+from analysis.paper.table1 import compute_errors_by_window_length, compute_errors_in_raw_units
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.scenario import SimulatedSensors
 
@@ -36,7 +36,7 @@ def test_the_steady_oscillation_obeys_the_equation_of_motion_and_repeats(
 def test_ls_and_scaled_tls_reach_the_bound_from_5_s_on(
     drive: SteadyDrive, trials: int, lowest: float, highest: float
 ) -> None:
-    table = errors_by_window_length(
+    table = compute_errors_by_window_length(
         drive, SimulatedSensors(), trials, windows_s=(5.0, 8.0, 15.0), methods=("ls", "tls")
     )
     for row in table.iter_rows(named=True):
@@ -49,7 +49,7 @@ def test_ls_and_scaled_tls_reach_the_bound_from_5_s_on(
 def test_tls_needs_columns_scaled_by_their_noise(drive: SteadyDrive) -> None:
     rows = {
         row["method"]: row
-        for row in errors_in_raw_units(drive, SimulatedSensors(), 1000).to_dicts()
+        for row in compute_errors_in_raw_units(drive, SimulatedSensors(), 1000).to_dicts()
     }
     assert rows["tls"]["over_bound_1"] <= 1.15
     assert rows["tls_raw"]["over_bound_1"] > 1.3
@@ -59,20 +59,20 @@ def test_the_same_seed_gives_the_same_numbers_whatever_else_is_asked_for(
     drive: SteadyDrive,
 ) -> None:
     few, more = (
-        errors_by_window_length(
+        compute_errors_by_window_length(
             drive, SimulatedSensors(), 20, windows_s=lengths, methods=("ls", "rls", "tls_raw")
         )
         for lengths in ((3.0,), (2.0, 3.0))
     )
     assert few.equals(more.filter(more["window_s"] == 3.0))
-    other = errors_by_window_length(
+    other = compute_errors_by_window_length(
         drive, SimulatedSensors(seed=2), 20, windows_s=(3.0,), methods=("ls",)
     )
     assert other["rmse_kg"][0] != few["rmse_kg"][0]
 
 
 def test_the_papers_numbers_stand_beside_ours(drive: SteadyDrive) -> None:
-    table = errors_by_window_length(drive, SimulatedSensors(), 4)
+    table = compute_errors_by_window_length(drive, SimulatedSensors(), 4)
     assert table["window_s"].unique(maintain_order=True).to_list() == list(
         printed_numbers.TABLE_1_KG
     )

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from analysis.simulation import Scenario, solve_motion
 from estimators.planar import planar_rows
-from estimators.planar.identifiability import identify
+from estimators.planar.identifiability import find_identifiable_parameters
 
 MACHINE = {
     "com_x_m": -0.2,
@@ -51,7 +51,7 @@ def sampled(motion, rate_hz=100.0):
 
 
 def regressor(run):
-    return planar_rows.regressor(
+    return planar_rows.make_planar_regressor(
         run.specific_force_x_m_s2,
         run.specific_force_y_m_s2,
         run.speed_x_m_s,
@@ -128,7 +128,7 @@ def test_speeds_are_continuous_and_accelerations_are_their_rates():
 def test_a_motion_identifies_what_the_estimators_say_it_can(manoeuvre, rank, alone):
     motion = solved(manoeuvre)
     _, run = sampled(motion)
-    found = identify(regressor(run), planar_rows.PARAMETERS)
+    found = find_identifiable_parameters(regressor(run), planar_rows.PARAMETERS)
     assert found.rank == rank
     assert {n for n, yes in zip(found.parameters, found.identifiable, strict=True) if yes} == alone
 
@@ -140,7 +140,7 @@ def test_one_arc_at_constant_rates_has_rank_two():
     np.testing.assert_allclose(run.speed_x_m_s, 0.8)
     np.testing.assert_allclose(run.yaw_rate_rad_s, 0.3)
     assert set(run.phase[:-1]) == {"arc"}
-    assert identify(regressor(run), planar_rows.PARAMETERS).rank == 2
+    assert find_identifiable_parameters(regressor(run), planar_rows.PARAMETERS).rank == 2
 
 
 def test_the_load_changes_mass_first_moment_and_inertia_by_where_it_sits():

@@ -23,12 +23,12 @@ def log():
 @pytest.fixture(scope="module")
 def noise(log):
     settings = log.machine.settings.noise
-    return CachedNoise(ColumnNoise.of_axis(X, log.replayed.frames["noise"], settings))
+    return CachedNoise(ColumnNoise.select_axis_noise(X, log.replayed.frames["noise"], settings))
 
 
 def test_samples_around_the_fitted_ones_make_the_same_columns(log, noise):
     fit = log.weighing.fit
-    near = fit.motion.keep_near_fitted(REACH_S)
+    near = fit.motion.drop_samples_far_from_fitted(REACH_S)
     assert near.force.size < fit.motion.force.size
     for found in (PreviousEstimates(), FOUND):
         whole, part = (

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.weighing.growing_load import LoadFilling, mean_payload_weights
+from analysis.weighing.growing_load import LoadFilling, mean_payload_weight_vectors
 from tests.analysis.weighing.weighed import RICH, weighed
 
 #: A bucket that takes up 25 to 250 kg at every start, driven both ways.
@@ -15,26 +15,26 @@ def test_a_bucket_that_fills_moves_the_mass_and_is_evidence_in_full(fill_kg_s: f
     fills = {"loading": {"fill_kg_s": fill_kg_s}, "starts": {"directions": "alternating"}}
     filling = weighed(fills).weighing.filling
     assert filling.moves_u > 1.0
-    assert filling.evidence == filling.deviations
+    assert filling.significance == filling.deviations
 
 
 def test_a_clean_log_has_no_evidence_of_one() -> None:
-    assert weighed(RICH).weighing.filling.evidence < 1.0
+    assert weighed(RICH).weighing.filling.significance < 1.0
 
 
 def test_what_a_long_log_tells_of_a_growth_that_moves_no_mass_is_no_evidence() -> None:
     """Two half hours of a clean shift have three deviations together, for 5 kg under ± 25 kg."""
-    assert LoadFilling(2.6, 3.25, 0.9).evidence == 0.0
-    assert LoadFilling(2.6, 3.25, 1.1).evidence == 3.25
+    assert LoadFilling(2.6, 3.25, 0.9).significance == 0.0
+    assert LoadFilling(2.6, 3.25, 1.1).significance == 3.25
     for unknown in (LoadFilling(0.0, float("nan")), LoadFilling(2.6, 3.25, float("nan"))):
-        assert np.isnan(unknown.evidence)
+        assert np.isnan(unknown.significance)
 
 
 def test_a_growth_is_judged_by_the_payload_as_well_whose_uncertainty_is_smaller() -> None:
     """Ten starts without and with a load that all fill: the masses of both have common causes."""
     fills = {"loading": {"fill_kg_s": FILLS_KG_S[0]}, "campaign": {"loads_kg": (0.0, 400.0)}}
     shift = weighed(fills | {"starts": {"directions": "alternating"}}).weighing
-    (weights,) = mean_payload_weights(shift.fit)
+    (weights,) = mean_payload_weight_vectors(shift.fit)
     assert weights.sum() == pytest.approx(0.0, abs=1e-12)
     payload_kg = float(weights @ shift.fit.masses_kg)
     assert payload_kg == pytest.approx(400.0, abs=60.0)

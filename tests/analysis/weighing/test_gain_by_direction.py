@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.weighing.gain_by_direction import do_loads_follow_direction, do_payloads_scatter
+from analysis.weighing.gain_by_direction import heavy_masses_scatter_more, loads_follow_direction
 from analysis.weighing.growing_load import max_loss_kg
 from analysis.weighing.load_states import LoadStates
 from estimators.arrays import Bools, Floats
@@ -56,7 +56,7 @@ def test_a_constant_load_whose_force_has_another_gain_in_reverse_counts_no_cycle
     by_1: float,
 ) -> None:
     log = to_and_fro(by_1)
-    assert log.weighing.fit.count > 1
+    assert log.weighing.fit.mass_count > 1
     assert "this log cannot distinguish the two" in findings(log)["gain_by_direction"]
     assert log.replayed.frames["loads"]["withheld"].all()
     assert not log.replayed.frames["cycles"]["counted"].any()
@@ -70,7 +70,7 @@ def test_the_gain_that_is_said_is_that_of_the_log() -> None:
 
 def test_a_gain_that_is_stated_is_taken_off_the_force() -> None:
     log = to_and_fro(0.05, stated=1.0 / 1.05)
-    assert log.weighing.fit.count == 1
+    assert log.weighing.fit.mass_count == 1
     assert log.load["mass_kg"] == pytest.approx(1.05 * log.true_kg, abs=3.0 * log.load["u_kg"])
     assert "gain_by_direction" not in findings(log)
 
@@ -78,12 +78,12 @@ def test_a_gain_that_is_stated_is_taken_off_the_force() -> None:
 def test_who_states_that_both_directions_are_alike_has_loads() -> None:
     log = to_and_fro(0.05, stated=1.0)
     assert log.weighing.by_direction is None
-    assert log.weighing.fit.count > 1
+    assert log.weighing.fit.mass_count > 1
 
 
 def test_a_gain_that_leaves_one_load_is_in_its_uncertainty() -> None:
     log = to_and_fro(-0.05)
-    assert log.weighing.fit.count == 1
+    assert log.weighing.fit.mass_count == 1
     assert log.causes["gain_by_direction"] == pytest.approx(0.05 * log.true_kg / 3.0**0.5, rel=0.2)
     assert abs(log.error_u) < 2.0
     assert log.verdict.can_weigh
@@ -101,7 +101,7 @@ def test_a_load_of_a_half_of_the_machine_is_no_gain() -> None:
 def test_a_log_without_such_a_gain_has_none() -> None:
     log = to_and_fro(0.0)
     assert log.weighing.by_direction is None
-    assert log.weighing.fit.count == 1
+    assert log.weighing.fit.mass_count == 1
 
 
 def test_one_turn_is_too_few_to_tell() -> None:
@@ -132,7 +132,7 @@ def test_a_boom_that_moves_or_times_named_empty_tell_loads() -> None:
     still = replace(to_and_fro_hauls.motion, arms=())
     unseen = SimpleNamespace(states=to_and_fro_hauls.states, motion=still)
     named = SimpleNamespace(states=unseen.states, motion=hauls([1.0, -1.0] * 6, empty=True).motion)
-    seen = [do_loads_follow_direction(fit) for fit in (unseen, to_and_fro_hauls, named)]  # pyright: ignore
+    seen = [loads_follow_direction(fit) for fit in (unseen, to_and_fro_hauls, named)]  # pyright: ignore
     assert seen == [True, False, False]
 
 
@@ -143,15 +143,15 @@ def test_loads_that_are_hauled_both_ways_are_no_gain() -> None:
     states = replace(both.states, level_kg=level, membership=np.arange(16) // 2)
     motion = replace(both.motion, arms=())
     fit = SimpleNamespace(states=states, motion=motion)
-    assert not do_loads_follow_direction(fit)  # pyright: ignore
+    assert not loads_follow_direction(fit)  # pyright: ignore
 
 
 def test_payloads_scatter_where_the_empty_machine_does_not() -> None:
     empty, loads = [-9.0, 4.0, 11.0, -6.0, 2.0, -3.0], [-60.0, 40.0, 75.0, -20.0, -55.0, 30.0]
-    assert do_payloads_scatter(*levels(empty, loads))
+    assert heavy_masses_scatter_more(*levels(empty, loads))
     # both directions scatter alike, or the lighter one more: neither is what payloads do
-    assert not do_payloads_scatter(*levels(loads, loads[::-1]))
-    assert not do_payloads_scatter(*levels(loads, empty))
+    assert not heavy_masses_scatter_more(*levels(loads, loads[::-1]))
+    assert not heavy_masses_scatter_more(*levels(loads, empty))
 
 
 def test_a_machine_loses_no_more_than_it_carries() -> None:

@@ -96,7 +96,7 @@ def test_without_the_route_hills_of_a_twentieth_of_a_degree_change_it_by_half() 
 
 def test_the_machine_faces_the_dump_on_its_haul_and_turns_its_back_on_the_way_back() -> None:
     motion, route = hauls(0.0, 0.0, seed=1, cycles=4)
-    place, heading = route.relative_distance_to_dump(motion), route.heading_from_dump(motion)
+    place, heading = route.relative_distances_to_dump(motion), route.headings_from_dump(motion)
     between = (place > 0.01) & (place < 0.7)
     faces = np.where(motion.unit % 2 == 0, -1.0, 1.0)
     np.testing.assert_array_equal(heading[between], faces[between])

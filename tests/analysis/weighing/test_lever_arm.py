@@ -9,7 +9,7 @@ from scipy.signal import StateSpace, lfilter, lsim
 from analysis.weighing.lever_arm import (
     BodySwing,
     estimate_swing,
-    fit_springs,
+    fit_spring_rates,
     subtract_swing,
 )
 from analysis.weighing.motion_samples import Floats, MotionSamples
@@ -68,7 +68,7 @@ def starts(
 
 def swing_of(measured: Floats, motion: MotionSamples) -> BodySwing | None:
     """The swing with the springs that the same motion tells."""
-    springs = fit_springs(measured, motion)
+    springs = fit_spring_rates(measured, motion)
     return None if springs is None else estimate_swing(measured, motion, springs)
 
 
@@ -90,7 +90,7 @@ def test_where_the_pitch_takes_gravity_off_only_the_height_is_left() -> None:
     found = swing_of(motion.acceleration - SQUAT_1 * pitch, motion)
     assert found is not None
     assert abs(found.lever_s2 - 0.5 * SQUAT_S2_M) < 2.0 * found.u_s2
-    assert found.with_gravity(SQUAT_1).lever_s2 == pytest.approx(
+    assert found.add_gravity_swing(SQUAT_1).lever_s2 == pytest.approx(
         found.lever_s2 - BY_GRAVITY_S2, abs=0.2 * BY_GRAVITY_S2
     )
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis.model.uncertainty_sources import combined_u, names_of_unknown_scale_sources
+from analysis.model.uncertainty_sources import combine_u, unknown_scale_source_names
 from analysis.model.verdict import Verdict
 from analysis.weighing.load_frames import make_load_frame, make_manoeuvre_frame
-from analysis.weighing.mass_budget import budget_of_mass
+from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.nuisance_frames import make_budget_frame, make_nuisance_frame
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 from tests.analysis.weighing.weighed import RICH, Weighed, weighed
@@ -28,7 +28,7 @@ def with_body(log, **known):
 
 def u_of(log, **known):
     """What each source contributes, in kg."""
-    sources = budget_of_mass(log.weighing, with_body(log, **known), ONE)
+    sources = make_mass_budget(log.weighing, with_body(log, **known), ONE)
     return {each.name: each.u for each in sources}
 
 
@@ -72,7 +72,7 @@ class TestScale:
         forces = log.machine.settings.forces.model_copy(update={"acceleration": "kinematic"})
         settings = log.machine.settings.model_copy(update={"forces": forces})
         wheels = with_body(log, **body).model_copy(update={"settings": settings})
-        found = {each.name: each.u for each in budget_of_mass(log.weighing, wheels, ONE)}
+        found = {each.name: each.u for each in make_mass_budget(log.weighing, wheels, ONE)}
         assert found["wheel_radius_by_load"] == pytest.approx(2.0 * expected)
 
     def test_a_share_of_the_force_is_known_to_its_share(self, log):
@@ -86,13 +86,13 @@ class TestScale:
         told = {"force_gain_u": 0.01, "force_share_u": 0.005, "force_share_by_load_u": 0.3}
         told |= {"wheel_radius_u_m": 0.001, "wheel_radius_by_load_u": 0.01}
         assert the_load(log, **told)["scale_unknown"] == ""
-        some = budget_of_mass(log.weighing, with_body(log, force_gain_u=0.0), ONE)
-        assert "force_gain" not in names_of_unknown_scale_sources(some)
+        some = make_mass_budget(log.weighing, with_body(log, force_gain_u=0.0), ONE)
+        assert "force_gain" not in unknown_scale_source_names(some)
 
     def test_a_whole_force_has_no_share_and_no_wheels_that_must_be_known(self, log):
         channels = {"force_x_N": log.machine.channels["torque_left_N_m"], **log.machine.channels}
         machine = with_body(log, force_share=1.0).model_copy(update={"channels": channels})
-        assert names_of_unknown_scale_sources(budget_of_mass(log.weighing, machine, ONE)) == [
+        assert unknown_scale_source_names(make_mass_budget(log.weighing, machine, ONE)) == [
             "force_gain"
         ]
 
@@ -142,8 +142,8 @@ class TestFrames:
     def test_random_and_common_parts_are_the_whole(self, log):
         load = log.load
         assert np.hypot(load["u_random_kg"], load["u_common_kg"]) == pytest.approx(load["u_kg"])
-        sources = budget_of_mass(log.weighing, log.machine, ONE)
-        assert combined_u(sources) == pytest.approx(load["u_kg"])
+        sources = make_mass_budget(log.weighing, log.machine, ONE)
+        assert combine_u(sources) == pytest.approx(load["u_kg"])
         assert {each.kind for each in sources} == {"random", "common", "scale"}
 
     def test_every_term_is_a_row_with_prior_and_posterior(self, log):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.weighing.load_states import find_load_states
-from estimators.joint.group_effects import GroupEffects, group_effects
+from estimators.joint.group_effects import GroupEffects, estimate_group_effects
 
 
 def units(*levels_kg: float, std_kg: float = 1.0) -> GroupEffects:
@@ -26,7 +26,7 @@ def test_manoeuvres_of_0_0_and_99_kg_have_states(repeatability_kg: float | None)
 @pytest.mark.parametrize("levels_kg", [(0.0,), (0.0, 0.0, 0.0), (-1e-12, 0.0, 1e-12)])
 def test_manoeuvres_of_no_mass_are_one_state(levels_kg: tuple[float, ...]) -> None:
     found = find_load_states(units(*levels_kg), np.arange(len(levels_kg)), None)
-    assert found.count == 1
+    assert found.state_count == 1
 
 
 def test_a_mass_far_above_its_noise_is_split_as_before() -> None:
@@ -37,8 +37,8 @@ def test_a_mass_far_above_its_noise_is_split_as_before() -> None:
 def test_a_unit_that_never_accelerates_tells_no_level() -> None:
     A = np.column_stack([np.repeat([1.0, 0.0], 50), np.linspace(1.0, 2.0, 100)])
     group = np.repeat([0, 1], 50)
-    of_each = group_effects(
+    of_each = estimate_group_effects(
         A, A.sum(axis=1), group, None, np.zeros(1), np.full(1, np.inf), group[::50]
     )
     assert np.isnan(of_each.y).all()
-    assert find_load_states(of_each, np.arange(2), None).count == 1
+    assert find_load_states(of_each, np.arange(2), None).state_count == 1

@@ -32,7 +32,7 @@ def test_every_stretch_that_is_fitted_moves() -> None:
     motion = log.weighing.fit.motion
     fastest = [
         np.abs(np.convolve(motion.speed[motion.group == number], np.ones(3) / 3.0)).max()
-        for number in np.unique(motion.group[motion.used])
+        for number in np.unique(motion.group[motion.is_fittable])
     ]
     assert len(fastest) >= 5
     assert min(fastest) > 4.0 * NOISE_M_S / np.sqrt(3.0)

@@ -10,7 +10,7 @@ from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.nuisances import WeightShare
 from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.weighed import DERIVED, machine
-from replay.inputs.derived_logs import MemoryLog, machine_with_memory_channels
+from replay.inputs.derived_logs import MemoryLog, read_channels_from_memory
 from replay.pipeline import run
 from tests.trials.drawn_designs import join_designs
 
@@ -51,9 +51,7 @@ def weighed(sections: str, settings: tuple[str, ...] = (), load_kg: float = LOAD
     own = machine((POOLED, *named, *settings))
     body = {"empty_mass_kg": 3614.0, "force_share": scenario.machine.force_share}
     own = own.model_copy(update={"machine": own.machine.model_copy(update=body)})
-    frames = run(
-        [MemoryLog(log) for log in logs], machine_with_memory_channels(own, logs[0])
-    ).frames
+    frames = run([MemoryLog(log) for log in logs], read_channels_from_memory(own, logs[0])).frames
     (load,) = frames["loads"].filter(~frames["loads"]["empty"]).to_dicts()
     return load, dict(frames["nuisances"].select("term", "posterior").iter_rows())
 
@@ -83,7 +81,7 @@ def test_one_load_has_no_terms_that_differ_by_load():
     scenario = Scenario.model_validate(join_designs(LOADER, {"campaign": {"runs": 3}}))
     logs = list(simulate_campaign(scenario))
     own = machine((POOLED,))
-    found = run([MemoryLog(log) for log in logs], machine_with_memory_channels(own, logs[0]))
+    found = run([MemoryLog(log) for log in logs], read_channels_from_memory(own, logs[0]))
     by_load = {"weight_const", "weight_direction", "weight_viscous"}
     assert not by_load & set(found.frames["nuisances"]["term"])
 
@@ -115,12 +113,14 @@ class TestRelativeLoads:
     def test_they_are_relative_to_the_mean_of_the_manoeuvres(self):
         found = RelativeLoads.from_masses(np.array([3, 5]), np.array([900.0, 1100.0]), (0.5, 0.5))
         assert found is not None
-        np.testing.assert_allclose(found.relative_load_of(np.array([3, 5])), [-0.1, 0.1])
+        np.testing.assert_allclose(found.relative_loads_of_units(np.array([3, 5])), [-0.1, 0.1])
 
     def test_a_manoeuvre_that_is_not_known_goes_with_the_one_before(self):
         found = RelativeLoads.from_masses(np.array([3, 5]), np.array([900.0, 1100.0]), (0.5, 0.5))
         assert found is not None
-        np.testing.assert_allclose(found.relative_load_of(np.array([1, 4, 9])), [-0.1, -0.1, 0.1])
+        np.testing.assert_allclose(
+            found.relative_loads_of_units(np.array([1, 4, 9])), [-0.1, -0.1, 0.1]
+        )
 
     def test_masses_that_are_none_have_no_relation(self):
         assert RelativeLoads.from_masses(np.array([0]), np.array([-5.0]), (0.5, 0.5)) is None
@@ -135,5 +135,6 @@ class TestRelativeLoads:
         assert found is not None
         assert usual is not None
         np.testing.assert_array_equal(
-            found.relative_load_of(unit) / found.rms, usual.relative_load_of(unit) / usual.rms
+            found.relative_loads_of_units(unit) / found.rms,
+            usual.relative_loads_of_units(unit) / usual.rms,
         )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.weighing.force_by_place import make_place_force_columns, make_place_slope_columns
+from analysis.weighing.force_by_place import make_position_force_columns, make_position_force_slopes
 from analysis.weighing.record_places import find_record_offsets
 
 TURNS = np.linspace(0.0, 40.0 * np.pi, 4000)
@@ -34,8 +34,8 @@ def test_a_record_that_began_elsewhere_is_moved_to_where_its_force_is_that_of_th
 def test_the_slopes_are_those_of_the_forces() -> None:
     place_1, step = np.linspace(-0.5, 0.5, 31), 1e-6
     by_difference = (
-        (make_place_force_columns(place_1 + step) - make_place_force_columns(place_1 - step))
+        (make_position_force_columns(place_1 + step) - make_position_force_columns(place_1 - step))
         / step
         / 2
     )
-    assert make_place_slope_columns(place_1) == pytest.approx(by_difference, abs=1e-6)
+    assert make_position_force_slopes(place_1) == pytest.approx(by_difference, abs=1e-6)

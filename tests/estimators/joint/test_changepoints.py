@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from estimators.joint.changepoints import find_partitions
+from estimators.joint.changepoints import find_best_partitions
 from estimators.joint.group_effects import FILLED, HINTED, RESTARTED, TURNED, GroupEffects
 from estimators.joint.partition_posterior import PartitionPosterior, Stretches
 
@@ -28,13 +28,13 @@ def units(levels, seed=0, scatter=0.0, effect=None, kind=None):
 
 
 def state_of(levels, **more):
-    return find_partitions(units(levels, **more), SPREAD, USUAL).best.state.tolist()
+    return find_best_partitions(units(levels, **more), SPREAD, USUAL).best.state.tolist()
 
 
 def log_posterior(drawn, state):
     """Of a partition, where manoeuvres do not scatter."""
     stretches = Stretches.from_boundaries(np.asarray(state), drawn.kind)
-    return PartitionPosterior(drawn, SPREAD, 0.0, None).evaluate(stretches).log_posterior
+    return PartitionPosterior(drawn, SPREAD, 0.0, None).evaluate_partition(stretches).log_posterior
 
 
 class TestPartitions:
@@ -65,7 +65,9 @@ class TestPartitions:
         kind = np.ones(19, np.int64)
         kind[[2, 5, 9, 12, 15]] = RESTARTED
         ended, stood = (
-            find_partitions(replace(units(levels, kind=each), y=levels), SPREAD, USUAL).best.state
+            find_best_partitions(
+                replace(units(levels, kind=each), y=levels), SPREAD, USUAL
+            ).best.state
             for each in (kind, np.ones_like(kind))
         )
         assert ended.tolist() == [0] * 10 + [1] * 10
@@ -99,8 +101,8 @@ class TestPartitions:
         assert max(state_of([3600.0] * 32, seed=seed, kind=kind)) == 0
 
     def test_manoeuvres_that_scatter_alike_are_one_state(self):
-        found = find_partitions(units([3600.0] * 20, scatter=60.0), SPREAD, USUAL)
-        assert found.best.states == 1
+        found = find_best_partitions(units([3600.0] * 20, scatter=60.0), SPREAD, USUAL)
+        assert found.best.level_stretch_count == 1
         assert found.best.scatter > 2.0 * STD
 
     @pytest.mark.parametrize("seed", range(5))
@@ -108,7 +110,7 @@ class TestPartitions:
         """Against every partition of seven manoeuvres, at the scatter that is known."""
         monkeypatch.setattr("estimators.joint.changepoints._SURE", 0.0)
         drawn = units([3600.0, 3600.0, 3640.0, 3640.0, 3640.0, 3700.0, 3700.0], seed=seed)
-        found = find_partitions(drawn, SPREAD, USUAL, 0.0).best
+        found = find_best_partitions(drawn, SPREAD, USUAL, 0.0).best
         places = range(1, 7)
         every = [
             np.searchsorted(np.array(cut), np.arange(7), "right").astype(np.int64)
@@ -122,7 +124,7 @@ class TestPartitions:
         drawn = units([3600.0] * 3 + [3640.0] * 3, seed=6)
         two = np.repeat([0, 1], 3)
         assert log_posterior(drawn, two) > log_posterior(drawn, np.zeros(6, np.int64))
-        assert find_partitions(drawn, SPREAD, USUAL, 0.0).best.states == 1
+        assert find_best_partitions(drawn, SPREAD, USUAL, 0.0).best.level_stretch_count == 1
 
     def test_an_offset_in_alternating_directions_is_no_change(self):
         direction = np.array([1.0, -1.0] * 5)
@@ -138,17 +140,19 @@ class TestPartitions:
 
     def test_single_manoeuvres_are_told_apart_where_scatter_is_known(self):
         drawn = units([3600.0, 3850.0, 3600.0])
-        assert find_partitions(drawn, SPREAD, USUAL, 0.0).best.states == 3
+        assert find_best_partitions(drawn, SPREAD, USUAL, 0.0).best.level_stretch_count == 3
         # else three loads and one that scatters are about as likely
-        assert 0.05 < find_partitions(drawn, SPREAD, USUAL).single_probability < 0.95
+        assert 0.05 < find_best_partitions(drawn, SPREAD, USUAL).single_probability < 0.95
 
     def test_a_hint_tells_single_manoeuvres_apart(self):
         levels = [3600.0, 4000.0, 3750.0, 4200.0, 3850.0, 3680.0] * 2
         for seed in range(5):
-            found = find_partitions(units(levels, seed=seed), SPREAD, USUAL)
-            hinted = find_partitions(units(levels, seed=seed, kind=[HINTED] * 11), SPREAD, USUAL)
-            assert found.best.states == 1
-            assert hinted.best.states > 4
+            found = find_best_partitions(units(levels, seed=seed), SPREAD, USUAL)
+            hinted = find_best_partitions(
+                units(levels, seed=seed, kind=[HINTED] * 11), SPREAD, USUAL
+            )
+            assert found.best.level_stretch_count == 1
+            assert hinted.best.level_stretch_count > 4
             assert hinted.single_probability < 0.5 * found.single_probability
 
     def test_loads_that_a_direction_could_explain_are_told_where_each_change_is_hinted(self):
@@ -165,57 +169,61 @@ class TestPartitions:
             ([1, FILLED, 1, HINTED] * 10)[:-1],
         )
         for seed in range(5):
-            bare = find_partitions(units(levels, seed=seed, scatter=40.0), SPREAD, USUAL).best
-            filled = find_partitions(
+            bare = find_best_partitions(units(levels, seed=seed, scatter=40.0), SPREAD, USUAL).best
+            filled = find_best_partitions(
                 units(levels, seed=seed, scatter=40.0, kind=kind), SPREAD, USUAL
             )
-            assert bare.states < 5
-            assert filled.best.states >= 18
+            assert bare.level_stretch_count < 5
+            assert filled.best.level_stretch_count >= 18
 
     @pytest.mark.parametrize("scatter", [0.0, 15.0, 45.0])
     def test_what_is_taken_for_fillings_may_tell_nothing(self, scatter):
         kind = ([1, FILLED, 1, HINTED] * 8)[:-1]
         drawn = [units([3600.0] * 32, seed=k, scatter=scatter, kind=kind) for k in range(20)]
-        states = [find_partitions(each, SPREAD, USUAL).best.states for each in drawn]
+        states = [
+            find_best_partitions(each, SPREAD, USUAL).best.level_stretch_count for each in drawn
+        ]
         assert np.mean(np.array(states) == 1) >= 0.8
 
     @pytest.mark.parametrize("scatter", [0.0, 15.0, 45.0])
     def test_what_moves_everywhere_may_tell_nothing(self, scatter):
         for seed in range(10):
             drawn = units([3600.0] * 15, seed=seed, scatter=scatter, kind=[HINTED] * 14)
-            assert find_partitions(drawn, SPREAD, USUAL).best.states == 1
+            assert find_best_partitions(drawn, SPREAD, USUAL).best.level_stretch_count == 1
 
     def test_two_loads_that_take_turns_need_no_hint(self):
         """Of loads that are each their own, twelve starts that alternate would be scatter."""
         for seed in range(5):
-            found = find_partitions(units([3600.0, 3850.0] * 6, seed=seed), SPREAD, USUAL)
-            assert found.best.states == 12
+            found = find_best_partitions(units([3600.0, 3850.0] * 6, seed=seed), SPREAD, USUAL)
+            assert found.best.level_stretch_count == 12
             assert found.best.level.tolist() == [0, 1] * 6
-            assert found.best.freedom == 10
+            assert found.best.dof == 10
             assert found.single_probability < 0.05
 
     def test_an_empty_machine_that_comes_back_needs_no_hint(self):
         levels = [3600.0, 3850.0, 3600.0, 3720.0, 3600.0, 3960.0, 3600.0, 3780.0, 3600.0, 4050.0]
         for seed in range(5):
-            found = find_partitions(units(levels, seed=seed), SPREAD, USUAL).best
-            assert found.states == 10
+            found = find_best_partitions(units(levels, seed=seed), SPREAD, USUAL).best
+            assert found.level_stretch_count == 10
             assert set(found.level[::2]) == {0}
 
     def test_turns_that_a_direction_explains_as_well_are_no_loads(self):
         direction = np.array([1.0, -1.0] * 5)
-        found = find_partitions(units(3600.0 + 100.0 * direction, effect=direction), SPREAD, USUAL)
-        assert found.best.states == 1
+        found = find_best_partitions(
+            units(3600.0 + 100.0 * direction, effect=direction), SPREAD, USUAL
+        )
+        assert found.best.level_stretch_count == 1
 
     def test_where_nothing_can_tell_both_are_probable(self):
-        found = find_partitions(units([3600.0] * 2 + [3680.0] * 2, seed=3), SPREAD, USUAL)
+        found = find_best_partitions(units([3600.0] * 2 + [3680.0] * 2, seed=3), SPREAD, USUAL)
         assert 0.02 < found.single_probability < 0.999
 
     @pytest.mark.parametrize("scatter", [0.0, 15.0, 45.0])
     def test_a_log_without_a_change_is_hardly_ever_split(self, scatter):
         states = [
-            find_partitions(
+            find_best_partitions(
                 units([3600.0] * 12, seed=seed, scatter=scatter), SPREAD, USUAL
-            ).best.states
+            ).best.level_stretch_count
             for seed in range(50)
         ]
         assert np.mean(np.array(states) == 1) >= 0.94

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimators.joint.group_effects import group_effects
+from estimators.joint.group_effects import estimate_group_effects
 
 
 class TestUnits:
@@ -17,7 +17,7 @@ class TestUnits:
         stds: list[float] = []
         for _ in range(30):
             f = level * a + 2900.0 * v + dice.normal(0.0, 60.0, a.size)
-            found = group_effects(
+            found = estimate_group_effects(
                 np.column_stack([a, v]),
                 f,
                 group,

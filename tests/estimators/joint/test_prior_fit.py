@@ -7,7 +7,7 @@ import pytest
 
 from estimators.joint.prior_fit import Grouping, fit
 from estimators.joint.random_intercepts import RandomIntercepts
-from estimators.numerics.group_sums import NoiseMoments, noise_moments
+from estimators.numerics.group_sums import NoiseMoments, sum_noise_moments
 
 FREE = np.inf
 TRUTH = np.array([3600.0, 2900.0])
@@ -344,7 +344,7 @@ def test_noise_moments_are_the_plain_sum():
     group = np.sort(generator.integers(0, groups, n))
     places = np.array([(i, x) for i in range(p) for x in range(q) if slopes[:, i, x].any()])
     some = np.stack([slopes[:, i, x] for i, x in places])
-    gram, cross = noise_moments(some, places, covariances, which, group, (groups, p))
+    gram, cross = sum_noise_moments(some, places, covariances, which, group, (groups, p))
     for g in range(groups):
         each = [slopes[k] @ covariances[which[k]] for k in np.flatnonzero(group == g)]
         with_response = [part[:, -1] for part in each]

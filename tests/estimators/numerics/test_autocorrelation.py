@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from estimators.joint.prior_fit import Solution, solve
-from estimators.numerics.autocorrelation import pooled_autocorrelation
+from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation
 
 SAMPLES = 40
 GROUP = np.repeat([-1, 0, 1], SAMPLES)
@@ -30,4 +30,4 @@ def test_a_solution_has_the_group_of_each_residual(rows: int) -> None:
 @pytest.mark.parametrize("groups", [GROUP.size - 1, GROUP.size + 1])
 def test_groups_of_other_residuals_are_refused(groups: int) -> None:
     with pytest.raises(ValueError, match=f"120 residuals, but groups of {groups}"):
-        pooled_autocorrelation(np.ones(GROUP.size), np.zeros(groups, np.int64), None)
+        estimate_pooled_autocorrelation(np.ones(GROUP.size), np.zeros(groups, np.int64), None)

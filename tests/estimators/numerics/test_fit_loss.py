@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimators.numerics.fit_loss import fit_loss
+from estimators.numerics.fit_loss import compute_fit_loss
 
 LAGS = 9
 
@@ -35,12 +35,12 @@ def test_the_loss_of_one_fit_is_that_of_its_residual_maker(n, parameters):
     group[2:-2] = 5
     padded = np.full((n + 4, parameters), np.nan)
     padded[2:-2] = A
-    np.testing.assert_allclose(fit_loss(padded, group, LAGS), by_matrices(A), atol=1e-12)
+    np.testing.assert_allclose(compute_fit_loss(padded, group, LAGS), by_matrices(A), atol=1e-12)
 
 
 def test_the_loss_of_equal_fits_is_that_of_one():
     A = walk(2, 50, 2)
-    both = fit_loss(np.concatenate([A, A]), np.repeat([0, 1], 50), LAGS)
+    both = compute_fit_loss(np.concatenate([A, A]), np.repeat([0, 1], 50), LAGS)
     np.testing.assert_allclose(both, by_matrices(A), atol=1e-12)
 
 
@@ -48,11 +48,13 @@ def test_a_column_that_depends_on_others_takes_nothing_more():
     A = walk(3, 50, 2)
     more = np.column_stack([A, A @ [2.0, -1.0]])
     group = np.zeros(50, np.int64)
-    np.testing.assert_allclose(fit_loss(more, group, LAGS), fit_loss(A, group, LAGS), atol=1e-9)
+    np.testing.assert_allclose(
+        compute_fit_loss(more, group, LAGS), compute_fit_loss(A, group, LAGS), atol=1e-9
+    )
 
 
 def test_a_fit_of_very_many_samples_loses_nothing_worth_counting():
-    assert not fit_loss(walk(4, 4000, 2), np.zeros(4000, np.int64), LAGS).any()
+    assert not compute_fit_loss(walk(4, 4000, 2), np.zeros(4000, np.int64), LAGS).any()
 
 
 def test_put_back_autocovariances_are_right_on_average():
@@ -60,7 +62,7 @@ def test_put_back_autocovariances_are_right_on_average():
     generator = np.random.default_rng(5)
     A = walk(6, 60, 2)
     M = np.eye(60) - A @ np.linalg.pinv(A)
-    loss = fit_loss(A, np.zeros(60, np.int64), LAGS)
+    loss = compute_fit_loss(A, np.zeros(60, np.int64), LAGS)
     noise = np.lib.stride_tricks.sliding_window_view(generator.normal(size=(20_000, 64)), 5, axis=1)
     residual = noise.mean(axis=2) @ M
     found = [(residual[:, : 60 - j] * residual[:, j:]).mean() for j in range(LAGS)]

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from estimators.numerics.mutual_information import (
-    gaussian_information,
-    information_index,
-    window_correlation,
+    compute_window_correlation,
+    correlation_to_gaussian_information,
+    correlation_to_information_index,
 )
 
 
@@ -26,7 +26,7 @@ def test_every_window_agrees_with_numpy_whatever_the_means(seed, window, mean_x,
     x = generator.normal(size=100)
     y = gain * (mix * x + generator.normal(size=100)) + mean_y
     x = x + mean_x
-    rho, spread = window_correlation(x, y, window)
+    rho, spread = compute_window_correlation(x, y, window)
     assert np.isnan(rho[: window - 1]).all()
     assert np.isnan(spread[: window - 1]).all()
     expected = [
@@ -40,8 +40,8 @@ def test_a_mean_a_billion_times_the_motion_costs_few_digits():
     generator = np.random.default_rng(5)
     x = generator.normal(size=2000)
     y = 0.5 * x + generator.normal(size=2000)
-    near, _ = window_correlation(x, y, 320)
-    far, _ = window_correlation(x + 1e9, y - 1e9, 320)
+    near, _ = compute_window_correlation(x, y, 320)
+    far, _ = compute_window_correlation(x + 1e9, y - 1e9, 320)
     np.testing.assert_allclose(far[319:], near[319:], atol=1e-6)
 
 
@@ -53,20 +53,20 @@ def test_a_constant_window_has_no_correlation_and_no_spread(value, other, window
         (varying, np.full(40, other)),
         (np.full(40, value), np.full(40, other)),
     ]:
-        rho, spread = window_correlation(x, y, window)
+        rho, spread = compute_window_correlation(x, y, window)
         assert np.isnan(rho).all()
         np.testing.assert_array_equal(spread[window - 1 :], 0.0)
 
 
 def test_a_window_far_longer_than_the_log_takes_no_memory():
-    rho, spread = window_correlation(np.arange(9.0), np.arange(9.0), 2_000_000_000_000)
+    rho, spread = compute_window_correlation(np.arange(9.0), np.arange(9.0), 2_000_000_000_000)
     assert np.isnan(rho).all()
     assert np.isnan(spread).all()
 
 
 def test_a_constant_stretch_inside_a_log_is_not_a_correlation_of_rounding():
     x = np.concatenate([np.random.default_rng(6).normal(size=100), np.full(100, 0.1)])
-    rho, _ = window_correlation(x, 3.0 * x + 0.7, 20)
+    rho, _ = compute_window_correlation(x, 3.0 * x + 0.7, 20)
     np.testing.assert_allclose(rho[19:100], 1.0, atol=1e-12)
     assert np.isnan(rho[119:]).all()
 
@@ -75,17 +75,17 @@ def test_a_constant_stretch_inside_a_log_is_not_a_correlation_of_rounding():
 def test_the_scale_of_the_numbers_does_not_matter(scale):
     generator = np.random.default_rng(8)
     x, y = generator.normal(size=(2, 60))
-    expected, _ = window_correlation(x, y, 10)
-    rho, _ = window_correlation(scale * x, scale * y, 10)
+    expected, _ = compute_window_correlation(x, y, 10)
+    rho, _ = compute_window_correlation(scale * x, scale * y, 10)
     np.testing.assert_allclose(rho, expected, rtol=1e-9)
 
 
 @given(st.integers(0, 39), st.integers(2, 12))
 def test_a_nan_spoils_only_the_windows_that_hold_it(at, window):
     x, y = np.random.default_rng(9).normal(size=(2, 40))
-    clean, _ = window_correlation(x, y, window)
+    clean, _ = compute_window_correlation(x, y, window)
     y[at] = np.nan
-    rho, _ = window_correlation(x, y, window)
+    rho, _ = compute_window_correlation(x, y, window)
     holds = np.zeros(40, bool)
     holds[at : at + window] = True
     assert np.isnan(rho[holds]).all()
@@ -93,7 +93,7 @@ def test_a_nan_spoils_only_the_windows_that_hold_it(at, window):
 
 
 def test_the_index_is_minus_0_3466_at_minus_one_then_0_then_infinite():
-    index = information_index(np.array([-1.0, 0.0, 0.5, 1.0, np.nan]))
+    index = correlation_to_information_index(np.array([-1.0, 0.0, 0.5, 1.0, np.nan]))
     np.testing.assert_allclose(index[:3], [-0.5 * np.log(2.0), 0.0, 0.5 * np.log(2.0)])
     assert index[0] == pytest.approx(-0.3466, abs=1e-4)
     assert index[3] == np.inf
@@ -104,18 +104,18 @@ def test_the_index_is_minus_0_3466_at_minus_one_then_0_then_infinite():
 def test_a_threshold_on_the_index_is_a_threshold_on_the_correlation(rho, gamma):
     limit = -np.expm1(-2.0 * gamma)
     if abs(rho - limit) > 1e-9:
-        assert bool(information_index(np.array([rho]))[0] >= gamma) == (rho >= limit)
+        assert bool(correlation_to_information_index(np.array([rho]))[0] >= gamma) == (rho >= limit)
 
 
 def test_0_7_nat_asks_for_a_correlation_of_0_753():
-    assert information_index(np.array([0.7534]))[0] == pytest.approx(0.7, abs=1e-4)
+    assert correlation_to_information_index(np.array([0.7534]))[0] == pytest.approx(0.7, abs=1e-4)
 
 
 def test_index_10_is_even_in_the_correlation_and_asks_for_more_of_it_than_11():
     rho = np.array([-0.8, 0.8, 0.0, 1.0, np.nan])
-    index = gaussian_information(rho)
+    index = correlation_to_gaussian_information(rho)
     assert index[0] == index[1] == pytest.approx(0.5108, abs=1e-4)
     assert index[2] == 0.0
     assert np.isposinf(index[3])
     assert np.isnan(index[4])
-    assert index[1] < information_index(rho)[1]
+    assert index[1] < correlation_to_information_index(rho)[1]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import digamma
 
-from estimators.numerics.nearest_neighbours import window_mutual_information
+from estimators.numerics.nearest_neighbours import estimate_window_mutual_information
 
 
 def by_definition(x: np.ndarray, y: np.ndarray, k: int) -> float:
@@ -23,7 +23,7 @@ def test_each_window_equals_the_definition(k: int) -> None:
     x, y = rng.normal(size=(2, 300))
     y += 0.7 * x
     ends = np.array([99, 150, 299])
-    found = window_mutual_information(x, y, 100, ends, k)
+    found = estimate_window_mutual_information(x, y, 100, ends, k)
     expected = [by_definition(x[e - 99 : e + 1], y[e - 99 : e + 1], k) for e in ends]
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
@@ -33,7 +33,7 @@ def test_gaussian_series_have_the_known_information_whatever_the_sign(rho: float
     rng = np.random.default_rng(2)
     x, noise = rng.normal(size=(2, 3000))
     y = rho * x + np.sqrt(1 - rho**2) * noise
-    (found,) = window_mutual_information(x, y, 3000, np.array([2999]), 4)
+    (found,) = estimate_window_mutual_information(x, y, 3000, np.array([2999]), 4)
     assert found == pytest.approx(-0.5 * np.log(1 - rho**2), abs=0.06)
 
 
@@ -42,8 +42,8 @@ def test_units_do_not_matter_and_a_dependence_without_correlation_is_seen() -> N
     x = rng.normal(size=1000)
     y = x**2 + 0.05 * rng.normal(size=1000)
     ends = np.array([999])
-    (found,) = window_mutual_information(x, y, 1000, ends, 4)
-    (scaled,) = window_mutual_information(1e6 * x, 1e-3 * y, 1000, ends, 4)
+    (found,) = estimate_window_mutual_information(x, y, 1000, ends, 4)
+    (scaled,) = estimate_window_mutual_information(1e6 * x, 1e-3 * y, 1000, ends, 4)
     assert abs(np.corrcoef(x, y)[0, 1]) < 0.2
     assert found > 1.0
     assert scaled == pytest.approx(found, rel=1e-9)
@@ -53,5 +53,5 @@ def test_a_constant_or_missing_series_has_none() -> None:
     x = np.random.default_rng(4).normal(size=50)
     holed = np.where(np.arange(50) == 10, np.nan, x)
     ends = np.array([49])
-    assert np.isnan(window_mutual_information(x, np.ones(50), 50, ends, 4)).all()
-    assert np.isnan(window_mutual_information(holed, x, 50, ends, 4)).all()
+    assert np.isnan(estimate_window_mutual_information(x, np.ones(50), 50, ends, 4)).all()
+    assert np.isnan(estimate_window_mutual_information(holed, x, 50, ends, 4)).all()

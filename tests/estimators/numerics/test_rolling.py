@@ -8,8 +8,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from estimators.methods import ls
-from estimators.numerics.rolling import sum_windows, window_ends
-from estimators.numerics.small_systems import packed_index
+from estimators.numerics.rolling import find_accepted_window_ends, sum_window_products
+from estimators.numerics.small_systems import find_packed_index
 
 numbers = st.floats(-1e6, 1e6)
 
@@ -17,7 +17,7 @@ numbers = st.floats(-1e6, 1e6)
 def window_sums(x, window, ends=None):
     """Σx² of every window of x, or of those that end at `ends`."""
     index = np.arange(window - 1, x.size) if ends is None else np.asarray(ends)
-    return sum_windows(x[:, None], np.zeros(x.size), window, index)[0]
+    return sum_window_products(x[:, None], np.zeros(x.size), window, index)[0]
 
 
 def exact_sums(x, window):
@@ -79,13 +79,13 @@ def test_a_sample_that_is_no_number_spoils_only_the_windows_that_hold_it(window,
 def test_the_packed_sums_are_those_of_the_normal_equations(p):
     generator = np.random.default_rng(4)
     A, f = generator.normal(1.0, 1.0, (500, p)), generator.normal(size=500)
-    index = window_ends(np.arange(500) % 3 == 0, 40)
+    index = find_accepted_window_ends(np.arange(500) % 3 == 0, 40)
     theta, grams, rss, _ = ls.solve_windows(A, f, 40, index)
     for row, k in enumerate(index):
         a, y = A[k - 39 : k + 1], f[k - 39 : k + 1]
         G = a.T @ a
         for i in range(p):
             for j in range(i, p):
-                assert grams[row, packed_index(i, j, p)] == pytest.approx(G[i, j], rel=1e-12)
+                assert grams[row, find_packed_index(i, j, p)] == pytest.approx(G[i, j], rel=1e-12)
         np.testing.assert_allclose(theta[row], np.linalg.lstsq(a, y)[0], rtol=1e-10)
         assert rss[row] == pytest.approx(((y - a @ theta[row]) ** 2).sum(), rel=1e-10)

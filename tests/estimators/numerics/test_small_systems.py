@@ -5,7 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimators.numerics.small_systems import inverse_spd, scaled_condition_from_gram, solve_spd
+from estimators.numerics.small_systems import (
+    compute_scaled_condition,
+    invert_positive_definite,
+    solve_positive_definite,
+)
 
 
 def gram(seed, p, scales):
@@ -22,11 +26,11 @@ def gram(seed, p, scales):
 def test_solutions_inverses_and_condition_are_lapacks_whatever_the_units(seed, p, scales):
     scales = np.array(scales[:p])
     G = gram(seed, p, scales)
-    np.testing.assert_allclose(solve_spd(G, G @ (1 / scales)), 1 / scales, rtol=1e-8)
-    identity = inverse_spd(G) @ G * np.outer(scales, 1 / scales)
+    np.testing.assert_allclose(solve_positive_definite(G, G @ (1 / scales)), 1 / scales, rtol=1e-8)
+    identity = invert_positive_definite(G) @ G * np.outer(scales, 1 / scales)
     np.testing.assert_allclose(identity, np.eye(p), atol=1e-8)
     unit = G / np.sqrt(np.outer(np.diag(G), np.diag(G)))
-    assert scaled_condition_from_gram(G) == pytest.approx(np.sqrt(np.linalg.cond(unit)), rel=1e-6)
+    assert compute_scaled_condition(G) == pytest.approx(np.sqrt(np.linalg.cond(unit)), rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -42,6 +46,6 @@ def test_solutions_inverses_and_condition_are_lapacks_whatever_the_units(seed, p
 )
 def test_a_singular_matrix_has_no_solution_and_an_infinite_condition(G):
     G = np.array(G)
-    assert np.isnan(solve_spd(G, np.ones(len(G)))).all()
-    assert np.isnan(inverse_spd(G)).all()
-    assert scaled_condition_from_gram(G) > 1e7
+    assert np.isnan(solve_positive_definite(G, np.ones(len(G)))).all()
+    assert np.isnan(invert_positive_definite(G)).all()
+    assert compute_scaled_condition(G) > 1e7

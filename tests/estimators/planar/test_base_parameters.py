@@ -27,7 +27,12 @@ def known(axes=2, **told):
 
 
 def fitted(motion, **options):
-    return fit(planar_rows.regressor(**motion), forces(motion), planar_rows.PARAMETERS, **options)
+    return fit(
+        planar_rows.make_planar_regressor(**motion),
+        forces(motion),
+        planar_rows.PARAMETERS,
+        **options,
+    )
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
@@ -38,7 +43,7 @@ def test_identifiable_parameters_are_the_truth_and_the_others_nan_never_a_number
     assert np.isnan(found.theta[~single]).all()
     assert np.isfinite(found.std[single]).all()
     assert np.isnan(found.std[~single]).all()
-    combined = found.identifiability.combinations @ LOADER
+    combined = found.identifiability.find_determined_combinations @ LOADER
     np.testing.assert_allclose(found.combination, combined, rtol=1e-9)
 
 
@@ -52,7 +57,7 @@ def noisy_arc():
     """Regressor and force; the force has the noise of its sensors, which weighs it."""
     arc = constant_arc()
     noise = SIGMA * np.random.default_rng(5).normal(size=(2000, 2))
-    return planar_rows.regressor(**arc), forces(arc) + noise
+    return planar_rows.make_planar_regressor(**arc), forces(arc) + noise
 
 
 def test_an_arc_tells_the_first_moment_once_the_friction_is_known():
@@ -84,7 +89,7 @@ def test_an_uncertainty_that_no_residual_shows_is_added_to_what_follows_the_para
     A, f = noisy_arc()
     prior = known(1, friction_x_N_s_m=(2891.0, 50.0))
     before = fit(A[:, :1], f[:, :1], planar_rows.PARAMETERS, prior=prior)
-    found = before.with_uncertainty_of("friction_x_N_s_m", 100.0)
+    found = before.add_parameter_uncertainty("friction_x_N_s_m", 100.0)
     i, j = AT["first_moment_x_kg_m"], AT["friction_x_N_s_m"]
     assert found.std[j] == pytest.approx(np.hypot(before.std[j], 100.0))
     assert found.std[i] == pytest.approx(np.hypot(before.std[i], 750.0), rel=0.01)
@@ -99,7 +104,7 @@ def test_an_uncertainty_that_no_residual_shows_is_added_to_what_follows_the_para
 )
 def test_intervals_cover_with_a_term_of_which_only_the_size_is_known(trials, least):
     """A torque against the direction of turning: 200 N·m, give or take."""
-    plain = planar_rows.regressor(**MOTIONS["joint"])
+    plain = planar_rows.make_planar_regressor(**MOTIONS["joint"])
     opposing = np.zeros((plain.shape[0], 2, 1))
     opposing[:, 1, 0] = np.sign(MOTIONS["joint"]["yaw_rate"])
     A = np.concatenate([plain, opposing], axis=-1)
@@ -108,7 +113,7 @@ def test_intervals_cover_with_a_term_of_which_only_the_size_is_known(trials, lea
     for seed in range(trials):
         dice = np.random.default_rng(seed)
         f = A @ np.append(LOADER, dice.normal(0.0, 200.0)) + SIGMA * dice.normal(size=(2000, 2))
-        found = fit(A, f, names, prior=Prior.around_zero({"coulomb_z_N_m": 200.0}, 2))
+        found = fit(A, f, names, prior=Prior.make_zero_mean({"coulomb_z_N_m": 200.0}, 2))
         covered.append(np.abs(found.theta[:6] - LOADER) < 1.96 * found.std[:6])
         without = fit(plain, f, planar_rows.PARAMETERS)
         left_out.append(np.abs(without.theta - LOADER) < 1.96 * without.std)
@@ -129,12 +134,12 @@ def test_the_axes_add_up_and_a_gain_of_one_acts_on_its_own_share():
 
 def test_straight_spin_and_arc_together_determine_what_each_alone_does_not():
     stretches = [MOTIONS["straight"], MOTIONS["spin about the origin"], constant_arc()]
-    A = np.concatenate([planar_rows.regressor(**motion) for motion in stretches])
+    A = np.concatenate([planar_rows.make_planar_regressor(**motion) for motion in stretches])
     f = np.concatenate([forces(motion) for motion in stretches])
     found = fit(A, f, planar_rows.PARAMETERS, segment_id=np.repeat([4, 7, 9], 2000))
     assert found.identifiability.rank == 6
     np.testing.assert_allclose(found.theta, LOADER, rtol=1e-9)
-    ratio, _ = found.quotient("first_moment_x_kg_m", "mass_kg")
+    ratio, _ = found.ratio_and_std("first_moment_x_kg_m", "mass_kg")
     assert ratio == pytest.approx(500.0 / 3614.0)
 
 
@@ -147,7 +152,7 @@ def test_nominal_95_percent_intervals_cover_at_unequal_noise_of_the_axes_after_a
     trials, least, most
 ):
     """Smoothed like the log: force noise of 60 N and 25 N·m before a mean of ten samples."""
-    A = planar_rows.regressor(**MOTIONS["joint"])
+    A = planar_rows.make_planar_regressor(**MOTIONS["joint"])
     truth = A @ LOADER
     kernel = np.ones(10) / 10
     covered, com_covered = [], []
@@ -157,7 +162,7 @@ def test_nominal_95_percent_intervals_cover_at_unequal_noise_of_the_axes_after_a
         f = truth + np.column_stack([np.convolve(x, kernel, "valid") for x in noise.T])
         found = fit(A, f, planar_rows.PARAMETERS)
         covered.append(np.abs(found.theta - LOADER) < 1.96 * found.std)
-        ratio, std = found.quotient("first_moment_x_kg_m", "mass_kg")
+        ratio, std = found.ratio_and_std("first_moment_x_kg_m", "mass_kg")
         com_covered.append(abs(ratio - com) < 1.96 * std)
     assert (np.mean(covered, axis=0) > least).all()
     assert (np.mean(covered, axis=0) < most).all()
@@ -177,10 +182,10 @@ NOISE = {
 def noisy(motion, seed, mean=1):
     """The regressor with noise on every channel, the true force with noise, noise of columns."""
     generator = np.random.default_rng(seed)
-    A = planar_rows.regressor(**measured(motion, NOISE, generator, mean))
+    A = planar_rows.make_planar_regressor(**measured(motion, NOISE, generator, mean))
     f = forces(motion)[mean - 1 :] + SIGMA / 10 * generator.normal(size=(A.shape[0], 2))
     turning = float(np.sqrt(np.mean(motion["yaw_rate"] ** 2)))
-    return A, f, planar_rows.column_noise(turning, **NOISE)
+    return A, f, planar_rows.compute_column_noise_rms(turning, **NOISE)
 
 
 @pytest.mark.parametrize(
@@ -212,7 +217,7 @@ def test_noise_is_taken_off_combinations_alike():
     for seed in range(30):
         A, f, noise = noisy(spin(-0.2), seed)
         told = fit(A, f, planar_rows.PARAMETERS, noise=noise)
-        assert told.identifiability.combination_texts()[-1].startswith("inertia_z_kg_m2 - ")
+        assert told.identifiability.format_combinations()[-1].startswith("inertia_z_kg_m2 - ")
         assert abs(told.combination[-1] - truth) < 4 * told.combination_std[-1]
         found.append(told.combination[-1])
         plain = fit(A[..., [1, 5]], f, ["inertia_z_kg_m2", "friction_z_N_m_s"])
@@ -270,7 +275,7 @@ def test_a_long_log_is_never_held_as_one_regressor():
 def test_the_axes_are_weighted_by_their_noise():
     """mc_y stands in both rows; with a useless force its value comes from the torque."""
     motion = MOTIONS["joint"]
-    A, f = planar_rows.regressor(**motion), forces(motion)
+    A, f = planar_rows.make_planar_regressor(**motion), forces(motion)
     f = f + np.random.default_rng(2).normal(size=f.shape) * [2000.0, 1.0]
     found = fit(A, f, planar_rows.PARAMETERS)
     weighted = A / np.array([2000.0, 1.0])[:, None]
@@ -280,7 +285,7 @@ def test_the_axes_are_weighted_by_their_noise():
 
 
 def test_one_axis_in_one_stretch_is_ordinary_least_squares():
-    A = planar_rows.straight_regressor(
+    A = planar_rows.make_straight_regressor(
         MOTIONS["straight"]["specific_force_x"], MOTIONS["straight"]["speed"]
     )
     f = A @ [3614.0, 2891.0] + np.random.default_rng(4).normal(scale=60.0, size=2000)
@@ -292,7 +297,7 @@ def test_one_axis_in_one_stretch_is_ordinary_least_squares():
 
 def test_samples_left_out_may_be_nan():
     motion = MOTIONS["joint"]
-    A, f = planar_rows.regressor(**motion), forces(motion)
+    A, f = planar_rows.make_planar_regressor(**motion), forces(motion)
     segment_id = np.where(np.arange(2000) % 50 < 5, -1, np.arange(2000) // 1000)
     A[segment_id < 0] = f[segment_id < 0] = np.nan
     found = fit(A, f, planar_rows.PARAMETERS, segment_id=segment_id)
@@ -305,7 +310,7 @@ def test_samples_left_out_may_be_nan():
 )
 def test_any_sequence_of_motions_gives_truth_or_nan(chosen, seed):
     loader = LOADER * np.random.default_rng(seed).uniform(0.2, 5.0, 6)
-    A = np.concatenate([planar_rows.regressor(**MOTIONS[name]) for name in chosen])
+    A = np.concatenate([planar_rows.make_planar_regressor(**MOTIONS[name]) for name in chosen])
     f = A @ loader
     found = fit(A, f, planar_rows.PARAMETERS, np.repeat(np.arange(len(chosen)), 2000))
     single = found.identifiability.identifiable

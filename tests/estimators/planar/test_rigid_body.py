@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from estimators.planar import rigid_body
-from estimators.planar.rigid_body import PARAMETERS, diagonal, inertia_operator, regressor, skew
+from estimators.planar.rigid_body import (
+    PARAMETERS,
+    make_diagonal_matrix,
+    make_inertia_operator,
+    make_rigid_body_regressor,
+    make_skew_matrix,
+)
 
 vectors = arrays(np.float64, (4, 3), elements=st.floats(-1e3, 1e3))
 UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
@@ -84,7 +90,9 @@ def regressor_and_parameters(body):
         ]
     )
     specific_force = body["acceleration"] - np.einsum("nji,j->ni", body["R"], GRAVITY_M_S2)
-    A = regressor(body["omega"], body["omega_dot"], body["velocity"], specific_force)
+    A = make_rigid_body_regressor(
+        body["omega"], body["omega_dot"], body["velocity"], specific_force
+    )
     return A, phi
 
 
@@ -151,7 +159,9 @@ def test_the_regressor_is_pinocchios_inverse_dynamics_of_a_free_flyer_to_12_digi
 
 
 def test_a_body_at_rest_weighs_its_mass_times_gravity_and_turns_about_its_centre():
-    A = regressor(*np.zeros((3, 1, 3)), specific_force=np.array([[0.0, 0.0, 9.81]]))[0]
+    A = make_rigid_body_regressor(
+        *np.zeros((3, 1, 3)), specific_force=np.array([[0.0, 0.0, 9.81]])
+    )[0]
     at = {name: i for i, name in enumerate(PARAMETERS)}
     phi = np.zeros(16)
     phi[at["mass_kg"]] = 3614.0
@@ -165,18 +175,20 @@ def test_a_body_at_rest_weighs_its_mass_times_gravity_and_turns_about_its_centre
 @given(vectors, vectors)
 def test_s_is_the_cross_product_and_d_the_product_entry_by_entry(a, b):
     atol = 1e-9
-    np.testing.assert_allclose(np.einsum("nij,nj->ni", skew(a), b), np.cross(a, b), atol=atol)
-    np.testing.assert_allclose(np.einsum("nij,nj->ni", diagonal(a), b), a * b)
+    np.testing.assert_allclose(
+        np.einsum("nij,nj->ni", make_skew_matrix(a), b), np.cross(a, b), atol=atol
+    )
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", make_diagonal_matrix(a), b), a * b)
 
 
 @given(vectors, arrays(np.float64, (3, 3), elements=st.floats(-1e3, 1e3)))
 def test_l_times_the_six_inertias_is_the_inertia_matrix_times_the_vector(a, half):
     inertia = half + half.T
-    found = inertia_operator(a) @ inertia[UPPER]
+    found = make_inertia_operator(a) @ inertia[UPPER]
     np.testing.assert_allclose(found, a @ inertia, atol=1e-6)
 
 
 @given(vectors)
 def test_one_instant_never_determines_the_sixteen(a):
-    blocks = regressor(a, a[::-1], a + 1.0, a - 1.0)
+    blocks = make_rigid_body_regressor(a, a[::-1], a + 1.0, a - 1.0)
     assert (np.linalg.matrix_rank(blocks) <= 6).all()

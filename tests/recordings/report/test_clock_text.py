@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from recordings.report.clock_text import ShiftClock, duration_text
+from recordings.report.clock_text import ShiftClock, format_duration
 
 NS = 10**9
 
@@ -61,4 +61,4 @@ def test_a_log_without_a_date_counts_from_its_start() -> None:
     ("s", "text"), [(7.1, "7 s"), (119.0, "119 s"), (1800.0, "30 min"), (9000.0, "2.5 h")]
 )
 def test_durations_are_in_the_unit_that_a_person_says(s: float, text: str) -> None:
-    assert duration_text(s) == text
+    assert format_duration(s) == text

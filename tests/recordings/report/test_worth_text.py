@@ -4,8 +4,12 @@ import pytest
 
 from analysis import Run
 from analysis.model.answer import answer
-from recordings.report.worth_text import advice_to_reduce_uncertainty, budget_rows, load_lines
-from recordings.rrd.recording_texts import markdown_by_text_name
+from recordings.report.worth_text import (
+    advise_to_reduce_uncertainty,
+    describe_load,
+    make_budget_table_rows,
+)
+from recordings.rrd.recording_texts import make_all_texts
 
 LOAD = {
     "mass_kg": 3732.4,
@@ -22,7 +26,7 @@ LOAD = {
 
 
 def test_a_load_is_its_mass_with_interval_its_payload_and_what_other_priors_say():
-    assert load_lines(LOAD) == [
+    assert describe_load(LOAD) == [
         "mass 3732 ± 24 kg (standard uncertainty), 95 %: 3685 to 3780 kg, from 9 manoeuvres",
         "payload 118 ± 27 kg",
         "prior sensitivity: 3730 kg (×½) … 3740 kg (×2)",
@@ -30,18 +34,18 @@ def test_a_load_is_its_mass_with_interval_its_payload_and_what_other_priors_say(
 
 
 def test_one_manoeuvre_is_one_and_without_an_empty_mass_there_is_no_payload():
-    lines = load_lines({**LOAD, "manoeuvres": 1, "payload_kg": None, "payload_u_kg": None})
+    lines = describe_load({**LOAD, "manoeuvres": 1, "payload_kg": None, "payload_u_kg": None})
     assert lines[0].endswith("from 1 manoeuvre")
     assert not any("payload" in line for line in lines)
 
 
 def test_a_scale_that_nobody_knows_is_said_to_be_in_no_number():
-    (line,) = load_lines({**LOAD, "scale_unknown": "force_gain, wheel_radius"})[3:]
+    (line,) = describe_load({**LOAD, "scale_unknown": "force_gain, wheel_radius"})[3:]
     assert line.startswith("± excludes scale error: set force_gain_u, wheel_radius_u_m")
 
 
 def test_braking_that_was_left_out_is_said_to_be():
-    (line,) = load_lines({**LOAD, "braking_left_out": True})[3:]
+    (line,) = describe_load({**LOAD, "braking_left_out": True})[3:]
     assert "braking was left out" in line
 
 
@@ -53,13 +57,13 @@ def test_braking_that_was_left_out_is_said_to_be():
     ],
 )
 def test_a_load_without_a_mass_says_why(why, said):
-    assert load_lines({**LOAD, "mass_kg": None, "withheld_for": why}) == [said]
+    assert describe_load({**LOAD, "mass_kg": None, "withheld_for": why}) == [said]
 
 
 class TestBudget:
     def test_a_row_a_source_with_a_bar_as_long_as_its_share(self, drives):
         said = answer(drives(60.0))
-        assert budget_rows(said) == [
+        assert make_budget_table_rows(said) == [
             ("const", "common", "40", f"{'█' * 23} 95%", "starts in both directions"),
             ("noise", "random", "9", "█ 5%", "more starts"),
             ("force_gain", "scale", "not known", "", "known loads"),
@@ -68,24 +72,24 @@ class TestBudget:
     def test_what_is_next_to_nothing_is_not_listed(self, drives):
         run = drives(60.0)
         small = run.frames["budget"].with_columns(share_1=run.frames["budget"]["share_1"] / 200.0)
-        rows = budget_rows(answer(Run({**run.frames, "budget": small}, run.provenance)))
+        rows = make_budget_table_rows(answer(Run({**run.frames, "budget": small}, run.provenance)))
         assert [row[0] for row in rows] == ["force_gain"]
 
     def test_the_largest_source_is_what_would_shrink_it_most(self, drives):
-        told = advice_to_reduce_uncertainty(answer(drives(60.0)))
+        told = advise_to_reduce_uncertainty(answer(drives(60.0)))
         assert told is not None
         assert "a constant force (const, 95% of the variance)" in told
         assert told.endswith("starts in both directions")
 
     def test_a_withheld_answer_has_no_advice_and_no_part_in_the_page(self, drives):
         run = drives(60.0, passed=False)
-        assert advice_to_reduce_uncertainty(answer(run)) is None
-        page = markdown_by_text_name(run)["answer"]
+        assert advise_to_reduce_uncertainty(answer(run)) is None
+        page = make_all_texts(run)["answer"]
         assert "Where the uncertainty comes from" not in page
         assert "by the joint fit" not in page
 
     def test_the_page_has_budget_and_terms_with_prior_and_posterior(self, drives):
-        page = markdown_by_text_name(drives(60.0))["answer"]
+        page = make_all_texts(drives(60.0))["answer"]
         assert "## Where the uncertainty comes from" in page
         assert "- **const** (common): 40 kg " in page
         assert "- **lag**, how late the force is: -0.0030 ± 0.0010 s, prior ± 0.02 s; " in page

@@ -7,7 +7,7 @@ import pytest
 
 from estimators.errors import ReviewError
 from recordings.report.clock_text import ShiftClock
-from recordings.review.shift_ledger import find_cycle_row, find_instant
+from recordings.review.shift_ledger import find_cycle_row, parse_local_instant
 
 NS = 10**9
 
@@ -85,7 +85,7 @@ def test_a_time_after_midnight_is_of_the_second_day() -> None:
 
 def test_an_hour_of_a_shift_over_midnight_is_the_one_in_the_shift() -> None:
     _, clock = NIGHT
-    before, after = (find_instant(text, clock) for text in ("23:30", "00:20"))
+    before, after = (parse_local_instant(text, clock) for text in ("23:30", "00:20"))
     assert (after - before).total_seconds() == 50 * 60.0
 
 

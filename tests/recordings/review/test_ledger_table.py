@@ -14,8 +14,8 @@ from recordings.review.energy_columns import (
     ENERGIES,
     FUEL,
     FUEL_U,
-    energy_column_name,
-    uncertainty_column_name,
+    make_energy_column_name,
+    make_uncertainty_column_name,
 )
 from recordings.review.ledger_table import COLUMNS, make_table_rows, write_table_csv, write_xlsx
 from recordings.review.reviewer_verdicts import LABELS
@@ -48,8 +48,8 @@ def ledger(*dumps: str, note: str = "") -> pl.DataFrame:
                 "moving_s": None,
                 "standing_s": 3.0,
                 "hole_s": 0.0,
-                **dict.fromkeys(map(energy_column_name, ENERGIES), 0.1234),
-                **dict.fromkeys(map(uncertainty_column_name, ENERGIES), 0.0021),
+                **dict.fromkeys(map(make_energy_column_name, ENERGIES), 0.1234),
+                **dict.fromkeys(map(make_uncertainty_column_name, ENERGIES), 0.0021),
                 FUEL: 0.25,
                 FUEL_U: None,
                 "id": each,

@@ -7,12 +7,12 @@ import pytest
 
 from recordings.review.review_state import ReviewState
 from recordings.review.shift_facts import (
-    cycle_time_facts,
+    describe_long_gaps,
+    describe_missing_tonnes,
+    describe_torn_logs,
+    list_cycle_time_facts,
     list_shift_facts,
-    long_gap_sentence,
-    reason_for_no_tonnes,
     summarise_shift,
-    torn_log_sentences,
 )
 from recordings.review.shift_ledger import add_motion_columns, make_ledger
 from recordings.review.torn_logs import TornLog
@@ -57,13 +57,13 @@ def test_cycles_that_differ_in_a_number_alone_have_one_reason() -> None:
     ledger = rows(shift)[:3].with_columns(
         counted=pl.lit(value=False), withheld_for=pl.Series(reasons)
     )
-    assert reason_for_no_tonnes(shift, ledger) == (
+    assert describe_missing_tonnes(shift, ledger) == (
         "2 cycles, such as: ± 286 kg is more than 250 kg; 1 cycle: not dumped yet"
     )
 
 
 def test_a_torn_log_in_the_middle_says_how_many_minutes_are_missing() -> None:
-    [sentence] = torn_log_sentences(state(torn=(torn(3840.0),)))
+    [sentence] = describe_torn_logs(state(torn=(torn(3840.0),)))
     assert sentence.startswith("Log 2 of 3 (b.mcap) breaks off at 2023-11-15 00:13:20 +01:00")
     assert "at most 4 min are missing" in sentence
     assert "byte" not in sentence
@@ -87,12 +87,12 @@ def test_a_hole_of_half_an_hour_is_said_on_top_with_what_it_costs() -> None:
     shift = summed(FRAMES) | {
         "lost_cycles": 14.5, "lost_cycles_u": 0.7, "lost_kg": 9700.0, "lost_u_kg": 700.0,
     }  # fmt: skip
-    said = long_gap_sentence(shift, state(gaps_s=((600.0, 2400.0), (3000.0, 3020.0))))
+    said = describe_long_gaps(shift, state(gaps_s=((600.0, 2400.0), (3000.0, 3020.0))))
     assert said.startswith("Nothing was recorded from 2023-11-14 23:23:20 +01:00")
     assert "(30 min)" in said
     assert "14.5 ± 1.4 loads, 9.70 ± 1.40 t" in said
     assert "20 s" not in said
-    assert not long_gap_sentence(shift, state())
+    assert not describe_long_gaps(shift, state())
 
 
 def test_a_cycle_with_a_hole_is_in_no_mean() -> None:
@@ -103,7 +103,7 @@ def test_a_cycle_with_a_hole_is_in_no_mean() -> None:
         dump_s=10.0,
         hole_s=pl.Series([0.0, 1800.0, 0.2, 0.0]),
     )
-    [(_, text)] = cycle_time_facts(table)
+    [(_, text)] = list_cycle_time_facts(table)
     assert text.startswith("85 s on average of 3")
 
 

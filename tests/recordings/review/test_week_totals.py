@@ -8,7 +8,7 @@ import pytest
 from estimators.errors import ReviewError
 from recordings.review.review_state import STATE, ReviewState
 from recordings.review.shift_ledger import PARQUET, add_motion_columns, make_ledger
-from recordings.review.week_totals import WeekPart, read_week, total_of_week, totals_by_group
+from recordings.review.week_totals import WeekPart, read_week, sum_by_group, sum_week
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found
 
@@ -48,7 +48,7 @@ def test_a_shift_over_midnight_is_two_days_by_the_clock_of_the_machine(tmp_path:
     ends_s = sorted(FRAMES.filter("counted")["end_t_ns"].to_numpy() / 1e9)
     midnight = dt.datetime(2025, 6, 1, 15, tzinfo=dt.UTC)  # of Tokyo
     begins = midnight - dt.timedelta(seconds=(ends_s[0] + ends_s[1]) / 2)
-    days = totals_by_group(read_week([reviewed(tmp_path / "a", begins, zone="Asia/Tokyo")]), "day")
+    days = sum_by_group(read_week([reviewed(tmp_path / "a", begins, zone="Asia/Tokyo")]), "day")
     assert [(each.name, each.loads) for each in days] == [
         ("2025-06-01", 1),
         ("2025-06-02", len(ends_s) - 1),
@@ -57,7 +57,7 @@ def test_a_shift_over_midnight_is_two_days_by_the_clock_of_the_machine(tmp_path:
 
 def test_a_verdict_counts_that_was_written_after_the_ledger(tmp_path: Path) -> None:
     folder = reviewed(tmp_path / "a", dt.datetime(2025, 6, 1, 8, tzinfo=dt.UTC), zone="UTC")
-    before = total_of_week(read_week([folder]))
+    before = sum_week(read_week([folder]))
     number = FRAMES.with_row_index().filter("counted")["index"][0]
     name = make_ledger(
         FRAMES, int(dt.datetime(2025, 6, 1, 8, tzinfo=dt.UTC).timestamp()) * 10**9, {}
@@ -65,7 +65,7 @@ def test_a_verdict_counts_that_was_written_after_the_ledger(tmp_path: Path) -> N
     (folder / "verdicts.toml").write_text(
         f'[[cycle]]\nid = "{name}"\nreject = true\nauthor = "M"\ntime = 2025-06-02T08:00:00Z\n'
     )
-    after = total_of_week(read_week([folder]))
+    after = sum_week(read_week([folder]))
     assert after.loads == before.loads - 1
     assert after.payload_kg == pytest.approx(before.payload_kg - FRAMES["payload_kg"][int(number)])
 
@@ -81,7 +81,7 @@ def test_a_load_that_is_in_two_reviews_is_refused(tmp_path: Path) -> None:
 
 def test_what_is_common_adds_up_within_a_machine_and_in_squares_between_them() -> None:
     parts = [WeekPart("d", name, "", 1, 100.0, 0.0, 3.0) for name in ("A", "A", "B")]
-    assert total_of_week(parts).payload_u_kg == pytest.approx((6.0**2 + 3.0**2) ** 0.5)
+    assert sum_week(parts).payload_u_kg == pytest.approx((6.0**2 + 3.0**2) ** 0.5)
 
 
 def test_a_folder_without_a_review_is_refused(tmp_path: Path) -> None:

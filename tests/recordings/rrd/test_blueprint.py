@@ -9,7 +9,7 @@ import pytest
 
 from analysis import Run
 from recordings import write_recording
-from recordings.rrd.blueprint import Page, Panel, relative_panel_heights, tab_panels
+from recordings.rrd.blueprint import Page, Panel, compute_relative_panel_heights, make_tab_panels
 from recordings.rrd.display_frames import DisplayColumn, make_display_frames
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.recording_views import MethodLayout, Tab, ViewKind
@@ -90,7 +90,7 @@ def test_lanes_have_the_height_that_they_need_and_leave_some_to_plots(
         return Panel("any", kind, (DisplayColumn("frame", "column", "label", "#000000"),) * count)
 
     states = tuple(panel(ViewKind.STATES, count) for count in lanes)
-    shares = relative_panel_heights(
+    shares = compute_relative_panel_heights(
         Page("page", (*states, *(panel(ViewKind.LINES, 1) for _ in range(plots))))
     )
     assert len(shares) == len(lanes) + plots
@@ -110,7 +110,7 @@ def test_a_panel_is_as_high_as_its_legend_needs() -> None:
     five = panel("a", "b", "c", "d", "e")
     above = panel("a", "b", "c", "d", "e", named_above=True)
     twice = panel("a", "a", "b", "b")
-    shares = relative_panel_heights(
+    shares = compute_relative_panel_heights(
         Page("page", (panel("x"), panel("x"), five, above, twice, panel("x")))
     )
     assert sum(shares) == pytest.approx(1.0)
@@ -120,7 +120,7 @@ def test_a_panel_is_as_high_as_its_legend_needs() -> None:
     assert 900.0 * low >= 50.0 + 2 * 23.0 / 0.8
     assert unnamed == lone == low
     # too many to fit: none vanishes
-    assert min(relative_panel_heights(Page("page", (five,) * 12))) == pytest.approx(1 / 12)
+    assert min(compute_relative_panel_heights(Page("page", (five,) * 12))) == pytest.approx(1 / 12)
 
 
 def test_the_overview_comes_first_with_the_answer_beside_the_plots(drives):
@@ -154,7 +154,7 @@ def _methods_of(panel: Panel) -> set[str]:
 @pytest.mark.parametrize("tab", TABS, ids=lambda tab: tab.name)
 def test_no_view_draws_two_methods_over_each_other(drives, tab: Tab) -> None:
     run = drives(60.0)
-    rows = Page(tab.name, tab_panels(tab, run, make_display_frames(run))).rows
+    rows = Page(tab.name, make_tab_panels(tab, run, make_display_frames(run))).rows
     assert all(len(_methods_of(panel)) <= 1 for row in rows for panel in row)
     if tab.methods is MethodLayout.ROWS:
         assert [_methods_of(row[0]) for row in rows] == [{method} for method in METHODS]
@@ -194,7 +194,7 @@ def test_a_lane_of_gaps_needs_a_gap(drives) -> None:
     (tab,) = (tab for tab in TABS if tab.name == "Motion")
     for frames, lanes in ((run.frames, 2), ({**run.frames, "aligned": whole}, 1)):
         each = replace(run, frames=frames)
-        *_, states = tab_panels(tab, each, make_display_frames(each))
+        *_, states = make_tab_panels(tab, each, make_display_frames(each))
         assert len(states.drawn) == lanes
 
 

@@ -5,9 +5,9 @@ import polars as pl
 from analysis import Provenance, Run, Settings
 from analysis.model.schema import PHASE
 from recordings.rrd.display_frames import (
-    axis_range,
-    drawn_columns_of_view,
-    is_drawn_decimated,
+    choose_axis_range,
+    is_run_drawn_decimated,
+    list_displayed_columns,
     make_display_frames,
 )
 from recordings.rrd.recording_table import TABS
@@ -44,7 +44,7 @@ def test_estimates_that_do_not_follow_each_other_get_an_empty_row_between_them()
 def test_estimates_that_stand_alone_are_dotted_and_stretches_are_not():
     run = _run(estimates__pooled=_estimates(0, 7, 20), estimates__ls=_estimates(0, 1, 2, 3))
     shown = make_display_frames(run)
-    drawn = {each.label: each.dotted for each in drawn_columns_of_view(_view("Mass"), run, shown)}
+    drawn = {each.label: each.dotted for each in list_displayed_columns(_view("Mass"), run, shown)}
     assert drawn == {"pooled": True, "ls": False}
 
 
@@ -90,7 +90,7 @@ def test_the_threshold_is_a_line_over_the_whole_log_with_its_value_in_the_legend
     shown = make_display_frames(run)
     line = shown["display/threshold/gate.threshold_nat"]
     assert line["threshold"].to_list() == [0.7, 0.7]
-    labels = [each.label for each in drawn_columns_of_view(_view("Information index"), run, shown)]
+    labels = [each.label for each in list_displayed_columns(_view("Information index"), run, shown)]
     assert labels == [
         "index of the window",
         "mutual information by nearest neighbours",
@@ -102,7 +102,7 @@ def test_the_threshold_is_a_line_over_the_whole_log_with_its_value_in_the_legend
 
 def test_a_long_log_is_drawn_by_a_few_thousand_bins_with_mean_and_extremes(drives):
     run = drives(700.0)
-    assert is_drawn_decimated(run)
+    assert is_run_drawn_decimated(run)
     bins = make_display_frames(run)["display/excitation"]
     assert bins.height == 700
     force = run.frames["excitation"].filter(pl.col("t_ns") < S)["force_x_N"]
@@ -114,7 +114,7 @@ def test_a_long_log_is_drawn_by_a_few_thousand_bins_with_mean_and_extremes(drive
 
 def test_mean_and_extremes_have_one_name_so_that_a_legend_has_one_entry(drives):
     run = drives(700.0)
-    drawn = drawn_columns_of_view(_view("Force"), run, make_display_frames(run))
+    drawn = list_displayed_columns(_view("Force"), run, make_display_frames(run))
     assert [(each.column, each.label, each.faint) for each in drawn] == [
         ("force_x_N", "driving force, binned", False),
         ("force_x_N_min", "driving force, binned", True),
@@ -132,14 +132,14 @@ def test_a_bin_without_samples_stays_empty(drives):
 def test_a_few_wild_estimates_do_not_set_the_range_of_the_axis(drives):
     run = drives(120.0)
     assert run.frames["estimates/tls"]["mass_kg"].max() == 2.5e6
-    low, high = axis_range(_view("Mass"), run)
+    low, high = choose_axis_range(_view("Mass"), run)
     assert 3000 < low < 3450
     assert 3550 < high < 4000
 
 
 def test_numbers_that_are_all_alike_still_get_a_range_around_them():
     estimates = _estimates(0, 1).with_columns(mass_std_kg=pl.lit(None, pl.Float64))
-    assert axis_range(_view("Mass"), _run(estimates__ls=estimates)) == (4.75, 5.25)
+    assert choose_axis_range(_view("Mass"), _run(estimates__ls=estimates)) == (4.75, 5.25)
 
 
 def test_arcs_are_held_one_after_the_other_and_the_fits_that_span_them_are_left_to_the_text(drives):

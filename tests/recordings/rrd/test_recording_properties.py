@@ -14,9 +14,9 @@ from rerun.server import Server
 from analysis import InputFile, Run
 from analysis.model.schema import conform_to_schema
 from recordings import read_recording, write_recording
-from recordings.rrd.recording_properties import recording_properties
-from recordings.rrd.stored_names import component_name
-from recordings.rrd.viewer import viewer_executable
+from recordings.rrd.recording_properties import make_recording_properties
+from recordings.rrd.stored_names import make_component_name
+from recordings.rrd.viewer import find_viewer_executable
 from tests.recordings.conftest import MASS_KG
 
 
@@ -47,7 +47,7 @@ def chunks(recording: Path, content: str) -> list[dict[str, Any]]:
 
 
 def test_the_properties_say_machine_day_answer_and_versions(told: Run) -> None:
-    said = recording_properties(told)
+    said = make_recording_properties(told)
     load = told.frames["loads"].row(0, named=True)
     assert said["machine"] == "CAT 262C"
     assert said["serial"] == "MST04711"
@@ -65,7 +65,7 @@ def test_the_properties_say_machine_day_answer_and_versions(told: Run) -> None:
 def test_a_log_that_cannot_weigh_says_why_and_has_no_mass(drives: Callable[..., Run]) -> None:
     run = drives(passed=False)
     failed = run.frames["verdict"].filter((pl.col("about") == "mass") & ~pl.col("passed"))
-    said = recording_properties(run)
+    said = make_recording_properties(run)
     assert said["can_weigh"] is False
     assert said["verdict"] == f"cannot weigh: {', '.join(failed['check'])}"
 
@@ -73,7 +73,7 @@ def test_a_log_that_cannot_weigh_says_why_and_has_no_mass(drives: Callable[..., 
 def test_a_shift_has_tonnes(drives: Callable[..., Run]) -> None:
     sums = {"cycles_counted": [12], "payload_kg": [14_200.0], "payload_u_kg": [300.0]}
     shift = conform_to_schema("shift", pl.DataFrame(sums))
-    said = recording_properties(Run({"shift": shift}, drives().provenance))
+    said = make_recording_properties(Run({"shift": shift}, drives().provenance))
     assert said["cycles"] == 12
     assert said["tonnes_t"] == pytest.approx(14.2)
     assert said["tonnes_U_t"] == pytest.approx(0.588)
@@ -82,13 +82,13 @@ def test_a_shift_has_tonnes(drives: Callable[..., Run]) -> None:
 def test_reruns_reader_gives_them_back(told: Run, recording: Path) -> None:
     [row] = chunks(recording, "/__properties/answer")
     del row["rerun.controls.RowId"]
-    assert {name: values[0] for name, values in row.items()} == recording_properties(told)
+    assert {name: values[0] for name, values in row.items()} == make_recording_properties(told)
 
 
 def test_reruns_command_prints_them(recording: Path) -> None:
     printed = subprocess.run(
         [
-            str(viewer_executable()),
+            str(find_viewer_executable()),
             "rrd",
             "print",
             "-vvv",
@@ -114,7 +114,7 @@ def test_reruns_catalog_has_them_as_columns(told: Run, recording: Path) -> None:
         for name, values in row.items()
         if name.startswith("property:answer:")
     }
-    assert said == recording_properties(told)
+    assert said == make_recording_properties(told)
 
 
 def test_loads_and_findings_are_rows_in_time(told: Run, recording: Path) -> None:
@@ -125,7 +125,7 @@ def test_loads_and_findings_are_rows_in_time(told: Run, recording: Path) -> None
         begin = frame["start_t_ns"].fill_null(0) + told.provenance.t0_unix_ns
         assert [row["time"].value for row in rows] == begin.to_list()
         column = next(c for c, dtype in frame.schema.items() if dtype == pl.Float64)
-        stored = [row[component_name(column)] for row in rows]
+        stored = [row[make_component_name(column)] for row in rows]
         assert stored == [[] if value is None else [value] for value in frame[column]]
 
 

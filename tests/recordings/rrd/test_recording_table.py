@@ -2,10 +2,10 @@
 
 import pytest
 
-from analysis.model.schema import FRAMES, frame_schema
+from analysis.model.schema import FRAMES, find_frame_declaration
 from recordings.rrd.recording_table import KEPT, TABS
 from recordings.rrd.recording_views import ViewKind
-from recordings.rrd.stored_names import entity_parts
+from recordings.rrd.stored_names import split_entity_path
 
 VIEWS = list(dict.fromkeys(view for tab in TABS for view in tab.views))
 SERIES = [(view, series) for view in VIEWS for series in view.series]
@@ -31,17 +31,17 @@ def test_every_declared_column_is_either_drawn_or_listed_as_kept_but_not_drawn(f
 
 @pytest.mark.parametrize(("view", "series"), SERIES, ids=lambda each: getattr(each, "column", ""))
 def test_every_series_is_a_declared_column_of_a_dtype_its_view_can_draw(view, series):
-    column = frame_schema(series.frame).column(series.column)
+    column = find_frame_declaration(series.frame).column(series.column)
     assert column is not None
     numeric = column.dtype.is_float()
     assert numeric != (view.kind is ViewKind.STATES)
     if series.std_column is not None:
-        assert frame_schema(series.frame).column(series.std_column) is not None
+        assert find_frame_declaration(series.frame).column(series.std_column) is not None
 
 
 @pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
 def test_series_of_one_view_share_their_unit_and_the_title_names_it(view):
-    units = {frame_schema(s.frame).column(s.column).unit for s in view.series}
+    units = {find_frame_declaration(s.frame).column(s.column).unit for s in view.series}
     assert units == {view.unit}
     assert view.unit == "1" or view.unit in view.title
 
@@ -52,5 +52,5 @@ def test_lanes_of_states_have_labels_of_their_own_since_they_are_entities():
 
 
 def test_a_topic_stays_one_part_of_its_entity_path_so_that_no_two_topics_share_one():
-    assert entity_parts("raw//imu/data") == ("raw", "/imu/data")
-    assert entity_parts("estimates/ls") == ("estimates", "ls")
+    assert split_entity_path("raw//imu/data") == ("raw", "/imu/data")
+    assert split_entity_path("estimates/ls") == ("estimates", "ls")

@@ -8,7 +8,7 @@ import pytest
 from analysis.model.run_record import Run
 from estimators.errors import RecordingError
 from recordings import read_recording, write_recording
-from recordings.rrd.display_frames import is_drawn_decimated
+from recordings.rrd.display_frames import is_run_drawn_decimated
 from recordings.rrd.recording_window import read_window
 
 S = 10**9
@@ -31,8 +31,8 @@ def test_a_stretch_has_the_rows_inside_and_the_manoeuvres_that_reach_into_it(rec
 
 
 def test_a_stretch_of_a_long_run_is_drawn_whole(recording: Path):
-    assert is_drawn_decimated(read_recording(recording))
-    assert not is_drawn_decimated(read_window(recording, None, 300.0))
+    assert is_run_drawn_decimated(read_recording(recording))
+    assert not is_run_drawn_decimated(read_window(recording, None, 300.0))
 
 
 def test_without_ends_it_is_the_recording(recording: Path):

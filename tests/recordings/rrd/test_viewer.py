@@ -59,7 +59,7 @@ class TestViewer:
         (shot,) = take_screenshots_of_recording(path, tmp_path, tab)
         pixels = np.asarray(Image.open(shot.png).convert("RGB")).reshape(-1, 3).astype(int)
         for method in METHODS:
-            own = [int(colours.method_colour(method)[at : at + 2], 16) for at in (1, 3, 5)]
+            own = [int(colours.choose_method_colour(method)[at : at + 2], 16) for at in (1, 3, 5)]
             assert np.sum(abs(pixels - own).max(axis=1) < 12) > 50, method
 
     def test_a_recording_is_seen_while_it_is_written_and_the_file_is_the_same(

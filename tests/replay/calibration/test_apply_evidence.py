@@ -9,15 +9,15 @@ import polars as pl
 import pytest
 
 from analysis.calibration.line.procedure import PROCEDURES
-from analysis.calibration.use.learnt_priors import machine_for_later_log
+from analysis.calibration.use.learnt_priors import prepare_machine_for_later_log
 from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
-from recordings.calibration.derived_values import estimator_with_digest
+from recordings.calibration.derived_values import make_estimator_with_digest
 from recordings.calibration.evidence_document import parse_evidence
-from recordings.signatures.canonical_json import canonical_json_bytes
+from recordings.signatures.canonical_json import encode_canonical_json
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
-from replay.calibration.campaign_runs import replay_logs_of_campaign
+from replay.calibration.campaign_runs import replay_campaign_logs
 from replay.calibration.check_mass import KnownMassOnBoard, check_mass
 from replay.calibration.verify_bundle import verify_bundle
 from replay.machines.machine_file import load_machine
@@ -69,8 +69,8 @@ def test_evidence_that_counts_gain_as_a_common_error_is_replayed_as_it_was_made(
     file.write_text(file.read_text().replace("[machine]", "[machine]\nforce_gain_u = 0.02", 1))
     now = calibrate_from_campaign(campaign, tmp_path / "now")
     with monkeypatch.context() as earlier:
-        counted = partial(replay_logs_of_campaign, procedure=PROCEDURES[1])
-        earlier.setattr("replay.calibration.calibrate_campaign.replay_logs_of_campaign", counted)
+        counted = partial(replay_campaign_logs, procedure=PROCEDURES[1])
+        earlier.setattr("replay.calibration.calibrate_campaign.replay_campaign_logs", counted)
         made = calibrate_from_campaign(campaign, tmp_path / "made")
     assert now.document.calibration is not None
     assert made.document.calibration is not None
@@ -202,7 +202,7 @@ def test_the_machine_that_is_weighed_is_that_of_the_evidence(
     weighing = held.weighing_machine(load_machine(folder / "sledge.toml"))
     machine = held.require_calibrated_machine(weighing, "sledge.toml")
     # but that a later log of several loads tells what the means have wrong
-    assert machine == machine_for_later_log(made.document.weighing_machine)
+    assert machine == prepare_machine_for_later_log(made.document.weighing_machine)
     assert held.differing_settings_text(machine) == ""
 
 
@@ -214,7 +214,9 @@ def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
         for log in bundle.evidence["logs"]:
             del log["machine_id"]
         document = made.document
-        estimator = estimator_with_digest(document.campaign, document.weighing_machine, (), form)
+        estimator = make_estimator_with_digest(
+            document.campaign, document.weighing_machine, (), form
+        )
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
         del bundle.evidence["learnt"]["responses"], bundle.evidence["calibration"]["responses"]
 
@@ -231,9 +233,9 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
 ) -> None:
     def before(bundle: Bundle) -> None:
         del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]
-        document = parse_evidence(canonical_json_bytes(bundle.evidence), "evidence.json")
-        estimator = estimator_with_digest(
-            document.campaign, document.weighing_machine, document.settings_at_default
+        document = parse_evidence(encode_canonical_json(bundle.evidence), "evidence.json")
+        estimator = make_estimator_with_digest(
+            document.campaign, document.weighing_machine, document.list_settings_at_default
         )
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 

@@ -12,7 +12,7 @@ import pytest
 from estimators.errors import EvidenceError
 from recordings import read_frame
 from recordings.calibration.bundle_folder import EVIDENCE, RECORDING, REPORT, STATEMENT
-from recordings.calibration.evidence_document import SCHEMA, evidence_schema_text
+from recordings.calibration.evidence_document import SCHEMA, format_evidence_schema
 from recordings.signatures.signing import KEY_VARIABLE
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.check_mass import KnownMassOnBoard, check_mass
@@ -57,7 +57,7 @@ def test_the_line_is_that_of_the_loads(made: CalibrationOutcome) -> None:
     assert line is not None
     assert line.alpha_1 == pytest.approx(1.0, abs=0.02)
     assert max(abs(point.error_kg or 0.0) for point in line.points) < 1.0
-    assert made.is_good
+    assert made.is_within_limits
 
 
 def test_an_excluded_run_is_kept_with_its_reason(made: CalibrationOutcome) -> None:
@@ -84,7 +84,7 @@ def test_evidence_is_canonical_json_of_the_published_schema(made: CalibrationOut
     from jsonschema import Draft202012Validator
 
     published = (REPO / "recordings/calibration" / SCHEMA).read_text(encoding="utf-8")
-    assert published == evidence_schema_text(), (
+    assert published == format_evidence_schema(), (
         "python -m recordings.calibration.evidence_document prints it"
     )
     data = (made.folder / EVIDENCE).read_bytes()
@@ -167,7 +167,7 @@ def test_a_known_mass_shows_drift_or_none(
         drift = checked.document.drift
         assert drift is not None
         assert drift.drifted is drifted
-        assert checked.is_good is not drifted
+        assert checked.is_within_limits is not drifted
         assert checked.document.expires == made.document.expires
         found = verify_bundle(checked.folder, key_file=keys[1], previous=made.folder, logs=tmp_path)
         assert [int(each.outcome) for each in found.findings] == ([6] if drifted else [])
@@ -222,7 +222,7 @@ def test_a_real_axis_with_one_load_says_what_that_cannot_show(
     made = calibrate_from_campaign(tmp_path / "campaign.toml", tmp_path / "evidence")
     document = made.document
     assert document.calibration is None
-    assert not made.is_good
+    assert not made.is_within_limits
     (reference,) = document.references
     assert reference.reference_kg == 95.11
     assert made.points["mean_kg"].item() == pytest.approx(95.11, abs=3.0)

@@ -72,9 +72,9 @@ def test_a_campaign_of_a_laboratory_names_each_key_that_a_certificate_lacks(camp
 
 def test_a_campaign_of_before_is_read_and_says_what_it_does_not_state(campaign: Path) -> None:
     read, _ = load_campaign(campaign)
-    assert "laboratory" in read.missing_statements
-    assert "conditions.temperature_degC" in read.missing_statements
-    assert read.untraceable_references == ("the machine's empty mass has no certificate",)
+    assert "laboratory" in read.missing_certificate_keys
+    assert "conditions.temperature_degC" in read.missing_certificate_keys
+    assert read.describe_untraceable_references == ("the machine's empty mass has no certificate",)
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_a_mass_that_is_not_traceable_is_said(
     text = campaign.read_text().replace("shared_u_kg = 0.01", "")
     assert old in text
     campaign.write_text(text.replace(old, new, 1))
-    assert any(said in each for each in load_campaign(campaign)[0].untraceable_references)
+    assert any(said in each for each in load_campaign(campaign)[0].describe_untraceable_references)
 
 
 def test_a_machine_file_is_no_campaign(campaign: Path) -> None:
@@ -148,7 +148,7 @@ def test_a_draft_names_every_log_of_a_folder_and_can_be_completed(
     draft.write_text(text)
     campaign, _ = load_campaign(draft)
     assert campaign.campaign.author == "Sledges: who made it"
-    assert not campaign.missing_statements
+    assert not campaign.missing_certificate_keys
     assert str(tmp_path) not in text
     one_line(payscope("init", "--campaign", tmp_path / "none", "-o", tmp_path / "x.toml"), "none")
     one_line(payscope("init", "-o", tmp_path / "x.toml"), "--campaign DIR")

@@ -17,18 +17,18 @@ from recordings.calibration.bundle_folder import (
     READINGS,
     RECORDING,
     SUMS,
+    format_sha256sums,
     list_bundle_entries,
     read_bundle_file,
-    sha256sums_text,
 )
 from recordings.calibration.calibration_recording import make_calibration_run, write_calibration
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.evidence_document import parse_evidence
 from recordings.calibration.strange_files import (
-    compare_pdf_with_page,
+    collect_table_heads,
+    compare_pdf_with_html,
     describe_first_difference,
-    join_words_without_repeated_heads,
-    table_heads,
+    join_words_without_page_heads,
 )
 from recordings.rrd.writer import write_recording
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
@@ -74,7 +74,7 @@ def changed(bundle: Path, tmp_path: Path, tamper: Callable[[Bundle], None]) -> P
 def digested(folder: Path) -> Path:
     names, _ = list_bundle_entries(folder)
     digests = {name: read_bundle_file(folder, name).sha256 for name in names if name != SUMS}
-    (folder / SUMS).write_text(sha256sums_text(digests))
+    (folder / SUMS).write_text(format_sha256sums(digests))
     return folder
 
 
@@ -220,22 +220,22 @@ def test_a_pdf_is_compared_by_its_words(printed: Path, tmp_path: Path) -> None:
     forged = html.replace(alpha, "1.5000")
     path = tmp_path / PDF
     weasyprint.HTML(string=forged).write_pdf(path)
-    fault, why = compare_pdf_with_page(tmp_path, read_bundle_file(tmp_path, PDF).sha256, html)
+    fault, why = compare_pdf_with_html(tmp_path, read_bundle_file(tmp_path, PDF).sha256, html)
     assert why == ""
     assert "1.5000" in fault
     assert alpha in fault
     own = read_bundle_file(printed, PDF).sha256
-    assert compare_pdf_with_page(printed, own, html) == ("", "")
+    assert compare_pdf_with_html(printed, own, html) == ("", "")
     path.write_bytes(path.read_bytes()[:500])
     assert (
         "cannot be read"
-        in compare_pdf_with_page(tmp_path, read_bundle_file(tmp_path, PDF).sha256, html)[0]
+        in compare_pdf_with_html(tmp_path, read_bundle_file(tmp_path, PDF).sha256, html)[0]
     )
 
 
 def test_heads_that_a_page_break_repeats_are_no_difference() -> None:
     html = "<table><thead><tr><th>run</th><th>mass kg</th></tr></thead><tr><td>1</td></tr></table>"
-    heads = table_heads(html)
+    heads = collect_table_heads(html)
     assert heads == {"runmasskg"}
     once, twice = (
         ["run", "mass", "kg", "1", "2"],
@@ -243,12 +243,12 @@ def test_heads_that_a_page_break_repeats_are_no_difference() -> None:
     )
     assert (
         describe_first_difference(
-            join_words_without_repeated_heads(once, heads),
-            join_words_without_repeated_heads(twice, heads),
+            join_words_without_page_heads(once, heads),
+            join_words_without_page_heads(twice, heads),
         )
         == ""
     )
     assert "12" in describe_first_difference(
-        join_words_without_repeated_heads(once, heads),
-        join_words_without_repeated_heads(["run", "mass", "kg", "1"], heads),
+        join_words_without_page_heads(once, heads),
+        join_words_without_page_heads(["run", "mass", "kg", "1"], heads),
     )

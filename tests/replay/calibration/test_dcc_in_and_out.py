@@ -16,8 +16,8 @@ from lxml import etree
 from estimators.errors import CampaignError
 from recordings.calibration.certificate_text import (
     list_missing_certificate_statements,
-    traceability_warnings,
-    weighing_rows_by_load,
+    make_traceability_warnings,
+    make_weighing_rows,
 )
 from recordings.calibration.evidence_document import Chain, Link
 from recordings.dcc.dcc_document import DCC, parse_dcc
@@ -120,7 +120,7 @@ def test_masses_in_are_masses_out(tmp_path: Path) -> None:
     first = campaign.masses[0]
     assert (first.certificate, first.certificate_issuer) == ("EXAMPLE-1", "Example Masses")
     assert first.certificate_signature.startswith("signed by a key of dcc_keys, ")
-    assert campaign.untraceable_references == ()
+    assert campaign.describe_untraceable_references == ()
 
 
 def test_weights_of_a_set_are_picked_from_a_list(tmp_path: Path) -> None:
@@ -137,10 +137,13 @@ def test_a_signature_by_another_key_is_said(tmp_path: Path) -> None:
     path = certified_campaign(tmp_path)
     path.write_text(path.read_text().replace('dcc_keys = ["masses.pub.pem"]\n', ""))
     campaign, _ = load_campaign(path)
-    assert "signed by an unknown key" in campaign.untraceable_references[0]
+    assert "signed by an unknown key" in campaign.describe_untraceable_references[0]
     (tmp_path / "weights.xml").write_bytes(weights_xml())
     campaign, _ = load_campaign(path)
-    assert campaign.untraceable_references[0] == "the certificate of mass 'weight-1' is unsigned"
+    assert (
+        campaign.describe_untraceable_references[0]
+        == "the certificate of mass 'weight-1' is unsigned"
+    )
 
 
 @pytest.mark.parametrize(
@@ -227,7 +230,7 @@ def test_the_page_has_the_weighings_max_and_min_of_r_51(made: CalibrationOutcome
     page = (made.folder / "report.html").read_text()
     assert "Min of OIML R 51 Y(b), 10 e: 30.0 kg. Below it: 20.0005 kg." in page
     assert "the heaviest load that was judged: 40.0 kg" in page
-    rows = weighing_rows_by_load(made.document, made.readings)
+    rows = make_weighing_rows(made.document, made.readings)
     fitted = made.document.calibration
     assert fitted is not None
     used = made.readings.filter(pl.col("used") & (pl.col("load_id") == "weight-1"))
@@ -328,11 +331,11 @@ def test_a_key_that_signs_no_xml_is_refused(
 
 
 def test_the_report_says_loudly_what_is_not_traceable(made: CalibrationOutcome) -> None:
-    values = json.loads(made.document.data)
+    values = json.loads(made.document.encode_json)
     values["campaign"]["masses"][0]["u_kg"] = 0.0
     values["campaign"]["machine"]["make"] = ""
     changed = type(made.document).model_validate_json(json.dumps(values))
-    assert traceability_warnings(changed) == [
+    assert make_traceability_warnings(changed) == [
         "NOT TRACEABLE: mass 'weight-1' has a standard uncertainty of 0."
     ]
     assert list_missing_certificate_statements(changed) == [

@@ -22,9 +22,9 @@ from replay.calibration.verify_bundle import verify_bundle
 from replay.fleet.log_sources import list_fleet_logs
 from replay.fleet.machine_setups import NamedFiles, load_fleet, make_machine_setups
 from replay.fleet.run_fleet import replay_fleet
-from replay.inputs.machine_identity import common_machine_id
+from replay.inputs.machine_identity import find_common_machine_id
 from replay.logs import open_log
-from replay.logs.machine_ids import machine_ids_in_files
+from replay.logs.machine_ids import read_machine_ids
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 from tests.replay.attacker import Bundle, tampered
@@ -257,7 +257,7 @@ def test_the_metadata_of_a_log_name_its_machine(
     tmp_path: Path, folder: Path, metadata: dict[str, str], known: str | None, told: str
 ) -> None:
     with open_log(named_log(folder / "load-0.csv", tmp_path / "a.parquet", metadata)) as log:
-        assert common_machine_id([log], known) == told
+        assert find_common_machine_id([log], known) == told
 
 
 @pytest.mark.parametrize(
@@ -290,7 +290,7 @@ def test_a_bare_database_has_the_metadata_of_its_directory(tmp_path: Path) -> No
             else:
                 database.execute("DROP TABLE metadata")
             database.commit()
-        assert machine_ids_in_files([path]) == told
+        assert read_machine_ids([path]) == told
 
 
 def test_logs_of_two_machines_are_no_time_line(folder: Path, payscope: Payscope) -> None:

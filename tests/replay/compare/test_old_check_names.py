@@ -8,7 +8,7 @@ import pytest
 
 from recordings import read_frame, read_recording, write_recording
 from replay import load_machine, open_log, run
-from replay.machines.machine_file import time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine
 from tests.replay.former_checks import run_with_former_names
 from tests.replay.sledge import MACHINE, Payscope, sledge
 
@@ -21,7 +21,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     late.write_csv(folder / "late.csv")
     (folder / "sledge.toml").write_text(MACHINE)
     machine = load_machine(folder / "sledge.toml")
-    with open_log(folder / "late.csv", time=time_axis_of_machine(machine)) as log:
+    with open_log(folder / "late.csv", time=find_time_axis_of_machine(machine)) as log:
         replayed = run(log, machine)
     write_recording(replayed, folder / "now.rrd")
     write_recording(run_with_former_names(replayed), folder / "former.rrd")

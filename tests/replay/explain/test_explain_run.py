@@ -10,7 +10,7 @@ import pytest
 from analysis import Run
 from analysis.model.schema import conform_to_schema
 from recordings import read_recording, write_recording
-from recordings.rrd.viewer import viewer_executable
+from recordings.rrd.viewer import find_viewer_executable
 from replay.explain.proposal_edits import Proposal, insert_proposals
 from tests.replay.sledge import MACHINE, Payscope, one_line
 
@@ -59,7 +59,7 @@ def recovered(payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path)
     payscope("run", log, "-m", machine_file, "-o", whole)
     cut.write_bytes(whole.read_bytes()[: whole.stat().st_size * 3 // 4])
     saved = tmp_path / "recovered.rrd"
-    command = [viewer_executable(), "rrd", "optimize", cut, "-o", saved]
+    command = [find_viewer_executable(), "rrd", "optimize", cut, "-o", saved]
     subprocess.run(command, check=True, capture_output=True)
     return saved
 

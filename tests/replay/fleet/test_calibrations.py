@@ -12,7 +12,7 @@ from benchmarks.fleet_logs import SerialEngine
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.fleet.gathered_tables import open_fleet_results
 from replay.fleet.log_sources import list_fleet_logs
-from replay.fleet.machine_setups import load_fleet, setup_of_day
+from replay.fleet.machine_setups import choose_setup_for_day, load_fleet
 from replay.fleet.run_fleet import FleetRun, replay_fleet
 from replay.fleet.write_fleet_page import make_fleet_page
 from tests.replay.sledge_campaign import campaign_folder
@@ -66,7 +66,7 @@ def test_the_setup_is_that_of_the_latest_calibration_that_holds_on_the_day(folde
         (last + dt.timedelta(days=1), False),
         (None, False),
     ):
-        assert (setup_of_day(setups, day).by is not None) == calibrated
+        assert (choose_setup_for_day(setups, day).by is not None) == calibrated
     assert setups[0].basis != setups[1].basis
 
 

@@ -26,7 +26,7 @@ RULE = '[[machines]]\nlogs = "{machine}/*.mcap"\nfile = "cat262c.toml"\n'
     ],
 )
 def test_a_rule_is_of_the_end_of_a_path(pattern: str, log: str, machine: str | None) -> None:
-    assert MachineRule(logs=pattern, file="x.toml").machine_of_log_or_none(log) == machine
+    assert MachineRule(logs=pattern, file="x.toml").match_machine_of_log(log) == machine
 
 
 def write(folder: Path, text: str) -> Path:

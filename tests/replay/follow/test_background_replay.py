@@ -18,20 +18,20 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 
-from analysis.online.replay_report import LoadReport, ReplayReport, find_fit_of_turning
+from analysis.online.replay_report import LoadReport, ReplayReport, find_turning_fit
 from analysis.simulation import Scenario
 from replay import load_machine
 from replay.follow.background_replay import (
     BackgroundReplays,
-    answer_request,
-    find_signature,
     is_text_table,
+    read_log_signature,
+    serve_replay_request,
 )
 from replay.follow.report_file import (
     REPLAY_TOPIC,
+    describe_load_state,
+    format_replay_markdown,
     iter_closed_load_lines,
-    load_text,
-    replay_markdown,
 )
 from replay.simulation.simulate_logs import simulate_scenario
 from tests.replay.follow.recorders import Recording, bag_recorder, csv_recorder, mcap_recorder
@@ -207,16 +207,21 @@ def test_a_replay_is_told_with_its_age_and_loads_with_their_validity() -> None:
     )
     report = ReplayReport("replay", 10 * 10**9, 10.0, 0.0, False, "valid", (), (known, unknown))
     assert ReplayReport.from_dict(json.loads(json.dumps(report.to_dict()))) == report
-    assert replay_markdown(report.at_time(25 * 10**9)).splitlines() == [
+    assert format_replay_markdown(report.at_time(25 * 10**9)).splitlines() == [
         "## replayed up to 00:00:10.0, 15 s ago: 2 loads",
         "",
         "- load 1, 00:00:02.0 to 00:00:09.0, 4 manoeuvres: 3763 ± 21 kg, payload 156.2 ± 4.7 kg",
         "- load 2, 00:00:02.0 to 00:00:09.0, 4 manoeuvres: no mass, withheld by relative_u",
     ]
-    assert [*iter_closed_load_lines(report, None)] == [load_text(known)], "load 2 may go on"
+    assert [*iter_closed_load_lines(report, None)] == [describe_load_state(known)], (
+        "load 2 may go on"
+    )
     assert [*iter_closed_load_lines(report, report)] == []
     whole = replace(report, is_whole=True)
-    assert [*iter_closed_load_lines(whole, report)][1:] == [load_text(known), load_text(unknown)]
+    assert [*iter_closed_load_lines(whole, report)][1:] == [
+        describe_load_state(known),
+        describe_load_state(unknown),
+    ]
 
 
 def test_the_inertia_is_of_arcs_where_the_joint_fit_has_none() -> None:
@@ -224,10 +229,10 @@ def test_the_inertia_is_of_arcs_where_the_joint_fit_has_none() -> None:
         {"kind": kind, "inertia_z_kg_m2": inertia}
         for kind, inertia in (("arcs", 5.0), ("joint", 4.0), ("joint", None))
     )
-    assert find_fit_of_turning([arcs, joint]) is joint
-    assert find_fit_of_turning([arcs, refused]) is arcs
-    assert find_fit_of_turning([refused]) is refused
-    assert find_fit_of_turning([]) is None
+    assert find_turning_fit([arcs, joint]) is joint
+    assert find_turning_fit([arcs, refused]) is arcs
+    assert find_turning_fit([refused]) is refused
+    assert find_turning_fit([]) is None
 
 
 def test_a_log_that_is_too_short_has_no_load(payscope: Payscope) -> None:
@@ -344,7 +349,7 @@ def test_a_fault_that_nobody_foresaw_is_named(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr("replay.follow.background_replay.run_log_so_far", fail)
     machine = load_machine("sledge.toml").model_dump(mode="json", exclude_unset=True)
     asked = {"logs": ["a.csv"], "machine": machine, "is_copied": False}
-    report = answer_request(asked)
+    report = serve_replay_request(asked)
     assert (report.validity, report.fault) == ("failed", "ComputeError: torn")
 
 
@@ -354,10 +359,10 @@ def test_rows_that_a_database_keeps_beside_itself_are_news(tmp_path: Path) -> No
     with closing(sqlite3.connect(path, isolation_level=None)) as database:
         database.execute("PRAGMA journal_mode = WAL")
         database.execute("CREATE TABLE messages (data BLOB)")
-        before, size = find_signature([path]), path.stat().st_size
+        before, size = read_log_signature([path]), path.stat().st_size
         database.execute("INSERT INTO messages VALUES (x'00')")
         assert path.stat().st_size == size
-        assert find_signature([path]) != before
+        assert read_log_signature([path]) != before
 
 
 @pytest.mark.parametrize("name", ["a.MCAP", "a.bag", "a.bag.active", "a.db3"])

@@ -17,9 +17,9 @@ from analysis.simulation import Scenario
 from replay import load_machine, open_log, run
 from replay.follow.agreement import FollowedDigests
 from replay.follow.follow_logs import Following, follow_logs
-from replay.inputs.channel_inputs import channel_fields
+from replay.inputs.channel_inputs import list_channel_fields
 from replay.logs import follow_log
-from replay.machines.machine_file import time_axis_of_machine
+from replay.machines.machine_file import find_time_axis_of_machine
 from replay.simulation.simulate_logs import simulate_scenario
 from tests.replay.follow.recorders import (
     Recording,
@@ -103,7 +103,7 @@ def followed(
 
 
 def replayed(path: Path, machine: Machine) -> Run:
-    with open_log(path, time=time_axis_of_machine(machine)) as log:
+    with open_log(path, time=find_time_axis_of_machine(machine)) as log:
         return run(log, machine)
 
 
@@ -113,7 +113,7 @@ def assert_as_replayed(rows: list[FollowedRow], replay: Run) -> None:
     assert [t_ns for t_ns, _ in stepped] == gate["t_ns"].to_list()
     assert [seen.reason for _, seen in stepped] == gate["reason_x"].to_list()
     for name in ("corr_x_1", "mi_x_nat", "predicted_std_x", "noise_share_x_1"):
-        numbers = np.array([seen.gate_columns()[name] for _, seen in stepped])
+        numbers = np.array([seen.make_gate_columns()[name] for _, seen in stepped])
         np.testing.assert_array_equal(numbers, gate[name].fill_null(np.nan).to_numpy())
     methods = [name for name in replay.frames if name.startswith("estimates/")]
     assert methods
@@ -166,7 +166,7 @@ def test_a_chunk_is_read_when_its_last_byte_is_there(
     """Cut anywhere, a log gives whole messages and none twice; what follows completes them."""
     data = logs[suffix].read_bytes()
     target = tmp_path / f"torn{suffix}"
-    fields = channel_fields(machine_of(target))
+    fields = list_channel_fields(machine_of(target))
     parts: dict[str, list[pl.DataFrame]] = {}
     cuts = np.sort(np.random.default_rng(1).integers(1, len(data), 40))
     target.write_bytes(b"")

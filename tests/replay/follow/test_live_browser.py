@@ -17,7 +17,7 @@ from mcap.writer import CompressionType
 
 from analysis.simulation import Scenario
 from recordings.report import colours
-from recordings.rrd.viewer_server import viewer_server
+from recordings.rrd.viewer_server import serve_viewer
 from replay.simulation.simulate_logs import simulate_scenario
 from tests.replay.follow.recorders import mcap_recorder
 
@@ -26,7 +26,7 @@ TWO_STARTS = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": 2}
 #: How long a page may take to draw what the server has, in s.
 PATIENCE_S = 120
 #: The colour of the first line of a plot.
-LINE_RGB = np.array([int(colours.line_colour(0)[k : k + 2], 16) for k in (1, 3, 5)])
+LINE_RGB = np.array([int(colours.choose_line_colour(0)[k : k + 2], 16) for k in (1, 3, 5)])
 
 
 @pytest.fixture
@@ -85,7 +85,7 @@ def test_a_browser_shows_what_is_followed(page: str, tmp_path: Path, browser: An
 
 
 def test_the_server_listens_on_this_machine_alone_and_ends_with_its_context() -> None:
-    with viewer_server() as server:
+    with serve_viewer() as server:
         host, port = re.findall(r"//([\d.]+):(\d+)", server.page)[0]
         assert host == "127.0.0.1"
         assert is_open(host, int(port))

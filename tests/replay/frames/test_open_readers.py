@@ -8,7 +8,7 @@ TAKES_THE_HEAD = """
 import sys, time
 from types import SimpleNamespace
 import polars as pl
-from replay.frames.scan import lazy_frame
+from replay.frames.scan import make_lazy_frame
 
 def batches(columns, predicate, n_rows):
     for chunk in range(1000):
@@ -17,7 +17,7 @@ def batches(columns, predicate, n_rows):
         yield rows if predicate is None else rows.filter(predicate)
 
 source = SimpleNamespace(schema=pl.Schema({"x": pl.Int64}), topic="slow", iter_batches=batches)
-rows = lazy_frame(source).filter(pl.col("x") > 3).head(3).collect(engine="streaming")
+rows = make_lazy_frame(source).filter(pl.col("x") > 3).head(3).collect(engine="streaming")
 print(rows["x"].to_list(), flush=True)
 """
 

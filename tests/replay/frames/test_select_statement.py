@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replay.frames.select_statement import order_by_all_columns
+from replay.frames.select_statement import add_order_by_all_columns
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ from replay.frames.select_statement import order_by_all_columns
     ],
 )
 def test_the_order_is_made_whole(sql: str, whole: str) -> None:
-    assert order_by_all_columns(sql, ['"a"']).strip() == whole
+    assert add_order_by_all_columns(sql, ['"a"']).strip() == whole
 
 
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 2)), min_size=1, max_size=30))
@@ -37,7 +37,7 @@ def test_rows_that_order_by_leaves_equal_are_in_one_order(rows: list[tuple[int, 
         context = pl.SQLContext(t=frame, eager=True)
         said.append(
             context.execute(
-                order_by_all_columns("SELECT a, b FROM t ORDER BY a DESC", ['"a"', '"b"'])
+                add_order_by_all_columns("SELECT a, b FROM t ORDER BY a DESC", ['"a"', '"b"'])
             )
         )
     assert said[0].equals(said[1])

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from analysis.model.machine_body import ImuMounting
-from analysis.stages.signals.mounting import rotation_to_machine_axes
+from analysis.stages.signals.mounting import compute_rotation_to_machine_axes
 from replay import TimeAxis, load_machine, open_log
 from replay.init.guess_machine import draft_machine_file
 from tests.analysis import phased
@@ -22,7 +22,7 @@ def table(path: Path, imu: ImuMounting, *, wheels: bool = True) -> Path:
     _, speed = phased.sampled("speed", 100.0)
     _, force = phased.sampled("force", 100.0)
     level = np.stack([acc, 0 * acc, 0 * acc + 9.80665], axis=1)
-    seen = level @ rotation_to_machine_axes(imu) + 0.02 * np.random.default_rng(1).normal(
+    seen = level @ compute_rotation_to_machine_axes(imu) + 0.02 * np.random.default_rng(1).normal(
         size=level.shape
     )
     columns = {"time_s": (t_ns - t_ns[0]) / 1e9, "force_x_N": force}
@@ -46,7 +46,7 @@ def test_a_rotated_imu_is_written_into_the_file_and_weighs(tmp_path: Path) -> No
     made.write_text(text, encoding="utf-8")
     found = load_machine(made).machine.imu
     np.testing.assert_allclose(
-        rotation_to_machine_axes(found), rotation_to_machine_axes(imu), atol=1e-9
+        compute_rotation_to_machine_axes(found), compute_rotation_to_machine_axes(imu), atol=1e-9
     )
     assert "at standstill: the IMU is mounted so" in text
 

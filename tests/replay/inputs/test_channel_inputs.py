@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from estimators.errors import LogError
 from recordings import read_recording, write_recording
 from replay import load_machine, open_log, run
-from replay.inputs.channel_inputs import frames_by_raw_name, read_channels
+from replay.inputs.channel_inputs import read_channels, rename_raw_frames
 from tests.replay.logs.written_logs import Joints, write_mcap
 from tests.replay.sledge import MACHINE, sledge
 
@@ -30,7 +30,7 @@ def read(machine_file: Path, *tables: pl.DataFrame) -> pl.DataFrame:
 
 @given(st.sets(st.text("/ab", max_size=4)))
 def test_topics_have_distinct_names_in_a_run_whatever_they_are(topics: set[str]) -> None:
-    named = frames_by_raw_name({topic: pl.DataFrame({"of": [topic]}) for topic in topics})
+    named = rename_raw_frames({topic: pl.DataFrame({"of": [topic]}) for topic in topics})
     assert {frame.item() for frame in named.values()} == topics
     assert all(name.startswith("raw/") for name in named)
 

@@ -11,7 +11,7 @@ from recordings import read_recording, write_recording
 from replay import load_machine, open_log, run
 from replay.inputs.channel_inputs import read_channels
 from replay.inputs.decode_cache import decode_logs
-from replay.inputs.time_line import note_on_order_of_logs, time_line_offsets_ns
+from replay.inputs.time_line import compute_log_offsets_ns, describe_log_order
 from replay.logs import TimeAxis
 from tests.replay.sledge import MACHINE as MACHINE_FILE
 from tests.replay.sledge import sledge
@@ -58,7 +58,7 @@ def test_tables_that_count_from_0_follow_one_another_in_the_order_given(
     steps_s = whole["log_time_ns"].diff().drop_nulls() / NS
     # a hole that no gap rule bridges, wherever a table ends
     assert sorted(steps_s)[-3:] == pytest.approx([0.1, 10.0, 10.0])
-    (said,) = note_on_order_of_logs(time_line_offsets_ns(logs, WANTED))
+    (said,) = describe_log_order(compute_log_offsets_ns(logs, WANTED))
     assert said.endswith(f"({', '.join(log.path.name for log in logs)})")
 
 
@@ -78,8 +78,8 @@ def test_tables_with_a_clock_stay_where_they_are(tmp_path: Path) -> None:
     first = table(tmp_path / "a.parquet", 1.0, begins_s=1.7e9)
     second = table(tmp_path / "b.parquet", 2.0, begins_s=1.7e9 + 40.0)
     logs = opened(first, second)
-    assert set(time_line_offsets_ns(logs, WANTED).values()) == {0}
-    assert note_on_order_of_logs(time_line_offsets_ns(logs, WANTED)) == []
+    assert set(compute_log_offsets_ns(logs, WANTED).values()) == {0}
+    assert describe_log_order(compute_log_offsets_ns(logs, WANTED)) == []
 
 
 def test_a_table_that_is_given_twice_counts_once(tmp_path: Path) -> None:

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.model.physical_units import pint_name_of_unit
+from analysis.model.physical_units import find_pint_name
 from benchmarks.dialects.dialect_file import DRIVE, RATE_HZ, DialectFile
 from benchmarks.dialects.every_file import SETS, readable_files_of_set
 from estimators.errors import LogError
-from replay.commands.common_options import time_axis_from_options
+from replay.commands.common_options import make_time_axis_from_options
 from replay.logs import open_log
 from tests.one_line import assert_one_line
 
@@ -49,7 +49,7 @@ def assert_read_as_driven(tmp_path: Path, file: DialectFile) -> None:
         with pytest.raises(LogError, match=r"\[log\]") as asked:
             open_log(path).topics()
         assert_one_line(asked.value)
-    log = open_log(path, time=time_axis_from_options(None, None, list(file.keys)))
+    log = open_log(path, time=make_time_axis_from_options(None, None, list(file.keys)))
     step_ns = STEP_NS.get(file.name, round(1e9 / RATE_HZ))
     for quantity, (name, factor) in file.fields.items():
         frame = log.read(file.topic.get(quantity, "table"), [name])
@@ -72,4 +72,4 @@ def test_units_in_names_and_rows_are_known() -> None:
         ("[Nm]", "N*m"), ("km/h", "km/h"), ("(m/s²)", "m/s**2"), ("1/min", "rpm"), ("°/s", "deg/s"),
         ("mN", None), ("banana", None),
     ):  # fmt: skip
-        assert pint_name_of_unit(text) == unit
+        assert find_pint_name(text) == unit

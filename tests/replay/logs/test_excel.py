@@ -12,7 +12,7 @@ import pytest
 import xlsxwriter
 
 from estimators.errors import LogError
-from replay.commands.common_options import time_axis_from_options
+from replay.commands.common_options import make_time_axis_from_options
 from replay.logs import open_log
 from replay.logs.tables.table_limits import LIMITS
 from tests.one_line import assert_one_line
@@ -54,7 +54,7 @@ def test_of_several_sheets_one_has_to_be_named(tmp_path: Path) -> None:
     ) as e:
         open_log(path)
     assert_one_line(e.value)
-    with open_log(path, time=time_axis_from_options(None, None, ["log.sheet=run"])) as log:
+    with open_log(path, time=make_time_axis_from_options(None, None, ["log.sheet=run"])) as log:
         assert log.topics()["messages"].to_list() == [200]
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replay.logs.messages.message_fields import Field, FieldError, PathStep, resolve_field
+from replay.logs.messages.message_fields import Field, FieldError, PathStep, resolve_message_field
 from replay.logs.messages.message_types import ListOf, RecordType, Scalar, iter_leaf_names
 
 VECTOR = RecordType("geometry_msgs/msg/Vector3", tuple((axis, Scalar("float64")) for axis in "xyz"))
@@ -50,7 +50,7 @@ def test_leaves_are_dotted_and_lists_show_as_lists() -> None:
 def test_a_field_resolves_to_its_kind_and_steps(
     name: str, kind: str, steps: list[tuple[str, int | str | None]]
 ) -> None:
-    assert resolve_field(name, MESSAGE) == Field(
+    assert resolve_message_field(name, MESSAGE) == Field(
         name, kind, tuple(PathStep(*step) for step in steps)
     )
 
@@ -69,20 +69,20 @@ def test_a_field_resolves_to_its_kind_and_steps(
 )
 def test_a_field_that_is_no_single_value_is_explained(name: str, answer: str) -> None:
     with pytest.raises(FieldError, match=re.escape(answer)):
-        resolve_field(name, MESSAGE)
+        resolve_message_field(name, MESSAGE)
 
 
 def test_an_element_by_name_needs_a_list_of_names() -> None:
     plain = RecordType("test_msgs/msg/Plain", (("effort", ListOf(Scalar("float64"), None)),))
     with pytest.raises(FieldError, match="has no list 'name'; select by index"):
-        resolve_field("effort[left]", plain)
+        resolve_message_field("effort[left]", plain)
 
 
 @given(st.text(max_size=30) | st.from_regex(r"[a-z.\[\]0-9]{0,12}", fullmatch=True))
 def test_any_text_is_a_field_or_is_explained_in_one_line(name: str) -> None:
     known = {"stamp", "id", *(f"angular_velocity.{axis}" for axis in "xyz")}
     try:
-        resolve_field(name, MESSAGE)
+        resolve_message_field(name, MESSAGE)
     except FieldError as error:
         fault = str(error)
     else:

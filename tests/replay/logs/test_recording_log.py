@@ -10,7 +10,7 @@ from analysis import Run
 from estimators.errors import LogError
 from recordings import read_recording, write_recording
 from recordings.rrd.recording_limits import LIMITS
-from recordings.rrd.viewer import viewer_executable
+from recordings.rrd.viewer import find_viewer_executable
 from replay import load_machine, open_log
 from replay.logs import Log
 from replay.pipeline import run
@@ -88,7 +88,7 @@ def test_rows_that_a_recovered_recording_lost_are_losses_of_the_log(tmp_path: Pa
         assert whole.losses() == ()
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
     saved = tmp_path / "recovered.rrd"
-    command = [viewer_executable(), "rrd", "optimize", path, "-o", saved]
+    command = [find_viewer_executable(), "rrd", "optimize", path, "-o", saved]
     subprocess.run(command, check=True, capture_output=True)
     with open_log(saved) as torn:
         left = torn.read("imu", ["x"]).height

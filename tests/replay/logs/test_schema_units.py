@@ -10,7 +10,7 @@ import pytest
 from pyarrow import feather, parquet
 
 from replay.logs import open_log
-from replay.logs.tables.parquet_columns import units_of_schema
+from replay.logs.tables.parquet_columns import find_schema_units
 
 
 def _parquet(table: pa.Table, folder: Path) -> Path:
@@ -71,4 +71,4 @@ def test_the_attributes_of_a_pandas_frame_are_used(tmp_path: Path) -> None:
 )
 def test_metadata_that_state_no_unit_are_passed_over(text: str) -> None:
     keys = ("units", "PANDAS_ATTRS", "pandas")
-    assert units_of_schema(dict.fromkeys(keys, text), ["v"]) == {}
+    assert find_schema_units(dict.fromkeys(keys, text), ["v"]) == {}

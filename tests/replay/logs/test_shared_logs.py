@@ -19,8 +19,8 @@ from replay.logs.bag.bag_file import BagFile
 from replay.logs.decoding.decoder_choice import PerMessageDecoder
 from replay.logs.mcap.mcap_file import McapFile
 from replay.logs.message_log import MessageLog
-from replay.logs.messages.message_fields import resolve_field
-from replay.logs.messages.raw_batch import join_messages
+from replay.logs.messages.message_fields import resolve_message_field
+from replay.logs.messages.raw_batch import make_batch_of_messages
 from replay.logs.rosbag2.rosbag2_directory import Rosbag2Directory
 from replay.logs.sqlite.sqlite_file import Db3File
 from tests.conftest import WHOSE
@@ -139,8 +139,10 @@ def test_every_field_of_every_topic_is_that_of_rosbags(log_path: Path) -> None:
             )
             decode = partial(_deserialize, reader, found.kind.record.name)
             kind = replace(found.kind, decode=decode)
-            oracle = PerMessageDecoder(kind, [resolve_field(n, kind.record) for n in names])
-            batch = join_messages(0, [time for time, _ in stored], [data for _, data in stored])
+            oracle = PerMessageDecoder(kind, [resolve_message_field(n, kind.record) for n in names])
+            batch = make_batch_of_messages(
+                0, [time for time, _ in stored], [data for _, data in stored]
+            )
             expected = oracle.decode(batch).frame
         assert same(log.read(topic, names), expected)
 

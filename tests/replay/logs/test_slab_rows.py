@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from replay.logs.blocks.slabs import SlabIndex, indices_of_keys
+from replay.logs.blocks.slabs import SlabIndex, find_key_indices
 from replay.logs.mcap.mcap_grammar import GRAMMAR
 from replay.logs.storage.message_rows import KEY, TIME
 
@@ -22,7 +22,7 @@ def test_the_place_of_a_connection_is_found_however_they_are_numbered(
 ) -> None:
     ascending = sorted(keys)
     of_both = [*found, *ascending]
-    places = indices_of_keys(np.array(of_both, np.int64), np.array(ascending, np.int64))
+    places = find_key_indices(np.array(of_both, np.int64), np.array(ascending, np.int64))
     assert places.tolist() == [ascending.index(key) if key in keys else -1 for key in of_both]
 
 

@@ -12,7 +12,12 @@ from analysis.model.settings import Settings
 from estimators.errors import MachineError
 from replay.explain.proposal_edits import Proposal, insert_proposals
 from replay.machines.machine_file import load_machine
-from replay.machines.old_names import OLD_NAMES, OldNameWarning, migrate_file, migrate_text
+from replay.machines.old_names import (
+    OLD_NAMES,
+    OldNameWarning,
+    migrate_toml_file,
+    migrate_toml_text,
+)
 from tests.replay.sledge import MACHINE, Payscope, one_line
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
@@ -31,7 +36,7 @@ def old_file(tmp_path: Path) -> Path:
 def test_every_old_name_leads_to_a_key_there_is() -> None:
     for old, new in OLD_NAMES.items():
         section, _, key = new.removeprefix("settings.").partition(".")
-        assert key in Settings.stage_models()[section].model_fields, new
+        assert key in Settings.list_stage_models()[section].model_fields, new
         assert new not in OLD_NAMES, f"{old} leads to {new}, which is old itself"
 
 
@@ -77,7 +82,7 @@ def test_migrate_rewrites_it_once_and_keeps_comments(payscope: Payscope, old_fil
 def test_a_link_stays_a_link(tmp_path: Path, old_file: Path) -> None:
     link = tmp_path / "link.toml"
     link.symlink_to(old_file)
-    assert migrate_file(link)
+    assert migrate_toml_file(link)
     assert link.is_symlink()
     assert "forces.acceleration" in old_file.read_text()
 
@@ -119,7 +124,7 @@ def test_a_link_stays_a_link(tmp_path: Path, old_file: Path) -> None:
     ],
 )  # fmt: skip
 def test_what_a_file_looks_like_afterwards(old: str, new: str) -> None:
-    assert migrate_text(old)[0] == new
+    assert migrate_toml_text(old)[0] == new
 
 
 @pytest.mark.parametrize(
@@ -151,7 +156,7 @@ def test_both_names_are_refused_when_a_log_is_replayed(
 def test_no_such_file_is_one_line(payscope: Payscope, tmp_path: Path) -> None:
     one_line(payscope("migrate", tmp_path / "no.toml"), "no.toml", "cannot be read")
     with pytest.raises(MachineError):
-        migrate_file(tmp_path)
+        migrate_toml_file(tmp_path)
 
 
 def test_explain_applies_a_proposal_to_a_file_with_old_names() -> None:
@@ -172,7 +177,7 @@ def test_every_old_name_at_once_is_rewritten_to_the_same_values() -> None:
         f"{old.removeprefix('settings.')} = {number}  # {old}\n"
         for number, old in enumerate(OLD_NAMES)
     )
-    migrated, renamed = migrate_text(text)
+    migrated, renamed = migrate_toml_text(text)
     assert renamed == OLD_NAMES
     content: dict[str, Any] = tomllib.loads(migrated)
     for number, new in enumerate(OLD_NAMES.values()):

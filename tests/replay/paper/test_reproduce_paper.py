@@ -6,7 +6,7 @@ import polars as pl
 import pytest
 
 from analysis.paper import printed_numbers
-from analysis.paper.replayed_campaign import replay_with_gate, trial_bound_kg
+from analysis.paper.replayed_campaign import compute_trial_bound_kg, replay_with_gate
 from analysis.simulation import Scenario
 from recordings.paper.paper_items import ITEMS, ItemResult
 from recordings.paper.paper_page import write_reproduction
@@ -108,11 +108,11 @@ def test_a_window_that_the_gate_refuses_everywhere_has_no_bound() -> None:
     replayed = replay_simulated(
         short.model_copy(update={"campaign": campaign}), load_machine("cat262c.toml")
     )
-    assert 3.0 < trial_bound_kg(replayed) < 10.0
+    assert 3.0 < compute_trial_bound_kg(replayed) < 10.0
     refused = replay_with_gate(
         replayed, replayed.settings.with_changes({"gate.threshold_nat": 50.0})
     )
-    assert trial_bound_kg(refused) != trial_bound_kg(refused)
+    assert compute_trial_bound_kg(refused) != compute_trial_bound_kg(refused)
 
 
 def test_the_bound_is_the_same_to_the_last_digit_each_time() -> None:
@@ -121,7 +121,7 @@ def test_the_bound_is_the_same_to_the_last_digit_each_time() -> None:
     replayed = replay_simulated(
         short.model_copy(update={"campaign": campaign}), load_machine("cat262c.toml")
     )
-    assert len({trial_bound_kg(replayed) for _ in range(20)}) == 1
+    assert len({compute_trial_bound_kg(replayed) for _ in range(20)}) == 1
 
 
 def test_a_simulation_replayed_from_memory_is_that_of_its_bags(tmp_path: Path) -> None:

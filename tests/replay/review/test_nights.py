@@ -11,7 +11,7 @@ import pytest
 
 from analysis.simulation import Scenario
 from replay.review.review_shift import ReviewOptions, review_shift
-from replay.simulation.simulate_logs import log_paths, simulate_scenario
+from replay.simulation.simulate_logs import make_log_paths, simulate_scenario
 from tests.replay.shift_review import CHANNELS, SCENARIO
 from tests.replay.sledge import Payscope
 
@@ -46,7 +46,7 @@ def night(
     with pytest.MonkeyPatch.context() as reader:
         reader.setenv("TZ", "America/Denver")
         time.tzset()
-        logs = log_paths(scenario, folder / "shift.mcap")
+        logs = make_log_paths(scenario, folder / "shift.mcap")
         made = review_shift(logs, machine, folder / "review", ReviewOptions())
     time.tzset()
     return made.folder, begins, hours

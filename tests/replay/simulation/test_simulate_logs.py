@@ -12,7 +12,7 @@ from rosbags.highlevel import AnyReader
 from analysis.simulation import Scenario, simulate_campaign
 from estimators.errors import OutputError, ScenarioError
 from replay.simulation.scenario_file import format_scenario_file
-from replay.simulation.simulate_logs import log_paths, simulate_scenario, write_logs
+from replay.simulation.simulate_logs import make_log_paths, simulate_scenario, write_logs
 from tests.one_line import assert_one_line
 from tests.replay.sledge import Payscope, one_line
 
@@ -155,13 +155,13 @@ def test_the_truth_names_the_load_of_every_start_and_the_phase_of_every_topic(tm
 
 
 def test_one_load_is_written_to_the_named_log_and_several_to_one_log_each(tmp_path):
-    assert log_paths(ONE, Path("x/shift.bag")) == [Path("x/shift.bag")]
-    assert log_paths(SHORT, Path("x/shift.bag")) == [
+    assert make_log_paths(ONE, Path("x/shift.bag")) == [Path("x/shift.bag")]
+    assert make_log_paths(SHORT, Path("x/shift.bag")) == [
         Path("x/shift_000kg.bag"),
         Path("x/shift_100kg.bag"),
     ]
     halves = Scenario.model_validate({"campaign": {"loads_kg": [12.5, 1000]}})
-    assert log_paths(halves, Path("shift")) == [Path("shift_12_5kg"), Path("shift_1000kg")]
+    assert make_log_paths(halves, Path("shift")) == [Path("shift_12_5kg"), Path("shift_1000kg")]
     written = simulate_scenario(SHORT, tmp_path / "shift.csv")
     assert sorted(p.name for p in tmp_path.iterdir()) == [
         "shift_000kg.csv",

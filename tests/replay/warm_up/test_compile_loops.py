@@ -20,12 +20,12 @@ COMMAND = Path(sys.executable).with_name("payscope")
 #: A loop that calls others, and one that only the reader of logs has.
 TWO_LOOPS = """
 import numpy as np
-from estimators.interpreted import compile_at_once
-from estimators.numerics.small_systems import condition_numbers
-from replay.logs.blocks.slabs import indices_of_keys
-with compile_at_once():
-    keys = indices_of_keys(np.arange(3), np.arange(2))
-    print(condition_numbers(np.ones((1, 2)), 1, 1).tolist(), keys)
+from estimators.interpreted import force_compilation
+from estimators.numerics.small_systems import compute_condition_numbers
+from replay.logs.blocks.slabs import find_key_indices
+with force_compilation():
+    keys = find_key_indices(np.arange(3), np.arange(2))
+    print(compute_condition_numbers(np.ones((1, 2)), 1, 1).tolist(), keys)
 """
 
 

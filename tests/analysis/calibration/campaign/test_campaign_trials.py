@@ -3,7 +3,7 @@
 import polars as pl
 import pytest
 
-from analysis.calibration.campaign.campaign_readings import masses_by_method_and_run
+from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
 from analysis.model.run_record import Provenance, Run
 
 T0 = 1_700_000_000_000_000_000
@@ -38,7 +38,7 @@ def masses(table, method):
 
 def test_windows_count_by_what_they_know_and_only_in_their_own_run():
     rows = [(10, 1.0, 1.0), (99, 4.0, 0.5), (100, 7.0, 1.0)]
-    table = masses_by_method_and_run(replayed(ls=rows), RUNS)
+    table = average_masses_by_method_and_run(replayed(ls=rows), RUNS)
     assert masses(table, "ls") == [pytest.approx((1.0 + 4 * 4.0) / 5.0), 7.0]
     assert table["run"].to_list() == [0, 1]
     assert table["load_kg"].to_list() == [0.0, 50.0]
@@ -46,7 +46,7 @@ def test_windows_count_by_what_they_know_and_only_in_their_own_run():
 
 
 def test_the_recursive_method_gives_its_last_state_in_the_run():
-    table = masses_by_method_and_run(
+    table = average_masses_by_method_and_run(
         replayed(rls=[(1, 1.0, 1.0), (2, 4.0, 9.0), (150, 7.0, 1.0)]), RUNS
     )
     assert masses(table, "rls") == [4.0, 7.0]
@@ -54,12 +54,12 @@ def test_the_recursive_method_gives_its_last_state_in_the_run():
 
 def test_a_run_without_an_estimate_is_null():
     nowhere = [(500, 1.0, 1.0), (10, None, None)]
-    table = masses_by_method_and_run(replayed(ls=nowhere, pooled=[]), RUNS)
+    table = average_masses_by_method_and_run(replayed(ls=nowhere, pooled=[]), RUNS)
     assert masses(table, "ls") == [None, None]
     assert masses(table, "pooled") == [None, None]
 
 
 def test_without_estimates_there_are_no_rows_but_all_columns():
-    table = masses_by_method_and_run(Run({}), RUNS)
+    table = average_masses_by_method_and_run(Run({}), RUNS)
     assert table.height == 0
     assert table.columns == ["method", "run", "load_kg", "reference_kg", "mass_kg"]

@@ -8,7 +8,7 @@ from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.line.shared_errors import RunResponse, SharedErrors
 from analysis.calibration.use.apply_calibration import LaterLog, calibrate_loads
-from analysis.calibration.use.mass_differences import calibrate_payloads_by_line
+from analysis.calibration.use.mass_differences import calibrate_mass_differences
 from tests.analysis.calibration.campaigns import readings, references
 
 TERM = "load_transfer"
@@ -100,14 +100,14 @@ def test_of_a_difference_the_line_takes_scale_and_shared_errors_by_its_slope():
     # in proportion to the mass, so that level and slope of the line say the same
     line = calibration(level_kg=0.02 * 3739.0, slope_1=0.02)
     of = ("cycle", 1)
-    like = calibrate_payloads_by_line(line, log(2.0, of=of, scale_kg=3.0), [of], np.array([100.0]))
+    like = calibrate_mass_differences(line, log(2.0, of=of, scale_kg=3.0), [of], np.array([100.0]))
     # the campaign's responses grow by 0.02 for each kg as well: 2 kg of 100 are in the slope
     assert like.unlike_u_kg[0] == pytest.approx(0.0, abs=0.05)
     assert like.taken_kg[0] == pytest.approx(np.hypot(2.0, 3.0), rel=0.01)
-    assert like.common_kg_beside_line(np.array([5.0]))[0] == pytest.approx(
+    assert like.common_u_beside_line_kg(np.array([5.0]))[0] == pytest.approx(
         np.sqrt(25.0 - 13.0), rel=0.02
     )
-    other = calibrate_payloads_by_line(line, log(32.0, of=of), [of], np.array([100.0]))
+    other = calibrate_mass_differences(line, log(32.0, of=of), [of], np.array([100.0]))
     assert other.unlike_u_kg[0] == pytest.approx(30.0, rel=0.02)
 
 
@@ -115,7 +115,7 @@ def test_a_slope_that_has_rolling_resistance_in_it_is_no_gain_of_a_difference():
     # the gain is right: what the line has at its centre is the mass there
     line = calibration(5.0, line=(-0.1 * 3739.0, 1.1), random_kg=1.0)
     of = ("payload", 0)
-    found = calibrate_payloads_by_line(line, log(0.0, of=of), [of], np.array([200.0]))
+    found = calibrate_mass_differences(line, log(0.0, of=of), [of], np.array([200.0]))
     assert found.payload_kg[0] == pytest.approx(200.0, abs=1.0)
     assert found.line_kg[0] < 1.0
 
@@ -123,7 +123,7 @@ def test_a_slope_that_has_rolling_resistance_in_it_is_no_gain_of_a_difference():
 def test_a_gain_of_the_force_is_in_level_and_slope_alike():
     line = calibration(5.0, line=(0.0, 1.03), random_kg=1.0)
     of = ("payload", 0)
-    found = calibrate_payloads_by_line(line, log(0.0, of=of), [of], np.array([206.0]))
+    found = calibrate_mass_differences(line, log(0.0, of=of), [of], np.array([206.0]))
     assert found.payload_kg[0] == pytest.approx(200.0, abs=0.5)
 
 
@@ -131,7 +131,7 @@ def test_a_slope_far_from_any_gain_is_the_machine_s_own():
     # behind a torque chain that sees one axle, alpha is 0.14 and beta nearly all
     line = calibration(5.0, line=(-22434.0, 7.0), random_kg=1.0)
     of = ("payload", 0)
-    found = calibrate_payloads_by_line(line, log(0.0, of=of), [of], np.array([700.0]))
+    found = calibrate_mass_differences(line, log(0.0, of=of), [of], np.array([700.0]))
     assert found.payload_kg[0] == pytest.approx(100.0, rel=0.01)
 
 
@@ -140,8 +140,10 @@ def test_evidence_that_does_not_say_what_moved_its_line_leaves_all_of_it_in():
         readings(), references(), np.zeros((6, 6)), CalibrationOptions("joint_mass")
     )
     of = ("cycle", 1)
-    found = calibrate_payloads_by_line(line, log(75.0, of=of), [of], np.array([1000.0]))
-    assert found.common_kg_beside_line(np.array([80.0]))[0] == pytest.approx(80.0 / abs(line.c1_1))
+    found = calibrate_mass_differences(line, log(75.0, of=of), [of], np.array([1000.0]))
+    assert found.common_u_beside_line_kg(np.array([80.0]))[0] == pytest.approx(
+        80.0 / abs(line.c1_1)
+    )
 
 
 def test_a_payload_by_difference_is_on_the_line_with_its_interval():

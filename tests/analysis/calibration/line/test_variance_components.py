@@ -9,7 +9,7 @@ from analysis.calibration.line.line_model import (
     RUN,
     Points,
     fit_line,
-    mean_squares_to_variances,
+    mean_square_to_variance_matrix,
 )
 from analysis.calibration.line.variance_components import (
     WithinRunVariance,
@@ -47,14 +47,14 @@ def test_balanced_readings_have_the_variances_of_an_analysis_of_variance(seed):
     y = balanced(np.random.default_rng(seed))
     points, names = points_of(y), (REPEATABILITY, RUN, DAY)
     effects = np.array([points.effect_covariance(name) for name in names])
-    squares = mean_squares_to_variances(points, names)
+    squares = mean_square_to_variance_matrix(points, names)
     found = estimate_variances_by_reml(
         points.y_kg,
         np.ones((24, 1)),
         np.tensordot(squares.T, effects, 1),
         np.zeros((24, 24)),
         points.within,
-    ).combine_linearly(squares)
+    ).make_linear_combinations(squares)
     within = points.within.squares / 96
     means = y.mean(2)
     of_runs = ((means - means.mean(1, keepdims=True)) ** 2).sum() / 20

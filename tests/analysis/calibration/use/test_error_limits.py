@@ -9,7 +9,7 @@ from analysis.calibration.use.error_limits import (
     CLASSES,
     DecisionRule,
     error_limit_kg,
-    judge_error_limits,
+    judge_campaign_loads,
 )
 from estimators.errors import DataError
 from tests.analysis.calibration.campaigns import readings, references
@@ -64,14 +64,14 @@ def test_a_class_that_is_none_is_refused(rule, said):
 
 def test_a_wide_class_is_kept_and_a_narrow_one_is_not():
     calibration = fitted()
-    wide = judge_error_limits(calibration, DecisionRule("OIML R 134 5"))
+    wide = judge_campaign_loads(calibration, DecisionRule("OIML R 134 5"))
     assert wide.verdict == "within"
     assert wide.risk_1 < 1e-3
     assert wide.statement.startswith("within the error limits of OIML R 134 5")
-    narrow = judge_error_limits(calibration, DecisionRule("OIML R 51 Y(a)", 0.05, tare_kg=3614.0))
+    narrow = judge_campaign_loads(calibration, DecisionRule("OIML R 51 Y(a)", 0.05, tare_kg=3614.0))
     assert narrow.verdict == "outside"
     assert narrow.risk_1 < 0.05
-    between = judge_error_limits(calibration, DecisionRule("OIML R 134 0.2", in_service=True))
+    between = judge_campaign_loads(calibration, DecisionRule("OIML R 134 0.2", in_service=True))
     assert between.verdict == "undecided"
     for found in (wide, narrow, between):
         assert "conform" not in found.statement
@@ -81,9 +81,9 @@ def test_a_wide_class_is_kept_and_a_narrow_one_is_not():
 def test_the_guard_band_leaves_the_risk_that_was_asked_for():
     calibration = fitted()
     rule = DecisionRule("OIML R 134 0.5", risk_1=0.05)
-    for row in judge_error_limits(calibration, rule).rows:
+    for row in judge_campaign_loads(calibration, rule).rows:
         # an error at the edge of what is accepted is beyond the limit with that risk
-        edge = calibration.inversion.exceedance_probability(
+        edge = calibration.make_inversion.exceedance_probability(
             row.guard_kg, row.load_kg, calibration.budget_at[1]
         )
         assert edge == pytest.approx(0.05, abs=1e-4)
@@ -98,7 +98,7 @@ def test_what_is_said_to_be_within_is_within(name):
     rule = DecisionRule(name)
     for seed in range(40):
         calibration = fitted(seed=seed)
-        within = judge_error_limits(calibration, rule).verdict == "within"
+        within = judge_campaign_loads(calibration, rule).verdict == "within"
         for _ in range(20):
             true = dice.uniform(3614.0, 3864.0)
             noise = dice.normal(0.0, np.sqrt(6.0**2 / 4 + 2.0**2 + 3.0**2))

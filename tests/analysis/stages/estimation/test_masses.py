@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.model.axes import straight_regressor_and_force
+from analysis.model.axes import make_straight_regressor_and_force
 from analysis.stages.estimation.masses import summarise_masses, withhold_masses
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows, mark_samples_to_pool
@@ -60,7 +60,7 @@ def test_nothing_is_withheld_where_nothing_speaks_against_it(log, machine):
 def test_pooled_is_one_fit_over_every_accepted_sample_of_the_whole_log(log, machine):
     excitation, gated, estimates = log
     settings = machine().settings
-    A, f = straight_regressor_and_force(excitation, settings)
+    A, f = make_straight_regressor_and_force(excitation, settings)
     used = mark_samples_to_pool(excitation, gated, settings)
     whole = pooled.trace(A, f, np.where(used, 0, -1))
     row = summarise_masses(*log, machine()).row(

@@ -9,9 +9,9 @@ from analysis.model.machine_body import Body
 from analysis.model.schema import build_frame
 from analysis.stages.motion.forces import (
     compute_excitation,
-    longitudinal_force,
-    regressor_acceleration,
-    yaw_torque,
+    compute_longitudinal_force,
+    compute_regressor_acceleration,
+    compute_yaw_torque,
 )
 
 G = 9.80665
@@ -35,15 +35,17 @@ def test_wheel_torques_become_force_and_yaw_torque_over_the_share(
     known = body(wheel_radius_m=radius, force_share=share, track_width_m=track)
     force = (np.array(right) + left) / radius / share
     torque = (np.array(right) - left) / radius * track / 2 / share
-    np.testing.assert_allclose(longitudinal_force(frame, known), force, rtol=1e-9, atol=1e-6)
-    np.testing.assert_allclose(yaw_torque(frame, known), torque, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(
+        compute_longitudinal_force(frame, known), force, rtol=1e-9, atol=1e-6
+    )
+    np.testing.assert_allclose(compute_yaw_torque(frame, known), torque, rtol=1e-9, atol=1e-6)
 
 
 def test_a_force_that_is_given_is_divided_by_the_share_alone():
     frame = smoothed(force_x_N=np.array([1.0, 2.0, 3.0]), torque_z_N_m=np.array([4.0, 5.0, 6.0]))
     half = body(force_share=0.5)
-    np.testing.assert_array_equal(longitudinal_force(frame, half), [2.0, 4.0, 6.0])
-    np.testing.assert_array_equal(yaw_torque(frame, half), [8.0, 10.0, 12.0])
+    np.testing.assert_array_equal(compute_longitudinal_force(frame, half), [2.0, 4.0, 6.0])
+    np.testing.assert_array_equal(compute_yaw_torque(frame, half), [8.0, 10.0, 12.0])
 
 
 @pytest.mark.parametrize(
@@ -51,12 +53,12 @@ def test_a_force_that_is_given_is_divided_by_the_share_alone():
 )
 def test_without_the_geometry_there_is_no_yaw_torque(known):
     frame = smoothed(torque_left_N_m=np.ones(3), torque_right_N_m=np.ones(3))
-    assert yaw_torque(frame, body(**known)) is None
+    assert compute_yaw_torque(frame, body(**known)) is None
 
 
 def test_without_both_sides_there_is_no_yaw_torque():
     frame = smoothed(force_x_N=np.ones(3))
-    assert yaw_torque(frame, body(wheel_radius_m=0.4, track_width_m=1.5)) is None
+    assert compute_yaw_torque(frame, body(wheel_radius_m=0.4, track_width_m=1.5)) is None
 
 
 @given(st.floats(-0.5, 0.5))
@@ -64,15 +66,15 @@ def test_kinematic_acceleration_gets_the_share_of_gravity_along_the_slope(machin
     kinematic = machine({"acceleration": "kinematic"}, acc_x_m_s2={"topic": "/can", "field": "acc"})
     frame = smoothed(acc_x_m_s2=np.full(3, 0.5), pitch_rad=np.full(3, pitch))
     np.testing.assert_allclose(
-        regressor_acceleration(frame, kinematic), 0.5 + G * np.sin(pitch), atol=1e-12
+        compute_regressor_acceleration(frame, kinematic), 0.5 + G * np.sin(pitch), atol=1e-12
     )
     flat = smoothed(acc_x_m_s2=np.full(3, 0.5))
-    np.testing.assert_array_equal(regressor_acceleration(flat, kinematic), 0.5)
+    np.testing.assert_array_equal(compute_regressor_acceleration(flat, kinematic), 0.5)
 
 
 def test_specific_force_has_gravity_already(machine):
     frame = smoothed(specific_force_x_m_s2=np.full(3, 0.85), pitch_rad=np.full(3, 0.087))
-    np.testing.assert_array_equal(regressor_acceleration(frame, machine()), 0.85)
+    np.testing.assert_array_equal(compute_regressor_acceleration(frame, machine()), 0.85)
 
 
 def test_the_excitation_of_a_drive_weighs_it(drive, excitation_of):

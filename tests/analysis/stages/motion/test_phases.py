@@ -10,10 +10,10 @@ from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
 from analysis.stages.motion.phases import (
     classify_motion_phases,
+    compute_trailing_speed_rate,
     mark_falls_beyond_noise,
     mark_stopping_samples,
-    trailing_speed_rate,
-    yaw_speeding_sign,
+    sign_of_yaw_rate_change,
 )
 
 
@@ -30,7 +30,7 @@ def classify(speed, settings=None, **columns):
         },
     )
     return classify_motion_phases(
-        frame, speed, trailing_speed_rate(speed, settings), settings
+        frame, speed, compute_trailing_speed_rate(speed, settings), settings
     ).cast(pl.String)
 
 
@@ -98,7 +98,7 @@ def test_a_derived_yaw_acceleration_as_noisy_as_a_gyroscope_makes_it_leaves_an_a
 def test_a_turn_speeds_up_keeps_its_rate_and_slows_down(direction):
     settings = Settings()
     yaw_rate = direction * np.interp(np.arange(600), [100, 300, 400, 600], [0.0, 1.0, 1.0, 0.0])
-    changes = yaw_speeding_sign(yaw_rate, settings)
+    changes = sign_of_yaw_rate_change(yaw_rate, settings)
     assert set(changes[20:100]) == {0.0}
     assert set(changes[120:300]) == {1.0}
     assert set(changes[320:400]) == {0.0}
@@ -120,7 +120,7 @@ def test_the_rate_of_speed_never_reaches_over_a_missing_sample(span_s, at, lost)
     span = max(1, round(span_s * 20))
     speed = np.where(np.arange(120) < at, 0.0, 1000.0)
     speed[at : at + lost] = np.nan
-    rate = trailing_speed_rate(speed, settings)
+    rate = compute_trailing_speed_rate(speed, settings)
     assert np.isnan(rate[:span]).all()
     assert np.isnan(rate[at : at + lost + span]).all()
     known = np.isfinite(rate)
@@ -131,11 +131,11 @@ def test_the_rate_of_speed_never_reaches_over_a_missing_sample(span_s, at, lost)
 def test_the_rate_of_a_steady_change_is_that_change_and_looks_back_only(start, slope):
     speed = start + slope * np.arange(100) / 100.0
     settings = Settings()
-    rate = trailing_speed_rate(speed, settings)
+    rate = compute_trailing_speed_rate(speed, settings)
     np.testing.assert_allclose(rate[10:], slope, atol=1e-9)
     later = speed.copy()
     later[60:] = 1e6
-    np.testing.assert_array_equal(trailing_speed_rate(later, settings)[:60], rate[:60])
+    np.testing.assert_array_equal(compute_trailing_speed_rate(later, settings)[:60], rate[:60])
 
 
 def test_a_log_of_no_rows_has_no_phases():

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from analysis.model.schema import build_frame
 from analysis.model.settings import SmoothSettings
-from analysis.stages.motion.smooth import smooth, trailing_mean
+from analysis.stages.motion.smooth import compute_trailing_mean, smooth
 
 numbers = st.one_of(st.floats(-1e6, 1e6), st.just(np.nan))
 
@@ -15,7 +15,7 @@ numbers = st.one_of(st.floats(-1e6, 1e6), st.just(np.nan))
 @given(st.lists(numbers, max_size=50), st.integers(1, 60))
 def test_the_mean_trails_is_null_until_full_and_where_any_sample_is_missing(x, samples):
     x = np.array(x, float)
-    mean = trailing_mean(x, samples)
+    mean = compute_trailing_mean(x, samples)
     for k in range(x.size):
         if k < samples - 1:
             assert np.isnan(mean[k])

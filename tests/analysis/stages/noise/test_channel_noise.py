@@ -26,7 +26,7 @@ MEAN = 10
 
 def estimated(log):
     frame = estimate_channel_noise(log.aligned, log.excitation, log.machine)
-    known = ColumnNoise.of_axis(X, frame, NoiseSettings())
+    known = ColumnNoise.select_axis_noise(X, frame, NoiseSettings())
     assert known is not None
     return frame, known
 
@@ -65,7 +65,7 @@ def test_a_setting_overrides_the_log_with_white_noise():
     machine = log.machine.model_copy(update={"settings": settings})
     frame = estimate_channel_noise(log.aligned, log.excitation, machine)
     assert sources(frame)["force_x_N"] == "setting"
-    known = ColumnNoise.of_axis(X, frame, settings.noise)
+    known = ColumnNoise.select_axis_noise(X, frame, settings.noise)
     assert known is not None
     assert known.std[2] == pytest.approx(7.0)
     assert known.covariance(MEAN)[2] == pytest.approx([0.0, 0.0, 4.9])
@@ -115,12 +115,12 @@ def test_rows_are_in_the_order_of_the_declared_columns():
     frame, _ = estimated(noisy_log("white", 1))
     assert frame["first"].unique(maintain_order=True).to_list() == list(NOISE_COLUMNS["x"])
     assert frame.height == 3 * 3 * 64
-    assert ColumnNoise.of_axis(Z, frame, NoiseSettings()) is None
+    assert ColumnNoise.select_axis_noise(Z, frame, NoiseSettings()) is None
 
 
 def test_without_a_log_settings_that_name_all_of_an_axis_are_its_noise():
-    assert ColumnNoise.of_axis(X, None, NoiseSettings(force_N=60.0)) is None
+    assert ColumnNoise.select_axis_noise(X, None, NoiseSettings(force_N=60.0)) is None
     whole = NoiseSettings(force_N=60.0, acc_m_s2=0.01, speed_m_s=0.005)
-    known = ColumnNoise.of_axis(X, None, whole)
+    known = ColumnNoise.select_axis_noise(X, None, whole)
     assert known is not None
     np.testing.assert_allclose(known.covariance(MEAN), np.diag(STD**2) / MEAN)

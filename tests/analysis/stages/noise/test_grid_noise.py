@@ -7,8 +7,8 @@ from scipy.signal import butter, sosfreqz
 
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
-from analysis.stages.noise.channel_noise import estimate_channel_noise, noise_source_notes
-from analysis.stages.noise.grid_noise import white_noise_std
+from analysis.stages.noise.channel_noise import estimate_channel_noise, write_noise_source_notes
+from analysis.stages.noise.grid_noise import estimate_white_noise_std
 from analysis.stages.signals.align import align
 from analysis.stages.signals.derive import derive
 from tests.analysis.conftest import make_machine
@@ -138,24 +138,24 @@ def test_noise_is_never_more_than_the_channel_varies():
 
 def test_a_note_says_what_tells_the_noise():
     noise, _ = noise_of(readings(100.0), filter__cutoff_hz=2.0)
-    assert noise_source_notes(noise) == [
+    assert write_noise_source_notes(noise) == [
         "noise of regressor_acc_x_m_s2, speed_x_m_s, force_x_N: estimated from the raw "
         "samples and propagated through filter and derivative, because the grid is too coarse to "
         "show it"
     ]
-    assert noise_source_notes(noise_of(readings(100.0))[0]) == []
+    assert write_noise_source_notes(noise_of(readings(100.0))[0]) == []
 
 
 @pytest.mark.parametrize("rate_hz", [10_000.0, 1_000.0, 100.0, 50.0, 10.0])
 def test_a_channels_own_samples_tell_its_noise(rate_hz):
     t_ns, force = readings(rate_hz, 300.0)["force_x_N"]
-    assert white_noise_std(t_ns, force, 3e9 / rate_hz) == pytest.approx(FORCE_N, rel=0.15)
+    assert estimate_white_noise_std(t_ns, force, 3e9 / rate_hz) == pytest.approx(FORCE_N, rel=0.15)
 
 
 def test_steps_of_a_reading_are_noise_of_a_twelfth_of_their_square():
     t_ns, speed = readings(100.0, speed_m_s=1e-9)["speed_x_m_s"]
     step = 0.1
-    found = white_noise_std(t_ns, np.round(speed / step) * step, 3e7)
+    found = estimate_white_noise_std(t_ns, np.round(speed / step) * step, 3e7)
     assert found == pytest.approx(step / np.sqrt(12.0), rel=0.05)
 
 

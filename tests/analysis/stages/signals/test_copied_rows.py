@@ -5,11 +5,11 @@ import polars as pl
 import pytest
 
 from analysis.stages.signals.copied_rows import (
-    copied_row_notes,
     drop_copied_rows,
     find_copied_rows,
     list_copied_stretches,
     select_noisy_columns,
+    write_copied_row_notes,
 )
 from estimators.arrays import Floats, Ints
 
@@ -49,7 +49,7 @@ def test_copied_rows_are_dropped_and_other_topics_kept() -> None:
     imu = pl.DataFrame({"log_time_ns": stamps(), "x": pressure(2)})
     raw = {"torque": torque, "imu": imu}
     copies = find_copied_rows(raw)
-    found, notes = drop_copied_rows(raw, copies), copied_row_notes(copies)
+    found, notes = drop_copied_rows(raw, copies), write_copied_row_notes(copies)
     assert found["torque"].equals(torque[np.delete(np.arange(ROWS), np.arange(9000, 9500))])
     assert found["imu"].equals(imu)
     assert notes == [

@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.stages.signals.filters import (
+    apply_low_pass,
+    compute_interpolation_ready_ns,
     differentiate,
+    find_slices_between_gaps,
     interpolate_linearly,
-    interpolation_ready_ns,
-    low_pass,
-    period_ns,
-    slices_between_gaps,
+    median_period_ns,
 )
 
 MS = 1_000_000
@@ -24,28 +24,28 @@ def pulse(n=401):
 
 def test_a_symmetric_pulse_stays_where_it_is():
     t = np.arange(401) * 10 * MS
-    times, y = low_pass(t, pulse(), 5.0, 30 * MS, causal=False)
+    times, y = apply_low_pass(t, pulse(), 5.0, 30 * MS, causal=False)
     np.testing.assert_array_equal(times, t)
     assert y.argmax() == 200
     np.testing.assert_allclose(y, y[::-1], atol=1e-9)
 
 
 def test_the_causal_filter_delays_the_pulse():
-    _, y = low_pass(np.arange(401) * 10 * MS, pulse(), 5.0, 30 * MS, causal=True)
+    _, y = apply_low_pass(np.arange(401) * 10 * MS, pulse(), 5.0, 30 * MS, causal=True)
     assert 203 < y.argmax() < 220
 
 
 @pytest.mark.parametrize("causal", [True, False])
 def test_a_constant_passes_and_fast_noise_does_not(causal):
-    _, y = low_pass(T, np.full(400, 7.0), 10.0, 30 * MS, causal=causal)
+    _, y = apply_low_pass(T, np.full(400, 7.0), 10.0, 30 * MS, causal=causal)
     np.testing.assert_allclose(y, 7.0)
-    _, y = low_pass(T, np.tile([1.0, -1.0], 200), 10.0, 30 * MS, causal=causal)
+    _, y = apply_low_pass(T, np.tile([1.0, -1.0], 200), 10.0, 30 * MS, causal=causal)
     assert np.abs(y[100:300]).max() < 1e-3
 
 
 def known_by(function, t, times):
     """When the results are known: a central difference waits for the next sample."""
-    return interpolation_ready_ns(t, t, times + 1 if function is differentiate else times)
+    return compute_interpolation_ready_ns(t, t, times + 1 if function is differentiate else times)
 
 
 @settings(deadline=None)
@@ -56,7 +56,7 @@ def test_the_causal_forms_never_look_ahead(cut, change, seed, jitter):
     x = np.cumsum(generator.normal(size=T.size))
     later = x.copy()
     later[cut + 1 :] += change
-    for function, extra in ((low_pass, (10.0, 3.0)), (differentiate, (3.0,))):
+    for function, extra in ((apply_low_pass, (10.0, 3.0)), (differentiate, (3.0,))):
         times, before = function(t, x, *extra, causal=True)
         _, after = function(t, later, *extra, causal=True)
         past = known_by(function, t, times) <= t[cut]
@@ -68,7 +68,7 @@ def test_nothing_leaks_over_a_gap(causal):
     t = T + np.where(np.arange(400) >= 200, 500 * MS, 0)
     x = np.where(np.arange(400) >= 200, 1000.0, 0.0)
     for times, y in (
-        low_pass(t, x, 10.0, 30 * MS, causal=causal),
+        apply_low_pass(t, x, 10.0, 30 * MS, causal=causal),
         differentiate(t, np.where(x > 0, 1000.0, 0.0), 30 * MS, causal=causal),
     ):
         assert set(np.round(np.unique(y[times < t[200]]), 9)) == {0.0}
@@ -77,16 +77,16 @@ def test_nothing_leaks_over_a_gap(causal):
 
 def test_a_stretch_too_short_to_settle_is_left_out():
     t = np.concatenate([T[:200], T[200:210] + 500 * MS, T[210:] + 1000 * MS])
-    times, _ = low_pass(t, np.zeros(400), 10.0, 30 * MS, causal=False)
+    times, _ = apply_low_pass(t, np.zeros(400), 10.0, 30 * MS, causal=False)
     np.testing.assert_array_equal(times, np.delete(t, np.s_[200:210]))
-    times, y = low_pass(T[:5], np.zeros(5), 10.0, 30 * MS, causal=False)
+    times, y = apply_low_pass(T[:5], np.zeros(5), 10.0, 30 * MS, causal=False)
     assert times.size == y.size == 0
 
 
 def test_irregular_stamps_are_put_on_their_own_median_period():
     generator = np.random.default_rng(1)
     t = T + generator.integers(-2 * MS, 2 * MS, T.size)
-    times, y = low_pass(t, (t - t[0]) / 1e9, 10.0, 30 * MS, causal=False)
+    times, y = apply_low_pass(t, (t - t[0]) / 1e9, 10.0, 30 * MS, causal=False)
     assert np.ptp(np.diff(times)) <= 1
     assert times[0] == t[0]
     inside = slice(40, -40)
@@ -100,7 +100,7 @@ def test_the_causal_filter_delays_a_line_alike_at_any_phase_of_its_stamps(phase_
     t = regular + np.where(np.arange(T.size) % 3 == 2, 3 * MS, 0)
     delays = []
     for stamps in (regular, t):
-        times, y = low_pass(stamps, (stamps - T[0]) / 1e9, 10.0, 30 * MS, causal=True)
+        times, y = apply_low_pass(stamps, (stamps - T[0]) / 1e9, 10.0, 30 * MS, causal=True)
         delays.append(((times - T[0]) / 1e9 - y)[200:390])
     np.testing.assert_allclose(delays[1], delays[0], atol=2e-6)
 
@@ -108,7 +108,7 @@ def test_the_causal_filter_delays_a_line_alike_at_any_phase_of_its_stamps(phase_
 def test_a_value_between_samples_is_known_with_the_later_one():
     t = np.array([0, 10, 20, 30])
     np.testing.assert_array_equal(
-        interpolation_ready_ns(t, t + 5, np.array([0, 1, 10, 19, 30])), [5, 15, 15, 25, 35]
+        compute_interpolation_ready_ns(t, t + 5, np.array([0, 1, 10, 19, 30])), [5, 15, 15, 25, 35]
     )
 
 
@@ -154,15 +154,15 @@ def test_two_samples_have_no_derivative():
 @given(st.lists(st.integers(1, 100), min_size=1, max_size=40))
 def test_stretches_cut_at_every_long_step_and_nowhere_else(steps):
     t = np.cumsum(steps)
-    parts = slices_between_gaps(t, 50.0)
+    parts = find_slices_between_gaps(t, 50.0)
     np.testing.assert_array_equal(np.concatenate([t[part] for part in parts]), t)
     assert all((np.diff(t[part]) <= 50).all() for part in parts)
     assert len(parts) == 1 + (np.diff(t) > 50).sum()
 
 
 def test_the_period_is_the_median_step():
-    assert period_ns(np.array([0, 10, 20, 1000])) == 10.0
-    assert np.isnan(period_ns(np.array([5])))
+    assert median_period_ns(np.array([0, 10, 20, 1000])) == 10.0
+    assert np.isnan(median_period_ns(np.array([5])))
 
 
 @pytest.mark.parametrize("samples", [2, 3, 101, 102, 103, 4000])
@@ -170,4 +170,4 @@ def test_the_period_is_the_median_step():
 def test_the_period_is_the_median_however_many_steps_are_equal(samples: int, kinds: int) -> None:
     steps = np.random.default_rng(samples).integers(1, kinds + 1, samples - 1)
     stamps = np.concatenate([[0], np.cumsum(steps)])
-    assert period_ns(stamps) == np.median(steps)
+    assert median_period_ns(stamps) == np.median(steps)

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 from analysis.model.machine_body import ImuMounting
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals.mounting import (
-    move_to_origin,
-    pitch_and_roll,
+    compute_pitch_and_roll,
+    compute_rotation_to_machine_axes,
     rotate_to_machine_axes,
-    rotation_to_machine_axes,
+    transfer_to_origin,
 )
 from estimators.errors import DataError
 
@@ -39,7 +39,7 @@ def stacked(out, names):
 
 @given(angles, angles, angles)
 def test_the_rotation_is_proper(roll, pitch, yaw):
-    R = rotation_to_machine_axes(ImuMounting(roll_deg=roll, pitch_deg=pitch, yaw_deg=yaw))
+    R = compute_rotation_to_machine_axes(ImuMounting(roll_deg=roll, pitch_deg=pitch, yaw_deg=yaw))
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(R) == pytest.approx(1.0)
 
@@ -48,7 +48,7 @@ def test_the_rotation_is_proper(roll, pitch, yaw):
 def test_gravity_seen_by_a_tilted_imu_comes_back_upright(roll, pitch, yaw):
     imu = ImuMounting(roll_deg=roll, pitch_deg=pitch, yaw_deg=yaw)
     upright = np.tile([0.0, 0.0, 9.81], (4, 1))
-    seen = upright @ rotation_to_machine_axes(imu)
+    seen = upright @ compute_rotation_to_machine_axes(imu)
     out = turned(columns(AXES, seen) | columns(RATES, seen), imu)
     # a turn of less than 1e-12 rad counts as none
     np.testing.assert_allclose(stacked(out, AXES), upright, atol=1e-10)
@@ -103,7 +103,7 @@ def test_the_lever_arm_is_taken_off_in_the_plane(position, rate, turn, origin):
         "yaw_rate_rad_s": np.array([rate]),
         "yaw_acc_rad_s2": np.array([turn]),
     }
-    out = move_to_origin(seen, ImuMounting(position_m=tuple(r)))
+    out = transfer_to_origin(seen, ImuMounting(position_m=tuple(r)))
     np.testing.assert_allclose(stacked(out, AXES)[0], [*origin, 9.81], atol=1e-9)
 
 
@@ -111,7 +111,7 @@ def test_the_columns_given_are_left_as_they_were():
     seen = columns(AXES, [[1.0, 2.0, 3.0]])
     imu = ImuMounting(yaw_deg=30, position_m=(1.0, 1.0, 0.0))
     turned(seen, imu)
-    move_to_origin(seen, imu)
+    transfer_to_origin(seen, imu)
     assert [x[0] for x in seen.values()] == [1.0, 2.0, 3.0]
 
 
@@ -122,15 +122,17 @@ def test_the_machines_pitch_and_roll_whatever_its_heading_and_however_its_imu_si
     imu = ImuMounting(roll_deg=imu_roll, pitch_deg=imu_pitch, yaw_deg=imu_yaw)
     attitude = Rotation.from_euler("ZYX", [heading, nose_down, roll], degrees=True)
     # from IMU axes to those of the machine, then to the world's
-    seen = (attitude * Rotation.from_matrix(rotation_to_machine_axes(imu))).as_quat() * length
-    found = pitch_and_roll(seen[:, None], imu)
+    seen = (
+        attitude * Rotation.from_matrix(compute_rotation_to_machine_axes(imu))
+    ).as_quat() * length
+    found = compute_pitch_and_roll(seen[:, None], imu)
     # REP-103 counts a nose that points down, payscope one that points up
     np.testing.assert_allclose(found["pitch"], np.deg2rad(-nose_down), atol=1e-7)
     np.testing.assert_allclose(found["roll"], np.deg2rad(roll), atol=1e-7)
 
 
 def test_an_imu_without_an_orientation_gives_no_angle():
-    found = pitch_and_roll(np.zeros((4, 2)), ImuMounting())
+    found = compute_pitch_and_roll(np.zeros((4, 2)), ImuMounting())
     assert np.isnan(found["pitch"]).all()
     assert np.isnan(found["roll"]).all()
 

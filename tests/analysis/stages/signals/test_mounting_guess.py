@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from analysis.model.machine_body import ImuMounting
 from analysis.model.schema import build_frame
-from analysis.stages.signals.mounting import rotation_to_machine_axes
-from analysis.stages.signals.mounting_guess import gravity_tilt_deg, guess_mounting
+from analysis.stages.signals.mounting import compute_rotation_to_machine_axes
+from analysis.stages.signals.mounting_guess import estimate_gravity_tilt_deg, guess_mounting
 from tests.analysis import phased
 
 G = 9.80665
@@ -23,7 +23,7 @@ def said(imu, noise=0.05, seed=1, slope_deg=0.0, still=True):
     speed = phased.sampled("speed", 50.0, phase_s=0.004, seed=seed)
     slope = np.deg2rad(slope_deg)
     moved = np.stack([acc + G * np.sin(slope), 0 * acc, 0 * acc + G * np.cos(slope)], axis=1)
-    seen = moved @ rotation_to_machine_axes(imu)
+    seen = moved @ compute_rotation_to_machine_axes(imu)
     seen = seen + noise * np.random.default_rng(seed).normal(size=seen.shape)
     if not still:
         v = np.interp(t_ns - t_ns[0], speed[0] - t_ns[0], speed[1])
@@ -57,8 +57,13 @@ def test_any_mounting_is_found_from_nine_starts(roll, pitch, yaw):
     assert guess.stood
     assert guess.yaw_deg is not None
     assert guess.yaw_std_deg < 1.0
-    assert angle_deg(rotation_to_machine_axes(sits(guess)), rotation_to_machine_axes(imu)) < 1.0
-    tilt = np.degrees(np.arccos(np.clip(rotation_to_machine_axes(imu)[2, 2], -1, 1)))
+    assert (
+        angle_deg(
+            compute_rotation_to_machine_axes(sits(guess)), compute_rotation_to_machine_axes(imu)
+        )
+        < 1.0
+    )
+    tilt = np.degrees(np.arccos(np.clip(compute_rotation_to_machine_axes(imu)[2, 2], -1, 1)))
     assert guess.tilt_deg == pytest.approx(tilt, abs=0.5)
     if abs(tilt - 10.0) > 1.0:
         assert guess.is_tilt_sure == (tilt > 10.0)
@@ -69,7 +74,12 @@ def test_a_place_that_slopes_a_little_changes_no_angle(slope_deg):
     for imu in (ImuMounting(), ImuMounting(roll_deg=90.0, yaw_deg=-90.0)):
         guess = guess_mounting(*said(imu, slope_deg=slope_deg))
         assert guess is not None
-        assert angle_deg(rotation_to_machine_axes(sits(guess)), rotation_to_machine_axes(imu)) < 1.0
+        assert (
+            angle_deg(
+                compute_rotation_to_machine_axes(sits(guess)), compute_rotation_to_machine_axes(imu)
+            )
+            < 1.0
+        )
 
 
 def test_a_level_imu_is_level():
@@ -140,12 +150,12 @@ def test_the_tilt_of_gravity_is_measured_where_the_machine_stands(machine, tilt_
     stands = np.tile(G * np.array([*across, np.cos(tilt)]), (100, 1))
     moves = np.tile([5.0, 5.0, 5.0], (100, 1))
     frame = aligned(np.concatenate([stands, moves]), np.repeat([0.0, 1.0], 100))
-    assert gravity_tilt_deg(frame, machine()) == pytest.approx(tilt_deg, abs=1e-5)
+    assert estimate_gravity_tilt_deg(frame, machine()) == pytest.approx(tilt_deg, abs=1e-5)
 
 
 def test_of_an_accelerometers_x_alone_the_tilt_is_the_least(machine):
     frame = aligned(np.full((100, 1), G * np.sin(np.deg2rad(3.0))), np.zeros(100))
-    assert gravity_tilt_deg(frame, machine()) == pytest.approx(3.0, abs=1e-3)
+    assert estimate_gravity_tilt_deg(frame, machine()) == pytest.approx(3.0, abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -160,4 +170,4 @@ def test_of_an_accelerometers_x_alone_the_tilt_is_the_least(machine):
     ids=["no accelerometer", "two axes", "moving", "never for long", "missing"],
 )
 def test_where_there_is_nothing_to_measure_the_tilt_is_nan(machine, frame):
-    assert np.isnan(gravity_tilt_deg(frame, machine()))
+    assert np.isnan(estimate_gravity_tilt_deg(frame, machine()))

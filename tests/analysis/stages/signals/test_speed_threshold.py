@@ -8,7 +8,7 @@ from analysis.stages.signals.speed_threshold import (
     drop_readings_below_threshold,
     estimate_speed_threshold_m_s,
     find_speed_thresholds,
-    speed_threshold_notes,
+    write_speed_threshold_notes,
 )
 
 RATE_HZ = 50.0
@@ -65,7 +65,7 @@ def test_readings_beside_motion_are_left_out_and_those_of_a_stand_stay() -> None
     assert steps_s[~beside].max() == pytest.approx(1.0 / RATE_HZ)
     assert np.count_nonzero(x == 0.0) > 0.9 * np.count_nonzero(read["speed_x_m_s"][1] == 0.0)
     assert kept["force_x_N"] is read["force_x_N"]
-    assert "0 below 0.3" in speed_threshold_notes(thresholds)[0]
+    assert "0 below 0.3" in write_speed_threshold_notes(thresholds)[0]
 
 
 def test_short_drives_are_not_lost_to_the_gap() -> None:

@@ -16,7 +16,7 @@ from rosbags.typesys.store import Typestore
 from replay.logs.message_definitions import compile_message_type
 from replay.logs.messages.message_fields import ALL
 from replay.logs.messages.message_types import FieldType, ListOf, MessageType, RecordType
-from replay.logs.messages.raw_batch import RawBatch, join_messages
+from replay.logs.messages.raw_batch import RawBatch, make_batch_of_messages
 from replay.logs.storage.container import Connection
 
 #: with the codes of `struct`
@@ -128,7 +128,7 @@ def encode(store: Typestore, value: Any, encoding: str) -> bytes:
 
 
 def batch_of(stored: Sequence[bytes]) -> RawBatch:
-    return join_messages(0, range(len(stored)), stored)
+    return make_batch_of_messages(0, range(len(stored)), stored)
 
 
 def random_message(store: Typestore, name: str, rng: Random) -> Any:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.decoder_choice import PerMessageDecoder
 from replay.logs.decoding.spans import NoPlanError
-from replay.logs.messages.message_fields import resolve_field
+from replay.logs.messages.message_fields import resolve_message_field
 from replay.logs.messages.message_types import ListOf, RecordType, Scalar
 from replay.logs.messages.raw_batch import RawBatch
 from tests.replay.logs.decoding.random_types import Sample, Types, batch_of, types
@@ -116,7 +116,7 @@ def test_a_length_beyond_the_end_of_its_message_is_refused_and_takes_no_memory(
         ]
     )
     fields = [
-        resolve_field(name, JOINTS)
+        resolve_message_field(name, JOINTS)
         for name in ("label", "name[]", "effort[]", "effort[n]", "poses[].frame")
     ]
     plan = DecodePlan(JOINTS, ros1=True, fields=fields)
@@ -136,7 +136,7 @@ def test_a_definition_of_large_messages_takes_no_memory_for_small_ones(kind: str
     record = RecordType(
         "t/msg/Large", (("all", ListOf(Scalar(kind), 2**26)), ("id", Scalar("int8")))
     )
-    fields = [resolve_field(name, record) for name in ("all[]", "id")]
+    fields = [resolve_message_field(name, record) for name in ("all[]", "id")]
     plan = DecodePlan(record, ros1=True, fields=fields)
     batch = batch_of([b"some"] * 1000)
     plan.decode(batch)  # compiles
@@ -150,7 +150,9 @@ def test_a_definition_of_large_messages_takes_no_memory_for_small_ones(kind: str
 
 def test_messages_of_the_least_size_are_whole_beside_smaller_ones() -> None:
     record = RecordType("t/msg/Pair", (("label", Scalar("string")), ("id", Scalar("int8"))))
-    plan = DecodePlan(record, ros1=True, fields=[resolve_field(n, record) for n in ("label", "id")])
+    plan = DecodePlan(
+        record, ros1=True, fields=[resolve_message_field(n, record) for n in ("label", "id")]
+    )
     stored = [_text(b"") + b"\7", b"", _text(b"a")[:4], _text(b"a") + b"\1", _text(b"") + b"\2"]
     decoded = plan.decode(batch_of(stored))
     assert decoded.frame.rows() == [(0, None, "", 7), (3, None, "a", 1), (4, None, "", 2)]
@@ -168,7 +170,7 @@ def test_no_plan_walks_lists_of_what_takes_no_bytes(length: int | None) -> None:
 def test_a_string_in_cdr_may_have_the_length_0() -> None:
     record = RecordType("t/msg/Label", (("label", Scalar("string")), ("id", Scalar("uint8"))))
     plan = DecodePlan(
-        record, ros1=False, fields=[resolve_field(n, record) for n in ("label", "id")]
+        record, ros1=False, fields=[resolve_message_field(n, record) for n in ("label", "id")]
     )
     decoded = plan.decode(batch_of([b"\0\1\0\0" + struct.pack("<IB", 0, 7)]))
     assert decoded.frame.select("label", "id").rows() == [("", 7)]
@@ -190,7 +192,7 @@ def test_a_string_that_is_none_costs_the_message_also_when_nobody_asks_for_it(
 ) -> None:
     record = RecordType("t/msg/Label", (("label", Scalar("string")), ("id", Scalar("uint8"))))
     stored = b"\0\1\0\0" + _text(text) + b"\7"
-    decoded = DecodePlan(record, ros1=False, fields=[resolve_field("id", record)]).decode(
+    decoded = DecodePlan(record, ros1=False, fields=[resolve_message_field("id", record)]).decode(
         batch_of([stored])
     )
     assert decoded.undecodable == 1
@@ -200,7 +202,7 @@ def test_a_string_that_is_none_costs_the_message_also_when_nobody_asks_for_it(
 @given(st.binary(max_size=8))
 def test_utf8_is_what_python_decodes(text: bytes) -> None:
     record = RecordType("t/msg/Label", (("label", Scalar("string")),))
-    plan = DecodePlan(record, ros1=True, fields=[resolve_field("label", record)])
+    plan = DecodePlan(record, ros1=True, fields=[resolve_message_field("label", record)])
     decoded = plan.decode(batch_of([_text(text)]))
     try:
         expected = [text.decode()]
@@ -222,7 +224,7 @@ def test_utf8_is_what_python_decodes(text: bytes) -> None:
 )
 def test_an_encapsulation_that_cannot_be_read_is_named(head: bytes, fault: str) -> None:
     record = RecordType("t/msg/Id", (("id", Scalar("uint8")),))
-    plan = DecodePlan(record, ros1=False, fields=[resolve_field("id", record)])
+    plan = DecodePlan(record, ros1=False, fields=[resolve_message_field("id", record)])
     good = b"\0\1\0\0\5"
     tail = b"\5" if len(head) == 4 else b""
     decoded = plan.decode(batch_of([good, head + tail, good]))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.decoder_choice import PerMessageDecoder
-from replay.logs.messages.message_fields import Field, resolve_field
+from replay.logs.messages.message_fields import Field, resolve_message_field
 from tests.replay.logs.decoding.random_types import Sample, Types, batch_of, every_field, types
 
 #: In each encoding; `make decoding` sets 2500.
@@ -38,7 +38,10 @@ def _bits(value: Any) -> Any:
 
 def fields_of(sample: Sample, limit: int = 60) -> list[Field]:
     names = sorted(set(every_field(sample.kind.record)))
-    return [resolve_field(name, sample.kind.record) for name in names[:: len(names) // limit + 1]]
+    return [
+        resolve_message_field(name, sample.kind.record)
+        for name in names[:: len(names) // limit + 1]
+    ]
 
 
 def rosbags(sample: Sample, fields: list[Field], encoding: str) -> pl.DataFrame:

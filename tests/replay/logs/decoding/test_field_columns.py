@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from replay.logs.decoding.decode_plan import DecodePlan
-from replay.logs.messages.message_fields import resolve_field
+from replay.logs.messages.message_fields import resolve_message_field
 from replay.logs.messages.message_types import ListOf, RecordType, Scalar
 from tests.replay.logs.decoding.random_types import batch_of
 
@@ -70,7 +70,7 @@ STORED = [
     ],
 )
 def test_what_a_field_gives(field: str, dtype: pl.DataType, values: list[Any]) -> None:
-    plan = DecodePlan(SURVEY, ros1=True, fields=[resolve_field(field, SURVEY)])
+    plan = DecodePlan(SURVEY, ros1=True, fields=[resolve_message_field(field, SURVEY)])
     column = plan.decode(batch_of(STORED)).frame[field]
     assert column.dtype == dtype
     assert column.to_list() == values
@@ -78,7 +78,9 @@ def test_what_a_field_gives(field: str, dtype: pl.DataType, values: list[Any]) -
 
 def test_lists_longer_than_was_guessed_are_whole() -> None:
     paths = {f"frame {k}": [(k, 0)] * (k % 3) for k in range(100)}
-    fields = [resolve_field(name, SURVEY) for name in ("paths[].frame", "paths[].points[].x")]
+    fields = [
+        resolve_message_field(name, SURVEY) for name in ("paths[].frame", "paths[].points[].x")
+    ]
     decoded = DecodePlan(SURVEY, ros1=True, fields=fields).decode(batch_of([survey(paths, [])] * 3))
     assert decoded.frame["paths[].frame"].to_list() == [list(paths)] * 3
     assert (
@@ -92,7 +94,7 @@ def test_no_fields_give_the_stamps_and_no_messages_give_no_rows() -> None:
     assert plan.decode(batch_of(STORED)).frame.columns == ["log_time_ns", "header_stamp_ns"]
     none = batch_of(STORED).select(slice(0, 0))
     decoded = DecodePlan(
-        SURVEY, ros1=True, fields=[resolve_field("paths[].points[].x", SURVEY)]
+        SURVEY, ros1=True, fields=[resolve_message_field("paths[].points[].x", SURVEY)]
     ).decode(none)
     assert decoded.frame.schema["paths[].points[].x"] == pl.List(pl.List(pl.Int16))
     assert decoded.frame.is_empty()

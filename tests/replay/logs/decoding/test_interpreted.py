@@ -14,7 +14,12 @@ from hypothesis import strategies as st
 from estimators import interpreted
 from replay.logs.bag.bag_grammar import GRAMMAR as BAG
 from replay.logs.blocks import Block, RecordGrammar
-from replay.logs.blocks.slabs import Slab, SlabIndex, chunk_stats, select_messages_of_connections
+from replay.logs.blocks.slabs import (
+    Slab,
+    SlabIndex,
+    compute_chunk_stats,
+    select_messages_of_connections,
+)
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.decoder import DecodedBatch
 from replay.logs.mcap.mcap_grammar import GRAMMAR as MCAP
@@ -124,7 +129,7 @@ def test_records_in_chunks_whole_and_damaged(
         return [
             part,
             slab.rows.tolist(),
-            chunk_stats(slab, wanted),
+            compute_chunk_stats(slab, wanted),
             [(b.connection_id, b.offsets.tolist(), b.log_times.tolist()) for b in batches],
         ]
 

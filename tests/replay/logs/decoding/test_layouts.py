@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.message_definitions import compile_message_type
-from replay.logs.messages.message_fields import resolve_field
+from replay.logs.messages.message_fields import resolve_message_field
 from replay.logs.messages.message_types import iter_leaf_names
 from replay.logs.storage.container import Connection
 from tests.replay.logs.decoding.random_types import batch_of
@@ -19,7 +19,7 @@ TYPE = compile_message_type(
         "ros1msg",
     )
 )  # fmt: skip
-FIELDS = [resolve_field(leaf, TYPE.record) for leaf in iter_leaf_names(TYPE.record)]
+FIELDS = [resolve_message_field(leaf, TYPE.record) for leaf in iter_leaf_names(TYPE.record)]
 PLAN = DecodePlan(TYPE.record, ros1=True, fields=FIELDS)
 Parts = tuple[bytes, bytes, bytes, list[bytes], float]
 

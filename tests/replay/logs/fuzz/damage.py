@@ -7,7 +7,7 @@ from itertools import accumulate
 from random import Random
 from typing import Final
 
-from replay.logs.bag.bag_records import parse_fields
+from replay.logs.bag.bag_records import parse_header_fields
 
 _LENGTHS: Final = (0, 1, 2**31 - 1, 2**31, 2**32 - 1, 2**40, 2**62, 2**63 - 1, 2**63, 2**64 - 1)
 #: What is at the head of a record, a page or a footer.
@@ -148,6 +148,6 @@ def _bag_heads(data: bytes) -> Iterator[int]:
         yield at
         body = at + 4 + int.from_bytes(data[at : at + 4], "little")
         yield body
-        fields = parse_fields(data[at + 4 : body]) or {}
+        fields = parse_header_fields(data[at + 4 : body]) or {}
         plain = fields.get(b"op") == b"\x05" and fields.get(b"compression") == b"none"
         at = body + 4 + (0 if plain else int.from_bytes(data[body : body + 4], "little"))

@@ -17,7 +17,7 @@ from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from replay.logs import open_log
 from replay.logs.writers.bag_writer import write_bag
 from replay.logs.writers.mcap_writer import write_mcap
-from replay.logs.writers.recorded_order import BLOCK_ROWS, RecordBlock, cut_into_chunks
+from replay.logs.writers.recorded_order import BLOCK_ROWS, RecordBlock, split_into_chunks
 from replay.logs.writers.ros_messages import TOPICS, make_message_columns
 from replay.logs.writers.rosbag2_writer import write_db3, write_rosbag2
 
@@ -169,7 +169,7 @@ def test_a_chunk_ends_with_the_record_that_takes_it_beyond_its_size(threshold: i
         size = int(ends[-1]) if rows.size else 0
         blocks.append(RecordBlock(data[first : first + size], rows % 3, rows * 10, ends))
     preamble = b"definitions"
-    made = list(cut_into_chunks(iter(blocks), preamble, threshold))
+    made = list(split_into_chunks(iter(blocks), preamble, threshold))
     whole = b"".join(chunk.data.tobytes() for chunk in made)
     assert whole == preamble + data.tobytes()
     assert np.concatenate([chunk.log_times for chunk in made]).tolist() == list(range(0, 2000, 10))
