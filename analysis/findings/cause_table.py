@@ -116,7 +116,7 @@ CAUSES: Final = (
         "quantised",
         "a channel resolves less than its noise",
         "motion",
-        channel_causes.find_coarse_resolution,
+        sampling_causes.find_coarse_resolution,
         explains=(
             *("delay", "wheel_radius", "slip", "frozen", "imu_low_passed", "resonance"),
             *_OF_RESIDUALS,

@@ -1,9 +1,10 @@
-"""Causes in one channel: frozen, clipped, coarse, with spikes, or unlike the other side.
+"""Causes in one channel: frozen, clipped, with spikes, or unlike the other side.
 
 Sides that are unlike while the machine drives straight: one sensor, wheel or tyre is off.
 """
 
 from dataclasses import dataclass
+from itertools import chain
 from typing import Final
 
 import numpy as np
@@ -16,6 +17,7 @@ from analysis.findings.cause import MassChange, Symptom, keep_strongest_symptom
 from analysis.findings.channel_limits import LIMITS
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.refit import refit_without_samples
+from analysis.findings.sampling_causes import measure_repeat_fraction_and_resolution
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.model.windows import flag_windows
 from analysis.stages.signals.filters import median_period_ns
@@ -46,15 +48,12 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     total_s = {name: sum(e - b for b, e in spans) / 1e9 for name, spans in of_channel.items()}
     name = max(total_s, key=lambda each: total_s[each])
     spans = of_channel[name]
-    holds = np.zeros(inputs.aligned.height, np.bool_)
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
-    for begin, end in (span for spans in of_channel.values() for span in spans):
+    holds = np.zeros(t.size, np.bool_)
+    for begin, end in chain(*of_channel.values()):
         holds |= (t >= begin) & (t <= end)
     found = inputs.check_inputs.left_out.get("frozen_s")
     change = refit_without_samples(inputs, holds)
-    harmless = _is_answer_same(inputs, found)
-    if harmless is None and change is not None and inputs.own_fit is not None:
-        harmless = abs(change.kg) <= DIAGNOSIS_LIMITS.harmless_change_u * inputs.own_fit.u_kg
     times = "for" if len(spans) == 1 else f"{len(spans)} times, for"
     return [
         Symptom(
@@ -64,7 +63,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
             channel=name,
             span_ns=inputs.convert_to_relative_ns(*spans[0]),
             change=lambda: change,
-            harmless=harmless,
+            harmless=_is_answer_same(inputs, found, change),
             explains=_OF_DEAD
             if 1e9 * total_s[name] > LIMITS.dead_fraction * (t[-1] - t[0])
             else (),
@@ -76,9 +75,15 @@ def _format_refit_result(exclusion: ExcludedStretches | None) -> str:
     return "" if exclusion is None else f"; {exclusion.text}"
 
 
-def _is_answer_same(inputs: FindingInputs, exclusion: ExcludedStretches | None) -> bool | None:
+def _is_answer_same(
+    inputs: FindingInputs, exclusion: ExcludedStretches | None, change: MassChange | None = None
+) -> bool | None:
     """Whether the answer stays the same without the stretches; None if that is not known."""
-    return None if exclusion is None or inputs.own_fit is None else exclusion.is_harmless
+    if inputs.own_fit is None or exclusion is change is None:
+        return None
+    if exclusion is not None or change is None:
+        return exclusion and exclusion.is_harmless
+    return abs(change.kg) <= DIAGNOSIS_LIMITS.harmless_change_u * inputs.own_fit.u_kg
 
 
 def find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, int]]:
@@ -136,43 +141,6 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
             harmless=_is_answer_same(inputs, found),
         )
     ]
-
-
-def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
-    """Find a channel whose resolution is coarser than its noise."""
-    found: list[Symptom] = []
-    for name in inputs.equation_channels_in_log:
-        repeats, lsb = measure_repeat_fraction_and_resolution(inputs, name)
-        if not lsb:
-            continue
-        found.append(
-            Symptom(
-                repeats / LIMITS.repeated_fraction,
-                f"{repeats:.0%} of its moving readings repeat the one before; it "
-                f"resolves {lsb:.3g}",
-                channel=name,
-            )
-        )
-    return keep_strongest_symptom(found)
-
-
-def measure_repeat_fraction_and_resolution(inputs: FindingInputs, name: str) -> tuple[float, float]:
-    """Fraction of repeated readings in motion, and the channel's resolution in SI units.
-
-    The resolution is 0 if the steps have no common divisor.
-    """
-    key = f"steps {name}"
-    if key not in inputs.cache:
-        t, x = inputs.series[name]
-        steps = np.diff(x)[inputs.mark_moving_stamps(t)[1:] & (x[1:] != 0.0)]
-        sizes = np.abs(steps[steps != 0.0])
-        inputs.cache[key] = 0.0, 0.0
-        if steps.size >= LIMITS.resolution_min_steps and sizes.size:
-            lsb = float(np.min(sizes))
-            whole = float(np.mean(np.abs(sizes / lsb - np.rint(sizes / lsb)) < 0.05))
-            repeats = float((steps == 0.0).mean())
-            inputs.cache[key] = repeats, lsb if whole > LIMITS.whole_step_fraction else 0.0
-    return inputs.cache[key]  # type: ignore[return-value]
 
 
 def _is_resolution_coarse(inputs: FindingInputs, name: str) -> bool:

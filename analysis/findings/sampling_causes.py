@@ -1,4 +1,7 @@
-"""Causes in rows and stamps: gaps, rows written twice, uneven sampling, clock jump and drift."""
+"""Causes in rows, stamps and steps of readings.
+
+Gaps, rows written twice, uneven sampling, clock jump and drift, a coarse resolution.
+"""
 
 import numpy as np
 
@@ -277,3 +280,40 @@ def line_residual_std_s(latency_s: Floats) -> float:
     """Standard deviation in s that remains after fitting a line."""
     x = np.arange(latency_s.size, dtype=np.float64)
     return float(np.std(latency_s - np.polyval(np.polyfit(x, latency_s, 1), x)))
+
+
+def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
+    """Find a channel whose resolution is coarser than its noise."""
+    found: list[Symptom] = []
+    for name in inputs.equation_channels_in_log:
+        repeats, lsb = measure_repeat_fraction_and_resolution(inputs, name)
+        if not lsb:
+            continue
+        found.append(
+            Symptom(
+                repeats / LIMITS.repeated_fraction,
+                f"{repeats:.0%} of its moving readings repeat the one before; it "
+                f"resolves {lsb:.3g}",
+                channel=name,
+            )
+        )
+    return keep_strongest_symptom(found)
+
+
+def measure_repeat_fraction_and_resolution(inputs: FindingInputs, name: str) -> tuple[float, float]:
+    """Fraction of repeated readings in motion, and the channel's resolution in SI units.
+
+    The resolution is 0 if the steps have no common divisor.
+    """
+    key = f"steps {name}"
+    if key not in inputs.cache:
+        t, x = inputs.series[name]
+        steps = np.diff(x)[inputs.mark_moving_stamps(t)[1:] & (x[1:] != 0.0)]
+        sizes = np.abs(steps[steps != 0.0])
+        inputs.cache[key] = 0.0, 0.0
+        if steps.size >= LIMITS.resolution_min_steps and sizes.size:
+            lsb = float(np.min(sizes))
+            whole = float(np.mean(np.abs(sizes / lsb - np.rint(sizes / lsb)) < 0.05))
+            repeats = float((steps == 0.0).mean())
+            inputs.cache[key] = repeats, lsb if whole > LIMITS.whole_step_fraction else 0.0
+    return inputs.cache[key]  # type: ignore[return-value]

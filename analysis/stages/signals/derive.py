@@ -29,7 +29,6 @@ from analysis.model.schema import CHANNEL_COLUMNS, HINTS
 from analysis.model.settings import AlignSettings, Settings
 from analysis.stages.signals import filters, mounting
 from analysis.stages.signals.signal_limits import LIMITS
-from estimators.arrays import Bools
 from estimators.errors import DataError, MachineError
 
 _SI = {column.name: column.unit for column in CHANNEL_COLUMNS}
@@ -300,7 +299,7 @@ def select_usable_readings(
     if not told.any():
         raise DataError(f"{name}: {where} holds only numbers {limit}: check its unit, scale")
     empty = "missing or not finite"
-    counts = ((count_lost_readings(t, finite), empty), (int((finite & ~told).sum()), limit))
+    counts = ((filters.count_lost_readings(t, finite), empty), (int((finite & ~told).sum()), limit))
     for count, why in counts:
         if count:
             losses.append(
@@ -324,26 +323,6 @@ def select_usable_readings(
     if t.size < 2:
         raise DataError(f"{name}: {where} holds a single sample")
     return t - delay_ns, set_unresolved_to_zero(x)
-
-
-def count_lost_readings(t_ns: filters.Ints, is_reading: Bools) -> int:
-    """Count the rows without a reading that a gap among the readings shows.
-
-    A table that merges channels of several rates has empty cells where a channel was not measured.
-
-    Args:
-        t_ns: (n,) stamps in ns.
-        is_reading: (n,) whether each row has a reading; at least one has.
-    """
-    missing = int((~is_reading).sum())
-    if not missing:
-        return 0
-    kept = t_ns[is_reading]
-    median_period_ns = float(np.median(np.diff(kept))) if kept.size > 1 else 0.0
-    if not median_period_ns > 0.0:
-        return missing
-    gaps = np.diff(np.concatenate([t_ns[:1], kept, t_ns[-1:]])) / median_period_ns
-    return min(missing, int(np.maximum(np.ceil(gaps - LIMITS.reading_gap_periods), 0.0).sum()))
 
 
 def _fill_gaps(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:

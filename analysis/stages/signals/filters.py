@@ -7,7 +7,7 @@ import numpy as np
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals.resample import interpolate_in_stretches
 from analysis.stages.signals.signal_limits import LIMITS
-from estimators.arrays import Floats, Ints
+from estimators.arrays import Bools, Floats, Ints
 
 
 def median_period_ns(t_ns: Ints) -> float:
@@ -153,3 +153,23 @@ def _resample_uniformly(t_ns: Ints, x: Floats, period: float) -> tuple[Ints, Flo
     t = t_ns[0] + np.round(np.arange(count) * period).astype(np.int64)
     # relative to the first stamp: float64 holds 2**53 ns, not the nanoseconds since 1970
     return t, np.interp((t - t_ns[0]).astype(float), (t_ns - t_ns[0]).astype(float), x)
+
+
+def count_lost_readings(t_ns: Ints, is_reading: Bools) -> int:
+    """Count the rows without a reading that a gap among the readings shows.
+
+    A table that merges channels of several rates has empty cells where a channel was not measured.
+
+    Args:
+        t_ns: (n,) stamps in ns.
+        is_reading: (n,) whether each row has a reading; at least one has.
+    """
+    missing = int((~is_reading).sum())
+    if not missing:
+        return 0
+    kept = t_ns[is_reading]
+    median_period_ns = float(np.median(np.diff(kept))) if kept.size > 1 else 0.0
+    if not median_period_ns > 0.0:
+        return missing
+    gaps = np.diff(np.concatenate([t_ns[:1], kept, t_ns[-1:]])) / median_period_ns
+    return min(missing, int(np.maximum(np.ceil(gaps - LIMITS.reading_gap_periods), 0.0).sum()))
