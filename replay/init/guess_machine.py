@@ -21,10 +21,10 @@ from replay.init.init_limits import LIMITS
 from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
 from replay.machines.toml_file import format_toml
-from replay.recognise.joints import recognise_joints
+from replay.recognise.joints import recognise_joints_of_log
 from replay.recognise.profile import FieldProfile, ask_about_efforts, profile_fields
 from replay.recognise.proposals import ChannelProposal, Recognition
-from replay.recognise.table import recognise_channels_of_table
+from replay.recognise.table import recognise_channels_of_table, recognise_fields_of_messages
 from replay.recognise.words import read_column_name
 
 _COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
@@ -95,8 +95,9 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     """
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
-    told = recognise_channels_of_table(log) if is_table else _recognise_joints(log, topics)
-    guesses = [*_make_channel_guesses(told), *_choose_best_guesses(topics)]
+    by_type = [*_choose_best_guesses(topics)]
+    told = recognise_channels_of_table(log) if is_table else _recognise_fields(log, topics, by_type)
+    guesses = [*_make_channel_guesses(told), *by_type]
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
     # what a comment holds is asked for already
     open_columns = {each.column for each in told.channels if each.is_comment}
@@ -238,14 +239,12 @@ def _comment_wheel_speed(guess: ChannelGuess) -> str:
     return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""
 
 
-def _recognise_joints(log: Log, topics: pl.DataFrame) -> Recognition:
-    """Recognise the joints of all JointState topics."""
-    found = Recognition()
-    for row in topics.sort("messages", descending=True).iter_rows(named=True):
-        is_joints = row["type"].rpartition("/")[2] == "JointState"
-        if is_joints and row["messages"] and not row["problem"]:
-            recognise_joints(log, row["topic"], row["start_ns"], found)
-    return found
+def _recognise_fields(log: Log, topics: pl.DataFrame, by_type: list["ChannelGuess"]) -> Recognition:
+    """Recognise the fields of messages by their types, else by their names."""
+    found = recognise_joints_of_log(log, topics)
+    new = [each for each in by_type if each.column not in found.filled_channels]
+    found.channels += [ChannelProposal(g.column, g.topic, g.field, None, "") for g in new]
+    return recognise_fields_of_messages(log, found)
 
 
 def _choose_best_guesses(topics: pl.DataFrame) -> Iterator[ChannelGuess]:

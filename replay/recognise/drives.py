@@ -57,13 +57,13 @@ def propose_force_of_unnamed_sides(columns: Sequence[LogColumn], recognition: Re
     ]
     if len(wheels) != 2 or len(torques) != 2:
         return False
-    names = " or ".join(f"'{column.field}'" for column in wheels)
+    names = " or ".join(f"'{column.label}'" for column in wheels)
     for side, column in zip(_SIDES, wheels, strict=True):
         recognition.propose_source_channel(
             column,
             f"torque_{side}_N_m",
             column.unit,
-            f"{column.field}: one of two torques; its name has no side",
+            f"{column.label}: one of two torques; its name has no side",
         )
     recognition.ask_question("radius", _RADIUS)
     recognition.ask_question("side", f"which is the left one, {names}")
@@ -92,18 +92,18 @@ def propose_force_of_motor(columns: Sequence[LogColumn], recognition: Recognitio
             continue
         column = fitting[0]
         if quantity == "torque" and column.name_meaning.part == "wheel":
-            reason = f"{column.field}: at the wheels of both sides; needs their radius"
+            reason = f"{column.label}: at the wheels of both sides; needs their radius"
             recognition.propose_source_channel(column, "wheel_torque_N_m", column.unit, reason)
             recognition.propose_as_comment("force_x_N", "wheel_torque_N_m / wheel_radius_m", reason)
             recognition.ask_question("radius", _RADIUS)
             return True
         motors = [c for c in fitting if c.name_meaning.part == column.name_meaning.part]
         if len(motors) > 1:
-            names = ", ".join(f"'{each.field}'" for each in motors)
+            names = ", ".join(f"'{each.label}'" for each in motors)
             recognition.ask_question(
                 "column", f"which of {names} drive the machine: their torques are added"
             )
-        reason = f"{column.field}: measured at the motor; needs the gear ratio"
+        reason = f"{column.label}: measured at the motor; needs the gear ratio"
         recognition.propose_source_channel(column, name, column.unit, reason)
         recognition.propose_as_comment(
             "force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason
@@ -127,7 +127,7 @@ def _propose_force_of_engine(columns: Sequence[LogColumn], recognition: Recognit
     if torque is None or turns is None:
         return False
     reason = (
-        f"{torque.field}, {turns.field}: the engine's power; over the speed it is a force, in any "
+        f"{torque.label}, {turns.label}: the engine's power; over the speed it is a force, in any "
         "gear; a converter that is open leaves little of it"
     )
     recognition.propose_source_channel(torque, "torque_percent", torque.unit, reason)
@@ -148,7 +148,7 @@ def _propose_force_of_pressures(columns: Sequence[LogColumn], recognition: Recog
         return False
     names = ["pressure_high_bar", "pressure_low_bar"][: len(drive)]
     for name, column in zip(names, drive, strict=True):
-        reason = f"{column.field}: a pressure; needs the motor's displacement and the gear"
+        reason = f"{column.label}: a pressure; needs the motor's displacement and the gear"
         recognition.propose_source_channel(column, name, column.unit, reason)
     torque = f"({' - '.join(names)})" if len(names) > 1 else names[0]
     recognition.propose_as_comment(
@@ -163,7 +163,7 @@ def _propose_force_of_pressures(columns: Sequence[LogColumn], recognition: Recog
     recognition.ask_question("radius", _RADIUS)
     if len(names) > 1:
         recognition.ask_question(
-            "side", f"which pressure drives forwards, '{drive[0].field}' or '{drive[1].field}'"
+            "side", f"which pressure drives forwards, '{drive[0].label}' or '{drive[1].label}'"
         )
     return True
 
@@ -177,8 +177,8 @@ def _find_pressure_port_pair(columns: Sequence[LogColumn]) -> list[LogColumn]:
     pairs = [
         [first, second]
         for first, second in pairwise(unnamed)
-        if len(first.field) == len(second.field)
-        and sum(a != b for a, b in zip(first.field, second.field, strict=True)) == 1
+        if len(first.label) == len(second.label)
+        and sum(a != b for a, b in zip(first.label, second.label, strict=True)) == 1
     ]
     return pairs[0] if len(pairs) == 1 else []
 
@@ -196,17 +196,17 @@ def _propose_force_of_power(columns: Sequence[LogColumn], recognition: Recogniti
     ]
     power = min(powers, key=lambda c: c.unit is None, default=None)
     if power is not None and not (power.unit is None and current and voltage):
-        reason = f"{power.field}: a power; over the speed it is a force; needs the efficiency"
+        reason = f"{power.label}: a power; over the speed it is a force; needs the efficiency"
         recognition.propose_source_channel(power, "power_W", power.unit or "?", reason)
         if power.unit is None:
             recognition.ask_question(
-                "unit", f"the unit of '{power.field}', in channels.power_W.unit"
+                "unit", f"the unit of '{power.label}', in channels.power_W.unit"
             )
         watts = "power_W"
     else:
         if current is None or voltage is None:
             return False
-        reason = f"{current.field}, {voltage.field}: a power; over the speed it is a force"
+        reason = f"{current.label}, {voltage.label}: a power; over the speed it is a force"
         recognition.propose_source_channel(current, "supply_A", current.unit, reason)
         recognition.propose_source_channel(voltage, "supply_V", voltage.unit, reason)
         watts = "supply_A * supply_V"
@@ -241,7 +241,7 @@ def propose_speed_of_wheels(columns: Sequence[LogColumn], recognition: Recogniti
         return False
     for channel, column in zip(channels, wheels, strict=True):
         source = channel.replace("speed", "wheel").replace("m_s", "rpm")
-        reason = f"{column.field}: turns of a wheel; needs its radius"
+        reason = f"{column.label}: turns of a wheel; needs its radius"
         recognition.propose_source_channel(column, source, column.unit, reason)
         recognition.propose_as_comment(channel, f"{source} * wheel_radius_m", reason)
     recognition.ask_question("radius", _RADIUS)
@@ -255,7 +255,7 @@ def _propose_speed_of_motor(columns: Sequence[LogColumn], recognition: Recogniti
     if turns is None:
         return False
     pairs = " / POLE_PAIRS" if turns.quantity == "erpm" else ""
-    reason = f"{turns.field}: revolutions; needs the gear ratio" + (
+    reason = f"{turns.label}: revolutions; needs the gear ratio" + (
         " and pole pairs" if pairs else ""
     )
     unit = None if turns.unit in (None, "rpm") else turns.unit
@@ -268,7 +268,7 @@ def _propose_speed_of_motor(columns: Sequence[LogColumn], recognition: Recogniti
         recognition.ask_question("gear", "the motor's POLE_PAIRS, in the same line")
     elif turns.field.lower() == "rpm":
         recognition.ask_question(
-            "gear", f"whether '{turns.field}' counts electrical turns (VESC): / POLE_PAIRS"
+            "gear", f"whether '{turns.label}' counts electrical turns (VESC): / POLE_PAIRS"
         )
     recognition.ask_question("radius", _RADIUS)
     return True

@@ -8,12 +8,29 @@ machine's.
 from collections.abc import Sequence
 from typing import Any, Final
 
+import polars as pl
+
 from replay.logs import Log
 from replay.recognise.proposals import ChannelProposal, Recognition
 from replay.recognise.recognise_limits import LIMITS
 from replay.recognise.words import ColumnMeaning, read_column_name
 
 _SIDES: Final = ("left", "right")
+
+
+def recognise_joints_of_log(log: Log, topics: pl.DataFrame) -> Recognition:
+    """Recognise the joints of all JointState topics.
+
+    Args:
+        log: an opened log.
+        topics: its topics.
+    """
+    found = Recognition()
+    for row in topics.sort("messages", descending=True).iter_rows(named=True):
+        is_joints = row["type"].rpartition("/")[2] == "JointState"
+        if is_joints and row["messages"] and not row["problem"]:
+            recognise_joints(log, row["topic"], row["start_ns"], found)
+    return found
 
 
 def recognise_joints(log: Log, topic: str, start_ns: int, recognition: Recognition) -> None:

@@ -15,7 +15,7 @@ ORDER: Final = ("gear", "radius", "column", "side", "unit", "sign")
 
 @dataclass(frozen=True, slots=True)
 class LogColumn:
-    """Column of a table: topic (None for the only one), stated unit, and words of its name.
+    """Column of a log: topic (None for the only one), stated unit, and words of its name.
 
     `quantity` is the quantity of the name that the unit permits: a column in N is not a torque.
     """
@@ -25,6 +25,11 @@ class LogColumn:
     unit: str | None
     name_meaning: ColumnMeaning
     quantity: str | None
+
+    @property
+    def label(self) -> str:
+        """Field as text, with its topic if there are several."""
+        return self.field if self.topic is None else f"{self.topic} {self.field}"
 
     def has_dimension_of_channel(self, channel: str) -> bool:
         """Whether the unit has a channel's dimension; False without a unit."""

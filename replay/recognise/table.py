@@ -5,6 +5,7 @@ determines the quantity; its correlation with other columns is added. What the a
 column states becomes a question: gear ratio, radius, side, unit, sign.
 """
 
+import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -51,6 +52,16 @@ _UNIT_OF_SIGNAL: Final = {
     "transmissionoutputshaftspeed": "rpm", "transoutputshaftspeed": "rpm",
     "actualenginepercenttorque": "percent", "actualengpercenttorque": "percent",
 }  # fmt: skip
+#: Packages whose messages have one meaning: their types give channels, or none.
+_STANDARD_PACKAGES: Final = frozenset((
+    "std_msgs", "sensor_msgs", "nav_msgs", "geometry_msgs", "tf2_msgs", "tf", "diagnostic_msgs",
+    "rosgraph_msgs", "rcl_interfaces", "visualization_msgs", "actionlib_msgs", "bond",
+    "dynamic_reconfigure", "builtin_interfaces", "statistics_msgs", "theora_image_transport",
+))  # fmt: skip
+#: Messages of a single number.
+_NUMBERS: Final = ("Float32", "Float64", "Int8", "Int16", "Int32", "Int64")
+#: Fields of a message that are no readings: its stamp, and lists.
+_NO_READING: Final = re.compile(r"(?:^|\.)(?:header|stamp|seq|n?secs?|nanosec|timestamp)\b|\[\]")
 
 
 def recognise_channels_of_table(log: Log) -> Recognition:
@@ -59,8 +70,24 @@ def recognise_channels_of_table(log: Log) -> Recognition:
     Args:
         log: an opened table.
     """
+    return _recognise_channels_by_name(log, Recognition())
+
+
+def recognise_fields_of_messages(log: Log, recognition: Recognition) -> Recognition:
+    """Recognise channels by the names of fields and topics if the messages' types give no force.
+
+    Args:
+        log: an opened log of messages.
+        recognition: channels that the types give.
+    """
+    filled = recognition.filled_channels
+    if "force_x_N" in filled or {"torque_left_N_m", "torque_right_N_m"} <= filled:
+        return recognition
+    return _recognise_channels_by_name(log, recognition)
+
+
+def _recognise_channels_by_name(log: Log, found: Recognition) -> Recognition:
     columns = _list_columns(log)
-    found = Recognition()
     for column in columns:
         if column.field in _KNOWN:
             found.fill_channel(column, column.field, "its name", find_unit_in_name(column.field))
@@ -111,7 +138,7 @@ def fill_only_candidate_or_ask(
     if all(not adds_up and are_same_readings(log, column, other) for other in others):
         recognition.fill_channel(column, channel, reason, unit)
         return
-    names = ", ".join(f"'{each.field}'" for each, *_ in candidates)
+    names = ", ".join(f"'{each.label}'" for each, *_ in candidates)
     recognition.propose_source_channel(column, channel, unit, f"one of {names}")
     together = "; if they act together, their sum" if adds_up else ""
     recognition.ask_question("column", f"which of {names} is channels.{channel}{together}")
@@ -122,7 +149,7 @@ def _ask_more_torques(columns: Sequence[LogColumn], recognition: Recognition) ->
     if not {"torque_left_N_m", "torque_right_N_m"} <= recognition.filled_channels:
         return
     more = [
-        f"'{each.field}'"
+        f"'{each.label}'"
         for each in columns
         if each.quantity == "torque" and each.has_dimension_of_unit("N*m")
         if each.name_meaning.side is None
@@ -141,24 +168,46 @@ def _list_columns(log: Log) -> list[LogColumn]:
     for row in log.topics().iter_rows(named=True):
         units = log.units(row["topic"])
         topic = None if row["topic"] == TABLE else row["topic"]
+        if topic and not _may_name_readings(row["type"]):
+            continue
         names = frozenset(row["fields"])
-        for name in row["fields"]:
+        for field in row["fields"]:
+            if topic and _NO_READING.search(field):
+                continue
+            name = field if topic is None else _name_with_topic(topic, field)
             said, unit = (
                 read_column_name(strip_unit_from_name(name)),
-                units.get(name) or _unit_of_known_name(name),
+                units.get(field) or _unit_of_known_name(field) or _unit_behind_name(topic, name),
             )
-            if said.side and not is_side_prefix_real(name, names):
+            if said.side and not is_side_prefix_real(field, names):
                 said = replace(said, side=None)
             if said.is_no_reading or said.is_elsewhere:
                 said = replace(said, quantity=None)
-                found.append(LogColumn(topic, name, unit, said, None))
+                found.append(LogColumn(topic, field, unit, said, None))
                 continue
             # "Motor Amps": the unit is the only word that names the quantity
             said = said if said.quantity or unit is None else read_column_name(name)
             found.append(
-                LogColumn(topic, name, unit, said, find_quantity_of_name(said.quantity, unit))
+                LogColumn(topic, field, unit, said, find_quantity_of_name(said.quantity, unit))
             )
     return found
+
+
+def _may_name_readings(message_type: str) -> bool:
+    """Whether the fields of a message may be named by who recorded them."""
+    package, _, kind = message_type.partition("/")
+    return package not in _STANDARD_PACKAGES or (package == "std_msgs" and kind.endswith(_NUMBERS))
+
+
+def _name_with_topic(topic: str, field: str) -> str:
+    """Name of a field with the end of its topic, which alone names what a single number is."""
+    parent, last = (["", *topic.split("/")])[-2:]
+    return last if field == "data" else f"{parent} {last} {field}"
+
+
+def _unit_behind_name(topic: str | None, name: str) -> str | None:
+    """Unit at the end of a field's name; a table has its units already."""
+    return None if topic is None else split_unit_from_name(name)[1]
 
 
 def _unit_of_known_name(name: str) -> str | None:
@@ -297,9 +346,9 @@ def propose_columns_without_unit(columns: Sequence[LogColumn], recognition: Reco
             whole = said.side is None and part is None and said.axis in (None, "x")
             if column.quantity == quantity and column.unit is None and whole:
                 recognition.propose_source_channel(
-                    column, channel, "?", f"{column.field}: its unit is not stated"
+                    column, channel, "?", f"{column.label}: its unit is not stated"
                 )
                 recognition.ask_question(
-                    "unit", f"the unit of '{column.field}', in channels.{channel}.unit"
+                    "unit", f"the unit of '{column.label}', in channels.{channel}.unit"
                 )
                 break

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.weighing.growing_load import LoadFilling, mean_payload_weight_vectors
+from analysis.weighing.mass_budget import uncertainty_by_failed_checks_kg
 from tests.analysis.weighing.weighed import RICH, weighed
 
 #: A bucket that takes up 25 to 250 kg at every start, driven both ways.
@@ -28,6 +29,20 @@ def test_what_a_long_log_tells_of_a_growth_that_moves_no_mass_is_no_evidence() -
     assert LoadFilling(2.6, 3.25, 1.1).significance == 3.25
     for unknown in (LoadFilling(0.0, float("nan")), LoadFilling(2.6, 3.25, float("nan"))):
         assert np.isnan(unknown.significance)
+
+
+@pytest.mark.parametrize("fill_kg_s", FILLS_KG_S)
+def test_where_nothing_fills_the_machine_a_growth_is_in_the_uncertainty(fill_kg_s: float) -> None:
+    """A late force or a changing efficiency looks alike: the mass without the growth is within."""
+    fills = {"loading": {"fill_kg_s": fill_kg_s}, "starts": {"directions": "alternating"}}
+    digs = weighed(fills).weighing
+    shift, one = weighed(fills, "machine.digs=false").weighing, np.ones(1)
+    assert shift.filling.significance == 0.0
+    (effect_kg,) = np.abs(np.atleast_1d(shift.filling.widening_effect_kg))
+    assert effect_kg > digs.fit.u_kg
+    widened = uncertainty_by_failed_checks_kg(shift, one, shift.fit.u_parts_kg(one))
+    assert widened["missing_term"] >= effect_kg * (1.0 - 1e-9)
+    assert not np.any(digs.filling.widening_effect_kg)
 
 
 def test_a_growth_is_judged_by_the_payload_as_well_whose_uncertainty_is_smaller() -> None:

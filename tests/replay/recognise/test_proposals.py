@@ -1,11 +1,13 @@
 """What `init` proposes for the columns of a table, and what it asks."""
 
+import json
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
+from mcap.writer import Writer
 
 from analysis.model.machine import Machine
 from analysis.model.physical_units import split_unit_from_name
@@ -297,3 +299,74 @@ def test_a_torque_in_percent_needs_the_rated_one(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_a_unit_behind_a_capital(name: str, unit: str | None) -> None:
     assert split_unit_from_name(name)[1] == unit
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("WheelBasedVehicleSpeed", "km/h"), ("Wheel-Based Vehicle Speed", "km/h")],
+)
+def test_a_signal_of_j1939_has_its_unit(tmp_path: Path, name: str, unit: str) -> None:
+    channels, questions = proposed(tmp_path, **{name: V})
+    assert channels["speed_x_m_s"].unit == unit
+    assert not channels["speed_x_m_s"].is_comment
+    assert questions == []
+
+
+def test_an_engine_gives_a_force_in_any_gear(tmp_path: Path) -> None:
+    channels, questions = proposed(
+        tmp_path,
+        ActualEnginePercentTorque=50.0 + 40.0 * A,
+        EngineSpeed=800.0 + 300.0 * V,
+        WheelBasedVehicleSpeed=3.6 * V,
+        TransmissionCurrentGear=np.round(V),
+    )
+    force = channels["force_x_N"]
+    assert force.derive is not None
+    assert "torque_percent * REFERENCE_TORQUE [N*m] * engine_rpm" in force.derive
+    assert not any("TransmissionCurrentGear" in each for each in questions)
+    assert "motor_current_A" not in channels
+
+
+def write_json_log(path: Path, topics: dict[str, dict[str, np.ndarray]]) -> None:
+    """An MCAP file of JSON messages at the times T."""
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        for topic, fields in topics.items():
+            properties = {name: {"type": "number"} for name in fields}
+            schema = json.dumps({"type": "object", "properties": properties}).encode()
+            number = writer.register_channel(
+                topic, "json", writer.register_schema(topic.strip("/"), "jsonschema", schema)
+            )
+            for k, t in enumerate(T):
+                data = json.dumps({name: float(x[k]) for name, x in fields.items()}).encode()
+                writer.add_message(number, int(1e9 + 1e9 * t), data, int(1e9 + 1e9 * t))
+        writer.finish()
+
+
+def drafted(path: Path) -> tuple[str, list[str]]:
+    with open_log(path) as log:
+        return draft_machine_file(log, None)
+
+
+def test_fields_of_ones_own_messages_are_recognised_by_their_names(tmp_path: Path) -> None:
+    motor = {"torque_Nm": 9.0 * A, "speed_rpm": 300.0 * V}
+    write_json_log(tmp_path / "log.mcap", {"/motor/front": motor, "/motor/rear": motor})
+    text, lacking = drafted(tmp_path / "log.mcap")
+    assert '# topic = "/motor/front"\n# field = "torque_Nm"\n# unit = "N*m"' in text
+    assert '# derive = "motor_torque_N_m * GEAR / wheel_radius_m"' in text
+    assert '# derive = "motor_rpm / GEAR * wheel_radius_m"' in text
+    assert (
+        "which of '/motor/front torque_Nm', '/motor/rear torque_Nm' drive the machine: their "
+        "torques are added"
+    ) in lacking
+
+
+def test_a_topic_names_its_single_number(tmp_path: Path) -> None:
+    topics = {"/drive/pull_kN": {"data": A}, "/drive/speed_kmh": {"data": 3.6 * V}}
+    write_json_log(tmp_path / "log.mcap", topics)
+    text, lacking = drafted(tmp_path / "log.mcap")
+    draft = tomllib.loads(text)["channels"]
+    assert draft["force_x_N"] == {"topic": "/drive/pull_kN", "field": "data", "unit": "kN"}
+    assert draft["speed_x_m_s"] == {"topic": "/drive/speed_kmh", "field": "data", "unit": "km/h"}
+    assert lacking == []
