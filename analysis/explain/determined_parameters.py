@@ -74,7 +74,7 @@ def find_determined_parameters(
     named = [name for name, alone in zip(_NAMES, found.identifiable, strict=True) if alone]
     joined = [
         name
-        for row in found.find_determined_combinations
+        for row in found.determined_combinations
         for name, c in zip(_NAMES, row, strict=True)
         if c
     ]

@@ -106,7 +106,7 @@ class ReplayReport:
         return replace(self, age_s=max(0.0, (unix_ns - self.unix_ns) / 1e9))
 
     @property
-    def select_closed_loads(self) -> tuple[LoadReport, ...]:
+    def closed_loads(self) -> tuple[LoadReport, ...]:
         """Loads that no later manoeuvre joins, as far as this replay knows."""
         return self.loads if self.is_whole else self.loads[:-1]
 

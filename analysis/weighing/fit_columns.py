@@ -189,7 +189,7 @@ class FitColumns:
             fitted = _find_fitted_samples(piece, previous.lag_s)
             return _make_piece_columns(piece, fitted, noise, terms, previous)
 
-        pieces = map_in_threads(make_columns, list(motion.split_into_pieces))
+        pieces = map_in_threads(make_columns, list(motion.pieces))
         return cls(pieces, terms, previous, motion.rate_hz)
 
     def average_to_rows(self, noise: ColumnNoiseModel, samples: int) -> FitRows:
@@ -221,7 +221,7 @@ def average_columns(
         samples: length of the longest mean.
         previous: estimates of earlier rounds.
     """
-    pieces = motion.split_into_pieces
+    pieces = motion.pieces
     fitted = [_find_fitted_samples(piece, previous.lag_s) for piece in pieces]
     return _average_all_pieces(
         lambda number: _make_piece_columns(pieces[number], fitted[number], noise, terms, previous),

@@ -171,7 +171,7 @@ class MotionSamples:
         )
 
     @cached_property
-    def split_into_pieces(self) -> tuple["MotionSamples", ...]:
+    def pieces(self) -> tuple["MotionSamples", ...]:
         """Split into pieces of whole stretches, with the samples around that their means need."""
         spans = stretch_spans(self.group)
         whole = np.flatnonzero(np.diff(spans[:, 0] // _PIECE)) + 1

@@ -38,7 +38,7 @@ class Identifiability:
     condition: float
 
     @property
-    def find_determined_combinations(self) -> Floats:
+    def determined_combinations(self) -> Floats:
         """Sums of parameters that are determined although the single ones are not.
 
         (rank - identifiable, p): the rows of `echelon` with several parameters.
@@ -47,9 +47,7 @@ class Identifiability:
 
     def format_combinations(self) -> list[str]:
         """The combinations as text: `mass_kg - 5 first_moment_x_kg_m`."""
-        return [
-            _format_combination(row, self.parameters) for row in self.find_determined_combinations
-        ]
+        return [_format_combination(row, self.parameters) for row in self.determined_combinations]
 
 
 def find_identifiable_parameters(

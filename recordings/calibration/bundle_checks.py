@@ -335,7 +335,7 @@ def identify_signer(
     how = "given" if key is not None else "unknown" if known is None else "known"
     bundle.signed_by = by = replace(by, how=how)
     if not by.is_trusted:
-        bundle.notes.append(_UNKNOWN_KEY.format(by, by.make_add_key_command))
+        bundle.notes.append(_UNKNOWN_KEY.format(by, by.add_key_command))
 
 
 def _check_signer(

@@ -73,7 +73,7 @@ def make_condition_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
 
 def make_traceability_warnings(document: EvidenceDocument) -> list[str]:
     """Warnings about references that are not traceable."""
-    untraceable = document.campaign.describe_untraceable_references
+    untraceable = document.campaign.untraceable_references_text
     return [f"NOT TRACEABLE: {'; '.join(untraceable)}."] if untraceable else []
 
 

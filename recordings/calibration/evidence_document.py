@@ -216,14 +216,14 @@ class EvidenceDocument(BaseModel):
     _put_in: dict[str, Any] = PrivateAttr(default_factory=dict[str, Any])
 
     @property
-    def encode_json(self) -> bytes:
+    def json_bytes(self) -> bytes:
         """The bytes of `evidence.json`: a setting that came later stays out of earlier evidence."""
         left_out = _NOT_IN_FIRST if self.format == _FIRST else None
         values = self.model_dump(mode="json", exclude=left_out, exclude_unset=True)
         return encode_canonical_json(remove_dotted_values(values, self._put_in))
 
     @property
-    def list_settings_at_default(self) -> dict[str, Any]:
+    def settings_at_default(self) -> dict[str, Any]:
         """Settings newer than the evidence: dotted names with the default each is read with."""
         return {
             **find_absent_settings(self.machine, "machine."),
@@ -237,7 +237,7 @@ class EvidenceDocument(BaseModel):
         Args:
             values: `evidence.json`, that it was read from.
         """
-        changed = find_changed_defaults(self.list_settings_at_default, load_released_defaults())
+        changed = find_changed_defaults(self.settings_at_default, load_released_defaults())
         if not changed:
             return self
         document = EvidenceDocument.model_validate_json(
@@ -247,14 +247,14 @@ class EvidenceDocument(BaseModel):
         return document
 
     @property
-    def write_out_all_settings(self) -> "EvidenceDocument":
+    def with_all_settings(self) -> "EvidenceDocument":
         """The evidence with every setting of this version written out, also those at default."""
         return EvidenceDocument.model_validate_json(
             encode_canonical_json(self.model_dump(mode="json"))
         )
 
     @property
-    def name_other_payscope_version(self) -> str:
+    def other_version_text(self) -> str:
         """Version that made it; "" for this one. Other versions word the page differently."""
         made = self.software.payscope
         if made == version("payscope") and self.format == FORMAT:
@@ -304,7 +304,7 @@ def parse_evidence(data: bytes, source: str) -> EvidenceDocument:
         raise EvidenceError(
             f"{source}: {where}: {first['msg']}, which the schema of evidence does not allow"
         ) from None
-    if document.encode_json != data:
+    if document.json_bytes != data:
         raise EvidenceError(
             f"{source}: holds a value of a type that the schema of evidence does not allow"
         )

@@ -170,7 +170,7 @@ def identify_notary_signer(
     if known is None:
         bundle.notes.append(
             f"{NOTARY}: is {by}: get the key from the keeper of the recorder through another "
-            f"channel, and keep it: {by.make_add_key_command}"
+            f"channel, and keep it: {by.add_key_command}"
         )
         return by
     last = max(

@@ -61,7 +61,7 @@ def compare_bundle_with_recomputed(
     # what is nothing by default is no setting that a mass was found with
     named = [
         f"{name} = {value}"
-        for name, value in document.list_settings_at_default.items()
+        for name, value in document.settings_at_default.items()
         if value not in _NOTHING
     ]
     notes = [_LATER.format(", ".join(named))] if named else []
@@ -101,9 +101,9 @@ def compare_report_page(
         return
     if render_report_html(document, readings, points).encode() == report:
         return
-    if document.name_other_payscope_version:
+    if document.other_version_text:
         what = (
-            f"made by {document.name_other_payscope_version}: the page cannot be recomputed here; "
+            f"made by {document.other_version_text}: the page cannot be recomputed here; "
             f"compared "
             "by its digest alone"
         )
@@ -166,7 +166,7 @@ def check_evidence_against_campaign(document: EvidenceDocument) -> Findings:
         yield _make_irreproducible_finding("campaign.machine.id", fault)
     yield from compare_learnt_priors(document)
     if document.estimator != make_estimator_with_digest(
-        campaign, document.weighing_machine, document.list_settings_at_default, document.format
+        campaign, document.weighing_machine, document.settings_at_default, document.format
     ):
         yield _make_irreproducible_finding("estimator", "is not that of the settings")
     try:

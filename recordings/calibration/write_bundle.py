@@ -68,7 +68,7 @@ def write_bundle(
     """
     for name, data in tables.items():
         (folder / name).write_bytes(data)
-    (folder / EVIDENCE).write_bytes(document.encode_json)
+    (folder / EVIDENCE).write_bytes(document.json_bytes)
     if stretch is not None:
         (folder / NOTARY).write_bytes(stretch)
     html = render_report_html(document, readings, points)

@@ -93,7 +93,7 @@ def _ring_window_points(axes: "Axes", run: Run, points: pl.DataFrame, at_s: floa
 def _draw_mass_line(axes: "Axes", line: MassLine, dashes: str) -> None:
     ends: NDArray[np.float64] = np.array(axes.get_xlim())
     mass, u = line.mass_kg, line.u_kg
-    axes.plot(ends, mass * ends, dashes, color="black", lw=1.2, label=line.format_label)
+    axes.plot(ends, mass * ends, dashes, color="black", lw=1.2, label=line.label)
     axes.fill_between(
         ends, (mass - 2 * u) * ends, (mass + 2 * u) * ends, color="black", alpha=0.15, lw=0
     )

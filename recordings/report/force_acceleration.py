@@ -35,7 +35,7 @@ class MassLine(NamedTuple):
     u_kg: float
 
     @property
-    def format_label(self) -> str:
+    def label(self) -> str:
         """Name, mass and expanded uncertainty."""
         return f"{self.name} {format_plus_minus(self.mass_kg, 2 * self.u_kg)} kg (k = 2)"
 

@@ -259,7 +259,7 @@ def render_review_html(page: ReviewPage) -> str:
         load_pictures=draw_load_pictures(page.ledger, state, page.target),
         pictures=draw_shift_pictures(state, page.track),
         losses=[
-            *(each.describe_loss for each in state.torn),
+            *(each.loss_text for each in state.torn),
             *list_losses_besides_torn_ends(state),
         ],
         totals={name: _make_total_rows(rows) for name, rows in page.totals.items()},

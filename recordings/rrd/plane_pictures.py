@@ -166,7 +166,7 @@ def _make_force_acceleration_picture(run: Run) -> PlanePicture | None:
         series.append(PlaneSeries(group.label, group.colour, x, y))
     ends = np.array([found.points[ACCELERATION].min(), found.points[ACCELERATION].max()], float)
     series += [
-        PlaneSeries(mass.format_label, _MASS, ends, mass.mass_kg * ends, joined=True)
+        PlaneSeries(mass.label, _MASS, ends, mass.mass_kg * ends, joined=True)
         for mass in found.masses
     ]
     return PlanePicture(

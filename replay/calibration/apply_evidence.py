@@ -273,7 +273,7 @@ def accept_signature_if_key_known(
     if not owner:
         raise EvidenceError(
             f"{request.folder}: is {signature}; get the key from the signer, and give it with "
-            f"--key KEY or keep it: {signature.make_add_key_command}"
+            f"--key KEY or keep it: {signature.add_key_command}"
         )
     add_key(keyring, KnownKey(key=signature.public_key, owner=owner))
     return replace(signature, how="known", owner=owner)

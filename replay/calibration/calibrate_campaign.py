@@ -279,7 +279,7 @@ def read_previous_evidence(
     if by.how == "unknown" and not own:
         raise EvidenceError(
             f"{previous}: is {by}, so its signature cannot be verified; if the signer gave you "
-            f"this key in person, keep it with {by.make_add_key_command}"
+            f"this key in person, keep it with {by.add_key_command}"
         )
     return checked
 
@@ -370,7 +370,7 @@ def _make_evidence_document(
         signer=None if key is None else _make_signer(campaign, key),
         software=collect_software_versions(),
     )
-    return document.write_out_all_settings
+    return document.with_all_settings
 
 
 def recompute_estimator_digest(previous: EvidenceDocument | None) -> Estimator | None:

@@ -83,7 +83,7 @@ def _compare_replayed_log(
         bundle.add_finding(
             BundleOutcome.IRREPRODUCIBLE, item, "its replay gives a different verdict"
         )
-    if any(name.startswith("machine.") for name in document.list_settings_at_default):
+    if any(name.startswith("machine.") for name in document.settings_at_default):
         bundle.notes.append(
             f"{evidence_log.log}: settings and frames are compared by value only, not by "
             "digest: this version has settings that the evidence lacks"
@@ -103,7 +103,7 @@ def _compare_replayed_log(
         there, here = getattr(evidence_log, name), getattr(replayed, name)
         if are_equal_values(there, here):
             continue
-        words = name in _IN_WORDS and document.name_other_payscope_version
+        words = name in _IN_WORDS and document.other_version_text
         outcome = BundleOutcome.OTHER_VERSION if words else BundleOutcome.IRREPRODUCIBLE
         stored, found = _format_compared_value(there), _format_compared_value(here)
         said = f"{what}: {stored} in the evidence, {found} in the replay"

@@ -310,15 +310,11 @@ def _compare_calibration_recording(
         for name in {*taken.frames, *digests.frames}
         if taken.frames.get(name) != digests.frames.get(name)
     )
-    same_words = document.name_other_payscope_version or made.notes == digests.notes
+    same_words = document.other_version_text or made.notes == digests.notes
     if not other and same_words:
         return
     what = f"frames {', '.join(other)}" if other else "words"
-    outcome = (
-        BundleOutcome.OTHER_VERSION
-        if document.name_other_payscope_version
-        else BundleOutcome.TAMPERED
-    )
+    outcome = BundleOutcome.OTHER_VERSION if document.other_version_text else BundleOutcome.TAMPERED
     bundle.add_finding(outcome, RECORDING, f"differs in its {what} from the evidence")
 
 
@@ -326,8 +322,8 @@ def _compare_pdf(
     bundle: CheckedBundle, document: EvidenceDocument, folder: Path, sums: Mapping[str, str]
 ) -> str:
     """Compare the PDF; returns why that was not possible, or ""."""
-    if document.name_other_payscope_version:
-        return f"its page was made by {document.name_other_payscope_version}"
+    if document.other_version_text:
+        return f"its page was made by {document.other_version_text}"
     if bundle.readings is None or bundle.points is None:
         return "its page could not be recomputed"
     html = render_report_html(document, bundle.readings, bundle.points)

@@ -113,7 +113,7 @@ def make_machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple
             # nobody sits beside a fleet to be asked
             raise EvidenceError(
                 f"{folder}: is {by.signed_by}; if the signer gave you this key in person, keep it "
-                f"with {by.signed_by.make_add_key_command}"
+                f"with {by.signed_by.add_key_command}"
             )
         try:
             weighing = by.require_calibrated_machine(by.weighing_machine(machine), files.file)

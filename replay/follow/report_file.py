@@ -284,9 +284,9 @@ def iter_closed_load_lines(
     """Yield a line per load that has closed since an earlier replay; of the whole log, per load."""
     if report.is_whole:
         yield describe_replay(report)
-    known = [] if report.is_whole or earlier_report is None else earlier_report.select_closed_loads
+    known = [] if report.is_whole or earlier_report is None else earlier_report.closed_loads
     spans = {(load.start_unix_ns, load.end_unix_ns) for load in known}
-    for load in report.select_closed_loads:
+    for load in report.closed_loads:
         if (load.start_unix_ns, load.end_unix_ns) not in spans:
             yield describe_load_state(load)
 

@@ -82,5 +82,5 @@ def replay_simulated(
         scenario,
         replayed,
         pl.concat([log.trials for log in logs]),
-        pl.concat([log.sample_noise_free_motion for log in logs]),
+        pl.concat([log.noise_free_motion for log in logs]),
     )

@@ -71,10 +71,10 @@ class GivenVerdicts:
 
     def __bool__(self) -> bool:
         """Whether there is any verdict."""
-        return bool(self.list_named_cycles or self.note or self._labels or self.spans)
+        return bool(self.named_cycles or self.note or self._labels or self.spans)
 
     @property
-    def list_named_cycles(self) -> list[tuple[str, bool | None]]:
+    def named_cycles(self) -> list[tuple[str, bool | None]]:
         """Named cycles, and whether each is rejected; None leaves it unchanged."""
         return [
             *((each, True) for each in self.reject),
@@ -92,11 +92,11 @@ class GivenVerdicts:
         Raises:
             ReviewError: the verdicts are incomplete; one line.
         """
-        if self.list_named_cycles and not self.author.strip():
+        if self.named_cycles and not self.author.strip():
             raise ReviewError("a verdict on a cycle needs an author; add --author NAME")
-        if self.note and not self.list_named_cycles:
+        if self.note and not self.named_cycles:
             raise ReviewError("a note needs a cycle; add --reject, --accept or --cycle WHEN")
-        if (self.begin or self.end) and (self.list_named_cycles or not self._labels):
+        if (self.begin or self.end) and (self.named_cycles or not self._labels):
             raise ReviewError(
                 "--from and --to limit labels; add --product, --operator, --truck, --customer or "
                 "--stockpile, and name no cycle"
@@ -150,7 +150,7 @@ class GivenVerdicts:
                     f"{self.end or 'the end'} of the shift"
                 )
             return [said]
-        if not self.list_named_cycles:
+        if not self.named_cycles:
             # labels of a part of the shift may say otherwise: the later one counts
             in_parts = any(each.begin or each.end for each in earlier.shift)
             said = {
@@ -161,7 +161,7 @@ class GivenVerdicts:
             return [ShiftVerdict.model_validate(said | signed)] if said else []
         standing = assign_verdicts_to_rows(earlier, rows["id"], folder)
         found: dict[int, CycleVerdict] = {}
-        for when, reject in self.list_named_cycles:
+        for when, reject in self.named_cycles:
             row = find_cycle_row(when, rows, state.clock)
             old = found.get(row) or standing.get(row)
             kept = {} if old is None else old.model_dump(exclude=_MODEL_KEYS)

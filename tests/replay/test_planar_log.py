@@ -19,7 +19,7 @@ def test_the_replay_of_all_manoeuvres_finds_their_phases_and_the_forces_that_dro
     (path,) = simulate_scenario(scenario, tmp_path / "planar.mcap")
     with open_log(path) as log:
         found = run(log, load_machine("cat262c.toml")).frames["excitation"]
-    truth = next(simulate_campaign(scenario)).sample_noise_free_motion
+    truth = next(simulate_campaign(scenario)).noise_free_motion
     # the mean of ten samples and the rate over ten look back
     later = truth.with_columns(t_ns=pl.col("time_ns") - truth["time_ns"][0] + 100_000_000)
     both = found.join(later, on="t_ns", suffix="_true")

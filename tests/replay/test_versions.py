@@ -154,7 +154,7 @@ def lacking(*place: str) -> Callable[[Bundle], None]:
         del inside[place[-1]]
         document = parse_evidence(encode_canonical_json(bundle.evidence), EVIDENCE)
         estimator = make_estimator_with_digest(
-            document.campaign, document.weighing_machine, document.list_settings_at_default
+            document.campaign, document.weighing_machine, document.settings_at_default
         )
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
@@ -169,10 +169,10 @@ def test_an_absent_setting_takes_the_default_that_it_came_with(
     folder = tampered(made.bundle, tmp_path / "b", lacking(*place), signed=False)
     today = load_calibration(CalibrationRequest(folder)).document.machine.settings.priors
     released = {"0.0.8": {}, "0.0.9": {".".join(place): 0.05}, "0.1.0": {".".join(place): 0.07}}
-    monkeypatch.setattr(evidence_document, "released_defaults", lambda: released)
+    monkeypatch.setattr(evidence_document, "load_released_defaults", lambda: released)
     held = load_calibration(CalibrationRequest(folder))
     assert held.document.machine.settings.priors.sag_weight_share == 0.05 != today.sag_weight_share
-    assert held.document.encode_json == (folder / EVIDENCE).read_bytes()
+    assert held.document.json_bytes == (folder / EVIDENCE).read_bytes()
     assert any("priors.sag_weight_share = 0.05" in note for note in verify_bundle(folder).notes)
     # and who weighs with today's is told
     machine = load_machine(made.campaign.with_name("sledge.toml"))

@@ -277,7 +277,7 @@ class CalibrationCampaign(BaseModel):
         return {n: common[n] if own[n] in ("", None) else own[n] for n in own}
 
     @property
-    def describe_untraceable_references(self) -> tuple[str, ...]:
+    def untraceable_references_text(self) -> tuple[str, ...]:
         """References that are not traceable, a sentence each."""
         found: list[str] = []
         for mass in self.masses:

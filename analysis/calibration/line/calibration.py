@@ -252,7 +252,7 @@ class Calibration:
         return len(days) == 1 and (self.day_kg is None or self.day_freedom is not None)
 
     @property
-    def make_inversion(self) -> Inversion:
+    def inversion(self) -> Inversion:
         """Make the inverse of the line, which turns a later m̂ into a mass."""
         parts = self.components
         return Inversion(
@@ -294,7 +294,7 @@ class Calibration:
         """
         if mass_kg is None or not np.isfinite(mass_kg) or readings < 1:
             return _make_withheld_mass("no estimate")
-        found = self.make_inversion.add_common_uncertainty(driving_u_kg / abs(self.c1_1)).invert(
+        found = self.inversion.add_common_uncertainty(driving_u_kg / abs(self.c1_1)).invert(
             np.array([mass_kg]),
             np.array([float(readings)]),
             np.array([np.nan if u_random_kg is None else u_random_kg]),

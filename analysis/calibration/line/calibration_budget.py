@@ -259,7 +259,7 @@ def make_inversion_for_points(calibration: Calibration, points: list[Point]) -> 
     effects = scatter.describe_effects_on_line(variances, design, slope, x_cov)
     several_days = DAY in names and len(days) < LIMITS.enough_days
     return replace(
-        calibration.make_inversion,
+        calibration.inversion,
         on_line=np.array([effect.on_line for effect in effects]),
         covariance=variances.covariance,
         few_dof={DAY: len(days) - 1} if several_days else {},

@@ -88,7 +88,7 @@ def check_drift_by_known_mass(
         )
     if machine_reading.mass_kg is None or machine_reading.readings < 1:
         return _make_missing_drift_check("no estimate")
-    inversion = calibration.make_inversion.add_common_uncertainty(reference_u_kg)
+    inversion = calibration.inversion.add_common_uncertainty(reference_u_kg)
     run = (float(machine_reading.readings), machine_reading.u_random_kg or 0.0)
     mass = calibration.alpha_1 * machine_reading.mass_kg + calibration.beta_kg
     difference = mass - reference_kg

@@ -137,7 +137,7 @@ def judge_campaign_loads(calibration: Calibration, rule: DecisionRule) -> ErrorL
         JCGM 106:2012, 8.3 (guarded acceptance, specific risk).
     """
     readings = float(calibration.budget_at[1])
-    inversion = calibration.make_inversion
+    inversion = calibration.inversion
     rows: list[LimitRow] = []
     for load_id, reference_kg, error_kg in compute_mean_errors_kg(calibration):
         limit = error_limit_kg(rule, reference_kg - rule.tare_kg)

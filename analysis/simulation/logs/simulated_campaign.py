@@ -57,7 +57,7 @@ class SimulatedLog:
     torn_share: float = 0.0
 
     @cached_property
-    def sample_noise_free_motion(self) -> pl.DataFrame:
+    def noise_free_motion(self) -> pl.DataFrame:
         """Motion without noise at `sensors.rate_hz`, from the log's begin on.
 
         The columns are `time_ns` (Unix) and the fields of `Channels`.

@@ -57,4 +57,4 @@ def first_loaded_by_a_drive(methods, *, rehearsed):
 
 def test_a_drive_loads_nothing_that_was_not_rehearsed():
     assert first_loaded_by_a_drive(tuple(METHODS), rehearsed=True) == "[]"
-    assert "step_window" in first_loaded_by_a_drive(("ls",), rehearsed=False)
+    assert "advance_window" in first_loaded_by_a_drive(("ls",), rehearsed=False)

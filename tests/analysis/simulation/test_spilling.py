@@ -18,7 +18,7 @@ def test_what_falls_off_slows_nothing_down_and_the_rest_obeys_its_own_mass():
         sensors={"rate_hz": 500.0},
         log={"latency_jitter_s": 0.0},
     )
-    truth = made.sample_noise_free_motion.filter(phase="accelerating")
+    truth = made.noise_free_motion.filter(phase="accelerating")
     start = made.manoeuvres.filter(kind="start").row(0, named=True)
     since_s = (truth["time_ns"] - start["drive_ns"]).to_numpy() * 1e-9
     mass_kg = MASS_KG + 1000.0 * np.exp(-0.05 * since_s)
@@ -37,10 +37,10 @@ def test_the_truth_follows_the_load_from_start_to_start_until_it_changes():
     np.testing.assert_allclose(end, begin * np.exp(-0.02 * seconds), rtol=1e-8)
     np.testing.assert_allclose(begin, [500.0, end[0], end[1], 700.0])
     # it stands with what is left
-    rests = made.sample_noise_free_motion.filter(phase="standstill")
+    rests = made.noise_free_motion.filter(phase="standstill")
     between = (rests["time_ns"] > starts["end_ns"][0]) & (rests["time_ns"] < starts["drive_ns"][1])
     np.testing.assert_allclose(rests.filter(between)["mass_kg"], MASS_KG + end[0])
-    assert made.sample_noise_free_motion["mass_kg"][-1] == pytest.approx(MASS_KG + end[-1])
+    assert made.noise_free_motion["mass_kg"][-1] == pytest.approx(MASS_KG + end[-1])
 
 
 LOSING = {"spill_1_s": 0.01, "pour_cycles": 0.6, "pour_share": 0.25}

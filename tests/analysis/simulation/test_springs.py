@@ -25,7 +25,7 @@ def assert_pitch_and_gravity(made, pitch_rad):
 def test_a_body_sags_and_squats_in_proportion_to_its_load(load_kg):
     chassis = {**SPRINGS, "squat_deg_s2_m": 0.3}
     made = log(chassis=chassis, campaign={"loads_kg": [load_kg]})
-    acc = made.sample_noise_free_motion["acc_x_m_s2"].to_numpy()
+    acc = made.noise_free_motion["acc_x_m_s2"].to_numpy()
     degrees = SAG_DEG_KG * load_kg + (0.3 + SQUAT_DEG_KG * load_kg) * acc
     assert_pitch_and_gravity(made, np.radians(degrees))
 
@@ -34,9 +34,9 @@ def test_a_stand_sags_under_the_load_that_is_then_in_the_bucket():
     loading = {"change_kg": 300.0, "change_before_start": 2}
     made = log(chassis={"pitch_deg_kg": SAG_DEG_KG}, loading=loading, campaign={"runs": 4})
     changed_ns = made.trials["start_ns"][2]
-    carried = np.where(made.sample_noise_free_motion["time_ns"] >= changed_ns, 300.0, 0.0)
+    carried = np.where(made.noise_free_motion["time_ns"] >= changed_ns, 300.0, 0.0)
     assert_pitch_and_gravity(made, np.radians(SAG_DEG_KG * carried))
-    np.testing.assert_array_equal(made.sample_noise_free_motion["mass_kg"], MASS_KG + carried)
+    np.testing.assert_array_equal(made.noise_free_motion["mass_kg"], MASS_KG + carried)
 
 
 def test_the_pitch_rate_is_that_of_the_pitch_while_a_bucket_fills():
@@ -46,7 +46,7 @@ def test_the_pitch_rate_is_that_of_the_pitch_while_a_bucket_fills():
         sensors={"rate_hz": 500.0},
         log={"latency_jitter_s": 0.0},
     )
-    imu, phase = made.topics["imu"], made.sample_noise_free_motion["phase"]
+    imu, phase = made.topics["imu"], made.noise_free_motion["phase"]
     driven = (phase == "accelerating").to_numpy()
     rate = np.gradient(imu["pitch_rad"], 0.002)
     inside = np.flatnonzero(driven)[100:-2]

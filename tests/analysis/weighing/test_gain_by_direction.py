@@ -166,7 +166,7 @@ class _TwoLoads:
     """A fit with an empty state and one of 3 t, whose difference is known to ± 50 kg."""
 
     states: LoadStates
-    count: int = 2
+    mass_count: int = 2
 
     @property
     def masses_kg(self) -> Floats:

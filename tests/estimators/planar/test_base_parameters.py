@@ -43,7 +43,7 @@ def test_identifiable_parameters_are_the_truth_and_the_others_nan_never_a_number
     assert np.isnan(found.theta[~single]).all()
     assert np.isfinite(found.std[single]).all()
     assert np.isnan(found.std[~single]).all()
-    combined = found.identifiability.find_determined_combinations @ LOADER
+    combined = found.identifiability.determined_combinations @ LOADER
     np.testing.assert_allclose(found.combination, combined, rtol=1e-9)
 
 

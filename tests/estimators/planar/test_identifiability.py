@@ -102,7 +102,7 @@ def test_wherever_the_centre_of_a_spin_lies_the_combinations_name_it(origin_x):
         planar_rows.make_planar_regressor(**spin(origin_x)), planar_rows.PARAMETERS
     )
     np.testing.assert_allclose(
-        found.find_determined_combinations,
+        found.determined_combinations,
         [[1, 0, 1 / origin_x, 0, 0, 0], [0, 1, origin_x, 0, 0, 0]],
         rtol=1e-8,
     )

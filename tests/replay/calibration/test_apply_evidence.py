@@ -235,7 +235,7 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
         del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]
         document = parse_evidence(encode_canonical_json(bundle.evidence), "evidence.json")
         estimator = make_estimator_with_digest(
-            document.campaign, document.weighing_machine, document.list_settings_at_default
+            document.campaign, document.weighing_machine, document.settings_at_default
         )
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 

@@ -74,7 +74,7 @@ def test_a_campaign_of_before_is_read_and_says_what_it_does_not_state(campaign: 
     read, _ = load_campaign(campaign)
     assert "laboratory" in read.missing_certificate_keys
     assert "conditions.temperature_degC" in read.missing_certificate_keys
-    assert read.describe_untraceable_references == ("the machine's empty mass has no certificate",)
+    assert read.untraceable_references_text == ("the machine's empty mass has no certificate",)
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_a_mass_that_is_not_traceable_is_said(
     text = campaign.read_text().replace("shared_u_kg = 0.01", "")
     assert old in text
     campaign.write_text(text.replace(old, new, 1))
-    assert any(said in each for each in load_campaign(campaign)[0].describe_untraceable_references)
+    assert any(said in each for each in load_campaign(campaign)[0].untraceable_references_text)
 
 
 def test_a_machine_file_is_no_campaign(campaign: Path) -> None:

@@ -120,7 +120,7 @@ def test_masses_in_are_masses_out(tmp_path: Path) -> None:
     first = campaign.masses[0]
     assert (first.certificate, first.certificate_issuer) == ("EXAMPLE-1", "Example Masses")
     assert first.certificate_signature.startswith("signed by a key of dcc_keys, ")
-    assert campaign.describe_untraceable_references == ()
+    assert campaign.untraceable_references_text == ()
 
 
 def test_weights_of_a_set_are_picked_from_a_list(tmp_path: Path) -> None:
@@ -137,12 +137,11 @@ def test_a_signature_by_another_key_is_said(tmp_path: Path) -> None:
     path = certified_campaign(tmp_path)
     path.write_text(path.read_text().replace('dcc_keys = ["masses.pub.pem"]\n', ""))
     campaign, _ = load_campaign(path)
-    assert "signed by an unknown key" in campaign.describe_untraceable_references[0]
+    assert "signed by an unknown key" in campaign.untraceable_references_text[0]
     (tmp_path / "weights.xml").write_bytes(weights_xml())
     campaign, _ = load_campaign(path)
     assert (
-        campaign.describe_untraceable_references[0]
-        == "the certificate of mass 'weight-1' is unsigned"
+        campaign.untraceable_references_text[0] == "the certificate of mass 'weight-1' is unsigned"
     )
 
 
@@ -331,7 +330,7 @@ def test_a_key_that_signs_no_xml_is_refused(
 
 
 def test_the_report_says_loudly_what_is_not_traceable(made: CalibrationOutcome) -> None:
-    values = json.loads(made.document.encode_json)
+    values = json.loads(made.document.json_bytes)
     values["campaign"]["masses"][0]["u_kg"] = 0.0
     values["campaign"]["machine"]["make"] = ""
     changed = type(made.document).model_validate_json(json.dumps(values))

@@ -83,7 +83,7 @@ def test_the_guard_band_leaves_the_risk_that_was_asked_for():
     rule = DecisionRule("OIML R 134 0.5", risk_1=0.05)
     for row in judge_campaign_loads(calibration, rule).rows:
         # an error at the edge of what is accepted is beyond the limit with that risk
-        edge = calibration.make_inversion.exceedance_probability(
+        edge = calibration.inversion.exceedance_probability(
             row.guard_kg, row.load_kg, calibration.budget_at[1]
         )
         assert edge == pytest.approx(0.05, abs=1e-4)

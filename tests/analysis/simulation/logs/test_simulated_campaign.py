@@ -23,7 +23,7 @@ def first_log(runs=2, **sections):
 
 def test_without_noise_the_driven_samples_give_mass_and_friction_by_17_and_7():
     log = first_log(sensors=QUIET)
-    driven = log.sample_noise_free_motion["phase"].is_in(["accelerating", "cruising"]).to_numpy()
+    driven = log.noise_free_motion["phase"].is_in(["accelerating", "cruising"]).to_numpy()
     acc = log.topics["imu"]["specific_force_x_m_s2"].to_numpy()
     regressor = np.column_stack([acc, mean_speed(log)])[driven]
     solution = np.linalg.lstsq(regressor, total_force(log)[driven])[0]
@@ -32,12 +32,12 @@ def test_without_noise_the_driven_samples_give_mass_and_friction_by_17_and_7():
 
 def test_on_a_slope_the_specific_force_carries_gravity_so_that_the_mass_still_comes_out():
     log = first_log(sensors=QUIET, terrain={"slope_deg": 3.0})
-    driven = log.sample_noise_free_motion["phase"].is_in(["accelerating", "cruising"]).to_numpy()
+    driven = log.noise_free_motion["phase"].is_in(["accelerating", "cruising"]).to_numpy()
     imu = log.topics["imu"]
     regressor = np.column_stack([imu["specific_force_x_m_s2"], mean_speed(log)])[driven]
     solution = np.linalg.lstsq(regressor, total_force(log)[driven])[0]
     np.testing.assert_allclose(solution, [3614.0, 2891.0], rtol=1e-6)
-    standing = (log.sample_noise_free_motion["phase"] == "standstill").to_numpy()
+    standing = (log.noise_free_motion["phase"] == "standstill").to_numpy()
     pitch = np.radians(3.0)
     np.testing.assert_allclose(
         imu["specific_force_x_m_s2"].to_numpy()[standing], 9.80665 * np.sin(pitch)
@@ -48,7 +48,7 @@ def test_on_a_slope_the_specific_force_carries_gravity_so_that_the_mass_still_co
 
 def test_the_noise_of_total_force_acceleration_and_speed_is_the_scenarios():
     log = first_log(runs=9)
-    truth = log.sample_noise_free_motion
+    truth = log.noise_free_motion
     acc = log.topics["imu"]["specific_force_x_m_s2"].to_numpy()
     for residual, std in (
         (total_force(log) - truth["measured_force_x_N"].to_numpy(), 60.0),
@@ -138,7 +138,7 @@ def test_the_truth_of_a_run_is_where_it_happens_in_the_log():
     assert log.trials["mass_kg"].to_list() == [3714.0] * 3
     assert log.trials["coulomb_N"].to_list() == [50.0] * 3
     for run in log.trials.iter_rows(named=True):
-        inside = log.sample_noise_free_motion.filter(
+        inside = log.noise_free_motion.filter(
             pl.col("time_ns").is_between(run["throttle_ns"], run["end_ns"])
         )
         first_motion = inside.filter(pl.col("speed_x_m_s") > 0)["time_ns"][0]
@@ -157,5 +157,5 @@ def test_channels_have_the_names_that_a_machine_file_knows():
 
 def test_phases_shorter_than_a_sample_and_runs_without_a_standstill_are_simulated():
     log = first_log(runs=3, campaign={"standstill_s": 0, "cruise_s": 0.001, "rest_s": 0})
-    assert log.sample_noise_free_motion["speed_x_m_s"].max() > 1.8
-    assert log.sample_noise_free_motion["speed_x_m_s"].min() > -1e-9
+    assert log.noise_free_motion["speed_x_m_s"].max() > 1.8
+    assert log.noise_free_motion["speed_x_m_s"].min() > -1e-9

@@ -171,7 +171,7 @@ def test_tyres_that_relax_slip_behind_their_force_by_their_relaxation_length():
         sensors={"rate_hz": 1000.0},
         log={"latency_jitter_s": 0.0},
     )
-    truth = made.sample_noise_free_motion
+    truth = made.noise_free_motion
     time_s = (truth["time_ns"] - truth["time_ns"][0]).to_numpy() * 1e-9
     v, force = truth["speed_x_m_s"].to_numpy(), truth["force_x_N"].to_numpy()
     slip_m_s = mean_speed(made) - v
@@ -185,7 +185,7 @@ def test_tyres_that_relax_slip_behind_their_force_by_their_relaxation_length():
 
 def test_squat_makes_the_accelerometer_read_its_share_of_gravity_and_the_pitch_says_so():
     made = log(chassis={"squat_deg_s2_m": 0.5})
-    acc = made.sample_noise_free_motion["acc_x_m_s2"].to_numpy()
+    acc = made.noise_free_motion["acc_x_m_s2"].to_numpy()
     imu = made.topics["imu"]
     reads = imu["specific_force_x_m_s2"].to_numpy()
     np.testing.assert_allclose(reads, acc * (1.0 + G * np.radians(0.5)), rtol=3e-4, atol=1e-9)
@@ -299,7 +299,7 @@ def test_hills_take_as_energy_what_the_machine_climbs():
 
 def test_the_pitch_follows_the_hills_and_the_specific_force_carries_their_gravity():
     made = log(terrain={**HILLS, "slope_deg": 1.0}, campaign={"throttle_force_N": 5000.0})
-    truth, pitch = made.sample_noise_free_motion, made.topics["imu"]["pitch_rad"].to_numpy()
+    truth, pitch = made.noise_free_motion, made.topics["imu"]["pitch_rad"].to_numpy()
     speed = truth["speed_x_m_s"].to_numpy()
     position = np.concatenate([[0.0], np.cumsum(speed[1:] + speed[:-1]) / 2.0 * 0.01])
     phase = 2.0 * np.pi * position / 6.0 + np.radians(40.0)
@@ -372,7 +372,7 @@ def test_a_start_that_turns_holds_its_yaw_rate_and_scrubs():
         sensors={"rate_hz": 500.0},
         log={"latency_jitter_s": 0.0},
     )
-    truth = made.sample_noise_free_motion
+    truth = made.noise_free_motion
     held = ((truth["time_ns"] - truth["time_ns"][0]).is_between(2.5e9, 5.9e9)).to_numpy()
     rate = made.topics["imu"]["yaw_rate_rad_s"].to_numpy()
     np.testing.assert_allclose(rate[held], 0.04, rtol=1e-5)
@@ -401,7 +401,7 @@ def test_the_truth_names_the_mass_of_every_start_and_it_is_the_one_that_is_drive
     assert made.trials["load_kg"].to_list() == loads_kg
     named = made.manoeuvres.filter(kind="start")
     assert named["mass_kg"].to_list() == [MASS_KG + load for load in loads_kg]
-    truth = made.sample_noise_free_motion
+    truth = made.noise_free_motion
     for row in named.iter_rows(named=True):
         driven = pl.col("time_ns").is_between(row["drive_ns"] + 10_000_000, row["steady_ns"] - 1)
         run = truth.filter(driven)
@@ -414,7 +414,7 @@ def test_a_bucket_that_fills_takes_up_the_momentum_of_its_load_and_is_emptied_wh
     made = log(loading={"fill_kg_s": 60.0}, campaign={"runs": 2}, machine=SMOOTH)
     start = made.manoeuvres.filter(kind="start").row(0, named=True)
     assert (start["load_kg"], start["load_end_kg"]) == (0.0, 300.0)
-    truth = made.sample_noise_free_motion
+    truth = made.noise_free_motion
     time_s = (truth["time_ns"] - start["drive_ns"]).to_numpy() * 1e-9
     opened = (time_s > 0.02) & (time_s < 2.99)
     impulse = 6000.0 * (time_s + 0.08 * np.expm1(-time_s / 0.08))

@@ -23,7 +23,7 @@ def test_a_low_passed_force_is_two_first_order_lags_behind_the_throttle():
 
 def test_a_low_passed_speed_is_late_by_its_lag_while_the_speed_is_a_ramp():
     made = log(defects={"speed_lag_s": 0.05}, machine={"friction_N_s_m": 0.0})
-    late = made.sample_noise_free_motion["speed_x_m_s"].to_numpy() - mean_speed(made)
+    late = made.noise_free_motion["speed_x_m_s"].to_numpy() - mean_speed(made)
     ramp = (seconds(made) > 2.5) & (seconds(made) < 3.99)
     np.testing.assert_allclose(late[ramp], 0.05 * 6000.0 / 3614.0, rtol=1e-3)
 
@@ -40,7 +40,7 @@ def test_the_low_pass_of_the_imu_is_on_its_channels_alone():
 
 def test_a_tilted_accelerometer_reads_gravity_and_the_pitch_does_not_say_so():
     made = log(defects={"acc_tilt_deg": 3.0})
-    imu, acc = made.topics["imu"], made.sample_noise_free_motion["acc_x_m_s2"].to_numpy()
+    imu, acc = made.topics["imu"], made.noise_free_motion["acc_x_m_s2"].to_numpy()
     sine, cosine = np.sin(np.radians(3.0)), np.cos(np.radians(3.0))
     np.testing.assert_allclose(imu["specific_force_x_m_s2"], acc * cosine + G * sine)
     np.testing.assert_allclose(imu["specific_force_z_m_s2"], G * cosine - acc * sine)
@@ -50,9 +50,7 @@ def test_a_tilted_accelerometer_reads_gravity_and_the_pitch_does_not_say_so():
 def test_an_accelerometer_without_gravity_reads_the_rate_of_the_speed_on_any_slope():
     made = log(defects={"acc_without_gravity": True}, terrain={"slope_deg": 2.0})
     imu = made.topics["imu"]
-    np.testing.assert_allclose(
-        imu["specific_force_x_m_s2"], made.sample_noise_free_motion["acc_x_m_s2"]
-    )
+    np.testing.assert_allclose(imu["specific_force_x_m_s2"], made.noise_free_motion["acc_x_m_s2"])
     np.testing.assert_array_equal(imu["specific_force_z_m_s2"], 0.0)
     np.testing.assert_allclose(imu["pitch_rad"], np.radians(2.0))
 
@@ -62,7 +60,7 @@ def test_vibration_has_its_rms_and_its_frequency_and_only_where_the_wheels_turn(
         defects={"vibration_m_s2": 0.3, "vibration_hz": 18.0, "vibration_bandwidth_hz": 2.0},
         campaign={"start_s": 100.0},
     )
-    truth = made.sample_noise_free_motion
+    truth = made.noise_free_motion
     added = (made.topics["imu"]["specific_force_x_m_s2"] - truth["acc_x_m_s2"]).to_numpy()
     moving = (truth["speed_x_m_s"] != 0.0).to_numpy()
     np.testing.assert_array_equal(added[~moving], 0.0)
@@ -77,7 +75,7 @@ def test_vibration_has_its_rms_and_its_frequency_and_only_where_the_wheels_turn(
 
 def test_load_transfer_takes_from_the_measured_share_its_part_for_each_m_s2():
     made = log(defects={"force_share_s2_m": 0.02})
-    truth = made.sample_noise_free_motion
+    truth = made.noise_free_motion
     kept = 1.0 - 0.02 * truth["acc_x_m_s2"].to_numpy()
     expected = truth["measured_force_x_N"].to_numpy() * kept
     np.testing.assert_allclose(total_force(made), expected, atol=1e-6)
@@ -86,13 +84,13 @@ def test_load_transfer_takes_from_the_measured_share_its_part_for_each_m_s2():
 
 def test_a_share_that_grows_with_the_load_reads_more_of_the_force_by_its_part_a_kg():
     made = log(defects={"force_share_1_kg": 2e-4}, campaign={"loads_kg": [250]})
-    expected = 1.05 * made.sample_noise_free_motion["measured_force_x_N"].to_numpy()
+    expected = 1.05 * made.noise_free_motion["measured_force_x_N"].to_numpy()
     np.testing.assert_allclose(total_force(made), expected, atol=1e-6)
 
 
 def test_a_gain_that_drifts_grows_linearly_over_the_log():
     made = log(defects={"force_gain_drift": 0.05}, campaign={"runs": 3})
-    true_N = made.sample_noise_free_motion["measured_force_x_N"].to_numpy()
+    true_N = made.noise_free_motion["measured_force_x_N"].to_numpy()
     part = seconds(made) / (seconds(made)[-1] + 0.01)
     expected = true_N * (1.0 + 0.05 * part)
     np.testing.assert_allclose(total_force(made), expected, atol=0.1)
@@ -100,14 +98,14 @@ def test_a_gain_that_drifts_grows_linearly_over_the_log():
 
 def test_a_clipped_force_reads_no_more_than_its_limit():
     made = log(defects={"force_clip_N": 4000.0})
-    true_N = made.sample_noise_free_motion["measured_force_x_N"].to_numpy()
+    true_N = made.noise_free_motion["measured_force_x_N"].to_numpy()
     np.testing.assert_allclose(total_force(made), np.clip(true_N, -4000.0, 4000.0), atol=1e-6)
     assert true_N.max() > 5900.0
 
 
 def test_a_sensor_with_play_reads_less_while_the_force_rises_and_more_while_it_falls():
     made = log(defects={"force_play_N": 200.0})
-    true_N = made.sample_noise_free_motion["measured_force_x_N"].to_numpy()
+    true_N = made.noise_free_motion["measured_force_x_N"].to_numpy()
     away_N = total_force(made) - true_N
     changes = np.diff(true_N, prepend=0.0)
     np.testing.assert_allclose(away_N[np.cumsum(changes > 0.0) == changes.size], -200.0)
@@ -118,7 +116,7 @@ def test_a_sensor_with_play_reads_less_while_the_force_rises_and_more_while_it_f
 
 def test_larger_wheels_turn_slower_and_take_more_torque_than_their_nominal_radius_says():
     made = log(machine={"wheel_radius_excess": 0.05})
-    truth = made.sample_noise_free_motion
+    truth = made.noise_free_motion
     np.testing.assert_allclose(mean_speed(made), truth["speed_x_m_s"] / 1.05, atol=1e-12)
     expected = 1.05 * truth["measured_force_x_N"].to_numpy()
     np.testing.assert_allclose(total_force(made), expected, atol=1e-6)

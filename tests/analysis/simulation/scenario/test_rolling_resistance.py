@@ -164,7 +164,7 @@ def test_in_a_shift_it_is_felt_in_both_directions_by_load_and_ground():
     assert made.shift is not None
     (whole,) = ShiftSimulation(made, made.shift).simulate_logs()
     fills = whole.manoeuvres.filter(pl.col("load_end_kg") > pl.col("load_kg") + 1.0)
-    motion = whole.sample_noise_free_motion
+    motion = whole.noise_free_motion
     digging = np.zeros(motion.height, np.bool_)
     for begin, end in fills.select("start_ns", "end_ns").iter_rows():
         digging |= motion["time_ns"].is_between(begin, end).to_numpy()

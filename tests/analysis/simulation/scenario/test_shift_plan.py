@@ -41,13 +41,13 @@ def plain() -> tuple[SimulatedLog, ShiftTruth]:
 
 
 def during(log: SimulatedLog, start_ns: int, end_ns: int) -> pl.DataFrame:
-    return log.sample_noise_free_motion.filter(pl.col("time_ns").is_between(start_ns, end_ns))
+    return log.noise_free_motion.filter(pl.col("time_ns").is_between(start_ns, end_ns))
 
 
 def test_force_mass_and_slope_obey_the_machines_equation_whichever_way_it_looks() -> None:
     log, _ = plain()
     fills = log.manoeuvres.filter(pl.col("load_end_kg") > pl.col("load_kg") + 1e-6)
-    motion = log.sample_noise_free_motion.filter(pl.col("speed_x_m_s").abs() > 1e-6)
+    motion = log.noise_free_motion.filter(pl.col("speed_x_m_s").abs() > 1e-6)
     for start_ns, end_ns in fills.select("start_ns", "end_ns").iter_rows():
         motion = motion.filter(~pl.col("time_ns").is_between(start_ns, end_ns))
     assert set(np.round(motion["heading_rad"].abs().to_numpy(), 6)) == {0.0, 3.141593}
@@ -64,7 +64,7 @@ def test_force_mass_and_slope_obey_the_machines_equation_whichever_way_it_looks(
 
 def test_a_machine_that_turns_on_a_slope_is_held_and_feels_gravity_from_every_side() -> None:
     log, _ = plain()
-    turning = log.sample_noise_free_motion.filter(phase="spinning")
+    turning = log.noise_free_motion.filter(phase="spinning")
     assert turning.height > 1000
     np.testing.assert_allclose(
         turning["force_x_N"],
@@ -171,7 +171,7 @@ def test_cut_into_logs_the_machine_moves_as_in_one() -> None:
     )
     begins, ends = cut.logs["start_ns"].to_list(), cut.logs["end_ns"].to_list()
     for number, part in enumerate(logs):
-        times = part.sample_noise_free_motion["time_ns"].to_numpy()
+        times = part.noise_free_motion["time_ns"].to_numpy()
         assert (times[0], part.timeline.end_ns) == (begins[number], ends[number])
         whole, here = log.timeline.sample(times), part.timeline.sample(times)
         for name in ("speed_x_m_s", "force_x_N", "mass_kg", "heading_rad"):

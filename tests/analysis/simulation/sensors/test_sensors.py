@@ -49,7 +49,7 @@ def total_force(made):
 def test_wheel_torques_and_speeds_tell_force_torque_speed_and_yaw_rate_of_any_planar_motion():
     made = log(machine={"com_x_m": -0.2, "com_y_m": 0.05})
     truth, torque, speed = (
-        made.sample_noise_free_motion,
+        made.noise_free_motion,
         made.topics["torque"],
         made.topics["speed"],
     )
@@ -71,18 +71,18 @@ def test_an_imu_beside_the_origin_is_what_the_machine_files_mounting_undoes():
         name: made.topics["imu"][name].to_numpy()
         for name in ("specific_force_x_m_s2", "specific_force_y_m_s2", "yaw_rate_rad_s")
     }
-    columns["yaw_acc_rad_s2"] = made.sample_noise_free_motion["yaw_acc_rad_s2"].to_numpy()
+    columns["yaw_acc_rad_s2"] = made.noise_free_motion["yaw_acc_rad_s2"].to_numpy()
     moved = transfer_to_origin(columns, ImuMounting(position_m=(0.8, -0.3, 0.0)))
     for axis in "xy":
         name = f"specific_force_{axis}_m_s2"
-        np.testing.assert_allclose(moved[name], made.sample_noise_free_motion[name], atol=1e-12)
+        np.testing.assert_allclose(moved[name], made.noise_free_motion[name], atol=1e-12)
         assert np.abs(columns[name] - moved[name]).max() > 0.05
 
 
 def test_a_machine_across_the_slope_rolls_and_one_that_looks_down_it_pitches_down():
     turn = {"kind": "arc", "speed_m_s": 0.3, "yaw_rate_rad_s": np.pi / 28, "duration_s": 10.0}
     made = log(manoeuvres=(turn, turn), terrain={"slope_deg": 5.0}, campaign={"rest_s": 0})
-    imu, heading = made.topics["imu"], made.sample_noise_free_motion["heading_rad"].to_numpy()
+    imu, heading = made.topics["imu"], made.noise_free_motion["heading_rad"].to_numpy()
     across = np.argmin(np.abs(heading - np.pi / 2))
     # turned left, uphill is to the right: the right side is up
     assert np.degrees(imu["roll_rad"][int(across)]) == pytest.approx(-5.0, abs=0.05)
@@ -95,7 +95,7 @@ def test_a_machine_across_the_slope_rolls_and_one_that_looks_down_it_pitches_dow
 
 def test_slipping_wheels_read_more_by_the_share_that_their_force_is_of_the_slip_stiffness():
     made = log(machine={"slip_stiffness_N": 60_000.0}, manoeuvres=({"kind": "start"},))
-    truth = made.sample_noise_free_motion
+    truth = made.noise_free_motion
     speed = made.topics["speed"]["speed_left_m_s"].to_numpy()
     expected = truth["speed_x_m_s"] * (1 + truth["force_x_N"] / 60_000.0)
     np.testing.assert_allclose(speed, expected, atol=1e-12)
