@@ -58,6 +58,8 @@ class DiagnosisLimits:
     run_min_readings: int = 5
     #: Largest step beside a run, over the smallest there, that is one step of the resolution.
     single_step_ratio: float = 1.5
+    #: Such steps that a signal moves in half of the run's time beside it, if it is slow there.
+    slow_max_steps: float = 6.0
     #: Readings on either side of a run that show whether the channel has noise,
     smooth_readings: int = 20
     #: and the largest fraction of them that turns back by more than such a step if it has none:

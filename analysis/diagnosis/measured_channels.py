@@ -195,10 +195,11 @@ def find_long_equal_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], boo
 def _is_below_resolution(x: Floats, first: int, last: int) -> bool:
     """Whether a smooth signal at rest, or at an extremum, moves too little to show in a run.
 
-    It leaves the run by a step of its resolution, or as fast as it goes on, and shows no noise
-    beside it; a sensor that froze jumps to what it missed.
+    It is slow beside the run, leaves it by a step of its resolution, or as fast as it goes on, and
+    shows no noise; a sensor that froze jumps to what it missed, and one that clips comes fast.
     """
-    reach = LIMITS.smooth_readings
+    half = (last - first + 1) // 2
+    reach = max(LIMITS.smooth_readings, half)
     steps = [
         np.diff(x[max(first - reach, 0) : first + 1][::-1]),
         np.diff(x[last : last + reach + 1]),
@@ -208,8 +209,12 @@ def _is_below_resolution(x: Floats, first: int, last: int) -> bool:
         return False  # too little beside the run
     # a table's decimals round the steps, and not all alike
     one_step = LIMITS.single_step_ratio * float(sizes[sizes > 0.0].min())
+    # what stays within a step for so long moves little for half as long beside it, on one side
+    # at least: twice as far from its top a parabola is three steps further
+    if min(np.abs(side[:half]).sum() for side in steps) > LIMITS.slow_max_steps * one_step:
+        return False
     for side in np.abs(steps[0]), np.abs(steps[1]):
-        if side[0] > max(one_step, LIMITS.single_step_ratio * side[1]):
+        if side[0] > max(side[1] + one_step, LIMITS.single_step_ratio * side[1]):
             return False
     # noise goes up and down by more than a step
     turns = [

@@ -35,8 +35,8 @@ class Symptom:
         invalidates: whether this symptom invalidates the mass, where its cause does.
         explains: causes that are only consequences of a symptom this strong, besides
             `Cause.explains`.
-        harmless: whether the answer stays the same without the affected samples, which were left
-            out; None if that was not examined.
+        harmless: whether the answer stays the same without the affected samples, left out or
+            refitted without; None if that was not examined.
     """
 
     strength: float

@@ -79,10 +79,13 @@ def _is_answer_same(
     inputs: FindingInputs, exclusion: ExcludedStretches | None, change: MassChange | None = None
 ) -> bool | None:
     """Whether the answer stays the same without the stretches; None if that is not known."""
-    if inputs.own_fit is None or exclusion is change is None:
+    if inputs.own_fit is None:
         return None
-    if exclusion is not None or change is None:
-        return exclusion and exclusion.is_harmless
+    if exclusion is not None:
+        return exclusion.is_harmless
+    # of several loads a stretch may move the others
+    if change is None or inputs.own_fit.mass_count > 1:
+        return None
     return abs(change.kg) <= DIAGNOSIS_LIMITS.harmless_change_u * inputs.own_fit.u_kg
 
 

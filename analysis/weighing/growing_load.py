@@ -88,9 +88,11 @@ class LoadFilling:
         Long logs make a misfit significant even if it changes no mass. 0 also if nothing fills the
         machine.
         """
+        if not self.is_possible:
+            return 0.0
         if np.isnan(self.moves_u):
             return float("nan")
-        return self.deviations * float(self.moves_u > 1.0 and self.is_possible)
+        return self.deviations * float(self.moves_u > 1.0)
 
     @property
     def widening_effect_kg(self) -> Floats | float:

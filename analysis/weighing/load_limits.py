@@ -38,7 +38,7 @@ class LoadLimits:
     #: Probability that any manoeuvre of a log is reported by chance.
     growth_false_alarm_probability: float = 0.01
     #: Standard deviations from which a growth in every start widens the masses of a machine that
-    #: nothing fills: of 400 clean starts one has more.
+    #: nothing fills: of 400 clean logs one has more.
     impossible_filling_std: float = 3.0
     #: A mass of so many times the median is none: 76 t hid the border between 2.2 and 2.7 t. A
     #: truck weighs three times its tare when loaded, a shunter with wagons five times.

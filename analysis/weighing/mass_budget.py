@@ -138,6 +138,13 @@ _PARTS: Final = {
         "or a speed that is not linear: this log shows one",
         "a force at the wheels from a sensor that is linear; starts at different throttles",
     ),
+    "growth": _FitPart(
+        "common",
+        "a residual that grows evenly over every start, as if the load grew: a force that is late, "
+        "an efficiency that changes with the torque, or brakes that release",
+        "a force at the wheels, on the clock of the motion; machine.digs = true if it is filled "
+        "while it drives",
+    ),
     "curvature": _FitPart(
         "common",
         "a force that is not linear in the acceleration",
@@ -248,16 +255,17 @@ def uncertainty_by_failed_checks_kg(
     )
     # which of them is the true one is not known, and one fault shows in several
     missing_kg = max(
-        abs(float(np.sum(weights * effect_kg)))
-        for effect_kg in (
-            weighing.filling.widening_effect_kg,
-            *(each.effect_kg for each in weighing.missing_terms),
-        )
+        (abs(float(weights @ each.effect_kg)) for each in weighing.missing_terms), default=0.0
     )
-    if missing_kg > curved_kg:
-        found["missing_term"] = missing_kg
-    elif curved_kg:
-        found["curvature"] = curved_kg
+    grown_kg = abs(float(np.sum(weights * weighing.filling.widening_effect_kg)))
+    name, largest_kg = max(
+        ("curvature", curved_kg),
+        ("missing_term", missing_kg),
+        ("growth", grown_kg),
+        key=lambda part: part[1],
+    )
+    if largest_kg:
+        found[name] = largest_kg
     if weighing.by_direction is not None:
         found["gain_by_direction"] = weighing.by_direction.u_1 * abs(float(weights @ fit.masses_kg))
     viscous, std = fit.viscous_friction_and_std

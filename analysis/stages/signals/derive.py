@@ -298,8 +298,9 @@ def select_usable_readings(
     limit = f"beyond {LIMITS.largest_si:g} {find_unit_in_name(name)}, which cannot be a reading"
     if not told.any():
         raise DataError(f"{name}: {where} holds only numbers {limit}: check its unit, scale")
-    empty = "missing or not finite"
-    counts = ((filters.count_lost_readings(t, finite), empty), (int((finite & ~told).sum()), limit))
+    # of a message each number was sent
+    lost = int((~finite).sum()) if channel.topic else filters.count_lost_readings(t, finite)
+    counts = ((lost, "missing or not finite"), (int((finite & ~told).sum()), limit))
     for count, why in counts:
         if count:
             losses.append(

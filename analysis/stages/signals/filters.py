@@ -156,7 +156,7 @@ def _resample_uniformly(t_ns: Ints, x: Floats, period: float) -> tuple[Ints, Flo
 
 
 def count_lost_readings(t_ns: Ints, is_reading: Bools) -> int:
-    """Count the rows without a reading that a gap among the readings shows.
+    """Count the rows of a table without a reading that a gap among the readings shows.
 
     A table that merges channels of several rates has empty cells where a channel was not measured.
 
@@ -164,12 +164,13 @@ def count_lost_readings(t_ns: Ints, is_reading: Bools) -> int:
         t_ns: (n,) stamps in ns.
         is_reading: (n,) whether each row has a reading; at least one has.
     """
-    missing = int((~is_reading).sum())
-    if not missing:
-        return 0
-    kept = t_ns[is_reading]
-    median_period_ns = float(np.median(np.diff(kept))) if kept.size > 1 else 0.0
-    if not median_period_ns > 0.0:
+    missing, kept = int((~is_reading).sum()), t_ns[is_reading]
+    if not missing or kept.size < 2:
         return missing
-    gaps = np.diff(np.concatenate([t_ns[:1], kept, t_ns[-1:]])) / median_period_ns
-    return min(missing, int(np.maximum(np.ceil(gaps - LIMITS.reading_gap_periods), 0.0).sum()))
+    # a quarter of the steps at least lacks none, whatever was lost
+    usual_ns = float(np.quantile(np.diff(kept), 0.25))
+    if not usual_ns > 0.0:
+        return missing
+    inner = np.ceil(np.diff(kept) / usual_ns - LIMITS.reading_gap_periods)
+    ends = np.floor(np.array([kept[0] - t_ns[0], t_ns[-1] - kept[-1]]) / usual_ns)
+    return min(missing, int(np.maximum(inner, 0.0).sum() + ends.sum()))

@@ -40,7 +40,7 @@ def test_where_nothing_fills_the_machine_a_growth_is_in_the_uncertainty() -> Non
     (effect_kg,) = np.abs(np.atleast_1d(shift.filling.widening_effect_kg))
     assert effect_kg > 0.0
     widened = uncertainty_by_failed_checks_kg(shift, one, shift.fit.u_parts_kg(one))
-    assert widened["missing_term"] >= effect_kg * (1.0 - 1e-9)
+    assert widened["growth"] >= effect_kg * (1.0 - 1e-9)
     assert not np.any(digs.filling.widening_effect_kg)
 
 
