@@ -56,7 +56,9 @@ def find_accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
     return found if axes == sorted(_AXES) else []
 
 
-def find_accelerometer_units(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[str, str]]:
+def find_accelerometer_units(
+    log: Log, columns: Sequence[LogColumn]
+) -> dict[LogColumn, tuple[str, str]]:
     """Units, with reasons, of an accelerometer without stated units, if one axis shows gravity.
 
     Args:
@@ -71,13 +73,13 @@ def find_accelerometer_units(log: Log, columns: Sequence[LogColumn]) -> dict[str
             ("standard_gravity", LIMITS.gravity_g),
         ):
             if low <= middle <= high:
-                reason = f"gravity is on '{column.field}' ({middle:.2f}): in {unit}"
-                return {each.field: (unit, reason) for each in axes}
+                reason = f"gravity is on '{column.label}' ({middle:.2f}): in {unit}"
+                return dict.fromkeys(axes, (unit, reason))
     return {}
 
 
-def find_fields_without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
-    """Fields of an accelerometer without gravity on any axis: some program removed it."""
+def find_fields_without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[LogColumn]:
+    """Columns of an accelerometer without gravity on any axis: some program removed it."""
     axes = [column for column in find_accelerometer_axes(columns) if column.unit is not None]
     if len(axes) != len(_AXES):
         return set()
@@ -89,7 +91,7 @@ def find_fields_without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[s
         total += (
             _median_of_column(log, column) * gain_and_offset_to_si(column.unit, "m/s²")[0]
         ) ** 2
-    return {column.field for column in axes} if total < (LIMITS.gravity_m_s2[0] / 2) ** 2 else set()
+    return set(axes) if total < (LIMITS.gravity_m_s2[0] / 2) ** 2 else set()
 
 
 def are_same_readings(log: Log, column: LogColumn, other_column: LogColumn) -> bool:
@@ -140,11 +142,11 @@ def add_correlation_remarks(
         if each.field and speed is not None and (is_force or is_acceleration):
             goes = correlate_with_slope(log, each, speed)
             if goes is not None:
-                reason += f"; correlates with the change of {speed.field}, {goes:.2f}"
+                reason += f"; correlates with the change of {speed.label}, {goes:.2f}"
                 if goes < -LIMITS.clear_correlation:
-                    recognition.ask_question("sign", _SIGN.format(f"'{each.field}'", goes))
+                    recognition.ask_question("sign", _SIGN.format(f"'{each.label}'", goes))
                 if is_force and abs(goes) < LIMITS.absent_correlation:
-                    recognition.ask_question("column", _APART.format(each.field, speed.field, goes))
+                    recognition.ask_question("column", _APART.format(each.label, speed.label, goes))
             if is_acceleration:
                 ask_about_units(log, each, speed, recognition)
             if is_force:
@@ -154,10 +156,10 @@ def add_correlation_remarks(
             goes = correlate_with_slope(log, each, place)
             if goes is not None and goes < -LIMITS.clear_correlation:
                 recognition.ask_question(
-                    "sign", _AGAINST_PLACE.format(each.field, place.field, goes)
+                    "sign", _AGAINST_PLACE.format(each.label, place.label, goes)
                 )
             if goes is not None and abs(goes) > LIMITS.clear_correlation:
-                reason += f"; correlates with the change of {place.field}, {goes:.2f}"
+                reason += f"; correlates with the change of {place.label}, {goes:.2f}"
         channels.append(replace(each, reason=reason))
     recognition.channels = channels
     return recognition
@@ -181,7 +183,7 @@ def ask_about_mirrored_side(
             else None
         )
         if goes is not None and goes < -LIMITS.clear_correlation:
-            recognition.ask_question("sign", _MIRRORED.format(left.field, right.field, goes))
+            recognition.ask_question("sign", _MIRRORED.format(left.label, right.label, goes))
 
 
 def ask_about_units(
@@ -203,7 +205,7 @@ def ask_about_units(
         return
     times = float(change.std() / x.std())
     if not LIMITS.unit_ratio_range[0] < times < LIMITS.unit_ratio_range[1]:
-        recognition.ask_question("unit", _UNITS_APART.format(rate.field, other.field, times))
+        recognition.ask_question("unit", _UNITS_APART.format(rate.label, other.label, times))
 
 
 #: Units of channels of which one is the change of another.
@@ -225,7 +227,7 @@ def ask_about_wrapped_sign(log: Log, proposal: ChannelProposal, recognition: Rec
         half = 2 ** (bits - 1)
         if half < jump and half < largest < 2 * half:
             recognition.ask_question(
-                "sign", _WRAPPED.format(proposal.field, bits, half - 1, 2 * half)
+                "sign", _WRAPPED.format(proposal.label, bits, half - 1, 2 * half)
             )
 
 
@@ -245,7 +247,7 @@ def _ask_about_unsigned_force(
         slope.min() < 0 < slope.max()
         and stops.mean() > LIMITS.unsigned_braking_fraction * starts.mean() > 0
     ):
-        recognition.ask_question("sign", _WITHOUT_SIGN.format(proposal.field))
+        recognition.ask_question("sign", _WITHOUT_SIGN.format(proposal.label))
 
 
 def read_series_of_proposal(log: Log, proposal: ChannelProposal) -> tuple[Floats, Floats]:

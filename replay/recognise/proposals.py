@@ -73,6 +73,11 @@ class ChannelProposal:
     derive: str | None = None
     is_comment: bool = False
 
+    @property
+    def label(self) -> str:
+        """Source field as text, with its topic if there are several."""
+        return f"{self.topic} {self.field}" if self.topic else str(self.field)
+
 
 @dataclass(slots=True)
 class Recognition:

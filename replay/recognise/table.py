@@ -24,7 +24,7 @@ from replay.recognise.correlations import (
 )
 from replay.recognise.drives import propose_drives
 from replay.recognise.proposals import LogColumn, Recognition
-from replay.recognise.words import is_side_prefix_real, read_column_name
+from replay.recognise.words import ColumnMeaning, is_side_prefix_real, read_column_name
 
 #: A column that may fill a channel, why, and the unit that it is in.
 Claim = tuple[LogColumn, str, str | None]
@@ -54,14 +54,17 @@ _UNIT_OF_SIGNAL: Final = {
 }  # fmt: skip
 #: Packages whose messages have one meaning: their types give channels, or none.
 _STANDARD_PACKAGES: Final = frozenset((
-    "std_msgs", "sensor_msgs", "nav_msgs", "geometry_msgs", "tf2_msgs", "tf", "diagnostic_msgs",
+    "std_msgs", "foxglove", "sensor_msgs", "nav_msgs", "geometry_msgs", "tf2_msgs", "tf",
+    "diagnostic_msgs",
     "rosgraph_msgs", "rcl_interfaces", "visualization_msgs", "actionlib_msgs", "bond",
     "dynamic_reconfigure", "builtin_interfaces", "statistics_msgs", "theora_image_transport",
 ))  # fmt: skip
 #: Messages of a single number.
 _NUMBERS: Final = ("Float32", "Float64", "Int8", "Int16", "Int32", "Int64")
 #: Fields of a message that are no readings: its stamp, and lists.
-_NO_READING: Final = re.compile(r"(?:^|\.)(?:header|stamp|seq|n?secs?|nanosec|timestamp)\b|\[\]")
+_STAMPS_AND_LISTS: Final = re.compile(
+    r"(?:^|\.)(?:header|stamp|seq|n?secs?|nanosec|timestamp)\b|\[\]"
+)
 
 
 def recognise_channels_of_table(log: Log) -> Recognition:
@@ -88,8 +91,10 @@ def recognise_fields_of_messages(log: Log, recognition: Recognition) -> Recognit
 
 def _recognise_channels_by_name(log: Log, found: Recognition) -> Recognition:
     columns = _list_columns(log)
+    known = Counter(column.field for column in columns if column.field in _KNOWN)
     for column in columns:
-        if column.field in _KNOWN:
+        # of several topics' forces, or of a command, words decide
+        if known[column.field] == 1 and not column.name_meaning.is_no_reading:
             found.fill_channel(column, column.field, "its name", find_unit_in_name(column.field))
     by_gravity = find_accelerometer_units(log, columns)
     kinematic = find_fields_without_gravity(log, columns)
@@ -97,18 +102,18 @@ def _recognise_channels_by_name(log: Log, found: Recognition) -> Recognition:
     for quantity, channel_of in _CHANNEL_OF.items():
         for column in columns:
             channel = channel_of(column) if column.quantity == quantity else None
-            if channel is None and column.field in by_gravity:
+            if channel is None and column in by_gravity:
                 channel = _match_specific_force_channel(column)
             if channel is None:
                 continue
-            if column.field in kinematic or (
+            if column in kinematic or (
                 column.name_meaning.is_without_gravity and channel.startswith("specific")
             ):
                 if channel != "specific_force_x_m_s2":
                     continue
                 channel = "acc_x_m_s2"
             unit, reason = by_gravity.get(
-                column.field,
+                column,
                 (column.unit, "its name and unit" if column.unit else "its name"),
             )
             # an axis of an accelerometer claims its channel in the turn of each quantity
@@ -168,17 +173,21 @@ def _list_columns(log: Log) -> list[LogColumn]:
     for row in log.topics().iter_rows(named=True):
         units = log.units(row["topic"])
         topic = None if row["topic"] == TABLE else row["topic"]
-        if topic and not _may_name_readings(row["type"]):
+        is_empty = not row["messages"] or row["problem"]
+        if topic and (is_empty or not _may_name_readings(row["type"])):
             continue
         names = frozenset(row["fields"])
         for field in row["fields"]:
-            if topic and _NO_READING.search(field):
+            if topic and _STAMPS_AND_LISTS.search(field):
                 continue
-            name = field if topic is None else _name_with_topic(topic, field)
-            said, unit = (
-                read_column_name(strip_unit_from_name(name)),
-                units.get(field) or _unit_of_known_name(field) or _unit_behind_name(topic, name),
+            name = _name_behind_topic(topic, field)
+            unit = (
+                units.get(field)
+                or _unit_of_known_name(name)
+                or (topic and split_unit_from_name(name)[1])
+                or None
             )
+            said = _add_words_of_topic(read_column_name(strip_unit_from_name(name)), topic)
             if said.side and not is_side_prefix_real(field, names):
                 said = replace(said, side=None)
             if said.is_no_reading or said.is_elsewhere:
@@ -195,19 +204,31 @@ def _list_columns(log: Log) -> list[LogColumn]:
 
 def _may_name_readings(message_type: str) -> bool:
     """Whether the fields of a message may be named by who recorded them."""
-    package, _, kind = message_type.partition("/")
-    return package not in _STANDARD_PACKAGES or (package == "std_msgs" and kind.endswith(_NUMBERS))
+    package, *kinds = re.split(r"[/.]", message_type)
+    kind = kinds[-1] if kinds else ""
+    return package not in _STANDARD_PACKAGES or (package == "std_msgs" and kind in _NUMBERS)
 
 
-def _name_with_topic(topic: str, field: str) -> str:
-    """Name of a field with the end of its topic, which alone names what a single number is."""
-    parent, last = (["", *topic.split("/")])[-2:]
-    return last if field == "data" else f"{parent} {last} {field}"
+def _name_behind_topic(topic: str | None, field: str) -> str:
+    """Last part of a field's name; that of its topic where it is the only number."""
+    if topic is None:
+        return field
+    return topic.rstrip("/").rpartition("/")[2] if field == "data" else field.rpartition(".")[2]
 
 
-def _unit_behind_name(topic: str | None, name: str) -> str | None:
-    """Unit at the end of a field's name; a table has its units already."""
-    return None if topic is None else split_unit_from_name(name)[1]
+def _add_words_of_topic(meaning: ColumnMeaning, topic: str | None) -> ColumnMeaning:
+    """Meaning of a field with what its topic says and its own name leaves open."""
+    for segment in reversed((topic or "").strip("/").split("/")[-2:]):
+        around = read_column_name(segment)
+        meaning = replace(
+            meaning,
+            side=meaning.side or around.side,
+            axis=meaning.axis or around.axis,
+            part=meaning.part or around.part,
+            is_no_reading=meaning.is_no_reading or around.is_no_reading,
+            is_elsewhere=meaning.is_elsewhere or around.is_elsewhere,
+        )
+    return meaning
 
 
 def _unit_of_known_name(name: str) -> str | None:

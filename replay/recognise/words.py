@@ -51,10 +51,10 @@ _WHEEL: Final = ("wheel", "rad", "hub", "axle", "tire", "tyre", "wheels")
 
 #: What was wanted or allowed, or an end of an interval: no reading of a sensor.
 _NO_READING: Final = frozenset((
-    "setpoint", "setpt", "soll", "sollwert", "target", "demand", "demanded", "desired", "wanted",
-    "command", "commanded", "cmd", "request", "requested", "reference", "ref", "consigne", "limit",
-    "limits", "min", "max", "minimum", "maximum", "peak", "threshold", "error", "std", "deviation",
-    "grenze", "grenzwert",
+    "goal", "setpoint", "setpt", "soll", "sollwert", "target", "demand", "demanded", "desired",
+    "wanted", "command", "commanded", "cmd", "request", "requested", "reference", "ref",
+    "consigne", "limit", "limits", "min", "max", "minimum", "maximum", "peak", "threshold",
+    "error", "std", "deviation", "grenze", "grenzwert",
 ))  # fmt: skip
 #: Beginnings of words for what is not the machine's motion nor what moves it: wind, brakes, tools.
 _ELSEWHERE: Final = re.compile(

@@ -69,3 +69,26 @@ def test_a_noisy_channel_that_freezes_is_found_even_where_it_misses_nothing(
     x[1000:1100] = x[1000]
     runs, _ = find_long_equal_runs(t, x)
     assert any(run.begin_ns <= t[1000] and t[1099] <= run.end_ns for run in runs)
+
+
+def _ramps() -> tuple[Ints, Floats]:
+    """A speed of 0 to 6 m/s and back, without noise or resolution, at 50 Hz."""
+    t = _stamps(50.0)
+    return t, 3.0 - 3.0 * np.cos(2.0 * np.pi * t / 20e9)
+
+
+def test_a_speed_that_is_clipped_is_found() -> None:
+    t, x = _ramps()
+    runs, _ = find_long_equal_runs(t, np.minimum(x, 4.0))
+    assert {run.value for run in runs} == {4.0}
+
+
+@pytest.mark.parametrize("low_pass_s", [0.05, 0.3])
+def test_a_freeze_that_comes_back_through_a_filter_is_found(low_pass_s: float) -> None:
+    t, x = _ramps()
+    begin, end = 200, 300
+    x[begin:end] = x[begin]
+    missed = x[end] - x[begin]
+    x[end:] -= missed * np.exp(-np.arange(x.size - end) / 50.0 / low_pass_s)
+    runs, _ = find_long_equal_runs(t, x)
+    assert any(run.begin_ns <= t[begin] and t[end - 1] <= run.end_ns for run in runs)

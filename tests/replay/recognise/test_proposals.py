@@ -370,3 +370,49 @@ def test_a_topic_names_its_single_number(tmp_path: Path) -> None:
     assert draft["force_x_N"] == {"topic": "/drive/pull_kN", "field": "data", "unit": "kN"}
     assert draft["speed_x_m_s"] == {"topic": "/drive/speed_kmh", "field": "data", "unit": "km/h"}
     assert lacking == []
+
+
+def sources(text: str) -> dict[str, str]:
+    """Topic of each channel that a draft fills."""
+    channels = tomllib.loads(text)["channels"]
+    return {name: each["topic"] for name, each in channels.items() if "topic" in each}
+
+
+def test_a_topic_names_a_side_and_what_was_wanted(tmp_path: Path) -> None:
+    both = {f"/{side}/torque_Nm": {"data": A} for side in ("left", "right")}
+    both |= {f"/{side}/speed_kmh": {"data": V} for side in ("left", "right")}
+    write_json_log(tmp_path / "sides.mcap", both)
+    text, lacking = drafted(tmp_path / "sides.mcap")
+    assert sources(text) == {
+        "torque_left_N_m": "/left/torque_Nm",
+        "torque_right_N_m": "/right/torque_Nm",
+        "speed_left_m_s": "/left/speed_kmh",
+        "speed_right_m_s": "/right/speed_kmh",
+    }
+    assert lacking == ["machine.wheel_radius_m, which turns wheel torques into a force"]
+    drive = {"force_x_N": A, "speed_x_m_s": V}
+    write_json_log(tmp_path / "wanted.mcap", {"/a_cmd": drive, "/b_state": drive})
+    text, _ = drafted(tmp_path / "wanted.mcap")
+    assert sources(text) == {"force_x_N": "/b_state", "speed_x_m_s": "/b_state"}
+
+
+def test_forces_of_two_topics_are_a_question(tmp_path: Path) -> None:
+    drive = {"force_x_N": A, "speed_x_m_s": V}
+    write_json_log(tmp_path / "log.mcap", {"/front/state": drive, "/rear/state": drive})
+    _, lacking = drafted(tmp_path / "log.mcap")
+    (question,) = lacking
+    assert "which of '/front/state force_x_N', '/rear/state force_x_N'" in question
+
+
+def test_three_accelerations_a_topic_each_are_one_sensor(tmp_path: Path) -> None:
+    axes = {"x": A, "y": 0.01 * A, "z": 9.81 + 0.01 * A}
+    topics = {f"/acc_{axis}": {"data": x} for axis, x in axes.items()}
+    write_json_log(
+        tmp_path / "log.mcap",
+        topics | {"/pull_kN": {"data": A}, "/speed_kmh": {"data": 3.6 * V}},
+    )
+    text, lacking = drafted(tmp_path / "log.mcap")
+    found = sources(text)
+    assert {f"specific_force_{axis}_m_s2": f"/acc_{axis}" for axis in axes}.items() <= found.items()
+    assert (found["force_x_N"], found["speed_x_m_s"]) == ("/pull_kN", "/speed_kmh")
+    assert lacking == []

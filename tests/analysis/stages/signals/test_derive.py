@@ -6,6 +6,7 @@ import pytest
 
 from analysis.stages.signals import filters
 from analysis.stages.signals.derive import derive, read_measured_channels
+from analysis.stages.signals.filters import count_lost_readings
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
 
@@ -73,20 +74,21 @@ def test_samples_that_are_no_number_are_left_out_and_counted(raw_topic, machine)
     ]
 
 
-def test_empty_cells_of_a_table_that_merges_two_rates_are_no_loss(raw_topic, machine):
-    force = np.where(np.arange(500) % 5 == 2, np.arange(500.0), np.nan)
-    channels, losses, _ = derived(loader(raw_topic, force=force), machine())
-    assert channels["force_x_N"].height == 100
-    assert losses == []
+def test_empty_cells_of_a_table_that_merges_two_rates_are_no_loss():
+    assert count_lost_readings(T, np.arange(500) % 5 == 2) == 0
 
 
-def test_of_those_of_a_slow_channel_the_readings_that_lack_are_counted(raw_topic, machine):
-    force = np.where(np.arange(500) % 5 == 2, np.arange(500.0), np.nan)
-    force[[102, 107]] = np.nan
-    _, losses, _ = derived(loader(raw_topic, force=force), machine())
-    assert [loss.what for loss in losses] == [
-        "2 of 500 samples of force are missing or not finite; they were excluded"
-    ]
+def test_readings_that_a_slow_column_lacks_are_counted():
+    is_reading = np.arange(500) % 5 == 2
+    is_reading[[102, 107]] = False
+    assert count_lost_readings(T, is_reading) == 2
+
+
+def test_readings_that_a_column_lacks_at_random_or_at_an_end_are_counted_in_full():
+    is_reading = np.random.default_rng(1).random(500) < 0.4
+    assert count_lost_readings(T, is_reading) == 500 - is_reading.sum()
+    assert count_lost_readings(T, np.arange(500) >= 7) == 7
+    assert count_lost_readings(T, np.arange(500) < 497) == 3
 
 
 def test_of_samples_that_share_a_stamp_the_last_is_kept_and_the_others_counted(raw_topic, machine):
