@@ -3,7 +3,9 @@
 Sides that are unlike while the machine drives straight: one sensor, wheel or tyre is off.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from itertools import chain
 from typing import Final
 
@@ -53,7 +55,11 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     for begin, end in chain(*of_channel.values()):
         holds |= (t >= begin) & (t <= end)
     found = inputs.check_inputs.left_out.get("frozen_s")
-    change = refit_without_samples(inputs, holds)
+
+    @cache
+    def refit_without_frozen_samples() -> MassChange | None:
+        return refit_without_samples(inputs, holds)
+
     times = "for" if len(spans) == 1 else f"{len(spans)} times, for"
     return [
         Symptom(
@@ -62,8 +68,8 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
             f"change{_format_refit_result(found)}",
             channel=name,
             span_ns=inputs.convert_to_relative_ns(*spans[0]),
-            change=lambda: change,
-            harmless=_is_answer_same(inputs, found, change),
+            change=refit_without_frozen_samples,
+            harmless=_is_answer_same(inputs, found, refit_without_frozen_samples),
             explains=_OF_DEAD
             if 1e9 * total_s[name] > LIMITS.dead_fraction * (t[-1] - t[0])
             else (),
@@ -76,7 +82,9 @@ def _format_refit_result(exclusion: ExcludedStretches | None) -> str:
 
 
 def _is_answer_same(
-    inputs: FindingInputs, exclusion: ExcludedStretches | None, change: MassChange | None = None
+    inputs: FindingInputs,
+    exclusion: ExcludedStretches | None,
+    refit: Callable[[], MassChange | None] | None = None,
 ) -> bool | None:
     """Whether the answer stays the same without the stretches; None if that is not known."""
     if inputs.own_fit is None:
@@ -84,7 +92,8 @@ def _is_answer_same(
     if exclusion is not None:
         return exclusion.is_harmless
     # of several loads a stretch may move the others
-    if change is None or inputs.own_fit.mass_count > 1:
+    change = refit() if refit is not None and inputs.own_fit.mass_count == 1 else None
+    if change is None:
         return None
     return abs(change.kg) <= DIAGNOSIS_LIMITS.harmless_change_u * inputs.own_fit.u_kg
 

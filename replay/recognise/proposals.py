@@ -29,7 +29,7 @@ class LogColumn:
     @property
     def label(self) -> str:
         """Field as text, with its topic if there are several."""
-        return self.field if self.topic is None else f"{self.topic} {self.field}"
+        return format_source(self.topic, self.field)
 
     def has_dimension_of_channel(self, channel: str) -> bool:
         """Whether the unit has a channel's dimension; False without a unit."""
@@ -49,6 +49,11 @@ def has_dimension_of(unit: str, other: str) -> bool:
     except MachineError:
         return False
     return True
+
+
+def format_source(topic: str | None, field: str) -> str:
+    """Field as text, with its topic if there are several."""
+    return f"{topic} {field}" if topic else field
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +81,7 @@ class ChannelProposal:
     @property
     def label(self) -> str:
         """Source field as text, with its topic if there are several."""
-        return f"{self.topic} {self.field}" if self.topic else str(self.field)
+        return format_source(self.topic, str(self.field))
 
 
 @dataclass(slots=True)

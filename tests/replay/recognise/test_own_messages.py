@@ -1,0 +1,106 @@
+"""What `init` proposes for the fields of one's own messages, by their names and topics."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+from mcap.writer import Writer
+
+from replay.init.guess_machine import draft_machine_file
+from replay.logs import open_log
+
+T = np.arange(600) / 50
+V = np.clip(np.sin(T), 0, None) * 3
+A = np.gradient(V, T)
+
+
+def write_json_log(path: Path, topics: dict[str, dict[str, np.ndarray]]) -> None:
+    """An MCAP file of JSON messages at the times T."""
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        for topic, fields in topics.items():
+            properties = {name: {"type": "number"} for name in fields}
+            schema = json.dumps({"type": "object", "properties": properties}).encode()
+            number = writer.register_channel(
+                topic, "json", writer.register_schema(topic.strip("/"), "jsonschema", schema)
+            )
+            for k, t in enumerate(T):
+                data = json.dumps({name: float(x[k]) for name, x in fields.items()}).encode()
+                writer.add_message(number, int(1e9 + 1e9 * t), data, int(1e9 + 1e9 * t))
+        writer.finish()
+
+
+def drafted(path: Path) -> tuple[str, list[str]]:
+    with open_log(path) as log:
+        return draft_machine_file(log, None)
+
+
+def test_fields_of_ones_own_messages_are_recognised_by_their_names(tmp_path: Path) -> None:
+    motor = {"torque_Nm": 9.0 * A, "speed_rpm": 300.0 * V}
+    write_json_log(tmp_path / "log.mcap", {"/motor/front": motor, "/motor/rear": motor})
+    text, lacking = drafted(tmp_path / "log.mcap")
+    assert '# topic = "/motor/front"\n# field = "torque_Nm"\n# unit = "N*m"' in text
+    assert '# derive = "motor_torque_N_m * GEAR / wheel_radius_m"' in text
+    assert '# derive = "motor_rpm / GEAR * wheel_radius_m"' in text
+    assert (
+        "which of '/motor/front torque_Nm', '/motor/rear torque_Nm' drive the machine: their "
+        "torques are added"
+    ) in lacking
+
+
+def test_a_topic_names_its_single_number(tmp_path: Path) -> None:
+    topics = {"/drive/pull_kN": {"data": A}, "/drive/speed_kmh": {"data": 3.6 * V}}
+    write_json_log(tmp_path / "log.mcap", topics)
+    text, lacking = drafted(tmp_path / "log.mcap")
+    draft = tomllib.loads(text)["channels"]
+    assert draft["force_x_N"] == {"topic": "/drive/pull_kN", "field": "data", "unit": "kN"}
+    assert draft["speed_x_m_s"] == {"topic": "/drive/speed_kmh", "field": "data", "unit": "km/h"}
+    assert lacking == []
+
+
+def sources(text: str) -> dict[str, str]:
+    """Topic of each channel that a draft fills."""
+    channels = tomllib.loads(text)["channels"]
+    return {name: each["topic"] for name, each in channels.items() if "topic" in each}
+
+
+def test_a_topic_names_a_side_and_what_was_wanted(tmp_path: Path) -> None:
+    both = {f"/{side}/torque_Nm": {"data": A} for side in ("left", "right")}
+    both |= {f"/{side}/speed_kmh": {"data": V} for side in ("left", "right")}
+    write_json_log(tmp_path / "sides.mcap", both)
+    text, lacking = drafted(tmp_path / "sides.mcap")
+    assert sources(text) == {
+        "torque_left_N_m": "/left/torque_Nm",
+        "torque_right_N_m": "/right/torque_Nm",
+        "speed_left_m_s": "/left/speed_kmh",
+        "speed_right_m_s": "/right/speed_kmh",
+    }
+    assert lacking == ["machine.wheel_radius_m, which turns wheel torques into a force"]
+    drive = {"force_x_N": A, "speed_x_m_s": V}
+    write_json_log(tmp_path / "wanted.mcap", {"/a_cmd": drive, "/b_state": drive})
+    text, _ = drafted(tmp_path / "wanted.mcap")
+    assert sources(text) == {"force_x_N": "/b_state", "speed_x_m_s": "/b_state"}
+
+
+def test_forces_of_two_topics_are_a_question(tmp_path: Path) -> None:
+    drive = {"force_x_N": A, "speed_x_m_s": V}
+    write_json_log(tmp_path / "log.mcap", {"/front/state": drive, "/rear/state": drive})
+    _, lacking = drafted(tmp_path / "log.mcap")
+    (question,) = lacking
+    assert "which of '/front/state force_x_N', '/rear/state force_x_N'" in question
+
+
+def test_three_accelerations_a_topic_each_are_one_sensor(tmp_path: Path) -> None:
+    axes = {"x": A, "y": 0.01 * A, "z": 9.81 + 0.01 * A}
+    topics = {f"/acc_{axis}": {"data": x} for axis, x in axes.items()}
+    write_json_log(
+        tmp_path / "log.mcap",
+        topics | {"/pull_kN": {"data": A}, "/speed_kmh": {"data": 3.6 * V}},
+    )
+    text, lacking = drafted(tmp_path / "log.mcap")
+    found = sources(text)
+    assert {f"specific_force_{axis}_m_s2": f"/acc_{axis}" for axis in axes}.items() <= found.items()
+    assert (found["force_x_N"], found["speed_x_m_s"]) == ("/pull_kN", "/speed_kmh")
+    assert lacking == []
