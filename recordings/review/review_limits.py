@@ -26,6 +26,8 @@ class ReviewLimits:
     # review_page
     #: Shortest recorded time in s of which a rate is stated.
     rate_min_s: float = 300.0
+    #: Longest gap in s whose hours have rows of their own: days without a log would bury the rest.
+    gap_by_hour_max_s: float = 86_400.0
     #: Findings that a page lists: it is no list of all that may be wrong.
     max_findings: int = 3
 

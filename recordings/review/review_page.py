@@ -1,8 +1,9 @@
 """Page of a review: one HTML file for phone, desk or paper."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain, pairwise
 from typing import Any, Final, NamedTuple
 
 import polars as pl
@@ -147,10 +148,11 @@ def make_hour_table_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple
     clock, t0_ns = state.clock, state.t0_unix_ns
     hours = [clock.format_hour((ends_ns - t0_ns) / NS) for ends_ns in ledger["end_unix_ns"]]
     named = ledger.with_columns(pl.Series("hour", hours, dtype=pl.String))
-    recorded = dict(iter_recorded_time_by_hour(clock, state.gaps_s))
+    recorded_s = sum_recorded_time_by_hour(clock, state.gaps_s)
+    rows = {hour: part for (hour,), part in named.partition_by("hour", as_dict=True).items()}
     return [
-        (hour, *_make_hour_cells(named.filter(hour=hour), t0_ns, recorded.get(hour, 0.0)))
-        for hour in dict.fromkeys([*recorded, *hours])
+        (hour, *_make_hour_cells(rows.get(hour, named.clear()), t0_ns, recorded_s.get(hour, 0.0)))
+        for hour in dict.fromkeys([*recorded_s, *hours])
     ]
 
 
@@ -169,16 +171,22 @@ def _make_hour_cells(rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Itera
     yield f"{energies.sum():.2f}" if energies.len() else "–"
 
 
-def iter_recorded_time_by_hour(
-    clock: ShiftClock, gaps_s: tuple[tuple[float, float], ...]
-) -> Iterator[tuple[str, float]]:
-    """Each clock hour of the shift, with its recorded time in s."""
-    begin_s = 0.0
-    while begin_s < clock.duration_s:
-        end_s = min(clock.next_hour_s(begin_s), clock.duration_s)
-        hidden_s = sum(max(min(e, end_s) - max(s, begin_s), 0.0) for s, e in gaps_s)
-        yield clock.format_hour(begin_s), end_s - begin_s - hidden_s
-        begin_s = end_s
+def sum_recorded_time_by_hour(
+    clock: ShiftClock, gaps_s: Iterable[tuple[float, float]]
+) -> dict[str, float]:
+    """Recorded time in s of each clock hour of the shift, without the hours of long gaps."""
+    ends_s = [0.0, *chain.from_iterable(sorted(gaps_s)), clock.duration_s]
+    recorded_s: dict[str, float] = {}
+    for number, (start_s, end_s) in enumerate(pairwise(ends_s)):
+        is_gap = number % 2 == 1
+        if is_gap and end_s - start_s > LIMITS.gap_by_hour_max_s:
+            continue
+        while start_s < end_s:
+            stop_s = min(clock.next_hour_s(start_s), end_s)
+            hour = clock.format_hour(start_s)
+            recorded_s[hour] = recorded_s.get(hour, 0.0) + (0.0 if is_gap else stop_s - start_s)
+            start_s = stop_s
+    return recorded_s
 
 
 class UsedCalibration(NamedTuple):

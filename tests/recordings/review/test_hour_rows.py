@@ -24,6 +24,12 @@ def test_an_hour_of_which_no_log_is_left_is_there_with_nothing_recorded() -> Non
     assert found["01:00 +01:00"]["t/h"] == "–"
 
 
+def test_years_between_two_logs_have_no_rows() -> None:
+    days = 1200.0
+    found = hours(duration_s=days * 86_400.0, gaps_s=((1800.0, days * 86_400.0 - 600.0),))
+    assert [each["recorded"] for each in found.values()] == ["30 min", "10 min"]
+
+
 def test_tonnes_an_hour_are_those_of_recorded_time() -> None:
     first = hours(gaps_s=((1800.0, 3600.0),))["00:00 +01:00"]
     tonnes = float(first["t ± U"].split(" ± ")[0])
