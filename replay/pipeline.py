@@ -7,7 +7,7 @@ from typing import Final
 import polars as pl
 
 from analysis.cycles.cycles import weigh_cycles
-from analysis.cycles.shift_totals import make_shift_totals
+from analysis.cycles.shift_totals import estimate_min_detectable_load_kg, make_shift_totals
 from analysis.diagnosis import (
     CheckInputs,
     collect_raw_signals,
@@ -215,7 +215,11 @@ def run(
             **answer,
             "cycles": hauled.cycles,
             "shift": make_shift_totals(
-                hauled.cycles, excitation, seen.frames["aligned"], hauled.scale
+                hauled.cycles,
+                excitation,
+                seen.frames["aligned"],
+                hauled.scale,
+                estimate_min_detectable_load_kg(answer["manoeuvres"], answer["loads"]),
             ),
             "nuisances": make_nuisance_frame(weighing),
             **make_learnt_mean_frames(weighing, machine, answer["loads"], hauled.sums),

@@ -28,6 +28,11 @@ class CycleLimits:
     #: Length in s of a hole up to which it loses no cycle.
     cycle_hole_s: float = 1.0
 
+    # shift_totals
+    #: Smallest load that is told from none, in standard deviations of one start's mass: 5 % of
+    #: false loads and 5 % of missed ones (ISO 11843-1).
+    min_detectable_std: float = 3.29
+
     # boom_dumps
     #: Fewest changes from loaded to empty in which the boom moves out,
     boom_min_changes: int = 3

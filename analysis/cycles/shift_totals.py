@@ -47,6 +47,7 @@ def make_shift_totals(
     excitation: pl.DataFrame,
     aligned: pl.DataFrame,
     scale: ShiftScale = _NO_SCALE,
+    min_detectable_kg: float | None = None,
 ) -> pl.DataFrame:
     """Make `shift`, one row.
 
@@ -55,6 +56,7 @@ def make_shift_totals(
         excitation: frame with the phases.
         aligned: frame with the gaps of the recording.
         scale: source of the payloads' scale.
+        min_detectable_kg: smallest load that one start tells from none, if known.
     """
     gaps = find_channel_gaps_ns(excitation, aligned)
     lost, more = (
@@ -79,6 +81,7 @@ def make_shift_totals(
         "uncounted_cycles_u": more.u,
         "on_board_kg": more.on_board_kg,
         "on_board_u_kg": more.on_board_u_kg,
+        "min_detectable_kg": min_detectable_kg,
         "scale_from": scale.told_by,
         "scale_unknown": scale.unknown,
         "gain_1": scale.gain_1,
@@ -91,6 +94,23 @@ def make_shift_totals(
     row |= sum_total_payload_with_u(row)
     declared = FRAMES["shift"].columns
     return build_frame("shift", {c.name: pl.Series([row[c.name]], dtype=c.dtype) for c in declared})
+
+
+def estimate_min_detectable_load_kg(manoeuvres: pl.DataFrame, loads: pl.DataFrame) -> float | None:
+    """Smallest load in kg that one start tells from an empty machine; None without masses.
+
+    The minimum detectable value of ISO 11843-1, by the standard deviation of a start's mass: its
+    noise and the scatter of starts with one load.
+
+    Args:
+        manoeuvres: frame with masses and their standard deviations.
+        loads: frame with the scatter.
+    """
+    noise_kg = manoeuvres["mass_std_kg"].drop_nulls().to_numpy()
+    scatter_kg = loads["scatter_kg"].drop_nulls().to_numpy()
+    if not noise_kg.size or not scatter_kg.size:
+        return None
+    return LIMITS.min_detectable_std * float(np.hypot(np.median(noise_kg), scatter_kg.max()))
 
 
 def recompute_shift_totals(

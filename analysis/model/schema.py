@@ -660,6 +660,9 @@ FRAMES: Final[dict[str, Frame]] = {
                 make_float_column("on_board_u_kg", "kg", "standard uncertainty of that"),
                 make_float_column("total_kg", "kg", "dumped: counted, uncounted and lost loads"),
                 make_float_column("total_u_kg", "kg", "standard uncertainty of that"),
+                make_float_column(
+                    "min_detectable_kg", "kg", "smallest load that one start tells from none"
+                ),
                 Column("scale_from", pl.String, "1", "what determines the scale, as in cycles"),
                 Column(
                     "scale_unknown",

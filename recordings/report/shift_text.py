@@ -8,6 +8,9 @@ from recordings.report.number_text import SCALE_NOT_KNOWN
 
 #: Of an interval with a confidence of 95 %.
 K: Final = 2.0
+#: Smallest detectable load, over the mean one, from which loads may be missing: starts of half a
+#: load are common at the end of a heap.
+_LOADS_MISSED_FRACTION: Final = 0.5
 
 
 def describe_shift_payload(shift: Mapping[str, Any]) -> str:
@@ -23,6 +26,21 @@ def describe_shift_payload(shift: Mapping[str, Any]) -> str:
         return answer + scale
     whole = format_tonnes(shift["total_kg"], K * shift["total_u_kg"])
     return f"{whole} in the shift: {answer} counted{scale}"
+
+
+def describe_min_detectable_load(shift: Mapping[str, Any]) -> str:
+    """Text on loads too small to show; empty for a recording of an earlier version."""
+    least_kg = shift.get("min_detectable_kg")
+    if least_kg is None:
+        return ""
+    return f"loads below about {float(f'{least_kg:.2g}'):,.0f} kg count as empty"
+
+
+def may_miss_small_loads(shift: Mapping[str, Any]) -> bool:
+    """Whether loads of half the mean payload may count as empty."""
+    return (shift.get("min_detectable_kg") or 0.0) > _LOADS_MISSED_FRACTION * (
+        shift["payload_mean_kg"] or 0.0
+    )
 
 
 def format_tonnes(kg: float, u_kg: float) -> str:

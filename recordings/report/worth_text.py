@@ -14,6 +14,7 @@ from recordings.report.number_text import (
     round_to_uncertainty,
 )
 from recordings.report.report_limits import LIMITS
+from recordings.report.shift_text import describe_min_detectable_load, may_miss_small_loads
 
 #: A normal distribution's 95 %.
 COVERAGE: Final = 1.96
@@ -274,8 +275,9 @@ def describe_shift_total(answer: Answer) -> list[str]:
             f"{2.0 * shift['total_u_kg'] / 1e3:.3f} t including what is not counted"
         )
     scale = f", {SCALE_NOT_KNOWN}" if shift.get("scale_unknown") else ""
+    missed = f"; {describe_min_detectable_load(shift)}" if may_miss_small_loads(shift) else ""
     return [
         f"{counted(shift['cycles_counted'], 'cycle')}, {shift['payload_kg'] / 1e3:,.3f} ± "
         f"{u_kg / 1e3:.3f} t (k = 2), {2.0 * shift['payload_u_common_kg'] / 1e3:.3f} t of that "
-        f"common to all{total}{scale}; `payscope review` lists them"
+        f"common to all{total}{scale}{missed}; `payscope review` lists them"
     ]

@@ -10,7 +10,12 @@ from analysis.cycles.payload_target import TargetCheck
 from estimators.errors import counted, list_some
 from recordings.report.clock_text import format_duration
 from recordings.report.number_text import format_plus_minus
-from recordings.report.shift_text import K, describe_shift_payload, format_tonnes
+from recordings.report.shift_text import (
+    K,
+    describe_min_detectable_load,
+    describe_shift_payload,
+    format_tonnes,
+)
 from recordings.review.energy_columns import list_energy_facts
 from recordings.review.review_limits import LIMITS
 from recordings.review.review_state import ReviewState
@@ -225,6 +230,7 @@ def _list_payload_facts(shift: Mapping[str, Any], state: ReviewState) -> list[tu
         ("repeatability", f"± {K * shift['payload_u_random_kg'] / 1e3:.3f} t"),
         ("systematic", f"± {K * shift['payload_u_common_kg'] / 1e3:.3f} t (does not average out)"),
         ("scale", describe_scale_of_tonnes(shift)),
+        *((("sensitivity", least),) if (least := describe_min_detectable_load(shift)) else ()),
         ("estimated where nothing was recorded", _describe_lost_time(shift, state)),
         (
             "estimated for cycles without a mass",

@@ -348,8 +348,8 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "payload_std_kg arriving_1 arriving_u_1 carry_back_mean_kg carry_back_u_kg "
             "lost_cycles lost_cycles_u lost_kg lost_u_kg digs boom_dumps uncounted_cycles "
             "uncounted_cycles_u uncounted_kg uncounted_u_kg on_board_kg on_board_u_kg "
-            "total_kg total_u_kg scale_from scale_unknown gain_1 gain_u_1 duration_s gap_s idle_s "
-            "utilisation_1"
+            "total_kg total_u_kg min_detectable_kg scale_from scale_unknown gain_1 gain_u_1 "
+            "duration_s gap_s idle_s utilisation_1"
         ),
         "budget": "load_id cause kind u_kg share_1 meaning shrinks",
         "planar_budget": "quantity cause kind u unit share_1 meaning shrinks",

@@ -11,7 +11,11 @@ from hypothesis import strategies as st
 from analysis.cycles.cycles import weigh_cycles
 from analysis.cycles.cycles_without_mass import estimate_cycles_lost_in_gaps, find_channel_gaps_ns
 from analysis.cycles.payload_target import judge_payload_target
-from analysis.cycles.shift_totals import make_shift_totals, recompute_shift_totals
+from analysis.cycles.shift_totals import (
+    estimate_min_detectable_load_kg,
+    make_shift_totals,
+    recompute_shift_totals,
+)
 from analysis.model.schema import FRAMES
 from analysis.model.verdict import Verdict
 from replay import load_machine
@@ -173,3 +177,19 @@ def test_a_tenth_may_be_above_110_percent_none_above_120_and_the_mean_at_the_tar
     judged = judge_payload_target(table, 100.0)
     assert judged is not None
     assert judged.keeps is keeps
+
+
+def test_the_smallest_detectable_load_is_told_from_none_in_nineteen_of_twenty_starts() -> None:
+    noise_kg, scatter_kg = 300.0, 400.0
+    manoeuvres = pl.DataFrame({"mass_std_kg": [noise_kg] * 5})
+    least_kg = estimate_min_detectable_load_kg(manoeuvres, pl.DataFrame({"scatter_kg": scatter_kg}))
+    assert least_kg is not None
+    one_start_kg = np.hypot(noise_kg, scatter_kg) * np.random.default_rng(8).normal(size=100_000)
+    limit_kg = least_kg / 2.0
+    assert np.mean(one_start_kg > limit_kg) == pytest.approx(0.05, abs=0.003)
+    assert np.mean(least_kg + one_start_kg < limit_kg) == pytest.approx(0.05, abs=0.003)
+
+
+def test_without_masses_no_load_is_the_smallest_that_shows() -> None:
+    nothing = pl.DataFrame({"mass_std_kg": [None]}, {"mass_std_kg": pl.Float64})
+    assert estimate_min_detectable_load_kg(nothing, pl.DataFrame({"scatter_kg": 0.0})) is None

@@ -4,6 +4,7 @@ import pytest
 
 from analysis import Run
 from analysis.model.answer import answer
+from recordings.report.shift_text import may_miss_small_loads
 from recordings.report.worth_text import (
     advise_to_reduce_uncertainty,
     describe_load,
@@ -95,3 +96,9 @@ class TestBudget:
         assert "- **lag**, how late the force is: -0.0030 ± 0.0010 s, prior ± 0.02 s; " in page
         assert "u of the mass 1.5 kg" in page
         assert "| joint |" in page
+
+
+@pytest.mark.parametrize(("least_kg", "is_said"), [(300.0, False), (400.0, True)])
+def test_small_loads_may_be_missing_where_half_a_usual_one_would_not_show(least_kg, is_said):
+    shift = {"payload_mean_kg": 700.0, "min_detectable_kg": least_kg}
+    assert may_miss_small_loads(shift) == is_said

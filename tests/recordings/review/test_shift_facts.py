@@ -83,6 +83,16 @@ def test_what_a_torn_last_log_hides_is_unknown_in_headline_and_facts() -> None:
     assert whole["estimated where nothing was recorded"] == "nothing"
 
 
+@pytest.mark.parametrize(
+    ("least_kg", "said"), [(4922.1, "loads below about 4,900 kg count as empty"), (None, None)]
+)
+def test_the_smallest_load_that_shows_is_a_fact_where_a_recording_has_it(
+    least_kg: float | None, said: str | None
+) -> None:
+    shift = summed(FRAMES) | {"min_detectable_kg": least_kg}
+    assert dict(list_shift_facts(shift, rows(state()), state(), None)).get("sensitivity") == said
+
+
 def test_a_hole_of_half_an_hour_is_said_on_top_with_what_it_costs() -> None:
     shift = summed(FRAMES) | {
         "lost_cycles": 14.5, "lost_cycles_u": 0.7, "lost_kg": 9700.0, "lost_u_kg": 700.0,
