@@ -66,9 +66,9 @@ class MissingTerm:
 
     def is_significant(self, fit: JointFit) -> bool:
         """Whether the term is significant, and the log determines its effect on the mass."""
-        effect_std_kg = np.abs(self.effect_kg / self.t)
-        largest_kg = LIMITS.missing_term_max_effect_std * np.abs(fit.masses_kg)
-        determined = bool((effect_std_kg <= largest_kg).all())
+        # the standard deviation of the effect is effect / t, and t may be 0
+        largest_std_kg = LIMITS.missing_term_max_effect_std * np.abs(fit.masses_kg)
+        determined = bool((np.abs(self.effect_kg) <= largest_std_kg * abs(self.t)).all())
         return determined and abs(self.t) > LIMITS.missing_term_min_std
 
 
