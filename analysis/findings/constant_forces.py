@@ -81,7 +81,7 @@ def _compute_constant_forces(inputs: FindingInputs) -> ConstantForces:
     fit, noise = inputs.own_fit, inputs.column_noise
     if fit is None or noise is None or not np.isfinite(fit.theta).all():
         return ConstantForces(rest, error, None, None, None)
-    motion = fit.motion
+    motion = fit.motion_without_gear_inertia
     offset = abs(rest[0]) > max(
         LIMITS.standing_reading_std * rest[1],
         LIMITS.standing_reading_fraction * motion.force_95_percent,

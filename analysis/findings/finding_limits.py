@@ -56,6 +56,8 @@ class FindingLimits:
     term_min_std: float = 3.45
     #: The same of the wheel radius: a boom that moves is in the accelerometer alone.
     wheel_radius_min_std: float = 4.0
+    #: Slip at full force above which something else is wrong: wheels that slip by more spin.
+    max_slip_1: float = 0.5
     #: Error of an IMU that rocks on its mount, as a fraction of the acceleration.
     rocking_imu_fraction: float = 0.03
     #: Smallest error of a gain: no accelerometer scale is trusted to less,

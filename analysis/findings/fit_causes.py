@@ -220,6 +220,8 @@ def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
     if pick is None or fit is None or pick.value <= 0.0:
         return []
     at = pick.value * fit.motion.force_95_percent
+    if at > LIMITS.max_slip_1:
+        return []
     return [
         Symptom(
             min(float(np.sqrt(pick.gain)) / LIMITS.term_min_std, at / 0.005),

@@ -152,6 +152,9 @@ _HINTS = (
     make_float_column("latitude_deg", "°", "latitude"),
     make_float_column("longitude_deg", "°", "longitude"),
     make_float_column("fuel_rate_L_h", "L/h", "rate at which the engine burns fuel"),
+    make_float_column(
+        "gear_ratio_1", "1", "turns of the engine or turbine for one of the wheels, in any scale"
+    ),
 )
 _DIRECTION = make_float_column(
     "direction_x_1",

@@ -362,6 +362,7 @@ def _make_piece_columns(
         motion.place_1,
         motion.travelled_m,
         *route_positions_and_length_m(motion, previous),
+        zeros if motion.relative_gear_ratio is None else motion.relative_gear_ratio,
         previous.slip_s_m,
         previous.transfer_s2_m,
         0.0 if previous.play is None else previous.play.by_force_1_N,

@@ -1,8 +1,9 @@
 """Terms of a gearbox: in low gears more rotating mass is accelerated.
 
-An engine that turns i times as fast as the wheels adds to the mass with i². A driver shifts up with
+An engine that turns i times as fast as the wheels adds to the mass with i². Where the ratio is
+measured this is one term, and the mass is without it in every gear. Else: a driver shifts up with
 the speed, so that i is about the inverse of the speed, and what a gear has beyond the top one falls
-faster than with its square. What turns in the top gear no log tells from the mass
+faster than with its square. What turns in the top gear no log tells from the mass then
 (`machine.rotating_mass_kg`).
 """
 
@@ -30,11 +31,20 @@ def low_gear_slope_s_m(speed: Floats, quarter_m_s: float) -> Floats:
 
 
 def _speeds_span_several_gears(motion: MotionSamples) -> bool:
-    """Whether speeds reach from that of a first gear to that of a road."""
-    if motion.speed_95_percent <= LIMITS.road_speed_m_s:
+    """Whether speeds reach from that of a first gear to that of a road, and no ratio is known."""
+    if _has_several_gear_ratios(motion) or motion.speed_95_percent <= LIMITS.road_speed_m_s:
         return False
     slow = np.abs(motion.speed[motion.is_fittable]) < LIMITS.first_gear_m_s
     return float(slow.mean()) > LIMITS.first_gear_min_fraction
+
+
+def _has_several_gear_ratios(motion: MotionSamples) -> bool:
+    """Whether the measured gear ratio differs by enough to determine what it adds to the mass."""
+    ratio = motion.relative_gear_ratio
+    return ratio is not None and bool(
+        np.quantile(ratio[motion.is_fittable], LIMITS.gear_ratio_quantile)
+        < LIMITS.gear_ratio_min_change
+    )
 
 
 def _gear_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
@@ -59,5 +69,17 @@ def _make_gear_term(quarter_m_s: float) -> Nuisance:
     )
 
 
+#: Where the gear ratio is measured: rotating mass in the lowest gear.
+BY_GEAR_RATIO: Final = Nuisance(
+    "gear_ratio",
+    "kg",
+    lambda m: m.acceleration * m.relative_gear_ratio**2,
+    lambda motion, priors: LIMITS.gear_ratio_prior_ratio * _gear_prior_std(motion, priors),
+    "rotating mass of engine or turbine in the lowest gear, which goes with the ratio squared",
+    "starts in several gears",
+    by_acceleration=lambda m: m.relative_gear_ratio**2,
+    applies=_has_several_gear_ratios,
+    source=BY_GEAR,
+)
 #: Behind the nuisances that every log may have.
-LOW_GEARS: Final = tuple(map(_make_gear_term, LIMITS.gear_quarter_speeds_m_s))
+LOW_GEARS: Final = (*map(_make_gear_term, LIMITS.gear_quarter_speeds_m_s), BY_GEAR_RATIO)

@@ -101,6 +101,7 @@ class MotionSamples:
             says so.
         silences: number of earlier gaps as long as between files.
         wheel_radius_u_1: relative standard uncertainty of the wheel radius; None if not stated.
+        relative_gear_ratio: gear ratio over the largest of the fitted samples; None without one.
     """
 
     acceleration: Floats
@@ -126,6 +127,7 @@ class MotionSamples:
     stood: Ints | None = None
     silences: Ints | None = None
     wheel_radius_u_1: float | None = None
+    relative_gear_ratio: Floats | None = None
 
     def cut_to_first_stretches(self, stretches: int) -> "MotionSamples":
         """Cut the samples to the first stretches."""
@@ -148,7 +150,7 @@ class MotionSamples:
     def _select_samples(self, selection: slice | Ints) -> "MotionSamples":
         """Select a subset of the samples."""
         level, measured = self.without_gravity, self.specific_force
-        wheels = self.wheel_acceleration
+        wheels, ratio = self.wheel_acceleration, self.relative_gear_ratio
         return replace(
             self,
             acceleration=self.acceleration[selection],
@@ -168,6 +170,7 @@ class MotionSamples:
             empty=None if self.empty is None else self.empty[selection],
             stood=None if self.stood is None else self.stood[selection],
             silences=None if self.silences is None else self.silences[selection],
+            relative_gear_ratio=None if ratio is None else ratio[selection],
         )
 
     @cached_property
@@ -320,7 +323,9 @@ def collect_motion_samples(
     )
     # a lag moves the force, and its derivative looks to both sides: neither into a gap
     clear = count_rows_in_duration(LIMITS.gap_margin_s, settings.align.rate_hz)
+    ratio = read_gear_ratio(aligned)
     silent = ~known | mark_rows_without_data(aligned)
+    silent |= mark_gear_changes(ratio, speed.size, settings.align.rate_hz)
     near_gap = flag_windows(silent, clear) | flag_windows(silent[::-1], clear)[::-1]
     group = number_one_way_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
     group = drop_stretches_at_noise_speed(group, np.where(known, speed, 0.0), noise_m_s)
@@ -359,7 +364,32 @@ def collect_motion_samples(
         stood,
         silences,
         machine.machine.wheel_radius_u_1,
+        None if ratio is None else ratio / ratio[group >= 0].max(initial=np.finfo(float).tiny),
     )
+
+
+def read_gear_ratio(aligned: pl.DataFrame) -> Floats | None:
+    """Gear ratio without its sign, (n,); None without one.
+
+    In neutral and while the gear changes, which have none, it is that of the gear before.
+    """
+    if "gear_ratio_1" not in aligned.columns:
+        return None
+    ratio = pl.col("gear_ratio_1").abs()
+    known = aligned.select(
+        pl.when(ratio > 0.0).then(ratio).fill_nan(None).forward_fill().backward_fill()
+    ).to_series()
+    return None if known.is_empty() or known.null_count() else known.to_numpy()
+
+
+def mark_gear_changes(ratio: Floats | None, rows: int, rate_hz: float) -> Bools:
+    """Samples in which the gear changes, (rows,)."""
+    changes = np.zeros(rows, np.bool_)
+    if ratio is None:
+        return changes
+    step = count_rows_in_duration(LIMITS.gear_change_s, rate_hz)
+    changes[step:] = np.abs(np.log(ratio[step:] / ratio[:-step])) > LIMITS.gear_step_log
+    return changes
 
 
 @compiled_unless_short_log

@@ -38,6 +38,7 @@ class ColumnInputs:
         travelled_m: distance from the begin of the stretch.
         route_1: position on the route, from 0 at the dump to 1 at its end.
         route_length_m: length of the route.
+        relative_gear_ratio: gear ratio over the log's largest; 0 without one.
         slip_s_m: estimated cost of slip, as a fraction of the force per m/s.
         transfer_s2_m: estimated load transfer, as a fraction of the force per m/s².
         rises_by_force_1_N: derivative of `force_rises_1` by the force.
@@ -61,6 +62,7 @@ class ColumnInputs:
     travelled_m: Floats
     route_1: Floats
     route_length_m: float
+    relative_gear_ratio: Floats
     slip_s_m: float
     transfer_s2_m: float
     rises_by_force_1_N: float

@@ -178,6 +178,17 @@ class WeighingLimits:
     #: Speeds in m/s at which a quarter is left of what the first gear has beyond the top one: a
     #: lorry's low gears end at 4 m/s, a car's at 10.
     gear_quarter_speeds_m_s: tuple[float, float] = (4.0, 10.0)
+    #: Of a measured gear ratio: smallest over largest up to which a log determines what it adds,
+    gear_ratio_min_change: float = 0.8
+    #: the quantile that is the smallest: a moment in a gear determines nothing,
+    gear_ratio_quantile: float = 0.05
+    #: time in s within which a gear changes,
+    gear_change_s: float = 0.1
+    #: logarithm of the smallest step of a gearbox, 1.15,
+    gear_step_log: float = 0.14
+    #: and prior of the rotating mass in the lowest gear, over that of a log without a ratio: what
+    #: an engine adds to a lorry in its first gears is half of its mass and more.
+    gear_ratio_prior_ratio: float = 3.0
 
     # mass_budget
     #: Negative viscous friction widens a mass from so many standard deviations on.
@@ -285,7 +296,7 @@ class WeighingLimits:
     #: Viscous friction that is negative by at most this share of the largest force, at top speed,
     #: falls with the speed (mixed lubrication, gears): machines with grease that breaks away or
     #: four gears had up to 0.11, and masses that are right; a speed of the wrong sign 0.9.
-    falling_friction_1: float = 0.15
+    falling_friction_1: float = 0.25
 
     # weigh
     #: Braking is left out if it moves the mass by so many standard uncertainties.

@@ -262,6 +262,7 @@ TABS: Final = (
                 bucket_rad="bucket",
             ),
             line_view("Fuel", "aligned", fuel_rate_L_h="fuel rate"),
+            line_view("Gear", "aligned", gear_ratio_1="gear ratio"),
         ),
     ),
     Tab("Calibration", texts=("calibration",), pictures=("line", "errors")),

@@ -137,7 +137,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
             lines.append(f"topic = {format_toml(guess.topic)}")
-        unit = find_unit_in_name(guess.column).replace("*", "·")
+        unit = find_unit_in_name(guess.column).replace("*", "·") or "any scale"
         # a field in another unit wants `unit` or `scale`, so say which one it is taken for
         why = f"; {guess.reason}" if guess.reason else ""
         if guess.unit is not None:

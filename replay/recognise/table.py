@@ -59,6 +59,10 @@ _STANDARD_PACKAGES: Final = frozenset((
     "rosgraph_msgs", "rcl_interfaces", "visualization_msgs", "actionlib_msgs", "bond",
     "dynamic_reconfigure", "builtin_interfaces", "statistics_msgs", "theora_image_transport",
 ))  # fmt: skip
+_GEAR_RATIOS: Final = (
+    "which ratio each gear of '{0}' has, where engine or turbine give the force: they add to the "
+    'mass with its square; channels.gear_ratio_1, derive = "where({0} > 1.5, RATIO_2, RATIO_1)"'
+)
 #: Messages of a single number.
 _NUMBERS: Final = ("Float32", "Float64", "Int8", "Int16", "Int32", "Int64")
 #: Fields of a message that are no readings: its stamp, and lists.
@@ -122,6 +126,7 @@ def _recognise_channels_by_name(log: Log, found: Recognition) -> Recognition:
     for channel, each in claims.items():
         fill_only_candidate_or_ask(log, channel, each, found)
     _ask_more_torques(columns, found)
+    _ask_gear_ratios(columns, found)
     propose_columns_by_unit(columns, found)
     propose_columns_without_unit(columns, found)
     propose_drives(columns, found)
@@ -147,6 +152,13 @@ def fill_only_candidate_or_ask(
     recognition.propose_source_channel(column, channel, unit, f"one of {names}")
     together = "; if they act together, their sum" if adds_up else ""
     recognition.ask_question("column", f"which of {names} is channels.{channel}{together}")
+
+
+def _ask_gear_ratios(columns: Sequence[LogColumn], recognition: Recognition) -> None:
+    """Ask for the ratio of each gear if a column has the number of the gear, but none its ratio."""
+    gear = next((each for each in columns if each.name_meaning.quantity == "gear"), None)
+    if gear is not None and "gear_ratio_1" not in recognition.filled_channels:
+        recognition.ask_question("column", _GEAR_RATIOS.format(gear.label))
 
 
 def _ask_more_torques(columns: Sequence[LogColumn], recognition: Recognition) -> None:
@@ -327,6 +339,7 @@ _CHANNEL_OF: Final[dict[str, Callable[[LogColumn], str | None]]] = {
     "yaw rate": _match_yaw_rate_channel,
     "boom": lambda column: _match_angle_channel("boom_rad", column),
     "bucket": lambda column: _match_angle_channel("bucket_rad", column),
+    "gear ratio": lambda column: "gear_ratio_1" if column.unit is None else None,
     "latitude": lambda column: "latitude_deg" if _is_in_degrees(column) else None,
     "longitude": lambda column: "longitude_deg" if _is_in_degrees(column) else None,
 }

@@ -12,6 +12,7 @@ from replay.recognise.recognise_limits import LIMITS
 #: Beginnings of words of a name, by quantity; the first that fits.
 _QUANTITIES: Final = (
     ("erpm", ("erpm",)),
+    ("gear ratio", ("gearratio", "driveratio", "übersetzung", "getriebeübersetzung")),
     ("gear", ("gear", "gears", "currentgear", "selectedgear", "gang")),
     ("force", ("force", "kraft", "drawbar", "pull", "traction", "drawbarpull", "fuerza", "thrust",
                "loadcell", "усилие", "сила", "тяга", "kuvvet", "força", "forza", "siła", "kracht",

@@ -63,6 +63,7 @@ def straight_drives(
         "boom_rad": 0.3 + 0.2 * np.sin(t_s / 20),
         "bucket_rad": 0.1 + 0.2 * np.sin(t_s / 20),
         "fuel_rate_L_h": 12.0 + 2.0 * np.sin(t_s / 20),
+        "gear_ratio_1": np.where(t_s % 30 < 15, 12.0, 5.0),
         "latitude_deg": -33.0 + 1e-6 * t_s,
         "longitude_deg": -70.0 + 1e-6 * t_s,
         "force_x_N": force,

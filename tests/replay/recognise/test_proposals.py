@@ -310,6 +310,15 @@ def test_a_signal_of_j1939_has_its_unit(tmp_path: Path, name: str, unit: str) ->
     assert questions == []
 
 
+@pytest.mark.parametrize("name", ["TransmissionActualGearRatio", "gear_ratio", "Drive ratio"])
+def test_a_gear_ratio_is_one_and_no_gear_is_asked_for(tmp_path: Path, name: str) -> None:
+    channels, questions = proposed(
+        tmp_path, speed__kmh=V, **{name: np.round(V) + 1.0}, TransmissionCurrentGear=np.round(V)
+    )
+    assert channels["gear_ratio_1"].field == name
+    assert not any("gear_ratio_1" in each for each in questions)
+
+
 def test_an_engine_gives_a_force_in_any_gear(tmp_path: Path) -> None:
     channels, questions = proposed(
         tmp_path,
@@ -321,5 +330,6 @@ def test_an_engine_gives_a_force_in_any_gear(tmp_path: Path) -> None:
     force = channels["force_x_N"]
     assert force.derive is not None
     assert "torque_percent * REFERENCE_TORQUE [N*m] * engine_rpm" in force.derive
-    assert not any("TransmissionCurrentGear" in each for each in questions)
+    (gear,) = (each for each in questions if "TransmissionCurrentGear" in each)
+    assert "channels.gear_ratio_1" in gear
     assert "motor_current_A" not in channels
