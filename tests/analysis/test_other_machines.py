@@ -57,6 +57,7 @@ def test_seven_loads_of_a_bus_are_told_where_its_files_end(
         assert abs(load["mass_kg"] - true_kg) < 3.0 * load["u_kg"]
 
 
+@pytest.mark.slow
 def test_a_load_that_a_car_carries_in_the_second_of_three_files_is_told(tmp_path: Path) -> None:
     scenario = electric_car(5, (0.0, 300.0, 1.0))
     found = replayed(scenario, tmp_path, (0, 1, 2)).frames["loads"].to_dicts()

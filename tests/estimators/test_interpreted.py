@@ -14,6 +14,7 @@ from estimators.interpreted import Loop, compiled_unless_short_log, force_compil
 from estimators.numerics import group_mean, group_sums, rolling, sandwich, small_systems
 from estimators.numerics.fit_loss import compute_fit_loss
 from tests.golden.golden import LOGS, replay
+from tests.twins import mark_slow_after
 
 
 def copied(value: Any) -> Any:
@@ -48,7 +49,7 @@ def both_ways(loop: Loop, *arguments: Any) -> Any:
     return compiled
 
 
-@pytest.mark.parametrize("log", LOGS)
+@pytest.mark.parametrize("log", mark_slow_after(1, LOGS))
 def test_every_call_of_a_replay(log: str, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: set[str] = set()
 

@@ -113,6 +113,7 @@ def test_the_correlation_over_twelve_hours_is_that_of_exact_sums(twelve_hours):
         assert rho[k] == pytest.approx(exact, rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_tls_over_twelve_hours_is_the_singular_direction_of_each_window(twelve_hours):
     A, f, index = twelve_hours
     some = index[::5]

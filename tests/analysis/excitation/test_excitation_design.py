@@ -147,6 +147,7 @@ def test_each_stage_has_the_rank_that_its_motion_allows(drive, allowed):
     assert {score.rank for score in made.scores} == {allowed}
 
 
+@pytest.mark.slow
 def test_speed_and_yaw_rate_in_step_would_leave_rank_five():
     machine = {"friction_z_N_m_s": 3200.0, "inertia_z_kg_m2": 4000.0}
     alike = scenario(machine={**machine, "mass_kg": 3614.0, "friction_N_s_m": 2891.2})
@@ -172,6 +173,7 @@ def test_the_window_judged_is_the_worst_and_both_ways_tell_more_than_one_way():
     assert made.best.relative_error == min(both_ways)
 
 
+@pytest.mark.slow
 def test_a_yard_rules_out_what_drives_beyond_it():
     long = designed("straight")
     reach = sorted(score.reach_m for score in long.scores)

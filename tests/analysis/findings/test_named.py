@@ -82,6 +82,7 @@ def test_what_a_recursion_forgets_is_seen_beside_a_fault_that_bends_its_estimate
     assert "wind_up" in set(named(other, ("a recursion ungated", 1.0))["cause"][:2])
 
 
+@pytest.mark.slow
 def test_a_recursion_that_forgets_only_what_is_renewed_does_not_wind_up() -> None:
     fault = BY_NAME["a recursion ungated"]
     ways = ["settings.trace.directional_forgetting=true"]

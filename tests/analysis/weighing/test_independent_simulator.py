@@ -42,7 +42,9 @@ def replay_shift(log: ShiftLog, folder: Path) -> Run:
         # half of the loads are taken on the near side of an edge of the ground: 3 U off
         pytest.param(114010, 0.4, {"no digging", "short cycles"}, marks=pytest.mark.slow),
         # a fit of one load fits no edge, and its masses scatter by more than the loads: no cycle
-        (118049, 0.4, {"no boom", "no digging", "reverses out"}),
+        pytest.param(
+            *(118049, 0.4, {"no boom", "no digging", "reverses out"}), marks=pytest.mark.slow
+        ),
         # starts that miss an edge "lost" five times the load: 18 cycles of 23
         pytest.param(
             *(118049, 0.6, {"no boom", "no digging", "reverses out"}), marks=pytest.mark.slow

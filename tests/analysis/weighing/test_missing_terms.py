@@ -59,11 +59,14 @@ def missing_term_kg(found: Run) -> float:
 @pytest.mark.parametrize("seed", mark_slow_after(1, range(3300, 3304)))
 @pytest.mark.parametrize(
     ("cell", "change"),
-    [
-        (MEASURED, saturate),
-        (MEASURED, lose_in_low_gear),
-        (DERIVED, read_speed_low_at_the_top),
-    ],
+    mark_slow_after(
+        1,
+        [
+            (DERIVED, read_speed_low_at_the_top),
+            (MEASURED, lose_in_low_gear),
+            (MEASURED, saturate),
+        ],
+    ),
 )
 def test_a_force_or_speed_that_is_not_linear_widens_and_is_named(
     replayed, cell: Cell, change, seed: int

@@ -11,7 +11,7 @@ from tests.analysis.without_bucket import WITHOUT_BUCKET
 from tests.twins import mark_slow_after
 
 
-@pytest.mark.parametrize("seed", mark_slow_after(2, range(6)))
+@pytest.mark.parametrize("seed", mark_slow_after(1, range(6)))
 @pytest.mark.parametrize("name", ["a rack", "an arm"])
 def test_no_load_is_said_that_the_machine_could_not_carry(
     name: str, seed: int, tmp_path: Path

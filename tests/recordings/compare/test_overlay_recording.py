@@ -94,10 +94,8 @@ def test_it_keeps_no_frames_and_says_so(drives, tmp_path: Path) -> None:
     assert "two replays" in kept.provenance.notes[0]
 
 
-@pytest.mark.parametrize(
-    "one_log",
-    [pytest.param(True, id="one log"), pytest.param(False, id="two logs", marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("one_log", [True, False], ids=["one log", "two logs"])
 @pytest.mark.usefixtures("small_viewer")
 class TestViewer:
     pytestmark = VIEWER

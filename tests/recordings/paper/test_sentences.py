@@ -11,6 +11,7 @@ from analysis.paper.table1 import AT_LENGTH, RAW_UNITS, Table1, make_table_1
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.scenario import SimulatedSensors
 from recordings.paper import item_sentences
+from tests.twins import mark_slow_after
 
 
 @cache
@@ -29,11 +30,14 @@ def found(windows: int, further: float) -> Table1:
 
 @pytest.mark.parametrize(
     ("windows", "further", "says"),
-    [
-        (2, 0.0, "so few windows cannot tell whether LS and TLS on scaled columns reach"),
-        (100, 0.0, "LS and TLS on scaled columns reach the Cramér–Rao bound"),
-        (100, 0.6, "LS and TLS on scaled columns do not reach the Cramér–Rao bound"),
-    ],
+    mark_slow_after(
+        1,
+        [
+            (2, 0.0, "so few windows cannot tell whether LS and TLS on scaled columns reach"),
+            (100, 0.0, "LS and TLS on scaled columns reach the Cramér–Rao bound"),
+            (100, 0.6, "LS and TLS on scaled columns do not reach the Cramér–Rao bound"),
+        ],
+    ),
 )
 def test_the_bound_is_said_to_be_reached_only_where_the_windows_can_tell(
     windows: int, further: float, says: str

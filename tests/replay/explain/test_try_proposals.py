@@ -31,7 +31,7 @@ def off_kg(mended: MendedTrial) -> float:
 @pytest.mark.parametrize(
     ("name", "size", "cause"),
     mark_slow_after(
-        2,
+        1,
         [
             ("speed late", 4.0, "delay"),
             ("sides swapped", 3.0, "swapped_sides"),

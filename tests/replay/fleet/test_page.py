@@ -91,6 +91,7 @@ def test_what_is_said_as_json_is_what_the_page_shows(report: FleetReport) -> Non
     assert report.path.stat().st_size < 200_000
 
 
+@pytest.mark.slow
 def test_a_report_of_recordings_without_a_date_or_a_load_is_a_page_as_well(
     kept: Path, tmp_path: Path
 ) -> None:

@@ -132,7 +132,7 @@ def assert_no_number_without_validity(report: dict[str, Any]) -> None:
 
 
 # a log of messages and a table; a bag is another log of messages
-@pytest.mark.parametrize("suffix", mark_slow_after(2, [".mcap", ".csv", ".bag"]))
+@pytest.mark.parametrize("suffix", mark_slow_after(1, [".mcap", ".csv", ".bag"]))
 def test_the_last_replay_of_a_recorded_log_is_what_run_says(
     suffix: str, logs: dict[str, Path], tmp_path: Path, payscope: Payscope
 ) -> None:
@@ -372,7 +372,7 @@ def test_a_format_of_messages_is_not_cut_at_its_last_line(name: str) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc tells the children of a process")
-@pytest.mark.parametrize("ending", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("ending", mark_slow_after(1, [signal.SIGINT, signal.SIGKILL]))
 def test_the_process_ends_with_its_follower(
     ending: signal.Signals, logs: dict[str, Path], tmp_path: Path
 ) -> None:

@@ -13,6 +13,7 @@ from replay import load_machine
 from replay.follow.agreement import Agreement, iter_agreement_lines
 from replay.follow.follow_logs import Following, MachineFileChange, follow_logs
 from tests.replay.sledge import MACHINE, Payscope, sledge
+from tests.twins import mark_slow_after
 
 IDLE_S = 0.3
 #: Of replays in the background nothing is said here.
@@ -117,7 +118,7 @@ def test_a_machine_file_that_is_touched_or_replaced_by_the_same_has_not_changed(
     assert not change.has_changed()
 
 
-@pytest.mark.parametrize("becomes", ["shorter", "gone"])
+@pytest.mark.parametrize("becomes", mark_slow_after(1, ["shorter", "gone"]))
 def test_a_log_that_does_not_grow_because_it_shrank_or_is_gone_says_so(
     becomes: str,
 ) -> None:
@@ -142,7 +143,7 @@ def spoil(path: Path, becomes: str) -> None:
         os.truncate(path, 100)
 
 
-@pytest.mark.parametrize("becomes", ["shorter", "gone"])
+@pytest.mark.parametrize("becomes", mark_slow_after(1, ["shorter", "gone"]))
 def test_a_log_that_is_lost_leaves_what_was_recorded(
     becomes: str, monkeypatch: pytest.MonkeyPatch, payscope: Payscope
 ) -> None:

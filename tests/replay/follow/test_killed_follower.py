@@ -242,6 +242,7 @@ def rows_of_cut(data: bytes, size: int) -> list[int]:
     return rows_of(Path("cut.rrd"))
 
 
+@pytest.mark.slow
 def test_a_disc_that_fills_ends_the_outputs_and_not_the_following(
     sources: dict[str, Path], tmp_path: Path, payscope: Payscope
 ) -> None:
@@ -270,6 +271,7 @@ def test_a_disc_that_fills_ends_the_outputs_and_not_the_following(
     assert "differ" not in again.err
 
 
+@pytest.mark.slow
 def test_reports_that_do_not_fit_are_given_up_whole(
     sources: dict[str, Path], tmp_path: Path, payscope: Payscope
 ) -> None:

@@ -33,6 +33,7 @@ def found(reproduction: Reproduction, told: list[str]) -> dict[str, ItemResult]:
     return {each.item.name: each for each in reproduction.compute_items(told.append)}
 
 
+@pytest.mark.slow
 def test_every_table_figure_and_claim_is_found_in_the_papers_order(
     found: dict[str, ItemResult],
 ) -> None:

@@ -11,20 +11,24 @@ import pytest
 from analysis.simulation import Scenario
 from replay.simulation.simulate_logs import simulate_scenario
 from tests.replay.sledge import Payscope, one_line, sledge
+from tests.twins import mark_slow_after
 
 KEYS = ("mass_kg", "mass_std_kg", "friction_x_N_s_m", "payload_kg", "accepted_share", "verdict")
 
 
 @pytest.mark.parametrize(
     "over",
-    [
-        ["settings.gate.threshold_nat=0.3:1.1:0.4"],
-        ["settings.gate.window_samples=200,400", "settings.gate.exclude_braking=true,false"],
-        # what comes before the gate: filter, grid, channels, machine
-        ["settings.smooth.samples=1,10", "settings.align.rate_hz=50,100"],
-        ["channels.force_x_N.delay_s=0.0,0.1", "machine.empty_mass_kg=90,110"],
-        ["settings.trace.methods=['ls'],['huber','pooled']"],
-    ],
+    mark_slow_after(
+        2,
+        [
+            ["settings.gate.threshold_nat=0.3:1.1:0.4"],
+            ["settings.gate.window_samples=200,400", "settings.gate.exclude_braking=true,false"],
+            # what comes before the gate: filter, grid, channels, machine
+            ["settings.smooth.samples=1,10", "settings.align.rate_hz=50,100"],
+            ["channels.force_x_N.delay_s=0.0,0.1", "machine.empty_mass_kg=90,110"],
+            ["settings.trace.methods=['ls'],['huber','pooled']"],
+        ],
+    ),
     ids=str,
 )
 def test_every_row_equals_run_with_the_same_settings(

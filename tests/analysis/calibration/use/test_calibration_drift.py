@@ -54,6 +54,7 @@ def test_the_risk_of_a_miss_falls_with_the_drift_that_matters():
     assert missed[-1] < 0.05
 
 
+@pytest.mark.slow
 def test_a_machine_as_calibrated_is_called_drifted_as_often_as_stated():
     dice = np.random.default_rng(3)
     alarms = []

@@ -25,11 +25,12 @@ from replay.logs.messages.raw_batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 from replay.logs.storage.container import Connection
 from tests.replay.logs.decoding.random_types import batch_of, encode, random_message
 from tests.replay.logs.decoding.test_equality import same
+from tests.twins import mark_slow_after
 
 LONG_DOUBLE = "module t { module msg { struct A { long double a[2]; octet b; }; }; };"
 
 
-@pytest.mark.parametrize("release", [Stores.ROS1_NOETIC, Stores.ROS2_HUMBLE])
+@pytest.mark.parametrize("release", mark_slow_after(1, [Stores.ROS2_HUMBLE, Stores.ROS1_NOETIC]))
 def test_every_type_of_a_release_is_columnar_and_equal_to_rosbags(release: Stores) -> None:
     store = get_typestore(release)
     ros1 = release == Stores.ROS1_NOETIC
