@@ -18,6 +18,7 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.findings.whitened_rows import ProjectedEquation, build_whitened_force_rows
 from analysis.model.schema import column_values
 from analysis.stages.motion.forces import compute_longitudinal_force
+from analysis.weighing.low_gears import subtract_gear_inertia
 from analysis.weighing.motion_samples import MotionSamples
 
 #: One that pitch vouches for is there whether driving sees it or not.
@@ -81,7 +82,7 @@ def _compute_constant_forces(inputs: FindingInputs) -> ConstantForces:
     fit, noise = inputs.own_fit, inputs.column_noise
     if fit is None or noise is None or not np.isfinite(fit.theta).all():
         return ConstantForces(rest, error, None, None, None)
-    motion = fit.motion_without_gear_inertia
+    motion = subtract_gear_inertia(fit.motion, fit.terms, fit.theta[fit.mass_count + 1 :])
     offset = abs(rest[0]) > max(
         LIMITS.standing_reading_std * rest[1],
         LIMITS.standing_reading_fraction * motion.force_95_percent,

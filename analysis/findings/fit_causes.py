@@ -14,12 +14,15 @@ from analysis.findings.changing_loads import (
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.likelihood_search import PickedCause, search_likelihood
+from analysis.findings.likelihood_search import (
+    PickedCause,
+    list_indistinguishable_causes,
+    search_likelihood,
+)
 from analysis.findings.refit import refit_corrected
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.stage_limits import LIMITS as STAGE_LIMITS
-from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.joint_result import term_index
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.errors import counted
@@ -66,14 +69,6 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
             ),
         )
     ]
-
-
-def list_indistinguishable_causes(pick: PickedCause) -> tuple[str, ...]:
-    """Keys of the causes that this log cannot distinguish from a given one."""
-    keys = {"const": "coulomb", "direction": "coulomb", "braking": "braking_inside"}
-    own = keys.get(pick.name, pick.name.partition(":")[0])
-    named = (keys.get(name, name.partition(":")[0]) for name in pick.rivals)
-    return tuple(key for key in dict.fromkeys(named) if key not in (own, *WARMING))
 
 
 def find_force_offset(inputs: FindingInputs) -> list[Symptom]:

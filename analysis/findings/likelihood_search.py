@@ -23,6 +23,7 @@ from analysis.findings.whitened_rows import (
     build_whitened_force_rows,
     build_whitened_wheel_rows,
 )
+from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.motion_samples import MotionSamples
 
 #: Rows of the force, and of wheels against accelerometer.
@@ -287,3 +288,11 @@ def project_out_picked_causes(
         project_out(force, picked_causes),
         None if wheels is None else project_out(wheels, picked_causes),
     )
+
+
+def list_indistinguishable_causes(pick: PickedCause) -> tuple[str, ...]:
+    """Keys of the causes that this log cannot distinguish from a given one."""
+    keys = {"const": "coulomb", "direction": "coulomb", "braking": "braking_inside"}
+    own = keys.get(pick.name, pick.name.partition(":")[0])
+    named = (keys.get(name, name.partition(":")[0]) for name in pick.rivals)
+    return tuple(key for key in dict.fromkeys(named) if key not in (own, *WARMING))

@@ -188,6 +188,30 @@ def three_sample_mean(speed: Floats) -> Floats:
     return np.convolve(speed, np.ones(3) / 3.0, "same")
 
 
+def read_gear_ratio(aligned: pl.DataFrame) -> Floats | None:
+    """Gear ratio without its sign, (n,); None without one.
+
+    In neutral and while the gear changes, which have none, it is that of the gear before.
+    """
+    if "gear_ratio_1" not in aligned.columns:
+        return None
+    ratio = pl.col("gear_ratio_1").abs()
+    known = aligned.select(
+        pl.when(ratio > 0.0).then(ratio).fill_nan(None).forward_fill().backward_fill()
+    ).to_series()
+    return None if known.is_empty() or known.null_count() else known.to_numpy()
+
+
+def mark_gear_changes(ratio: Floats | None, rows: int, rate_hz: float) -> Bools:
+    """Samples in which the gear changes, (rows,)."""
+    changes = np.zeros(rows, np.bool_)
+    if ratio is None:
+        return changes
+    step = count_rows_in_duration(LIMITS.gear_change_s, rate_hz)
+    changes[step:] = np.abs(np.log(ratio[step:] / ratio[:-step])) > LIMITS.gear_step_log
+    return changes
+
+
 def mark_rows_without_data(aligned: pl.DataFrame) -> Bools:
     """Mark the grid rows without information, (n,)."""
     if "left_out" not in aligned.columns:

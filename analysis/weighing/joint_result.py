@@ -13,7 +13,6 @@ from analysis.weighing.force_by_place import BY_PLACE, make_position_force_colum
 from analysis.weighing.force_hysteresis import HYSTERESIS
 from analysis.weighing.load_states import LoadStates
 from analysis.weighing.log_effects import LikelyEffects
-from analysis.weighing.low_gears import BY_GEAR_RATIO
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.weighing_limits import LIMITS
@@ -117,18 +116,6 @@ class JointFit:
     def resistance_speed_slope(self) -> float:
         """Slope of resistance over speed, in N·s/m; never negative."""
         return max(resistance_slope_at_mean_speed(self.theta, self.terms, self.motion), 0.0)
-
-    @cached_property
-    def motion_without_gear_inertia(self) -> MotionSamples:
-        """The motion without the force that accelerates what goes with the gear ratio."""
-        ratio = self.motion.relative_gear_ratio
-        own = [k for k, term in enumerate(self.terms) if term is BY_GEAR_RATIO]
-        if ratio is None or not own:
-            return self.motion
-        rotating_kg = float(self.theta[self.mass_count + 1 + own[0]]) * ratio**2
-        return replace(
-            self.motion, force=self.motion.force - rotating_kg * self.motion.acceleration
-        )
 
     @property
     def force_by_position(self) -> Floats | None:

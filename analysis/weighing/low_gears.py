@@ -7,6 +7,8 @@ faster than with its square. What turns in the top gear no log tells from the ma
 (`machine.rotating_mass_kg`).
 """
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -83,3 +85,20 @@ BY_GEAR_RATIO: Final = Nuisance(
 )
 #: Behind the nuisances that every log may have.
 LOW_GEARS: Final = (*map(_make_gear_term, LIMITS.gear_quarter_speeds_m_s), BY_GEAR_RATIO)
+
+
+def subtract_gear_inertia(
+    motion: MotionSamples, terms: Sequence[Nuisance], estimates: Floats
+) -> MotionSamples:
+    """The motion without the force that accelerates what goes with the gear ratio.
+
+    Args:
+        motion: samples of a fit.
+        terms: nuisances of the fit.
+        estimates: (terms,) their estimates.
+    """
+    ratio = motion.relative_gear_ratio
+    if ratio is None or BY_GEAR_RATIO not in terms:
+        return motion
+    rotating_kg = float(estimates[terms.index(BY_GEAR_RATIO)]) * ratio**2
+    return replace(motion, force=motion.force - rotating_kg * motion.acceleration)

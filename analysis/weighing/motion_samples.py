@@ -25,11 +25,13 @@ from analysis.weighing.fitted_stretches import (
     drop_stretches_at_noise_speed,
     extend_to_break_away,
     make_centred_ramp,
+    mark_gear_changes,
     mark_rows_without_data,
     number_drives,
     number_fitted_manoeuvres,
     number_one_way_runs,
     path_positions,
+    read_gear_ratio,
     running_gap_count,
     running_standstill_count,
     split_stretches_at_units,
@@ -366,30 +368,6 @@ def collect_motion_samples(
         machine.machine.wheel_radius_u_1,
         None if ratio is None else ratio / ratio[group >= 0].max(initial=np.finfo(float).tiny),
     )
-
-
-def read_gear_ratio(aligned: pl.DataFrame) -> Floats | None:
-    """Gear ratio without its sign, (n,); None without one.
-
-    In neutral and while the gear changes, which have none, it is that of the gear before.
-    """
-    if "gear_ratio_1" not in aligned.columns:
-        return None
-    ratio = pl.col("gear_ratio_1").abs()
-    known = aligned.select(
-        pl.when(ratio > 0.0).then(ratio).fill_nan(None).forward_fill().backward_fill()
-    ).to_series()
-    return None if known.is_empty() or known.null_count() else known.to_numpy()
-
-
-def mark_gear_changes(ratio: Floats | None, rows: int, rate_hz: float) -> Bools:
-    """Samples in which the gear changes, (rows,)."""
-    changes = np.zeros(rows, np.bool_)
-    if ratio is None:
-        return changes
-    step = count_rows_in_duration(LIMITS.gear_change_s, rate_hz)
-    changes[step:] = np.abs(np.log(ratio[step:] / ratio[:-step])) > LIMITS.gear_step_log
-    return changes
 
 
 @compiled_unless_short_log

@@ -7,8 +7,8 @@ import polars as pl
 import pytest
 
 from analysis.model.machine import Machine
+from analysis.weighing.fitted_stretches import mark_gear_changes, read_gear_ratio
 from analysis.weighing.low_gears import LOW_GEARS
-from analysis.weighing.motion_samples import mark_gear_changes, read_gear_ratio
 from replay import open_log
 from replay import run as replay
 from tests.analysis.other_machine_logs import replayed
