@@ -14,6 +14,7 @@ from analysis.model.windows import flag_windows
 from analysis.stages.gating.gate import mark_possible_braking, mark_samples_to_pool
 from analysis.stages.gating.segments import number_manoeuvres
 from analysis.stages.motion.phases import mark_falls_beyond_noise, mark_stopping_samples
+from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 

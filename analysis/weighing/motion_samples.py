@@ -6,7 +6,7 @@ samples as they are, from the break-away on, and averages inside a manoeuvre onl
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Final, Protocol
 
@@ -151,29 +151,9 @@ class MotionSamples:
 
     def _select_samples(self, selection: slice | Ints) -> "MotionSamples":
         """Select a subset of the samples."""
-        level, measured = self.without_gravity, self.specific_force
-        wheels, ratio = self.wheel_acceleration, self.relative_gear_ratio
-        return replace(
-            self,
-            acceleration=self.acceleration[selection],
-            speed=self.speed[selection],
-            force=self.force[selection],
-            group=self.group[selection],
-            direction=self.direction[selection],
-            unit=self.unit[selection],
-            specific_force=None if measured is None else measured[selection],
-            without_gravity=None if level is None else level[selection],
-            wheel_acceleration=None if wheels is None else wheels[selection],
-            progress=self.progress[selection],
-            driven_m=self.driven_m[selection],
-            place_1=self.place_1[selection],
-            arms=tuple(each[selection] for each in self.arms),
-            digs=None if self.digs is None else self.digs[selection],
-            empty=None if self.empty is None else self.empty[selection],
-            stood=None if self.stood is None else self.stood[selection],
-            silences=None if self.silences is None else self.silences[selection],
-            relative_gear_ratio=None if ratio is None else ratio[selection],
-        )
+        channels = {each.name: getattr(self, each.name) for each in fields(self)}
+        own = {n: x[selection] for n, x in channels.items() if isinstance(x, np.ndarray)}
+        return replace(self, arms=tuple(each[selection] for each in self.arms), **own)
 
     @cached_property
     def pieces(self) -> tuple["MotionSamples", ...]:
