@@ -417,4 +417,5 @@ UNLISTED: Final = (
         times("torque", *TORQUES),
     ),
     Unlisted("Coulomb friction", ("coulomb", "offset"), (0.05, 0.1, 0.2), _dry_friction),
+    Unlisted("left torque late", ("delay",), (0.04, 0.1, 0.3), late("torque", TORQUES[0])),
 )

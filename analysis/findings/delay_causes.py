@@ -6,21 +6,25 @@ and is therefore searched first, by the correlation of whole channels.
 """
 
 from dataclasses import dataclass, replace
+from itertools import combinations, pairwise
 from typing import Final
 
 import numpy as np
 
+from analysis.diagnosis.measured_channels import Series
 from analysis.findings.altered_motion import correct_channel_delay
 from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import gravity_by_pitch
-from analysis.findings.finding_inputs import ACC, FindingInputs
+from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import PickedCause, search_likelihood
 from analysis.findings.refit import refit_corrected
 from analysis.findings.unsigned_channels import find_unsigned_speed
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import column_values
 from analysis.model.windows import flag_windows
 from analysis.stages.motion.forces import compute_longitudinal_force
+from analysis.stages.signals.derive import find_unit_in_name
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.friction_warming import WARMING
 from estimators.arrays import Bools, Floats
@@ -33,6 +37,10 @@ EXPLAINED_BY_LONG: Final = (
     *("external_force", "load_changed_inside", "heteroscedastic", "coloured_residuals"),
     *("too_little_excitation", "collinear", "imu_loose", "spikes", "gain_by_speed"),
 )
+#: Causes that a delay between two sensors of the force makes show, besides those of any delay.
+EXPLAINED_BY_SOURCE: Final = ("braking_inside", "braking_left_out", "unlike_sides")
+#: Units of channels of which several make up a force.
+_FORCE_UNITS: Final = ("N", "N*m", "A", "Pa")
 _SHOWN: Final = {"force": "force", "speed": "speed", "imu": "accelerometer"}
 
 
@@ -187,11 +195,7 @@ def find_lag_and_correlations(
     # lag k: one is k steps behind
     near = np.concatenate([product[-longest:], product[: longest + 1]])
     at = int(np.argmax(near))
-    part = 0.0
-    if 0 < at < near.size - 1:
-        before, here, after = near[at - 1 : at + 2]
-        bend = before - 2.0 * here + after
-        part = float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5)) if bend < 0.0 else 0.0
+    part = find_parabola_peak(near[at - 1 : at + 2]) if 0 < at < near.size - 1 else 0.0
     return (at - longest + part) * step_s, float(near[at]), float(product[0])
 
 
@@ -203,8 +207,90 @@ def find_delays(inputs: FindingInputs) -> list[Symptom]:
         return [] if find_unsigned_speed(inputs) else [_make_long_delay_symptom(inputs, late)]
     found = [pick for name, pick in search_likelihood(inputs).items() if name.startswith("delay")]
     return [
-        _make_delay_symptom(inputs, pick) for pick in found if not is_filter_delay_likelier(pick)
+        *find_delays_between_force_sources(inputs),
+        *(
+            _make_delay_symptom(inputs, pick)
+            for pick in found
+            if not is_filter_delay_likelier(pick)
+        ),
     ]
+
+
+def find_delays_between_force_sources(inputs: FindingInputs) -> list[Symptom]:
+    """Find a sensor that is late against another one of those that make up the force."""
+    found: list[Symptom] = []
+    for first, second in combinations(list_force_sources(inputs), 2):
+        seen = estimate_lag_and_std_s(inputs.series[second], inputs.series[first])
+        if seen is None:
+            continue
+        lag_s, std_s = abs(seen[0]), seen[1]
+        late, other = (second, first) if seen[0] > 0.0 else (first, second)
+        setting, value = inputs.propose_delay_settings((late,), lag_s)
+        found.append(
+            Symptom(
+                lag_s / max(LIMITS.source_delay_s, LIMITS.source_delay_std * std_s),
+                f"{1e3 * lag_s:.1f} ± {1e3 * std_s:.1f} ms late against {other}, or that one "
+                "is early",
+                channel=late,
+                setting=setting,
+                value=value,
+                explains=EXPLAINED_BY_SOURCE,
+            )
+        )
+    return found
+
+
+def list_force_sources(inputs: FindingInputs) -> tuple[str, ...]:
+    """Channels that add up to the force, all forces, torques, currents or pressures; else none."""
+    force = inputs.machine.channels.get("force_x_N")
+    names = FORCES if force is None else force.direct_source_channels
+    measured = inputs.select_measured_channels(*names)
+    by_unit = ([n for n in measured if find_unit_in_name(n) == unit] for unit in _FORCE_UNITS)
+    return next((tuple(each) for each in by_unit if len(each) > 1), ())
+
+
+def estimate_lag_and_std_s(delayed: Series, reference: Series) -> tuple[float, float] | None:
+    """Lag of one series behind another in s, and its standard deviation over parts of the log.
+
+    None if the log is too short, or if they do not follow one another.
+    """
+    both = (delayed, reference)
+    if any(stamps_ns.size < 2 for stamps_ns, _ in both):
+        return None
+    step_ns = max(float(np.median(np.diff(stamps_ns))) for stamps_ns, _ in both)
+    begin_ns, end_ns = max(each[0][0] for each in both), min(each[0][-1] for each in both)
+    end_ns = min(end_ns, begin_ns + round(LIMITS.delay_search_span_s * NS_PER_S))
+    longest = round(LIMITS.longest_source_delay_s * NS_PER_S / step_ns)
+    times_ns = np.arange(begin_ns, end_ns, step_ns)
+    if longest < 1 or times_ns.size < 4 * longest * LIMITS.source_delay_parts:
+        return None
+    x, y = (np.interp(times_ns, *series) for series in both)
+    begins = np.linspace(longest, times_ns.size - longest, LIMITS.source_delay_parts + 1).astype(
+        int
+    )
+    shifts = range(-longest, longest + 1)
+    lags: list[float] = []
+    for begin, end in pairwise(begins.tolist()):
+        seen = np.array([_correlation(x[begin:end], y[begin - k : end - k]) for k in shifts])
+        at = int(np.argmax(seen))
+        if seen[at] > LIMITS.source_correlation and 0 < at < seen.size - 1:
+            lags.append((at - longest + find_parabola_peak(seen[at - 1 : at + 2])) * step_ns)
+    if len(lags) < LIMITS.source_delay_parts / 2:
+        return None
+    lag_s = np.array(lags) / NS_PER_S
+    return float(lag_s.mean()), float(lag_s.std(ddof=1) / np.sqrt(lag_s.size))
+
+
+def _correlation(x: Floats, y: Floats) -> float:
+    size = float(x.std() * y.std())
+    return float((x - x.mean()) @ (y - y.mean())) / (x.size * size) if size else 0.0
+
+
+def find_parabola_peak(values: Floats) -> float:
+    """Place of the peak of a parabola through three values, in steps from the middle one."""
+    before, here, after = values
+    bend = before - 2.0 * here + after
+    return float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5)) if bend < 0.0 else 0.0
 
 
 def find_filter_delay(inputs: FindingInputs) -> list[Symptom]:

@@ -34,6 +34,16 @@ class FindingLimits:
     filter_delay_s: float = 0.06
     #: Factor of its strength by which a delay of the whole motion is ranked before its effects.
     long_delay_rank: float = 100.0
+    #: Delay in s between two sensors of the force from which it is reported: a bus is late by less,
+    source_delay_s: float = 0.02
+    #: its standard deviations,
+    source_delay_std: float = 5.0
+    #: longest in s that is looked for,
+    longest_source_delay_s: float = 0.5
+    #: parts of the log that it is estimated in, for its standard deviation,
+    source_delay_parts: int = 8
+    #: and correlation in a part from which two sensors follow one demand.
+    source_correlation: float = 0.9
 
     # find_causes
     #: Change of the mass, in its standard uncertainties, from which a cause widens the answer.

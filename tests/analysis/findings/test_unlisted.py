@@ -19,6 +19,8 @@ SIMULATED, INDEPENDENT = 2_800_000, 2_800_001
         ("left wheel high", 1.15, INDEPENDENT),
         ("left wheel slips in hard starts", 0.1, SIMULATED),
         ("speed late", 0.3, SIMULATED),
+        ("left torque late", 0.04, INDEPENDENT),
+        ("left torque late", 0.3, SIMULATED),
         ("speed late", 1.0, INDEPENDENT),
         ("speed in another unit", 9.5493, INDEPENDENT),
         ("speed in another unit", 1.0, INDEPENDENT),
