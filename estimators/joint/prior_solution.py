@@ -337,8 +337,11 @@ def solve_with_common_error(
     precision, believed = priors
     clean = equations.clean.to_dense()
     weighed = compute_weighted_gram(clean, equations.gram.to_dense(), variance, common_error)
-    bread = np.asarray(np.linalg.inv(weighed @ clean + np.diag(precision)), np.float64)
-    return bread @ (weighed @ equations.bare + believed), DenseGain(bread, bread @ weighed)
+    # columns beyond the range of a float have no finite estimate
+    with np.errstate(invalid="ignore", over="ignore"):
+        bread = np.asarray(np.linalg.inv(weighed @ clean + np.diag(precision)), np.float64)
+        theta = bread @ (weighed @ equations.bare + believed)
+        return theta, DenseGain(bread, bread @ weighed)
 
 
 def uncertain_noise_fraction(subtracted_noise_fraction: float) -> float:
