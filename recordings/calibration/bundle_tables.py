@@ -98,7 +98,7 @@ def read_tables_in_process(tables: Sequence[UntrustedTable]) -> list[dict[str, A
 
 def run_table_reader_process(request: str, data: bytes) -> bytes | None:
     """Run the reader's process; its JSON output, or None if it crashed."""
-    # the process writes JSON, and is told nothing but what columns to expect
+    # the process writes JSON, and is told nothing but what columns to announce_fields_to_read
     child = subprocess.Popen(
         [sys.executable, "-I", str(_READER), request],
         stdin=subprocess.PIPE,

@@ -23,7 +23,7 @@ from replay.follow.background_replay import find_current_log_name, is_text_table
 from replay.follow.follow_limits import LIMITS
 from replay.follow.interrupts import Interrupts
 from replay.inputs.channel_inputs import list_channel_fields
-from replay.logs import GrowingLogFile, follow_log
+from replay.logs import GrowingLogFile, open_growing_log
 from replay.machines.machine_file import (
     find_machine_file,
     find_time_axis_of_machine,
@@ -91,7 +91,7 @@ def follow_logs(
     to `on_rows`.
 
     Args:
-        paths: as in `follow_log`.
+        paths: as in `open_growing_log`.
         machine: channels and settings.
         on_rows: called with the rows of each poll, empty if there is nothing new.
         noise: as in `Follower`.
@@ -110,7 +110,7 @@ def follow_logs(
     with ExitStack() as opened:
         noted = interrupts or opened.enter_context(Interrupts())
         log = opened.enter_context(
-            closing(follow_log(paths, fields, find_time_axis_of_machine(machine)))
+            closing(open_growing_log(paths, fields, find_time_axis_of_machine(machine)))
         )
         opened.enter_context(force_compilation())
         rehearse(follower.log.machine.settings, noise)

@@ -84,7 +84,7 @@ class DecodedLog(Log):
         """Topics of the log; see `Log.topics`."""
         return pl.read_ipc(self._kept / _TOPICS)
 
-    def _read_many(
+    def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
         known = self._about.fields

@@ -70,7 +70,7 @@ class CachedLog(DerivedLog):
             self._topics = super().topics()
         return self._topics
 
-    def _read_many(
+    def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
         """Read topics in one pass, except those in the cache."""
@@ -84,10 +84,10 @@ class CachedLog(DerivedLog):
         """Serial numbers of machines in the log."""
         return self._log.machine_ids()
 
-    def expect(self, fields: Mapping[str, Sequence[str]]) -> None:
+    def announce_fields_to_read(self, fields: Mapping[str, Sequence[str]]) -> None:
         """Announce the fields that will be read, unless they are cached."""
         if not self._kept:
-            self._log.expect(fields)
+            self._log.announce_fields_to_read(fields)
 
 
 class LogPart(DerivedLog):
@@ -104,7 +104,7 @@ class LogPart(DerivedLog):
         super().__init__(log)
         self._span = start_ns, end_ns
 
-    def _read_many(
+    def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
         """Read the log, which may be cached, and keep the part."""
@@ -139,7 +139,7 @@ class _NamedTable(DerivedLog):
         """The single topic; see `Log.topics`."""
         return self._log.topics().with_columns(topic=pl.lit(self._topic))
 
-    def _read_many(
+    def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
         return {t: self._log.read(TABLE, names, start_ns, end_ns) for t, names in fields.items()}
@@ -171,7 +171,7 @@ def separate_parallel_tables(
     """
     wanted = {field for channel in machine.channels.values() for field in channel.fields}
     for log in logs:
-        log.expect({TABLE: sorted(wanted)})
+        log.announce_fields_to_read({TABLE: sorted(wanted)})
     logs = _give_tables_own_topics(logs, wanted)
     columns = {
         topic: set[str](fields or [])
@@ -233,7 +233,7 @@ class MemoryLog(Log):
                 "topic": topic,
                 "type": _FORMAT,
                 "encoding": "columns",
-                **self._summarise_log_times(frame["log_time_ns"].to_numpy()),
+                **self._make_topic_row_of_log_times(frame["log_time_ns"].to_numpy()),
                 "fields": [name for name in frame.columns if name not in _STAMPS],
                 "problem": None,
                 "decoder": "columnar",
@@ -242,7 +242,7 @@ class MemoryLog(Log):
         ]
         return pl.DataFrame(rows, schema=self.TOPICS_SCHEMA)
 
-    def _read_many(
+    def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
         return {t: self._read(t, names, start_ns, end_ns) for t, names in fields.items()}

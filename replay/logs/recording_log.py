@@ -39,7 +39,7 @@ class RecordingLog(Log):
         channels: Mapping[str, Any] = about.machine.get("channels", {})
         named = {channel.get("topic") for channel in channels.values()}
         self._stage = {
-            _name_topic_of_stage(stage.removeprefix(_RAW), named): stage
+            _make_topic_name_of_stage(stage.removeprefix(_RAW), named): stage
             for stage in stages
             if stage.startswith(_RAW)
         }
@@ -67,7 +67,7 @@ class RecordingLog(Log):
                 "topic": topic,
                 "type": _FORMAT,
                 "encoding": "columns",
-                **self._summarise_log_times(times[topic]["log_time_ns"].to_numpy()),
+                **self._make_topic_row_of_log_times(times[topic]["log_time_ns"].to_numpy()),
                 "fields": fields,
                 "problem": None,
                 "decoder": "columnar",
@@ -76,7 +76,7 @@ class RecordingLog(Log):
         ]
         return pl.DataFrame(rows, schema=self.TOPICS_SCHEMA)
 
-    def _read_many(
+    def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
         found: dict[str, pl.DataFrame] = {}
@@ -95,7 +95,7 @@ class RecordingLog(Log):
         with open_recording(self.path) as held:
             for topic, names in fields.items():
                 frame = held.read(self._stage[topic], [*_STAMPS, *names])
-                self._note_missing_rows(
+                self._note_rows_missing_from_recording(
                     topic, held.manifest.frame_by_name(self._stage[topic]), frame.height
                 )
                 time = pl.col("log_time_ns")
@@ -119,12 +119,14 @@ class RecordingLog(Log):
         """Losses of the recorded log, and rows missing from a recovered recording."""
         return (*self._losses, *self._missing.values())
 
-    def _note_missing_rows(self, topic: str, stored: StoredFrame | None, height: int) -> None:
-        if stored is not None and height != stored.rows:
-            what = f"the recording has {height} of {stored.rows} rows"
+    def _note_rows_missing_from_recording(
+        self, topic: str, stored_row_count: StoredFrame | None, read_row_count: int
+    ) -> None:
+        if stored_row_count is not None and read_row_count != stored_row_count.rows:
+            what = f"the recording has {read_row_count} of {stored_row_count.rows} rows"
             self._missing[topic] = Loss(source=self.path.name, topic=topic, what=what)
 
 
-def _name_topic_of_stage(stage: str, named: set[str | None]) -> str:
+def _make_topic_name_of_stage(stage: str, is_stage_named: set[str | None]) -> str:
     """Topic of a stage, whose name lacks the usual leading slash."""
-    return f"/{stage}" if f"/{stage}" in named else stage
+    return f"/{stage}" if f"/{stage}" in is_stage_named else stage

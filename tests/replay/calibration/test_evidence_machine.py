@@ -24,7 +24,7 @@ from replay.fleet.machine_setups import NamedFiles, load_fleet, make_machine_set
 from replay.fleet.run_fleet import replay_fleet
 from replay.inputs.machine_identity import find_common_machine_id
 from replay.logs import open_log
-from replay.logs.machine_ids import read_machine_ids
+from replay.logs.machine_ids import read_serial_numbers_of_files
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 from tests.replay.attacker import Bundle, tampered
@@ -290,7 +290,7 @@ def test_a_bare_database_has_the_metadata_of_its_directory(tmp_path: Path) -> No
             else:
                 database.execute("DROP TABLE metadata")
             database.commit()
-        assert read_machine_ids([path]) == told
+        assert read_serial_numbers_of_files([path]) == told
 
 
 def test_logs_of_two_machines_are_no_time_line(folder: Path, payscope: Payscope) -> None:

@@ -18,7 +18,7 @@ from replay import load_machine, open_log, run
 from replay.follow.agreement import FollowedDigests
 from replay.follow.follow_logs import Following, follow_logs
 from replay.inputs.channel_inputs import list_channel_fields
-from replay.logs import follow_log
+from replay.logs import open_growing_log
 from replay.machines.machine_file import find_time_axis_of_machine
 from replay.simulation.simulate_logs import simulate_scenario
 from tests.replay.follow.recorders import (
@@ -170,7 +170,7 @@ def test_a_chunk_is_read_when_its_last_byte_is_there(
     parts: dict[str, list[pl.DataFrame]] = {}
     cuts = np.sort(np.random.default_rng(1).integers(1, len(data), 40))
     target.write_bytes(b"")
-    with closing(follow_log([target], fields)) as tail:
+    with closing(open_growing_log([target], fields)) as tail:
         for begin, end in zip([0, *cuts], [*cuts, len(data)], strict=True):
             with target.open("ab") as file:
                 file.write(data[begin:end])

@@ -106,7 +106,7 @@ def test_a_time_range_unpacks_the_chunks_that_hold_it_and_no_others(
     path = tmp_path / "shift.bag"
     write_bag(path, joints(2000), chunk_bytes=4000)
     unpacked: list[Block] = []
-    unpack = slabs.unpack_block
+    unpack = slabs.unpack_block_into
 
     def counted(block: Block, *rest: Any) -> int:
         unpacked.append(block)

@@ -22,9 +22,9 @@ TWO_LOOPS = """
 import numpy as np
 from estimators.interpreted import force_compilation
 from estimators.numerics.small_systems import compute_condition_numbers
-from replay.logs.blocks.slabs import find_key_indices
+from replay.logs.blocks.slabs import find_indices_of_values
 with force_compilation():
-    keys = find_key_indices(np.arange(3), np.arange(2))
+    keys = find_indices_of_values(np.arange(3), np.arange(2))
     print(compute_condition_numbers(np.ones((1, 2)), 1, 1).tolist(), keys)
 """
 
