@@ -54,28 +54,34 @@ def command(
     machine file is written with the proposals that improve the mass, and the log is replayed with
     it. Exit status 1 if no proposal improves the mass.
     """
-    from replay.commands.print_tables import print_json
+    from replay.commands.print_tables import print_value_as_json
     from replay.commands.progress_bar import StageProgress
     from replay.explain.explain_run import ExplainRequest, explain_run
 
-    picture, corrected_file = split_outputs_by_suffix(output or [], apply=apply)
+    picture, corrected_file = split_into_picture_and_machine_file(
+        output or [], is_machine_file_wanted=apply
+    )
     if overrides and machine is None:
         raise typer.BadParameter("--set changes a machine file; give the file with -m")
     asked = ExplainRequest(
         recording, machine, tuple(overrides or ()), at_s, picture, corrected_file, force=force
     )
     with StageProgress(LIMITS.replay_stages) as stages:
-        explained, corrected = explain_run(asked, stages.begin)
+        explained, corrected = explain_run(asked, stages.begin_stage)
     if as_json:
-        told = {} if corrected is None else {"mended": _corrected_machine_as_dict(corrected)}
-        print_json({**explained.to_dict(), **told})
+        told = (
+            {} if corrected is None else {"mended": _convert_corrected_machine_to_dict(corrected)}
+        )
+        print_value_as_json({**explained.to_dict(), **told})
     else:
         _print_explanation(explained, corrected, asked.picture)
     if corrected is not None and corrected.path is None:
         raise typer.Exit(1)
 
 
-def split_outputs_by_suffix(paths: list[Path], *, apply: bool) -> tuple[Path | None, Path | None]:
+def split_into_picture_and_machine_file(
+    paths: list[Path], *, is_machine_file_wanted: bool
+) -> tuple[Path | None, Path | None]:
     """Split the outputs into picture and machine file.
 
     Raises:
@@ -86,31 +92,33 @@ def split_outputs_by_suffix(paths: list[Path], *, apply: bool) -> tuple[Path | N
     pictures = [path for path in paths if path.suffix != ".toml"]
     if len(files) > 1 or len(pictures) > 1:
         raise typer.BadParameter("-o takes one picture, and with --apply one .toml")
-    if apply and not files:
+    if is_machine_file_wanted and not files:
         raise typer.BadParameter(
             "--apply writes a machine file; name it, for example -o mended.toml"
         )
-    if files and not apply:
+    if files and not is_machine_file_wanted:
         raise typer.BadParameter(f"{files[0]}: a machine file is only written with --apply")
     return (pictures[0] if pictures else None), (files[0] if files else None)
 
 
-def _corrected_machine_as_dict(corrected: "CorrectedMachine") -> dict[str, Any]:
+def _convert_corrected_machine_to_dict(corrected_machine: "CorrectedMachine") -> dict[str, Any]:
     from dataclasses import asdict
 
     return {
-        "path": None if corrected.path is None else str(corrected.path),
-        "changes": [asdict(each) for each in corrected.changes],
-        "taken_back": [asdict(each) for each in corrected.rejected],
-        "can_weigh": corrected.after.verdict.can_weigh,
-        "loads_before": [dict(row) for row in corrected.before.loads],
-        "loads": [dict(row) for row in corrected.after.loads],
-        "findings_left": [asdict(each) for each in corrected.remaining],
+        "path": None if corrected_machine.path is None else str(corrected_machine.path),
+        "changes": [asdict(each) for each in corrected_machine.changes],
+        "taken_back": [asdict(each) for each in corrected_machine.rejected],
+        "can_weigh": corrected_machine.after.verdict.can_weigh,
+        "loads_before": [dict(row) for row in corrected_machine.before.loads],
+        "loads": [dict(row) for row in corrected_machine.after.loads],
+        "findings_left": [asdict(each) for each in corrected_machine.remaining],
     }
 
 
 def _print_explanation(
-    explanation: "Explanation", corrected: "CorrectedMachine | None", picture: Path | None
+    explanation: "Explanation",
+    corrected_machine: "CorrectedMachine | None",
+    picture_path: Path | None,
 ) -> None:
     from recordings.explain.explanation_view import (
         describe_answer_and_cause,
@@ -120,7 +128,7 @@ def _print_explanation(
         iter_gate_lines,
     )
     from replay.commands.print_checks import print_failed_checks
-    from replay.commands.print_tables import make_stdout_console, print_line
+    from replay.commands.print_tables import make_stdout_console, print_marked_line
 
     screen = make_stdout_console()
 
@@ -129,11 +137,11 @@ def _print_explanation(
         if listed:
             screen.print(f"\n{title}", markup=False)
         for line in listed:
-            print_line(screen, line)
+            print_marked_line(screen, line)
 
-    if corrected is not None and corrected.path is None:
-        print_line(screen, "no proposal improves the mass, so no machine file was written")
-    print_line(screen, describe_answer_and_cause(explanation))
+    if corrected_machine is not None and corrected_machine.path is None:
+        print_marked_line(screen, "no proposal improves the mass, so no machine file was written")
+    print_marked_line(screen, describe_answer_and_cause(explanation))
     failed = explanation.answer.verdict.withholding_checks("mass")
     if failed:
         screen.print("\nfailed checks:", markup=False)
@@ -149,11 +157,11 @@ def _print_explanation(
     )
     print_part(around, iter_gate_lines(explanation))
     print_part("the motion:", iter_determined_parameter_lines(explanation.determined))
-    if corrected is not None:
-        _print_corrected_machine(screen, corrected)
-    if picture is not None:
+    if corrected_machine is not None:
+        _print_corrected_machine(screen, corrected_machine)
+    if picture_path is not None:
         screen.print()
-        print_line(screen, f"picture: {picture}")
+        print_marked_line(screen, f"picture: {picture_path}")
 
 
 def _format_worst_manoeuvres_title(explanation: "Explanation") -> str:
@@ -164,12 +172,12 @@ def _format_worst_manoeuvres_title(explanation: "Explanation") -> str:
     return "longest manoeuvres without a mass:"
 
 
-def _print_corrected_machine(screen: "Console", corrected: "CorrectedMachine") -> None:
+def _print_corrected_machine(console: "Console", corrected_machine: "CorrectedMachine") -> None:
     from recordings.report.finding_text import find_cause_name
-    from replay.commands.print_tables import format_setting_value, print_line
+    from replay.commands.print_tables import format_setting_value, print_marked_line
 
-    screen.print("\nproposed corrections, each tested by a replay:", markup=False)
-    for each in corrected.changes:
+    console.print("\nproposed corrections, each tested by a replay:", markup=False)
+    for each in corrected_machine.changes:
         claim = ""
         if each.change_kg is not None:
             claim = f", claimed {each.change_kg:+,.2f} ± {each.change_u_kg or 0.0:,.2f} kg"
@@ -177,20 +185,24 @@ def _print_corrected_machine(screen: "Console", corrected: "CorrectedMachine") -
             f"{each.key} = {format_setting_value(each.value)} "
             f"({find_cause_name(each.cause)}{claim})"
         )
-        print_line(screen, said)
-    for tried in corrected.rejected:
+        print_marked_line(console, said)
+    for tried in corrected_machine.rejected:
         key, cause = tried.proposal.key, find_cause_name(tried.proposal.cause)
-        print_line(screen, f"not {key} ({cause}): {tried.why}")
-    if corrected.path is None:
+        print_marked_line(console, f"not {key} ({cause}): {tried.why}")
+    if corrected_machine.path is None:
         return
     before, after = (
-        _format_mass_of_heaviest_load(corrected.before),
-        _format_mass_of_heaviest_load(corrected.after),
+        _format_mass_of_heaviest_load(corrected_machine.before),
+        _format_mass_of_heaviest_load(corrected_machine.after),
     )
-    print_line(screen, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed")
-    left = ", ".join(find_cause_name(each.cause) for each in corrected.remaining) or "no cause"
-    print_line(screen, f"remaining findings: {left}")
-    print_line(screen, f"machine file: {corrected.path}")
+    print_marked_line(
+        console, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed"
+    )
+    left = (
+        ", ".join(find_cause_name(each.cause) for each in corrected_machine.remaining) or "no cause"
+    )
+    print_marked_line(console, f"remaining findings: {left}")
+    print_marked_line(console, f"machine file: {corrected_machine.path}")
 
 
 def _format_mass_of_heaviest_load(answer: "Answer") -> str:

@@ -85,7 +85,7 @@ def run_command(
     Exit status 1 if a recording has no result.
     """
     from replay.commands.fleet_progress import FleetProgress
-    from replay.commands.print_tables import print_json
+    from replay.commands.print_tables import print_value_as_json
     from replay.fleet.log_sources import list_fleet_logs
     from replay.fleet.machine_setups import load_fleet
     from replay.fleet.run_fleet import replay_fleet
@@ -98,15 +98,15 @@ def run_command(
             logs,
             fleet,
             output,
-            _make_engine(address, workers),
-            shown.mark_done,
+            _make_task_engine_factory(address, workers),
+            shown.count_finished_log,
             shown.note_engine_slots,
             recordings=recordings,
         )
     if as_json:
-        print_json(did.to_dict())
+        print_value_as_json(did.to_dict())
     else:
-        _print_run(did)
+        _print_fleet_run(did)
     if did.failed:
         raise typer.Exit(1)
 
@@ -124,7 +124,7 @@ def query_command(
     from replay.commands.frame_output import (
         choose_output_format,
         format_frame_as_table,
-        print_frame,
+        print_frame_as_table,
         print_or_write_frame,
     )
     from replay.fleet.gathered_tables import open_fleet_results, query_fleet_tables
@@ -134,10 +134,14 @@ def query_command(
         require_writable_output(output, force=force)
     rows = query_fleet_tables(open_fleet_results(destination), sql)
     if chosen == "table" and output is None:
-        print_frame(rows)
+        print_frame_as_table(rows)
         return
     print_or_write_frame(
-        rows, chosen, output, force=force, table=lambda: format_frame_as_table(rows, rows.height)
+        rows,
+        chosen,
+        output,
+        force=force,
+        render_table=lambda: format_frame_as_table(rows, rows.height),
     )
 
 
@@ -151,7 +155,11 @@ def report_command(
 ) -> None:
     """Write one page over machines and weeks: tonnes, drift, what needs a look."""
     from recordings.fleet.fleet_page import summarise_fleet
-    from replay.commands.print_tables import make_stdout_console, print_json, print_line
+    from replay.commands.print_tables import (
+        make_stdout_console,
+        print_marked_line,
+        print_value_as_json,
+    )
     from replay.fleet.gathered_tables import open_fleet_results
     from replay.fleet.write_fleet_page import write_fleet_report
 
@@ -166,20 +174,20 @@ def report_command(
     )
     said = made.to_dict()
     if as_json:
-        print_json(said)
+        print_value_as_json(said)
         return
     screen = make_stdout_console()
-    print_line(screen, summarise_fleet(said["sum"], len(said["machines"])))
+    print_marked_line(screen, summarise_fleet(said["sum"], len(said["machines"])))
     for each in said["drifts"]:
-        print_line(
+        print_marked_line(
             screen,
             f"{each['machine']}: {each['of']} {each['change']:+,.1f} {each['unit']} since "
             f"{each['since']}, flagged {each['flagged']}",
         )
     for sentence in made.page.friction:
-        print_line(screen, sentence)
-    print_line(screen, f"recordings to check: {len(said['to_look_at'])}")
-    print_line(screen, f"page: {made.path}")
+        print_marked_line(screen, sentence)
+    print_marked_line(screen, f"recordings to check: {len(said['to_look_at'])}")
+    print_marked_line(screen, f"page: {made.path}")
 
 
 @app.command(name="compare")
@@ -214,7 +222,7 @@ def compare_command(
 
     Exit status 1 if they would have.
     """
-    from replay.commands.print_tables import print_json
+    from replay.commands.print_tables import print_value_as_json
     from replay.fleet.compare_results import compare_fleets
     from replay.fleet.gathered_tables import open_fleet_results
 
@@ -222,17 +230,17 @@ def compare_command(
         raise typer.BadParameter(
             "give either other results (B) or other settings (--set), but not both"
         )
-    days = _parse_days(first, last)
+    days = _parse_day_range(first, last)
     results = open_fleet_results(a)
     if b is None:
-        other = _replay_with_other_settings(
-            results, overrides or [], days, _make_engine(address, workers)
+        other = _replay_fleet_with_other_settings(
+            results, overrides or [], days, _make_task_engine_factory(address, workers)
         )
     else:
         other = open_fleet_results(b)
     found = compare_fleets(results, other, days)
     if as_json:
-        print_json(
+        print_value_as_json(
             {
                 "sum": found.total_change,
                 "machines": found.machines.to_dicts(),
@@ -242,7 +250,7 @@ def compare_command(
             }
         )
     else:
-        _print_comparison(found, a, shown)
+        _print_fleet_comparison(found, a, shown)
     if found.total_change["changed"]:
         raise typer.Exit(1)
 
@@ -277,23 +285,23 @@ def open_command(
     typer.echo(output)
 
 
-def _make_engine(
-    address: str | None, workers: int | None
+def _make_task_engine_factory(
+    cluster_address: str | None, worker_count: int | None
 ) -> "Callable[[], AbstractContextManager[TaskEngine]]":
     from replay.fleet.ray_engine import ray_engine
 
-    if address is not None and workers is not None:
+    if cluster_address is not None and worker_count is not None:
         raise typer.BadParameter(
             "--workers applies to this machine only; leave it out with --address"
         )
-    return partial(ray_engine, address, workers)
+    return partial(ray_engine, cluster_address, worker_count)
 
 
-def _parse_days(first: str | None, last: str | None) -> "DayRange":
+def _parse_day_range(first_day: str | None, last_day: str | None) -> "DayRange":
     from replay.fleet.compare_results import DayRange
 
     found: list[dt.date | None] = []
-    for name, text in (("--from", first), ("--to", last)):
+    for name, text in (("--from", first_day), ("--to", last_day)):
         try:
             found.append(None if text is None else dt.date.fromisoformat(text))
         except ValueError:
@@ -303,7 +311,7 @@ def _parse_days(first: str | None, last: str | None) -> "DayRange":
     return DayRange(*found)
 
 
-def _replay_with_other_settings(
+def _replay_fleet_with_other_settings(
     results: "FleetResults",
     overrides: list[str],
     days: "DayRange",
@@ -313,7 +321,7 @@ def _replay_with_other_settings(
     from replay.fleet.compare_results import RunCallbacks, replay_fleet_with_settings
 
     with FleetProgress() as shown:
-        told = RunCallbacks(shown.begin_bar, shown.mark_done, shown.note_engine_slots)
+        told = RunCallbacks(shown.begin_bar, shown.count_finished_log, shown.note_engine_slots)
         other, did, gone = replay_fleet_with_settings(results, overrides, days, engine, told)
     if gone:
         typer.echo(f"{gone} logs are no longer at their old paths and were left out", err=True)
@@ -322,76 +330,83 @@ def _replay_with_other_settings(
     return other
 
 
-def _print_run(run: "FleetRun") -> None:
+def _print_fleet_run(fleet_run: "FleetRun") -> None:
     from estimators.errors import counted
-    from replay.commands.print_tables import make_stdout_console, print_line
+    from replay.commands.print_tables import make_stdout_console, print_marked_line
 
     screen = make_stdout_console()
-    total = run.replayed + run.up_to_date + len(run.refused) + len(run.failed)
-    print_line(
-        screen,
-        f"{counted(total, 'recording')}: {run.replayed:,} replayed, {run.up_to_date:,} up to date, "
-        f"{len(run.refused):,} refused, {len(run.failed):,} without a result",
+    total = (
+        fleet_run.replayed + fleet_run.up_to_date + len(fleet_run.refused) + len(fleet_run.failed)
     )
-    for source, why in sorted(run.refused.items()):
-        print_line(screen, f"refused: {why if source in why else f'{source}: {why}'}")
-    for source, why in sorted(run.failed.items()):
-        print_line(screen, f"without a result: {why if source in why else f'{source}: {why}'}")
-    print_line(screen, f"results: {run.destination}")
+    print_marked_line(
+        screen,
+        f"{counted(total, 'recording')}: {fleet_run.replayed:,} replayed, "
+        f"{fleet_run.up_to_date:,} up to date, {len(fleet_run.refused):,} refused, "
+        f"{len(fleet_run.failed):,} without a result",
+    )
+    for source, why in sorted(fleet_run.refused.items()):
+        print_marked_line(screen, f"refused: {why if source in why else f'{source}: {why}'}")
+    for source, why in sorted(fleet_run.failed.items()):
+        print_marked_line(
+            screen, f"without a result: {why if source in why else f'{source}: {why}'}"
+        )
+    print_marked_line(screen, f"results: {fleet_run.destination}")
 
 
-def _print_comparison(comparison: "FleetComparison", a: str, max_recordings: int) -> None:
+def _print_fleet_comparison(
+    comparison: "FleetComparison", fleet_a: str, max_recordings: int
+) -> None:
     from replay.commands.print_tables import (
         make_plain_table,
         make_stdout_console,
-        print_line,
-        print_table,
+        print_marked_line,
+        print_table_uncut,
     )
 
     screen = make_stdout_console()
     whole = comparison.total_change
-    print_line(
+    print_marked_line(
         screen,
         f"{whole['payload_kg'] / 1e3:,.3f} t in A, {whole['payload_b_kg'] / 1e3:,.3f} t in B: "
-        f"{whole['change_kg'] / 1e3:+,.3f} t ({_format_relative_difference(whole)}), by "
+        f"{whole['change_kg'] / 1e3:+,.3f} t ({_format_relative_change_of_total(whole)}), by "
         f"{whole['changed']:,.0f} of {whole['logs']:,.0f} recordings",
     )
     if comparison.only_a or comparison.only_b:
-        print_line(
+        print_marked_line(
             screen, f"not compared: {comparison.only_a} only in A, {comparison.only_b} only in B"
         )
     table = make_plain_table(
         "machine", "recordings", "t in A", "t in B", "change t", "loads A", "B"
     )
     for row in comparison.machines.iter_rows(named=True):
-        table.add_row(row["machine"], f"{row['logs']:,}", *_make_change_cells(row))
-    print_table(screen, table)
+        table.digest_with_row(row["machine"], f"{row['logs']:,}", *_make_mass_change_cells(row))
+    print_table_uncut(screen, table)
     listed = comparison.logs.head(max_recordings)
     changed = listed.filter(listed["change_kg"] != 0.0)
     if changed.is_empty():
         return
-    print_line(screen, "")
-    print_line(screen, "Recordings that differ most")
+    print_marked_line(screen, "")
+    print_marked_line(screen, "Recordings that differ most")
     table = make_plain_table(
         "machine", "day", "t in A", "t in B", "change t", "loads A", "B", "opens it"
     )
     for row in changed.iter_rows(named=True):
-        opens = f"payscope fleet open {a} {row['key'][:12]}"
-        table.add_row(row["machine"], row["day"], *_make_change_cells(row), opens)
-    print_table(screen, table)
+        opens = f"payscope fleet open {fleet_a} {row['key'][:12]}"
+        table.digest_with_row(row["machine"], row["day"], *_make_mass_change_cells(row), opens)
+    print_table_uncut(screen, table)
 
 
-def _make_change_cells(row: dict[str, float]) -> tuple[str, ...]:
-    tonnes = (row["payload_kg"] / 1e3, row["payload_b_kg"] / 1e3)
+def _make_mass_change_cells(comparison_row: dict[str, float]) -> tuple[str, ...]:
+    tonnes = (comparison_row["payload_kg"] / 1e3, comparison_row["payload_b_kg"] / 1e3)
     return (
         *(f"{t:,.3f}" for t in tonnes),
-        f"{row['change_kg'] / 1e3:+,.3f}",
-        f"{row['loads']:,.0f}",
-        f"{row['loads_b']:,.0f}",
+        f"{comparison_row['change_kg'] / 1e3:+,.3f}",
+        f"{comparison_row['loads']:,.0f}",
+        f"{comparison_row['loads_b']:,.0f}",
     )
 
 
-def _format_relative_difference(totals: dict[str, float]) -> str:
+def _format_relative_change_of_total(totals: dict[str, float]) -> str:
     if not totals["payload_kg"]:
         return "no tonnes in A"
     return f"{totals['change_kg'] / totals['payload_kg']:+.2%}"

@@ -20,7 +20,7 @@ _LARGEST: Final = 1 << 63
 
 def main() -> None:
     """Import one file, and leave with the status that the viewer understands."""
-    asked, _ = _make_argument_parser().parse_known_args()  # newer viewers may ask for more
+    asked, _ = _make_viewer_argument_parser().parse_known_args()  # newer viewers may ask for more
     # the viewer starts every importer for every file: nothing heavy before the answer "not mine"
     from replay.recording.importer_files import may_import_file
 
@@ -62,7 +62,7 @@ def parse_viewer_request(arguments: argparse.Namespace) -> "ViewerRequest":
     )
 
 
-def _make_argument_parser() -> argparse.ArgumentParser:
+def _make_viewer_argument_parser() -> argparse.ArgumentParser:
     # with abbreviations, an option of an older viewer (--time) would be one of several
     parser = argparse.ArgumentParser(
         allow_abbrev=False,

@@ -22,23 +22,25 @@ def list_keys(
     from replay.commands.print_tables import (
         make_plain_table,
         make_stdout_console,
-        print_json,
-        print_line,
-        print_table,
+        print_marked_line,
+        print_table_uncut,
+        print_value_as_json,
     )
 
     keyring = load_keyring()
     rows = [{"key_id": each.public.key_id, **each.model_dump()} for each in keyring.keys]
     if as_json:
-        print_json(rows)
+        print_value_as_json(rows)
         return
     screen = make_stdout_console()
     table = make_plain_table("key", "owner", "valid from", "valid to", "revoked")
     for row in rows:
         days = (row["valid_from"], row["valid_to"], row["revoked"])
-        table.add_row(f"{row['key_id'][:12]}…", row["owner"], *(str(d or "–") for d in days))
-    print_table(screen, table)
-    print_line(screen, f"keyring: {keyring.path}")
+        table.digest_with_row(
+            f"{row['key_id'][:12]}…", row["owner"], *(str(d or "–") for d in days)
+        )
+    print_table_uncut(screen, table)
+    print_marked_line(screen, f"keyring: {keyring.path}")
 
 
 @app.command()
@@ -56,7 +58,7 @@ def add(
     from estimators.errors import EvidenceError
     from recordings.signatures.keyring import KnownKey, add_key, load_keyring
 
-    public = _read_public_key(key)
+    public = _read_public_key_or_key_file(key)
     if not owner.strip():
         raise EvidenceError("--owner is empty; give the name of the key's owner")
     if valid_from and valid_to and valid_to < valid_from:
@@ -86,21 +88,22 @@ def revoke(
     from recordings.signatures.keyring import load_keyring, revoke_key
 
     is_id = all(digit in "0123456789abcdef" for digit in key) and key != ""
-    key_id = key if is_id else _read_public_key(key).key_id
+    key_id = key if is_id else _read_public_key_or_key_file(key).key_id
     since = dt.datetime.now(dt.UTC).date() if day is None else day.date()
     keyring = revoke_key(load_keyring(), key_id, since, because)
     typer.echo(f"{keyring.path}: key {key_id[:12]}… revoked on {since}")
 
 
-def _read_public_key(key: str) -> "PublicKey":
+def _read_public_key_or_key_file(key_text_or_path: str) -> "PublicKey":
     from estimators.errors import EvidenceError
     from recordings.signatures.signing import PublicKey, read_public_key
 
-    if Path(key).exists():
-        return read_public_key(Path(key))
+    if Path(key_text_or_path).exists():
+        return read_public_key(Path(key_text_or_path))
     try:
-        return PublicKey.from_text(key)
+        return PublicKey.from_text(key_text_or_path)
     except EvidenceError as fault:
         raise EvidenceError(
-            f"{key}: no such file, and not a key in base64 ({fault}); give a public key in PEM"
+            f"{key_text_or_path}: no such file, and not a key in base64 ({fault}); "
+            "give a public key in PEM"
         ) from None

@@ -33,6 +33,6 @@ def command(
         from replay.warm_up.compile_loops import STEPS, compile_loops
 
         with StageProgress(len(STEPS), warns=False) as stages:
-            compile_loops(stages.begin)
+            compile_loops(stages.begin_stage)
         mark_all_compiled()
     typer.echo(f"everything is compiled: {folder}")

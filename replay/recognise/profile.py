@@ -64,16 +64,16 @@ class FieldProfile:
         }
 
 
-def profile_fields(log: Log, topics: Sequence[str] | None = None) -> list[FieldProfile]:
+def profile_fields(log: Log, topic_rows: Sequence[str] | None = None) -> list[FieldProfile]:
     """Profiles of all fields with single values, in the log's order.
 
     Args:
         log: an opened log.
-        topics: topics to profile; None for all readable ones.
+        topic_rows: topics to profile; None for all readable ones.
     """
     found: list[FieldProfile] = []
     for row in log.topics().iter_rows(named=True):
-        if row["problem"] or not row["messages"] or (topics and row["topic"] not in topics):
+        if row["problem"] or not row["messages"] or (topic_rows and row["topic"] not in topic_rows):
             continue
         fields = [f for f in row["fields"] or [] if "[]" not in f and f not in _NO_READINGS]
         if row["type"].rpartition("/")[2] == "JointState":
@@ -147,14 +147,14 @@ def profile_column_with_gaps(
         low,
         float(np.median(known)),
         high,
-        make_sparkline(x, low, high),
+        draw_sparkline_text(x, low, high),
     )
 
 
-def make_sparkline(values: Floats, low: float, high: float) -> str:
+def draw_sparkline_text(bin_means: Floats, low: float, high: float) -> str:
     """Sparkline: the mean of each sixteenth of the log as a bar between `low` and `high`."""
     drawn = ""
-    for part in np.array_split(values, min(LIMITS.sparkline_characters, values.size)):
+    for part in np.array_split(bin_means, min(LIMITS.sparkline_characters, bin_means.size)):
         known = part[np.isfinite(part)]
         if not known.size:
             drawn += " "
@@ -165,14 +165,14 @@ def make_sparkline(values: Floats, low: float, high: float) -> str:
     return drawn
 
 
-def ask_about_efforts(
-    used_fields: Collection[tuple[str, str]], profiles: Sequence[FieldProfile]
+def ask_for_units_of_joint_efforts(
+    used_fields: Collection[tuple[str, str]], field_profiles: Sequence[FieldProfile]
 ) -> list[str]:
     """Questions about units of joint efforts used as torques, and notes on efforts without sign.
 
     Args:
         used_fields: topic and field of each channel.
-        profiles: profiles of the log's fields.
+        field_profiles: profiles of the log's fields.
     """
     efforts = {each for each in used_fields if each[1].startswith("effort[")}
     if not efforts:
@@ -180,7 +180,7 @@ def ask_about_efforts(
     unsigned = [
         f"{each.field} lies between {each.low:.4g} and {each.high:.4g}, never below zero: a torque "
         "that brakes would be negative"
-        for each in profiles
+        for each in field_profiles
         if (each.topic, each.field) in efforts and each.low is not None and each.low >= 0.0
     ]
     return ["; ".join([_EFFORT_UNIT, *unsigned])]

@@ -63,7 +63,8 @@ class BlockDamage(Damage):
         for block, why in damaged:
             yield (
                 f"the chunk at byte {block.record_offset} ({block.stored_bytes:,} bytes) is "
-                f"damaged and was not read: {why}; {describe_block_contents([block], topic_of_connection)}"
+                f"damaged and was not read: {why}; "
+                f"{describe_block_contents([block], topic_of_connection)}"
             )
 
     def _describe_unreadable_spans(self) -> Iterable[str]:
@@ -106,7 +107,7 @@ def describe_block_contents(blocks: list[Block], topic_of_connection: Mapping[in
     counts: dict[str, int] = {}
     for block in blocks:
         for key, count in block.counts.items():
-            topic = topics.get(key, f"connection {key}")
+            topic = topic_of_connection.get(key, f"connection {key}")
             counts[topic] = counts.get(topic, 0) + count
     listed = ", ".join(f"{count:,} of {topic}" for topic, count in sorted(counts.items()))
     timed = [block for block in blocks if block.last_ns >= block.first_ns]

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from estimators.errors import FleetError
-from replay.commands.fleet_progress import TimeLeft, time_left_text
+from replay.commands.fleet_progress import TimeLeft, format_time_left
 from replay.fleet.log_sources import list_fleet_logs
 from replay.fleet.object_store import ObjectStore
 from replay.logs import group_objects_by_log
@@ -56,9 +56,9 @@ def test_what_is_being_written_to_a_folder_is_not_among_its_objects(tmp_path: Pa
 def test_nothing_is_said_of_the_time_left_before_some_are_done() -> None:
     left = TimeLeft([1000] * 10)
     for _ in range(4):
-        left.add_recording(1000, 1.0)
+        left.add_finished_recording(1000, 1.0)
     assert left.interval_s(1) is None
-    assert time_left_text(None) == ""
+    assert format_time_left(None) == ""
 
 
 @given(
@@ -71,7 +71,7 @@ def test_where_seconds_go_with_size_the_time_left_is_exact(
 ) -> None:
     left = TimeLeft(sizes)
     for size in sizes[:6]:
-        left.add_recording(size, rate * (size + 2_000_000) / 1e6)
+        left.add_finished_recording(size, rate * (size + 2_000_000) / 1e6)
     rest = sum(rate * (size + 2_000_000) / 1e6 for size in sizes[6:]) / slots
     low, high = left.interval_s(slots) or (0.0, 0.0)
     assert low == pytest.approx(rest, rel=1e-3)
@@ -81,9 +81,9 @@ def test_where_seconds_go_with_size_the_time_left_is_exact(
 def test_what_scatters_has_an_interval_in_a_unit_that_suits_it() -> None:
     left = TimeLeft([1000] * 1000)
     for n in range(10):
-        left.add_recording(1000, 5.0 + 5.0 * (n % 2))
+        left.add_finished_recording(1000, 5.0 + 5.0 * (n % 2))
     low, high = left.interval_s(2) or (0.0, 0.0)
     assert low < 990 * 7.5 / 2 < high
-    assert time_left_text((low, high)).endswith(" min left")
-    assert time_left_text((20.0, 30.0)) == "20 to 30 s left"
-    assert time_left_text((7200.0, 10800.0)) == "2.0 to 3.0 h left"
+    assert format_time_left((low, high)).endswith(" min left")
+    assert format_time_left((20.0, 30.0)) == "20 to 30 s left"
+    assert format_time_left((7200.0, 10800.0)) == "2.0 to 3.0 h left"

@@ -11,7 +11,7 @@ from analysis.simulation import Scenario
 from replay import load_machine, open_log, run
 from replay.follow.agreement import FollowedDigests
 from replay.follow.follow_logs import Following, follow_logs
-from replay.follow.report_file import describe_event
+from replay.follow.report_file import describe_finished_manoeuvre
 from replay.simulation.simulate_logs import simulate_scenario
 
 #: Straight motion each way, spins and an arc: what every axis has to refuse is there.
@@ -73,7 +73,7 @@ def test_spins_agree_with_the_causal_replay_and_are_reported(
     assert [report.spins for report in spins] == [1, 2]
     for report in spins:
         assert report.inertia_z_kg_m2 == pytest.approx(4353.0, rel=0.03)
-        assert "kg·m²" in describe_event(report)
+        assert "kg·m²" in describe_finished_manoeuvre(report)
     for report in reports:
         is_told = report.spin_validity in ("valid", "old")
         assert (report.inertia_z_kg_m2 is not None) == is_told
