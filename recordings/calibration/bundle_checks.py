@@ -28,13 +28,16 @@ from recordings.calibration.bundle_folder import (
     TIMESTAMP,
     UNLISTED,
     BundleFile,
-    list_bundle_entries,
+    list_bundle_files_and_faults,
     parse_sha256sums,
     read_bundle_file,
 )
 from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.bundle_tables import UntrustedTable, read_untrusted_tables
-from recordings.calibration.chain_check import check_chain, check_chain_counter
+from recordings.calibration.chain_check import (
+    check_counter_of_chain_link,
+    check_link_to_previous_evidence,
+)
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import (
     CheckedBundle,
@@ -44,12 +47,12 @@ from recordings.calibration.checked_bundle import (
 from recordings.calibration.evidence_document import (
     EvidenceDocument,
     UnknownFormatError,
-    parse_evidence,
+    parse_untrusted_evidence,
 )
-from recordings.calibration.notary_stretch import check_notary_stretch
+from recordings.calibration.notary_stretch import check_notary_list_range
 from recordings.calibration.recomputation import compare_bundle_with_recomputed
-from recordings.calibration.timestamp import check_timestamp
-from recordings.calibration.write_bundle import make_statement_predicate
+from recordings.calibration.timestamp import check_bundle_timestamp
+from recordings.calibration.write_bundle import make_signed_statement_predicate
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import (
@@ -69,48 +72,48 @@ _UNKNOWN_KEY: Final = (
 )
 
 
-def check_bundle(
+def check_bundle_with_previous_evidence(
     folder: Path,
-    key: PublicKey | None = None,
-    previous: Path | None = None,
+    known_key: PublicKey | None = None,
+    previous_folder: Path | None = None,
     keyring: Keyring | None = None,
-    authorities: "Sequence[Certificate]" = (),
+    timestamp_authorities: "Sequence[Certificate]" = (),
 ) -> CheckedBundle:
     """Check a bundle by itself: files, signature, chain and recomputation.
 
     Args:
         folder: the bundle; nothing in it is executed, no link is followed, nothing outside is read.
-        key: public key of the required signer.
-        previous: the machine's previous evidence, which is checked as well.
+        known_key: public key of the required signer.
+        previous_folder: the machine's previous evidence, which is checked as well.
         keyring: keys kept by the user; None for none.
-        authorities: root certificates of trusted time-stamp authorities.
+        timestamp_authorities: root certificates of trusted time-stamp authorities.
 
     Raises:
         EvidenceError: the folder does not exist, or is not a bundle.
     """
-    bundle = _check_without_previous_evidence(folder, key, keyring or Keyring(Path()), authorities)
+    bundle = _check_bundle_alone(
+        folder, known_key, keyring or Keyring(Path()), timestamp_authorities
+    )
     document = bundle.document
     if document is not None:
-        check_chain_counter(bundle, document)
+        check_counter_of_chain_link(bundle, document)
         before = None
-        if previous is not None:
+        if previous_folder is not None:
             # a time stamp is asked of the evidence itself; that before it need not have one
-            stamped = authorities if (previous / TIMESTAMP).is_file() else ()
-            before = _check_without_previous_evidence(
-                previous, None, keyring or Keyring(Path()), stamped
-            )
+            stamped = timestamp_authorities if (previous_folder / TIMESTAMP).is_file() else ()
+            before = _check_bundle_alone(previous_folder, None, keyring or Keyring(Path()), stamped)
             by = before.signed_by
-            if key is not None and by.how == "unknown" and by.key_id == key.key_id:
+            if known_key is not None and by.how == "unknown" and by.key_id == known_key.key_id:
                 before.signed_by = replace(by, how="given")
-        check_chain(bundle, document, before)
+        check_link_to_previous_evidence(bundle, document, before)
     return bundle
 
 
-def _check_without_previous_evidence(
+def _check_bundle_alone(
     folder: Path,
-    key: PublicKey | None,
+    known_key: PublicKey | None,
     keyring: Keyring,
-    authorities: "Sequence[Certificate]",
+    timestamp_authorities: "Sequence[Certificate]",
 ) -> CheckedBundle:
     """Check a bundle without its previous evidence."""
     bundle = CheckedBundle()
@@ -119,20 +122,20 @@ def _check_without_previous_evidence(
         return bundle
     digests = {name: each.sha256 for name, each in held.items() if name not in UNLISTED}
     try:
-        document = parse_evidence(read_content_in_memory(held, EVIDENCE), EVIDENCE)
+        document = parse_untrusted_evidence(read_content_in_memory(held, EVIDENCE), EVIDENCE)
     except EvidenceError as fault:
         strange = isinstance(fault, UnknownFormatError)
         outcome = BundleOutcome.OTHER_VERSION if strange else BundleOutcome.TAMPERED
         bundle.add_finding(outcome, EVIDENCE, remove_file_name_from_fault(EVIDENCE, fault))
-        check_signature(bundle, held, digests, None, key, keyring)
+        check_bundle_signature(bundle, held, digests, None, known_key, keyring)
         return bundle
     bundle.document = document
-    check_timestamp(bundle, held, document, authorities)
-    check_signature(bundle, held, digests, document, key, keyring)
-    _check_recording_names(bundle, document, digests)
+    check_bundle_timestamp(bundle, held, document, timestamp_authorities)
+    check_bundle_signature(bundle, held, digests, document, known_key, keyring)
+    _check_that_recordings_are_named(bundle, document, digests)
     stretch = read_content_in_memory(held, NOTARY) if NOTARY in held else None
-    check_notary_stretch(bundle, document, stretch, keyring)
-    readings, points = read_readings_and_points(bundle, held, document)
+    check_notary_list_range(bundle, document, stretch, keyring)
+    readings, points = parse_readings_and_points(bundle, held, document)
     bundle.readings, bundle.points = readings, points
     if readings is not None:
         findings, notes = compare_bundle_with_recomputed(
@@ -143,46 +146,50 @@ def _check_without_previous_evidence(
     return bundle
 
 
-def read_and_check_bundle_files(folder: Path, bundle: CheckedBundle) -> dict[str, BundleFile]:
+def read_and_check_bundle_files(
+    folder: Path, checked_bundle: CheckedBundle
+) -> dict[str, BundleFile]:
     """Read every file of a bundle, and compare it with SHA256SUMS.
 
     Args:
         folder: the bundle.
-        bundle: receives the findings.
+        checked_bundle: receives the findings.
 
     Returns:
         Files that could be read, by name.
     """
-    names, strange = list_bundle_entries(folder)
+    names, strange = list_bundle_files_and_faults(folder)
     for name, what in strange[: LIMITS.max_foreign_entries]:
-        bundle.add_finding(BundleOutcome.TAMPERED, name, what)
+        checked_bundle.add_finding(BundleOutcome.TAMPERED, name, what)
     if len(strange) > LIMITS.max_foreign_entries:
         more = f"{len(strange) - LIMITS.max_foreign_entries} more entries"
-        bundle.add_finding(BundleOutcome.TAMPERED, more, "do not belong to a bundle")
+        checked_bundle.add_finding(BundleOutcome.TAMPERED, more, "do not belong to a bundle")
     held: dict[str, BundleFile] = {}
     for name in names:
         try:
             held[name] = read_bundle_file(folder, name)
         except EvidenceError as fault:
-            bundle.add_finding(
+            checked_bundle.add_finding(
                 BundleOutcome.TAMPERED, name, remove_file_name_from_fault(name, fault)
             )
     for name in (*REQUIRED, SUMS):
         if name not in names:
-            bundle.add_finding(BundleOutcome.INCOMPLETE, name, "is missing")
+            checked_bundle.add_finding(BundleOutcome.INCOMPLETE, name, "is missing")
     if SUMS in held:
-        bundle.sums = read_content_in_memory(held, SUMS)
+        checked_bundle.sums = read_content_in_memory(held, SUMS)
         try:
-            compare_files_with_sums(bundle, names, held, parse_sha256sums(bundle.sums))
+            compare_files_with_sums(
+                checked_bundle, names, held, parse_sha256sums(checked_bundle.sums)
+            )
         except EvidenceError as fault:
-            bundle.add_finding(
+            checked_bundle.add_finding(
                 BundleOutcome.TAMPERED, SUMS, remove_file_name_from_fault(SUMS, fault)
             )
     return held
 
 
 def compare_files_with_sums(
-    bundle: CheckedBundle,
+    checked_bundle: CheckedBundle,
     names: list[str],
     files: Mapping[str, BundleFile],
     expected_digests: Mapping[str, str],
@@ -190,35 +197,35 @@ def compare_files_with_sums(
     """Compare the files with SHA256SUMS in both directions."""
     for name, digest in expected_digests.items():
         if name in files and files[name].sha256 != digest:
-            bundle.add_finding(
+            checked_bundle.add_finding(
                 BundleOutcome.TAMPERED, name, f"is not the file whose digest {SUMS} has"
             )
         if name not in names and name not in REQUIRED:
-            bundle.add_finding(
+            checked_bundle.add_finding(
                 BundleOutcome.INCOMPLETE, name, f"is missing, although {SUMS} lists it"
             )
     for name in sorted(set(files) - set(expected_digests) - set(UNLISTED)):
-        bundle.add_finding(BundleOutcome.TAMPERED, name, f"is not listed in {SUMS}")
+        checked_bundle.add_finding(BundleOutcome.TAMPERED, name, f"is not listed in {SUMS}")
 
 
-def _check_recording_names(
-    bundle: CheckedBundle, document: EvidenceDocument, digests: Mapping[str, str]
+def _check_that_recordings_are_named(
+    checked_bundle: CheckedBundle, document: EvidenceDocument, digests: Mapping[str, str]
 ) -> None:
     """Check that the recordings of runs are those that the evidence names."""
     named = {log.recording for log in document.logs if log.recording}
     for name in sorted(named - set(digests)):
-        bundle.add_finding(
+        checked_bundle.add_finding(
             BundleOutcome.INCOMPLETE, name, "is missing, although the evidence names it"
         )
     for name in sorted(digests):
         if name.startswith(f"{RUNS}/") and name not in named:
-            bundle.add_finding(
+            checked_bundle.add_finding(
                 BundleOutcome.TAMPERED, name, "is a recording that the evidence does not name"
             )
 
 
-def read_readings_and_points(
-    bundle: CheckedBundle, files: Mapping[str, BundleFile], document: EvidenceDocument
+def parse_readings_and_points(
+    checked_bundle: CheckedBundle, files: Mapping[str, BundleFile], document: EvidenceDocument
 ) -> tuple[pl.DataFrame | None, pl.DataFrame | None]:
     """Readings and points; None for each that cannot be read."""
     digests = {
@@ -229,92 +236,94 @@ def read_readings_and_points(
     there = [name for name in (READINGS, POINTS) if name in files]
     for name in there:
         if files[name].sha256 != digests[name]:
-            bundle.add_finding(
+            checked_bundle.add_finding(
                 BundleOutcome.TAMPERED, name, "is not the table whose digest evidence.json has"
             )
     asked = [UntrustedTable(read_content_in_memory(files, name), schemas[name]) for name in there]
     found: dict[str, pl.DataFrame] = {}
     for name, table in zip(there, read_untrusted_tables(asked), strict=True):
         if isinstance(table, str):
-            bundle.add_finding(BundleOutcome.TAMPERED, name, table)
+            checked_bundle.add_finding(BundleOutcome.TAMPERED, name, table)
         else:
             found[name] = table
     return found.get(READINGS), found.get(POINTS)
 
 
-def check_signature(
-    bundle: CheckedBundle,
+def check_bundle_signature(
+    checked_bundle: CheckedBundle,
     files: Mapping[str, BundleFile],
     digests: Mapping[str, str],
     document: EvidenceDocument | None,
-    key: PublicKey | None,
+    known_key: PublicKey | None,
     keyring: Keyring,
 ) -> None:
     """Check who signed, and that the signature covers these files.
 
     Args:
-        bundle: receives the findings and the signer.
+        checked_bundle: receives the findings and the signer.
         files: files of the bundle.
         digests: digests of the signed files, by name.
         document: the evidence; None if it cannot be read.
-        key: key given by the user, if any.
+        known_key: key given by the user, if any.
         keyring: keys kept by the user.
     """
     named = document.signer if document is not None else None
     if STATEMENT not in files:
-        _add_unsigned_findings(bundle, document, key)
+        _add_unsigned_findings(checked_bundle, document, known_key)
         return
-    bundle.signed_by = SignedBy("broken")
+    checked_bundle.signed_by = SignedBy("broken")
     try:
         signed = parse_envelope(read_content_in_memory(files, STATEMENT), STATEMENT)
         stated = None if named is None else PublicKey.from_text(named.public_key)
     except EvidenceError as fault:
-        bundle.add_finding(
+        checked_bundle.add_finding(
             BundleOutcome.TAMPERED, STATEMENT, remove_file_name_from_fault(STATEMENT, fault)
         )
         return
-    before = len(bundle.findings)
+    before = len(checked_bundle.findings)
     if document is not None:
-        _check_signer(bundle, signed, stated, document)
-    if key is not None and not signed.is_signed_by(key):
-        bundle.add_finding(
-            BundleOutcome.TAMPERED, STATEMENT, f"is not signed by the key {key.key_id[:12]}… given"
+        _check_that_signer_is_stated(checked_bundle, signed, stated, document)
+    if known_key is not None and not signed.is_signed_by(known_key):
+        checked_bundle.add_finding(
+            BundleOutcome.TAMPERED,
+            STATEMENT,
+            f"is not signed by the key {known_key.key_id[:12]}… given",
         )
-    if key is None and stated is not None and not signed.is_signed_by(stated):
-        bundle.add_finding(
+    if known_key is None and stated is not None and not signed.is_signed_by(stated):
+        checked_bundle.add_finding(
             BundleOutcome.TAMPERED, STATEMENT, "its signature is not by the key it names"
         )
-    _check_statement(bundle, signed, files, digests, document)
-    if len(bundle.findings) == before and stated is not None and document is not None:
-        identify_signer(bundle, stated, document, key, keyring)
+    _check_signed_digests(checked_bundle, signed, files, digests, document)
+    if len(checked_bundle.findings) == before and stated is not None and document is not None:
+        identify_bundle_signer(checked_bundle, stated, document, known_key, keyring)
 
 
 def _add_unsigned_findings(
-    bundle: CheckedBundle, document: EvidenceDocument | None, key: PublicKey | None
+    checked_bundle: CheckedBundle, document: EvidenceDocument | None, known_key: PublicKey | None
 ) -> None:
     """Add the findings of a bundle that has no signed statement."""
     if document is not None and document.signer is not None:
-        bundle.add_finding(
+        checked_bundle.add_finding(
             BundleOutcome.INCOMPLETE, STATEMENT, "is missing, although evidence.json names a signer"
         )
-    elif key is not None:
-        bundle.add_finding(
+    elif known_key is not None:
+        checked_bundle.add_finding(
             BundleOutcome.INCOMPLETE,
             STATEMENT,
             "is missing: the bundle is unsigned, but --key is given",
         )
     elif document is not None:
-        bundle.notes.append(
+        checked_bundle.notes.append(
             "UNSIGNED: nobody vouches for this; whoever held the folder could have changed "
             "every number and every digest in it"
         )
 
 
-def identify_signer(
-    bundle: CheckedBundle,
+def identify_bundle_signer(
+    checked_bundle: CheckedBundle,
     stated_signer: PublicKey,
     document: EvidenceDocument,
-    key: PublicKey | None,
+    known_key: PublicKey | None,
     keyring: Keyring,
 ) -> None:
     """Identify the owner of a key by the user's keyring."""
@@ -324,48 +333,50 @@ def identify_signer(
     by = SignedBy("unknown", claimed, owner, stated_signer.key_id, stated_signer.text)
     if known is not None:
         made = dt.datetime.fromisoformat(document.made).date()
-        fault = known.distrust_reason(made, bundle.proven_day)
+        fault = known.distrust_reason(made, checked_bundle.proven_day)
         if fault:
-            bundle.signed_by = by
+            checked_bundle.signed_by = by
             outcome = BundleOutcome.TAMPERED if known.revoked else BundleOutcome.INCOMPLETE
-            bundle.add_finding(
+            checked_bundle.add_finding(
                 outcome, STATEMENT, f"the key of {owner}, {by.key_id[:12]}…, {fault}"
             )
             return
-    how = "given" if key is not None else "unknown" if known is None else "known"
-    bundle.signed_by = by = replace(by, how=how)
+    how = "given" if known_key is not None else "unknown" if known is None else "known"
+    checked_bundle.signed_by = by = replace(by, how=how)
     if not by.is_trusted:
-        bundle.notes.append(_UNKNOWN_KEY.format(by, by.add_key_command))
+        checked_bundle.notes.append(_UNKNOWN_KEY.format(by, by.add_key_command))
 
 
-def _check_signer(
-    bundle: CheckedBundle,
-    signed: EnvelopeContent,
+def _check_that_signer_is_stated(
+    checked_bundle: CheckedBundle,
+    envelope: EnvelopeContent,
     stated_signer: PublicKey | None,
     document: EvidenceDocument,
 ) -> None:
     """Check that envelope and evidence name the same key."""
     if stated_signer is None or document.signer is None:
-        bundle.add_finding(
+        checked_bundle.add_finding(
             BundleOutcome.TAMPERED, EVIDENCE, "signer: names nobody, although there is a signature"
         )
-    elif not stated_signer.key_id == document.signer.key_id == signed.key_id:
-        bundle.add_finding(
+    elif not stated_signer.key_id == document.signer.key_id == envelope.key_id:
+        checked_bundle.add_finding(
             BundleOutcome.TAMPERED, EVIDENCE, "signer.key_id: is not that of the signature's key"
         )
 
 
-def _check_statement(
-    bundle: CheckedBundle,
-    signed: EnvelopeContent,
+def _check_signed_digests(
+    checked_bundle: CheckedBundle,
+    envelope: EnvelopeContent,
     files: Mapping[str, BundleFile],
     digests: Mapping[str, str],
     document: EvidenceDocument | None,
 ) -> None:
     """Check that the statement covers these files."""
-    said = signed.statement
+    said = envelope.statement
     if said.get("_type") != STATEMENT_TYPE or said.get("predicateType") != PREDICATE_TYPE:
-        bundle.add_finding(BundleOutcome.TAMPERED, STATEMENT, "is a statement of another kind")
+        checked_bundle.add_finding(
+            BundleOutcome.TAMPERED, STATEMENT, "is a statement of another kind"
+        )
     wanted: dict[str, Any] = dict(digests)
     if SUMS in files:
         wanted[SUMS] = files[SUMS].sha256
@@ -376,18 +387,20 @@ def _check_statement(
             found[each["name"]] = each.get("digest")
     for name in sorted(set(found) | set(wanted)):
         if name not in found:
-            bundle.add_finding(
+            checked_bundle.add_finding(
                 BundleOutcome.TAMPERED, name, "was not there when the bundle was signed"
             )
         elif name not in wanted:
-            bundle.add_finding(
+            checked_bundle.add_finding(
                 BundleOutcome.INCOMPLETE,
                 name,
                 "is missing, although it was there when it was signed",
             )
         elif found[name] != {"sha256": wanted[name]}:
-            bundle.add_finding(BundleOutcome.TAMPERED, name, "is not the file that was signed")
-    if document is not None and said.get("predicate") != make_statement_predicate(document):
-        bundle.add_finding(
+            checked_bundle.add_finding(
+                BundleOutcome.TAMPERED, name, "is not the file that was signed"
+            )
+    if document is not None and said.get("predicate") != make_signed_statement_predicate(document):
+        checked_bundle.add_finding(
             BundleOutcome.TAMPERED, STATEMENT, "is about other evidence than evidence.json"
         )

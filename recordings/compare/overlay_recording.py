@@ -14,12 +14,16 @@ from analysis.compare.run_alignment import shift_run_to_time_line, subtract_run
 from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.report.number_text import format_markdown_table, format_number, format_plus_minus
-from recordings.rrd.blueprint import Page, Panel, find_grid_unix_span_ns, lay_out_tabs
+from recordings.report.number_text import (
+    format_markdown_table,
+    format_number_cell,
+    format_plus_minus,
+)
+from recordings.rrd.blueprint import Page, Panel, find_unix_span_of_grid_ns, lay_out_pages_as_tabs
 from recordings.rrd.display_frames import (
     ROOT,
     DisplayColumn,
-    choose_axis_range,
+    choose_axis_range_without_outliers,
     list_displayed_columns,
     make_display_frames,
 )
@@ -86,7 +90,7 @@ def write_overlay_recording(
         return Scene(
             name="A and B",
             frames={name: rows for side in sides for name, rows in side.frames_by_entity().items()},
-            layout=lay_out_tabs(_make_overlay_pages(*sides), find_grid_unix_span_ns(a)),
+            layout=lay_out_pages_as_tabs(_make_overlay_pages(*sides), find_unix_span_of_grid_ns(a)),
             texts={COMPARED: text},
         )
 
@@ -135,7 +139,11 @@ def make_common_panel(view: View, a: _OverlaidRun) -> Panel | None:
         replace(each, frame=move_entity_under_side(_A, each.frame))
         for each in a.columns_drawn_in_view(view)
     )
-    return Panel(view.title, view.kind, drawn, choose_axis_range(view, a.run)) if drawn else None
+    return (
+        Panel(view.title, view.kind, drawn, choose_axis_range_without_outliers(view, a.run))
+        if drawn
+        else None
+    )
 
 
 def does_view_differ(view: View, a: _OverlaidRun, b: _OverlaidRun) -> bool:
@@ -170,7 +178,11 @@ def make_overlaid_panel(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel |
     title = f"{view.title}: A strong, B pale" if alike and not one_line_each else view.title
     if view.kind is ViewKind.STATES:
         drawn = sorted(drawn, key=lambda each: each.label)
-    ends = [each for side in (a, b) if (each := choose_axis_range(view, side.run)) is not None]
+    ends = [
+        each
+        for side in (a, b)
+        if (each := choose_axis_range_without_outliers(view, side.run)) is not None
+    ]
     bulk = (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
     return Panel(title, view.kind, tuple(drawn), bulk)
 
@@ -207,7 +219,7 @@ def make_difference_panel(
         f"B − A: {view.title}",
         ViewKind.LINES,
         named,
-        choose_axis_range(plain, difference.run),
+        choose_axis_range_without_outliers(plain, difference.run),
         named_above=above.issuperset(each.label for each in named),
     )
 
@@ -230,7 +242,9 @@ def _style_run_lines(
         colour = each.colour
         if side == _B and colour:
             other = one_line_each and each.column != "threshold"
-            colour = colours.choose_line_colour(1) if other else colours.lighten_colour(colour)
+            colour = (
+                colours.choose_line_colour(1) if other else colours.mix_colour_with_white(colour)
+            )
         found.append(
             replace(
                 each,
@@ -291,7 +305,7 @@ def _format_changed_values(changes: Iterable[ValueChange]) -> str:
 
 
 def _format_value(value: object) -> str:
-    return format_number(
+    return format_number_cell(
         value if value is None or isinstance(value, bool | int | float) else str(value)
     )
 
@@ -303,8 +317,8 @@ def _format_changed_estimates(changes: tuple[EstimateChange, ...]) -> str:
             each.quantity,
             format_plus_minus(each.a, each.a_std),
             format_plus_minus(each.b, each.b_std),
-            format_number(each.change),
-            format_number(each.change_in_stds),
+            format_number_cell(each.change),
+            format_number_cell(each.change_in_stds),
         )
         for each in changes[:_MOST]
     ]

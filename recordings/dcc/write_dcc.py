@@ -11,7 +11,7 @@ from recordings.calibration.calibration_text import ESTIMATORS
 from recordings.calibration.certificate_text import (
     iter_accuracy_class_sentences,
     make_traceability_warnings,
-    read_issue_day,
+    read_certificate_issue_day,
 )
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.dcc.dcc_document import DCC, SI, VERSION, refuse_without_xml_libraries
@@ -174,7 +174,7 @@ def _add_administrative_data(
     _add_element(core, "beginPerformanceDate", min(days).isoformat())
     _add_element(core, "endPerformanceDate", max(days).isoformat())
     _add_element(core, "performanceLocation", about.place_kind)
-    _add_element(core, "issueDate", read_issue_day(document).isoformat())
+    _add_element(core, "issueDate", read_certificate_issue_day(document).isoformat())
     if about.replaces:
         changed = _add_element(core, "reportAmendedSubstituted")
         _add_element(changed, "typeOfChange", "substituted")

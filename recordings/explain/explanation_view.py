@@ -21,18 +21,18 @@ from recordings.plots.convergence_plot import draw_convergence
 from recordings.plots.force_acceleration_plot import draw_force_acceleration
 from recordings.plots.time_panels import draw_over_time
 from recordings.report.finding_text import (
-    describe_consequence,
+    can_fixing_change_mass,
+    describe_consequence_of_finding,
     describe_indistinguishable_causes,
     describe_mass_change_if_fixed,
-    find_cause_name,
-    format_finding,
+    find_readable_cause_name,
+    format_finding_as_line,
     format_finding_span,
-    format_proposed_keys,
-    may_change_mass,
+    format_proposed_machine_keys,
 )
-from recordings.report.number_text import format_number, format_plus_minus
+from recordings.report.number_text import format_number_cell, format_plus_minus
 from recordings.report.picture import write_picture
-from recordings.rrd.display_frames import find_grid_span_ns, make_display_frames
+from recordings.rrd.display_frames import find_time_span_of_grid_ns, make_display_frames
 from recordings.rrd.recording_table import MOMENT
 from recordings.rrd.recording_texts import format_answer_headline
 
@@ -73,17 +73,17 @@ def describe_answer_and_cause(explanation: Explanation) -> str:
         return f"{said}{here}; this recording has no findings: replay the log."
     if not found:
         return f"{said}{here}; none of the known causes of an error was detected."
-    if not any(map(may_change_mass, found)):
-        names = ", ".join(find_cause_name(each.cause) for each in found)
+    if not any(map(can_fixing_change_mass, found)):
+        names = ", ".join(find_readable_cause_name(each.cause) for each in found)
         return f"{said}{here}; none of the findings is known to affect the mass: {names}."
     # the list's own order: a sentence that skips would be another order of likelihood
     first, others = found[0], len(found) - 1
     more = f", and {counted(others, 'finding')} more" if others else ""
     change = describe_mass_change_if_fixed(first) or (
-        "" if may_change_mass(first) else "not known to affect the mass"
+        "" if can_fixing_change_mass(first) else "not known to affect the mass"
     )
     return (
-        f"{said}{here}; likeliest cause of an error: {find_cause_name(first.cause)}"
+        f"{said}{here}; likeliest cause of an error: {find_readable_cause_name(first.cause)}"
         f"{f' ({change})' if change else ''}{more}."
     )
 
@@ -104,7 +104,7 @@ def _describe_gate_stretch(stretch: GateStretch) -> str:
     if stretch.column is None or stretch.value is None:
         return ""
     name, unit = _DECIDES[stretch.column]
-    value = format_number(round(stretch.value, 3))
+    value = format_number_cell(round(stretch.value, 3))
     return f" ({name} {value}, {stretch.limit}{f' {unit}' if unit else ''})"
 
 
@@ -112,14 +112,14 @@ def iter_finding_lines(explanation: Explanation) -> Iterator[str]:
     """Yield lines on every finding by rank, with its consequence."""
     for each in explanation.findings or ():
         where = ", ".join(filter(None, (each.channel, format_finding_span(each))))
-        name = find_cause_name(each.cause)
+        name = find_readable_cause_name(each.cause)
         yield f"{each.rank}. {name}{f' ({where})' if where else ''}: {each.says}"
         for line in (
             each.evidence,
             describe_mass_change_if_fixed(each),
-            format_proposed_keys(each),
+            format_proposed_machine_keys(each),
             describe_indistinguishable_causes(each),
-            describe_consequence(each),
+            describe_consequence_of_finding(each),
         ):
             if line:
                 yield f"   {line}"
@@ -170,7 +170,7 @@ def describe_manoeuvre(report: ManoeuvreReport) -> str:
         return mass
     apart = f"{report.deviations:+.1f} standard deviations from load {report.load_id}"
     note = ", worth a look" if abs(report.deviations) > _APART else ""
-    return f"{mass}, {apart} ({format_number(report.load_kg)} kg){note}"
+    return f"{mass}, {apart} ({format_number_cell(report.load_kg)} kg){note}"
 
 
 def plot_explanation(
@@ -198,7 +198,9 @@ def draw_explanation(run: Run, explanation: Explanation) -> "Figure":
     near = run if at_s is None else _cut_run_around_moment(run, at_s)
     lines = wrap(describe_answer_and_cause(explanation), _LINE)
     for each in (explanation.findings or ())[:_FINDINGS]:
-        lines += wrap(f"{each.rank}. {format_finding(each)}", _LINE, subsequent_indent="   ")
+        lines += wrap(
+            f"{each.rank}. {format_finding_as_line(each)}", _LINE, subsequent_indent="   "
+        )
     figure = Figure(figsize=_SIZE_IN, layout="constrained")
     # inches: text has a height of its own
     heights = [0.2 * len(lines) + 0.15, _SIZE_IN[1]]
@@ -226,7 +228,7 @@ def choose_moment_s(explanation: Explanation, run: Run) -> float | None:
 
     None, for the whole run, if the run is not much longer than the drawn stretch.
     """
-    span = find_grid_span_ns(run)
+    span = find_time_span_of_grid_ns(run)
     if span is None or span[1] - span[0] < 4 * _AROUND_S * NS_PER_S:
         return None
     for each in explanation.findings or ():

@@ -309,7 +309,7 @@ def draw_weekly_tonnes(weeks: pl.DataFrame) -> Drawing | None:
     at = [(week - first).days / _WEEK for week in weeks["week"]]
     axes = Axes.from_data([-0.5, at[-1] + 0.5], [0.0, float((t + 2.0 * u).max())], _BOX, 0.02)
     axes = Axes(axes.x, (0.0, axes.y[1]), _BOX)
-    axes.draw(picture, f"weeks since {first}", "tonnes")
+    axes.draw_grid_and_labels(picture, f"weeks since {first}", "tonnes")
     for x, value, half in zip(at, t, 2.0 * u, strict=True):
         left, top = axes.convert_to_drawing_units(x - 0.4, float(value))
         right, bottom = axes.convert_to_drawing_units(x + 0.4, 0.0)
@@ -348,7 +348,7 @@ def draw_drift_chart(picture_number: int, machine_chart: MachineChart) -> Drawin
     left, top = axes.convert_to_drawing_units(axes.x[0], centre + half)
     right, bottom = axes.convert_to_drawing_units(axes.x[1], centre - half)
     picture.fill_bar(left, top, right - left, bottom - top, "band")
-    axes.draw(picture, f"weeks since {machine_chart.days[0]}", unit)
+    axes.draw_grid_and_labels(picture, f"weeks since {machine_chart.days[0]}", unit)
     x, _ = axes.convert_to_drawing_units(
         (machine_chart.days[flagged] - machine_chart.days[0]).days / _WEEK, centre
     )

@@ -55,7 +55,7 @@ def append_recording_messages(file: AppendedFile, recording: bytes) -> None:
     """
     head = b"" if file.size else recording[:HEAD_BYTES]
     messages = (recording[begin:end] for begin, end, _ in iter_whole_messages(recording))
-    file.append(b"".join([head, *messages]))
+    file.append_record(b"".join([head, *messages]))
 
 
 def is_unfinished_recording(path: Path) -> bool:

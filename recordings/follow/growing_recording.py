@@ -27,9 +27,14 @@ from recordings.follow.growing_file import (
     iter_whole_messages,
 )
 from recordings.report.atomic_output import AppendedFile
-from recordings.rrd.blueprint import Page, lay_out_tabs, make_tab_panels, make_text_entity_path
+from recordings.rrd.blueprint import (
+    Page,
+    lay_out_pages_as_tabs,
+    make_panels_of_tab,
+    make_text_entity_path,
+)
 from recordings.rrd.display_frames import LANES, ROOT, make_display_frames
-from recordings.rrd.drawn_rows import iter_drawn_batches
+from recordings.rrd.drawn_rows import iter_record_batches_to_draw
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.stored_names import SINCE_START, STATE, TIME
 from recordings.rrd.writer import APPLICATION
@@ -230,7 +235,7 @@ class GrowingRecording:
         # the excitation last: see above
         frames["display/excitation"] = _make_numeric_frame(new.excitation, EXCITATION)
         for name, frame in frames.items():
-            for batch in iter_drawn_batches(name, frame, self._about.t0_unix_ns):
+            for batch in iter_record_batches_to_draw(name, frame, self._about.t0_unix_ns):
                 stream.send_record_batch(batch, index=[TIME, SINCE_START])
 
     def close(self) -> None:
@@ -257,7 +262,9 @@ def make_growing_layout(settings: Settings) -> tuple[dict[str, float], "Blueprin
     run = make_placeholder_run(settings)
     shown = make_display_frames(run)
     pages = [
-        Page(tab.name, make_tab_panels(tab, run, shown), (ANSWER,) if ANSWER in tab.texts else ())
+        Page(
+            tab.name, make_panels_of_tab(tab, run, shown), (ANSWER,) if ANSWER in tab.texts else ()
+        )
         for tab in TABS
         if tab.name in _TABS
     ]
@@ -266,7 +273,7 @@ def make_growing_layout(settings: Settings) -> tuple[dict[str, float], "Blueprin
         for name, frame in shown.items()
         if name.startswith(f"{ROOT}/threshold/")
     }
-    return levels, lay_out_tabs(pages, None, grows=True)
+    return levels, lay_out_pages_as_tabs(pages, None, is_recording_growing=True)
 
 
 def make_placeholder_run(settings: Settings) -> Run:

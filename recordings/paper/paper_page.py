@@ -10,7 +10,7 @@ import polars as pl
 from estimators.errors import OutputError
 from recordings.paper.paper_items import Item, ItemResult
 from recordings.paper.paper_pictures import draw_paper_figure
-from recordings.report.atomic_output import atomic_files, require_writable_output
+from recordings.report.atomic_output import require_writable_output, stage_output_files
 
 #: The page that holds every item.
 PAGE: Final = "reproduction.md"
@@ -59,7 +59,7 @@ def write_reproduction(
         OutputError: one of them is there already, or cannot be written.
     """
     targets = _list_output_paths([each.item for each in results], folder, output_format)
-    with atomic_files(targets, force=force) as stage:
+    with stage_output_files(targets, force=force) as stage:
         for each in results:
             if each.item.picture:
                 draw_paper_figure(

@@ -12,8 +12,8 @@ from analysis.model.run_record import Run
 from recordings.plots.plot_limits import LIMITS
 from recordings.plots.time_panels import convert_series_to_floats
 from recordings.report import colours
-from recordings.report.picture import draw_legend_above
-from recordings.rrd.display_frames import find_grid_span_ns
+from recordings.report.picture import draw_legend_above_axes
+from recordings.rrd.display_frames import find_time_span_of_grid_ns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,7 +43,7 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
     bounds += means + answers
     if at_s is not None:
         axes.axvline(at_s, color="black", lw=0.8, ls="--")
-    span = find_grid_span_ns(run)
+    span = find_time_span_of_grid_ns(run)
     if span is not None and span[0] < span[1]:
         # a load reaches beyond a stretch
         axes.set_xlim(span[0] / NS_PER_S, span[1] / NS_PER_S)
@@ -65,7 +65,7 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
             low, high = min(low, ends[0]), max(high, ends[1])
     room = LIMITS.range_margin_fraction * (high - low) or 0.05 * abs(high) or 1.0
     axes.set_ylim(low - room, high + room)
-    draw_legend_above(axes, 7)
+    draw_legend_above_axes(axes, 7)
 
 
 def _find_load_begins_ns(run: Run) -> list[int]:

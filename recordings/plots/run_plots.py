@@ -21,7 +21,7 @@ from recordings.report import colours
 from recordings.report.picture import require_writable_picture, write_picture
 from recordings.rrd.display_frames import list_displayed_columns, make_display_frames
 from recordings.rrd.recording_table import PAGE, TABS
-from recordings.rrd.recording_texts import format_summary
+from recordings.rrd.recording_texts import format_answer_summary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
@@ -65,7 +65,7 @@ def draw_run(run: Run, at_s: float | None = None) -> "Figure":
 
     lines = [
         part
-        for line in format_summary(run).splitlines()
+        for line in format_answer_summary(run).splitlines()
         for part in wrap(line, LIMITS.line_characters) or [""]
     ]
     shown = make_display_frames(run, decimate=False)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from recordings.plots.plot_limits import LIMITS
 from recordings.report import colours
-from recordings.report.picture import draw_legend_beside, write_picture
+from recordings.report.picture import draw_legend_beside_axes, write_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,14 +81,14 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
     if reference_kg is not None:
         mass.axhline(reference_kg, color="black", lw=0.8, ls=":", label="reference")
     mass.set_ylabel("mass (kg)")
-    draw_legend_beside(mass)
+    draw_legend_beside_axes(mass)
     if loads:
         _draw_swept_payloads(panels.pop(0), rows, at)
     for title in titles:
         axes = panels.pop(0)
         _draw_by_method(axes, at, [row.errors.get(title, {}) for row in rows])
         axes.set_ylabel(title)
-        draw_legend_beside(axes)
+        draw_legend_beside_axes(axes)
     _draw_used_share(panels[0], rows, at)
     return figure
 
@@ -213,4 +213,4 @@ def _draw_used_share(
         )
     axes.set_ylim(-5.0, 105.0)
     axes.set_ylabel("samples used (%)")
-    draw_legend_beside(axes)
+    draw_legend_beside_axes(axes)

@@ -16,15 +16,15 @@ from analysis.model.run_record import Run
 from estimators.arrays import Floats
 from recordings.plots.plot_limits import LIMITS
 from recordings.report import colours
-from recordings.report.picture import draw_legend_above
+from recordings.report.picture import draw_legend_above_axes
 from recordings.rrd.display_frames import (
     LANES,
     DisplayColumn,
     bin_frame_rows,
-    choose_axis_range,
-    find_grid_span_ns,
-    is_drawn_as_points,
+    choose_axis_range_without_outliers,
+    find_time_span_of_grid_ns,
     list_displayed_columns,
+    should_draw_as_points,
 )
 from recordings.rrd.provenance_texts import format_local_time
 from recordings.rrd.recording_views import View, ViewKind
@@ -51,7 +51,7 @@ def draw_over_time(
         display_frames: frames of the run that are displayed, not decimated.
         at_s: moment to mark.
     """
-    span = find_grid_span_ns(run)
+    span = find_time_span_of_grid_ns(run)
     found = [
         (view, drawn)
         for view in views
@@ -68,7 +68,7 @@ def draw_over_time(
             _draw_state_lanes(axes, drawn, display_frames, span)
         else:
             _draw_series_lines(axes, view, drawn, display_frames, span)
-            axes.set_ylim(choose_axis_range(view, run))
+            axes.set_ylim(choose_axis_range_without_outliers(view, run))
         if at_s is not None:
             axes.axvline(at_s, color="black", lw=0.8, ls="--", zorder=4)
     rows[-1].set_xlim(
@@ -98,7 +98,7 @@ def _draw_series_lines(
     unit = view.title.removeprefix(view.name).strip()
     words = [*wrap(view.name, LIMITS.label_characters), *([unit] if unit else [])]
     axes.set_ylabel("\n".join(words), fontsize=LIMITS.small_type_pt)
-    draw_legend_above(axes)
+    draw_legend_above_axes(axes)
 
 
 def _draw_panel(
@@ -121,7 +121,7 @@ def _draw_panel(
             axes.fill_between(t_s, low, high, color=display_column.colour, alpha=0.3, lw=0)
     t_s = frame["t_ns"].to_numpy() / NS_PER_S
     numbers = convert_series_to_floats(frame[display_column.column])
-    dots = "." if is_drawn_as_points(frame[display_column.column]) else ""
+    dots = "." if should_draw_as_points(frame[display_column.column]) else ""
     axes.plot(
         t_s,
         numbers,
@@ -177,11 +177,11 @@ def _draw_state_lanes(
         axes.plot(
             [], [], "s", color=_choose_state_colour(state), ms=5, label=state.replace("_", " ")
         )
-    draw_legend_above(axes)
+    draw_legend_above_axes(axes)
 
 
 def _choose_state_colour(state: str) -> str:
-    return colours.make_state_colours().get(state, colours.OTHER)
+    return colours.make_colour_by_state().get(state, colours.OTHER)
 
 
 def _draw_state_bars(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
@@ -202,7 +202,7 @@ def _draw_state_shares(
     base = np.full(LIMITS.lane_bins, bottom + 0.08)
     starts, ends = spans["t_ns"].to_numpy(), spans["until"].to_numpy()
     names = spans[STATE].to_numpy()
-    for state in [name for name in colours.make_state_colours() if name in set(names)]:
+    for state in [name for name in colours.make_colour_by_state() if name in set(names)]:
         chosen = names == state
         # time in the state before each edge, whose differences are the time in each bin
         inside = _compute_time_before_edges(starts[chosen], ends[chosen], edges)

@@ -13,18 +13,20 @@ REMARKED: Final = {"widen": "widened", "method": "withheld", "tell": "note"}
 CONSEQUENCES: Final = {"withhold": "no mass", **REMARKED}
 
 
-def format_check_outcome(check: Check, *, passed: str, failed: str, absent: str) -> str:
+def format_check_outcome(
+    check_name: Check, *, is_passed: str, is_failed: str, is_absent: str
+) -> str:
     """Outcome of a check in one word; a harmless failure is named by its consequence.
 
     Args:
-        check: the check.
-        passed: word for a passed check.
-        failed: word for a failed check that withholds a number.
-        absent: word for a check that does not apply.
+        check_name: the check.
+        is_passed: word for a passed check.
+        is_failed: word for a failed check that withholds a number.
+        is_absent: word for a check that does not apply.
     """
-    if check.passed is None:
-        return absent
-    return passed if check.passed else REMARKED.get(check.consequence, failed)
+    if check_name.passed is None:
+        return is_absent
+    return is_passed if check_name.passed else REMARKED.get(check_name.consequence, is_failed)
 
 
 def format_unit_suffix(unit: str) -> str:
@@ -32,7 +34,7 @@ def format_unit_suffix(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def format_number(value: object) -> str:
+def format_number_cell(value: object) -> str:
     """Table cell of a value: five significant digits, thousands separators, a dash for None."""
     if value is None:
         return "–"
@@ -47,14 +49,14 @@ def format_number(value: object) -> str:
 def format_plus_minus(value: float | None, std: float | None) -> str:
     """Value ± standard deviation, the latter with two digits and both to the same place."""
     if value is None or std is None or not (std > 0 and isfinite(std)):
-        return format_number(value)
+        return format_number_cell(value)
     return f"{round_to_uncertainty(value, std)} ± {round_to_uncertainty(std, std)}"
 
 
 def round_to_uncertainty(value: float | None, std: float) -> str:
     """Value to the place of the second digit of its standard deviation."""
     if value is None or not (std > 0 and isfinite(std)):
-        return format_number(value)
+        return format_number_cell(value)
     return f"{value:.{max(0, 1 - floor(log10(std)))}f}"
 
 
@@ -62,15 +64,15 @@ def round_to_uncertainty(value: float | None, std: float) -> str:
 SCALE_NOT_KNOWN: Final = "scale error not included"
 
 
-def describe_unknown_scale(names: str, quantity: str = "") -> str:
+def describe_unknown_scale_uncertainty(uncertainty_names: str, quantity: str = "") -> str:
     """Line that names the uncertainties missing from the machine file.
 
     Args:
-        names: names of the sources in frames: `force_gain, wheel_radius`.
+        uncertainty_names: names of the sources in frames: `force_gain, wheel_radius`.
         quantity: the quantity, if not the mass.
     """
     whose = f" of {quantity}" if quantity else ""
-    keys = ", ".join(_UNCERTAINTY_KEYS.get(name, name) for name in names.split(", "))
+    keys = ", ".join(_UNCERTAINTY_KEYS.get(name, name) for name in uncertainty_names.split(", "))
     return f"±{whose} excludes scale error: set {keys} in the machine file"
 
 
@@ -81,12 +83,16 @@ _UNCERTAINTY_KEYS: Final = {
 }
 
 
-def format_markdown_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+def format_markdown_table(
+    column_heads: Sequence[str], cell_rows: Iterable[Sequence[object]]
+) -> str:
     """A Markdown table, or "none"."""
     body = [
-        "| " + " | ".join(format_number(cell).replace("|", "\\|") for cell in row) + " |"
-        for row in rows
+        "| " + " | ".join(format_number_cell(cell).replace("|", "\\|") for cell in row) + " |"
+        for row in cell_rows
     ]
     if not body:
         return "none"
-    return "\n".join(["| " + " | ".join(head) + " |", "|" + "---|" * len(head), *body])
+    return "\n".join(
+        ["| " + " | ".join(column_heads) + " |", "|" + "---|" * len(column_heads), *body]
+    )

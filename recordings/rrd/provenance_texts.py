@@ -7,7 +7,7 @@ from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
-from recordings.report.number_text import format_markdown_table, format_number
+from recordings.report.number_text import format_markdown_table, format_number_cell
 
 
 def format_local_time(provenance: Provenance, t_ns: int = 0) -> str:
@@ -40,7 +40,8 @@ def format_provenance_markdown(run: Run) -> str:
     """Inputs with SHA-256, versions, stamps, losses and notes."""
     about = run.provenance
     inputs = [
-        (each.name, format_number(each.size_bytes), f"`{each.sha256}`") for each in about.inputs
+        (each.name, format_number_cell(each.size_bytes), f"`{each.sha256}`")
+        for each in about.inputs
     ]
     frames = [f"- **{n}**, {f.height} rows: {', '.join(f.columns)}" for n, f in run.frames.items()]
     return "\n\n".join(
@@ -50,7 +51,7 @@ def format_provenance_markdown(run: Run) -> str:
             f"First aligned sample: {format_local_time(about)} "
             f"({about.t0_unix_ns} ns since 1970-01-01 UTC)",
             "# Fingerprint",
-            _format_fingerprint(about),
+            _format_fingerprint_digests(about),
             "# Stamps",
             format_markdown_table(("topic", "placed by"), about.stamps.items()),
             "# Losses",
@@ -68,7 +69,7 @@ def format_provenance_markdown(run: Run) -> str:
     )
 
 
-def _format_fingerprint(provenance: Provenance) -> str:
+def _format_fingerprint_digests(provenance: Provenance) -> str:
     """Digests in full, including those of the frames."""
     taken = provenance.fingerprint
     if taken is None:
@@ -78,7 +79,7 @@ def _format_fingerprint(provenance: Provenance) -> str:
     return format_markdown_table(("SHA-256 of", "digest"), digests)
 
 
-def read_machine_table(provenance: Provenance) -> dict[str, Any]:
+def read_machine_section(provenance: Provenance) -> dict[str, Any]:
     """Table `machine` of the machine file."""
     body = provenance.machine.get("machine", {})
     return body if isinstance(body, dict) else {}
@@ -86,4 +87,4 @@ def read_machine_table(provenance: Provenance) -> dict[str, Any]:
 
 def read_timezone_name(provenance: Provenance) -> str:
     """Time zone of the machine file."""
-    return str(read_machine_table(provenance).get("timezone", "UTC"))
+    return str(read_machine_section(provenance).get("timezone", "UTC"))

@@ -23,12 +23,12 @@ from analysis.calibration.use.learnt_priors import LearntPriors, apply_learnt_pr
 from analysis.calibration.use.use_limits import LIMITS as USE_LIMITS
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
-from recordings.calibration.bundle_checks import check_bundle
+from recordings.calibration.bundle_checks import check_bundle_with_previous_evidence
 from recordings.calibration.bundle_folder import STATEMENT
-from recordings.calibration.calibration_recording import write_calibration
+from recordings.calibration.calibration_recording import write_calibration_recording
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.derived_values import (
-    evaluate_previous_line,
+    evaluate_previous_line_as_found,
     make_estimator_with_digest,
     make_reference_loads_and_covariance,
 )
@@ -42,13 +42,16 @@ from recordings.calibration.evidence_document import (
     Link,
     Signer,
 )
-from recordings.calibration.timestamp import make_timestamp_request, refuse_without_rfc3161
-from recordings.calibration.write_bundle import encode_tables, write_bundle
+from recordings.calibration.timestamp import (
+    encode_timestamp_request,
+    refuse_without_timestamp_library,
+)
+from recordings.calibration.write_bundle import encode_evidence_tables, write_bundle_files
 from recordings.report.atomic_output import (
-    atomic_file,
-    atomic_files,
     require_writable_folder,
     require_writable_output,
+    stage_output_file,
+    stage_output_files,
 )
 from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import load_keyring
@@ -180,7 +183,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     stretch = load_notary_stretch(campaign_file, campaign)
     if timestamp_request_file is not None:
         refuse_timestamp_request_early(timestamp_request_file, key, force=force)
-    with atomic_files([folder], force=force) as stage:
+    with stage_output_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
 
@@ -233,14 +236,14 @@ def refuse_timestamp_request_early(file: Path, key: SigningKey | None, *, force:
     """
     if key is None:
         raise EvidenceError("--timestamp-request needs a signature; give --key")
-    refuse_without_rfc3161()
+    refuse_without_timestamp_library()
     require_writable_output(file, force=force)
 
 
 def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:
     """Write the time-stamp query for the signature of a bundle."""
-    query = make_timestamp_request((folder / STATEMENT).read_bytes())
-    with atomic_file(file, force=force) as partial:
+    query = encode_timestamp_request((folder / STATEMENT).read_bytes())
+    with stage_output_file(file, force=force) as partial:
         partial.write_bytes(query)
 
 
@@ -258,8 +261,8 @@ def read_previous_evidence(
         EvidenceError: it is of another machine, verification fails, or it is signed by a key that
             is neither this one nor in the user's keyring.
     """
-    checked = check_bundle(previous, None, None, load_keyring())
-    wrong = checked.faults
+    checked = check_bundle_with_previous_evidence(previous, None, None, load_keyring())
+    wrong = checked.evidence_faults
     if wrong or checked.document is None:
         first = str(wrong[0]) if wrong else "no evidence"
         raise EvidenceError(f"{previous}: cannot be used as --previous: {first}")
@@ -314,12 +317,14 @@ def write_verified_evidence(
             f"{', '.join(evidence.campaign.logs)}: no run yielded a reading; run `payscope run` "
             "on each log to see why"
         )
-    tables, digests = encode_tables(readings, points)
+    tables, digests = encode_evidence_tables(readings, points)
     document = _make_evidence_document(evidence, digests, key, earlier_bundle)
-    write_calibration(staging, document, readings, points)
-    remarks = write_bundle(staging, document, readings, points, tables, key, stretch)
-    checked = check_bundle(staging, None if key is None else key.public, previous)
-    wrong = [str(each) for each in checked.faults]
+    write_calibration_recording(staging, document, readings, points)
+    remarks = write_bundle_files(staging, document, readings, points, tables, key, stretch)
+    checked = check_bundle_with_previous_evidence(
+        staging, None if key is None else key.public, previous
+    )
+    wrong = [str(each) for each in checked.evidence_faults]
     if wrong:
         raise OutputError(
             f"{folder}: the written evidence failed verification, so it was removed: "
@@ -361,7 +366,7 @@ def _make_evidence_document(
         no_fit=fitted.no_fit,
         limits=fitted.limits,
         drift=evidence.drift,
-        as_found=evaluate_previous_line(
+        as_found=evaluate_previous_line_as_found(
             last, recompute_estimator_digest(last), estimator, fitted.frame
         ),
         replay_tolerance_kg=LIMITS.replay_tolerance_kg,

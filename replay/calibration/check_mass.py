@@ -12,7 +12,7 @@ from analysis.calibration.campaign.campaign_subjects import Conditions, Referenc
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.report.atomic_output import atomic_files, require_writable_folder
+from recordings.report.atomic_output import require_writable_folder, stage_output_files
 from recordings.signatures.signing import read_signing_key
 from replay.calibration.calibrate_campaign import (
     CalibrationOutcome,
@@ -78,7 +78,7 @@ def check_mass(
         raise EvidenceError(f"{previous}: has no calibration line to check; calibrate first")
     campaign = _make_single_run_campaign(last, log, mass_on_board)
     require_writable_folder(folder, force=force)
-    with atomic_files([folder], force=force) as stage:
+    with stage_output_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
         replayed = replay_campaign_logs(

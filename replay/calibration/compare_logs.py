@@ -103,7 +103,7 @@ def _compare_replayed_log(
         there, here = getattr(evidence_log, name), getattr(replayed, name)
         if are_equal_values(there, here):
             continue
-        words = name in _IN_WORDS and document.other_version_text
+        words = name in _IN_WORDS and document.other_payscope_version
         outcome = BundleOutcome.OTHER_VERSION if words else BundleOutcome.IRREPRODUCIBLE
         stored, found = _format_compared_value(there), _format_compared_value(here)
         said = f"{what}: {stored} in the evidence, {found} in the replay"

@@ -9,7 +9,7 @@ from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_folder import SUMS
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.report.atomic_output import atomic_file, require_writable_output
+from recordings.report.atomic_output import require_writable_output, stage_output_file
 
 if TYPE_CHECKING:
     from recordings.dcc.dcc_signature import DccKey
@@ -75,7 +75,7 @@ def write_and_verify_dcc(
     signed = root if key is None else sign_dcc(root, key)
     data = serialise_dcc(signed)
     checked = check_signature(parse_dcc(data, str(dcc.file)), str(dcc.file))
-    with atomic_file(dcc.file, force=force) as partial:
+    with stage_output_file(dcc.file, force=force) as partial:
         partial.write_bytes(data)
     if not checked.key_id:
         return f"{dcc.file} is unsigned; sign it with --dcc-key KEY.pem (ECDSA or RSA)"

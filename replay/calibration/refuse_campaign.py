@@ -6,8 +6,11 @@ from pathlib import Path
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError
-from recordings.calibration.campaign_faults import find_day_faults, find_machine_faults
-from recordings.calibration.notary_stretch import cut_notary_stretch, find_unaccounted_logs
+from recordings.calibration.campaign_faults import (
+    iter_contradicted_run_days,
+    iter_contradictions_to_machine,
+)
+from recordings.calibration.notary_stretch import cut_range_from_notary_list, iter_unaccounted_logs
 from recordings.notary.notary_check import check_notary_list
 from replay.calibration.campaign_runs import CampaignReplay
 
@@ -26,7 +29,9 @@ def refuse_contradicted_days(
     Raises:
         CampaignError: a run's log is of another day.
     """
-    faults = find_day_faults(campaign, replayed.logs, machine.machine.zone, dt.datetime.now(dt.UTC))
+    faults = iter_contradicted_run_days(
+        campaign, replayed.logs, machine.machine.zone, dt.datetime.now(dt.UTC)
+    )
     fault = next(faults, None)
     if fault is not None:
         raise CampaignError(f"{source}: {fault}; correct its day, or machine.timezone")
@@ -40,7 +45,7 @@ def refuse_contradicted_machine(
     Raises:
         CampaignError: another machine is named.
     """
-    fault = next(find_machine_faults(campaign.machine.id, machine, replayed.logs), None)
+    fault = next(iter_contradictions_to_machine(campaign.machine.id, machine, replayed.logs), None)
     if fault is not None:
         raise CampaignError(f"{source}: {fault}; name logs and machine file of one machine")
 
@@ -91,7 +96,7 @@ def load_notary_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | 
             f"{path}: is the notary list of machine '{kept.head.machine_id}', but the campaign is "
             f"for '{wanted}'; give the list of that machine's recorder"
         )
-    return cut_notary_stretch(data, stretch)
+    return cut_range_from_notary_list(data, stretch)
 
 
 def refuse_unaccounted_logs(
@@ -105,7 +110,7 @@ def refuse_unaccounted_logs(
     if campaign.notary is None or stretch is None:
         return
     kept = check_notary_list(stretch, dt.datetime.now(dt.UTC), campaign.notary.first)
-    fault = next(find_unaccounted_logs(campaign.notary, replayed.logs, kept.entries), None)
+    fault = next(iter_unaccounted_logs(campaign.notary, replayed.logs, kept.entries), None)
     if fault is not None:
         raise CampaignError(
             f"{source}: notary: {fault}; add a run for that log, or give the reason for leaving it "

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from estimators.errors import EvidenceError, counted
-from recordings.calibration.bundle_checks import check_bundle
+from recordings.calibration.bundle_checks import check_bundle_with_previous_evidence
 from recordings.calibration.bundle_folder import (
     EVIDENCE,
     NOTARY,
@@ -17,20 +17,20 @@ from recordings.calibration.bundle_folder import (
     STATEMENT,
     parse_sha256sums,
 )
-from recordings.calibration.calibration_recording import make_calibration_run
+from recordings.calibration.calibration_recording import make_run_of_calibration
 from recordings.calibration.calibration_report import render_report_html
 from recordings.calibration.calibration_text import describe_undetectable_faults
 from recordings.calibration.check_outcomes import (
     BundleFinding,
     BundleOutcome,
     find_most_severe_outcome,
-    format_verdict,
+    format_bundle_verdict,
 )
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
 from recordings.calibration.strange_files import (
     RecordingDigests,
-    compare_pdf_with_html,
+    compare_words_of_pdf_with_html,
     digest_bundle_recordings,
 )
 from recordings.calibration.timestamp import read_authority_certificates
@@ -76,7 +76,7 @@ class Verification:
     @property
     def verdict(self) -> str:
         """The outcome in a sentence."""
-        return format_verdict(self.folder, self.findings, f"verified; {self.signed_by}")
+        return format_bundle_verdict(self.folder, self.findings, f"verified; {self.signed_by}")
 
     def to_dict(self) -> dict[str, Any]:
         """The fields as JSON-compatible values."""
@@ -122,12 +122,12 @@ def verify_bundle(
     authorities = () if tsa is None else read_authority_certificates(tsa)
     if logs is not None and not logs.is_dir():
         raise EvidenceError(f"{logs}: no such folder; give the folder with the logs")
-    bundle = check_bundle(folder, key, previous, load_keyring(), authorities)
-    if signed and not bundle.signed_by.is_trusted and not bundle.faults:
+    bundle = check_bundle_with_previous_evidence(folder, key, previous, load_keyring(), authorities)
+    if signed and not bundle.signed_by.is_trusted and not bundle.evidence_faults:
         what = f"{bundle.signed_by}, but a signature by a known key is required"
         bundle.add_finding(BundleOutcome.INCOMPLETE, STATEMENT, what)
     keeper = bundle.notarised_by
-    if signed and keeper is not None and not keeper.is_trusted and not bundle.faults:
+    if signed and keeper is not None and not keeper.is_trusted and not bundle.evidence_faults:
         what = f"is {keeper}, but a signature by a key of the keyring is required"
         bundle.add_finding(BundleOutcome.INCOMPLETE, NOTARY, what)
     document = bundle.document
@@ -302,7 +302,7 @@ def _compare_calibration_recording(
         return
     if bundle.readings is None or bundle.points is None:
         return
-    made = make_calibration_run(document, bundle.readings, bundle.points).provenance
+    made = make_run_of_calibration(document, bundle.readings, bundle.points).provenance
     taken = made.fingerprint
     assert taken is not None
     other = sorted(
@@ -310,11 +310,13 @@ def _compare_calibration_recording(
         for name in {*taken.frames, *digests.frames}
         if taken.frames.get(name) != digests.frames.get(name)
     )
-    same_words = document.other_version_text or made.notes == digests.notes
+    same_words = document.other_payscope_version or made.notes == digests.notes
     if not other and same_words:
         return
     what = f"frames {', '.join(other)}" if other else "words"
-    outcome = BundleOutcome.OTHER_VERSION if document.other_version_text else BundleOutcome.TAMPERED
+    outcome = (
+        BundleOutcome.OTHER_VERSION if document.other_payscope_version else BundleOutcome.TAMPERED
+    )
     bundle.add_finding(outcome, RECORDING, f"differs in its {what} from the evidence")
 
 
@@ -322,12 +324,12 @@ def _compare_pdf(
     bundle: CheckedBundle, document: EvidenceDocument, folder: Path, sums: Mapping[str, str]
 ) -> str:
     """Compare the PDF; returns why that was not possible, or ""."""
-    if document.other_version_text:
-        return f"its page was made by {document.other_version_text}"
+    if document.other_payscope_version:
+        return f"its page was made by {document.other_payscope_version}"
     if bundle.readings is None or bundle.points is None:
         return "its page could not be recomputed"
     html = render_report_html(document, bundle.readings, bundle.points)
-    fault, why = compare_pdf_with_html(folder, sums[PDF], html)
+    fault, why = compare_words_of_pdf_with_html(folder, sums[PDF], html)
     if fault:
         bundle.add_finding(BundleOutcome.TAMPERED, PDF, fault)
     return why

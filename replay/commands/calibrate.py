@@ -110,7 +110,7 @@ def _print_calibration_evidence(
 ) -> None:
     from recordings.calibration.calibration_report import (
         format_kilograms_or_dash,
-        list_report_facts,
+        list_report_names_and_values,
     )
     from recordings.calibration.calibration_text import write_report_paragraphs
     from recordings.calibration.certificate_text import make_traceability_warnings
@@ -135,7 +135,7 @@ def _print_calibration_evidence(
             screen, f"left out: {row['run_id']}, reading {row['reading']}: {row['reason']}"
         )
     screen.print()
-    for name, value in list_report_facts(calibration_outcome.document):
+    for name, value in list_report_names_and_values(calibration_outcome.document):
         if name != "made":
             print_marked_line(screen, f"{name}: {value}")
     screen.print()

@@ -95,10 +95,10 @@ def _print_version_and_exit(
     if is_requested:
         from importlib.metadata import version as version_of
 
-        from recordings.calibration.page.verifier_page import verifier_page_sha256
+        from recordings.calibration.page.verifier_page import compute_verifier_page_sha256
 
         typer.echo(f"payscope {version_of('payscope')}")
-        typer.echo(f"verifier page: SHA-256 {verifier_page_sha256()}")
+        typer.echo(f"verifier page: SHA-256 {compute_verifier_page_sha256()}")
         raise typer.Exit
 
 

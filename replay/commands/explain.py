@@ -173,7 +173,7 @@ def _format_worst_manoeuvres_title(explanation: "Explanation") -> str:
 
 
 def _print_corrected_machine(console: "Console", corrected_machine: "CorrectedMachine") -> None:
-    from recordings.report.finding_text import find_cause_name
+    from recordings.report.finding_text import find_readable_cause_name
     from replay.commands.print_tables import format_setting_value, print_marked_line
 
     console.print("\nproposed corrections, each tested by a replay:", markup=False)
@@ -183,11 +183,11 @@ def _print_corrected_machine(console: "Console", corrected_machine: "CorrectedMa
             claim = f", claimed {each.change_kg:+,.2f} ± {each.change_u_kg or 0.0:,.2f} kg"
         said = (
             f"{each.key} = {format_setting_value(each.value)} "
-            f"({find_cause_name(each.cause)}{claim})"
+            f"({find_readable_cause_name(each.cause)}{claim})"
         )
         print_marked_line(console, said)
     for tried in corrected_machine.rejected:
-        key, cause = tried.proposal.key, find_cause_name(tried.proposal.cause)
+        key, cause = tried.proposal.key, find_readable_cause_name(tried.proposal.cause)
         print_marked_line(console, f"not {key} ({cause}): {tried.why}")
     if corrected_machine.path is None:
         return
@@ -199,7 +199,8 @@ def _print_corrected_machine(console: "Console", corrected_machine: "CorrectedMa
         console, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed"
     )
     left = (
-        ", ".join(find_cause_name(each.cause) for each in corrected_machine.remaining) or "no cause"
+        ", ".join(find_readable_cause_name(each.cause) for each in corrected_machine.remaining)
+        or "no cause"
     )
     print_marked_line(console, f"remaining findings: {left}")
     print_marked_line(console, f"machine file: {corrected_machine.path}")

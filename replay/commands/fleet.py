@@ -271,7 +271,7 @@ def open_command(
     """Open a recording in the viewer; one that was not kept is replayed from its log."""
     import shutil
 
-    from recordings.report.atomic_output import atomic_file
+    from recordings.report.atomic_output import stage_output_file
     from replay.fleet.gathered_tables import open_fleet_results
     from replay.fleet.recording_task import recording_of_result
     from replay.recording.view_recording import view_recording
@@ -280,7 +280,7 @@ def open_command(
         if output is None:
             view_recording(recording, at_s=at_s)
             return
-        with atomic_file(output, force=force) as written:
+        with stage_output_file(output, force=force) as written:
             shutil.copyfile(recording, written)
     typer.echo(output)
 

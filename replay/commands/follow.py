@@ -85,7 +85,7 @@ def command(
 
     from analysis.online.follower import FollowedRow
     from recordings import read_recording
-    from recordings.rrd.viewer_server import serve_viewer
+    from recordings.rrd.viewer_server import serve_viewer_to_browsers
     from replay.commands.follow_panel import FollowPanel, ReportPrinter
     from replay.commands.progress_bar import COMPILING, warn_of_slow_compilation
     from replay.follow.agreement import FollowedDigests
@@ -110,7 +110,7 @@ def command(
 
     with ExitStack() as opened:
         interrupts = opened.enter_context(Interrupts())
-        server = opened.enter_context(serve_viewer()) if live else None
+        server = opened.enter_context(serve_viewer_to_browsers()) if live else None
         if server is not None:
             print_message(f"open {server.page}")
         outputs = FollowedOutputs(

@@ -12,7 +12,7 @@ import typer
 from rich.cells import cell_len
 
 from estimators.errors import OutputError
-from recordings.report.atomic_output import atomic_file
+from recordings.report.atomic_output import stage_output_file
 from replay.commands.print_tables import format_value_as_json
 from replay.commands.screen_limits import LIMITS
 
@@ -88,7 +88,7 @@ def print_or_write_frame(
         else:
             typer.echo(frame_as_text(), nl=False)
         return
-    with atomic_file(output, force=force) as partial:
+    with stage_output_file(output, force=force) as partial:
         if output_format in _BINARY:
             # by way of memory: polars says of a full disk only that some computing failed
             written = BytesIO()

@@ -28,9 +28,9 @@ def command(
 ) -> None:
     """Draft a machine file from a log, or a campaign file, to be checked and completed by hand."""
     from recordings.report.atomic_output import (
-        atomic_file,
         refuse_input_as_output,
         require_writable_output,
+        stage_output_file,
     )
     from replay.commands.common_options import make_time_axis_from_options
     from replay.init.guess_by_replay import (
@@ -60,7 +60,7 @@ def command(
             found = [*BRAKING] if missing else propose_settings_by_replaying_draft(opened, text)
             text = "\n".join([drop_answered_brake_question(text, found), *found])
         lacking += [f"still missing: {sentence}" for sentence in missing]
-    with atomic_file(output, force=force) as partial:
+    with stage_output_file(output, force=force) as partial:
         partial.write_text(text, encoding="utf-8")
     for sentence in lacking:
         typer.echo(sentence, err=True)

@@ -22,7 +22,9 @@ def make_table_of_checks(checks: Sequence["Check"]) -> "Table":
     for check in checks:
         value = "–" if check.value is None else f"{check.value:.3g}"
         passed = "near" if check.is_near else "ok"
-        state = format_check_outcome(check, passed=passed, failed="[red]failed[/]", absent="n/a")
+        state = format_check_outcome(
+            check, is_passed=passed, is_failed="[red]failed[/]", is_absent="n/a"
+        )
         table.digest_with_row(check.check, value, check.limit, state, check.meaning)
     return table
 

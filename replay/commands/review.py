@@ -141,7 +141,7 @@ def command(
     Exit status 1 if no cycle counts; stderr and the page say why.
     """
     from estimators.errors import one_line
-    from recordings.review.shift_facts import summarise_shift
+    from recordings.review.shift_facts import summarise_shift_in_line
     from replay.commands.print_tables import make_stdout_console, print_value_as_json
     from replay.commands.progress_bar import StageProgress
     from replay.machines.machine_file import load_machine
@@ -195,7 +195,8 @@ def command(
         print_shift_review(make_stdout_console(), made)
     if made.missing_tonnes_reason:
         typer.echo(
-            one_line(summarise_shift(made.shift, made.missing_tonnes_reason, made.state)), err=True
+            one_line(summarise_shift_in_line(made.shift, made.missing_tonnes_reason, made.state)),
+            err=True,
         )
         raise typer.Exit(1)
 
@@ -234,16 +235,24 @@ def print_week_of_reviews(
         read_shifts_of_reviews,
         write_week_page,
     )
-    from recordings.review.week_totals import GROUPS, read_week, sum_by_group, sum_week
+    from recordings.review.week_totals import (
+        GROUPS,
+        read_counted_loads_of_reviews,
+        sum_week_parts_by_group,
+        sum_whole_week,
+    )
     from replay.commands.print_tables import (
         make_stdout_console,
         print_marked_line,
         print_value_as_json,
     )
 
-    parts, shifts = read_week(review_folders), read_shifts_of_reviews(review_folders)
-    sums = {by: sum_by_group(parts, by) for by in GROUPS}
-    whole = sum_week(parts)
+    parts, shifts = (
+        read_counted_loads_of_reviews(review_folders),
+        read_shifts_of_reviews(review_folders),
+    )
+    sums = {by: sum_week_parts_by_group(parts, by) for by in GROUPS}
+    whole = sum_whole_week(parts)
     trends = {} if friction_limit is None else fit_friction_trends(shifts, friction_limit)
     if page_path is not None:
         write_week_page(parts, shifts, friction_limit, page_path)
@@ -288,17 +297,17 @@ def print_shift_review(console: "Console", review: "ShiftReview") -> None:
         describe_missing_loads,
         describe_torn_logs,
         list_losses_besides_torn_ends,
-        list_shift_facts,
-        summarise_shift,
-        warn_of_two_machines,
+        list_shift_names_and_values,
+        make_warning_of_two_machines,
+        summarise_shift_in_line,
     )
     from replay.commands.print_tables import print_marked_line
 
     state = review.state
     if not review.missing_tonnes_reason:
-        print_marked_line(console, summarise_shift(review.shift, "", state))
+        print_marked_line(console, summarise_shift_in_line(review.shift, "", state))
     if state.mixed_machines:
-        print_marked_line(console, f"warning: {warn_of_two_machines(state)}")
+        print_marked_line(console, f"warning: {make_warning_of_two_machines(state)}")
     holes = describe_long_gaps(review.shift, state)
     for sentence in (
         *filter(None, [holes]),
@@ -306,13 +315,15 @@ def print_shift_review(console: "Console", review: "ShiftReview") -> None:
         *describe_torn_logs(state),
     ):
         print_marked_line(console, sentence)
-    for name, value in list_shift_facts(review.shift, review.ledger, state, review.target):
+    for name, value in list_shift_names_and_values(
+        review.shift, review.ledger, state, review.target
+    ):
         print_marked_line(console, f"{name}: {value}")
     if review.calibration.against:
         print_marked_line(console, f"{NOT_CALIBRATED}: {review.calibration.against}")
     elif review.calibration.description:
         print_marked_line(console, review.calibration.description)
-    if failed := [check.check for check in state.withholding_checks]:
+    if failed := [check.check for check in state.mass_withholding_checks]:
         print_marked_line(console, f"checks that failed: {', '.join(failed)}")
     if remarks := [f"{each.check} ({REMARKED[each.consequence]})" for each in state.remarks]:
         print_marked_line(console, f"checks with a remark: {', '.join(remarks)}")

@@ -217,12 +217,12 @@ def _print_masses_with_uncertainty(console: "Console", answer: "Answer", is_verb
     """Print masses and payloads, and the largest part of their uncertainty."""
     from recordings.report.worth_text import (
         advise_to_reduce_uncertainty,
-        describe_answer,
+        describe_answer_as_lines,
         make_load_table_heads,
         make_load_table_rows,
     )
 
-    for line in describe_answer(answer, brief=not is_verbose):
+    for line in describe_answer_as_lines(answer, is_brief=not is_verbose):
         print_marked_line(console, line)
     if len(answer.loads) > 1:
         heads = make_load_table_heads(answer)
@@ -245,10 +245,13 @@ def iter_answer_notes(
 ) -> "Iterator[str]":
     """Further lines about the answer, the most important first."""
     from recordings.report.planar_text import describe_planar_fits
-    from recordings.report.worth_text import describe_shift_total, describe_starts_to_goal
+    from recordings.report.worth_text import (
+        describe_manoeuvres_needed_for_goal,
+        describe_shift_total,
+    )
 
     if goal_u_kg is not None:
-        yield from describe_starts_to_goal(answer, goal_u_kg)
+        yield from describe_manoeuvres_needed_for_goal(answer, goal_u_kg)
     if answer.verdict.can_estimate_inertia and not is_verbose:
         yield from _iter_yaw_inertia_lines(answer)
     yield from describe_shift_total(answer)
@@ -265,18 +268,18 @@ def iter_answer_notes(
 
 def _iter_finding_lines(answer: "Answer", is_verbose: int) -> "Iterator[str]":
     from recordings.report.finding_text import (
-        format_finding,
-        make_findings,
-        may_change_mass,
+        can_fixing_change_mass,
+        format_finding_as_line,
+        make_findings_of_rows,
     )
 
-    found = make_findings(answer.findings)
+    found = make_findings_of_rows(answer.findings)
     shown = (
         found
         if is_verbose
-        else [each for each in found if may_change_mass(each)][: LIMITS.answer_lines]
+        else [each for each in found if can_fixing_change_mass(each)][: LIMITS.answer_lines]
     )
-    yield from (f"finding: {format_finding(each)}" for each in shown)
+    yield from (f"finding: {format_finding_as_line(each)}" for each in shown)
     left = len(found) - len(shown)
     if left:
         yield f"{left} {'other finding' if left == 1 else 'other findings'} (-v)"
@@ -311,11 +314,15 @@ def _iter_yaw_inertia_lines(answer: "Answer") -> "Iterator[str]":
 
 def _print_uncertainty_budget(console: "Console", answer: "Answer") -> None:
     """Print a row for each source of uncertainty."""
-    from recordings.report.worth_text import find_best_known_load, make_budget_table_rows
+    from recordings.report.worth_text import find_load_with_most_manoeuvres, make_budget_table_rows
 
     rows = make_budget_table_rows(answer) if answer.verdict.can_weigh else []
     if rows:
-        of = f" (mass of load {find_best_known_load(answer)})" if len(answer.loads) > 1 else ""
+        of = (
+            f" (mass of load {find_load_with_most_manoeuvres(answer)})"
+            if len(answer.loads) > 1
+            else ""
+        )
         table = make_plain_table(f"uncertainty from{of}", "kind", "u kg")
         table.add_column("fraction of the variance")
         table.add_column("to reduce", overflow="fold")

@@ -119,14 +119,14 @@ def _write_verifier_page(given_folders: list[Path], page_path: Path | None, *, f
     from recordings.calibration.page.verifier_page import (
         NAME,
         build_verifier_page,
-        verifier_page_sha256,
+        compute_verifier_page_sha256,
     )
-    from recordings.report.atomic_output import atomic_file
+    from recordings.report.atomic_output import stage_output_file
 
     target = page_path or Path(NAME)
-    with atomic_file(target, force=force) as written:
+    with stage_output_file(target, force=force) as written:
         written.write_bytes(build_verifier_page())
-    typer.echo(f"{target}: SHA-256 {verifier_page_sha256()}")
+    typer.echo(f"{target}: SHA-256 {compute_verifier_page_sha256()}")
 
 
 def _verify_notary_list(

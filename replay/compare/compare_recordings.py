@@ -14,7 +14,7 @@ from estimators.file_digest import file_sha256
 from recordings import require_writable_recording
 from recordings.report.atomic_output import refuse_input_as_output
 from recordings.rrd.reader import OpenRecording, open_recording
-from recordings.rrd.recording_table import list_drawn_columns
+from recordings.rrd.recording_table import list_columns_needed_for_drawing
 
 if TYPE_CHECKING:
     from replay.calibration.apply_evidence import CalibrationRequest
@@ -38,14 +38,16 @@ class RecordedRun:
         self._held = recording
         self.path = recording.path
         self.provenance: Provenance = recording.provenance
-        self.stages: Mapping[str, Sequence[str]] = recording.stages
+        self.stages: Mapping[str, Sequence[str]] = recording.columns_by_frame
         self._loads: pl.DataFrame | None = None
         if request is not None and "loads" in self.stages:
             from analysis.calibration.use.apply_calibration import LATER_LOG_FRAMES
             from replay.calibration.apply_evidence import calibrate_recorded_loads
 
             raw = {
-                stage: recording.read(stage) for stage in LATER_LOG_FRAMES if stage in self.stages
+                stage: recording.read_frame(stage)
+                for stage in LATER_LOG_FRAMES
+                if stage in self.stages
             }
             self._loads = calibrate_recorded_loads(raw, self.provenance, request, recording.path)
             self.stages = {**self.stages, "loads": self._loads.columns}
@@ -54,11 +56,14 @@ class RecordedRun:
         """Read some columns of a frame from the recording."""
         if stage == "loads" and self._loads is not None:
             return self._loads.select(columns)
-        return self._held.read(stage, columns)
+        return self._held.read_frame(stage, columns)
 
     def read_displayed_run(self) -> Run:
         """The columns that views draw."""
-        wanted = {stage: list_drawn_columns(stage, names) for stage, names in self.stages.items()}
+        wanted = {
+            stage: list_columns_needed_for_drawing(stage, names)
+            for stage, names in self.stages.items()
+        }
         frames = {stage: self.read(stage, names) for stage, names in wanted.items() if names}
         return Run(frames, self.provenance)
 

@@ -25,9 +25,9 @@ from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.errors import OutputError
 from recordings import plot_run, write_recording
 from recordings.report.atomic_output import (
-    atomic_file,
     require_writable_folder,
     require_writable_output,
+    stage_output_file,
 )
 from recordings.signatures.signing import make_key_pair_pem
 from replay.calibration.apply_evidence import CalibrationRequest
@@ -172,16 +172,16 @@ def run_demo(
         refuse_unsuitable_review_folder(page)
     else:
         require_writable_folder(page, force=force)
-    with atomic_file(machine_file, force=force) as partial:
+    with stage_output_file(machine_file, force=force) as partial:
         shutil.copyfile(find_machine_file(_MACHINE), partial)
     on_stage("simulate")
     logs = simulate_scenario(scenario, folder / "campaign.bag", force=force)
-    with atomic_file(campaign_file, force=force) as partial:
+    with stage_output_file(campaign_file, force=force) as partial:
         partial.write_text(
             make_demo_campaign_text(scenario, logs, machine_file.name), encoding="utf-8"
         )
     for path, half in zip(keys, make_key_pair_pem(), strict=True):
-        with atomic_file(path, force=force) as partial:
+        with stage_output_file(path, force=force) as partial:
             partial.touch(mode=0o600)
             partial.write_bytes(half)
     on_stage("calibrate")

@@ -16,7 +16,7 @@ from estimators.errors import DataError, MachineError, RecordingError
 from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
 from recordings.report.picture import require_writable_picture
 from recordings.rrd.reader import OpenRecording, open_recording
-from recordings.rrd.recording_table import list_drawn_columns
+from recordings.rrd.recording_table import list_columns_needed_for_drawing
 from recordings.rrd.writer import SUFFIX
 from replay.logs import open_log
 from replay.machines.machine_file import find_time_axis_of_machine, load_machine
@@ -124,7 +124,9 @@ def load_run_to_explain(request: ExplainRequest, on_stage: Callable[[str], None]
     machine = load_machine(request.machine_file, request.overrides)
     if request.path.suffix == SUFFIX and request.path.is_file():
         with open_recording(request.path) as held:
-            if "findings" in held.stages and not _differs_from_recorded_machine(held, machine):
+            if "findings" in held.columns_by_frame and not _differs_from_recorded_machine(
+                held, machine
+            ):
                 return read_frames_for_explanation(held, pictured=request.picture is not None)
     # a recording is explained without what replays a log
     from replay.pipeline import run
@@ -147,15 +149,18 @@ def read_frames_for_explanation(recording: OpenRecording, *, pictured: bool) -> 
     """Read the frames needed for an explanation or a picture."""
     recording.refuse_without_frames()
     wanted: dict[str, Sequence[str]] = {}
-    for name, columns in recording.stages.items():
+    for name, columns in recording.columns_by_frame.items():
         if name in SMALL:
             wanted[name] = columns
         elif name in COLUMNS:
-            kept = {*COLUMNS[name], *(list_drawn_columns(name, columns) if pictured else ())}
+            kept = {
+                *COLUMNS[name],
+                *(list_columns_needed_for_drawing(name, columns) if pictured else ()),
+            }
             wanted[name] = [column for column in columns if column in kept]
         elif pictured and name in _RECURSIVE:
             wanted[name] = [column for column in columns if column in _SETTLING]
-    frames = {name: recording.read(name, columns) for name, columns in wanted.items()}
+    frames = {name: recording.read_frame(name, columns) for name, columns in wanted.items()}
     # what a recovered recording has lost must not pass for what its log does not show
     lost = [each for each in recording.manifest.frames if each.name in frames]
     lost = [each for each in lost if frames[each.name].height != each.rows]

@@ -15,7 +15,7 @@ from analysis.model.answer import Answer, answer
 from analysis.model.run_record import Run
 from analysis.model.schema import column_values
 from estimators.errors import DataError, MachineError
-from recordings.report.finding_text import read_findings
+from recordings.report.finding_text import read_findings_of_run
 from replay.explain.proposal_edits import Proposal, split_finding_into_proposals
 from replay.explain.proposal_limits import LIMITS
 
@@ -134,7 +134,7 @@ def describe_held_out_objection(
 def find_same_finding(finding: Finding, run: Run) -> Finding | None:
     """Finding of the same cause with a proposal for the same keys; None if absent."""
     keys = finding.setting
-    shown = (each for each in read_findings(run) if each.cause == finding.cause)
+    shown = (each for each in read_findings_of_run(run) if each.cause == finding.cause)
     return next((each for each in shown if each.setting == keys), None)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from analysis.explain import Finding
 from estimators.errors import MachineError, one_line
-from recordings.report.finding_text import describe_mass_change_if_fixed, find_cause_name
+from recordings.report.finding_text import describe_mass_change_if_fixed, find_readable_cause_name
 from replay.machines.old_names import BothNamesError, migrate_toml_text
 
 
@@ -45,7 +45,7 @@ def split_finding_into_proposals(finding: Finding) -> tuple[Proposal, ...]:
         filter(
             None,
             (
-                find_cause_name(finding.cause),
+                find_readable_cause_name(finding.cause),
                 finding.evidence,
                 describe_mass_change_if_fixed(finding),
             ),

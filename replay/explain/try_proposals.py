@@ -22,8 +22,8 @@ from analysis.model.answer import Answer, answer
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
-from recordings.report.atomic_output import atomic_file
-from recordings.report.finding_text import find_cause_name, read_findings
+from recordings.report.atomic_output import stage_output_file
+from recordings.report.finding_text import find_readable_cause_name, read_findings_of_run
 from replay.explain.judge_proposal import ProposalTrial, Stretch, describe_held_out_objection
 from replay.explain.proposal_edits import Proposal, insert_proposals, split_finding_into_proposals
 from replay.explain.proposal_limits import LIMITS
@@ -187,7 +187,7 @@ def write_corrected_machine_file(
         )
     if not progress.changes:
         return _make_corrected_machine(None, progress, run_without_proposals)
-    with atomic_file(output[0], force=output[1]) as partial:
+    with stage_output_file(output[0], force=output[1]) as partial:
         partial.write_text(insert_proposals(text, progress.changes, file), encoding="utf-8")
     return _make_corrected_machine(output[0], progress, run_without_proposals)
 
@@ -209,7 +209,8 @@ def try_all_proposals(run_without_proposals: Run, replays: ProposalReplays) -> P
     tried.rejected += [
         RejectedProposal(
             split_finding_into_proposals(each)[0],
-            f"{find_cause_name(behind[each.cause])} explains this finding and is still present",
+            f"{find_readable_cause_name(behind[each.cause])} explains this finding and is still "
+            "present",
         )
         for each in list_untried_findings(tried)
         if each.cause in behind
@@ -237,7 +238,7 @@ def reject_unneeded_proposals(progress: ProposalProgress, replays: ProposalRepla
             without = replays.replay_with_changes(others)
         except (DataError, MachineError):
             continue
-        shown = {each.cause for each in read_findings(without)}
+        shown = {each.cause for each in read_findings_of_run(without)}
         if answer(without).verdict.can_weigh and finding.cause not in shown:
             own = next(each for each in progress.changes if each.cause == finding.cause)
             progress.rejected.append(
@@ -267,7 +268,7 @@ def _find_next_proposal(progress: ProposalProgress) -> Finding | None:
 
 def list_untried_findings(progress: ProposalProgress) -> list[Finding]:
     """Findings with a proposal that was not tried."""
-    shown = read_findings(progress.run)
+    shown = read_findings_of_run(progress.run)
     return [
         each
         for each in shown
@@ -283,7 +284,7 @@ def find_masked_causes(progress: ProposalProgress) -> dict[str, str]:
     # the table brings all that looks for causes
     from analysis.findings import CAUSES
 
-    shown = read_findings(progress.run)
+    shown = read_findings_of_run(progress.run)
     untried = {_make_finding_key(each) for each in list_untried_findings(progress)}
     stays = {each.cause for each in shown if _make_finding_key(each) not in untried}
     ranks = {each.cause: each.rank for each in reversed(shown)}
@@ -339,5 +340,5 @@ def _make_corrected_machine(
         tuple(progress.rejected),
         answer(run_without_proposals),
         answer(progress.run),
-        read_findings(progress.run),
+        read_findings_of_run(progress.run),
     )

@@ -21,7 +21,7 @@ from analysis.fleet.daily_figures import (
 )
 from analysis.fleet.machine_drifts import MachineChart, make_machine_charts
 from recordings.fleet.fleet_page import FleetPage, render_fleet_html
-from recordings.report.atomic_output import atomic_file
+from recordings.report.atomic_output import stage_output_file
 from recordings.review.week_page import describe_friction_trends
 from replay.fleet.engine_limits import LIMITS
 from replay.fleet.gathered_tables import FleetResults
@@ -83,7 +83,7 @@ def write_fleet_report(
     Raises:
         OutputError: the page is there already, or cannot be written.
     """
-    with atomic_file(page, force=force) as written:
+    with stage_output_file(page, force=force) as written:
         shown = make_fleet_page(results, destination, name)
         trends: dict[str, FrictionTrend] = {}
         if friction_limit_N_s_m is not None:

@@ -158,7 +158,7 @@ class _Stream(BytesIO):
 
     def flush(self) -> None:
         new, self._new = bytes(self._new), bytearray()
-        self._file.append(new)
+        self._file.append_record(new)
 
     def close(self) -> None:
         self._file.close()
@@ -313,8 +313,10 @@ def format_reports_markdown(report: OnlineReport) -> str:
     """Reports in Markdown, for the page next to the plots."""
     age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
     return (
-        f"# {describe_mass_and_friction(report)}\n\nLast manoeuvre{age}; {report.manoeuvres:,} gave a mass "
-        f"so far.\n\n{describe_progress_to_answer(report)}\n\n{describe_inertia_and_yaw_friction(report)}\n\n"
+        f"# {describe_mass_and_friction(report)}\n\nLast manoeuvre{age}; {report.manoeuvres:,} "
+        "gave a mass "
+        f"so far.\n\n{describe_progress_to_answer(report)}\n\n"
+        f"{describe_inertia_and_yaw_friction(report)}\n\n"
         f"{format_utc_time(report.unix_ns)} UTC: {report.phase or 'unknown'}, "
         f"gate {report.gate.replace('_', ' ')}.\n\nRecorded while following: random "
         "uncertainties, but for load states. When the log ends, its causal replay replaces this "

@@ -32,7 +32,7 @@ class RecordingLog(Log):
         """
         super().__init__(path, _FORMAT)
         with open_recording(path) as held:
-            about, stages = held.provenance, held.stages
+            about, stages = held.provenance, held.columns_by_frame
         self._losses = about.losses
         self._machine_id = about.logged_machine_id
         self._missing: dict[str, Loss] = {}
@@ -61,7 +61,7 @@ class RecordingLog(Log):
     def topics(self) -> pl.DataFrame:
         """Topics that the replay read; see `Log.topics`."""
         with open_recording(self.path) as held:
-            times = {t: held.read(s, _STAMPS[:1]) for t, s in self._stage.items()}
+            times = {t: held.read_frame(s, _STAMPS[:1]) for t, s in self._stage.items()}
         rows = [
             {
                 "topic": topic,
@@ -94,7 +94,7 @@ class RecordingLog(Log):
                     )
         with open_recording(self.path) as held:
             for topic, names in fields.items():
-                frame = held.read(self._stage[topic], [*_STAMPS, *names])
+                frame = held.read_frame(self._stage[topic], [*_STAMPS, *names])
                 self._note_rows_missing_from_recording(
                     topic, held.manifest.frame_by_name(self._stage[topic]), frame.height
                 )

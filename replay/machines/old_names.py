@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from estimators.errors import MachineError
-from recordings.report.atomic_output import atomic_file
+from recordings.report.atomic_output import stage_output_file
 
 #: What a key is called now, by the name that it had. Both are dotted, of any TOML file of ours.
 OLD_NAMES: Final[Mapping[str, str]] = {
@@ -156,7 +156,7 @@ def migrate_toml_file(path: Path) -> dict[str, str]:
     if renamed:
         target = path.resolve()  # a link stays one
         mode = target.stat().st_mode
-        with atomic_file(target, force=True) as partial:
+        with stage_output_file(target, force=True) as partial:
             partial.write_bytes(text.encode("utf-8"))
             partial.chmod(mode)
     return renamed

@@ -20,7 +20,7 @@ from recordings.calibration.check_outcomes import (
     BundleFinding,
     BundleOutcome,
     find_most_severe_outcome,
-    format_verdict,
+    format_bundle_verdict,
 )
 from recordings.notary.notary_check import check_notary_list
 from recordings.notary.notary_limits import LIMITS as NOTARY_LIMITS
@@ -265,7 +265,7 @@ class VerifiedList:
     def verdict(self) -> str:
         """Outcome in one sentence."""
         holds = f"{counted(self.logs, 'log')} verified; {self.kept_by}"
-        return format_verdict(self.path, self.findings, holds)
+        return format_bundle_verdict(self.path, self.findings, holds)
 
     def to_dict(self) -> dict[str, Any]:
         """The fields as plain values."""

@@ -75,7 +75,7 @@ class RecordingFrame:
         if not read:  # rows are counted by some column
             read = own[:1]
         with open_recording(self.recording) as held:
-            rows = held.read(self.stored.name, read)
+            rows = held.read_frame(self.stored.name, read)
         if time is not None and AT_S in needed and AT_S not in own:
             begin_ns = self.t0_unix_ns if time == "log_time_ns" else 0
             rows = rows.with_columns(((pl.col(time) - begin_ns) / 1e9).alias(AT_S))

@@ -13,9 +13,9 @@ import polars as pl
 
 from estimators.errors import OutputError, QueryError
 from recordings.report.atomic_output import (
-    atomic_file,
     refuse_input_as_output,
     require_writable_output,
+    stage_output_file,
 )
 from replay.frames.select_statement import (
     explain_query_error,
@@ -73,7 +73,7 @@ class Query:
                 f"{path}: CSV cannot hold lists, and the columns {', '.join(listed)} are lists; "
                 "leave them out, or write .parquet or .arrow"
             )
-        with atomic_file(path, force=force) as partial, self._raise_query_errors():
+        with stage_output_file(path, force=force) as partial, self._raise_query_errors():
             match file_format:
                 case "csv":
                     self.rows.sink_csv(partial)

@@ -135,7 +135,8 @@ def _propose_force_of_engine(columns: Sequence[LogColumn], recognition: Recognit
     if torque is None or turns is None:
         return False
     reason = (
-        f"{torque.source_text}, {turns.source_text}: the engine's power; over the speed it is a force, "
+        f"{torque.source_text}, {turns.source_text}: the engine's power; over the speed it is a "
+        "force, "
         "in any gear; a converter that is open leaves little of it"
     )
     recognition.propose_source_of_derived_channel(torque, "torque_percent", torque.unit, reason)

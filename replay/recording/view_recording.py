@@ -11,8 +11,8 @@ from estimators.errors import OutputError, RecordingError
 from recordings import plot_run, read_provenance, write_recording
 from recordings.report.picture import require_writable_picture
 from recordings.rrd.recording_limits import LIMITS as RECORDING_LIMITS
-from recordings.rrd.recording_window import read_window
-from recordings.rrd.viewer import open_viewer, take_screenshots_of_recording
+from recordings.rrd.recording_window import read_run_of_time_range
+from recordings.rrd.viewer import open_recording_in_viewer, take_screenshots_of_recording
 from recordings.rrd.writer import SUFFIX
 
 #: What is drawn around a moment, in s either way.
@@ -80,10 +80,10 @@ def view_recording(
     with tempfile.TemporaryDirectory(prefix="payscope-") as folder:
         shown = recording
         if from_s is not None or to_s is not None:
-            stretch = read_window(recording, from_s, to_s)
+            stretch = read_run_of_time_range(recording, from_s, to_s)
             shown = write_recording(stretch, Path(folder) / f"{recording.stem}{SUFFIX}")
         if screenshot is None:
-            open_viewer(shown, at_s)
+            open_recording_in_viewer(shown, at_s)
             return []
         drawn = take_screenshots_of_recording(shown, folder, tab, at_s)
         screenshot.mkdir(parents=True, exist_ok=True)
@@ -122,5 +122,5 @@ def plot_recording(
             from_s, to_s = at_s - AROUND_S, at_s + AROUND_S
         elif (from_s is not None and at_s < from_s) or (to_s is not None and at_s > to_s):
             raise RecordingError(f"--at {at_s:g}: lies outside --from and --to; change one of them")
-    run = read_window(recording, from_s, to_s, raw=False)
+    run = read_run_of_time_range(recording, from_s, to_s, are_raw_frames_read=False)
     return plot_run(run, output, figure=figure, at_s=at_s, force=force)

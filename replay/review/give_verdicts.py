@@ -13,7 +13,7 @@ from analysis.model.physical_units import NS_PER_S
 from estimators.errors import RecordingError, ReviewError
 from estimators.file_digest import file_sha256
 from recordings import read_frame
-from recordings.report.atomic_output import atomic_files
+from recordings.report.atomic_output import stage_output_files
 from recordings.review.review_state import RECORDING, ReviewState, read_review_state
 from recordings.review.reviewer_verdicts import (
     VERDICTS,
@@ -27,7 +27,7 @@ from recordings.review.reviewer_verdicts import (
 )
 from recordings.review.shift_ledger import (
     PARQUET,
-    find_cycle_row,
+    find_ledger_row_of_cycle,
     make_cycles_frame,
     parse_local_instant,
 )
@@ -48,7 +48,7 @@ class GivenVerdicts:
     """Verdicts of a reviewer from the command line.
 
     Attributes:
-        reject: cycles to exclude from the count; `find_cycle_row` describes their names.
+        reject: cycles to exclude from the count; `find_ledger_row_of_cycle` describes their names.
         accept: cycles to include again.
         cycles: cycles that the note and labels apply to.
         note: note on these cycles.
@@ -143,7 +143,7 @@ class GivenVerdicts:
                 raise ReviewError(f"--to {self.end} is not after --from {self.begin}")
             said = ShiftVerdict.model_validate(self._labels | span | signed)
             if not any(
-                said.applies_to_dump_at(ends_ns / NS_PER_S) for ends_ns in rows["end_unix_ns"]
+                said.does_apply_to_dump_at(ends_ns / NS_PER_S) for ends_ns in rows["end_unix_ns"]
             ):
                 raise ReviewError(
                     f"no load is dumped from {self.begin or 'the beginning'} to "
@@ -162,7 +162,7 @@ class GivenVerdicts:
         standing = assign_verdicts_to_rows(earlier, rows["id"], folder)
         found: dict[int, CycleVerdict] = {}
         for when, reject in self.named_cycles:
-            row = find_cycle_row(when, rows, state.clock)
+            row = find_ledger_row_of_cycle(when, rows, state.clock)
             old = found.get(row) or standing.get(row)
             kept = {} if old is None else old.model_dump(exclude=_MODEL_KEYS)
             said = kept | self._labels | ({"note": self.note} if self.note else {})
@@ -217,7 +217,7 @@ def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
         shift = ShiftCount.count_cycles(cycles, summary, state.t0_unix_ns, text, folder)
         page = shift.make_page(state, [], track)
         names = [*OUTPUTS, *([VERDICTS] if added else [])]
-        with atomic_files([folder / name for name in names], force=True) as stage:
+        with stage_output_files([folder / name for name in names], force=True) as stage:
             write_review(page, stage)
             if added:
                 (stage / VERDICTS).write_text(text, encoding="utf-8")

@@ -24,7 +24,7 @@ from estimators.errors import DataError, RecordingError
 from estimators.file_digest import file_sha256
 from estimators.threads import map_in_threads
 from recordings import list_columns_by_frame, read_frame, write_recording
-from recordings.report.atomic_output import atomic_files
+from recordings.report.atomic_output import stage_output_files
 from recordings.review.review_state import (
     FORMAT,
     RECORDING,
@@ -149,7 +149,7 @@ def review_shift(
         targets = [folder / name for name in (RECORDING, *OUTPUTS)]
         if kept is not None:
             del targets[0]
-        with atomic_files(targets, force=True) as stage:
+        with stage_output_files(targets, force=True) as stage:
             if made.run is not None:
                 write_recording(
                     select_frames_for_recording(made.run, full=options.full), stage / RECORDING

@@ -117,10 +117,10 @@ def open_requested_viewer(output: RecordTo) -> "LiveView | None":
     """The open viewer, or a new one if it is requested; None without one."""
     if output.viewer is not None or not output.live:
         return output.viewer
-    from recordings.rrd.viewer import start_viewer
+    from recordings.rrd.viewer import start_waiting_viewer
     from recordings.rrd.writer import LiveView
 
-    return LiveView(start_viewer())
+    return LiveView(start_waiting_viewer())
 
 
 def watch_machine_file(
@@ -147,7 +147,7 @@ def watch_machine_file(
     Raises:
         PayscopeError: the first replay failed.
     """
-    from recordings.rrd.viewer import list_shown_recordings, replace_recording
+    from recordings.rrd.viewer import list_ids_of_shown_recordings, replace_recording_in_viewer
 
     # a file that is gone is not the shipped one of its name
     path = find_machine_file(machine_file).absolute()
@@ -160,10 +160,10 @@ def watch_machine_file(
             changed = [] if last is None else list_changed_settings_and_keys(last, machine)
             if last is not None and not changed and not failed:
                 continue  # a comment, or the file was touched
-            before = list_shown_recordings(view.address) if view else ()
+            before = list_ids_of_shown_recordings(view.address) if view else ()
             answer = replay(replace(output, viewer=view))
             if view:
-                replace_recording(view.address, before)
+                replace_recording_in_viewer(view.address, before)
         except PayscopeError as error:
             if last is None:
                 raise

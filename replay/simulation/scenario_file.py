@@ -10,7 +10,7 @@ from analysis.simulation.trials.trial_limits import (
     refuse_undrivable_shift,
 )
 from estimators.errors import ScenarioError
-from recordings.report.atomic_output import atomic_file
+from recordings.report.atomic_output import stage_output_file
 from replay.machines.toml_file import (
     format_toml,
     read_toml,
@@ -69,7 +69,7 @@ def write_scenario(scenario: Scenario, path: Path, *, force: bool = False) -> No
     Raises:
         OutputError: the file is there already, or its folder cannot be written to.
     """
-    with atomic_file(path, force=force) as partial:
+    with stage_output_file(path, force=force) as partial:
         partial.write_text(format_scenario_file(scenario), encoding="utf-8")
 
 

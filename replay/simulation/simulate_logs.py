@@ -9,7 +9,7 @@ import polars as pl
 
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from estimators.errors import OutputError
-from recordings.report.atomic_output import atomic_files
+from recordings.report.atomic_output import stage_output_files
 from replay.logs.writers.bag_writer import write_bag
 from replay.logs.writers.mcap_writer import write_mcap
 from replay.logs.writers.rosbag2_writer import METADATA, write_db3, write_rosbag2
@@ -69,7 +69,7 @@ def write_logs(
                 f"{target}: no format '{target.suffix}'; use .bag, .mcap, .db3, .csv, "
                 "or no suffix for a rosbag2 directory"
             )
-    with atomic_files(
+    with stage_output_files(
         [*targets, *map(make_truth_path, targets), *further_files], force=force
     ) as stage:
         for log, target in zip(logs, targets, strict=True):

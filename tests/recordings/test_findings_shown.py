@@ -18,7 +18,7 @@ from recordings.report.finding_text import format_findings_markdown
 from recordings.rrd.display_frames import make_display_frames
 from recordings.rrd.recording_texts import format_answer_markdown
 from recordings.rrd.stored_names import STATE
-from recordings.rrd.writer import make_scene
+from recordings.rrd.writer import make_scene_of_run
 
 S = 10**9
 LANE = "display/states/finding"
@@ -63,7 +63,7 @@ def test_in_the_lane_a_finding_of_a_stretch_stands_before_one_of_the_whole_log(d
 
 def test_the_tab_is_there_only_where_there_are_findings(drives) -> None:
     def tabs(run: Run) -> list[str]:
-        root = make_scene(run).layout.root_container
+        root = make_scene_of_run(run).layout.root_container
         return [tab.name for tab in root.contents]
 
     assert tabs(drives(30.0))[1] == "Findings"

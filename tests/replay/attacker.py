@@ -21,12 +21,12 @@ from recordings.calibration.bundle_folder import (
     STATEMENT,
     SUMS,
     format_sha256sums,
-    list_bundle_entries,
+    list_bundle_files_and_faults,
     read_bundle_file,
 )
 from recordings.calibration.bundle_tables import encode_table_as_parquet
 from recordings.calibration.calibration_report import render_report_html
-from recordings.calibration.evidence_document import EvidenceDocument, parse_evidence
+from recordings.calibration.evidence_document import EvidenceDocument, parse_untrusted_evidence
 from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.signing import (
     PAYLOAD_TYPE,
@@ -110,7 +110,7 @@ def _write(bundle: Bundle) -> None:
     data = encode_canonical_json(bundle.evidence)
     (folder / EVIDENCE).write_bytes(data)
     try:
-        document: EvidenceDocument = parse_evidence(data, EVIDENCE)
+        document: EvidenceDocument = parse_untrusted_evidence(data, EVIDENCE)
     except EvidenceError:
         return  # the schema will refuse it; the page stays as it was
     (folder / REPORT).write_bytes(
@@ -120,7 +120,7 @@ def _write(bundle: Bundle) -> None:
 
 def _digest_anew(bundle: Bundle) -> None:
     folder = bundle.folder
-    names, _ = list_bundle_entries(folder)
+    names, _ = list_bundle_files_and_faults(folder)
     digests = {n: read_bundle_file(folder, n).sha256 for n in names if n not in (SUMS, STATEMENT)}
     sums = format_sha256sums(digests).encode()
     (folder / SUMS).write_bytes(sums)

@@ -11,7 +11,7 @@ import pytest
 from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.bundle_folder import STATEMENT, TIMESTAMP
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.timestamp import make_timestamp_request
+from recordings.calibration.timestamp import encode_timestamp_request
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
 from recordings.signatures.signing import read_public_key
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
@@ -153,7 +153,7 @@ def stamped(authority: Path, query: bytes) -> bytes:
 def bundle(made: Made, authority: Path, tmp_path: Path) -> Path:
     """A copy of the evidence, with the authority's answer put in."""
     folder = Path(shutil.copytree(made.bundle, tmp_path / "stamped"))
-    query = make_timestamp_request((folder / STATEMENT).read_bytes())
+    query = encode_timestamp_request((folder / STATEMENT).read_bytes())
     (folder / TIMESTAMP).write_bytes(stamped(authority, query))
     return folder
 
@@ -187,14 +187,14 @@ def test_the_query_is_one_that_openssl_answers(
 
 def of_other_evidence(made: Made, bundle: Path, authority: Path, _: Path) -> None:
     shutil.copy(made.first / STATEMENT, bundle / "x")
-    query = make_timestamp_request((bundle / "x").read_bytes())
+    query = encode_timestamp_request((bundle / "x").read_bytes())
     (bundle / "x").unlink()
     (bundle / TIMESTAMP).write_bytes(stamped(authority, query))
 
 
 def of_another_authority(_: Made, bundle: Path, __: Path, scratch: Path) -> None:
     other = new_authority(scratch)
-    query = make_timestamp_request((bundle / STATEMENT).read_bytes())
+    query = encode_timestamp_request((bundle / STATEMENT).read_bytes())
     (bundle / TIMESTAMP).write_bytes(stamped(other, query))
 
 
@@ -252,7 +252,7 @@ def test_back_dating_a_signature_past_its_time_stamp_is_found(
         bundle.evidence["made"] = f"{dt.datetime.now(dt.UTC) + dt.timedelta(hours=1):%Y-%m-%dT%XZ}"
 
     folder = tampered(made.bundle, tmp_path / "b", later, signed=True)
-    query = make_timestamp_request((folder / STATEMENT).read_bytes())
+    query = encode_timestamp_request((folder / STATEMENT).read_bytes())
     (folder / TIMESTAMP).write_bytes(stamped(authority, query))
     found = verify_bundle(folder, tsa=authority / "ca.pem")
     assert "before the evidence says that it was made" in items(found)

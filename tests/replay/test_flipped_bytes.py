@@ -18,11 +18,11 @@ from recordings.calibration.bundle_folder import (
     STATEMENT,
     SUMS,
     UNLISTED,
-    list_bundle_entries,
+    list_bundle_files_and_faults,
 )
 from recordings.calibration.check_outcomes import BundleOutcome, find_most_severe_outcome
 from recordings.calibration.checked_bundle import CheckedBundle
-from recordings.calibration.evidence_document import parse_evidence
+from recordings.calibration.evidence_document import parse_untrusted_evidence
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signing import read_public_key
 from tests.replay.made_evidence import Made
@@ -54,7 +54,7 @@ def assert_found(made: Made, folder: Path, name: str, places: Iterable[int]) -> 
 
 
 def test_every_file_counts_and_a_flipped_byte_of_each_is_found(made: Made, tmp_path: Path) -> None:
-    names, _ = list_bundle_entries(made.bundle)
+    names, _ = list_bundle_files_and_faults(made.bundle)
     assert {EVIDENCE, READINGS, POINTS, RECORDING, REPORT, SUMS, STATEMENT} <= set(names)
     folder = Path(shutil.copytree(made.bundle, tmp_path / "b"))
     for name in names:
@@ -66,9 +66,9 @@ def test_every_file_counts_and_a_flipped_byte_of_each_is_found(made: Made, tmp_p
 def test_a_flip_of_any_byte_of_any_file_is_found(made: Made, tmp_path: Path) -> None:
     """By the first steps of `verify`, digests and signature; nothing takes a finding back."""
     folder = Path(shutil.copytree(made.bundle, tmp_path / "b"))
-    names, _ = list_bundle_entries(folder)
+    names, _ = list_bundle_files_and_faults(folder)
     key = read_public_key(made.public)
-    document = parse_evidence((folder / EVIDENCE).read_bytes(), EVIDENCE)
+    document = parse_untrusted_evidence((folder / EVIDENCE).read_bytes(), EVIDENCE)
     flips = 0
     for name in names:
         for place in range((folder / name).stat().st_size):

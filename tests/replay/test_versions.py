@@ -13,10 +13,10 @@ from recordings.calibration import evidence_document
 from recordings.calibration.bundle_folder import EVIDENCE, REPORT
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import make_estimator_with_digest
-from recordings.calibration.evidence_document import parse_evidence
+from recordings.calibration.evidence_document import parse_untrusted_evidence
 from recordings.calibration.released_defaults import (
-    collect_present_defaults,
-    find_changed_defaults,
+    collect_defaults_of_this_version,
+    list_absent_settings_changed_since,
     load_released_defaults,
 )
 from recordings.signatures.canonical_json import encode_canonical_json
@@ -152,7 +152,7 @@ def lacking(*place: str) -> Callable[[Bundle], None]:
         for name in place[:-1]:
             inside = inside[name]
         del inside[place[-1]]
-        document = parse_evidence(encode_canonical_json(bundle.evidence), EVIDENCE)
+        document = parse_untrusted_evidence(encode_canonical_json(bundle.evidence), EVIDENCE)
         estimator = make_estimator_with_digest(
             document.campaign, document.weighing_machine, document.settings_at_default
         )
@@ -184,13 +184,15 @@ def test_an_absent_setting_takes_the_default_that_it_came_with(
 def test_a_whole_part_that_came_later_takes_the_defaults_that_it_came_with() -> None:
     kept = {"0.2.0": {"machine.settings.new.a": 1, "machine.settings.new.b": 2}}
     absent = {"machine.settings.new": {"a": 1, "b": 3}, "machine.settings.other": 4}
-    assert find_changed_defaults(absent, kept) == {"machine.settings.new": {"a": 1, "b": 2}}
+    assert list_absent_settings_changed_since(absent, kept) == {
+        "machine.settings.new": {"a": 1, "b": 2}
+    }
 
 
 def test_defaults_of_this_version_are_kept_as_they_are() -> None:
     """A default that changes belongs to a new version: evidence of this one has the old one."""
     kept = load_released_defaults()[version("payscope")]
-    assert kept == collect_present_defaults(), (
+    assert kept == collect_defaults_of_this_version(), (
         "python -P -m recordings.calibration.released_defaults prints what has to be in "
         "recordings/calibration/released_defaults.json; where a released default changes, write a "
         "new version into pyproject.toml first"

@@ -13,7 +13,7 @@ from analysis.calibration.use.learnt_priors import prepare_machine_for_later_log
 from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
 from recordings.calibration.derived_values import make_estimator_with_digest
-from recordings.calibration.evidence_document import parse_evidence
+from recordings.calibration.evidence_document import parse_untrusted_evidence
 from recordings.signatures.canonical_json import encode_canonical_json
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
@@ -233,7 +233,7 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
 ) -> None:
     def before(bundle: Bundle) -> None:
         del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]
-        document = parse_evidence(encode_canonical_json(bundle.evidence), "evidence.json")
+        document = parse_untrusted_evidence(encode_canonical_json(bundle.evidence), "evidence.json")
         estimator = make_estimator_with_digest(
             document.campaign, document.weighing_machine, document.settings_at_default
         )

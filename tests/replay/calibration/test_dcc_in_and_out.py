@@ -15,7 +15,7 @@ from lxml import etree
 
 from estimators.errors import CampaignError
 from recordings.calibration.certificate_text import (
-    list_missing_certificate_statements,
+    describe_missing_certificate_statements,
     make_traceability_warnings,
     make_weighing_rows,
 )
@@ -337,6 +337,6 @@ def test_the_report_says_loudly_what_is_not_traceable(made: CalibrationOutcome) 
     assert make_traceability_warnings(changed) == [
         "NOT TRACEABLE: mass 'weight-1' has a standard uncertainty of 0."
     ]
-    assert list_missing_certificate_statements(changed) == [
+    assert describe_missing_certificate_statements(changed) == [
         "Not stated, and ISO/IEC 17025, 7.8 asks for it: machine.make."
     ]

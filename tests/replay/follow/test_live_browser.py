@@ -17,7 +17,7 @@ from mcap.writer import CompressionType
 
 from analysis.simulation import Scenario
 from recordings.report import colours
-from recordings.rrd.viewer_server import serve_viewer
+from recordings.rrd.viewer_server import serve_viewer_to_browsers
 from replay.simulation.simulate_logs import simulate_scenario
 from tests.replay.follow.recorders import mcap_recorder
 
@@ -85,7 +85,7 @@ def test_a_browser_shows_what_is_followed(page: str, tmp_path: Path, browser: An
 
 
 def test_the_server_listens_on_this_machine_alone_and_ends_with_its_context() -> None:
-    with serve_viewer() as server:
+    with serve_viewer_to_browsers() as server:
         host, port = re.findall(r"//([\d.]+):(\d+)", server.page)[0]
         assert host == "127.0.0.1"
         assert is_open(host, int(port))
