@@ -60,7 +60,7 @@ from recordings.signatures.signing import (
     STATEMENT_TYPE,
     EnvelopeContent,
     PublicKey,
-    parse_envelope,
+    parse_untrusted_envelope,
 )
 
 if TYPE_CHECKING:
@@ -273,8 +273,8 @@ def check_bundle_signature(
         return
     checked_bundle.signed_by = SignedBy("broken")
     try:
-        signed = parse_envelope(read_content_in_memory(files, STATEMENT), STATEMENT)
-        stated = None if named is None else PublicKey.from_text(named.public_key)
+        signed = parse_untrusted_envelope(read_content_in_memory(files, STATEMENT), STATEMENT)
+        stated = None if named is None else PublicKey.from_base64_text(named.public_key)
     except EvidenceError as fault:
         checked_bundle.add_finding(
             BundleOutcome.TAMPERED, STATEMENT, remove_file_name_from_fault(STATEMENT, fault)
@@ -328,12 +328,12 @@ def identify_bundle_signer(
 ) -> None:
     """Identify the owner of a key by the user's keyring."""
     claimed = "" if document.signer is None else document.signer.name
-    known = keyring.find_key(stated_signer.key_id)
+    known = keyring.find_key_by_id_or_prefix(stated_signer.key_id)
     owner = "" if known is None else known.owner
-    by = SignedBy("unknown", claimed, owner, stated_signer.key_id, stated_signer.text)
+    by = SignedBy("unknown", claimed, owner, stated_signer.key_id, stated_signer.base64_text)
     if known is not None:
         made = dt.datetime.fromisoformat(document.made).date()
-        fault = known.distrust_reason(made, checked_bundle.proven_day)
+        fault = known.explain_distrust(made, checked_bundle.proven_day)
         if fault:
             checked_bundle.signed_by = by
             outcome = BundleOutcome.TAMPERED if known.revoked else BundleOutcome.INCOMPLETE

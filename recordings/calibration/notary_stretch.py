@@ -11,8 +11,8 @@ from recordings.calibration.campaign_faults import parse_begin_time_of_log, pars
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
-from recordings.notary.notary_check import CheckedList, check_notary_list, parse_list_time
-from recordings.notary.notary_list import NotaryEntry, split_whole_lines
+from recordings.notary.notary_check import CheckedList, check_untrusted_notary_list, parse_list_time
+from recordings.notary.notary_list import NotaryEntry, split_list_into_whole_lines_and_tail
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signed_by import SignedBy
 
@@ -26,7 +26,7 @@ def cut_range_from_notary_list(list_bytes: bytes, list_range: NotaryStretch) -> 
         list_bytes: the whole list, checked.
         list_range: counters of the part; missing lines are found by the check.
     """
-    whole, _ = split_whole_lines(list_bytes)
+    whole, _ = split_list_into_whole_lines_and_tail(list_bytes)
     return b"".join(
         line + b"\n" for line in (*whole[:1], *whole[list_range.first : list_range.last + 1])
     )
@@ -58,7 +58,7 @@ def check_notary_list_range(
             BundleOutcome.INCOMPLETE, NOTARY, "is missing, although the campaign names it"
         )
         return
-    kept = check_notary_list(list_bytes, dt.datetime.now(dt.UTC), stretch.first)
+    kept = check_untrusted_notary_list(list_bytes, dt.datetime.now(dt.UTC), stretch.first)
     checked_bundle.findings += iter_faults_of_notary_list_range(document, stretch, kept)
     reasons = stretch.omission_reasons_by_log
     checked_bundle.notes += [
@@ -86,14 +86,14 @@ def iter_faults_of_notary_list_range(
         listed_machine = checked_list.head.machine_id
         what = f"is the list of machine '{listed_machine}', but the campaign is for '{machine}'"
         yield BundleFinding(BundleOutcome.TAMPERED, NOTARY, what)
-    listed = {entry.counter for entry in checked_list.entries}
+    listed = {entry.counter for entry in checked_list.log_entries}
     for number in range(list_range.first, list_range.last + 1):
         if number not in listed:
             what = f"number {number} is missing, although the campaign names it"
             yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
-    for what in iter_unaccounted_logs(list_range, document.logs, checked_list.entries):
+    for what in iter_unaccounted_logs(list_range, document.logs, checked_list.log_entries):
         yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
-    yield from iter_contradictions_to_notary_list(document, list_range, checked_list.entries)
+    yield from iter_contradictions_to_notary_list(document, list_range, checked_list.log_entries)
 
 
 def iter_unaccounted_logs(
@@ -165,11 +165,11 @@ def identify_notary_signer(
     keyring: Keyring,
 ) -> SignedBy:
     """Identity of the notary, by the user's keyring."""
-    key = checked_list.key
+    key = checked_list.notary_public_key
     if key is None or any(fault.forged for fault in checked_list.faults):
         return SignedBy("broken")
-    known = keyring.find_key(key.key_id)
-    by = SignedBy("unknown", "", "" if known is None else known.owner, key.key_id, key.text)
+    known = keyring.find_key_by_id_or_prefix(key.key_id)
+    by = SignedBy("unknown", "", "" if known is None else known.owner, key.key_id, key.base64_text)
     if document.signer is not None and document.signer.key_id == key.key_id:
         checked_bundle.notes.append(
             f"{NOTARY}: signed with the same key as this evidence, so it is no independent proof "
@@ -183,11 +183,11 @@ def identify_notary_signer(
         return by
     last = max(
         (parse_list_time(entry.listed) or parse_creation_time(document))
-        for entry in checked_list.entries
+        for entry in checked_list.log_entries
     )
     fault = (
-        known.distrust_reason(last.date(), checked_bundle.proven_day)
-        if checked_list.entries
+        known.explain_distrust(last.date(), checked_bundle.proven_day)
+        if checked_list.log_entries
         else ""
     )
     if fault:
@@ -196,4 +196,4 @@ def identify_notary_signer(
             outcome, NOTARY, f"the key of {known.owner}, {key.key_id[:12]}…, {fault}"
         )
         return by
-    return SignedBy("known", "", known.owner, key.key_id, key.text)
+    return SignedBy("known", "", known.owner, key.key_id, key.base64_text)

@@ -24,8 +24,8 @@ from recordings.calibration.calibration_report import render_report_html, write_
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceTables
 from recordings.signatures.signing import (
     SigningKey,
-    make_signed_envelope_bytes,
-    make_statement_bytes,
+    encode_in_toto_statement,
+    encode_signed_envelope,
 )
 
 
@@ -80,8 +80,8 @@ def write_bundle_files(
     (folder / SUMS).write_bytes(sums)
     if signing_key is not None:
         digests[SUMS] = hashlib.sha256(sums).hexdigest()
-        payload = make_statement_bytes(digests, make_signed_statement_predicate(document))
-        (folder / STATEMENT).write_bytes(make_signed_envelope_bytes(payload, signing_key))
+        payload = encode_in_toto_statement(digests, make_signed_statement_predicate(document))
+        (folder / STATEMENT).write_bytes(encode_signed_envelope(payload, signing_key))
     return [remark] if remark else []
 
 

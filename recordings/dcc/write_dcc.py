@@ -14,8 +14,8 @@ from recordings.calibration.certificate_text import (
     read_certificate_issue_day,
 )
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.dcc.dcc_document import DCC, SI, VERSION, refuse_without_xml_libraries
-from recordings.dcc.dcc_quantity import add_real_quantity
+from recordings.dcc.dcc_document import DCC, SI, VERSION, require_xml_libraries
+from recordings.dcc.dcc_quantity import add_dsi_real_element
 
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
@@ -38,13 +38,13 @@ _CONDITIONS: Final = (
 )
 
 
-def refuse_incomplete_campaign(campaign: CalibrationCampaign, source: object) -> None:
+def refuse_campaign_incomplete_for_dcc(campaign: CalibrationCampaign, source: object) -> None:
     """Refuse a campaign without the data that the schema or ISO/IEC 17025, 7.8 requires.
 
     Raises:
         EvidenceError: names every key that is not stated.
     """
-    refuse_without_xml_libraries()
+    require_xml_libraries()
     if campaign.missing_certificate_keys:
         keys = ", ".join(campaign.missing_certificate_keys)
         raise EvidenceError(f"{source}: a DCC needs {keys}; state them in the campaign")
@@ -60,7 +60,7 @@ def make_unsigned_dcc(document: EvidenceDocument, sums_sha256: str) -> "_Element
     Raises:
         EvidenceError: it is not a calibration with a line, or lacks what a certificate needs.
     """
-    refuse_incomplete_campaign(document.campaign, document.id)
+    refuse_campaign_incomplete_for_dcc(document.campaign, document.id)
     if document.kind != "calibration" or document.calibration is None:
         raise EvidenceError(f"{document.id}: has no calibration line, so there is no DCC of it")
     from lxml import etree
@@ -70,65 +70,69 @@ def make_unsigned_dcc(document: EvidenceDocument, sums_sha256: str) -> "_Element
         {"schemaVersion": VERSION},
         nsmap={"dcc": DCC, "si": SI},
     )
-    _add_administrative_data(_add_element(root, "administrativeData"), document, sums_sha256)
-    _add_results(_add_element(root, "measurementResults"), document)
+    _fill_administrative_data(_add_child_element(root, "administrativeData"), document, sums_sha256)
+    _add_result_elements(_add_child_element(root, "measurementResults"), document)
     return root
 
 
-def _add_element(
-    parent: "_Element", name: str, text: str | None = None, **attributes: str
+def _add_child_element(
+    parent: "_Element", element_name: str, text: str | None = None, **attributes: str
 ) -> "_Element":
     from lxml import etree
 
-    made = etree.SubElement(parent, f"{{{DCC}}}{name}", attributes)
+    made = etree.SubElement(parent, f"{{{DCC}}}{element_name}", attributes)
     if text is not None:
         made.text = " ".join(text.split())
     return made
 
 
-def _add_language_text(parent: "_Element", name: str, text: str, **attributes: str) -> "_Element":
-    made = _add_element(parent, name, **attributes)
-    _add_element(made, "content", text, lang="en")
+def _add_text_in_language(
+    parent: "_Element", element_name: str, text: str, **attributes: str
+) -> "_Element":
+    made = _add_child_element(parent, element_name, **attributes)
+    _add_child_element(made, "content", text, lang="en")
     return made
 
 
-def _add_identification(parent: "_Element", issuer: str, value: str, name: str, ref: str) -> None:
-    made = _add_element(parent, "identification", refType=ref)
-    _add_element(made, "issuer", issuer)
-    _add_element(made, "value", value)
-    _add_language_text(made, "name", name)
+def _add_identification_element(
+    parent: "_Element", issuer: str, value: str, description: str, ref_type: str
+) -> None:
+    made = _add_child_element(parent, "identification", refType=ref_type)
+    _add_child_element(made, "issuer", issuer)
+    _add_child_element(made, "value", value)
+    _add_text_in_language(made, "name", description)
 
 
-def _add_contact(parent: "_Element", name: str, organisation: Organisation) -> None:
-    contact = _add_element(parent, name)
-    _add_language_text(contact, "name", organisation.name)
+def _add_contact_element(parent: "_Element", name: str, organisation: Organisation) -> None:
+    contact = _add_child_element(parent, name)
+    _add_text_in_language(contact, "name", organisation.name)
     if organisation.email:
-        _add_element(contact, "eMail", organisation.email)
-    place = _add_element(contact, "location")
-    _add_element(place, "city", organisation.city)
-    _add_element(place, "countryCode", organisation.country)
-    _add_element(place, "street", organisation.address)
+        _add_child_element(contact, "eMail", organisation.email)
+    place = _add_child_element(contact, "location")
+    _add_child_element(place, "city", organisation.city)
+    _add_child_element(place, "countryCode", organisation.country)
+    _add_child_element(place, "street", organisation.address)
 
 
 def _add_sha256_element(
     parent: "_Element", name: str, referral_id_and_digest: tuple[str, str, str]
 ) -> None:
     referral, referral_id, digest = referral_id_and_digest
-    made = _add_element(parent, name)
-    _add_language_text(made, "referral", referral)
-    _add_element(made, "referralID", referral_id)
-    _add_element(made, "procedure", _SHA256)
-    _add_element(made, "value", digest)
+    made = _add_child_element(parent, name)
+    _add_text_in_language(made, "referral", referral)
+    _add_child_element(made, "referralID", referral_id)
+    _add_child_element(made, "procedure", _SHA256)
+    _add_child_element(made, "value", digest)
 
 
-def _add_software(parent: "_Element", document: EvidenceDocument) -> None:
-    made = _add_element(parent, "software")
-    _add_language_text(made, "name", "payscope")
-    _add_element(made, "release", f"v{document.software.payscope}")
-    _add_element(made, "type", "application")
+def _add_software_elements(parent: "_Element", document: EvidenceDocument) -> None:
+    made = _add_child_element(parent, "software")
+    _add_text_in_language(made, "name", "payscope")
+    _add_child_element(made, "release", f"v{document.software.payscope}")
+    _add_child_element(made, "type", "application")
 
 
-def _add_ref_types(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_ref_type_definitions(parent: "_Element", document: EvidenceDocument) -> None:
     """Add where the values of the attribute refType are defined."""
     for namespace, name, link, release in (
         ("basic", "Terms for every certificate", "https://dccwiki.ptb.de", ""),
@@ -139,78 +143,86 @@ def _add_ref_types(parent: "_Element", document: EvidenceDocument) -> None:
             f"v{document.software.payscope}",
         ),
     ):
-        made = _add_element(parent, "refTypeDefinition")
-        _add_language_text(made, "name", name)
-        _add_element(made, "namespace", namespace)
-        _add_element(made, "link", link)
+        made = _add_child_element(parent, "refTypeDefinition")
+        _add_text_in_language(made, "name", name)
+        _add_child_element(made, "namespace", namespace)
+        _add_child_element(made, "link", link)
         if release:
-            _add_element(made, "release", release)
+            _add_child_element(made, "release", release)
 
 
-def _add_administrative_data(
-    admin: "_Element", document: EvidenceDocument, sums_sha256: str
+def _fill_administrative_data(
+    administrative_element: "_Element", document: EvidenceDocument, sums_sha256: str
 ) -> None:
     campaign = document.campaign
     about, machine, laboratory = campaign.campaign, campaign.machine, campaign.laboratory
     assert laboratory is not None
     assert campaign.customer is not None
-    _add_software(_add_element(admin, "dccSoftware"), document)
-    _add_ref_types(_add_element(admin, "refTypeDefinitions"), document)
-    core = _add_element(admin, "coreData")
-    _add_element(core, "countryCodeISO3166_1", laboratory.country)
-    _add_element(core, "usedLangCodeISO639_1", "en")
-    _add_element(core, "mandatoryLangCodeISO639_1", "en")
-    _add_element(core, "uniqueIdentifier", document.id)
-    _add_identification(
-        _add_element(core, "identifications"),
+    _add_software_elements(_add_child_element(administrative_element, "dccSoftware"), document)
+    _add_ref_type_definitions(
+        _add_child_element(administrative_element, "refTypeDefinitions"), document
+    )
+    core = _add_child_element(administrative_element, "coreData")
+    _add_child_element(core, "countryCodeISO3166_1", laboratory.country)
+    _add_child_element(core, "usedLangCodeISO639_1", "en")
+    _add_child_element(core, "mandatoryLangCodeISO639_1", "en")
+    _add_child_element(core, "uniqueIdentifier", document.id)
+    _add_identification_element(
+        _add_child_element(core, "identifications"),
         "calibrationLaboratory",
         sums_sha256,
         "SHA-256 of SHA256SUMS of the evidence",
         "payscope_documentIdentification",
     )
     if about.received:
-        _add_element(core, "receiptDate", about.received.isoformat())
+        _add_child_element(core, "receiptDate", about.received.isoformat())
     days = [run.day for run in campaign.runs]
-    _add_element(core, "beginPerformanceDate", min(days).isoformat())
-    _add_element(core, "endPerformanceDate", max(days).isoformat())
-    _add_element(core, "performanceLocation", about.place_kind)
-    _add_element(core, "issueDate", read_certificate_issue_day(document).isoformat())
+    _add_child_element(core, "beginPerformanceDate", min(days).isoformat())
+    _add_child_element(core, "endPerformanceDate", max(days).isoformat())
+    _add_child_element(core, "performanceLocation", about.place_kind)
+    _add_child_element(core, "issueDate", read_certificate_issue_day(document).isoformat())
     if about.replaces:
-        changed = _add_element(core, "reportAmendedSubstituted")
-        _add_element(changed, "typeOfChange", "substituted")
-        _add_element(changed, "replacedUniqueIdentifier", about.replaces)
+        changed = _add_child_element(core, "reportAmendedSubstituted")
+        _add_child_element(changed, "typeOfChange", "substituted")
+        _add_child_element(changed, "replacedUniqueIdentifier", about.replaces)
     before = document.chain.previous
     if before is not None:
         what = "SHA256SUMS of the evidence of this machine before this one"
         _add_sha256_element(core, "previousReport", (what, before.id, before.sums_sha256))
-    item = _add_element(_add_element(admin, "items"), "item", id="machine")
-    _add_language_text(item, "name", document.machine.machine.name)
-    _add_language_text(item, "description", f"Condition: {machine.condition}")
-    _add_language_text(_add_element(item, "manufacturer"), "name", machine.make)
-    _add_element(item, "model", machine.model)
-    identified = _add_element(item, "identifications")
-    _add_identification(
+    item = _add_child_element(
+        _add_child_element(administrative_element, "items"), "item", id="machine"
+    )
+    _add_text_in_language(item, "name", document.machine.machine.name)
+    _add_text_in_language(item, "description", f"Condition: {machine.condition}")
+    _add_text_in_language(_add_child_element(item, "manufacturer"), "name", machine.make)
+    _add_child_element(item, "model", machine.model)
+    identified = _add_child_element(item, "identifications")
+    _add_identification_element(
         identified, "manufacturer", machine.id, "Serial number", "basic_serialNumber"
     )
     for part, value in machine.parts.items():
         if part.strip() and value.strip():
-            _add_identification(identified, "other", value, part, "payscope_partIdentification")
-    _add_contact(_add_element(admin, "calibrationLaboratory"), "contact", laboratory)
-    people = _add_element(admin, "respPersons")
+            _add_identification_element(
+                identified, "other", value, part, "payscope_partIdentification"
+            )
+    _add_contact_element(
+        _add_child_element(administrative_element, "calibrationLaboratory"), "contact", laboratory
+    )
+    people = _add_child_element(administrative_element, "respPersons")
     for name, role, signs in (
         (about.authoriser, about.authoriser_function, "true"),
         (about.author, about.author_function, "false"),
     ):
-        person = _add_element(people, "respPerson")
-        _add_language_text(_add_element(person, "person"), "name", name)
+        person = _add_child_element(people, "respPerson")
+        _add_text_in_language(_add_child_element(person, "person"), "name", name)
         if role:
-            _add_element(person, "role", role)
-        _add_element(person, "mainSigner", signs)
-    _add_contact(admin, "customer", campaign.customer)
-    _add_statements(_add_element(admin, "statements"), document)
+            _add_child_element(person, "role", role)
+        _add_child_element(person, "mainSigner", signs)
+    _add_contact_element(administrative_element, "customer", campaign.customer)
+    _add_statement_elements(_add_child_element(administrative_element, "statements"), document)
 
 
-def _add_statements(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_statement_elements(parent: "_Element", document: EvidenceDocument) -> None:
     about, limits = document.campaign.campaign, document.limits
     said = [("Scope", document.notice), ("Intended use", about.intended_use)]
     said += [("Place of the work", about.place), ("Deviations from the method", about.deviations)]
@@ -219,66 +231,70 @@ def _add_statements(parent: "_Element", document: EvidenceDocument) -> None:
     if about.replaces_reason:
         said.append(("Reason of the replacement", about.replaces_reason))
     for name, text in said:
-        made = _add_element(parent, "statement")
-        _add_language_text(made, "name", name)
-        _add_language_text(made, "declaration", text)
+        made = _add_child_element(parent, "statement")
+        _add_text_in_language(made, "name", name)
+        _add_text_in_language(made, "declaration", text)
     if limits is not None:
-        made = _add_element(parent, "statement", refType="basic_conformity")
-        _add_language_text(made, "name", "Error limits")
-        _add_element(made, "reference", limits.rule.accuracy_class)
-        _add_language_text(made, "declaration", limits.statement)
+        made = _add_child_element(parent, "statement", refType="basic_conformity")
+        _add_text_in_language(made, "name", "Error limits")
+        _add_child_element(made, "reference", limits.rule.accuracy_class)
+        _add_text_in_language(made, "declaration", limits.statement)
         if limits.verdict in (WITHIN, OUTSIDE):
-            _add_element(made, "conformity", "pass" if limits.verdict == WITHIN else "fail")
+            _add_child_element(made, "conformity", "pass" if limits.verdict == WITHIN else "fail")
 
 
-def _add_results(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_result_elements(parent: "_Element", document: EvidenceDocument) -> None:
     fitted = document.calibration
     assert fitted is not None
-    result = _add_element(parent, "measurementResult", refId="machine")
-    _add_language_text(result, "name", "Calibration of the mass that the machine's logs give")
-    _add_language_text(
+    result = _add_child_element(parent, "measurementResult", refId="machine")
+    _add_text_in_language(result, "name", "Calibration of the mass that the machine's logs give")
+    _add_text_in_language(
         result,
         "description",
         f"{ESTIMATORS.get(document.estimator.name, document.estimator.name)}; its definition has "
         f"the SHA-256 {document.estimator.definition_sha256}",
     )
-    methods = _add_element(result, "usedMethods")
+    methods = _add_child_element(result, "usedMethods")
     for name, norm, ref in _METHODS:
-        method = _add_element(methods, "usedMethod", refType=ref)
-        _add_language_text(method, "name", name)
-        _add_element(method, "norm", norm)
-    _add_software(_add_element(result, "usedSoftware"), document)
-    _add_equipment(_add_element(result, "measuringEquipments"), document)
-    _add_conditions(_add_element(result, "influenceConditions"), document)
-    found = _add_element(result, "results")
-    line_result = _add_element(found, "result", refType="payscope_calibrationFunction")
-    _add_language_text(
+        method = _add_child_element(methods, "usedMethod", refType=ref)
+        _add_text_in_language(method, "name", name)
+        _add_child_element(method, "norm", norm)
+    _add_software_elements(_add_child_element(result, "usedSoftware"), document)
+    _add_reference_masses_as_equipment(_add_child_element(result, "measuringEquipments"), document)
+    _add_influence_conditions(_add_child_element(result, "influenceConditions"), document)
+    found = _add_child_element(result, "results")
+    line_result = _add_child_element(found, "result", refType="payscope_calibrationFunction")
+    _add_text_in_language(
         line_result, "name", "Line: calibrated mass = alpha times estimate plus beta"
     )
-    data = _add_element(line_result, "data")
+    data = _add_child_element(line_result, "data")
     for name, value, unit, interval in (
         ("alpha", fitted.alpha_1, r"\one", fitted.alpha_interval_1),
         ("beta", fitted.beta_kg, r"\kilogram", fitted.beta_interval_kg),
     ):
-        quantity = _add_element(data, "quantity", refType="basic_measuredValue")
-        _add_language_text(quantity, "name", name)
+        quantity = _add_child_element(data, "quantity", refType="basic_measuredValue")
+        _add_text_in_language(quantity, "name", name)
         low, high = interval
         if low is None or high is None or not low < value < high:
-            add_real_quantity(quantity, value, unit)
+            add_dsi_real_element(quantity, value, unit)
         else:
             # D-SI wants a standard uncertainty beside the interval: that of the same half width
             u = (high - low) / 2.0 / fitted.coverage_k_1
-            add_real_quantity(quantity, value, unit, interval=(u, low, high, fitted.confidence_1))
+            add_dsi_real_element(
+                quantity, value, unit, interval=(u, low, high, fitted.confidence_1)
+            )
     at_kg, readings = fitted.budget_at
-    quantity = _add_element(data, "quantity", refType="basic_measuredValue")
-    _add_language_text(quantity, "name", f"Later mass, mean of {readings} readings")
-    add_mass_quantity(quantity, document, at_kg)
+    quantity = _add_child_element(data, "quantity", refType="basic_measuredValue")
+    _add_text_in_language(quantity, "name", f"Later mass, mean of {readings} readings")
+    fill_mass_quantity(quantity, document, at_kg)
     _add_errors_of_indication(
-        _add_element(found, "result", refType="basic_measurementError"), document
+        _add_child_element(found, "result", refType="basic_measurementError"), document
     )
 
 
-def add_mass_quantity(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -> None:
+def fill_mass_quantity(
+    quantity_element: "_Element", document: EvidenceDocument, mass_kg: float
+) -> None:
     """Add a mass with its expanded uncertainty."""
     fitted = document.calibration
     assert fitted is not None
@@ -287,55 +303,58 @@ def add_mass_quantity(quantity: "_Element", document: EvidenceDocument, mass_kg:
     u_kg = fitted.u_kg if mass_kg == at_kg else fitted.inversion.u_kg(mass_kg, readings)
     if not (math.isfinite(u_kg) and k >= 1.0):
         raise EvidenceError(f"{document.id}: at {mass_kg:g} kg there is no uncertainty to certify")
-    add_real_quantity(
-        quantity, mass_kg, r"\kilogram", expanded_uncertainty=(k * u_kg, k, fitted.confidence_1)
+    add_dsi_real_element(
+        quantity_element,
+        mass_kg,
+        r"\kilogram",
+        expanded_uncertainty=(k * u_kg, k, fitted.confidence_1),
     )
 
 
-def _add_errors_of_indication(result: "_Element", document: EvidenceDocument) -> None:
+def _add_errors_of_indication(result_element: "_Element", document: EvidenceDocument) -> None:
     """Add reference, calibrated mass and error of each run."""
     fitted = document.calibration
     assert fitted is not None
     references = {each.load_id: each for each in document.references}
-    _add_language_text(result, "name", "Errors of the runs")
-    data = _add_element(result, "data")
+    _add_text_in_language(result_element, "name", "Errors of the runs")
+    data = _add_child_element(result_element, "data")
     for point in fitted.points:
         if point.error_kg is None:
             continue
         reference = references[point.load_id]
-        row = _add_element(data, "list")
-        _add_language_text(row, "name", f"{point.run_id}: {point.load_id}")
-        quantity = _add_element(row, "quantity", refType="basic_referenceValue")
-        add_real_quantity(
+        row = _add_child_element(data, "list")
+        _add_text_in_language(row, "name", f"{point.run_id}: {point.load_id}")
+        quantity = _add_child_element(row, "quantity", refType="basic_referenceValue")
+        add_dsi_real_element(
             quantity,
             reference.reference_kg,
             r"\kilogram",
             expanded_uncertainty=(2.0 * reference.u_kg, 2.0, 0.954),
         )
-        quantity = _add_element(row, "quantity", refType="basic_measuredValue")
-        add_mass_quantity(quantity, document, reference.reference_kg + point.error_kg)
-        quantity = _add_element(row, "quantity", refType="basic_measurementError")
-        add_real_quantity(quantity, point.error_kg, r"\kilogram")
+        quantity = _add_child_element(row, "quantity", refType="basic_measuredValue")
+        fill_mass_quantity(quantity, document, reference.reference_kg + point.error_kg)
+        quantity = _add_child_element(row, "quantity", refType="basic_measurementError")
+        add_dsi_real_element(quantity, point.error_kg, r"\kilogram")
 
 
-def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_reference_masses_as_equipment(parent: "_Element", document: EvidenceDocument) -> None:
     """Add the reference masses, with hashes of their certificates if known."""
     campaign = document.campaign
     machine = document.machine.machine
     for mass in campaign.masses:
-        made = _add_element(parent, "measuringEquipment", refType="basic_measurementStandard")
-        _add_language_text(made, "name", f"Reference mass {mass.id}")
+        made = _add_child_element(parent, "measuringEquipment", refType="basic_measurementStandard")
+        _add_text_in_language(made, "name", f"Reference mass {mass.id}")
         if mass.stated_by:
-            _add_language_text(made, "description", f"Stated by the {mass.stated_by}")
+            _add_text_in_language(made, "description", f"Stated by the {mass.stated_by}")
         elif mass.certificate_sha256:
             about = ("Certificate of the mass", mass.certificate, mass.certificate_sha256)
             _add_sha256_element(made, "certificate", about)
-        identified = _add_element(made, "identifications")
-        _add_identification(
+        identified = _add_child_element(made, "identifications")
+        _add_identification_element(
             identified, "calibrationLaboratory", mass.id, "Id", "payscope_equipmentIdentification"
         )
         if mass.certificate:
-            _add_identification(
+            _add_identification_element(
                 identified,
                 "other",
                 mass.certificate,
@@ -344,11 +363,11 @@ def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
             )
         _add_reference_mass(made, "Mass", mass.value_kg, mass.u_kg)
     if campaign.method.estimator != "joint_payload" and machine.empty_mass_kg is not None:
-        made = _add_element(parent, "measuringEquipment", refType="basic_measurementStandard")
-        _add_language_text(made, "name", "The machine without load")
+        made = _add_child_element(parent, "measuringEquipment", refType="basic_measurementStandard")
+        _add_text_in_language(made, "name", "The machine without load")
         if campaign.machine.empty_certificate:
-            _add_identification(
-                _add_element(made, "identifications"),
+            _add_identification_element(
+                _add_child_element(made, "identifications"),
                 "other",
                 campaign.machine.empty_certificate,
                 "Certificate",
@@ -359,28 +378,30 @@ def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
         )
 
 
-def _add_reference_mass(equipment: "_Element", name: str, value_kg: float, u_kg: float) -> None:
-    quantity = _add_element(
-        _add_element(equipment, "measuringEquipmentQuantities"),
+def _add_reference_mass(
+    equipment_element: "_Element", name: str, value_kg: float, u_kg: float
+) -> None:
+    quantity = _add_child_element(
+        _add_child_element(equipment_element, "measuringEquipmentQuantities"),
         "measuringEquipmentQuantity",
         refType="basic_referenceValue",
     )
-    _add_language_text(quantity, "name", name)
-    add_real_quantity(
+    _add_text_in_language(quantity, "name", name)
+    add_dsi_real_element(
         quantity, value_kg, r"\kilogram", expanded_uncertainty=(2.0 * u_kg, 2.0, 0.954)
     )
 
 
-def _add_conditions(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_influence_conditions(parent: "_Element", document: EvidenceDocument) -> None:
     campaign = document.campaign
     runs = [campaign.find_run_conditions(run) for run in campaign.runs]
     for key, ref, unit, name in _CONDITIONS:
         for value in dict.fromkeys(each[key] for each in runs):
-            made = _add_element(parent, "influenceCondition", refType=ref)
-            _add_language_text(made, "name", name)
-            data = _add_element(made, "data")
+            made = _add_child_element(parent, "influenceCondition", refType=ref)
+            _add_text_in_language(made, "name", name)
+            data = _add_child_element(made, "data")
             if unit:
-                quantity = _add_element(data, "quantity", refType="basic_measuredValue")
-                add_real_quantity(quantity, value, unit)
+                quantity = _add_child_element(data, "quantity", refType="basic_measuredValue")
+                add_dsi_real_element(quantity, value, unit)
             else:
-                _add_language_text(data, "text", value)
+                _add_text_in_language(data, "text", value)

@@ -27,9 +27,9 @@ from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import select_mass_defining_settings
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.signatures.canonical_json import encode_canonical_json
-from recordings.signatures.keyring import Keyring, KnownKey, add_key, load_keyring
+from recordings.signatures.keyring import Keyring, KnownKey, add_key_to_keyring, load_keyring
 from recordings.signatures.signed_by import SignedBy
-from recordings.signatures.signing import read_public_key
+from recordings.signatures.signing import read_public_key_file
 from replay.calibration.campaign_file import apply_campaign_empty_mass
 from replay.calibration.campaign_limits import LIMITS
 from replay.inputs.machine_identity import find_common_machine_id
@@ -225,7 +225,7 @@ def load_calibration(request: CalibrationRequest) -> MachineCalibration:
             signature is missing or by an unknown key, or the calibrated mass is not in `loads`.
     """
     folder = request.folder
-    key = None if request.key_file is None else read_public_key(request.key_file)
+    key = None if request.key_file is None else read_public_key_file(request.key_file)
     keyring = load_keyring()
     found = check_bundle_with_previous_evidence(folder, key, None, keyring)
     document = found.document
@@ -275,7 +275,7 @@ def accept_signature_if_key_known(
             f"{request.folder}: is {signature}; get the key from the signer, and give it with "
             f"--key KEY or keep it: {signature.add_key_command}"
         )
-    add_key(keyring, KnownKey(key=signature.public_key, owner=owner))
+    add_key_to_keyring(keyring, KnownKey(key=signature.public_key, owner=owner))
     return replace(signature, how="known", owner=owner)
 
 

@@ -55,7 +55,7 @@ from recordings.report.atomic_output import (
 )
 from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import load_keyring
-from recordings.signatures.signing import SigningKey, read_signing_key
+from recordings.signatures.signing import SigningKey, read_signing_key_or_none
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.campaign_limits import LIMITS
 from replay.calibration.campaign_runs import (
@@ -174,7 +174,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     campaign, machine = load_campaign(campaign_file)
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
     machine = Machine.model_validate_json(encode_canonical_json(machine.model_dump(mode="json")))
-    key = read_signing_key(key_file)
+    key = read_signing_key_or_none(key_file)
     xml_key = None if dcc is None else require_dcc_inputs(campaign_file, campaign, dcc, force=force)
     before = (
         None if previous is None else read_previous_evidence(previous, campaign.machine.id, key)
@@ -278,7 +278,7 @@ def read_previous_evidence(
             f"{previous}: is unsigned, and signed evidence cannot follow unsigned evidence; leave "
             "out --previous to start a signed chain, or --key to continue the unsigned one"
         )
-    own = key is not None and by.key_id == key.public.key_id
+    own = key is not None and by.key_id == key.public_key.key_id
     if by.how == "unknown" and not own:
         raise EvidenceError(
             f"{previous}: is {by}, so its signature cannot be verified; if the signer gave you "
@@ -322,7 +322,7 @@ def write_verified_evidence(
     write_calibration_recording(staging, document, readings, points)
     remarks = write_bundle_files(staging, document, readings, points, tables, key, stretch)
     checked = check_bundle_with_previous_evidence(
-        staging, None if key is None else key.public, previous
+        staging, None if key is None else key.public_key, previous
     )
     wrong = [str(each) for each in checked.evidence_faults]
     if wrong:
@@ -387,7 +387,7 @@ def recompute_estimator_digest(previous: EvidenceDocument | None) -> Estimator |
 
 def _make_signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
     name = campaign.campaign.signer
-    return Signer(name=name, key_id=key.public.key_id, public_key=key.public.text)
+    return Signer(name=name, key_id=key.public_key.key_id, public_key=key.public_key.base64_text)
 
 
 def _make_chain_link(previous: CheckedBundle | None) -> Chain:

@@ -160,22 +160,22 @@ def add_certified_masses(source: Path, content: dict[str, Any]) -> dict[str, Any
 
 def _trusted_certificate_keys(source: Path, content: dict[str, Any]) -> list[str]:
     """Ids of the keys that the campaign file trusts for certificates."""
-    from recordings.dcc.dcc_signature import read_trusted_key_id
+    from recordings.dcc.dcc_signature import read_key_id_from_pem_file
 
     named = content.get("dcc_keys", [])
     if not isinstance(named, list) or not all(isinstance(each, str) for each in named):
         raise CampaignError(f"{source}: dcc_keys: must be a list of files with keys in PEM")
     try:
-        return [read_trusted_key_id(source.parent / each) for each in named]
+        return [read_key_id_from_pem_file(source.parent / each) for each in named]
     except EvidenceError as fault:
         raise CampaignError(f"{source}: dcc_keys: {fault}") from None
 
 
 def _read_mass_tables(source: Path, block: dict[str, Any], keys: list[str]) -> list[dict[str, Any]]:
     """Masses of one [[masses]] table that names a digital certificate."""
-    from recordings.dcc.dcc_document import parse_dcc
+    from recordings.dcc.dcc_document import parse_untrusted_dcc
     from recordings.dcc.dcc_masses import read_certified_masses
-    from recordings.dcc.dcc_signature import check_signature
+    from recordings.dcc.dcc_signature import check_dcc_signature
 
     stated = [name for name in _READ if name in block]
     if stated:
@@ -188,7 +188,7 @@ def _read_mass_tables(source: Path, block: dict[str, Any], keys: list[str]) -> l
     try:
         with path.open("rb") as file:
             data = file.read(DCC_LIMITS.certificate_bytes + 1)
-        signed = check_signature(parse_dcc(data, str(path)), str(path))
+        signed = check_dcc_signature(parse_untrusted_dcc(data, str(path)), str(path))
         masses = read_certified_masses(signed.root, item, str(path))
     except OSError as error:
         raise CampaignError(f"{path}: cannot be read ({error.strerror})") from None

@@ -13,7 +13,7 @@ from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.report.atomic_output import require_writable_folder, stage_output_files
-from recordings.signatures.signing import read_signing_key
+from recordings.signatures.signing import read_signing_key_or_none
 from replay.calibration.calibrate_campaign import (
     CalibrationOutcome,
     EvidenceParts,
@@ -71,7 +71,7 @@ def check_mass(
     Raises:
         PayscopeError: the input is wrong; nothing has been written then.
     """
-    key = read_signing_key(key_file)
+    key = read_signing_key_or_none(key_file)
     before = read_previous_evidence(previous, None, key)
     last = before.document
     if last is None or last.calibration is None:

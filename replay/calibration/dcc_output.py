@@ -43,9 +43,9 @@ def require_dcc_inputs(
         OutputError: the file cannot be written.
     """
     from recordings.dcc.dcc_signature import read_dcc_signing_key
-    from recordings.dcc.write_dcc import refuse_incomplete_campaign
+    from recordings.dcc.write_dcc import refuse_campaign_incomplete_for_dcc
 
-    refuse_incomplete_campaign(campaign, source)
+    refuse_campaign_incomplete_for_dcc(campaign, source)
     require_writable_output(dcc.file, force=force)
     if dcc.key_file is None and dcc.certificate_file is not None:
         raise EvidenceError("--dcc-certificate and --dcc-key belong together; give both")
@@ -65,16 +65,16 @@ def write_and_verify_dcc(
     Raises:
         EvidenceError: there is no line to certify, or the certificate fails verification.
     """
-    from recordings.dcc.dcc_document import parse_dcc, serialise_dcc
-    from recordings.dcc.dcc_signature import check_signature, sign_dcc
+    from recordings.dcc.dcc_document import parse_untrusted_dcc, serialise_dcc_to_xml
+    from recordings.dcc.dcc_signature import check_dcc_signature, sign_dcc
     from recordings.dcc.write_dcc import make_unsigned_dcc
 
     if document.calibration is None:
         return f"no {dcc.file}: there is no calibration line to certify"
     root = make_unsigned_dcc(document, hashlib.sha256((folder / SUMS).read_bytes()).hexdigest())
     signed = root if key is None else sign_dcc(root, key)
-    data = serialise_dcc(signed)
-    checked = check_signature(parse_dcc(data, str(dcc.file)), str(dcc.file))
+    data = serialise_dcc_to_xml(signed)
+    checked = check_dcc_signature(parse_untrusted_dcc(data, str(dcc.file)), str(dcc.file))
     with stage_output_file(dcc.file, force=force) as partial:
         partial.write_bytes(data)
     if not checked.key_id:

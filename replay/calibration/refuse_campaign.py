@@ -11,7 +11,7 @@ from recordings.calibration.campaign_faults import (
     iter_contradictions_to_machine,
 )
 from recordings.calibration.notary_stretch import cut_range_from_notary_list, iter_unaccounted_logs
-from recordings.notary.notary_check import check_notary_list
+from recordings.notary.notary_check import check_untrusted_notary_list
 from replay.calibration.campaign_runs import CampaignReplay
 
 
@@ -69,8 +69,8 @@ def load_notary_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | 
     except OSError as error:
         raise CampaignError(f"{path}: cannot be read ({error.strerror})") from None
     # a notary may be writing it: what is behind the last whole line is none of the stretch
-    kept = check_notary_list(data[: data.rfind(b"\n") + 1], dt.datetime.now(dt.UTC))
-    last = kept.entries[-1].counter if kept.entries else 0
+    kept = check_untrusted_notary_list(data[: data.rfind(b"\n") + 1], dt.datetime.now(dt.UTC))
+    last = kept.log_entries[-1].counter if kept.log_entries else 0
     faults = [
         each.what
         for each in kept.faults
@@ -109,8 +109,8 @@ def refuse_unaccounted_logs(
     """
     if campaign.notary is None or stretch is None:
         return
-    kept = check_notary_list(stretch, dt.datetime.now(dt.UTC), campaign.notary.first)
-    fault = next(iter_unaccounted_logs(campaign.notary, replayed.logs, kept.entries), None)
+    kept = check_untrusted_notary_list(stretch, dt.datetime.now(dt.UTC), campaign.notary.first)
+    fault = next(iter_unaccounted_logs(campaign.notary, replayed.logs, kept.log_entries), None)
     if fault is not None:
         raise CampaignError(
             f"{source}: notary: {fault}; add a run for that log, or give the reason for leaving it "

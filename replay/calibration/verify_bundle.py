@@ -36,7 +36,7 @@ from recordings.calibration.strange_files import (
 from recordings.calibration.timestamp import read_authority_certificates
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy
-from recordings.signatures.signing import read_public_key
+from recordings.signatures.signing import read_public_key_file
 from replay.calibration.compare_logs import replay_and_compare_logs
 
 #: What the viewer draws of a recording is made of its frames when it is written.
@@ -118,7 +118,7 @@ def verify_bundle(
     Raises:
         EvidenceError: the folder does not exist, or a key or certificate cannot be read.
     """
-    key = None if key_file is None else read_public_key(key_file)
+    key = None if key_file is None else read_public_key_file(key_file)
     authorities = () if tsa is None else read_authority_certificates(tsa)
     if logs is not None and not logs.is_dir():
         raise EvidenceError(f"{logs}: no such folder; give the folder with the logs")

@@ -121,11 +121,11 @@ def _print_explanation(
     picture_path: Path | None,
 ) -> None:
     from recordings.explain.explanation_view import (
-        describe_answer_and_cause,
-        describe_manoeuvre,
-        iter_determined_parameter_lines,
-        iter_finding_lines,
-        iter_gate_lines,
+        describe_answer_and_likeliest_cause,
+        describe_mass_of_manoeuvre,
+        iter_lines_of_determined_parameters,
+        iter_lines_of_findings,
+        iter_lines_of_gate_reasons,
     )
     from replay.commands.print_checks import print_failed_checks
     from replay.commands.print_tables import make_stdout_console, print_marked_line
@@ -141,22 +141,23 @@ def _print_explanation(
 
     if corrected_machine is not None and corrected_machine.path is None:
         print_marked_line(screen, "no proposal improves the mass, so no machine file was written")
-    print_marked_line(screen, describe_answer_and_cause(explanation))
+    print_marked_line(screen, describe_answer_and_likeliest_cause(explanation))
     failed = explanation.answer.verdict.withholding_checks("mass")
     if failed:
         screen.print("\nfailed checks:", markup=False)
         print_failed_checks(screen, failed)
-    print_part("causes, the likeliest first:", iter_finding_lines(explanation))
+    print_part("causes, the likeliest first:", iter_lines_of_findings(explanation))
     if explanation.manoeuvre is not None:
-        print_part("its manoeuvre:", [describe_manoeuvre(explanation.manoeuvre)])
+        print_part("its manoeuvre:", [describe_mass_of_manoeuvre(explanation.manoeuvre)])
     print_part(
-        _format_worst_manoeuvres_title(explanation), map(describe_manoeuvre, explanation.worst)
+        _format_worst_manoeuvres_title(explanation),
+        map(describe_mass_of_manoeuvre, explanation.worst),
     )
     around = (
         "the gate around it:" if explanation.at_s is not None else "the gate, by share of time:"
     )
-    print_part(around, iter_gate_lines(explanation))
-    print_part("the motion:", iter_determined_parameter_lines(explanation.determined))
+    print_part(around, iter_lines_of_gate_reasons(explanation))
+    print_part("the motion:", iter_lines_of_determined_parameters(explanation.determined))
     if corrected_machine is not None:
         _print_corrected_machine(screen, corrected_machine)
     if picture_path is not None:

@@ -154,7 +154,7 @@ def report_command(
     as_json: AsJson = False,
 ) -> None:
     """Write one page over machines and weeks: tonnes, drift, what needs a look."""
-    from recordings.fleet.fleet_page import summarise_fleet
+    from recordings.fleet.fleet_page import summarise_fleet_in_line
     from replay.commands.print_tables import (
         make_stdout_console,
         print_marked_line,
@@ -177,7 +177,7 @@ def report_command(
         print_value_as_json(said)
         return
     screen = make_stdout_console()
-    print_marked_line(screen, summarise_fleet(said["sum"], len(said["machines"])))
+    print_marked_line(screen, summarise_fleet_in_line(said["sum"], len(said["machines"])))
     for each in said["drifts"]:
         print_marked_line(
             screen,

@@ -140,7 +140,7 @@ def compare_recordings(
                 theirs.read_displayed_run(),
                 output.path,
                 format_comparison_markdown(found, a.name, b.name),
-                one_log=not other_logs,
+                is_same_log=not other_logs,
                 force=output.force,
             )
         return found

@@ -29,7 +29,7 @@ from recordings.report.atomic_output import (
     require_writable_output,
     stage_output_file,
 )
-from recordings.signatures.signing import make_key_pair_pem
+from recordings.signatures.signing import generate_key_pair_pem
 from replay.calibration.apply_evidence import CalibrationRequest
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
@@ -180,7 +180,7 @@ def run_demo(
         partial.write_text(
             make_demo_campaign_text(scenario, logs, machine_file.name), encoding="utf-8"
         )
-    for path, half in zip(keys, make_key_pair_pem(), strict=True):
+    for path, half in zip(keys, generate_key_pair_pem(), strict=True):
         with stage_output_file(path, force=force) as partial:
             partial.touch(mode=0o600)
             partial.write_bytes(half)

@@ -21,7 +21,7 @@ from recordings.follow.growing_recording import (
     FollowedLog,
     GrowingRecording,
     RecordingEnd,
-    read_recording_end,
+    read_end_of_recording,
 )
 from recordings.report.atomic_output import AppendedFile, refuse_input_as_output
 from replay.follow.follow_logs import Following
@@ -143,7 +143,7 @@ class FollowedOutputs:
     def finish_files(self) -> None:
         """Finish the files."""
         if self._recording is not None:
-            self._recording.close()
+            self._recording.close_complete_file()
         if self._topic is not None:
             try:
                 self._topic.close_with_index()
@@ -170,9 +170,11 @@ class FollowedOutputs:
             recording = self._recording or self._open_recording_at_first_row(following)
             t0_ns = self._compute_first_row_unix_ns(following)
             recorded_ns = self._recorded_ns if self._from is None or self._from.end else 0
-            recording.add([row for row in online_rows if row.t_ns + t0_ns > recorded_ns])
+            recording.add_rows_to_write(
+                [row for row in online_rows if row.t_ns + t0_ns > recorded_ns]
+            )
             if answer_markdown is not None:
-                recording.flush(answer_markdown)
+                recording.write_added_rows(answer_markdown)
             self._replace_shorter_recording(online_rows[-1].t_ns + t0_ns)
         except OSError as error:
             self._tell(f"{self._output}: {_describe_output_write_error(error)}")
@@ -242,7 +244,7 @@ def find_recording_resume_point(
         require_writable_recording(output, force=force or output.is_file())
         return None
     if is_unfinished_recording(output):
-        end = read_recording_end(output)
+        end = read_end_of_recording(output)
         if end is None:
             return None
         if end.about.identity != input_identity:

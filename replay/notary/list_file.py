@@ -22,19 +22,19 @@ from recordings.calibration.check_outcomes import (
     find_most_severe_outcome,
     format_bundle_verdict,
 )
-from recordings.notary.notary_check import check_notary_list
+from recordings.notary.notary_check import check_untrusted_notary_list
 from recordings.notary.notary_limits import LIMITS as NOTARY_LIMITS
 from recordings.notary.notary_list import (
     NotaryEntry,
     NotaryHead,
     NotaryLine,
-    parse_line,
-    split_whole_lines,
+    parse_untrusted_line,
+    split_list_into_whole_lines_and_tail,
 )
 from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy
-from recordings.signatures.signing import read_public_key
+from recordings.signatures.signing import read_public_key_file
 
 #: The environment variable that names the folder of the second copy.
 STATE_VARIABLE: Final = "PAYSCOPE_NOTARY_STATE"
@@ -106,9 +106,9 @@ class OpenList:
             return
         last = self.lines[-1]
         end = {
-            "head": self.lines[0].digest,
+            "head": self.lines[0].line_sha256,
             "counter": last.content.counter,
-            "digest": last.digest,
+            "digest": last.line_sha256,
             "list": str(self.path),
         }
         partial = self.second.with_suffix(f".{os.getpid()}")
@@ -151,8 +151,10 @@ def open_list(path: Path) -> Generator[OpenList]:
             raise EvidenceError(
                 f"{path}: is larger than the {NOTARY_LIMITS.list_bytes} bytes of a list"
             )
-        whole, tail = split_whole_lines(_read_descriptor(number, size))
-        lines = [parse_line(line, f"{path}: line {k}") for k, line in enumerate(whole, start=1)]
+        whole, tail = split_list_into_whole_lines_and_tail(_read_descriptor(number, size))
+        lines = [
+            parse_untrusted_line(line, f"{path}: line {k}") for k, line in enumerate(whole, start=1)
+        ]
         second = find_second_copy_path(path)
         refuse_altered_list(path, lines, read_kept_end(second))
         if tail:
@@ -181,7 +183,7 @@ def refuse_altered_list(path: Path, lines: list[NotaryLine], end: ListEnd | None
         entry, fault = line.content, ""
         if before is None:
             fault = "" if isinstance(entry, NotaryHead) else "does not begin with its head"
-        elif not isinstance(entry, NotaryEntry) or entry.previous != before.digest:
+        elif not isinstance(entry, NotaryEntry) or entry.previous != before.line_sha256:
             fault = f"number {entry.counter} does not follow the line before"
         elif entry.counter != before.content.counter + 1:
             fault = f"number {entry.counter} follows number {before.content.counter}"
@@ -197,8 +199,8 @@ def refuse_altered_list(path: Path, lines: list[NotaryLine], end: ListEnd | None
             f"{path}: is empty, but number {end.counter} was written before, so the list was "
             "removed; restore it, or start another one elsewhere with --list"
         )
-    known = len(lines) > end.counter and lines[end.counter].digest == end.digest
-    if lines[0].digest != end.head or not known:
+    known = len(lines) > end.counter and lines[end.counter].line_sha256 == end.digest
+    if lines[0].line_sha256 != end.head or not known:
         raise EvidenceError(
             f"{path}: ends with number {len(lines) - 1}, but was written up to number "
             f"{end.counter}, so it was truncated or replaced; restore it, or start another one "
@@ -294,13 +296,13 @@ def verify_notary_list(
     Raises:
         EvidenceError: it, or the key, cannot be read.
     """
-    key = None if key_file is None else read_public_key(key_file)
+    key = None if key_file is None else read_public_key_file(key_file)
     try:
         with path.open("rb") as file:
             data = file.read(NOTARY_LIMITS.list_bytes + 1)
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
-    kept = check_notary_list(data, dt.datetime.now(dt.UTC))
+    kept = check_untrusted_notary_list(data, dt.datetime.now(dt.UTC))
     findings = [
         BundleFinding(
             BundleOutcome.TAMPERED if fault.forged else BundleOutcome.INCOMPLETE,
@@ -309,17 +311,23 @@ def verify_notary_list(
         )
         for fault in kept.faults
     ]
-    own = kept.key
+    own = kept.notary_public_key
     by = SignedBy("broken")
     if own is not None and not any(fault.forged for fault in kept.faults):
-        known = load_keyring().find_key(own.key_id)
+        known = load_keyring().find_key_by_id_or_prefix(own.key_id)
         how = "known" if known is not None else "unknown"
-        by = SignedBy(how, "", "" if known is None else known.owner, own.key_id, own.text)
+        by = SignedBy(how, "", "" if known is None else known.owner, own.key_id, own.base64_text)
         if key is not None and key.key_id == own.key_id:
-            by = SignedBy("given", "", by.owner, own.key_id, own.text)
+            by = SignedBy("given", "", by.owner, own.key_id, own.base64_text)
         elif known is not None:
-            last = kept.entries[-1].listed if kept.entries else kept.head.begun if kept.head else ""
-            fault = known.distrust_reason(dt.datetime.fromisoformat(last).date(), None)
+            last = (
+                kept.log_entries[-1].listed
+                if kept.log_entries
+                else kept.head.begun
+                if kept.head
+                else ""
+            )
+            fault = known.explain_distrust(dt.datetime.fromisoformat(last).date(), None)
             if fault:
                 what = f"the key of {known.owner}, {own.key_id[:12]}…, {fault}"
                 outcome = BundleOutcome.TAMPERED if known.revoked else BundleOutcome.INCOMPLETE

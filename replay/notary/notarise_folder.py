@@ -19,9 +19,9 @@ from recordings.notary.notary_list import (
     NotaryEntry,
     NotaryFile,
     NotaryHead,
-    sign_line,
+    make_signed_line,
 )
-from recordings.signatures.signing import KEY_VARIABLE, SigningKey, read_signing_key
+from recordings.signatures.signing import KEY_VARIABLE, SigningKey, read_signing_key_or_none
 from replay.logs import open_log
 from replay.notary.list_file import OpenList, open_list
 
@@ -114,7 +114,7 @@ def notarise_folder(
         raise EvidenceError(
             f"{folder}: no such folder; give the folder that the recorder writes to"
         )
-    key = read_signing_key(key_file)
+    key = read_signing_key_or_none(key_file)
     if key is None:
         raise EvidenceError(f"a notary needs a signing key; give --key KEY.pem, or {KEY_VARIABLE}")
     path = list_path or folder / LIST_NAME
@@ -139,7 +139,7 @@ def notarise_folder(
                 waiting.append(log.name)
                 continue
             notes += _iter_clock_notes(held, entry)
-            held.append(sign_line(entry, key))
+            held.append(make_signed_line(entry, key))
             added.append(entry)
         return NotarisedFolder(
             path, tuple(added), tuple(waiting), len(held.lines) - 1, (*notes, *head)
@@ -155,17 +155,19 @@ def begin_list_or_check_signer_and_machine(
             format=FORMAT,
             counter=0,
             machine_id=machine_id,
-            public_key=key.public.text,
+            public_key=key.public_key.base64_text,
             nonce=secrets.token_hex(32),
             begun=_format_now(),
         )
-        open_list.append(sign_line(head, key))
+        open_list.append(make_signed_line(head, key))
         return [] if machine_id else ["the list names no machine; name it with --machine-id"]
     head = open_list.lines[0].content
     assert isinstance(head, NotaryHead)
-    if head.public_key != key.public.text or not open_list.lines[-1].is_signed_by(key.public):
+    if head.public_key != key.public_key.base64_text or not open_list.lines[-1].is_signed_by(
+        key.public_key
+    ):
         raise EvidenceError(
-            f"{open_list.path}: is signed with another key than {key.public.key_id[:12]}…; "
+            f"{open_list.path}: is signed with another key than {key.public_key.key_id[:12]}…; "
             "a list has one key: start another list with --list"
         )
     if machine_id and head.machine_id != machine_id:
@@ -232,8 +234,8 @@ def make_entry_of_unchanging_log(
     last = open_list.lines[-1]
     return NotaryEntry(
         counter=last.content.counter + 1,
-        head=open_list.lines[0].digest,
-        previous=last.digest,
+        head=open_list.lines[0].line_sha256,
+        previous=last.line_sha256,
         log=log.name,
         files=tuple(
             NotaryFile(name=name, sha256=digests[name], size_bytes=size, modified_us=us)

@@ -15,7 +15,7 @@ from analysis.paper.simulated_sources import (
     set_paper_noise,
 )
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from recordings.paper.paper_items import Item, ItemResult, compute_item
+from recordings.paper.paper_items import Item, ItemResult, compute_paper_item
 from replay.inputs.derived_logs import MemoryLog, read_channels_from_memory
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
@@ -61,7 +61,7 @@ class Reproduction:
         for repetition in self.repetitions:
             on_stage(repetition.name)
             repetition.take()
-        return [compute_item(item, self._digests) for item in self._items]
+        return [compute_paper_item(item, self._digests) for item in self._items]
 
 
 def replay_simulated(

@@ -123,4 +123,4 @@ def plot_recording(
         elif (from_s is not None and at_s < from_s) or (to_s is not None and at_s > to_s):
             raise RecordingError(f"--at {at_s:g}: lies outside --from and --to; change one of them")
     run = read_run_of_time_range(recording, from_s, to_s, are_raw_frames_read=False)
-    return plot_run(run, output, figure=figure, at_s=at_s, force=force)
+    return plot_run(run, output, figure_name=figure, at_s=at_s, force=force)

@@ -31,16 +31,16 @@ from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.signing import (
     PAYLOAD_TYPE,
     SigningKey,
-    make_key_pair_pem,
-    make_signed_envelope_bytes,
-    make_statement_bytes,
+    encode_in_toto_statement,
+    encode_signed_envelope,
+    generate_key_pair_pem,
 )
 
 
 def key_files(folder: Path, name: str = "key") -> tuple[Path, Path]:
     """A new key: its private and its public file."""
     private, public = folder / f"{name}.pem", folder / f"{name}.pub.pem"
-    for path, half in zip((private, public), make_key_pair_pem(), strict=True):
+    for path, half in zip((private, public), generate_key_pair_pem(), strict=True):
         path.write_bytes(half)
     return private, public
 
@@ -157,7 +157,7 @@ def sign_with(bundle: Bundle, key: SigningKey) -> None:
         said = json.loads(base64.b64decode(held["payload"]))
         digests = {each["name"]: each["digest"]["sha256"] for each in said["subject"]}
         (folder / STATEMENT).write_bytes(
-            make_signed_envelope_bytes(make_statement_bytes(digests, said["predicate"]), key)
+            encode_signed_envelope(encode_in_toto_statement(digests, said["predicate"]), key)
         )
 
     bundle.last.append(sign)

@@ -12,8 +12,8 @@ from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.bundle_folder import STATEMENT, TIMESTAMP
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.timestamp import encode_timestamp_request
-from recordings.signatures.keyring import KnownKey, add_key, load_keyring
-from recordings.signatures.signing import read_public_key
+from recordings.signatures.keyring import KnownKey, add_key_to_keyring, load_keyring
+from recordings.signatures.signing import read_public_key_file
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from tests.replay.attacker import Bundle, tampered
@@ -267,8 +267,8 @@ def test_a_stolen_key_is_worth_nothing_after_its_revocation_but_a_stamp_saves_wh
 ) -> None:
     monkeypatch.setenv("PAYSCOPE_KEYRING", str(tmp_path / "keys.toml"))
     tomorrow = dt.datetime.now(dt.UTC).date() + dt.timedelta(days=1)
-    key = read_public_key(made.public).text
-    add_key(load_keyring(), KnownKey(key=key, owner="Test lab", revoked=tomorrow))
+    key = read_public_key_file(made.public).text
+    add_key_to_keyring(load_keyring(), KnownKey(key=key, owner="Test lab", revoked=tomorrow))
     assert verify_bundle(bundle).outcome is BundleOutcome.TAMPERED
     proven = verify_bundle(bundle, tsa=authority / "ca.pem")
     assert proven.outcome is None, items(proven)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recordings.calibration.bundle_checks import check_signature, read_and_check_bundle_files
+from recordings.calibration.bundle_checks import check_dcc_signature, read_and_check_bundle_files
 from recordings.calibration.bundle_folder import (
     EVIDENCE,
     POINTS,
@@ -24,7 +24,7 @@ from recordings.calibration.check_outcomes import BundleOutcome, find_most_sever
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import parse_untrusted_evidence
 from recordings.signatures.keyring import Keyring
-from recordings.signatures.signing import read_public_key
+from recordings.signatures.signing import read_public_key_file
 from tests.replay.made_evidence import Made
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
@@ -67,7 +67,7 @@ def test_a_flip_of_any_byte_of_any_file_is_found(made: Made, tmp_path: Path) -> 
     """By the first steps of `verify`, digests and signature; nothing takes a finding back."""
     folder = Path(shutil.copytree(made.bundle, tmp_path / "b"))
     names, _ = list_bundle_files_and_faults(folder)
-    key = read_public_key(made.public)
+    key = read_public_key_file(made.public)
     document = parse_untrusted_evidence((folder / EVIDENCE).read_bytes(), EVIDENCE)
     flips = 0
     for name in names:
@@ -77,7 +77,7 @@ def test_a_flip_of_any_byte_of_any_file_is_found(made: Made, tmp_path: Path) -> 
                 held = read_and_check_bundle_files(folder, checked)
                 if name in UNLISTED:
                     digests = {n: each.sha256 for n, each in held.items() if n not in UNLISTED}
-                    check_signature(checked, held, digests, document, key, Keyring(Path()))
+                    check_dcc_signature(checked, held, digests, document, key, Keyring(Path()))
             assert find_most_severe_outcome(checked.findings) is TAMPERED, (name, place)
             flips += 1
     assert flips == sum((folder / name).stat().st_size for name in names)

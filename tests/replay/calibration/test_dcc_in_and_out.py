@@ -20,9 +20,9 @@ from recordings.calibration.certificate_text import (
     make_weighing_rows,
 )
 from recordings.calibration.evidence_document import Chain, Link
-from recordings.dcc.dcc_document import DCC, parse_dcc
+from recordings.dcc.dcc_document import DCC, parse_untrusted_dcc
 from recordings.dcc.dcc_masses import read_certified_masses
-from recordings.dcc.dcc_signature import check_signature, read_trusted_key_id
+from recordings.dcc.dcc_signature import check_dcc_signature, read_key_id_from_pem_file
 from recordings.dcc.write_dcc import make_unsigned_dcc
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.campaign_file import load_campaign
@@ -243,9 +243,9 @@ def test_the_page_has_the_weighings_max_and_min_of_r_51(made: CalibrationOutcome
 
 def test_the_certificate_is_signed_and_read_back(made: CalibrationOutcome, folder: Path) -> None:
     data = (folder / "sledge.xml").read_bytes()
-    signed = check_signature(parse_dcc(data, "sledge.xml"), "sledge.xml")
+    signed = check_dcc_signature(parse_untrusted_dcc(data, "sledge.xml"), "sledge.xml")
     (folder / "own.pub.pem").write_bytes(public_pem(ec_key()))
-    assert signed.key_id == read_trusted_key_id(folder / "own.pub.pem")
+    assert signed.key_id == read_key_id_from_pem_file(folder / "own.pub.pem")
     assert "sledge.xml is signed by the key" in made.remarks[-1]
     # it is the certificate of a machine, so nobody takes a weight from it
     with pytest.raises(Exception, match="has no item 'weight-1'"):

@@ -20,7 +20,7 @@ from mcap.writer import CompressionType
 
 from analysis.simulation import Scenario
 from recordings.follow.growing_file import is_unfinished_recording, iter_whole_messages
-from recordings.follow.growing_recording import read_recording_end
+from recordings.follow.growing_recording import read_end_of_recording
 from replay.follow.report_file import TOPIC
 from replay.simulation.simulate_logs import simulate_scenario
 from tests.one_line import assert_one_line
@@ -226,7 +226,7 @@ def test_a_recording_cut_anywhere_goes_on_behind_its_last_whole_second(
     kill_at("drive.mcap", 15.0)
     data = Path("out.rrd").read_bytes()
     Path("out.rrd").write_bytes(data[: int(place * len(data))])
-    end = read_recording_end(Path("out.rrd"))
+    end = read_end_of_recording(Path("out.rrd"))
     assert end is not None
     rows = rows_of_cut(data, end.size)
     assert rows[-1] == end.until_ns
