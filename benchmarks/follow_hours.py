@@ -26,7 +26,7 @@ from estimators.threads import limit_blas_to_one_thread
 from replay import load_machine, open_log
 from replay.follow.agreement import FollowedDigests
 from replay.inputs.channel_inputs import list_channel_fields
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 SECOND_NS = 10**9
 
@@ -34,7 +34,7 @@ SECOND_NS = 10**9
 def driven(folder: Path, machine: Machine, rate_hz: float) -> dict[str, pl.DataFrame]:
     """Samples of some starts, by topic."""
     plan = {"campaign": {"loads_kg": [150], "runs": 4}, "sensors": {"rate_hz": rate_hz}}
-    (log,) = simulate_scenario(Scenario.model_validate(plan), folder / "starts.mcap")
+    (log,) = simulate_scenario_to_logs(Scenario.model_validate(plan), folder / "starts.mcap")
     with open_log(log) as opened:
         return opened.read_many(list_channel_fields(make_causal_machine(machine)))
 

@@ -32,7 +32,7 @@ from benchmarks.page import markdown
 from replay import load_machine
 from replay.follow.background_replay import BackgroundReplays
 from replay.follow.follow_logs import Following, follow_logs
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 TICK_NS = 10_000_000
 #: What a row may be late by.
@@ -87,7 +87,7 @@ def followed(folder: Path, seconds: float, speed: float, replay_share: float) ->
     """A row of the table."""
     runs = int(seconds // 10) + 1
     plan = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": runs}})
-    (source,) = simulate_scenario(plan, folder / "source.mcap")
+    (source,) = simulate_scenario_to_logs(plan, folder / "source.mcap")
     target, times = folder / "live.mcap", folder / "times.json"
     machine = load_machine("cat262c.toml", NOISE)
     _warm(source, machine)

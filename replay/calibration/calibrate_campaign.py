@@ -56,21 +56,25 @@ from recordings.report.atomic_output import (
 from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signing import SigningKey, read_signing_key_or_none
-from replay.calibration.campaign_file import load_campaign
+from replay.calibration.campaign_file import load_campaign_and_machine
 from replay.calibration.campaign_limits import LIMITS
 from replay.calibration.campaign_runs import (
     CampaignReplay,
     collect_software_versions,
-    format_current_time,
-    generate_evidence_id,
+    format_current_utc_time,
+    generate_random_evidence_id,
     replay_campaign_logs,
 )
-from replay.calibration.dcc_output import DccOutput, require_dcc_inputs, write_and_verify_dcc
+from replay.calibration.dcc_output import (
+    DccOutput,
+    refuse_dcc_that_cannot_be_made,
+    write_and_verify_dcc,
+)
 from replay.calibration.refuse_campaign import (
-    load_notary_stretch,
-    refuse_contradicted_days,
-    refuse_contradicted_machine,
-    refuse_unaccounted_logs,
+    load_range_of_notary_list,
+    refuse_machine_unlike_logs,
+    refuse_run_days_unlike_logs,
+    refuse_unaccounted_logs_of_list,
 )
 
 
@@ -93,7 +97,7 @@ class CalibrationOutcome:
     remarks: tuple[str, ...]
 
     @property
-    def rejected(self) -> pl.DataFrame:
+    def rejected_readings(self) -> pl.DataFrame:
         """Readings that are not used, with their reasons."""
         return self.readings.filter(~pl.col("used"))
 
@@ -112,7 +116,7 @@ class CalibrationOutcome:
             "folder": str(self.folder),
             "evidence": self.document.model_dump(mode="json"),
             "points": self.points.to_dicts(),
-            "rejected": self.rejected.to_dicts(),
+            "rejected": self.rejected_readings.to_dicts(),
             "signed": self.document.signer is not None,
             "remarks": list(self.remarks),
         }
@@ -145,7 +149,7 @@ class EvidenceParts:
 
 def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     campaign_file: Path,
-    folder: Path,
+    evidence_folder: Path,
     *,
     key_file: Path | None = None,
     previous: Path | None = None,
@@ -159,11 +163,11 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
 
     Args:
         campaign_file: path of the campaign file.
-        folder: bundle to write.
+        evidence_folder: bundle to write.
         key_file: private key; without it PAYSCOPE_SIGNING_KEY may hold one.
         previous: the machine's previous evidence.
         recordings: whether to include each replay's recording in the bundle.
-        force: whether evidence in `folder` may be replaced.
+        force: whether evidence in `evidence_folder` may be replaced.
         timestamp_request_file: file for the query to a time-stamp authority; None writes none.
         dcc: output of the digital calibration certificate; None writes none.
         on_log: called with each log's name when its replay begins.
@@ -171,20 +175,26 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     Raises:
         PayscopeError: the input is wrong; nothing has been written then.
     """
-    campaign, machine = load_campaign(campaign_file)
+    campaign, machine = load_campaign_and_machine(campaign_file)
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
     machine = Machine.model_validate_json(encode_canonical_json(machine.model_dump(mode="json")))
     key = read_signing_key_or_none(key_file)
-    xml_key = None if dcc is None else require_dcc_inputs(campaign_file, campaign, dcc, force=force)
-    before = (
-        None if previous is None else read_previous_evidence(previous, campaign.machine.id, key)
+    xml_key = (
+        None
+        if dcc is None
+        else refuse_dcc_that_cannot_be_made(campaign_file, campaign, dcc, force=force)
     )
-    require_writable_folder(folder, force=force)
-    stretch = load_notary_stretch(campaign_file, campaign)
+    before = (
+        None
+        if previous is None
+        else read_and_verify_previous_evidence(previous, campaign.machine.id, key)
+    )
+    require_writable_folder(evidence_folder, force=force)
+    stretch = load_range_of_notary_list(campaign_file, campaign)
     if timestamp_request_file is not None:
         refuse_timestamp_request_early(timestamp_request_file, key, force=force)
-    with stage_output_files([folder], force=force) as stage:
-        made = stage / folder.name
+    with stage_output_files([evidence_folder], force=force) as stage:
+        made = stage / evidence_folder.name
         made.mkdir()
 
         def path_of_log(log: str) -> Path:
@@ -194,18 +204,18 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         if campaign.does_learn_priors and len(campaign.logs) >= USE_LIMITS.min_logs:
             # under the machine's own priors: what they say of the nuisances together
             first = replay_campaign_logs(campaign, machine, path_of_log, None, on_log)
-            refuse_contradicted_days(campaign_file, campaign, first, machine)
-            refuse_unaccounted_logs(campaign_file, campaign, first, stretch)
-            learnt = first.pool_learnt_priors
+            refuse_run_days_unlike_logs(campaign_file, campaign, first, machine)
+            refuse_unaccounted_logs_of_list(campaign_file, campaign, first, stretch)
+            learnt = first.pool_priors_learnt_from_logs
         weighing = (
             machine if learnt is None else apply_learnt_priors_to_machine(machine, learnt.terms)
         )
         replayed = replay_campaign_logs(
             campaign, weighing, path_of_log, made if recordings else None, on_log
         )
-        refuse_contradicted_days(campaign_file, campaign, replayed, machine)
-        refuse_contradicted_machine(campaign_file, campaign, replayed, machine)
-        refuse_unaccounted_logs(campaign_file, campaign, replayed, stretch)
+        refuse_run_days_unlike_logs(campaign_file, campaign, replayed, machine)
+        refuse_machine_unlike_logs(campaign_file, campaign, replayed, machine)
+        refuse_unaccounted_logs_of_list(campaign_file, campaign, replayed, stretch)
         if learnt is not None:
             learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")
@@ -218,16 +228,20 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         evidence = EvidenceParts(
             "calibration", campaign, machine, learnt, replayed, options, fitted
         )
-        calibrated = write_verified_evidence(evidence, made, folder, key, before, previous, stretch)
+        calibrated = write_verified_evidence(
+            evidence, made, evidence_folder, key, before, previous, stretch
+        )
     if timestamp_request_file is not None:
-        write_timestamp_request(folder, timestamp_request_file, force=force)
+        write_timestamp_request(evidence_folder, timestamp_request_file, force=force)
     if dcc is None:
         return calibrated
-    remark = write_and_verify_dcc(folder, calibrated.document, dcc, xml_key, force=force)
+    remark = write_and_verify_dcc(evidence_folder, calibrated.document, dcc, xml_key, force=force)
     return replace(calibrated, remarks=(*calibrated.remarks, remark))
 
 
-def refuse_timestamp_request_early(file: Path, key: SigningKey | None, *, force: bool) -> None:
+def refuse_timestamp_request_early(
+    request_file: Path, key: SigningKey | None, *, force: bool
+) -> None:
     """Raise an error before the work begins if a time stamp cannot be requested.
 
     Raises:
@@ -237,17 +251,17 @@ def refuse_timestamp_request_early(file: Path, key: SigningKey | None, *, force:
     if key is None:
         raise EvidenceError("--timestamp-request needs a signature; give --key")
     refuse_without_timestamp_library()
-    require_writable_output(file, force=force)
+    require_writable_output(request_file, force=force)
 
 
-def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:
+def write_timestamp_request(bundle_folder: Path, request_file: Path, *, force: bool) -> None:
     """Write the time-stamp query for the signature of a bundle."""
-    query = encode_timestamp_request((folder / STATEMENT).read_bytes())
-    with stage_output_file(file, force=force) as partial:
+    query = encode_timestamp_request((bundle_folder / STATEMENT).read_bytes())
+    with stage_output_file(request_file, force=force) as partial:
         partial.write_bytes(query)
 
 
-def read_previous_evidence(
+def read_and_verify_previous_evidence(
     previous: Path, machine_id: str | None, key: SigningKey | None
 ) -> CheckedBundle:
     """Read and verify the machine's previous evidence.
@@ -289,23 +303,23 @@ def read_previous_evidence(
 
 def write_verified_evidence(
     evidence: EvidenceParts,
-    staging: Path,
-    folder: Path,
+    staging_folder: Path,
+    final_folder: Path,
     key: SigningKey | None,
     earlier_bundle: CheckedBundle | None,
     previous: Path | None,
-    stretch: bytes | None = None,
+    notary_list_range: bytes | None = None,
 ) -> CalibrationOutcome:
     """Write the evidence, verify it, and move it to its final folder.
 
     Args:
         evidence: parts of the evidence.
-        staging: temporary folder, which already contains the recordings.
-        folder: final folder.
+        staging_folder: temporary folder, which already contains the recordings.
+        final_folder: final folder.
         key: signing key; None leaves it unsigned.
         earlier_bundle: the machine's previous evidence.
         previous: folder of that evidence.
-        stretch: part of the recorder's notary list, if the campaign names one.
+        notary_list_range: part of the recorder's notary list, if the campaign names one.
 
     Raises:
         CampaignError: no run gave a reading.
@@ -319,18 +333,20 @@ def write_verified_evidence(
         )
     tables, digests = encode_evidence_tables(readings, points)
     document = _make_evidence_document(evidence, digests, key, earlier_bundle)
-    write_calibration_recording(staging, document, readings, points)
-    remarks = write_bundle_files(staging, document, readings, points, tables, key, stretch)
+    write_calibration_recording(staging_folder, document, readings, points)
+    remarks = write_bundle_files(
+        staging_folder, document, readings, points, tables, key, notary_list_range
+    )
     checked = check_bundle_with_previous_evidence(
-        staging, None if key is None else key.public_key, previous
+        staging_folder, None if key is None else key.public_key, previous
     )
     wrong = [str(each) for each in checked.evidence_faults]
     if wrong:
         raise OutputError(
-            f"{folder}: the written evidence failed verification, so it was removed: "
+            f"{final_folder}: the written evidence failed verification, so it was removed: "
             + "; ".join(wrong[: LIMITS.max_faults])
         )
-    return CalibrationOutcome(folder, document, readings, points, tuple(remarks))
+    return CalibrationOutcome(final_folder, document, readings, points, tuple(remarks))
 
 
 def _make_evidence_document(
@@ -348,8 +364,8 @@ def _make_evidence_document(
     document = EvidenceDocument(
         format=FORMAT,
         kind=evidence.kind,
-        id=generate_evidence_id(),
-        made=format_current_time(),
+        id=generate_random_evidence_id(),
+        made=format_current_utc_time(),
         notice=NOTICE,
         campaign=campaign,
         # a check does not prolong what it checks
@@ -367,30 +383,30 @@ def _make_evidence_document(
         limits=fitted.limits,
         drift=evidence.drift,
         as_found=evaluate_previous_line_as_found(
-            last, recompute_estimator_digest(last), estimator, fitted.frame
+            last, recompute_estimator_of_previous(last), estimator, fitted.frame
         ),
         replay_tolerance_kg=LIMITS.replay_tolerance_kg,
         procedure=last.procedure if last and evidence.kind == "check" else PRESENT_NUMBER,
-        chain=_make_chain_link(previous),
-        signer=None if key is None else _make_signer(campaign, key),
+        chain=_make_link_to_previous_evidence(previous),
+        signer=None if key is None else _make_signer_of_campaign(campaign, key),
         software=collect_software_versions(),
     )
     return document.with_all_settings
 
 
-def recompute_estimator_digest(previous: EvidenceDocument | None) -> Estimator | None:
+def recompute_estimator_of_previous(previous: EvidenceDocument | None) -> Estimator | None:
     """Estimator of the previous evidence, with its digest by this version."""
     if previous is None:
         return None
     return make_estimator_with_digest(previous.campaign, previous.weighing_machine)
 
 
-def _make_signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
+def _make_signer_of_campaign(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
     name = campaign.campaign.signer
     return Signer(name=name, key_id=key.public_key.key_id, public_key=key.public_key.base64_text)
 
 
-def _make_chain_link(previous: CheckedBundle | None) -> Chain:
+def _make_link_to_previous_evidence(previous: CheckedBundle | None) -> Chain:
     """Place of new evidence in the machine's chain."""
     if previous is None or previous.document is None:
         return Chain(counter=1, previous=None)

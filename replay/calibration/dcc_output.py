@@ -30,7 +30,7 @@ class DccOutput:
     certificate_file: Path | None = None
 
 
-def require_dcc_inputs(
+def refuse_dcc_that_cannot_be_made(
     source: Path, campaign: CalibrationCampaign, dcc: DccOutput, *, force: bool
 ) -> "DccKey | None":
     """Raise an error before the work begins if no certificate can be made.
@@ -55,7 +55,12 @@ def require_dcc_inputs(
 
 
 def write_and_verify_dcc(
-    folder: Path, document: EvidenceDocument, dcc: DccOutput, key: "DccKey | None", *, force: bool
+    bundle_folder: Path,
+    document: EvidenceDocument,
+    dcc_path: DccOutput,
+    dcc_key: "DccKey | None",
+    *,
+    force: bool,
 ) -> str:
     """Write the certificate of a bundle, and verify it.
 
@@ -70,13 +75,15 @@ def write_and_verify_dcc(
     from recordings.dcc.write_dcc import make_unsigned_dcc
 
     if document.calibration is None:
-        return f"no {dcc.file}: there is no calibration line to certify"
-    root = make_unsigned_dcc(document, hashlib.sha256((folder / SUMS).read_bytes()).hexdigest())
-    signed = root if key is None else sign_dcc(root, key)
+        return f"no {dcc_path.file}: there is no calibration line to certify"
+    root = make_unsigned_dcc(
+        document, hashlib.sha256((bundle_folder / SUMS).read_bytes()).hexdigest()
+    )
+    signed = root if dcc_key is None else sign_dcc(root, dcc_key)
     data = serialise_dcc_to_xml(signed)
-    checked = check_dcc_signature(parse_untrusted_dcc(data, str(dcc.file)), str(dcc.file))
-    with stage_output_file(dcc.file, force=force) as partial:
+    checked = check_dcc_signature(parse_untrusted_dcc(data, str(dcc_path.file)), str(dcc_path.file))
+    with stage_output_file(dcc_path.file, force=force) as partial:
         partial.write_bytes(data)
     if not checked.key_id:
-        return f"{dcc.file} is unsigned; sign it with --dcc-key KEY.pem (ECDSA or RSA)"
-    return f"{dcc.file} is signed by the key {checked.key_id[:12]}…"
+        return f"{dcc_path.file} is unsigned; sign it with --dcc-key KEY.pem (ECDSA or RSA)"
+    return f"{dcc_path.file} is signed by the key {checked.key_id[:12]}…"

@@ -66,7 +66,7 @@ def command(
     Exit status 1 if there is no line, a limit is exceeded, or a check finds drift.
     """
     from replay.calibration.calibrate_campaign import calibrate_from_campaign
-    from replay.calibration.check_mass import KnownMassOnBoard, check_mass
+    from replay.calibration.check_mass import KnownMassOnBoard, write_evidence_of_mass_check
     from replay.calibration.dcc_output import DccOutput
     from replay.commands.print_tables import make_stdout_console, print_value_as_json
     from replay.commands.progress_bar import StageProgress
@@ -84,7 +84,9 @@ def command(
     with StageProgress(1) as stages:
         if check is not None and previous is not None:
             known = KnownMassOnBoard(check, check_u, certificate, day)
-            made = check_mass(source, known, output, previous=previous, key_file=key, force=force)
+            made = write_evidence_of_mass_check(
+                source, known, output, previous=previous, key_file=key, force=force
+            )
         else:
             made = calibrate_from_campaign(
                 source,
@@ -130,7 +132,7 @@ def _print_calibration_evidence(
             *(format_kilograms_or_dash(row[name]) for name in numbers),
         )
     print_table_uncut(screen, table)
-    for row in calibration_outcome.rejected.iter_rows(named=True):
+    for row in calibration_outcome.rejected_readings.iter_rows(named=True):
         print_marked_line(
             screen, f"left out: {row['run_id']}, reading {row['reading']}: {row['reason']}"
         )

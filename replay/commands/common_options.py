@@ -104,7 +104,7 @@ def make_time_axis_from_options(
     from analysis.model.machine import LogSection
     from estimators.errors import MachineError
     from replay.machines.machine_file import find_time_axis_of_section
-    from replay.machines.toml_file import set_dotted_key, validate_toml_content
+    from replay.machines.toml_file import set_dotted_key_in_content, validate_toml_content
 
     if time_unit is not None and time_unit not in _UNITS:
         raise typer.BadParameter(f"no unit of time '{time_unit}'; use {', '.join(_UNITS)}")
@@ -118,7 +118,7 @@ def make_time_axis_from_options(
             raise typer.BadParameter(
                 f"--set {key}: takes only keys of [log] here, such as log.separator=;"
             )
-        set_dotted_key(content, key, MachineError)
+        set_dotted_key_in_content(content, key, MachineError)
     return find_time_axis_of_section(
         validate_toml_content(Path("--set log"), content["log"], LogSection, MachineError)
     )

@@ -59,7 +59,7 @@ def command(
         a,
         b,
         OverlayOutput(output, force),
-        rtol=rtol,
+        relative_tolerance=rtol,
         other_logs=other_logs,
         calibration=make_calibration_request(
             calibration, key, is_signature_required=require_signed

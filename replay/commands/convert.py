@@ -70,7 +70,7 @@ def _print_conversion(conversion: "Conversion", console: "Console") -> None:
     )
     print_marked_line(
         console,
-        f"{conversion.folder}: {conversion.rows:,} rows, "
+        f"{conversion.folder}: {conversion.row_count:,} rows, "
         f"{conversion.size_bytes / 1e6:,.3f} MB{taken}",
     )
     for loss in conversion.losses:

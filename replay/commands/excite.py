@@ -57,20 +57,20 @@ def command(
     from analysis.excitation import design_excitation
     from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
     from replay.commands.print_tables import make_stdout_console, print_value_as_json
-    from replay.simulation.scenario_file import load_scenario, write_scenario
+    from replay.simulation.scenario_file import load_scenario_file, write_scenario_file
 
     wanted = _parse_percent_or_fraction(accuracy)
     if output:
         refuse_input_as_output(output, [scenario] if scenario else [])
         require_writable_output(output, force=force)
-    base = load_scenario(scenario, overrides or [])
+    base = load_scenario_file(scenario, overrides or [])
     made = design_excitation(base, motion, wanted, window, yard)
     if as_json:
         print_value_as_json(made.to_dict())
     else:
         make_stdout_console().print(_render_excitation_design(made))
     if output and made.best:
-        write_scenario(made.to_scenario(base), output, force=force)
+        write_scenario_file(made.to_scenario(base), output, force=force)
         typer.echo(str(output), err=as_json)
     if not made.is_reached:
         raise typer.Exit(1)

@@ -56,7 +56,7 @@ def command(
     """
     from replay.commands.print_tables import print_value_as_json
     from replay.commands.progress_bar import StageProgress
-    from replay.explain.explain_run import ExplainRequest, explain_run
+    from replay.explain.explain_run import ExplainRequest, explain_run_and_correct_machine
 
     picture, corrected_file = split_into_picture_and_machine_file(
         output or [], is_machine_file_wanted=apply
@@ -67,7 +67,7 @@ def command(
         recording, machine, tuple(overrides or ()), at_s, picture, corrected_file, force=force
     )
     with StageProgress(LIMITS.replay_stages) as stages:
-        explained, corrected = explain_run(asked, stages.begin_stage)
+        explained, corrected = explain_run_and_correct_machine(asked, stages.begin_stage)
     if as_json:
         told = (
             {} if corrected is None else {"mended": _convert_corrected_machine_to_dict(corrected)}

@@ -48,9 +48,9 @@ Last = Annotated[str | None, typer.Option("--to", metavar="DAY", help="Last day.
 def require_fleet_libraries(context: typer.Context) -> None:
     """Raise an error if the libraries of the extra `fleet` are missing."""
     from estimators.errors import FleetError
-    from replay.fleet.ray_engine import missing_library_or_none
+    from replay.fleet.ray_engine import find_missing_fleet_library
 
-    name = missing_library_or_none()
+    name = find_missing_fleet_library()
     if name is not None:
         raise FleetError(f"fleet: {name} is not installed; pip install 'payscope[fleet]'")
     if context.invoked_subcommand is None:
@@ -86,15 +86,15 @@ def run_command(
     """
     from replay.commands.fleet_progress import FleetProgress
     from replay.commands.print_tables import print_value_as_json
-    from replay.fleet.log_sources import list_fleet_logs
+    from replay.fleet.log_sources import list_logs_of_sources
     from replay.fleet.machine_setups import load_fleet
-    from replay.fleet.run_fleet import replay_fleet
+    from replay.fleet.run_fleet import replay_logs_of_fleet
 
     fleet = load_fleet(machines, tuple(overrides or ()))
     with FleetProgress() as shown:
-        logs = list_fleet_logs(sources)
+        logs = list_logs_of_sources(sources)
         shown.begin_bar(logs)
-        did = replay_fleet(
+        did = replay_logs_of_fleet(
             logs,
             fleet,
             output,
@@ -127,12 +127,12 @@ def query_command(
         print_frame_as_table,
         print_or_write_frame,
     )
-    from replay.fleet.gathered_tables import open_fleet_results, query_fleet_tables
+    from replay.fleet.gathered_tables import open_results_of_fleet, query_fleet_tables
 
     chosen = choose_output_format(output_format and output_format.value, output)
     if output is not None:
         require_writable_output(output, force=force)
-    rows = query_fleet_tables(open_fleet_results(destination), sql)
+    rows = query_fleet_tables(open_results_of_fleet(destination), sql)
     if chosen == "table" and output is None:
         print_frame_as_table(rows)
         return
@@ -160,10 +160,10 @@ def report_command(
         print_marked_line,
         print_value_as_json,
     )
-    from replay.fleet.gathered_tables import open_fleet_results
+    from replay.fleet.gathered_tables import open_results_of_fleet
     from replay.fleet.write_fleet_page import write_fleet_report
 
-    results = open_fleet_results(destination)
+    results = open_results_of_fleet(destination)
     made = write_fleet_report(
         results,
         destination,
@@ -224,20 +224,20 @@ def compare_command(
     """
     from replay.commands.print_tables import print_value_as_json
     from replay.fleet.compare_results import compare_fleets
-    from replay.fleet.gathered_tables import open_fleet_results
+    from replay.fleet.gathered_tables import open_results_of_fleet
 
     if (b is None) == (not overrides):
         raise typer.BadParameter(
             "give either other results (B) or other settings (--set), but not both"
         )
     days = _parse_day_range(first, last)
-    results = open_fleet_results(a)
+    results = open_results_of_fleet(a)
     if b is None:
         other = _replay_fleet_with_other_settings(
             results, overrides or [], days, _make_task_engine_factory(address, workers)
         )
     else:
-        other = open_fleet_results(b)
+        other = open_results_of_fleet(b)
     found = compare_fleets(results, other, days)
     if as_json:
         print_value_as_json(
@@ -272,11 +272,11 @@ def open_command(
     import shutil
 
     from recordings.report.atomic_output import stage_output_file
-    from replay.fleet.gathered_tables import open_fleet_results
-    from replay.fleet.recording_task import recording_of_result
+    from replay.fleet.gathered_tables import open_results_of_fleet
+    from replay.fleet.recording_task import open_recording_of_result
     from replay.recording.view_recording import view_recording
 
-    with recording_of_result(open_fleet_results(destination), key) as recording:
+    with open_recording_of_result(open_results_of_fleet(destination), key) as recording:
         if output is None:
             view_recording(recording, at_s=at_s)
             return
@@ -288,13 +288,13 @@ def open_command(
 def _make_task_engine_factory(
     cluster_address: str | None, worker_count: int | None
 ) -> "Callable[[], AbstractContextManager[TaskEngine]]":
-    from replay.fleet.ray_engine import ray_engine
+    from replay.fleet.ray_engine import start_ray_engine
 
     if cluster_address is not None and worker_count is not None:
         raise typer.BadParameter(
             "--workers applies to this machine only; leave it out with --address"
         )
-    return partial(ray_engine, cluster_address, worker_count)
+    return partial(start_ray_engine, cluster_address, worker_count)
 
 
 def _parse_day_range(first_day: str | None, last_day: str | None) -> "DayRange":

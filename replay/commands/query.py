@@ -56,7 +56,7 @@ def command(
     from replay.commands.common_options import make_time_axis_from_options
     from replay.commands.frame_output import choose_output_format
     from replay.query.named_tables import open_named_tables
-    from replay.query.run_query import prepare_query
+    from replay.query.run_query import prepare_query_of_sources
 
     axis = make_time_axis_from_options(time, time_unit, keys)
     if tables:
@@ -68,10 +68,10 @@ def command(
             "--tables lists the tables"
         )
     chosen = choose_output_format(output_format and output_format.value, output)
-    asked = prepare_query(sources[:-1], sources[-1], axis)
+    asked = prepare_query_of_sources(sources[:-1], sources[-1], axis)
     try:
         if output is not None and join_within_s is None and chosen in _STREAMED:
-            asked.write(output, chosen, force=force)
+            asked.write_rows_to_file(output, chosen, force=force)
         else:
             _print_or_write_query_rows(asked, join_within_s, chosen, output, force=force)
     finally:
@@ -96,10 +96,10 @@ def _print_or_write_query_rows(
 
     if output_path is not None:
         require_writable_output(output_path, force=force)
-    rows = query.collect(join_within_s)
+    rows = query.collect_rows(join_within_s)
     if output_format == "table" and output_path is None:
         print_frame_as_table(rows)
-        opens = query.viewer_command_or_none(rows)
+        opens = query.format_viewer_command_of_rows(rows)
         if opens and join_within_s is None:
             typer.echo(f"the first row in the viewer: {opens}", err=True)
         return

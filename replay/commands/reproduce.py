@@ -61,7 +61,7 @@ def command(
     require_writable_reproduction_folder(wanted, output, output_format, force=force)
     reproduction = Reproduction(wanted, windows=trials, campaigns=campaigns, seed=seed)
     with StageProgress(len(reproduction.repetitions)) as stages:
-        found = reproduction.compute_items(stages.begin_stage)
+        found = reproduction.compute_paper_items(stages.begin_stage)
     about = (
         f"By `payscope reproduce --trials {trials} --campaigns {campaigns} --seed {seed}`: "
         "simulated with one machine model, replayed with the filter, gate and estimators that "

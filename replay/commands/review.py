@@ -146,7 +146,11 @@ def command(
     from replay.commands.progress_bar import StageProgress
     from replay.machines.machine_file import load_machine
     from replay.pipeline import STAGES
-    from replay.review.give_verdicts import GivenVerdicts, is_review_folder, recount_review
+    from replay.review.give_verdicts import (
+        GivenVerdicts,
+        is_review_folder,
+        recount_review_with_verdicts,
+    )
     from replay.review.label_spans import parse_label_channel, read_label_spans
     from replay.review.review_shift import ReviewOptions, review_shift
 
@@ -174,7 +178,7 @@ def command(
                 "--calibration, --target, --set, --full, --decimal-comma and --label need the "
                 "logs, to count the loads again; give them, with -m and -o"
             )
-        made = recount_review(logs[0], given)
+        made = recount_review_with_verdicts(logs[0], given)
     elif machine is None or output is None:
         raise typer.BadParameter(
             f"{logs[0]}: logs need a machine file (-m) and a folder to write (-o); only the folder "
@@ -188,7 +192,7 @@ def command(
         with StageProgress(len(STAGES) + 3, timing=timing) as stages:
             made = review_shift(logs, machine, output, options, stages.begin_stage)
         if given:
-            made = recount_review(output, given)
+            made = recount_review_with_verdicts(output, given)
     if as_json:
         print_value_as_json(made.to_dict())
     else:

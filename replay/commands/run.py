@@ -96,7 +96,7 @@ def command(
     """
     from replay.commands.print_tables import print_value_as_json
     from replay.commands.progress_bar import StageProgress
-    from replay.runs.run_logs import STEPS, RecordTo, replay_logs
+    from replay.runs.run_logs import STEPS, RecordTo, replay_and_record_logs
 
     if live and output is None:
         raise typer.BadParameter("--live shows the recording while it is written; name it with -o")
@@ -107,7 +107,7 @@ def command(
 
     def replay_to(to: RecordTo) -> "Answer":
         with StageProgress(len(STEPS), timing=timing) as stages:
-            return replay_logs(
+            return replay_and_record_logs(
                 logs,
                 machine,
                 to,

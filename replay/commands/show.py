@@ -119,16 +119,16 @@ def _print_or_write_frame_rows(
     if output is not None:
         refuse_input_as_output(output, [recording])
         require_writable_output(output, force=force)
-    stage = RecordedStage.read(recording, name)
+    stage = RecordedStage.read_frame_as_stage(recording, name)
     if calibration is not None:
-        stage = stage.calibrate_loads(calibration)
+        stage = stage.calibrate_masses_of_loads(calibration)
     stage = (
         stage.select_rows_between(*time_span_s)
         if isinstance(time_span_s, tuple)
-        else stage.select_rows_at(time_span_s)
+        else stage.select_rows_at_second(time_span_s)
     )
     if output is None and output_format == "table":
-        print_frame_as_table(stage.format_times_for_reading(), "--from and --to choose, ")
+        print_frame_as_table(stage.make_frame_with_readable_times(), "--from and --to choose, ")
         return
     print_or_write_frame(
         stage.rows,
@@ -136,6 +136,6 @@ def _print_or_write_frame_rows(
         output,
         force=force,
         render_table=lambda: format_frame_as_table(
-            stage.format_times_for_reading(), stage.rows.height
+            stage.make_frame_with_readable_times(), stage.rows.height
         ),
     )

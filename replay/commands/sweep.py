@@ -128,7 +128,7 @@ def _run_and_print_sweep(
     from replay.commands.frame_output import choose_output_format, print_or_write_frame
     from replay.commands.print_tables import make_stdout_console
     from replay.commands.progress_bar import StageProgress
-    from replay.runs.sweep_settings import list_value_combinations, sweep_settings
+    from replay.runs.sweep_settings import list_value_combinations, sweep_setting_combinations
 
     logs, machine_file, overrides, over = sweep_inputs
     output, figure = output_paths
@@ -145,7 +145,7 @@ def _run_and_print_sweep(
             )
     grid = list_value_combinations(over)
     with StageProgress(len(grid)) as stages:
-        rows = sweep_settings(
+        rows = sweep_setting_combinations(
             logs,
             machine_file,
             overrides,

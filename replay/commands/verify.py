@@ -78,7 +78,7 @@ def command(
         )
         raise typer.BadParameter(what)
     from replay.calibration.verify_bundle import verify_bundle
-    from replay.calibration.verify_chain import VerifiedChain, verify_chain
+    from replay.calibration.verify_chain import VerifiedChain, verify_bundles_and_chains
     from replay.commands.print_tables import print_value_as_json
 
     first, *more = folders
@@ -91,7 +91,9 @@ def command(
             "instead"
         )
     check = (
-        partial(verify_chain, folders) if more else partial(verify_bundle, first, previous=previous)
+        partial(verify_bundles_and_chains, folders)
+        if more
+        else partial(verify_bundle, first, previous=previous)
     )
     found = check(
         logs=logs,
@@ -140,7 +142,9 @@ def _verify_notary_list(
     )
     from replay.notary.list_file import UNSEEN, verify_notary_list
 
-    found = verify_notary_list(list_path, key_file=key_file, signed=is_signature_required)
+    found = verify_notary_list(
+        list_path, key_file=key_file, is_signature_required=is_signature_required
+    )
     if as_json:
         print_value_as_json(found.to_dict())
     else:
@@ -168,7 +172,7 @@ def _print_verified_chain(verified_chain: "VerifiedChain") -> None:
         print_marked_line(screen, str(finding), "[bold red]!![/] ")
     for note in verified_chain.notes:
         print_marked_line(screen, note)
-    print_marked_line(screen, verified_chain.verdict)
+    print_marked_line(screen, verified_chain.chain_verdict)
 
 
 def _print_verification_findings(verification: "Verification") -> None:

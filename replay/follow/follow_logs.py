@@ -27,7 +27,7 @@ from replay.logs import GrowingLogFile, open_growing_log
 from replay.machines.machine_file import (
     find_machine_file,
     find_time_axis_of_machine,
-    read_file_signature,
+    read_file_time_size_and_inode,
 )
 
 _INTERRUPTED: Final = "interrupted"
@@ -233,12 +233,12 @@ class MachineFileChange:
     def __init__(self, path: Path) -> None:
         """Read it; one that is missing or no file is for those to refuse who load it."""
         self._path = find_machine_file(path)
-        self._signature = read_file_signature(self._path)
+        self._signature = read_file_time_size_and_inode(self._path)
         self._text = self._read_file_or_empty()
 
     def has_file_changed(self) -> bool:
         """Whether it has another text since the last question. One that is gone has none."""
-        signature = read_file_signature(self._path)
+        signature = read_file_time_size_and_inode(self._path)
         if signature in (None, self._signature):
             return False
         self._signature, before = signature, self._text

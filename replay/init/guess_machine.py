@@ -18,9 +18,9 @@ from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.arrays import Floats, Ints
 from estimators.errors import LogError
 from replay.init.init_limits import LIMITS
-from replay.inputs.machine_identity import is_serial_number
+from replay.inputs.machine_identity import is_usable_serial_number
 from replay.logs import TABLE, Log, TimeAxis
-from replay.machines.toml_file import format_toml
+from replay.machines.toml_file import format_value_as_toml
 from replay.recognise.joints import recognise_joints_of_log
 from replay.recognise.profile import FieldProfile, ask_for_units_of_joint_efforts, profile_fields
 from replay.recognise.proposals import ChannelProposal, Recognition
@@ -121,8 +121,12 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         '# A field in another unit than its comment states needs its unit: unit = "km/h".',
         "",
         "[machine]",
-        f"name = {format_toml(log.path.stem)}",
-        *(f"id = {format_toml(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
+        f"name = {format_value_as_toml(log.path.stem)}",
+        *(
+            f"id = {format_value_as_toml(each)}"
+            for each in log.machine_ids()[:1]
+            if is_usable_serial_number(each)
+        ),
         "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
         "# wheel_radius_m = 0.42        # needed if the force comes from wheel torques",
         "# track_width_m = 1.5          # for the yaw torque",
@@ -140,19 +144,19 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     for guess in guesses:
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
-            lines.append(f"topic = {format_toml(guess.topic)}")
+            lines.append(f"topic = {format_value_as_toml(guess.topic)}")
         unit = find_unit_in_name(guess.column).replace("*", "·")
         # a field in another unit wants `unit` or `scale`, so say which one it is taken for
         why = f"; {guess.reason}" if guess.reason else ""
         if guess.unit is not None:
             lines += [
-                f"field = {format_toml(guess.field)}",
+                f"field = {format_value_as_toml(guess.field)}",
                 f'unit = "{guess.unit}"  # {why[2:]}',
                 "",
             ]
             continue
         lines += [
-            f"field = {format_toml(guess.field)}  # in {unit}{why}"
+            f"field = {format_value_as_toml(guess.field)}  # in {unit}{why}"
             f"{_make_wheel_speed_comment(guess)}",
             "",
         ]
@@ -188,7 +192,9 @@ def _make_log_section_lines(time_axis: TimeAxis) -> list[str]:
         "time_unit": time_axis.unit,
         **asdict(time_axis.table),
     }
-    return [f"{key} = {format_toml(value)}" for key, value in keys.items() if value is not None]
+    return [
+        f"{key} = {format_value_as_toml(value)}" for key, value in keys.items() if value is not None
+    ]
 
 
 def _make_guesses_of_channels(recognition: Recognition) -> list[ChannelGuess]:
@@ -203,9 +209,9 @@ def _make_channel_comment_lines(channel_proposal: ChannelProposal) -> list[str]:
     """Commented lines of a channel that the user must complete."""
     lines = [f"[channels.{channel_proposal.column}]"]
     if channel_proposal.topic:
-        lines.append(f"topic = {format_toml(channel_proposal.topic)}")
+        lines.append(f"topic = {format_value_as_toml(channel_proposal.topic)}")
     if channel_proposal.field:
-        lines.append(f"field = {format_toml(channel_proposal.field)}")
+        lines.append(f"field = {format_value_as_toml(channel_proposal.field)}")
     if channel_proposal.unit:
         lines.append(f'unit = "{channel_proposal.unit}"')
     if channel_proposal.derive:

@@ -153,7 +153,7 @@ class _NamedTable(DerivedLog):
         return self._log.machine_ids()
 
 
-def separate_parallel_tables(
+def give_parallel_tables_own_topics(
     logs: Sequence[Log], machine: Machine
 ) -> tuple[Sequence[Log], Machine]:
     """Give tables that share no column of the channels topics of their own.
@@ -172,7 +172,7 @@ def separate_parallel_tables(
     wanted = {field for channel in machine.channels.values() for field in channel.fields}
     for log in logs:
         log.announce_fields_to_read({TABLE: sorted(wanted)})
-    logs = _give_tables_own_topics(logs, wanted)
+    logs = _rename_topics_of_disjoint_tables(logs, wanted)
     columns = {
         topic: set[str](fields or [])
         for log in logs
@@ -196,7 +196,9 @@ def separate_parallel_tables(
     return logs, machine.model_copy(update={"channels": channels})
 
 
-def _give_tables_own_topics(logs: Sequence[Log], wanted_columns: set[str]) -> Sequence[Log]:
+def _rename_topics_of_disjoint_tables(
+    logs: Sequence[Log], wanted_columns: set[str]
+) -> Sequence[Log]:
     """Tables with topics of their own, unless two share wanted columns."""
     if len(logs) < 2 or len({log.digests for log in logs}) < len(logs):
         return logs
@@ -245,9 +247,11 @@ class MemoryLog(Log):
     def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
-        return {t: self._read(t, names, start_ns, end_ns) for t, names in fields.items()}
+        return {
+            t: self._read_simulated_topic(t, names, start_ns, end_ns) for t, names in fields.items()
+        }
 
-    def _read(
+    def _read_simulated_topic(
         self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> pl.DataFrame:
         if topic not in self._frames:
@@ -276,11 +280,11 @@ class MemoryLog(Log):
         return ()
 
 
-def read_channels_from_memory(machine: Machine, simulated: "SimulatedLog") -> Machine:
+def with_channels_of_simulation(machine: Machine, simulated_log: "SimulatedLog") -> Machine:
     """The machine with its channels read from the topics of a simulation."""
     topic_of = {
         name: topic
-        for topic, frame in simulated.topics.items()
+        for topic, frame in simulated_log.topics.items()
         for name in frame.columns
         if name not in _STAMPS
     }

@@ -78,13 +78,13 @@ class OpenList:
     _file: int
     _size: int
 
-    def append(self, line: NotaryLine) -> None:
+    def append_line_durably(self, notary_line: NotaryLine) -> None:
         """Append a line and flush it to the disc, whole or not at all.
 
         Raises:
             OutputError: the disc is full, or the list cannot be written; it is as it was before.
         """
-        data = line.data + b"\n"
+        data = notary_line.data + b"\n"
         try:
             written = 0
             while written < len(data):
@@ -97,10 +97,10 @@ class OpenList:
                 f"number {len(self.lines) - 1}; free some space and run this again"
             ) from None
         self._size += len(data)
-        self.lines.append(line)
-        self._write_second_copy_of_end()
+        self.lines.append(notary_line)
+        self._write_second_copy_of_list_end()
 
-    def _write_second_copy_of_end(self) -> None:
+    def _write_second_copy_of_list_end(self) -> None:
         """Write the end of the list to the second place."""
         if self.second is None:
             return
@@ -124,7 +124,7 @@ class OpenList:
 
 
 @contextmanager
-def open_list(path: Path) -> Generator[OpenList]:
+def open_list_exclusively(path: Path) -> Generator[OpenList]:
     """Open a list for this process alone, and compare it with its end at the last time.
 
     The system releases the lock when the process ends, however it ends.
@@ -151,12 +151,14 @@ def open_list(path: Path) -> Generator[OpenList]:
             raise EvidenceError(
                 f"{path}: is larger than the {NOTARY_LIMITS.list_bytes} bytes of a list"
             )
-        whole, tail = split_list_into_whole_lines_and_tail(_read_descriptor(number, size))
+        whole, tail = split_list_into_whole_lines_and_tail(
+            _read_bytes_from_descriptor(number, size)
+        )
         lines = [
             parse_untrusted_line(line, f"{path}: line {k}") for k, line in enumerate(whole, start=1)
         ]
-        second = find_second_copy_path(path)
-        refuse_altered_list(path, lines, read_kept_end(second))
+        second = find_path_of_second_copy(path)
+        refuse_altered_list(path, lines, read_kept_list_end(second))
         if tail:
             os.ftruncate(number, size - len(tail))
             os.fsync(number)
@@ -165,15 +167,15 @@ def open_list(path: Path) -> Generator[OpenList]:
         os.close(number)
 
 
-def _read_descriptor(descriptor: int, size: int) -> bytes:
+def _read_bytes_from_descriptor(descriptor: int, byte_count: int) -> bytes:
     parts: list[bytes] = []
-    while size > 0 and (part := os.read(descriptor, size)):
+    while byte_count > 0 and (part := os.read(descriptor, byte_count)):
         parts.append(part)
-        size -= len(part)
+        byte_count -= len(part)
     return b"".join(parts)
 
 
-def refuse_altered_list(path: Path, lines: list[NotaryLine], end: ListEnd | None) -> None:
+def refuse_altered_list(path: Path, lines: list[NotaryLine], kept_end: ListEnd | None) -> None:
     """Check that a list contains its former lines and that its chain is intact.
 
     Raises:
@@ -192,23 +194,24 @@ def refuse_altered_list(path: Path, lines: list[NotaryLine], end: ListEnd | None
                 f"{path}: {fault}; the list was changed; `payscope verify {path}` lists all "
                 "faults, and a changed list cannot be continued"
             )
-    if end is None:
+    if kept_end is None:
         return
     if not lines:
         raise EvidenceError(
-            f"{path}: is empty, but number {end.counter} was written before, so the list was "
+            f"{path}: is empty, but number {kept_end.counter} was written before, so the list was "
             "removed; restore it, or start another one elsewhere with --list"
         )
-    known = len(lines) > end.counter and lines[end.counter].line_sha256 == end.digest
-    if lines[0].line_sha256 != end.head or not known:
+    known = len(lines) > kept_end.counter and lines[kept_end.counter].line_sha256 == kept_end.digest
+    if lines[0].line_sha256 != kept_end.head or not known:
         raise EvidenceError(
             f"{path}: ends with number {len(lines) - 1}, but was written up to number "
-            f"{end.counter}, so it was truncated or replaced; restore it, or start another one "
+            f"{kept_end.counter}, so it was truncated or replaced; restore it, or start another "
+            "one "
             "elsewhere with --list"
         )
 
 
-def find_second_copy_path(path: Path) -> Path | None:
+def find_path_of_second_copy(path: Path) -> Path | None:
     """Path of the second copy of a list's end; None if it cannot be written."""
     named = os.environ.get(STATE_VARIABLE)
     base = os.environ.get("XDG_STATE_HOME")
@@ -222,7 +225,7 @@ def find_second_copy_path(path: Path) -> Path | None:
     return folder / f"{name}.json" if os.access(folder, os.W_OK) else None
 
 
-def read_kept_end(second_copy: Path | None) -> ListEnd | None:
+def read_kept_list_end(second_copy: Path | None) -> ListEnd | None:
     """Read the kept end of a list; None if there is none.
 
     Raises:
@@ -284,14 +287,15 @@ class VerifiedList:
 
 
 def verify_notary_list(
-    path: Path, *, key_file: Path | None = None, signed: bool = False
+    path: Path, *, key_file: Path | None = None, is_signature_required: bool = False
 ) -> VerifiedList:
     """Check a list on its own, without the logs.
 
     Args:
         path: path of the list.
         key_file: public key of the recorder.
-        signed: whether the list must be signed with that key, or one of the user's keyring.
+        is_signature_required: whether the list must be signed with that key, or one of the user's
+            keyring.
 
     Raises:
         EvidenceError: it, or the key, cannot be read.
@@ -335,7 +339,7 @@ def verify_notary_list(
     if key is not None and own is not None and key.key_id != own.key_id:
         what = f"is not kept with the key {key.key_id[:12]}… given"
         findings.append(BundleFinding(BundleOutcome.TAMPERED, path.name, what))
-    elif signed and not by.is_trusted and not findings:
+    elif is_signature_required and not by.is_trusted and not findings:
         what = f"is {by}, but a signature by a known key is required"
         findings.append(BundleFinding(BundleOutcome.INCOMPLETE, path.name, what))
     return VerifiedList(path, tuple(findings), tuple(kept.notes), len(kept.lines), by)

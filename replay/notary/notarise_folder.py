@@ -23,7 +23,7 @@ from recordings.notary.notary_list import (
 )
 from recordings.signatures.signing import KEY_VARIABLE, SigningKey, read_signing_key_or_none
 from replay.logs import open_log
-from replay.notary.list_file import OpenList, open_list
+from replay.notary.list_file import OpenList, open_list_exclusively
 
 #: The list, where no other place is named.
 LIST_NAME: Final = "notary.jsonl"
@@ -84,7 +84,7 @@ class FoundLog:
     files: Mapping[str, tuple[int, int]]
 
     @property
-    def written_s(self) -> float:
+    def modified_unix_s(self) -> float:
         """Time of the last modification."""
         return max(us for _, us in self.files.values()) / 1e6
 
@@ -118,8 +118,8 @@ def notarise_folder(
     if key is None:
         raise EvidenceError(f"a notary needs a signing key; give --key KEY.pem, or {KEY_VARIABLE}")
     path = list_path or folder / LIST_NAME
-    with open_list(path) as held:
-        head = begin_list_or_check_signer_and_machine(held, key, machine_id)
+    with open_list_exclusively(path) as held:
+        head = begin_list_or_refuse_other_signer(held, key, machine_id)
         notes = [f"a torn tail of {held.cut_bytes} bytes was cut off"] if held.cut_bytes else []
         if held.second is None:
             notes.append(
@@ -128,25 +128,27 @@ def notarise_folder(
         known = {e.log: e for line in held.lines if isinstance(e := line.content, NotaryEntry)}
         added: list[NotaryEntry] = []
         waiting: list[str] = []
-        for log in sorted(find_logs(folder, path), key=lambda log: (log.written_s, log.name)):
+        for log in sorted(
+            iter_logs_below_folder(folder, path), key=lambda log: (log.modified_unix_s, log.name)
+        ):
             before = known.get(log.name)
-            if before is not None and _is_unchanged(before, log):
+            if before is not None and _is_log_unchanged_since_entry(before, log):
                 continue
-            age_s = time.time() - log.written_s  # a log of the future has a wrong clock
+            age_s = time.time() - log.modified_unix_s  # a log of the future has a wrong clock
             is_quiet = age_s >= quiet_s or age_s < -NOTARY_LIMITS.clock_difference_s
-            entry = make_entry_of_unchanging_log(held, log, before) if is_quiet else None
+            entry = make_list_entry_of_log(held, log, before) if is_quiet else None
             if entry is None:
                 waiting.append(log.name)
                 continue
-            notes += _iter_clock_notes(held, entry)
-            held.append(make_signed_line(entry, key))
+            notes += _iter_notes_on_wrong_clock(held, entry)
+            held.append_line_durably(make_signed_line(entry, key))
             added.append(entry)
         return NotarisedFolder(
             path, tuple(added), tuple(waiting), len(held.lines) - 1, (*notes, *head)
         )
 
 
-def begin_list_or_check_signer_and_machine(
+def begin_list_or_refuse_other_signer(
     open_list: OpenList, key: SigningKey, machine_id: str
 ) -> list[str]:
     """Begin a new list, or check that an existing one has this key and machine; return notes."""
@@ -157,9 +159,9 @@ def begin_list_or_check_signer_and_machine(
             machine_id=machine_id,
             public_key=key.public_key.base64_text,
             nonce=secrets.token_hex(32),
-            begun=_format_now(),
+            begun=_format_current_time_as_list_time(),
         )
-        open_list.append(make_signed_line(head, key))
+        open_list.append_line_durably(make_signed_line(head, key))
         return [] if machine_id else ["the list names no machine; name it with --machine-id"]
     head = open_list.lines[0].content
     assert isinstance(head, NotaryHead)
@@ -178,14 +180,14 @@ def begin_list_or_check_signer_and_machine(
     return []
 
 
-def find_logs(folder: Path, path: Path) -> Iterator[FoundLog]:
+def iter_logs_below_folder(folder: Path, list_path: Path) -> Iterator[FoundLog]:
     """Yield the logs of a folder and its subfolders; links are not followed.
 
     Args:
         folder: folder of the recorder.
-        path: path of the list, which is not a log.
+        list_path: path of the list, which is not a log.
     """
-    own = path.resolve()
+    own = list_path.resolve()
     for number, (place, folders, names) in enumerate(os.walk(folder, followlinks=False)):
         if number >= _MOST_ENTRIES:
             raise EvidenceError(f"{folder}: more than {_MOST_ENTRIES} folders; give a smaller one")
@@ -194,7 +196,8 @@ def find_logs(folder: Path, path: Path) -> Iterator[FoundLog]:
         files = {
             name: about
             for name in sorted(names)
-            if not name.startswith(".") and (about := read_size_and_time(inside / name)) is not None
+            if not name.startswith(".")
+            and (about := read_size_and_modification_time(inside / name)) is not None
         }
         if _METADATA in files and inside != folder:
             folders.clear()
@@ -206,7 +209,7 @@ def find_logs(folder: Path, path: Path) -> Iterator[FoundLog]:
                 yield FoundLog(log.relative_to(folder).as_posix(), log, {name: about})
 
 
-def read_size_and_time(path: Path) -> tuple[int, int] | None:
+def read_size_and_modification_time(path: Path) -> tuple[int, int] | None:
     """Size and modification time in µs of a regular file; None for anything else."""
     try:
         held = path.lstat()
@@ -215,11 +218,11 @@ def read_size_and_time(path: Path) -> tuple[int, int] | None:
     return (held.st_size, held.st_mtime_ns // _US) if stat.S_ISREG(held.st_mode) else None
 
 
-def _is_unchanged(entry: NotaryEntry, log: FoundLog) -> bool:
+def _is_log_unchanged_since_entry(entry: NotaryEntry, log: FoundLog) -> bool:
     return {f.name: (f.size_bytes, f.modified_us) for f in entry.files} == dict(log.files)
 
 
-def make_entry_of_unchanging_log(
+def make_list_entry_of_log(
     open_list: OpenList, log: FoundLog, previous_entry: NotaryEntry | None
 ) -> NotaryEntry | None:
     """Line of the list for a log; None if the log changes meanwhile."""
@@ -228,8 +231,10 @@ def make_entry_of_unchanging_log(
         digests = {name: file_sha256(inside / name) for name in log.files}
     except OSError:
         return None
-    begins, ends, machine = _read_log_span_and_machine(log.path)
-    if any(read_size_and_time(inside / name) != about for name, about in log.files.items()):
+    begins, ends, machine = _read_begin_end_and_machine_of_log(log.path)
+    if any(
+        read_size_and_modification_time(inside / name) != about for name, about in log.files.items()
+    ):
         return None
     last = open_list.lines[-1]
     return NotaryEntry(
@@ -243,19 +248,19 @@ def make_entry_of_unchanging_log(
         ),
         begins=begins,
         ends=ends,
-        listed=_format_now(),
+        listed=_format_current_time_as_list_time(),
         machine_id=machine,
         replaces=None if previous_entry is None else previous_entry.counter,
     )
 
 
-def _read_log_span_and_machine(path: Path) -> tuple[str, str, str]:
+def _read_begin_end_and_machine_of_log(log_path: Path) -> tuple[str, str, str]:
     """Begin, end and machine of a log; "" for what is unknown.
 
     A damaged log is listed as well.
     """
     try:
-        with open_log(path) as log:
+        with open_log(log_path) as log:
             topics = log.topics()
             machine = next(iter(log.machine_ids()), "")
     except PayscopeError:
@@ -263,18 +268,22 @@ def _read_log_span_and_machine(path: Path) -> tuple[str, str, str]:
     first, last = topics["start_ns"].min(), topics["end_ns"].max()
     if not isinstance(first, int) or not isinstance(last, int) or first < FIRST_DATE_NS:
         return "", "", machine[:_LONGEST_ID]
-    return _format_stamp(first), _format_stamp(last), machine[:_LONGEST_ID]
+    return (
+        _format_unix_ns_as_list_time(first),
+        _format_unix_ns_as_list_time(last),
+        machine[:_LONGEST_ID],
+    )
 
 
-def _format_stamp(unix_ns: int) -> str:
+def _format_unix_ns_as_list_time(unix_ns: int) -> str:
     return f"{dt.datetime.fromtimestamp(unix_ns // 10**9, dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
-def _format_now() -> str:
-    return _format_stamp(time.time_ns())
+def _format_current_time_as_list_time() -> str:
+    return _format_unix_ns_as_list_time(time.time_ns())
 
 
-def _iter_clock_notes(open_list: OpenList, entry: NotaryEntry) -> Iterator[str]:
+def _iter_notes_on_wrong_clock(open_list: OpenList, entry: NotaryEntry) -> Iterator[str]:
     """Notes on a wrong clock; the log is listed anyway, and `verify` reports it."""
     last = open_list.lines[-1].content
     if isinstance(last, NotaryEntry) and entry.listed < last.listed:

@@ -181,7 +181,9 @@ def test_the_query_is_one_that_openssl_answers(
     said = payscope("calibrate", campaign, "-o", tmp_path / "e", "--key", made.private, *ask)
     assert said.status == 1, said.err  # one load gives no line
     (tmp_path / "e" / TIMESTAMP).write_bytes(stamped(authority, query.read_bytes()))
-    found = verify_bundle(tmp_path / "e", key_file=made.public, tsa=authority / "ca.pem")
+    found = verify_bundle(
+        tmp_path / "e", key_file=made.public, authority_certificates=authority / "ca.pem"
+    )
     assert found.outcome is None, items(found)
 
 
@@ -254,7 +256,7 @@ def test_back_dating_a_signature_past_its_time_stamp_is_found(
     folder = tampered(made.bundle, tmp_path / "b", later, signed=True)
     query = encode_timestamp_request((folder / STATEMENT).read_bytes())
     (folder / TIMESTAMP).write_bytes(stamped(authority, query))
-    found = verify_bundle(folder, tsa=authority / "ca.pem")
+    found = verify_bundle(folder, authority_certificates=authority / "ca.pem")
     assert "before the evidence says that it was made" in items(found)
 
 
@@ -270,7 +272,7 @@ def test_a_stolen_key_is_worth_nothing_after_its_revocation_but_a_stamp_saves_wh
     key = read_public_key_file(made.public).text
     add_key_to_keyring(load_keyring(), KnownKey(key=key, owner="Test lab", revoked=tomorrow))
     assert verify_bundle(bundle).outcome is BundleOutcome.TAMPERED
-    proven = verify_bundle(bundle, tsa=authority / "ca.pem")
+    proven = verify_bundle(bundle, authority_certificates=authority / "ca.pem")
     assert proven.outcome is None, items(proven)
     assert "signed by Test lab" in str(proven.signed_by)
 
@@ -282,4 +284,4 @@ def test_a_certificate_that_is_none_is_refused_in_one_line(
     (tmp_path / "ca.pem").write_text("nothing")
     one_line(payscope("verify", made.bundle, "--tsa", tmp_path / "ca.pem"), "no certificate in PEM")
     with pytest.raises(EvidenceError, match="cannot be read"):
-        verify_bundle(made.bundle, tsa=tmp_path / "none.pem")
+        verify_bundle(made.bundle, authority_certificates=tmp_path / "none.pem")

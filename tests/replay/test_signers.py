@@ -29,10 +29,10 @@ from recordings.signatures.signing import (
     read_public_key_file,
     read_signing_key_or_none,
 )
-from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
-from replay.calibration.calibrate_campaign import read_previous_evidence
+from replay.calibration.apply_evidence import CalibrationRequest, load_and_verify_calibration
+from replay.calibration.calibrate_campaign import read_and_verify_previous_evidence
 from replay.calibration.verify_bundle import verify_bundle
-from replay.fleet.machine_setups import NamedFiles, make_machine_setups
+from replay.fleet.machine_setups import NamedFiles, make_setups_of_machine
 from tests.conftest import REPO
 from tests.replay.attacker import Bundle, key_files, sign_with_own_key, tampered
 from tests.replay.made_evidence import Made, items
@@ -77,7 +77,12 @@ def test_an_invented_name_is_never_printed_as_that_of_the_signer(
     assert f"signed by an unknown key {public_id(invented)[:12]}… that calls itself '{PTB}'" in (
         said.out
     )
-    assert load_calibration(CalibrationRequest(invented)).describe("").count("an unknown key") == 1
+    assert (
+        load_and_verify_calibration(CalibrationRequest(invented))
+        .describe("")
+        .count("an unknown key")
+        == 1
+    )
 
 
 def public_id(folder: Path) -> str:
@@ -88,26 +93,29 @@ def test_a_required_signature_is_one_by_a_known_key(
     invented: Path, made: Made, keyring: Path, payscope: Payscope
 ) -> None:
     with pytest.raises(EvidenceError, match=r"unknown key.*payscope keys add"):
-        load_calibration(CalibrationRequest(invented, signed=True))
+        load_and_verify_calibration(CalibrationRequest(invented, signed=True))
     said = payscope("verify", invented, "--require-signed")
     assert said.status == 5
     assert "a signature by a known key is required" in said.out
     add_key_to_keyring(load_keyring(), known(made))
-    held = load_calibration(CalibrationRequest(made.bundle, signed=True))
+    held = load_and_verify_calibration(CalibrationRequest(made.bundle, signed=True))
     assert "signed by Test lab, key" in held.describe("")
     assert "that calls itself 'T. Signer'" in held.describe("")
-    assert verify_bundle(made.bundle, signed=True).outcome is None
-    assert verify_bundle(invented, signed=True).outcome is BundleOutcome.INCOMPLETE
+    assert verify_bundle(made.bundle, is_signature_required=True).outcome is None
+    assert verify_bundle(invented, is_signature_required=True).outcome is BundleOutcome.INCOMPLETE
     assert keyring.stat().st_mode & 0o077 == 0
 
 
 def test_the_line_that_refuses_a_key_adds_it(made: Made, keyring: Path, payscope: Payscope) -> None:
     with pytest.raises(EvidenceError) as refused:
-        load_calibration(CalibrationRequest(made.bundle, signed=True))
+        load_and_verify_calibration(CalibrationRequest(made.bundle, signed=True))
     line = str(refused.value).partition("payscope keys add ")[2]
     key, _, _ = line.partition(" --owner")
     assert payscope("keys", "add", key, "--owner", "Test lab").status == 0
-    assert load_calibration(CalibrationRequest(made.bundle, signed=True)).signed_by.how == "known"
+    assert (
+        load_and_verify_calibration(CalibrationRequest(made.bundle, signed=True)).signed_by.how
+        == "known"
+    )
     assert "Test lab" in payscope("keys", "list").out
     one_line(
         payscope("keys", "add", made.public, "--owner", "Another"),
@@ -124,9 +132,9 @@ def test_the_first_use_of_a_key_is_asked_on_a_terminal_and_remembered(
     code = (
         "from pathlib import Path\n"
         "from replay.commands.common_options import make_calibration_request\n"
-        "from replay.calibration.apply_evidence import load_calibration\n"
+        "from replay.calibration.apply_evidence import load_and_verify_calibration\n"
         f"asked = make_calibration_request(Path({str(made.bundle)!r}), None, signed=True)\n"
-        "print('FOUND', load_calibration(asked).signed_by)\n"
+        "print('FOUND', load_and_verify_calibration(asked).signed_by)\n"
     )
     first = at_a_terminal(code, "Test lab\n")
     assert "that calls itself 'T. Signer'" in first
@@ -169,10 +177,10 @@ def at_a_terminal(code: str, typed: str) -> str:
 def test_a_fleet_asks_nobody_and_refuses_an_unknown_key(invented: Path, made: Made) -> None:
     files = NamedFiles(str(made.campaign.with_name("sledge.toml")), (), (str(invented),))
     with pytest.raises(EvidenceError, match=r"unknown key.*payscope keys add"):
-        make_machine_setups("sledge", files, lenient=False)
+        make_setups_of_machine("sledge", files, is_unfit_evidence_skipped=False)
     add_key_to_keyring(load_keyring(), known(made))
     files = NamedFiles(str(made.campaign.with_name("sledge.toml")), (), (str(made.bundle),))
-    assert len(make_machine_setups("sledge", files, lenient=False)) == 2
+    assert len(make_setups_of_machine("sledge", files, is_unfit_evidence_skipped=False)) == 2
 
 
 @pytest.mark.usefixtures("keyring")
@@ -181,12 +189,12 @@ def test_nothing_is_chained_to_evidence_by_an_unknown_key(
 ) -> None:
     own, _ = key_files(tmp_path, "other")
     with pytest.raises(EvidenceError, match="so its signature cannot be verified"):
-        read_previous_evidence(invented, None, read_signing_key_or_none(own))
+        read_and_verify_previous_evidence(invented, None, read_signing_key_or_none(own))
     with pytest.raises(EvidenceError, match="its signature cannot be verified"):
-        read_previous_evidence(made.bundle, None, read_signing_key_or_none(own))
-    read_previous_evidence(made.bundle, None, read_signing_key_or_none(made.private))
+        read_and_verify_previous_evidence(made.bundle, None, read_signing_key_or_none(own))
+    read_and_verify_previous_evidence(made.bundle, None, read_signing_key_or_none(made.private))
     add_key_to_keyring(load_keyring(), known(made))
-    read_previous_evidence(made.bundle, None, read_signing_key_or_none(own))
+    read_and_verify_previous_evidence(made.bundle, None, read_signing_key_or_none(own))
 
 
 @pytest.mark.usefixtures("keyring")
@@ -211,7 +219,7 @@ def test_a_key_out_of_its_validity_or_revoked_signs_nothing(
     assert words in items(found)
     assert not found.signed_by.is_trusted
     with pytest.raises(EvidenceError, match="cannot be used to calibrate"):
-        load_calibration(CalibrationRequest(made.bundle, signed=True))
+        load_and_verify_calibration(CalibrationRequest(made.bundle, signed=True))
 
 
 def test_a_revoked_key_counts_where_a_time_stamp_is_older(made: Made) -> None:

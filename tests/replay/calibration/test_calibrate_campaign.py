@@ -169,7 +169,9 @@ def test_a_known_mass_shows_drift_or_none(
         assert drift.drifted is drifted
         assert checked.is_within_limits is not drifted
         assert checked.document.expires == made.document.expires
-        found = verify_bundle(checked.folder, key_file=keys[1], previous=made.folder, logs=tmp_path)
+        found = verify_bundle(
+            checked.folder, key_file=keys[1], previous=made.folder, log_folder=tmp_path
+        )
         assert [int(each.outcome) for each in found.findings] == ([6] if drifted else [])
     with pytest.raises(EvidenceError, match="no evidence"):
         check_mass(tmp_path / "drifted.csv", known, tmp_path / "x", previous=tmp_path)
@@ -230,4 +232,6 @@ def test_a_real_axis_with_one_load_says_what_that_cannot_show(
     assert "NO CALIBRATION" in page
     assert "It cannot show: whether the error grows with the mass" in page
     day = dt.date(2020, 4, 1)
-    assert not verify_bundle(made.folder, logs=shared_data / "logs", on=day).findings
+    assert not verify_bundle(
+        made.folder, log_folder=shared_data / "logs", verification_day=day
+    ).findings

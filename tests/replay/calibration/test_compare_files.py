@@ -98,7 +98,7 @@ def in_logs(bundle: Bundle) -> None:
 def test_every_lie_about_a_log_is_found_by_its_replay(bundle: Path, tmp_path: Path) -> None:
     folder = changed(bundle, tmp_path, in_logs)
     assert not verify_bundle(folder).findings
-    found = verify_bundle(folder, logs=bundle.with_name("logs"))
+    found = verify_bundle(folder, log_folder=bundle.with_name("logs"))
     said = items(found)
     assert IRREPRODUCIBLE in {each.outcome for each in found.findings}
     for place, words in (
@@ -117,7 +117,7 @@ def test_every_lie_about_a_log_is_found_by_its_replay(bundle: Path, tmp_path: Pa
 
 
 def test_untouched_evidence_holds_and_what_is_not_compared_is_listed(printed: Path) -> None:
-    found = verify_bundle(printed, logs=printed.with_name("logs"))
+    found = verify_bundle(printed, log_folder=printed.with_name("logs"))
     assert not found.findings, items(found)
     done, unseen = "\n".join(found.done), "\n".join(found.unseen)
     assert "the frames of each run's recording, by their fingerprint" in done
@@ -155,7 +155,7 @@ def test_evidence_with_former_names_of_checks_holds(
         assert bundle.readings["reason"].str.contains(r"\blag\b").any()
 
     folder = changed(tmp_path / "evidence", tmp_path, name_as_before)
-    found = verify_bundle(folder, logs=tmp_path / "logs")
+    found = verify_bundle(folder, log_folder=tmp_path / "logs")
     assert not found.findings, items(found)
 
 
@@ -212,7 +212,7 @@ def test_the_recording_of_the_calibration_is_made_anew_and_compared(
     assert any(
         "calibration.rrd and report.pdf show" in each for each in verify_bundle(folder).unseen
     )
-    found = verify_bundle(folder, logs=bundle.with_name("logs"))
+    found = verify_bundle(folder, log_folder=bundle.with_name("logs"))
     assert found.outcome is TAMPERED
     assert "calibration.rrd: differs in its frames points from the evidence" in items(found)
 

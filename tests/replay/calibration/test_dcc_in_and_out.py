@@ -25,7 +25,7 @@ from recordings.dcc.dcc_masses import read_certified_masses
 from recordings.dcc.dcc_signature import check_dcc_signature, read_key_id_from_pem_file
 from recordings.dcc.write_dcc import make_unsigned_dcc
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
-from replay.calibration.campaign_file import load_campaign
+from replay.calibration.campaign_file import load_campaign_and_machine
 from replay.calibration.dcc_output import DccOutput, write_and_verify_dcc
 from replay.calibration.verify_bundle import verify_bundle
 from tests.recordings.dcc.certificates import (
@@ -115,7 +115,7 @@ def made(folder: Path) -> CalibrationOutcome:
 
 
 def test_masses_in_are_masses_out(tmp_path: Path) -> None:
-    campaign, _ = load_campaign(certified_campaign(tmp_path))
+    campaign, _ = load_campaign_and_machine(certified_campaign(tmp_path))
     assert {m.id: (m.value_kg, pytest.approx(m.u_kg)) for m in campaign.masses} == WEIGHTS
     first = campaign.masses[0]
     assert (first.certificate, first.certificate_issuer) == ("EXAMPLE-1", "Example Masses")
@@ -128,7 +128,7 @@ def test_weights_of_a_set_are_picked_from_a_list(tmp_path: Path) -> None:
     (tmp_path / "weights.xml").write_bytes(weight_set_xml())
     picked = '[{ dcc = "weights.xml#SN-weight-2", id = "weight-2" }, "weights.xml#weight-1"]'
     path.write_text(path.read_text().replace('"weights.xml"', picked))
-    campaign, _ = load_campaign(path)
+    campaign, _ = load_campaign_and_machine(path)
     assert [m.id for m in campaign.masses] == ["weight-2", "weight-1"]
     assert {m.id: (m.value_kg, pytest.approx(m.u_kg)) for m in campaign.masses} == WEIGHTS
 
@@ -136,10 +136,10 @@ def test_weights_of_a_set_are_picked_from_a_list(tmp_path: Path) -> None:
 def test_a_signature_by_another_key_is_said(tmp_path: Path) -> None:
     path = certified_campaign(tmp_path)
     path.write_text(path.read_text().replace('dcc_keys = ["masses.pub.pem"]\n', ""))
-    campaign, _ = load_campaign(path)
+    campaign, _ = load_campaign_and_machine(path)
     assert "signed by an unknown key" in campaign.untraceable_references_text[0]
     (tmp_path / "weights.xml").write_bytes(weights_xml())
-    campaign, _ = load_campaign(path)
+    campaign, _ = load_campaign_and_machine(path)
     assert (
         campaign.untraceable_references_text[0] == "the certificate of mass 'weight-1' is unsigned"
     )
@@ -167,7 +167,7 @@ def test_a_wrong_reference_to_a_certificate_is_refused(
     path = certified_campaign(tmp_path)
     path.write_text(path.read_text().replace('masses = "weights.xml"', block))
     with pytest.raises(CampaignError, match=words):
-        load_campaign(path)
+        load_campaign_and_machine(path)
 
 
 def test_a_forged_certificate_stops_the_campaign_in_one_line(

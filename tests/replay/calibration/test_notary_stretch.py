@@ -21,8 +21,8 @@ from recordings.notary.notary_list import (
 )
 from recordings.signatures.keyring import KnownKey, add_key_to_keyring, load_keyring
 from recordings.signatures.signing import SigningKey, read_public_key_file, read_signing_key_or_none
-from replay.calibration.calibrate_campaign import calibrate_from_campaign, load_notary_stretch
-from replay.calibration.campaign_file import load_campaign
+from replay.calibration.calibrate_campaign import calibrate_from_campaign, load_range_of_notary_list
+from replay.calibration.campaign_file import load_campaign_and_machine
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.notary.list_file import STATE_VARIABLE
 from replay.notary.notarise_folder import notarise_folder
@@ -137,7 +137,7 @@ def test_a_stretch_that_cannot_be_is_refused(
     campaign = folder / notarised.campaign.name
     campaign.write_text(campaign.read_text().replace(old, new))
     with pytest.raises(CampaignError, match=words):
-        load_notary_stretch(campaign, load_campaign(campaign)[0])
+        load_range_of_notary_list(campaign, load_campaign_and_machine(campaign)[0])
 
 
 def test_a_campaign_that_leaves_a_log_out_is_refused(notarised: Notarised, tmp_path: Path) -> None:

@@ -102,7 +102,9 @@ def test_with_its_logs_every_reading_is_replayed(made: Made, tmp_path: Path) -> 
 
     def verify_third() -> Verification:
         """It learnt no priors: half the replays."""
-        return verify_bundle(made.third, key_file=made.public, previous=made.bundle, logs=some)
+        return verify_bundle(
+            made.third, key_file=made.public, previous=made.bundle, log_folder=some
+        )
 
     found = verify_third()
     assert found.outcome is INCOMPLETE
@@ -131,7 +133,7 @@ def test_readings_that_the_logs_do_not_give_are_irreproducible(
 
     folder = tampered(tmp_path / "b", tmp_path / "c", honest_digest, signed=False)
     assert verify_bundle(folder).outcome is None
-    found = verify_bundle(folder, logs=made.campaign.parent)
+    found = verify_bundle(folder, log_folder=made.campaign.parent)
     assert IRREPRODUCIBLE in {each.outcome for each in found.findings}
     assert "run 'run-2', reading 1: the replay gives a different" in items(found)
     assert public.exists()
@@ -193,7 +195,7 @@ def test_priors_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_pat
     relearnt = TAMPERINGS["priors made narrow throughout"].tamper
     folder = tampered(made.bundle, tmp_path / "b", relearnt, signed=False)
     assert verify_bundle(folder).outcome is None
-    found = verify_bundle(folder, logs=made.campaign.parent)
+    found = verify_bundle(folder, log_folder=made.campaign.parent)
     assert IRREPRODUCIBLE in {each.outcome for each in found.findings}
     assert "learnt: load-0.csv, const: its replay gives different estimates" in items(found)
 

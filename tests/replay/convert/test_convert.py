@@ -21,7 +21,7 @@ from replay.convert.convert_log import convert_log
 from replay.convert.unfinished_folder import unfinished_folder
 from replay.logs import expand_log_folders
 from replay.logs.converted import DESCRIPTION
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.one_line import assert_one_line
 from tests.replay.logs.written_logs import Joints, write_bag, write_mcap
 from tests.replay.sledge import Payscope, one_line
@@ -110,7 +110,9 @@ def test_elements_and_times_are_as_the_log_gives_them(bag: Path, tmp_path: Path)
 def test_a_run_gives_the_same_answer(tmp_path: Path) -> None:
     short = Scenario()
     campaign = short.campaign.model_copy(update={"loads_kg": (50.0,), "runs": 2})
-    simulate_scenario(short.model_copy(update={"campaign": campaign}), tmp_path / "shift.bag")
+    simulate_scenario_to_logs(
+        short.model_copy(update={"campaign": campaign}), tmp_path / "shift.bag"
+    )
     folder = converted(tmp_path / "shift.bag", tmp_path / "shift", span_messages=2000)
     machine = load_machine("cat262c.toml")
     with open_log(tmp_path / "shift.bag") as log, open_log(folder) as back:

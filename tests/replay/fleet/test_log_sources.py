@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from estimators.errors import FleetError
 from replay.commands.fleet_progress import TimeLeft, format_time_left
-from replay.fleet.log_sources import list_fleet_logs
+from replay.fleet.log_sources import list_logs_of_sources
 from replay.fleet.object_store import ObjectStore
 from replay.logs import group_objects_by_log
 
@@ -20,7 +20,8 @@ def test_folders_globs_and_logs_are_each_log_once(tmp_path: Path) -> None:
     (tmp_path / "b/bag/data.mcap").write_bytes(b"y" * 5)
     sources = [str(tmp_path), f"{tmp_path}/**/*.mcap", str(tmp_path / "a/one.mcap")]
     found = {
-        Path(log.source).relative_to(tmp_path).as_posix(): log for log in list_fleet_logs(sources)
+        Path(log.source).relative_to(tmp_path).as_posix(): log
+        for log in list_logs_of_sources(sources)
     }
     assert set(found) == {"a/one.mcap", "a/two.bag", "b/three.mcap", "b/bag", "b/bag/data.mcap"}
     assert found["b/bag"].size_bytes == 12
@@ -31,7 +32,7 @@ def test_folders_globs_and_logs_are_each_log_once(tmp_path: Path) -> None:
 def test_a_source_without_a_log_is_said(source: str, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(FleetError, match="contains no log"):
-        list_fleet_logs([str(tmp_path / "empty" / source)])
+        list_logs_of_sources([str(tmp_path / "empty" / source)])
 
 
 def test_in_a_storage_without_folders_a_bag_is_a_file_or_a_directory_with_metadata() -> None:

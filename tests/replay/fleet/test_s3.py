@@ -8,7 +8,7 @@ import pytest
 from benchmarks.fleet_logs import SerialEngine
 from benchmarks.fleet_s3 import Server, checked
 from estimators.errors import PayscopeError
-from replay.fleet.log_sources import list_fleet_logs
+from replay.fleet.log_sources import list_logs_of_sources
 from replay.fleet.object_store import ObjectStore
 from tests.one_line import assert_one_line
 
@@ -45,10 +45,10 @@ def test_objects_are_listed_read_and_written_whole(tmp_path: Path) -> None:
             store.read("a/c.bin")
         # one object is a source as well
         ObjectStore("s3://parts").write("logs/x.csv", b"t\n")
-        (log,) = list_fleet_logs(["s3://parts/logs/x.csv"])
+        (log,) = list_logs_of_sources(["s3://parts/logs/x.csv"])
         assert (log.source, log.names) == ("s3://parts/logs/x.csv", ("logs/x.csv",))
         with pytest.raises(PayscopeError) as fault:
-            list_fleet_logs(["s3://parts/nothing"])
+            list_logs_of_sources(["s3://parts/nothing"])
         assert_one_line(fault.value)
     finally:
         server.stop()

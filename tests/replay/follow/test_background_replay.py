@@ -33,7 +33,7 @@ from replay.follow.report_file import (
     format_replay_markdown,
     iter_closed_load_lines,
 )
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.replay.follow.recorders import Recording, bag_recorder, csv_recorder, mcap_recorder
 from tests.replay.sledge import MACHINE, Payscope, sledge
 from tests.twins import mark_slow_after
@@ -59,7 +59,7 @@ RECORDERS: dict[str, Callable[[Path, Path], Iterator[None]]] = {
 def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("replayed")
     found = {
-        suffix: simulate_scenario(THREE_STARTS, folder / f"drive{suffix}")[0]
+        suffix: simulate_scenario_to_logs(THREE_STARTS, folder / f"drive{suffix}")[0]
         for suffix in (".bag", ".mcap")
     }
     found[".csv"] = folder / "drive.csv"

@@ -20,7 +20,7 @@ from replay.follow.follow_logs import Following, follow_logs
 from replay.inputs.channel_inputs import list_channel_fields
 from replay.logs import open_growing_log
 from replay.machines.machine_file import find_time_axis_of_machine
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.replay.follow.recorders import (
     Recording,
     bag_recorder,
@@ -68,7 +68,8 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("followed")
     suffixes = dict.fromkeys(suffix for suffix, _ in FORMATS.values())
     return {
-        suffix: simulate_scenario(TWO_STARTS, folder / f"drive{suffix}")[0] for suffix in suffixes
+        suffix: simulate_scenario_to_logs(TWO_STARTS, folder / f"drive{suffix}")[0]
+        for suffix in suffixes
     }
 
 

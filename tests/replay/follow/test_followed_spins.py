@@ -12,7 +12,7 @@ from replay import load_machine, open_log, run
 from replay.follow.agreement import FollowedDigests
 from replay.follow.follow_logs import Following, follow_logs
 from replay.follow.report_file import describe_finished_manoeuvre
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 #: Straight motion each way, spins and an arc: what every axis has to refuse is there.
 TURNING = Scenario.model_validate(
@@ -43,7 +43,9 @@ CAUSAL = [
 
 @pytest.fixture(scope="module")
 def turning(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return simulate_scenario(TURNING, tmp_path_factory.mktemp("turning") / "turning.mcap")[0]
+    return simulate_scenario_to_logs(TURNING, tmp_path_factory.mktemp("turning") / "turning.mcap")[
+        0
+    ]
 
 
 @pytest.fixture(scope="module")

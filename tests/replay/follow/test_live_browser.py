@@ -18,7 +18,7 @@ from mcap.writer import CompressionType
 from analysis.simulation import Scenario
 from recordings.report import colours
 from recordings.rrd.viewer_server import serve_viewer_to_browsers
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.replay.follow.recorders import mcap_recorder
 
 REPO = Path(__file__).resolve().parents[3]
@@ -32,7 +32,7 @@ LINE_RGB = np.array([int(colours.choose_line_colour(0)[k : k + 2], 16) for k in 
 @pytest.fixture
 def page(tmp_path: Path) -> Iterator[str]:
     """The page of a follower that waits for more."""
-    (source,) = simulate_scenario(TWO_STARTS, tmp_path / "source.mcap")
+    (source,) = simulate_scenario_to_logs(TWO_STARTS, tmp_path / "source.mcap")
     log = tmp_path / "drive.mcap"
     for _ in mcap_recorder(source, log, CompressionType.ZSTD):
         pass
