@@ -25,7 +25,7 @@ os.environ["RAY_DEDUP_LOGS"] = "0"
 from benchmarks.fleet_logs import SerialEngine, recordings, same_results, told
 from replay.fleet.log_sources import FleetLog, list_logs_of_sources
 from replay.fleet.machine_setups import load_fleet
-from replay.fleet.ray_engine import ray_engine
+from replay.fleet.ray_engine import start_ray_engine
 from replay.fleet.recording_task import TaskOutcome
 from replay.fleet.run_fleet import FleetRun, replay_logs_of_fleet
 
@@ -90,7 +90,7 @@ def on_cluster(logs: Path, fleet: Path, destination: Path, count: int) -> tuple[
             list_logs_of_sources([str(logs)]),
             load_fleet(fleet),
             str(destination),
-            partial(ray_engine, cluster.address, None),
+            partial(start_ray_engine, cluster.address, None),
             killer.done,
         )
     finally:

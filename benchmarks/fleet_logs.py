@@ -74,7 +74,7 @@ def same_results(a: Path, b: Path, apart: Sequence[str] = ()) -> tuple[int, list
             differ.append(f"other bytes: {name}")
     from replay.fleet.object_store import ObjectStore
 
-    names = FleetResults(ObjectStore(str(b))).names
+    names = FleetResults(ObjectStore(str(b))).result_names_by_machine
     return sum(map(len, names.values())), differ
 
 

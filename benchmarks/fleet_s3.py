@@ -25,7 +25,7 @@ from benchmarks.fleet_logs import SerialEngine, recordings, same_results, told
 from replay.fleet.gathered_tables import open_results_of_fleet, query_fleet_tables
 from replay.fleet.log_sources import FleetLog, list_logs_of_sources
 from replay.fleet.machine_setups import load_fleet
-from replay.fleet.ray_engine import ray_engine
+from replay.fleet.ray_engine import start_ray_engine
 from replay.fleet.recording_task import TaskOutcome
 from replay.fleet.run_fleet import replay_logs_of_fleet
 
@@ -162,7 +162,7 @@ def main() -> int:
     count: int = parser.parse_args().recordings
     with tempfile.TemporaryDirectory(prefix="payscope-fleet-") as name:
         began = time.perf_counter()
-        wrong = checked(Path(name), "benchmark", count, 8.0, partial(ray_engine, None, 2))
+        wrong = checked(Path(name), "benchmark", count, 8.0, partial(start_ray_engine, None, 2))
         told(f"{count} recordings in {time.perf_counter() - began:.0f} s, {len(wrong)} faults")
         for each in wrong[:10]:
             told(each)

@@ -24,7 +24,7 @@ from benchmarks.page import markdown, put
 from replay.fleet.last_run import TaskLimits
 from replay.fleet.log_sources import FleetLog, list_logs_of_sources
 from replay.fleet.machine_setups import load_fleet
-from replay.fleet.ray_engine import ray_engine
+from replay.fleet.ray_engine import start_ray_engine
 from replay.fleet.recording_task import TaskOutcome
 from replay.fleet.run_fleet import replay_logs_of_fleet
 
@@ -89,7 +89,7 @@ def watched(folder: Path, workers: int, run: int) -> Watched:
         list_logs_of_sources([str(folder / "logs")]),
         load_fleet(folder / "fleet.toml"),
         str(folder / f"results_{workers}_{run}"),
-        partial(ray_engine, None, workers),
+        partial(start_ray_engine, None, workers),
         found.done,
     )
     return found

@@ -70,7 +70,7 @@ def main(hours: float = 8.0, rate: float = 20.0) -> None:
             )
             for topic, samples in topics.items():
                 follower.take(topic, later(samples.filter(inside), lap * lap_ns))
-            digests.add(follower.rows())
+            digests.add_followed_rows(follower.rows())
             if second % 1800 == 0 and second:
                 rows.append(
                     [

@@ -97,8 +97,8 @@ def followed(folder: Path, seconds: float, speed: float, replay_share: float) ->
 
     def on_rows(following: Following, rows: list[FollowedRow]) -> None:
         if any(report.event == "manoeuvre" for row in rows for report in row.reports):
-            replays.request()
-        if (report := replays.poll()) and replays.process_id:
+            replays.request_replay_of_log_so_far()
+        if (report := replays.take_result_and_start_next()) and replays.process_id:
             replay_mb.append(resident_mb(replays.process_id))
             print(f"replayed up to {report.t_s:.0f} s, {report.processor_s:.1f} s of a processor")
         if rows:

@@ -124,7 +124,7 @@ def _print_calibration_evidence(
     )
     for row in calibration_outcome.points.iter_rows(named=True):
         numbers = ("mean_kg", "calibrated_kg", "error_kg", "error_left_out_kg")
-        table.digest_with_row(
+        table.add_row(
             row["run_id"],
             row["load_id"],
             format_kilograms_or_dash(row["reference_kg"]),

@@ -149,7 +149,7 @@ def _make_value_change_table(value_changes: Iterable["ValueChange"]) -> "Table":
     for column in table.columns[1:]:
         column.justify, column.overflow = "left", "fold"
     for change in list(value_changes)[: LIMITS.compared_rows]:
-        table.digest_with_row(
+        table.add_row(
             *(
                 escape(text)
                 for text in (
@@ -179,7 +179,7 @@ def _make_estimate_change_table(
     table = make_plain_table(row_heading, "", "A", "B", "change", "in std")
     table.columns[1].justify = "left"
     for each in list(estimate_changes)[: LIMITS.compared_rows]:
-        table.digest_with_row(
+        table.add_row(
             each.about,
             _UNITS.get(each.quantity, each.quantity),
             _format_estimate(each.a, each.a_std),
@@ -221,10 +221,10 @@ def _make_column_change_table(recording_comparison: "Comparison") -> "Table":
                 f"{counted(stage.rows_a, 'row')} in A, {stage.rows_b:,} in B, "
                 f"{stage.common:,} in both"
             )
-            table.digest_with_row(escape(about), rows)
+            table.add_row(escape(about), rows)
             about = ""
         if stage.order:
-            table.digest_with_row(escape(about), "the order of the columns")
+            table.add_row(escape(about), "the order of the columns")
             about = ""
         by_change = sorted(
             stage.columns,
@@ -232,12 +232,12 @@ def _make_column_change_table(recording_comparison: "Comparison") -> "Table":
             reverse=True,
         )
         for column in by_change[: LIMITS.compared_columns]:
-            table.digest_with_row(
+            table.add_row(
                 escape(about), escape(column.name), *_make_column_change_cells(column, stage.common)
             )
             about = ""
         if len(by_change) > LIMITS.compared_columns:
-            table.digest_with_row("", f"… and {len(by_change) - LIMITS.compared_columns} more")
+            table.add_row("", f"… and {len(by_change) - LIMITS.compared_columns} more")
     return table
 
 

@@ -59,9 +59,7 @@ def _print_conversion(conversion: "Conversion", console: "Console") -> None:
     for topic in conversion.to_dict()["topics"]:
         files = f"{topic['folder']}/*.parquet" if topic["folder"] else one_line(topic["fault"])
         size = f"{topic['size_bytes'] / 1e6:,.3f}"
-        table.digest_with_row(
-            escape(one_line(topic["topic"])), f"{topic['rows']:,}", size, escape(files)
-        )
+        table.add_row(escape(one_line(topic["topic"])), f"{topic['rows']:,}", size, escape(files))
     print_table_uncut(console, table)
     taken = (
         f", {conversion.resumed_spans} of {conversion.spans} spans already converted"

@@ -62,7 +62,7 @@ def _render_demo_results(demo_results: "DemoResults") -> "RenderableType":
             row["error_kg"],
             row["error_left_out_kg"],
         )
-        loads.digest_with_row(
+        loads.add_row(
             f"{row['load_kg']:.0f}", str(row["runs"]), *map(format_mass_kg_or_dash, numbers)
         )
     methods = make_plain_table(
@@ -74,7 +74,7 @@ def _render_demo_results(demo_results: "DemoResults") -> "RenderableType":
     for row in demo_results.errors.iter_rows(named=True):
         left_out = row["rmse_left_out_kg"]
         share = None if left_out is None else left_out / row["load_range_kg"]
-        methods.digest_with_row(
+        methods.add_row(
             row["method"],
             format_mass_kg_or_dash(row["rmse_kg"]),
             format_mass_kg_or_dash(left_out),

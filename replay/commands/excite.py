@@ -105,7 +105,7 @@ def _render_excitation_design(excitation_design: ExcitationDesign) -> Renderable
             for name, each in score.predictions.items()
             for value in (each.std, each.bias)
         ]
-        table.digest_with_row(
+        table.add_row(
             f"{score.waveform}, {score.ways}",
             *numbers,
             f"{score.relative_error:.2%}",

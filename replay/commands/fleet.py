@@ -379,7 +379,7 @@ def _print_fleet_comparison(
         "machine", "recordings", "t in A", "t in B", "change t", "loads A", "B"
     )
     for row in comparison.machines.iter_rows(named=True):
-        table.digest_with_row(row["machine"], f"{row['logs']:,}", *_make_mass_change_cells(row))
+        table.add_row(row["machine"], f"{row['logs']:,}", *_make_mass_change_cells(row))
     print_table_uncut(screen, table)
     listed = comparison.logs.head(max_recordings)
     changed = listed.filter(listed["change_kg"] != 0.0)
@@ -392,7 +392,7 @@ def _print_fleet_comparison(
     )
     for row in changed.iter_rows(named=True):
         opens = f"payscope fleet open {fleet_a} {row['key'][:12]}"
-        table.digest_with_row(row["machine"], row["day"], *_make_mass_change_cells(row), opens)
+        table.add_row(row["machine"], row["day"], *_make_mass_change_cells(row), opens)
     print_table_uncut(screen, table)
 
 

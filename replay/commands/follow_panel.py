@@ -215,7 +215,7 @@ def _make_method_table(following: Following) -> Table:
     for name, (_, estimate) in following.follower.newest.items():
         theta, std = estimate.theta, estimate.std
         cells = (theta[0], std[0], theta[1], std[1])
-        table.digest_with_row(METHODS[name].title, *(f"{value:,.1f}" for value in cells))
+        table.add_row(METHODS[name].title, *(f"{value:,.1f}" for value in cells))
     for column in table.columns[1:]:
         column.justify = "right"
     return table
@@ -224,7 +224,7 @@ def _make_method_table(following: Following) -> Table:
 def _make_manoeuvre_table(reports: list[OnlineReport]) -> Table:
     table = Table("manoeuvre", "until", "mass", box=None)
     for report in reports:
-        table.digest_with_row(
+        table.add_row(
             str(report.manoeuvres),
             format_utc_time(report.unix_ns),
             describe_mass_and_friction(report),

@@ -168,7 +168,7 @@ def _make_topic_table(log_info: "LogInfo") -> "Table":
     for title in ("messages", "from s", "to s", "Hz", "longest gap s"):
         table.add_column(title, justify="right", no_wrap=True)
     for row in log_info.topics.iter_rows(named=True):
-        table.digest_with_row(
+        table.add_row(
             escape(one_line(row["topic"])),
             escape(one_line(row["type"])),
             f"{row['messages']:,}",

@@ -36,9 +36,7 @@ def list_keys(
     table = make_plain_table("key", "owner", "valid from", "valid to", "revoked")
     for row in rows:
         days = (row["valid_from"], row["valid_to"], row["revoked"])
-        table.digest_with_row(
-            f"{row['key_id'][:12]}…", row["owner"], *(str(d or "–") for d in days)
-        )
+        table.add_row(f"{row['key_id'][:12]}…", row["owner"], *(str(d or "–") for d in days))
     print_table_uncut(screen, table)
     print_marked_line(screen, f"keyring: {keyring.path}")
 

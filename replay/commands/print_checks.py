@@ -25,7 +25,7 @@ def make_table_of_checks(checks: Sequence["Check"]) -> "Table":
         state = format_check_outcome(
             check, is_passed=passed, is_failed="[red]failed[/]", is_absent="n/a"
         )
-        table.digest_with_row(check.check, value, check.limit, state, check.meaning)
+        table.add_row(check.check, value, check.limit, state, check.meaning)
     return table
 
 

@@ -137,5 +137,5 @@ def _print_available_tables(named_tables: "NamedTables", *, as_json: bool) -> No
     shown.add_column("in a word", no_wrap=True)
     shown.add_column("columns", overflow="fold")
     for name, has in columns.items():
-        shown.digest_with_row(escape(name), named_tables.words.get(name, ""), escape(" ".join(has)))
+        shown.add_row(escape(name), named_tables.words.get(name, ""), escape(" ".join(has)))
     print_table_uncut(make_stdout_console(), shown)

@@ -231,7 +231,7 @@ def _print_masses_with_uncertainty(console: "Console", answer: "Answer", is_verb
         rows = make_load_table_rows(answer)
         shown = rows if is_verbose else rows[: LIMITS.answer_loads]
         for load in shown:
-            loads.digest_with_row(*load)
+            loads.add_row(*load)
         print_table_uncut(console, loads)
         for line in _iter_omitted_count_line(len(rows) - len(shown), "load", "loads"):
             print_marked_line(console, line)
@@ -327,7 +327,7 @@ def _print_uncertainty_budget(console: "Console", answer: "Answer") -> None:
         table.add_column("fraction of the variance")
         table.add_column("to reduce", overflow="fold")
         for row in rows:
-            table.digest_with_row(*row)
+            table.add_row(*row)
         print_table_uncut(console, table)
 
 
@@ -374,7 +374,7 @@ def _make_table_of_method_estimates(answer_row: "AnswerRow", verdict: "Verdict")
     shown = {title: names for title, names in columns.items() if names[0] in answer_row.quantities}
     table = make_plain_table("method", *shown)
     for method in answer_row.methods:
-        table.digest_with_row(
+        table.add_row(
             method,
             *(_format_method_estimate(answer_row, method, *names) for names in shown.values()),
         )

@@ -86,7 +86,7 @@ def _print_list_of_frames(recording: Path, *, as_json: bool) -> None:
     table.add_column("columns", overflow="fold")
     for name, columns in held.items():
         # effort[left] is no markup
-        table.digest_with_row(escape(name), escape(" ".join(columns)))
+        table.add_row(escape(name), escape(" ".join(columns)))
     screen = make_stdout_console()
     print_table_uncut(screen, table)
     provenance = read_provenance(recording)

@@ -289,7 +289,7 @@ def make_table_of_combinations_by_method(
         # the last is words
         table.columns[-1].justify = "left"
     for row in sweep_rows:
-        table.digest_with_row(
+        table.add_row(
             *row.over.values(), *(format_cell(row, method) for method in methods), *extra_cells(row)
         )
     return table
@@ -307,7 +307,7 @@ def make_calibrated_mass_table(sweep_rows: Sequence[SweepRow]) -> Table:
         mass, low, high, reason = make_calibrated_mass_fields(row).values()
         numbers = (value if isinstance(value, float) else None for value in (mass, low, high))
         why = reason if reason is not None else "several loads: --json has each"
-        table.digest_with_row(*row.over.values(), *map(format_mass_kg_or_dash, numbers), str(why))
+        table.add_row(*row.over.values(), *map(format_mass_kg_or_dash, numbers), str(why))
     return table
 
 

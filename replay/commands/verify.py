@@ -96,11 +96,11 @@ def command(
         else partial(verify_bundle, first, previous=previous)
     )
     found = check(
-        logs=logs,
+        log_folder=logs,
         key_file=key,
-        signed=require_signed,
-        on=None if on is None else on.date(),
-        tsa=tsa,
+        is_signature_required=require_signed,
+        verification_day=None if on is None else on.date(),
+        authority_certificates=tsa,
     )
     if as_json:
         print_value_as_json(found.to_dict())

@@ -121,7 +121,7 @@ def make_setups_of_machine(
                 f"with {by.signed_by.add_key_command}"
             )
         try:
-            weighing = by.require_calibrated_machine(by.weighing_machine(machine), files.file)
+            weighing = by.require_calibrated_machine(by.make_weighing_machine(machine), files.file)
         except EvidenceError:
             if not is_unfit_evidence_skipped:
                 raise

@@ -168,10 +168,8 @@ class LogStream:
             return frame.to_arrow(compat_level=pl.CompatLevel.oldest())
 
         schema = to_plain_arrow(self.schema.to_frame()).schema
-        batches = (
-            batch for frame in self for batch in to_plain_arrow(frame).iter_blocks_of_frame()
-        )
-        reader: Any = pa.RecordBatchReader.rebuild_frame_from_blocks(schema, batches)
+        batches = (batch for frame in self for batch in to_plain_arrow(frame).to_batches())
+        reader: Any = pa.RecordBatchReader.from_batches(schema, batches)
         return reader.__arrow_c_stream__(requested_schema)
 
 

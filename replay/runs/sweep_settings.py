@@ -81,9 +81,9 @@ def sweep_setting_combinations(
 
         by = load_and_verify_calibration(calibration)
         by.require_calibrated_machine(
-            by.weighing_machine(load_machine(machine_file, overrides)), machine_file
+            by.make_weighing_machine(load_machine(machine_file, overrides)), machine_file
         )
-        machines = [by.weighing_machine(machine) for machine in machines]
+        machines = [by.make_weighing_machine(machine) for machine in machines]
     truth = read_true_trials_of_logs(logs) if have_logs_truth_of_trials(logs) else None
     rows: list[SweepRow] = []
     with ExitStack() as stack:

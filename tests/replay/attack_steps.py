@@ -122,7 +122,7 @@ def twin_signature(held: dict[str, Any]) -> None:
 def weak_key_forgery(bundle: Bundle) -> None:
     """With the identity as key, R = identity and S = 0 sign anything."""
     weak = PublicKey((1).to_bytes(32, "little"))
-    bundle.evidence["signer"] |= {"key_id": weak.key_id, "public_key": weak.text}
+    bundle.evidence["signer"] |= {"key_id": weak.key_id, "public_key": weak.base64_text}
 
     def sign(folder: Path) -> None:
         held = json.loads((folder / STATEMENT).read_bytes())
@@ -175,7 +175,9 @@ def signed_under_other_type(made: Made, scratch: Path) -> Asked:
     assert key is not None
     folder = Path(shutil.copytree(made.bundle, scratch / "b"))
     held = json.loads((folder / STATEMENT).read_bytes())
-    other = key.sign(encode_payload_for_signature("text/plain", base64.b64decode(held["payload"])))
+    other = key.sign_message(
+        encode_payload_for_signature("text/plain", base64.b64decode(held["payload"]))
+    )
     held["signatures"][0]["sig"] = base64.b64encode(other).decode()
     assert held["payloadType"] == PAYLOAD_TYPE
     (folder / STATEMENT).write_bytes(encode_canonical_json(held))

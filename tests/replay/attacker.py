@@ -149,7 +149,10 @@ def sign_with_own_key(bundle: Bundle) -> None:
 
 def sign_with(bundle: Bundle, key: SigningKey) -> None:
     """Sign, by whoever holds the key: it may be the signer's own."""
-    bundle.evidence["signer"] |= {"key_id": key.public.key_id, "public_key": key.public.text}
+    bundle.evidence["signer"] |= {
+        "key_id": key.public_key.key_id,
+        "public_key": key.public_key.text,
+    }
 
     def sign(folder: Path) -> None:
         held = json.loads((folder / STATEMENT).read_bytes())

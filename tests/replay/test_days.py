@@ -269,7 +269,7 @@ def test_a_stolen_key_is_worth_nothing_after_its_revocation_but_a_stamp_saves_wh
 ) -> None:
     monkeypatch.setenv("PAYSCOPE_KEYRING", str(tmp_path / "keys.toml"))
     tomorrow = dt.datetime.now(dt.UTC).date() + dt.timedelta(days=1)
-    key = read_public_key_file(made.public).text
+    key = read_public_key_file(made.public).base64_text
     add_key_to_keyring(load_keyring(), KnownKey(key=key, owner="Test lab", revoked=tomorrow))
     assert verify_bundle(bundle).outcome is BundleOutcome.TAMPERED
     proven = verify_bundle(bundle, authority_certificates=authority / "ca.pem")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recordings.calibration.bundle_checks import check_dcc_signature, read_and_check_bundle_files
+from recordings.calibration.bundle_checks import check_bundle_signature, read_and_check_bundle_files
 from recordings.calibration.bundle_folder import (
     EVIDENCE,
     POINTS,
@@ -77,7 +77,7 @@ def test_a_flip_of_any_byte_of_any_file_is_found(made: Made, tmp_path: Path) -> 
                 held = read_and_check_bundle_files(folder, checked)
                 if name in UNLISTED:
                     digests = {n: each.sha256 for n, each in held.items() if n not in UNLISTED}
-                    check_dcc_signature(checked, held, digests, document, key, Keyring(Path()))
+                    check_bundle_signature(checked, held, digests, document, key, Keyring(Path()))
             assert find_most_severe_outcome(checked.findings) is TAMPERED, (name, place)
             flips += 1
     assert flips == sum((folder / name).stat().st_size for name in names)

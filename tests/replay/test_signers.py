@@ -64,7 +64,7 @@ def invented(made: Made, tmp_path: Path) -> Path:
 
 
 def known(made: Made, **more: object) -> KnownKey:
-    key = read_public_key_file(made.public).text
+    key = read_public_key_file(made.public).base64_text
     return KnownKey.model_validate({"key": key, "owner": "Test lab", **more})
 
 
@@ -79,7 +79,7 @@ def test_an_invented_name_is_never_printed_as_that_of_the_signer(
     )
     assert (
         load_and_verify_calibration(CalibrationRequest(invented))
-        .describe("")
+        .describe_calibration_in_sentence("")
         .count("an unknown key")
         == 1
     )
@@ -99,8 +99,8 @@ def test_a_required_signature_is_one_by_a_known_key(
     assert "a signature by a known key is required" in said.out
     add_key_to_keyring(load_keyring(), known(made))
     held = load_and_verify_calibration(CalibrationRequest(made.bundle, signed=True))
-    assert "signed by Test lab, key" in held.describe("")
-    assert "that calls itself 'T. Signer'" in held.describe("")
+    assert "signed by Test lab, key" in held.describe_calibration_in_sentence("")
+    assert "that calls itself 'T. Signer'" in held.describe_calibration_in_sentence("")
     assert verify_bundle(made.bundle, is_signature_required=True).outcome is None
     assert verify_bundle(invented, is_signature_required=True).outcome is BundleOutcome.INCOMPLETE
     assert keyring.stat().st_mode & 0o077 == 0
@@ -281,8 +281,8 @@ def test_a_key_that_anyone_can_sign_for_is_refused(
 ) -> None:
     raw = (SMALL_ORDER[name] | sign).to_bytes(32, "little")
     with pytest.raises(EvidenceError, match="weak key"):
-        PublicKey.from_base64_text(PublicKey(raw).text)
-    one_line(payscope("keys", "add", PublicKey(raw).text, "--owner", "x"), "weak key")
+        PublicKey.from_base64_text(PublicKey(raw).base64_text)
+    one_line(payscope("keys", "add", PublicKey(raw).base64_text, "--owner", "x"), "weak key")
     header = bytes.fromhex("302a300506032b6570032100")
     pem = tmp_path / "key.pub.pem"
     body = base64.b64encode(header + raw).decode()
@@ -315,7 +315,7 @@ def test_evidence_that_names_a_weak_key_is_tampered(made: Made, tmp_path: Path) 
     weak = PublicKey((1).to_bytes(32, "little"))
 
     def forge(bundle: Bundle) -> None:
-        bundle.evidence["signer"] |= {"key_id": weak.key_id, "public_key": weak.text}
+        bundle.evidence["signer"] |= {"key_id": weak.key_id, "public_key": weak.base64_text}
 
         def sign(folder: Path) -> None:
             held = json.loads((folder / "statement.dsse.json").read_bytes())

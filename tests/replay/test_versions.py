@@ -174,12 +174,12 @@ def test_an_absent_setting_takes_the_default_that_it_came_with(
     monkeypatch.setattr(evidence_document, "load_released_defaults", lambda: released)
     held = load_and_verify_calibration(CalibrationRequest(folder))
     assert held.document.machine.settings.priors.sag_weight_share == 0.05 != today.sag_weight_share
-    assert held.document.json_bytes == (folder / EVIDENCE).read_bytes()
+    assert held.document.canonical_json_bytes == (folder / EVIDENCE).read_bytes()
     assert any("priors.sag_weight_share = 0.05" in note for note in verify_bundle(folder).notes)
     # and who weighs with today's is told
     machine = load_machine(made.campaign.with_name("sledge.toml"))
     assert "settings.priors.sag_weight_share = 0.05 there" in held.list_differing_settings_as_text(
-        held.weighing_machine(machine)
+        held.make_weighing_machine(machine)
     )
 
 

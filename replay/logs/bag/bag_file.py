@@ -53,9 +53,9 @@ class BagFile(BlockFile):
 
     def _open(self) -> tuple[Connection, ...]:
         path = self._file.path
-        head = self._file.read_bytes_bytes(0, len(MAGIC + VERSION))
+        head = self._file.read_bytes(0, len(MAGIC + VERSION))
         if not head.startswith(MAGIC):
-            begin = self._file.read_bytes_bytes(0, KIND_BYTES)
+            begin = self._file.read_bytes(0, KIND_BYTES)
             why = describe_file_of_other_format(begin, "it does not start with '#ROSBAG V2.0'")
             raise LogError(f"{path}: not a ROS 1 bag; {why}")
         if not head.endswith(VERSION):
@@ -118,7 +118,7 @@ class BagFile(BlockFile):
             if times is None:
                 unknown.append(block)
             else:
-                self._store.add_block_with_times_block_with_times(block, times)
+                self._store.add_block_with_times(block, times)
         if unknown:
             self._store.add_unindexed_blocks(unknown)
 

@@ -116,7 +116,7 @@ class ArrowColumns(ParquetColumns):
             options = pa.ipc.IpcReadOptions(included_fields=[place])
             one = pa.ipc.open_file(source, options=options)
             batches = [one.get_batch(k) for k in range(self._batches)]
-            return pa.Table.rebuild_frame_from_blocks(batches, schema=one.schema)[name]
+            return pa.Table.from_batches(batches, schema=one.schema)[name]
 
 
 def _decode_metadata_texts(metadata: Mapping[bytes, bytes]) -> dict[str, str]:

@@ -154,7 +154,7 @@ def _methods_of(panel: Panel) -> set[str]:
 @pytest.mark.parametrize("tab", TABS, ids=lambda tab: tab.name)
 def test_no_view_draws_two_methods_over_each_other(drives, tab: Tab) -> None:
     run = drives(60.0)
-    rows = Page(tab.name, make_panels_of_tab(tab, run, make_display_frames(run))).rows
+    rows = Page(tab.name, make_panels_of_tab(tab, run, make_display_frames(run))).panel_rows
     assert all(len(_methods_of(panel)) <= 1 for row in rows for panel in row)
     if tab.methods is MethodLayout.ROWS:
         assert [_methods_of(row[0]) for row in rows] == [{method} for method in METHODS]

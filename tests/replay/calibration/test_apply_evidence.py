@@ -18,7 +18,7 @@ from recordings.signatures.canonical_json import encode_canonical_json
 from replay.calibration.apply_evidence import CalibrationRequest, load_and_verify_calibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.campaign_runs import replay_campaign_logs
-from replay.calibration.check_mass import KnownMassOnBoard, check_mass
+from replay.calibration.check_mass import KnownMassOnBoard, write_evidence_of_mass_check
 from replay.calibration.verify_bundle import verify_bundle
 from replay.machines.machine_file import load_machine
 from tests.replay.attacker import Bundle, key_files, tampered
@@ -159,7 +159,7 @@ def test_what_is_no_calibration_calibrates_nothing(
     folder: Path, made: CalibrationOutcome, tmp_path: Path
 ) -> None:
     check = tmp_path / "check"
-    check_mass(
+    write_evidence_of_mass_check(
         folder / "load-2.csv",
         KnownMassOnBoard(40.0, 0.1, "", "2026-05-09"),
         check,
@@ -199,7 +199,7 @@ def test_the_machine_that_is_weighed_is_that_of_the_evidence(
     folder: Path, made: CalibrationOutcome
 ) -> None:
     held = load_and_verify_calibration(CalibrationRequest(made.folder))
-    weighing = held.weighing_machine(load_machine(folder / "sledge.toml"))
+    weighing = held.make_weighing_machine(load_machine(folder / "sledge.toml"))
     machine = held.require_calibrated_machine(weighing, "sledge.toml")
     # but that a later log of several loads tells what the means have wrong
     assert machine == prepare_machine_for_later_log(made.document.weighing_machine)
@@ -224,7 +224,7 @@ def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
     assert not verify_bundle(first).findings
     held = load_and_verify_calibration(CalibrationRequest(first))
     assert held.calibration.responses == ()
-    machine = held.weighing_machine(load_machine(made.folder.parent / "sledge.toml"))
+    machine = held.make_weighing_machine(load_machine(made.folder.parent / "sledge.toml"))
     assert machine.settings.priors.learnt_means == "fixed"
 
 
@@ -246,7 +246,7 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
     held = load_and_verify_calibration(CalibrationRequest(earlier))
     assert (
         held.list_differing_settings_as_text(
-            held.weighing_machine(load_machine(made.folder.parent / "sledge.toml"))
+            held.make_weighing_machine(load_machine(made.folder.parent / "sledge.toml"))
         )
         == ""
     )

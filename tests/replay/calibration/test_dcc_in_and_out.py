@@ -211,7 +211,7 @@ def test_the_evidence_verifies_and_its_page_says_what_a_certificate_says(
     made: CalibrationOutcome,
 ) -> None:
     assert verify_bundle(made.folder).signed_by.how == "unsigned"
-    assert not verify_bundle(made.folder).checked.faults
+    assert not verify_bundle(made.folder).checked.evidence_faults
     page = (made.folder / "report.html").read_text()
     for words in (
         "Example Laboratory &lt;&amp;&gt;, Example Street 1",
@@ -330,7 +330,7 @@ def test_a_key_that_signs_no_xml_is_refused(
 
 
 def test_the_report_says_loudly_what_is_not_traceable(made: CalibrationOutcome) -> None:
-    values = json.loads(made.document.json_bytes)
+    values = json.loads(made.document.canonical_json_bytes)
     values["campaign"]["masses"][0]["u_kg"] = 0.0
     values["campaign"]["machine"]["make"] = ""
     changed = type(made.document).model_validate_json(json.dumps(values))

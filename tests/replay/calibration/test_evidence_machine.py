@@ -17,7 +17,7 @@ from recordings import read_provenance
 from recordings.calibration.check_outcomes import BundleOutcome
 from replay.calibration.apply_evidence import CalibrationRequest, load_and_verify_calibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
-from replay.calibration.check_mass import KnownMassOnBoard, check_mass
+from replay.calibration.check_mass import KnownMassOnBoard, write_evidence_of_mass_check
 from replay.calibration.verify_bundle import verify_bundle
 from replay.fleet.log_sources import list_logs_of_sources
 from replay.fleet.machine_setups import NamedFiles, load_fleet, make_setups_of_machine
@@ -116,7 +116,7 @@ def test_a_sisters_log_is_refused_by_run_sweep_review_and_check(
 
 def check_log(log: Path, tmp_path: Path, previous: Path) -> None:
     try:
-        check_mass(
+        write_evidence_of_mass_check(
             log, KnownMassOnBoard(20.0, 0.1, "", None), tmp_path / "check", previous=previous
         )
     except LogError as error:
@@ -168,7 +168,9 @@ def test_a_sisters_machine_file_is_refused_though_all_else_is_the_same(
     # and by its serial number a machine is known under another name
     file.write_text(text.replace('name = "sledge"', f'name = "the red one"\nid = "{OWN}"'))
     held = load_and_verify_calibration(CalibrationRequest(made.folder))
-    assert held.list_differing_settings_as_text(held.weighing_machine(load_machine(file))) == ""
+    assert (
+        held.list_differing_settings_as_text(held.make_weighing_machine(load_machine(file))) == ""
+    )
 
 
 def test_a_log_that_does_not_name_its_machine_says_so_beside_the_mass(
@@ -237,7 +239,7 @@ def test_what_touches_no_mass_is_no_difference(folder: Path, made: CalibrationOu
             "settings.planar.threshold_std_com_m=0.01",
         ),
     )
-    assert held.list_differing_settings_as_text(held.weighing_machine(other)) == ""
+    assert held.list_differing_settings_as_text(held.make_weighing_machine(other)) == ""
     with open_log(folder / "load-2.csv") as log:
         frames = [run(log, machine).frames for machine in (plain, other)]
     for name in ("loads", "manoeuvres", "verdict"):

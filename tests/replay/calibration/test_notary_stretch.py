@@ -101,7 +101,7 @@ def test_a_required_signature_asks_for_a_known_recorder_as_well(notarised: Notar
     found = notarised.verify(notarised.bundle, signed=True)
     assert found.outcome is INCOMPLETE
     assert "notary.jsonl: is signed by an unknown key" in items(found)
-    key = read_public_key_file(notarised.recorder_public).text
+    key = read_public_key_file(notarised.recorder_public).base64_text
     add_key_to_keyring(load_keyring(), KnownKey(key=key, owner="Recorder 7"))
     found = notarised.verify(notarised.bundle, signed=True)
     assert not found.findings
@@ -110,7 +110,7 @@ def test_a_required_signature_asks_for_a_known_recorder_as_well(notarised: Notar
 
 def test_the_list_of_a_revoked_recorder_counts_for_nothing(notarised: Notarised) -> None:
     key = KnownKey(
-        key=read_public_key_file(notarised.recorder_public).text,
+        key=read_public_key_file(notarised.recorder_public).base64_text,
         owner="Recorder 7",
         revoked=dt.date(2026, 6, 1),
     )
@@ -268,10 +268,12 @@ def relisted(key: SigningKey, **values: Any) -> Callable[[bytes], bytes]:
     def change(data: bytes) -> bytes:
         head, *rest = (parse_untrusted_line(line, "line") for line in data.splitlines())
         made = [
-            make_signed_line(head.content.model_copy(update={"public_key": key.public.text}), key)
+            make_signed_line(
+                head.content.model_copy(update={"public_key": key.public_key.text}), key
+            )
         ]
         for line in rest:
-            more = {"head": made[0].digest, "previous": made[-1].digest, **values}
+            more = {"head": made[0].line_sha256, "previous": made[-1].line_sha256, **values}
             content = line.content.model_dump(mode="json") | more
             made.append(make_signed_line(NotaryEntry.model_validate(content), key))
         return encode_notary_lines(made)
@@ -284,7 +286,9 @@ def test_a_list_by_a_key_of_ones_own_is_no_recorders(notarised: Notarised, tmp_p
     assert own is not None
     add_key_to_keyring(
         load_keyring(),
-        KnownKey(key=read_public_key_file(notarised.recorder_public).text, owner="Recorder 7"),
+        KnownKey(
+            key=read_public_key_file(notarised.recorder_public).base64_text, owner="Recorder 7"
+        ),
     )
     forged = resigned(notarised, tmp_path, of_bytes(relisted(own)))
     found = notarised.verify(forged, signed=True)

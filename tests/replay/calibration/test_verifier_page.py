@@ -270,7 +270,7 @@ def test_another_key_a_weak_key_and_a_private_key_are_refused(
         ),
     ):
         pasted = tmp_path / "weak"
-        pasted.write_text(PublicKey(weak).text)
+        pasted.write_text(PublicKey(weak).base64_text)
         assert why in verifier.check(made.bundle, pasted).verdict
     assert "private key" in verifier.check(made.bundle, made.private).verdict
 

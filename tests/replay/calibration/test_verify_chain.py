@@ -12,7 +12,7 @@ from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.signatures.signing import read_signing_key_or_none
 from replay.calibration.calibrate_campaign import read_and_verify_previous_evidence
 from replay.calibration.verify_bundle import verify_bundle
-from replay.calibration.verify_chain import VerifiedChain, verify_chain
+from replay.calibration.verify_chain import VerifiedChain, verify_bundles_and_chains
 from tests.replay.attacker import Bundle, sign_with, sign_with_own_key, tampered
 from tests.replay.made_evidence import Made, items
 from tests.replay.sledge import Payscope
@@ -23,7 +23,7 @@ TAMPERED, INCOMPLETE = BundleOutcome.TAMPERED, BundleOutcome.INCOMPLETE
 
 
 def chain(made: Made, *folders: Path) -> VerifiedChain:
-    return verify_chain(folders, key_file=made.public)
+    return verify_bundles_and_chains(folders, key_file=made.public)
 
 
 def said(found: VerifiedChain) -> str:

@@ -80,11 +80,15 @@ def test_calibrations_in_use_are_kept_for_the_report(folder: Path, tmp_path: Pat
     assert (kept.machine, kept.method) == ("sledge", "joint_mass")
     assert page.changes == []
     # of a log without a date no calibration holds
-    used = dict(results.results.select("day", "calibration").iter_rows())
+    used = dict(results.selected_results.select("day", "calibration").iter_rows())
     assert used == {"undated": "", "2026-05-20": kept.id}
-    loads = results.scan("loads").filter(pl.col("day") == "2026-05-20").collect()
+    loads = (
+        results.scan_rows_of_selected_results("loads")
+        .filter(pl.col("day") == "2026-05-20")
+        .collect()
+    )
     assert (loads["calibrated_kg"].is_not_null() | (loads["calibrated_reason"] != "")).all()
-    assert results.scan("loads").collect()["calibrated_kg"].count() > 0
+    assert results.scan_rows_of_selected_results("loads").collect()["calibrated_kg"].count() > 0
 
 
 def test_evidence_of_other_settings_is_a_fault_of_its_logs_and_left_out_of_a_what_if(

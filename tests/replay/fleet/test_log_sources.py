@@ -47,7 +47,7 @@ def test_in_a_storage_without_folders_a_bag_is_a_file_or_a_directory_with_metada
 
 def test_what_is_being_written_to_a_folder_is_not_among_its_objects(tmp_path: Path) -> None:
     store = ObjectStore(str(tmp_path))
-    store.write("a/b=1/whole.parquet", b"1")
+    store.write_object("a/b=1/whole.parquet", b"1")
     # as a writer that was killed leaves it
     (tmp_path / "a/b=1/torn.parquet#1").write_bytes(b"")
     assert store.list_names("a") == ["a/b=1/whole.parquet"]
@@ -58,7 +58,7 @@ def test_nothing_is_said_of_the_time_left_before_some_are_done() -> None:
     left = TimeLeft([1000] * 10)
     for _ in range(4):
         left.add_finished_recording(1000, 1.0)
-    assert left.interval_s(1) is None
+    assert left.estimate_time_left_interval_s(1) is None
     assert format_time_left(None) == ""
 
 
@@ -74,7 +74,7 @@ def test_where_seconds_go_with_size_the_time_left_is_exact(
     for size in sizes[:6]:
         left.add_finished_recording(size, rate * (size + 2_000_000) / 1e6)
     rest = sum(rate * (size + 2_000_000) / 1e6 for size in sizes[6:]) / slots
-    low, high = left.interval_s(slots) or (0.0, 0.0)
+    low, high = left.estimate_time_left_interval_s(slots) or (0.0, 0.0)
     assert low == pytest.approx(rest, rel=1e-3)
     assert high == pytest.approx(rest, rel=1e-3)
 
@@ -83,7 +83,7 @@ def test_what_scatters_has_an_interval_in_a_unit_that_suits_it() -> None:
     left = TimeLeft([1000] * 1000)
     for n in range(10):
         left.add_finished_recording(1000, 5.0 + 5.0 * (n % 2))
-    low, high = left.interval_s(2) or (0.0, 0.0)
+    low, high = left.estimate_time_left_interval_s(2) or (0.0, 0.0)
     assert low < 990 * 7.5 / 2 < high
     assert format_time_left((low, high)).endswith(" min left")
     assert format_time_left((20.0, 30.0)) == "20 to 30 s left"

@@ -72,7 +72,7 @@ def test_a_log_that_is_there_twice_has_one_result(
     for name in ("one.mcap", "two.mcap"):
         shutil.copy(log, home / name)
     run_in(tmp_path / "results", tmp_path / "logs")
-    assert open_results_of_fleet(str(tmp_path / "results")).results.height == 1
+    assert open_results_of_fleet(str(tmp_path / "results")).selected_results.height == 1
 
 
 def test_a_result_whose_writing_breaks_off_was_never_there(
@@ -80,7 +80,7 @@ def test_a_result_whose_writing_breaks_off_was_never_there(
 ) -> None:
     """At whichever of its objects: the next run makes it, and gives the same bytes."""
     log = fleet_folder / "logs/unit-01/log_00000.mcap"
-    write = ObjectStore.write
+    write = ObjectStore.write_object
     for last in range(len(TABLES)):
         destination = tmp_path / f"results_{last}"
         written = 0
@@ -123,7 +123,7 @@ def test_a_log_that_is_none_is_refused_and_costs_nobody_else(
     )
     assert again.refused == did.refused
     found = open_results_of_fleet(str(tmp_path / "results"))
-    assert found.results["status"].to_list().count("refused") == 1
+    assert found.selected_results["status"].to_list().count("refused") == 1
     assert json.loads((tmp_path / "results/failed.json").read_text()) == did.failed
 
 
@@ -161,12 +161,20 @@ def test_other_settings_are_other_results_and_those_of_the_last_run_count(
     did = run_in(results, logs, fleet, "settings.gate.threshold_nat=0.9")
     assert did.replayed == 2
     found = open_results_of_fleet(str(results))
-    assert found.results.height == 6
-    assert found.scan("loads").select(pl.col("key").n_unique()).collect().item() == 6
+    assert found.selected_results.height == 6
+    assert (
+        found.scan_rows_of_selected_results("loads")
+        .select(pl.col("key").n_unique())
+        .collect()
+        .item()
+        == 6
+    )
     assert found.scan_rows_of_all_settings("results").collect().height == 8
     # back again: nothing to make, and the first ones count
     assert run_in(results).up_to_date == 6
-    assert set(open_results_of_fleet(str(results)).results["basis"]) != set(found.results["basis"])
+    assert set(open_results_of_fleet(str(results)).selected_results["basis"]) != set(
+        found.selected_results["basis"]
+    )
 
 
 def test_a_node_with_other_software_replays_nothing(
@@ -195,7 +203,9 @@ def test_recordings_are_kept_on_request_also_of_results_that_are_there(
 
     key = recording.stem
     row = (
-        open_results_of_fleet(str(results)).results.filter(pl.col("key") == key).row(0, named=True)
+        open_results_of_fleet(str(results))
+        .selected_results.filter(pl.col("key") == key)
+        .row(0, named=True)
     )
     made = read_recording(recording)
     assert made.provenance.fingerprint is not None
@@ -204,14 +214,19 @@ def test_recordings_are_kept_on_request_also_of_results_that_are_there(
 
 
 def test_what_is_gathered_is_made_anew_where_it_is_missing_or_old(results: Path) -> None:
-    first = open_results_of_fleet(str(results)).scan("loads").collect()
+    first = open_results_of_fleet(str(results)).scan_rows_of_selected_results("loads").collect()
     shutil.rmtree(results / "gathered")
-    assert open_results_of_fleet(str(results)).scan("loads").collect().equals(first)
+    assert (
+        open_results_of_fleet(str(results))
+        .scan_rows_of_selected_results("loads")
+        .collect()
+        .equals(first)
+    )
     gone = next((results / "results/machine=unit-01").rglob("*.parquet"))
     gone.unlink()
     found = open_results_of_fleet(str(results))
-    assert found.results.height == 5
-    assert gone.stem not in set(found.scan("loads").collect()["key"])
+    assert found.selected_results.height == 5
+    assert gone.stem not in set(found.scan_rows_of_selected_results("loads").collect()["key"])
 
 
 def test_results_with_former_names_of_checks_have_the_present_ones(results: Path) -> None:
@@ -223,8 +238,12 @@ def test_results_with_former_names_of_checks_have_the_present_ones(results: Path
     shutil.rmtree(results / "gathered", ignore_errors=True)
     for _ in ("gathered now", "gathered before"):
         found = open_results_of_fleet(str(results))
-        (checks,) = found.results.filter(pl.col("key") == path.stem)["failed_checks"]
+        (checks,) = found.selected_results.filter(pl.col("key") == path.stem)["failed_checks"]
         assert checks == "r_squared, force_delay_s, coulomb_friction"
-        concerns = rank_concerns(found.results, found.scan("cycles"), found.scan("findings"))
+        concerns = rank_concerns(
+            found.selected_results,
+            found.scan_rows_of_selected_results("cycles"),
+            found.scan_rows_of_selected_results("findings"),
+        )
         why = concerns.filter(pl.col("key") == path.stem)["why"][0]
         assert f"cannot weigh: {checks}" in why

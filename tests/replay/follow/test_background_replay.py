@@ -249,8 +249,8 @@ def test_without_a_share_there_is_no_replay(logs: dict[str, Path]) -> None:
     with BackgroundReplays(
         [logs[".mcap"]], load_machine("cat262c.toml"), told.append, share=0.0
     ) as replays:
-        replays.request()
-        assert replays.poll() is None
+        replays.request_replay_of_log_so_far()
+        assert replays.take_result_and_start_next() is None
         assert replays.process_id is None
         assert replays.wait_for_replay_of_whole_log(lambda: None) is None
     assert not told
@@ -269,8 +269,8 @@ def test_replays_keep_to_their_share_of_one_core(logs: dict[str, Path], tmp_path
         while len(took) < 4:
             size += 2_000
             target.write_bytes(data[:size])
-            each.request()
-            if report := each.poll():
+            each.request_replay_of_log_so_far()
+            if report := each.take_result_and_start_next():
                 took.append(report.processor_s)
                 assert sum(took[:-1]) <= share * (time.monotonic() - began)
             time.sleep(0.02)
@@ -283,11 +283,11 @@ def test_a_killed_process_is_said_in_a_line_and_the_last_replay_is_the_same(
     told: list[str] = []
     report: ReplayReport | None = None
     with BackgroundReplays([logs[".bag"]], load_machine("cat262c.toml"), told.append) as replays:
-        replays.request()
-        assert replays.poll() is None
+        replays.request_replay_of_log_so_far()
+        assert replays.take_result_and_start_next() is None
         assert replays.process_id is not None
         os.kill(replays.process_id, signal.SIGKILL)
-        wait_until(lambda: replays.poll() or told)
+        wait_until(lambda: replays.take_result_and_start_next() or told)
         assert len(told) == 1
         assert "signal 9" in told[0]
         assert "following goes on" in told[0]
@@ -332,8 +332,8 @@ def test_a_process_that_cannot_start_does_not_end_following(
     monkeypatch.setattr("replay.follow.background_replay.start_replay_process", refuse)
     told: list[str] = []
     with BackgroundReplays([logs[".bag"]], load_machine("cat262c.toml"), told.append) as replays:
-        replays.request()
-        assert replays.poll() is None
+        replays.request_replay_of_log_so_far()
+        assert replays.take_result_and_start_next() is None
         assert told == [
             "the process of the replay could not be started: Resource temporarily unavailable; "
             "following goes on, the next replay starts another"

@@ -202,12 +202,14 @@ def test_a_log_whose_recorder_was_killed_is_given_up_to_its_last_whole_chunk(
 def test_digests_say_from_which_minute_on_a_replay_differs(logs: dict[str, Path]) -> None:
     machine = machine_of(logs[".bag"])
     digests = FollowedDigests()
-    follow_logs([logs[".bag"]], machine, lambda _, rows: digests.add(rows), idle_s=IDLE_S)
+    follow_logs(
+        [logs[".bag"]], machine, lambda _, rows: digests.add_followed_rows(rows), idle_s=IDLE_S
+    )
     frames = dict(replayed(logs[".bag"], machine).frames)
-    assert all(each.differs_from_s is None for each in digests.compare(frames))
+    assert all(each.differs_from_s is None for each in digests.compare_with_replayed_frames(frames))
     frames["estimates/ls"] = frames["estimates/ls"].with_columns(pl.col("mass_kg") + 1e-9)
     frames["estimates/tls"] = frames["estimates/tls"].with_columns(pl.col("mass_kg") + 1.0)
-    compared = {each.name: each for each in digests.compare(frames)}
+    compared = {each.name: each for each in digests.compare_with_replayed_frames(frames)}
     differing = [name for name, each in compared.items() if each.differs_from_s is not None]
     assert differing == ["ls", "tls"]
     assert compared["ls"].is_rounding
@@ -258,8 +260,11 @@ def test_logs_of_others_are_followed_as_replayed(
     digests = FollowedDigests()
     with Recording(record(), target) as recording:
         _, rows = followed(target, machine, recording)
-    digests.add(rows)
-    compared = {each.name: each for each in digests.compare(replayed(target, machine).frames)}
+    digests.add_followed_rows(rows)
+    compared = {
+        each.name: each
+        for each in digests.compare_with_replayed_frames(replayed(target, machine).frames)
+    }
     assert compared["gate"].differs_from_s is None
     assert compared["gate"].rows > 300
     # a derived channel is filtered anew from the oldest sample kept, and which that is depends on

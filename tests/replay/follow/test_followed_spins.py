@@ -61,12 +61,15 @@ def test_spins_agree_with_the_causal_replay_and_are_reported(
     digests, reports = FollowedDigests(), list[OnlineReport]()
 
     def take(_: Following, rows: list[FollowedRow]) -> None:
-        digests.add(rows)
+        digests.add_followed_rows(rows)
         reports.extend(report for row in rows for report in row.reports)
 
     follow_logs([turning], machine, take, idle_s=0.1)
     with open_log(turning) as log:
-        agreements = {each.name: each for each in digests.compare(run(log, machine).frames)}
+        agreements = {
+            each.name: each
+            for each in digests.compare_with_replayed_frames(run(log, machine).frames)
+        }
     assert {"gate", "gate of spins", "pooled", "pooled of spins", "rls of spins"} <= set(agreements)
     # the yaw acceleration is derived, which agrees to rounding
     assert all(each.is_rounding and each.rows == each.replayed for each in agreements.values())

@@ -108,9 +108,9 @@ def test_the_topic_of_a_follower_that_was_killed_has_every_report(tmp_path: Path
         *(3600.0, 5.0, 900.0, 3.0, 0.2, 1),
     )
     file = ReportFile(tmp_path / "mass.mcap", [], "a log", force=False)
-    file.write([report, report])
+    file.append_new_reports([report, report])
     (tmp_path / "killed.mcap").write_bytes((tmp_path / "mass.mcap").read_bytes())
-    file.close()
+    file.close_with_index()
     with open_log(tmp_path / "killed.mcap") as log:
         assert log.read("/payscope/mass", ["mass_kg"])["mass_kg"].to_list() == [3600.0, 3600.0]
 

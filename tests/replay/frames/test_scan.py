@@ -112,7 +112,7 @@ def test_a_time_range_unpacks_the_chunks_that_hold_it_and_no_others(
         unpacked.append(block)
         return unpack(block, *rest)
 
-    monkeypatch.setattr(slabs, "unpack_block", counted)
+    monkeypatch.setattr(slabs, "unpack_block_into", counted)
     lazy = payscope.scan_log(path, "/joints")
     lazy.select("log_time").collect()
     whole, unpacked[:] = len(unpacked), []

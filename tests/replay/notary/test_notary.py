@@ -235,7 +235,7 @@ def resigned(
     for line in rest:
         values = line.content.model_dump(mode="json")
         change(values["counter"], values)
-        values |= {"head": made[0].digest, "previous": made[-1].digest}
+        values |= {"head": made[0].line_sha256, "previous": made[-1].line_sha256}
         made.append(make_signed_line(NotaryEntry.model_validate(values), key))
     return check_untrusted_notary_list(encode_notary_lines(made), NOW)
 
@@ -282,10 +282,10 @@ def test_a_list_made_anew_with_another_key_is_not_trusted(
     assert key is not None
     head, *rest = lines_of(listed.path)
     assert isinstance(head.content, NotaryHead)
-    forged = head.content.model_copy(update={"public_key": key.public.text})
+    forged = head.content.model_copy(update={"public_key": key.public_key.text})
     made = [make_signed_line(forged, key)]
     for line in rest:
-        values = {"head": made[0].digest, "previous": made[-1].digest}
+        values = {"head": made[0].line_sha256, "previous": made[-1].line_sha256}
         made.append(make_signed_line(line.content.model_copy(update=values), key))
     path = tmp_path / "forged.jsonl"
     path.write_bytes(encode_notary_lines(made))
@@ -294,7 +294,7 @@ def test_a_list_made_anew_with_another_key_is_not_trusted(
     assert payscope("verify", path, "--require-signed").status == 5
     assert payscope("verify", listed.path, "--key", keys[1], "--require-signed").status == 0
     add_key_to_keyring(
-        load_keyring(), KnownKey(key=read_public_key_file(keys[1]).text, owner="Recorder 7")
+        load_keyring(), KnownKey(key=read_public_key_file(keys[1]).base64_text, owner="Recorder 7")
     )
     said = payscope("verify", listed.path, "--require-signed")
     assert said.status == 0
@@ -464,6 +464,6 @@ def test_a_notary_that_is_killed_loses_and_invents_nothing(
     made = notarise_folder(folder, key_file=keys[0])
     found = check_untrusted_notary_list(made.path.read_bytes(), dt.datetime.now(dt.UTC))
     assert found.faults == []
-    assert sorted(entry.log for entry in found.entries) == sorted(
+    assert sorted(entry.log for entry in found.log_entries) == sorted(
         f"log-{number}.csv" for number in range(150)
     )

@@ -45,14 +45,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_topics_are_tables_by_name_and_in_a_word(folder: Path) -> None:
     log = str(folder / "one.bag")
     read = open_log(log).read("/wheels", ["effort[left]"])
-    found = prepare_query_of_sources([log], FORCED).collect()
+    found = prepare_query_of_sources([log], FORCED).collect_rows()
     assert found["effort"].to_list() == [9.0] * 30
     assert found["log_time"].dt.timestamp("ns").to_list() == (
         read.filter(pl.col("effort[left]") > 8)["log_time_ns"].to_list()
     )
     assert (
         prepare_query_of_sources([log], FORCED.replace("wheels", '"/wheels"'))
-        .collect()
+        .collect_rows()
         .equals(found)
     )
 
@@ -63,17 +63,19 @@ def test_a_time_in_sql_reaches_the_index(folder: Path) -> None:
         [log], "SELECT log_time FROM wheels WHERE log_time < '2023-11-14 22:13:20.05'"
     )
     assert 'SELECTION: col("log_time")' in found.rows.explain()
-    assert found.collect().height == 5
+    assert found.collect_rows().height == 5
 
 
 def test_rows_of_several_logs_say_which(folder: Path) -> None:
     logs = [str(folder / "one.bag"), str(folder / "two.mcap")]
     found = prepare_query_of_sources(
         logs, "SELECT source, count(log_time) AS n FROM wheels GROUP BY source"
-    ).collect()
+    ).collect_rows()
     assert dict(found.iter_rows()) == {logs[0]: 300, logs[1]: 200}
     assert (
-        prepare_query_of_sources(logs, 'SELECT count(log_time) AS n FROM "/a b"').collect().item()
+        prepare_query_of_sources(logs, 'SELECT count(log_time) AS n FROM "/a b"')
+        .collect_rows()
+        .item()
         == 10
     )
 
@@ -82,10 +84,10 @@ def test_frames_of_a_recording_have_the_second_that_view_takes(folder: Path) -> 
     recording = folder / "sledge.rrd"
     frame = read_frame(recording, "gate")
     sql = "SELECT at_s, reason_x FROM gate WHERE reason_x = 'accepted'"
-    found = prepare_query_of_sources([str(recording)], sql).collect()
+    found = prepare_query_of_sources([str(recording)], sql).collect_rows()
     accepted = frame.filter(pl.col("reason_x") == "accepted")
     assert found["at_s"].to_list() == (accepted["t_ns"] / 1e9).to_list()
-    everything = prepare_query_of_sources([str(recording)], "SELECT * FROM gate").collect()
+    everything = prepare_query_of_sources([str(recording)], "SELECT * FROM gate").collect_rows()
     assert everything.drop("at_s").equals(frame)
 
 
@@ -98,7 +100,7 @@ def test_two_frames_are_joined_and_their_rows_are_moments(folder: Path, payscope
     said = payscope("query", recording, fast, "--moments", 1, "--format", "json")
     assert said.status == 0, said.err
     found = json.loads(said.out)
-    rows = prepare_query_of_sources([str(recording)], fast).collect()
+    rows = prepare_query_of_sources([str(recording)], fast).collect_rows()
     assert sum(each["rows"] for each in found) == rows.height
     assert 1 < len(found) < 9  # some in each cycle of ten seconds
     assert all(each["to_s"] - each["from_s"] < 8 for each in found)
@@ -112,14 +114,16 @@ def test_moments_of_two_recordings_open_their_own(folder: Path) -> None:
     asked = prepare_query_of_sources(
         [*map(str, recordings)], "SELECT source, at_s FROM aligned WHERE at_s < 2"
     )
-    found = asked.collect(join_within_s=0.5)
+    found = asked.collect_rows(join_within_s=0.5)
     assert found["opens"].to_list() == [f"payscope view {each} --at 0.000" for each in recordings]
 
 
 def test_a_topic_beside_its_recording_has_its_seconds(folder: Path) -> None:
     asked = [str(folder / "sledge.rrd"), str(folder / "sledge.csv")]
-    found = prepare_query_of_sources(asked, "SELECT max(at_s) AS log FROM sledge").collect()
-    frame = prepare_query_of_sources(asked, "SELECT max(at_s) AS recording FROM aligned").collect()
+    found = prepare_query_of_sources(asked, "SELECT max(at_s) AS log FROM sledge").collect_rows()
+    frame = prepare_query_of_sources(
+        asked, "SELECT max(at_s) AS recording FROM aligned"
+    ).collect_rows()
     assert found.item() == pytest.approx(frame.item(), abs=0.011)
 
 
@@ -142,7 +146,7 @@ def test_a_ledger_is_a_table(tmp_path: Path) -> None:
     found = prepare_query_of_sources(
         [str(tmp_path / "ledger.csv")], "SELECT sum(payload_kg) AS kg FROM ledger"
     )
-    assert found.collect().item() == 2000.0
+    assert found.collect_rows().item() == 2000.0
 
 
 @pytest.mark.parametrize("name", ["ledger.csv", "ledger.parquet"])
@@ -152,7 +156,7 @@ def test_a_ledger_with_former_names_of_checks_has_the_present_ones(
     rows = pl.DataFrame({"withheld_for": ["lag, clocks", ""]})
     (rows.write_csv if name.endswith("csv") else rows.write_parquet)(tmp_path / name)
     sql = "SELECT withheld_for FROM ledger WHERE withheld_for LIKE 'force_delay_s%'"
-    found = prepare_query_of_sources([str(tmp_path / name)], sql).collect()
+    found = prepare_query_of_sources([str(tmp_path / name)], sql).collect_rows()
     assert found["withheld_for"].to_list() == ["force_delay_s, clock_drift_s"]
 
 
@@ -177,7 +181,7 @@ def test_rows_are_written(folder: Path, tmp_path: Path, payscope: Payscope, suff
 def test_the_same_query_gives_the_same_order(folder: Path) -> None:
     logs = [str(folder / "one.bag")]
     sql = 'SELECT "effort[left]" AS e, count(log_time) AS n FROM wheels GROUP BY "effort[left]"'
-    assert prepare_query_of_sources(logs, sql).collect()["e"].to_list() == [
+    assert prepare_query_of_sources(logs, sql).collect_rows()["e"].to_list() == [
         float(k) for k in range(10)
     ]
 
@@ -210,7 +214,7 @@ def test_what_reads_or_writes_files_is_refused(folder: Path, tmp_path: Path, sql
     with pytest.raises(QueryError) as refused:
         prepare_query_of_sources(
             [str(folder / "one.bag")], sql.replace("{file}", str(secret))
-        ).collect()
+        ).collect_rows()
     assert_one_line(refused.value)
     assert str(refused.value).startswith("query: ")
     assert [each.name for each in tmp_path.iterdir()] == ["secret.csv"]

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from estimators import compile_cache
 from estimators.interpreted import Loop
 from replay.commands.cli import app
-from replay.warm_up.compile_loops import compile_loops
+from replay.warm_up.compile_loops import compile_all_loops
 from tests.golden.golden import LOGS, replay
 
 COMMAND = Path(sys.executable).with_name("payscope")
@@ -39,7 +39,7 @@ def test_a_run_compiles_nothing_that_was_not_compiled_ahead(
         return loop.compiled(*arguments)
 
     monkeypatch.setattr(Loop, "__call__", call)
-    compile_loops()
+    compile_all_loops()
     ready = asked.copy()
     for log in LOGS:
         replay(log)

@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from replay import open_log
 from replay.commands.info import print_log_info
-from replay.init.describe_log import describe_log
+from replay.init.describe_log import describe_log_by_index
 from replay.logs.decoding.batch_stream import TopicStream, decode_batches_in_streams
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.decoder import make_frame_schema
@@ -77,7 +77,7 @@ def test_a_type_without_a_plan_is_read_by_rosbags_and_info_says_so(tmp_path: Pat
         assert log.losses() == ()
         console = Console(width=200, color_system=None)
         with console.capture() as capture:
-            print_log_info(describe_log(log), UTC, console)
+            print_log_info(describe_log_by_index(log), UTC, console)
     assert "! /long: read message by message with rosbags, which is slow" in capture.get()
 
 
