@@ -4,6 +4,7 @@ import datetime as dt
 import hashlib
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 from recordings.calibration.bundle_folder import EVIDENCE
 from recordings.calibration.bundle_limits import LIMITS
@@ -91,9 +92,16 @@ def digest_evidence_for_chain_link(bundle: CheckedBundle) -> str:
     return hashlib.sha256(bundle.sums).hexdigest()
 
 
+class ChainCheck(NamedTuple):
+    """Findings on the chains of machines, and notes on their signers."""
+
+    findings: list[BundleFinding]
+    notes: list[str]
+
+
 def check_chains_of_bundles(
     checked_bundles: Sequence[CheckedBundle],
-) -> tuple[list[BundleFinding], list[str]]:
+) -> ChainCheck:
     """Check several bundles of a machine as a chain.
 
     Args:
@@ -132,7 +140,7 @@ def check_chains_of_bundles(
                     f"is missing between {last.id} and {document.id}",
                 )
             )
-    return found, list(_iter_chain_signer_sentences(ordered))
+    return ChainCheck(found, list(_iter_chain_signer_sentences(ordered)))
 
 
 def _iter_chain_signer_sentences(

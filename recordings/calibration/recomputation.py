@@ -3,7 +3,7 @@
 import datetime as dt
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import polars as pl
 from pydantic_core import to_jsonable_python
@@ -41,12 +41,19 @@ _NOTHING: Final = (None, "", [], {}, ())
 Findings = Iterator[BundleFinding]
 
 
+class RecomputationResult(NamedTuple):
+    """Findings of a recomputation, and notes on what was not compared."""
+
+    findings: list[BundleFinding]
+    notes: list[str]
+
+
 def compare_bundle_with_recomputed(
     document: EvidenceDocument,
     readings: pl.DataFrame,
     points: pl.DataFrame | None,
     report_html: bytes | None,
-) -> tuple[list[BundleFinding], list[str]]:
+) -> RecomputationResult:
     """Compare the bundle with values recomputed from it.
 
     Args:
@@ -78,7 +85,7 @@ def compare_bundle_with_recomputed(
     for item, step in steps:
         found += _run_step_and_catch_failure(item, step)
     found += find_exceeded_campaign_limits(document)
-    return found, notes
+    return RecomputationResult(found, notes)
 
 
 def _run_step_and_catch_failure(
@@ -119,22 +126,29 @@ def compare_report_with_remade(
         )
 
 
+class JsonDifference(NamedTuple):
+    """Place where two JSON values differ."""
+
+    dotted_path: str
+    is_only_rounding: bool
+
+
 def find_differing_json_values(
     stored: Any, computed: Any, dotted_path: str = ""
-) -> list[tuple[str, bool]]:
+) -> list[JsonDifference]:
     """Places where two JSON values differ, and whether only by rounding."""
     if isinstance(stored, dict) and isinstance(computed, dict):
         found: list[tuple[str, bool]] = []
         for name in sorted(set(stored) | set(computed)):
             inside = f"{dotted_path}.{name}" if dotted_path else name
             if name not in stored or name not in computed:
-                found.append((inside, False))
+                found.append(JsonDifference(inside, False))
             else:
                 found += find_differing_json_values(stored[name], computed[name], inside)
         return found
     if isinstance(stored, list | tuple) and isinstance(computed, list | tuple):
         if len(stored) != len(computed):
-            return [(dotted_path, False)]
+            return [JsonDifference(dotted_path, False)]
         pairs = zip(stored, computed, strict=True)
         return [
             each
@@ -143,7 +157,7 @@ def find_differing_json_values(
         ]
     if stored == computed and isinstance(stored, bool) == isinstance(computed, bool):
         return []
-    return [(dotted_path, do_numbers_differ_only_by_rounding(stored, computed))]
+    return [JsonDifference(dotted_path, do_numbers_differ_only_by_rounding(stored, computed))]
 
 
 def do_numbers_differ_only_by_rounding(stored: Any, computed: Any) -> bool:
@@ -327,15 +341,20 @@ def compare_fit_with_refitted(
     yield from compare_errors_of_previous_line(document, fitted.frame)
 
 
-def _refit_campaign_or_mass_check(
-    document: EvidenceDocument, readings: pl.DataFrame
-) -> tuple[CampaignFit, DriftCheck | None]:
+class _Refit(NamedTuple):
+    """Fit of a campaign, and the drift of a single-mass check."""
+
+    fit: CampaignFit
+    drift: DriftCheck | None
+
+
+def _refit_campaign_or_mass_check(document: EvidenceDocument, readings: pl.DataFrame) -> _Refit:
     """Refit the readings; for a single-mass check, under the calibration's line."""
     campaign, body = document.campaign, document.machine.machine
     if document.kind == "check" and document.calibration is not None:
         return compare_with_known_mass(campaign, body, readings, document.calibration)
     responses = () if document.learnt is None else document.learnt.responses
-    return fit_campaign(campaign, body, readings, document.options, responses), None
+    return _Refit(fit_campaign(campaign, body, readings, document.options, responses), None)
 
 
 def _convert_dataclass_to_json(value: Any) -> Any:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
-from typing import Any, Final, get_args
+from typing import Any, Final, NamedTuple, get_args
 
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined, to_jsonable_python
@@ -43,15 +43,24 @@ def iter_defaults_of_model(model: type[BaseModel], prefix: str) -> Iterator[tupl
                 yield place, to_jsonable_python(default)
 
 
-def find_model_of_annotation(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
+class AnnotatedModel(NamedTuple):
+    """Model in a type annotation, and whether a field of this type holds several."""
+
+    model: type[BaseModel] | None
+    is_collection: bool
+
+
+def find_model_of_annotation(annotation: Any) -> AnnotatedModel:
     """Model of a field, and whether the field holds several."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation, False
+        return AnnotatedModel(annotation, False)
     for each in get_args(annotation):
         inner, _ = find_model_of_annotation(each)
         if inner is not None:
-            return inner, getattr(annotation, "__origin__", None) in (tuple, dict, list)
-    return None, False
+            return AnnotatedModel(
+                inner, getattr(annotation, "__origin__", None) in (tuple, dict, list)
+            )
+    return AnnotatedModel(None, False)
 
 
 def collect_defaults_of_this_version() -> dict[str, Any]:
@@ -70,9 +79,16 @@ def load_released_defaults() -> Mapping[str, Mapping[str, Any]]:
     return json.loads(text)
 
 
+class ReleasedDefault(NamedTuple):
+    """Default with which a setting was released, if it was."""
+
+    is_released: bool
+    value: Any
+
+
 def find_earliest_default_of_setting(
     dotted_name: str, released_versions: Mapping[str, Mapping[str, Any]]
-) -> tuple[bool, Any]:
+) -> ReleasedDefault:
     """Default with which a setting was introduced, for evidence older than it.
 
     Args:
@@ -85,8 +101,8 @@ def find_earliest_default_of_setting(
     for defaults in released_versions.values():
         for each, value in defaults.items():
             if _does_name_match_pattern(each, dotted_name):
-                return True, value
-    return False, None
+                return ReleasedDefault(True, value)
+    return ReleasedDefault(False, None)
 
 
 def _does_name_match_pattern(pattern: str, name: str) -> bool:
@@ -183,12 +199,19 @@ def remove_dotted_values(values: dict[str, Any], dotted_names: Iterable[str]) ->
     return values
 
 
-def find_parent_of_dotted_value(values: Any, dotted_name: str) -> tuple[Any, str]:
+class DottedPlace(NamedTuple):
+    """Table or list that holds a dotted value, and its key there."""
+
+    parent: Any
+    key: str
+
+
+def find_parent_of_dotted_value(values: Any, dotted_name: str) -> DottedPlace:
     """Parent of a dotted name's value, and the last part of the name."""
     *path, last = dotted_name.split(".")
     for part in path:
         values = values[int(part)] if isinstance(values, list) else values[part]
-    return values, last
+    return DottedPlace(values, last)
 
 
 if __name__ == "__main__":

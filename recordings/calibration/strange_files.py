@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from html.parser import HTMLParser
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from recordings.calibration.bundle_folder import PDF, copy_bundle_file_and_return_sha256
 from recordings.calibration.bundle_limits import LIMITS
@@ -126,9 +126,14 @@ def run_reader_process(file_type: str, copied_files: Sequence[Path]) -> list[dic
     return None if child.returncode or len(out) > LIMITS.answer_bytes else json.loads(out)
 
 
-def compare_words_of_pdf_with_html(
-    folder: Path, pdf_sha256: str, page_html: str
-) -> tuple[str, str]:
+class PdfComparison(NamedTuple):
+    """Fault of a PDF, and why it was not compared; "" for none."""
+
+    fault: str
+    reason_not_compared: str
+
+
+def compare_words_of_pdf_with_html(folder: Path, pdf_sha256: str, page_html: str) -> PdfComparison:
     """Compare the PDF of a bundle with one made from its page.
 
     With other fonts or another WeasyPrint, pages break elsewhere and parts may be in another order:
@@ -144,28 +149,30 @@ def compare_words_of_pdf_with_html(
         The error, and why it could not be compared; "" each if there is none.
     """
     if find_spec("pypdf") is None:
-        return "", "pypdf is not installed (pip install 'payscope[pdf]')"
+        return PdfComparison("", "pypdf is not installed (pip install 'payscope[pdf]')")
     with tempfile.TemporaryDirectory(prefix="payscope-") as place:
         own = Path(place) / PDF
         missing = write_report_pdf(page_html, own)
         if missing:
-            return "", missing.removeprefix("no PDF: ")
+            return PdfComparison("", missing.removeprefix("no PDF: "))
         wanted = read_pdf_words_or_describe_fault(
             own.parent, PDF, hashlib.sha256(own.read_bytes()).hexdigest()
         )
     found = read_pdf_words_or_describe_fault(folder, PDF, pdf_sha256)
     if isinstance(found, str):
-        return found, ""
+        return PdfComparison(found, "")
     if isinstance(wanted, str):
-        return "", f"the PDF that this payscope makes {wanted}"
+        return PdfComparison("", f"the PDF that this payscope makes {wanted}")
     heads = collect_table_heads(page_html)
     fault = describe_first_difference(
         join_words_without_page_heads(wanted, heads),
         join_words_without_page_heads(found, heads),
     )
     if fault and count_numbers_in_words(wanted, heads) == count_numbers_in_words(found, heads):
-        return "", "it is laid out with other fonts or another WeasyPrint; its numbers are the same"
-    return fault, ""
+        return PdfComparison(
+            "", "it is laid out with other fonts or another WeasyPrint; its numbers are the same"
+        )
+    return PdfComparison(fault, "")
 
 
 def join_words_without_page_heads(words: Iterable[str], table_heads: Iterable[str]) -> str:

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import polars as pl
 
@@ -29,14 +30,22 @@ from recordings.signatures.signing import (
 )
 
 
-def encode_evidence_tables(
-    readings: pl.DataFrame, points: pl.DataFrame
-) -> tuple[dict[str, bytes], EvidenceTables]:
+class EncodedTables(NamedTuple):
+    """Tables of evidence as files by name, and their digests."""
+
+    parquet_by_file_name: dict[str, bytes]
+    digests: EvidenceTables
+
+
+def encode_evidence_tables(readings: pl.DataFrame, points: pl.DataFrame) -> EncodedTables:
     """Encoded tables, and their digests."""
     written = {READINGS: encode_table_as_parquet(readings), POINTS: encode_table_as_parquet(points)}
-    return written, EvidenceTables(
-        readings_sha256=hashlib.sha256(written[READINGS]).hexdigest(),
-        points_sha256=hashlib.sha256(written[POINTS]).hexdigest(),
+    return EncodedTables(
+        written,
+        EvidenceTables(
+            readings_sha256=hashlib.sha256(written[READINGS]).hexdigest(),
+            points_sha256=hashlib.sha256(written[POINTS]).hexdigest(),
+        ),
     )
 
 

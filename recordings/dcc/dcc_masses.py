@@ -12,6 +12,7 @@ from estimators.errors import EvidenceError
 from recordings.dcc.dcc_document import DCC, SI, read_leaf_text
 from recordings.dcc.dcc_limits import LIMITS
 from recordings.dcc.dcc_quantity import (
+    MassValue,
     find_length_of_list_quantity,
     read_blank_separated_texts,
     read_mass_and_standard_u_kg,
@@ -107,7 +108,7 @@ class _CertificateMasses:
         self._quantities = list(iter_quantities_and_item_ids(root))
         self._weights: dict[_Element, list[_Element]] = {}
 
-    def read_mass_and_u_kg(self, item: "_Element", item_label: str) -> tuple[float, float]:
+    def read_mass_and_u_kg(self, item: "_Element", item_label: str) -> MassValue:
         """Value and standard uncertainty of the only quantity that is the item's mass."""
         for kind in _KINDS:
             chosen = [

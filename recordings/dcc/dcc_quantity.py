@@ -3,7 +3,7 @@
 import math
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from estimators.errors import EvidenceError
 from recordings.dcc.dcc_document import SI, read_leaf_text
@@ -96,9 +96,16 @@ def find_length_of_list_quantity(quantity: "_Element", error_label: str) -> int 
     return count
 
 
+class MassValue(NamedTuple):
+    """Mass with its standard uncertainty."""
+
+    mass_kg: float
+    u_kg: float
+
+
 def read_mass_and_standard_u_kg(
     quantity: "_Element", list_index: int | None, error_label: str
-) -> tuple[float, float]:
+) -> MassValue:
     """Value and standard uncertainty of a mass.
 
     Args:
@@ -134,7 +141,7 @@ def read_mass_and_standard_u_kg(
             f"{error_label}: a standard uncertainty of {u_kg:g} kg is not possible for "
             f"{value_kg:g} kg"
         )
-    return value_kg, u_kg
+    return MassValue(value_kg, u_kg)
 
 
 def _read_standard_uncertainty(

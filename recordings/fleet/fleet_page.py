@@ -4,7 +4,7 @@ import datetime as dt
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -215,11 +215,18 @@ def _make_machine_row(
     return {"name": name, "cells": cells}
 
 
-def format_sortable_cell(value: float | None, number_format: str) -> tuple[str, str]:
+class SortableCell(NamedTuple):
+    """Text of a table cell, and the key that it is sorted by."""
+
+    text: str
+    sort_key: str
+
+
+def format_sortable_cell(value: float | None, number_format: str) -> SortableCell:
     """Displayed text and sorting key of a cell."""
     if value is None or not math.isfinite(value):
-        return "–", ""
-    return f"{value:{number_format}}", f"{value:.6g}"
+        return SortableCell("–", "")
+    return SortableCell(f"{value:{number_format}}", f"{value:.6g}")
 
 
 def _make_drift_sort_key(drift_chart: MachineChart) -> tuple[float, str, str]:
@@ -373,12 +380,18 @@ def draw_drift_chart(picture_number: int, machine_chart: MachineChart) -> Drawin
     return picture
 
 
-def _average_values_by_week(
-    day_numbers: Sequence[dt.date], values: np.ndarray
-) -> list[tuple[float, float, int]]:
+class _WeekMean(NamedTuple):
+    """Mean of the values of a week."""
+
+    week_number: float
+    mean: float
+    count: int
+
+
+def _average_values_by_week(days: Sequence[dt.date], values: np.ndarray) -> list[_WeekMean]:
     """Number since the first day, mean and count of each week with values."""
-    number = np.array([(day - day_numbers[0]).days // _WEEK for day in day_numbers])
+    number = np.array([(day - days[0]).days // _WEEK for day in days])
     return [
-        (float(n), float(values[number == n].mean()), int((number == n).sum()))
+        _WeekMean(float(n), float(values[number == n].mean()), int((number == n).sum()))
         for n in np.unique(number)
     ]

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import polars as pl
 
@@ -256,7 +256,14 @@ def _make_numeric_frame(
     return pl.DataFrame(online_rows, {"t_ns": pl.Int64, **dict.fromkeys(columns, pl.Float64)})
 
 
-def make_thresholds_and_blueprint(settings: Settings) -> tuple[dict[str, float], "Blueprint"]:
+class GrowingLayout(NamedTuple):
+    """Thresholds by column, and the blueprint of the views."""
+
+    threshold_by_column: dict[str, float]
+    blueprint: "Blueprint"
+
+
+def make_thresholds_and_blueprint(settings: Settings) -> GrowingLayout:
     """Layout of the views for the coming rows.
 
     Args:
@@ -279,7 +286,7 @@ def make_thresholds_and_blueprint(settings: Settings) -> tuple[dict[str, float],
         for name, frame in shown.items()
         if name.startswith(f"{ROOT}/threshold/")
     }
-    return levels, lay_out_pages_as_tabs(pages, None, is_recording_growing=True)
+    return GrowingLayout(levels, lay_out_pages_as_tabs(pages, None, is_recording_growing=True))
 
 
 def make_placeholder_run(settings: Settings) -> Run:

@@ -11,7 +11,7 @@ import binascii
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
 from pydantic import BaseModel, Field, StringConstraints, ValidationError
 
@@ -160,10 +160,17 @@ def _format_validation_fault(fault: Exception) -> str:
     return "its signature is not base64"
 
 
-def split_list_into_whole_lines_and_tail(list_bytes: bytes) -> tuple[list[bytes], bytes]:
+class SplitList(NamedTuple):
+    """Whole lines of a list, and the torn rest after the last newline."""
+
+    whole_lines: list[bytes]
+    torn_tail: bytes
+
+
+def split_list_into_whole_lines_and_tail(list_bytes: bytes) -> SplitList:
     """Whole lines of a list, and the torn tail after the last newline."""
     *whole, tail = list_bytes.split(b"\n")
-    return whole, tail
+    return SplitList(whole, tail)
 
 
 def encode_notary_lines(lines: Iterable[NotaryLine]) -> bytes:

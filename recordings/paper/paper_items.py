@@ -5,7 +5,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Generic, Protocol, TypeVar
+from typing import Any, Final, Generic, NamedTuple, Protocol, TypeVar
 
 import polars as pl
 
@@ -152,16 +152,23 @@ def render_claims_table(frame: pl.DataFrame) -> list[RenderedTable]:
     return [RenderedTable("Each claim as we find it", header, rows, texts=3)]
 
 
+class TableCells(NamedTuple):
+    """Column heads of a table, and its rows."""
+
+    heads: list[str]
+    rows: list[list[str]]
+
+
 def make_table_of_methods(
     frame: pl.DataFrame, key_column: str, title: str, format_cell: Callable[[_Row], str]
-) -> tuple[list[str], list[list[str]]]:
+) -> TableCells:
     """Header and rows with one row per value of `key_column` and one column per method."""
     methods = list(frame["method"].unique(maintain_order=True))
     rows = [
         [_format_table_parameter(at), *(format_cell(by[m]) if m in by else "–" for m in methods)]
         for at, by in _group_rows_by_key_and_method(frame, key_column)
     ]
-    return [title, *(NAMES[m] for m in methods)], rows
+    return TableCells([title, *(NAMES[m] for m in methods)], rows)
 
 
 def make_table_beside_printed_numbers(
@@ -170,7 +177,7 @@ def make_table_beside_printed_numbers(
     title: str,
     format_cell: Callable[[_Row], str],
     bound_column: str,
-) -> tuple[list[str], list[list[str]]]:
+) -> TableCells:
     """Header and rows: the bound, then each method's number followed by the paper's."""
     methods = list(frame["method"].unique(maintain_order=True))
     header = [title, "bound"]
@@ -187,7 +194,7 @@ def make_table_beside_printed_numbers(
             if method in printed_numbers.METHODS:
                 cells.append(_format_paper_number(by[method]["paper_kg"], 2))
         rows.append(cells)
-    return header, rows
+    return TableCells(header, rows)
 
 
 def _group_rows_by_key_and_method(

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -113,6 +113,13 @@ _LOOKS: Final = {
 }
 
 
+class DrawingPoint(NamedTuple):
+    """Position in a drawing, in its units."""
+
+    x: float
+    y: float
+
+
 @dataclass(frozen=True, slots=True)
 class Axes:
     """Frame of a plot, which maps numbers to positions in the drawing."""
@@ -136,12 +143,12 @@ class Axes:
             drawing_box,
         )
 
-    def convert_to_drawing_units(self, x: float, y: float) -> tuple[float, float]:
+    def convert_to_drawing_units(self, x: float, y: float) -> DrawingPoint:
         """Position of a point (x, y) in the drawing."""
         left, top, right, bottom = self.box
         across = (x - self.x[0]) / (self.x[1] - self.x[0])
         up = (y - self.y[0]) / (self.y[1] - self.y[0])
-        return left + across * (right - left), bottom - up * (bottom - top)
+        return DrawingPoint(left + across * (right - left), bottom - up * (bottom - top))
 
     def draw_grid_and_labels(
         self,
@@ -183,13 +190,18 @@ def shorten_text_to_width(text: str, width: float) -> str:
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
-def compute_range_with_margin(
-    values: Sequence[float], margin_fraction: float
-) -> tuple[float, float]:
+class AxisRange(NamedTuple):
+    """Range of an axis."""
+
+    low: float
+    high: float
+
+
+def compute_range_with_margin(values: Sequence[float], margin_fraction: float) -> AxisRange:
     """Range of the values with a margin on both sides."""
     low, high = min(values), max(values)
     room = (high - low) * margin_fraction or max(abs(high) * 0.01, 1.0)
-    return low - room, high + room
+    return AxisRange(low - room, high + room)
 
 
 def _format_svg_coordinate(value: float) -> str:

@@ -171,15 +171,22 @@ def _make_hour_cells(ledger_rows: pl.DataFrame, t0_ns: int, recorded_s: float) -
     yield f"{energies.sum():.2f}" if energies.len() else "–"
 
 
+class RecordedHour(NamedTuple):
+    """Begin of a clock hour as text, and its recorded time."""
+
+    begin: str
+    recorded_s: float
+
+
 def iter_recorded_time_by_hour(
     clock: ShiftClock, gaps_s: tuple[tuple[float, float], ...]
-) -> Iterator[tuple[str, float]]:
+) -> Iterator[RecordedHour]:
     """Each clock hour of the shift, with its recorded time in s."""
     begin_s = 0.0
     while begin_s < clock.duration_s:
         end_s = min(clock.compute_next_hour_s(begin_s), clock.duration_s)
         hidden_s = sum(max(min(e, end_s) - max(s, begin_s), 0.0) for s, e in gaps_s)
-        yield clock.format_begin_of_hour(begin_s), end_s - begin_s - hidden_s
+        yield RecordedHour(clock.format_begin_of_hour(begin_s), end_s - begin_s - hidden_s)
         begin_s = end_s
 
 
@@ -279,10 +286,18 @@ def render_review_html(review_page: ReviewPage) -> str:
     )
 
 
-def _make_rows_of_totals(totals: Sequence[LabelTotal]) -> list[tuple[str, str, str]]:
+class _TotalRow(NamedTuple):
+    """Row of a table of totals, as text."""
+
+    label: str
+    load_count: str
+    tonnes: str
+
+
+def _make_rows_of_totals(totals: Sequence[LabelTotal]) -> list[_TotalRow]:
     """Rows with label, number of loads and tonnes."""
     return [
-        (
+        _TotalRow(
             each.label or "–",
             f"{each.loads:,}",
             format_tonnes(each.payload_kg, K * each.payload_u_kg),

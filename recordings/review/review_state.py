@@ -1,7 +1,7 @@
 """State of a review beside the ledger: its inputs, and further content of the page."""
 
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeAlias
+from typing import Annotated, Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 import polars as pl
@@ -228,9 +228,17 @@ def read_review_state(folder: Path) -> ReviewState | None:
     return state if state.format == FORMAT else None
 
 
+class ChangedSetting(NamedTuple):
+    """Setting that differs from an earlier review, as text."""
+
+    name: str
+    old_value: str
+    new_value: str
+
+
 def list_changed_settings(
     previous: ReviewState | None, resolved_settings: dict[str, Any]
-) -> list[tuple[str, str, str]]:
+) -> list[ChangedSetting]:
     """Settings that changed since the previous review: name, old and new value.
 
     Args:
@@ -244,7 +252,7 @@ def list_changed_settings(
         flatten_values_to_texts(resolved_settings),
     )
     return [
-        (name, old.get(name, "–"), new.get(name, "–"))
+        ChangedSetting(name, old.get(name, "–"), new.get(name, "–"))
         for name in sorted(old.keys() | new.keys())
         if old.get(name) != new.get(name)
     ]

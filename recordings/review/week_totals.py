@@ -214,17 +214,26 @@ def _sum_week_parts(total_name: str, week_parts: Sequence[WeekPart]) -> WeekTota
     return WeekTotal(total_name, loads, mass_kg, u_kg, rejected, noted, per_t, per_t_u)
 
 
+class EnergyPerTonne(NamedTuple):
+    """Energy per tonne with its standard uncertainty; None if unknown."""
+
+    kWh_per_t: float | None
+    u_kWh_per_t: float | None
+
+
 def compute_week_energy_per_tonne(
     week_parts: Sequence[WeekPart], mass_kg: float, mass_u_kg: float
-) -> tuple[float | None, float | None]:
+) -> EnergyPerTonne:
     """Energy per tonne and its standard uncertainty; None if no load has both."""
     energy_kWh, tonnes = (
         math.fsum(getattr(part, name) for part in week_parts) for name in ("energy_kWh", "energy_t")
     )
     if tonnes <= 0.0 or mass_kg <= 0.0:
-        return None, None
+        return EnergyPerTonne(None, None)
     own_kWh: dict[str, float] = defaultdict(float)
     for part in week_parts:
         own_kWh[part.machine] += part.energy_u_kWh
     per_t = energy_kWh / tonnes
-    return per_t, math.hypot(math.hypot(*own_kWh.values()) / tonnes, per_t * mass_u_kg / mass_kg)
+    return EnergyPerTonne(
+        per_t, math.hypot(math.hypot(*own_kWh.values()) / tonnes, per_t * mass_u_kg / mass_kg)
+    )

@@ -6,7 +6,7 @@ each under a separate path, which can be hidden in the viewer.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -109,12 +109,21 @@ def send_plane_picture(
         recording.log(f"{entity_path}/series/{number}", shape, static=True)
 
 
-def _iter_grid_line_ends(axes: Axes) -> Iterator[tuple[float, float, float, float]]:
+class _LineEnds(NamedTuple):
+    """Ends of a line, in the units of the axes."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+
+def _iter_grid_line_ends(axes: Axes) -> Iterator[_LineEnds]:
     """Ends of each grid line, in the units of the axes."""
     for value, _ in choose_round_axis_ticks(*axes.x):
-        yield value, axes.y[0], value, axes.y[1]
+        yield _LineEnds(value, axes.y[0], value, axes.y[1])
     for value, _ in choose_round_axis_ticks(*axes.y):
-        yield axes.x[0], value, axes.x[1], value
+        yield _LineEnds(axes.x[0], value, axes.x[1], value)
 
 
 def iter_axis_labels(
@@ -224,17 +233,36 @@ def make_load_errors_picture(run: Run) -> PlanePicture | None:
     )
 
 
-def make_lines_of_error_limits(run: Run) -> list[tuple[str, float]]:
+class ErrorLimitLine(NamedTuple):
+    """Horizontal line of a picture of errors."""
+
+    label: str
+    error_kg: float
+
+
+def make_lines_of_error_limits(run: Run) -> list[ErrorLimitLine]:
     """Lines at zero error, and at the interval of a later mass if there is evidence."""
     line = run.frames.get("line", pl.DataFrame())
     if line.is_empty():
-        return [("", 0.0)]
+        return [ErrorLimitLine("", 0.0)]
     interval_kg = float(line["line_u_kg"][0] * line["coverage_k_1"][0])
     later = f"± {interval_kg:.1f} kg, of a later mass"
-    return [("", 0.0), (later, interval_kg), ("", -interval_kg)]
+    return [
+        ErrorLimitLine("", 0.0),
+        ErrorLimitLine(later, interval_kg),
+        ErrorLimitLine("", -interval_kg),
+    ]
 
 
-def iter_points_of_calibrated_methods(run: Run) -> Iterator[tuple[str, str, pl.DataFrame]]:
+class MethodPoints(NamedTuple):
+    """Calibration points of a method, and how they are drawn."""
+
+    name: str
+    colour: str
+    points: pl.DataFrame
+
+
+def iter_points_of_calibrated_methods(run: Run) -> Iterator[MethodPoints]:
     """Name, colour and points of each calibrated method; evidence has one."""
     evidence, line = (run.frames.get(name, pl.DataFrame()) for name in ("points", "line"))
     if evidence.height and line.height:
@@ -252,4 +280,4 @@ def iter_points_of_calibrated_methods(run: Run) -> Iterator[tuple[str, str, pl.D
     for name, colour, group in groups:
         estimated = group.drop_nulls("estimate_kg")
         if estimated.height:
-            yield name, colour, estimated
+            yield MethodPoints(name, colour, estimated)

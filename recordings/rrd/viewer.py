@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Final
+from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -243,8 +243,15 @@ def _iter_view_ids(blueprint: dict[str, Any], entity: str) -> Iterator[str]:
         yield from _iter_view_ids(blueprint, child)
 
 
+class HeadlessViewer(NamedTuple):
+    """Client of a viewer without a display, and the viewer's address."""
+
+    client: "ViewerClient"
+    address: str
+
+
 @contextmanager
-def run_headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str]]":
+def run_headless_viewer(path: Path | None) -> "Generator[HeadlessViewer]":
     """Context with a viewer without a display: its client and address."""
     # "CI" keeps Rerun's usage statistics at home: nobody sees this viewer to be asked
     with tempfile.TemporaryFile() as log:
@@ -256,15 +263,22 @@ def run_headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str
             client = wait_for_client_of_viewer(
                 process, port, log, needs, waits_for_recording=path is None
             )
-            yield client, _make_viewer_address(port)
+            yield HeadlessViewer(client, _make_viewer_address(port))
         finally:
             process.terminate()
             process.wait()
 
 
+class ViewerProcess(NamedTuple):
+    """Running viewer, and the port that it listens on."""
+
+    process: subprocess.Popen[bytes]
+    port: int
+
+
 def start_viewer_process(
     path: Path | None, log_path: IO[bytes], *command_options: str, **environment: str
-) -> tuple[subprocess.Popen[bytes], int]:
+) -> ViewerProcess:
     """Start the viewer with or without a recording, listening on this machine only."""
     with socket.socket() as free:
         free.bind((_HOST, 0))
@@ -280,7 +294,7 @@ def start_viewer_process(
         env={**os.environ, **environment},
         start_new_session=True,
     )
-    return process, port
+    return ViewerProcess(process, port)
 
 
 def _make_viewer_address(port: int) -> str:

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from estimators.errors import EvidenceError
 from recordings.signatures.canonical_json import encode_canonical_json, parse_canonical_json
@@ -136,7 +136,14 @@ class SigningKey:
         return self.private.sign(message)
 
 
-def generate_key_pair_pem() -> tuple[bytes, bytes]:
+class KeyPairPem(NamedTuple):
+    """Both halves of a key in PEM."""
+
+    private_pem: bytes
+    public_pem: bytes
+
+
+def generate_key_pair_pem() -> KeyPairPem:
     """Generate a key: private and public half in PEM."""
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import (
@@ -148,7 +155,7 @@ def generate_key_pair_pem() -> tuple[bytes, bytes]:
 
     key = Ed25519PrivateKey.generate()
     public = key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
-    return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()), public
+    return KeyPairPem(key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()), public)
 
 
 def read_signing_key_or_none(path: Path | None) -> SigningKey | None:

@@ -4,7 +4,7 @@ import hashlib
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from analysis.calibration.campaign.campaign_fit import (
     make_decision_rule,
@@ -27,7 +27,14 @@ _READ: Final = ("value_kg", "u_kg", "certificate", "certificate_sha256", "certif
 _TODO: Final = re.compile(r"TODO\b")
 
 
-def load_campaign_and_machine(path: Path) -> tuple[CalibrationCampaign, Machine]:
+class CampaignAndMachine(NamedTuple):
+    """A campaign, and the machine that it calibrates."""
+
+    campaign: CalibrationCampaign
+    machine: Machine
+
+
+def load_campaign_and_machine(path: Path) -> CampaignAndMachine:
     """Read a campaign file and the machine file that it names.
 
     Args:
@@ -78,7 +85,7 @@ def load_campaign_and_machine(path: Path) -> tuple[CalibrationCampaign, Machine]
                 f"{path}: no log '{log}' in {path.parent}; paths of logs are relative to the "
                 "campaign file"
             )
-    return campaign, machine
+    return CampaignAndMachine(campaign, machine)
 
 
 def with_serial_number(machine: Machine, serial_number: str, found_in: object) -> Machine:
@@ -104,7 +111,14 @@ def with_serial_number(machine: Machine, serial_number: str, found_in: object) -
     )
 
 
-def iter_unfilled_draft_entries(content: Any, path_prefix: str = "") -> Iterator[tuple[str, str]]:
+class DraftEntry(NamedTuple):
+    """Entry of a draft that still begins with TODO."""
+
+    path: str
+    text: str
+
+
+def iter_unfilled_draft_entries(content: Any, path_prefix: str = "") -> Iterator[DraftEntry]:
     """Places and texts in a draft that still begin with TODO."""
     if isinstance(content, dict):
         for name, value in content.items():
@@ -115,7 +129,7 @@ def iter_unfilled_draft_entries(content: Any, path_prefix: str = "") -> Iterator
         for number, value in enumerate(content, start=1):
             yield from iter_unfilled_draft_entries(value, f"{path_prefix}[{number}]")
     elif isinstance(content, str) and _TODO.match(content):
-        yield path_prefix, content
+        yield DraftEntry(path_prefix, content)
 
 
 def with_empty_mass_of_campaign(campaign: CalibrationCampaign, machine: Machine) -> Machine:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 from uuid import uuid4
 
 import polars as pl
@@ -198,9 +198,16 @@ def make_evidence_log_record(
     )
 
 
-def _find_min_and_max(values: pl.Series) -> tuple[float, float]:
+class _ValueRange(NamedTuple):
+    """Smallest and largest value."""
+
+    low: float
+    high: float
+
+
+def _find_min_and_max(values: pl.Series) -> _ValueRange:
     numbers = values.to_numpy()
-    return float(numbers.min()), float(numbers.max())
+    return _ValueRange(float(numbers.min()), float(numbers.max()))
 
 
 def _format_begin_as_iso_time(t0_unix_ns: int) -> str:

@@ -1,7 +1,7 @@
 """`payscope explain`: why an estimate is bad, and what would correct it."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -79,9 +79,16 @@ def command(
         raise typer.Exit(1)
 
 
+class ExplainOutputs(NamedTuple):
+    """Files that an explanation is written to."""
+
+    picture: Path | None
+    machine_file: Path | None
+
+
 def split_into_picture_and_machine_file(
     paths: list[Path], *, is_machine_file_wanted: bool
-) -> tuple[Path | None, Path | None]:
+) -> ExplainOutputs:
     """Split the outputs into picture and machine file.
 
     Raises:
@@ -98,7 +105,7 @@ def split_into_picture_and_machine_file(
         )
     if files and not is_machine_file_wanted:
         raise typer.BadParameter(f"{files[0]}: a machine file is only written with --apply")
-    return (pictures[0] if pictures else None), (files[0] if files else None)
+    return ExplainOutputs(pictures[0] if pictures else None), (files[0] if files else None)
 
 
 def _convert_corrected_machine_to_dict(corrected_machine: "CorrectedMachine") -> dict[str, Any]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
 from datetime import datetime, tzinfo
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 import typer
 
@@ -125,7 +125,14 @@ def _iter_log_head_lines(log_info: "LogInfo", time_zone: tzinfo) -> Iterator[str
     yield f"from {start}, {log_info.duration_s:,.3f} s, {count}"
 
 
-def _iter_check_result_lines(log_info: "LogInfo") -> Iterator[tuple[str, str]]:
+class _MarkedLine(NamedTuple):
+    """Line with the markup of its mark."""
+
+    mark: str
+    text: str
+
+
+def _iter_check_result_lines(log_info: "LogInfo") -> Iterator[_MarkedLine]:
     """Yield the outcome of --check as mark and text; nothing for a log that was not checked."""
     from estimators.errors import counted
 
@@ -138,7 +145,7 @@ def _iter_check_result_lines(log_info: "LogInfo") -> Iterator[tuple[str, str]]:
     )
     agree = "agrees" if log_info.checked.crcs == 1 else "agree"
     crcs = f"{counted(log_info.checked.crcs, 'CRC')} {agree}" if log_info.checked.crcs else _NO_CRC
-    yield (
+    yield _MarkedLine(
         found,
         f": {counted(log_info.checked.messages, 'message')} "
         f"({log_info.checked.message_bytes / 1e6:,.3f} MB) {done}, {crcs}, "

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from math import ceil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import polars as pl
 
@@ -147,6 +147,13 @@ def _move_finished_folder_into_place(finished: Path, target: Path) -> None:
 _Parts = Mapping[str, ConvertedPart]
 
 
+class ConvertedSpans(NamedTuple):
+    """Parts of each span, and how many were there already."""
+
+    parts_by_span: list[_Parts]
+    resumed_span_count: int
+
+
 class RunningConversion:
     """A conversion in progress."""
 
@@ -172,7 +179,7 @@ class RunningConversion:
 
     def convert_by_time_spans(
         self, working_folder: UnfinishedFolder, span_messages: int, on_span: Callable[[str], None]
-    ) -> tuple[list[_Parts], int]:
+    ) -> ConvertedSpans:
         """Convert span by span, or in one pass if spans might give other rows.
 
         Returns:
@@ -201,11 +208,11 @@ class RunningConversion:
                 done.append(working_folder.record_finished_span(number, parts).parts)
             else:
                 if self._do_rows_match_index(done):
-                    return done, resumed_spans
+                    return ConvertedSpans(done, resumed_spans)
         working_folder.remove_all_content()
         self._faults.clear()
         on_span("convert 1 of 1")
-        return [self._convert_time_span(working_folder.path, 0, None, None)], 0
+        return ConvertedSpans([self._convert_time_span(working_folder.path, 0, None, None)], 0)
 
     def _choose_span_boundaries_ns(self, span_messages: int) -> tuple[int, ...]:
         """Log times that divide the log into spans of equal time."""

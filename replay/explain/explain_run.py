@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from analysis.compare.run_comparison import list_changed_settings_and_keys
 from analysis.explain import Explanation, explain
@@ -51,9 +51,16 @@ class ExplainRequest:
     force: bool = False
 
 
+class ExplainedRun(NamedTuple):
+    """Explanation of a run, and the corrected machine file if one was requested."""
+
+    explanation: "Explanation"
+    corrected_machine: "CorrectedMachine | None"
+
+
 def explain_run_and_correct_machine(
     explain_request: ExplainRequest, on_stage: Callable[[str], None] = lambda _: None
-) -> "tuple[Explanation, CorrectedMachine | None]":
+) -> "ExplainedRun":
     """Explain a recording or a log; optionally draw it and write a corrected machine file.
 
     Args:
@@ -76,13 +83,14 @@ def explain_run_and_correct_machine(
 
         plot_explanation(whole, explained, explain_request.picture, force=explain_request.force)
     if explain_request.corrected_file is None or explain_request.machine_file is None:
-        return explained, None
+        return ExplainedRun(explained, None)
     from replay.explain.try_proposals import MachineText, write_corrected_machine_file
 
     source = MachineText(explain_request.machine_file, explain_request.overrides)
     output = (explain_request.corrected_file, explain_request.force)
-    return explained, write_corrected_machine_file(
-        explain_request.path, source, whole, output, on_stage
+    return ExplainedRun(
+        explained,
+        write_corrected_machine_file(explain_request.path, source, whole, output, on_stage),
     )
 
 

@@ -7,6 +7,7 @@ first half, and tested on the second half.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -172,8 +173,16 @@ def list_failed_checks_with_consequence(answer: Answer) -> set[str]:
     }
 
 
-def _find_lightest_load_mass_and_u_kg(answer: Answer) -> tuple[float, float] | None:
-    known = [(row["mass_kg"], row["u_kg"]) for row in answer.loads if row["mass_kg"] is not None]
+class _LoadMass(NamedTuple):
+    """Mass of a load with its standard uncertainty."""
+
+    mass_kg: float
+    u_kg: float
+
+
+def _find_lightest_load_mass_and_u_kg(answer: Answer) -> _LoadMass | None:
+    weighed = (row for row in answer.loads if row["mass_kg"] is not None)
+    known = [_LoadMass(row["mass_kg"], row["u_kg"]) for row in weighed]
     return min(known, default=None)
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import polars as pl
 
@@ -313,8 +313,15 @@ def find_causes_explained_by_others(progress: ProposalProgress) -> dict[str, str
     }
 
 
-def _make_key_of_finding(finding: Finding) -> tuple[str, str | None]:
-    return finding.cause, finding.channel
+class _FindingKey(NamedTuple):
+    """What tells findings apart: the cause and the channel."""
+
+    cause: str
+    channel: str | None
+
+
+def _make_key_of_finding(finding: Finding) -> _FindingKey:
+    return _FindingKey(finding.cause, finding.channel)
 
 
 def try_proposal_of_finding(

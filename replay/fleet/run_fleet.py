@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from analysis.fleet.daily_figures import UNDATED
 from estimators.errors import PayscopeError
@@ -179,16 +179,23 @@ def _plan_replay_tasks(
     return tasks, by_machine
 
 
+class _SplitTasks(NamedTuple):
+    """Tasks to do, and those that have a result with it."""
+
+    to_do: list[ReplayTask]
+    finished: list[tuple[ReplayTask, TaskOutcome]]
+
+
 def _split_tasks_to_do_and_finished(
     tasks: Sequence[ReplayTask], results: FleetResults
-) -> tuple[list[ReplayTask], list[tuple[ReplayTask, TaskOutcome]]]:
+) -> _SplitTasks:
     """Tasks to do, and those whose log has not changed since its result was made.
 
     By size and time of change of the log's files; where these have changed, the task itself
     compares the contents.
     """
     if not results.result_names_by_machine:
-        return list(tasks), []
+        return _SplitTasks(list(tasks), [])
     columns = ("source", "stamp", "basis", "day", "key", "status", "reason")
     by_log: dict[tuple[str, str], list[tuple[str, ...]]] = {}
     for source, stamp, *row in (
@@ -208,12 +215,14 @@ def _split_tasks_to_do_and_finished(
             refused = status == "refused"
             if asked.basis == basis and (refused or key in recorded or not task.recording):
                 there.append(
-                    (task, TaskOutcome("refused", reason) if refused else TaskOutcome("there"))
+                    _SplitTasks(
+                        task, TaskOutcome("refused", reason) if refused else TaskOutcome("there")
+                    )
                 )
                 break
         else:
             left.append(task)
-    return left, there
+    return _SplitTasks(left, there)
 
 
 def _store_calibrations_in_use(

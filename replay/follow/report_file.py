@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Metadata
@@ -165,9 +165,14 @@ class _Stream(BytesIO):
         super().close()
 
 
-def _read_complete_reports(
-    path: Path, input_identity: str
-) -> tuple[list[tuple[str, Message]], int]:
+class _StoredReports(NamedTuple):
+    """Complete reports with their topics, and the bytes that hold them."""
+
+    messages: list[tuple[str, Message]]
+    complete_bytes: int
+
+
+def _read_complete_reports(path: Path, input_identity: str) -> _StoredReports:
     """Complete reports of a file of the same log by topic, and their length; else none, 0."""
     data = path.read_bytes()
     size = _count_complete_bytes(data)
@@ -181,10 +186,10 @@ def _read_complete_reports(
             elif isinstance(record, Channel):
                 topics[record.id] = record.topic
             elif isinstance(record, Message):
-                found.append((topics[record.channel_id], record))
+                found.append(_StoredReports(topics[record.channel_id], record))
     except (McapError, struct.error):
         pass  # it ends without an end, or is no MCAP file
-    return (found, size) if is_of_same else ([], 0)
+    return _StoredReports(found, size) if is_of_same else _StoredReports([], 0)
 
 
 def _count_complete_bytes(data: bytes) -> int:

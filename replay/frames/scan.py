@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from datetime import timedelta
 from glob import glob, has_magic
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import polars as pl
 from polars.io.plugins import register_io_source
@@ -238,7 +238,14 @@ def join_topics(
     )
 
 
-def expand_log_paths_and_tell_if_many(logs: Logs) -> tuple[list[Path], bool]:
+class ExpandedLogs(NamedTuple):
+    """Paths of logs, and whether the name allows several."""
+
+    paths: list[Path]
+    can_be_several: bool
+
+
+def expand_log_paths_and_tell_if_many(logs: Logs) -> ExpandedLogs:
     """Paths of the named logs, and whether the name allows several.
 
     Raises:
@@ -257,7 +264,7 @@ def expand_log_paths_and_tell_if_many(logs: Logs) -> tuple[list[Path], bool]:
     if not found:
         raise LogError("no log is named")
     paths = expand_log_folders(found)
-    return paths, not isinstance(logs, str | Path) or paths != [Path(logs)]
+    return ExpandedLogs(paths, not isinstance(logs, str | Path) or paths != [Path(logs)])
 
 
 def make_row_source_of_topic(

@@ -5,7 +5,7 @@ import os
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import polars as pl
 
@@ -100,9 +100,16 @@ estimator = "joint_mass"       # or joint_payload, or a method of the paper such
 _SUFFIXES: Final = (".bag", ".mcap", ".db3", ".csv", ".parquet")
 
 
+class CampaignDraft(NamedTuple):
+    """Text of a draft, and what must be completed by hand."""
+
+    text: str
+    open_items: list[str]
+
+
 def draft_campaign_file(
     log_folder: Path, campaign_path: Path, machine_file: Path | None
-) -> tuple[str, list[str]]:
+) -> CampaignDraft:
     """Draft a campaign file for the logs of a folder.
 
     Args:
@@ -152,7 +159,7 @@ def draft_campaign_file(
         machine=format_value_as_toml(file),
         id=format_value_as_toml(ids or "machine-1"),
     )
-    return "\n".join([head, *blocks]), said
+    return CampaignDraft("\n".join([head, *blocks]), said)
 
 
 def _iter_campaign_run_blocks(log: Log, log_name: str, machine: Machine | None) -> Iterator[str]:
@@ -179,13 +186,20 @@ def _iter_campaign_run_blocks(log: Log, log_name: str, machine: Machine | None) 
         yield "\n".join(lines)
 
 
-def _iter_load_state_runs(log: Log, machine: Machine | None) -> Iterator[tuple[list[str], str]]:
+class _LoadStateRun(NamedTuple):
+    """Lines of a run that holds one load state, and its mass as text."""
+
+    lines: list[str]
+    mass_text: str
+
+
+def _iter_load_state_runs(log: Log, machine: Machine | None) -> Iterator[_LoadStateRun]:
     """Lines with begin and end of each load state, and its estimated mass."""
     loads = pl.DataFrame() if machine is None else run(log, machine).frames["loads"]
     rows = loads.to_dicts()
     if len(rows) < 2:
         seen = f"; {rows[0]['mass_kg']:.0f} kg uncalibrated" if rows and rows[0]["mass_kg"] else ""
-        yield [], seen
+        yield _LoadStateRun([], seen)
         return
     # a run ends midway between two loads, where the machine stood
     middles = [(before["end_t_ns"] + after["start_t_ns"]) / 2e9 for before, after in pairwise(rows)]
@@ -194,7 +208,9 @@ def _iter_load_state_runs(log: Log, machine: Machine | None) -> Iterator[tuple[l
             *([] if begin is None else [f"from_s = {begin:.1f}"]),
             *([] if end is None else [f"to_s = {end:.1f}"]),
         ]
-        yield stretch, f"; {row['mass_kg']:.0f} kg uncalibrated" if row["mass_kg"] else ""
+        yield _LoadStateRun(
+            stretch, f"; {row['mass_kg']:.0f} kg uncalibrated" if row["mass_kg"] else ""
+        )
 
 
 def _make_relative_path(base_folder: Path, path: Path) -> str:

@@ -4,7 +4,7 @@ import platform
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import polars as pl
 
@@ -26,9 +26,14 @@ _BY_NAME = re.compile(r"(?P<parent>(?:.*\.)?)[^.\[\]]+\[(?P<name>[^\[\]]*[^\[\]\
 _VERSIONS = ("payscope", "numpy", "scipy", "numba", "polars", "rosbags", "mcap", "rerun-sdk")
 
 
-def read_channel_fields_and_losses(
-    logs: Sequence[Log], machine: Machine
-) -> tuple[dict[str, pl.DataFrame], list[Loss]]:
+class ChannelInputs(NamedTuple):
+    """Frames by topic, and what the logs lost."""
+
+    frame_by_topic: dict[str, pl.DataFrame]
+    losses: list[Loss]
+
+
+def read_channel_fields_and_losses(logs: Sequence[Log], machine: Machine) -> ChannelInputs:
     """Read the fields that the channels name.
 
     Args:
@@ -99,7 +104,7 @@ def read_channel_fields_and_losses(
         raw[topic] = frame
     for log in logs:
         losses += log.losses()
-    return raw, losses
+    return ChannelInputs(raw, losses)
 
 
 def _has_log_accompanying_topic(

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import polars as pl
 
@@ -153,9 +153,14 @@ class _NamedTable(DerivedLog):
         return self._log.machine_ids()
 
 
-def give_parallel_tables_own_topics(
-    logs: Sequence[Log], machine: Machine
-) -> tuple[Sequence[Log], Machine]:
+class NamedTopics(NamedTuple):
+    """Logs with distinct topics, and the machine that reads them."""
+
+    logs: Sequence[Log]
+    machine: Machine
+
+
+def give_parallel_tables_own_topics(logs: Sequence[Log], machine: Machine) -> NamedTopics:
     """Give tables that share no column of the channels topics of their own.
 
     Args:
@@ -181,7 +186,7 @@ def give_parallel_tables_own_topics(
     }
     # one table alone needs no name
     if not any(topic.startswith(_NAMED) for topic in columns):
-        return logs, machine
+        return NamedTopics(logs, machine)
     by_field = {field: topic for topic, fields in columns.items() for field in fields & wanted}
     channels = dict(machine.channels)
     for name, channel in machine.channels.items():
@@ -193,7 +198,7 @@ def give_parallel_tables_own_topics(
             choices = suggest_choice(field, set().union(*columns.values()))
             raise LogError(f"{paths}: no column '{field}'; {choices}")
         channels[name] = channel.model_copy(update={"topic": by_field[field]})
-    return logs, machine.model_copy(update={"channels": channels})
+    return NamedTopics(logs, machine.model_copy(update={"channels": channels}))
 
 
 def _rename_topics_of_disjoint_tables(

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NamedTuple
 
 from analysis.model.machine import LogSection, Machine
 from analysis.model.physical_units import gain_and_offset_to_si
@@ -92,10 +93,18 @@ def find_machine_file(path: Path) -> Path:
     return shipped if not path.exists() and path == Path(path.name) and shipped.exists() else path
 
 
-def read_file_time_size_and_inode(path: Path) -> tuple[int, int, int] | None:
+class FileSignature(NamedTuple):
+    """By what a changed or replaced file is recognised."""
+
+    modified_ns: int
+    size_bytes: int
+    inode: int
+
+
+def read_file_time_size_and_inode(path: Path) -> FileSignature | None:
     """Time, size and inode, by which a changed or replaced file is recognised; None if absent."""
     try:
         about = path.stat()
     except OSError:
         return None
-    return about.st_mtime_ns, about.st_size, about.st_ino
+    return FileSignature(about.st_mtime_ns, about.st_size, about.st_ino)

@@ -101,7 +101,14 @@ def describe_renamed_keys_in_line(new_names: Mapping[str, str]) -> str:
     return ", ".join(pairs[:_MOST_NAMED]) + (f" (and {more} more)" if more > 0 else "")
 
 
-def migrate_toml_text(toml_text: str) -> tuple[str, dict[str, str]]:
+class MigratedText(NamedTuple):
+    """Text of a TOML file with present keys, and the new name of each old key."""
+
+    text: str
+    new_name_by_old: dict[str, str]
+
+
+def migrate_toml_text(toml_text: str) -> MigratedText:
     """Replace former keys in the text of a TOML file; comments and order are kept.
 
     A key stays where it is, as `align.rate_hz` in `[settings]`. If the file has the table
@@ -129,7 +136,7 @@ def migrate_toml_text(toml_text: str) -> tuple[str, dict[str, str]]:
         raise BothNamesError(
             f"{describe_renamed_keys_in_line(renamed)}: cannot be rewritten; rename it by hand"
         )
-    return migrated, renamed
+    return MigratedText(migrated, renamed)
 
 
 def migrate_toml_file(path: Path) -> dict[str, str]:

@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, Final, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Final, NamedTuple, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -193,9 +193,16 @@ def explain_validation_fault(validation_fault: ValidationError, model: type[Base
     )
 
 
+class LocatedKeys(NamedTuple):
+    """Keys of a location, and the model of their table."""
+
+    keys: list[str]
+    model: type[BaseModel] | None
+
+
 def find_keys_and_model_of_location(
     model: type[BaseModel], location: Sequence[int | str]
-) -> tuple[list[str], type[BaseModel] | None]:
+) -> LocatedKeys:
     """Keys of a location, without pydantic's union tags, and the model of that table."""
     here: Any = model
     keys: list[str] = []
@@ -212,7 +219,7 @@ def find_keys_and_model_of_location(
             here = (
                 (arguments[-1] if get_origin(here) is dict else arguments[0]) if arguments else None
             )
-    return keys, find_tagged_model_in_annotation(here)
+    return LocatedKeys(keys, find_tagged_model_in_annotation(here))
 
 
 def find_tagged_model_in_annotation(

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import EvidenceError, PayscopeError
@@ -209,13 +209,22 @@ def iter_logs_below_folder(folder: Path, list_path: Path) -> Iterator[FoundLog]:
                 yield FoundLog(log.relative_to(folder).as_posix(), log, {name: about})
 
 
-def read_size_and_modification_time(path: Path) -> tuple[int, int] | None:
+class SizeAndTime(NamedTuple):
+    """Size and modification time of a file."""
+
+    size_bytes: int
+    modified_us: int
+
+
+def read_size_and_modification_time(path: Path) -> SizeAndTime | None:
     """Size and modification time in µs of a regular file; None for anything else."""
     try:
         held = path.lstat()
     except OSError:
         return None
-    return (held.st_size, held.st_mtime_ns // _US) if stat.S_ISREG(held.st_mode) else None
+    return (
+        SizeAndTime(held.st_size, held.st_mtime_ns // _US) if stat.S_ISREG(held.st_mode) else None
+    )
 
 
 def _is_log_unchanged_since_entry(entry: NotaryEntry, log: FoundLog) -> bool:
@@ -254,7 +263,15 @@ def make_list_entry_of_log(
     )
 
 
-def _read_begin_end_and_machine_of_log(log_path: Path) -> tuple[str, str, str]:
+class _LogSummary(NamedTuple):
+    """Begin, end and machine of a log as texts; "" for what is unknown."""
+
+    begin: str
+    end: str
+    machine_id: str
+
+
+def _read_begin_end_and_machine_of_log(log_path: Path) -> _LogSummary:
     """Begin, end and machine of a log; "" for what is unknown.
 
     A damaged log is listed as well.
@@ -264,11 +281,11 @@ def _read_begin_end_and_machine_of_log(log_path: Path) -> tuple[str, str, str]:
             topics = log.topics()
             machine = next(iter(log.machine_ids()), "")
     except PayscopeError:
-        return "", "", ""
+        return _LogSummary("", "", "")
     first, last = topics["start_ns"].min(), topics["end_ns"].max()
     if not isinstance(first, int) or not isinstance(last, int) or first < FIRST_DATE_NS:
-        return "", "", machine[:_LONGEST_ID]
-    return (
+        return _LogSummary("", "", machine[:_LONGEST_ID])
+    return _LogSummary(
         _format_unix_ns_as_list_time(first),
         _format_unix_ns_as_list_time(last),
         machine[:_LONGEST_ID],

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -285,16 +285,21 @@ def _ask_for_sign_of_nonnegative_force(
         )
 
 
-def read_times_and_readings_of_proposal(
-    log: Log, proposal: ChannelProposal
-) -> tuple[Floats, Floats]:
+class Readings(NamedTuple):
+    """Readings of a column at times."""
+
+    times_s: Floats
+    readings: Floats
+
+
+def read_times_and_readings_of_proposal(log: Log, proposal: ChannelProposal) -> Readings:
     """Times in seconds and readings of a proposal; empty if it has none."""
     if proposal.field is None:
-        return np.empty(0), np.empty(0)
+        return Readings(np.empty(0), np.empty(0))
     try:
         return read_times_and_readings(log, proposal.topic, proposal.field)
     except (LogError, pl.exceptions.PolarsError):
-        return np.empty(0), np.empty(0)
+        return Readings(np.empty(0), np.empty(0))
 
 
 def compute_slope_at_times(times_s: Floats, sample_times_s: Floats, samples: Floats) -> Floats:
@@ -333,10 +338,10 @@ def compute_correlation(first_series: Floats, second_series: Floats) -> float | 
     return float(np.corrcoef(first_series, second_series)[0, 1])
 
 
-def read_times_and_readings(log: Log, topic: str | None, field: str) -> tuple[Floats, Floats]:
+def read_times_and_readings(log: Log, topic: str | None, field: str) -> Readings:
     """Times in seconds from the first row, and numeric readings, of a column."""
     frame = log.read(topic or TABLE, [field]).head(LIMITS.correlation_max_rows)
     x = frame[field].cast(pl.Float64).to_numpy()
     t = (frame["log_time_ns"] - frame["log_time_ns"].min()).to_numpy() / 1e9
     known = np.isfinite(x)
-    return t[known], x[known]
+    return Readings(t[known], x[known])

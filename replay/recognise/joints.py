@@ -6,7 +6,7 @@ machine's.
 """
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import polars as pl
 
@@ -74,7 +74,14 @@ def list_joint_fields_with_values(log: Log, topic: str, start_ns: int) -> list[s
     ]
 
 
-def find_wheel_joints_by_side(joint_names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
+class WheelJoints(NamedTuple):
+    """Joints of each side, and whether their names imply rotation."""
+
+    joints_by_side: dict[str, list[str]]
+    is_rotating: bool
+
+
+def find_wheel_joints_by_side(joint_names: Sequence[str]) -> WheelJoints:
     """Joints of each side, if both have equally many, and whether their names imply rotation."""
     said: dict[str, ColumnMeaning] = {name: interpret_column_name(name) for name in joint_names}
     drives = {name: each for name, each in said.items() if each.side and not each.is_linkage}
@@ -84,7 +91,7 @@ def find_wheel_joints_by_side(joint_names: Sequence[str]) -> tuple[dict[str, lis
     counts = {len(joints) for joints in by_side.values()}
     # of joints without a word for a wheel, one a side is a drive; more are a robot's limbs
     alike = len(counts) == 1 and (counts == {1} or (bool(wheels) and counts != {0}))
-    return (by_side if alike else {}), bool(wheels)
+    return WheelJoints(by_side if alike else {}), bool(wheels)
 
 
 def _propose_torque_and_speed_of_side(

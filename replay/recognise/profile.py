@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -110,7 +110,16 @@ def _rate_hz(t_ns: NDArray[np.int64], count: int) -> float | None:
     return (count - 1) / span_s if count > 1 and span_s > 0 else None
 
 
-def profile_columns_without_gaps(values: Floats) -> list[tuple[float, float, float, str]]:
+class ColumnProfile(NamedTuple):
+    """Smallest, median and largest value of a column, and its sparkline."""
+
+    minimum: float
+    median: float
+    maximum: float
+    sparkline: str
+
+
+def profile_columns_without_gaps(values: Floats) -> list[ColumnProfile]:
     """Smallest, median and largest value and sparkline of columns (rows, columns) without gaps."""
     if not values.size:
         return []
@@ -122,7 +131,8 @@ def profile_columns_without_gaps(values: Floats) -> list[tuple[float, float, flo
         shares = np.where((width > 0) & np.isfinite(width), shares / width, 0.0)
         bars = np.nan_to_num(shares * len(_BARS)).clip(0, len(_BARS) - 1).astype(int)
     courses = ["".join(column) for column in np.array(list(_BARS))[bars].T.tolist()]
-    return list(zip(low.tolist(), middle.tolist(), high.tolist(), courses, strict=True))
+    columns = zip(low.tolist(), middle.tolist(), high.tolist(), courses, strict=True)
+    return [ColumnProfile(*column) for column in columns]
 
 
 def profile_column_with_gaps(

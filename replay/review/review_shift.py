@@ -28,6 +28,7 @@ from recordings.report.atomic_output import stage_output_files
 from recordings.review.review_state import (
     FORMAT,
     RECORDING,
+    ChangedSetting,
     ReviewState,
     collect_review_state,
     list_changed_settings,
@@ -312,11 +313,11 @@ def _convert_review_inputs_to_dict(
 
 def _list_changes_since_earlier_review(
     earlier: ReviewState, state: ReviewState
-) -> list[tuple[str, str, str]]:
+) -> list[ChangedSetting]:
     """Settings, options and logs that differ from the earlier review."""
     was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (earlier, state))
-    logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]
-    logs += [(f"log {name}", "–", "there") for name in sorted(now - was)]
+    logs = [ChangedSetting(f"log {name}", "there", "gone") for name in sorted(was - now)]
+    logs += [ChangedSetting(f"log {name}", "–", "there") for name in sorted(now - was)]
     return [*logs, *list_changed_settings(earlier, state.resolved)]
 
 

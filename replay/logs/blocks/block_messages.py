@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 from threading import Lock
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -290,9 +290,16 @@ class BlockStore:
             )
 
 
+class TimedBlock(NamedTuple):
+    """A block with its counts, and its usable log times by connection."""
+
+    block: Block
+    log_times: Mapping[int, NDArray[np.int64]]
+
+
 def complete_block_by_log_times(
     block: Block, log_times: Mapping[int, NDArray[np.int64]]
-) -> tuple[Block, Mapping[int, NDArray[np.int64]]]:
+) -> TimedBlock:
     """The block with its counts and time span, and the usable log times.
 
     Times beyond the year 2262 are unusable; their 64 bits are negative here.
@@ -304,7 +311,9 @@ def complete_block_by_log_times(
         log_times = {key: values[values >= 0] for key, values in log_times.items()}
         everything = everything[everything >= 0]
         first, last = (everything.min(), everything.max()) if everything.size else (0, -1)
-    return replace(block, counts=counts, first_ns=int(first), last_ns=int(last)), log_times
+    return TimedBlock(
+        replace(block, counts=counts, first_ns=int(first), last_ns=int(last)), log_times
+    )
 
 
 def _do_indexed_times_match_block(block: Block, log_times: Mapping[int, NDArray[np.int64]]) -> bool:

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,13 @@ from replay.logs.storage import (
 _LOOSE_BYTES: Final = 4 * 2**20
 #: A poll ends with the chunk that brings its messages to so many bytes.
 _POLL_BYTES: Final = 16 * 2**20
+
+
+class _CompleteRecords(NamedTuple):
+    """Messages of complete records, and offset of the first incomplete one."""
+
+    batches: list[RawBatch]
+    incomplete_offset: int
 
 
 class GrowingBlockFile(ABC):
@@ -106,7 +113,7 @@ class GrowingBlockFile(ABC):
         self._at += max(whole, first_record_bytes)
         return batches
 
-    def _split_complete_records(self, data: NDArray[np.uint8]) -> tuple[list[RawBatch], int]:
+    def _split_complete_records(self, data: NDArray[np.uint8]) -> _CompleteRecords:
         """Messages in some bytes (n,), and offset of the first incomplete record."""
         grammar = self._grammar()
         _, whole = grammar.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
@@ -115,7 +122,10 @@ class GrowingBlockFile(ABC):
         rows = index.rows_so_far
         for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
             self._process_record(-1 - key, data[offset : offset + length].tobytes())
-        return [
-            RawBatch(key, data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
-            for key, at in group_rows_by_connection(rows[KEY])
-        ], whole
+        return _CompleteRecords(
+            [
+                RawBatch(key, data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
+                for key, at in group_rows_by_connection(rows[KEY])
+            ],
+            whole,
+        )

@@ -51,6 +51,21 @@ class Slab:
     damaged: tuple[tuple[Block, str], ...]
 
 
+class SpanRows(NamedTuple):
+    """Rows found in a span of bytes, and its bytes outside records."""
+
+    first_row: int
+    end_row: int
+    unread_bytes: int
+
+
+class _SpanScan(NamedTuple):
+    """Number of rows found in a span of bytes, and its bytes outside records."""
+
+    row_count: int
+    unread_bytes: int
+
+
 class SlabIndex:
     """Rows of a slab, found block by block while each is in the processor's cache."""
 
@@ -72,7 +87,7 @@ class SlabIndex:
         """All rows so far; see `Slab.rows`."""
         return np.ascontiguousarray(self._rows[:, : self._count])
 
-    def add_rows_of_span(self, begin_offset: int, end_offset: int) -> tuple[int, int, int]:
+    def add_rows_of_span(self, begin_offset: int, end_offset: int) -> SpanRows:
         """Add the rows of a span; returns first row, end row and bytes outside records."""
         first = self._count
         count, unread = self._scan_span_into_rows(begin_offset, end_offset)
@@ -82,9 +97,9 @@ class SlabIndex:
             self._rows = grown
             self._scan_span_into_rows(begin_offset, end_offset)
         self._count = first + count
-        return first, self._count, unread
+        return SpanRows(first, self._count, unread)
 
-    def _scan_span_into_rows(self, begin_offset: int, end_offset: int) -> tuple[int, int]:
+    def _scan_span_into_rows(self, begin_offset: int, end_offset: int) -> _SpanScan:
         """Index the records in a range of bytes; returns their number and the bytes not read."""
         row, unread, at = self._count, end_offset - begin_offset, begin_offset
         while 0 <= at < end_offset:
@@ -96,7 +111,7 @@ class SlabIndex:
                 if stop < end_offset
                 else end_offset
             )
-        return row - self._count, unread
+        return _SpanScan(row - self._count, unread)
 
 
 #: Blocks are unpacked side by side up to this size, since who reads them pays by the slab.

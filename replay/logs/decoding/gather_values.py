@@ -4,7 +4,7 @@ The loops are compiled by numba and cached on disk. A position of -1 marks a mis
 0.
 """
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -215,14 +215,19 @@ def gather_values_as_64_bits(
     return out
 
 
-def gather_string_views(
-    data: Bytes, starts: Ints, sizes_bytes: Ints
-) -> tuple[NDArray[np.uint32], Bytes]:
+class StringViews(NamedTuple):
+    """Strings as Arrow views (n, 4), and the text of the long ones."""
+
+    views: NDArray[np.uint32]
+    long_text: Bytes
+
+
+def gather_string_views(data: Bytes, starts: Ints, sizes_bytes: Ints) -> StringViews:
     """Strings as Arrow views (n, 4), and the text of those too long for their view."""
     out = np.empty((starts.size, 4), np.uint32)
     text = np.empty(int(sizes_bytes[sizes_bytes > _INLINE].sum()), np.uint8)
     fill_string_views(data, starts, sizes_bytes, out, out.view(np.uint8), text)
-    return out, text
+    return StringViews(out, text)
 
 
 def concatenate_byte_ranges(data: Bytes, starts: Ints, sizes_bytes: Ints) -> Bytes:

@@ -1,7 +1,7 @@
 """Spans: stretches of a message whose layout its definition fixes."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from replay.logs.decoding.field_places import InlineArray, InlineField, InlineRecord, InlineValue
 from replay.logs.decoding.wire import WIDTHS, Wire
@@ -97,13 +97,18 @@ def append_array_to_span(
     )
 
 
-def make_span_of_fixed_size_element(
-    element_type: FieldType, wire: Wire
-) -> tuple[Span, InlineValue] | None:
+class ElementSpan(NamedTuple):
+    """Span of one list element, and its place in it."""
+
+    span: Span
+    value: InlineValue
+
+
+def make_span_of_fixed_size_element(element_type: FieldType, wire: Wire) -> ElementSpan | None:
     """An element as a span of its own; None if its size varies."""
     span = Span(first_number_alignment_bytes(element_type, wire))
     value = append_field_to_span(span, element_type, wire)
-    return None if value is None else (span, value)
+    return None if value is None else ElementSpan(span, value)
 
 
 def list_element_stride_bytes(element_span: Span) -> int:

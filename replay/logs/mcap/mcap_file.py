@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -271,7 +271,14 @@ def make_connection_of_channel(channel: Channel, schema: Schema | None) -> Conne
     )
 
 
-def read_metadata_records(path: Path) -> list[tuple[str, Mapping[str, str]]]:
+class MetadataRecord(NamedTuple):
+    """A metadata record of MCAP."""
+
+    name: str
+    values: Mapping[str, str]
+
+
+def read_metadata_records(path: Path) -> list[MetadataRecord]:
     """Name and values of each metadata record in the summary; empty if it is damaged.
 
     A truncated file has no summary; its metadata are not searched for.
@@ -287,7 +294,7 @@ def read_metadata_records(path: Path) -> list[tuple[str, Mapping[str, str]]]:
                 record = Metadata.read(ReadDataStream(BytesIO(data[RECORD_HEAD.size :])))
             except (McapError, *BROKEN_BYTES):
                 continue
-            found.append((record.name, record.metadata))
+            found.append(MetadataRecord(record.name, record.metadata))
         return found
     finally:
         file.close()

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from io import BytesIO
 from operator import itemgetter
 from struct import Struct
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from mcap.exceptions import McapError
@@ -105,7 +105,14 @@ class Summary:
         return section
 
 
-def split_chunk_indexes_from_summary(summary_section: bytes) -> tuple[list[ChunkIndex], bytes]:
+class SplitSummary(NamedTuple):
+    """Chunk indexes of a summary, and the bytes of its other records."""
+
+    chunk_indexes: list[ChunkIndex]
+    other_records: bytes
+
+
+def split_chunk_indexes_from_summary(summary_section: bytes) -> SplitSummary:
     """Chunk indexes of a summary, and the bytes of all other records.
 
     A shift has thousands of them, and the library takes 60 µs for each. If one is malformed, all
@@ -119,15 +126,15 @@ def split_chunk_indexes_from_summary(summary_section: bytes) -> tuple[list[Chunk
             opcode, length = RECORD_HEAD.unpack_from(summary_section, at)
             end = at + RECORD_HEAD.size + length
             if end > len(summary_section):
-                return [], summary_section
+                return SplitSummary([], summary_section)
             if opcode == CHUNK_INDEX:
                 chunks.append(_parse_chunk_index(summary_section[at + RECORD_HEAD.size : end]))
             else:
                 others.append(summary_section[at:end])
             at = end
     except (struct.error, UnicodeDecodeError):
-        return [], summary_section
-    return chunks, b"".join(others)
+        return SplitSummary([], summary_section)
+    return SplitSummary(chunks, b"".join(others))
 
 
 def _parse_chunk_index(record_content: bytes) -> ChunkIndex:

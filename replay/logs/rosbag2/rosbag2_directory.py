@@ -11,7 +11,7 @@ from dataclasses import replace
 from itertools import chain, pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import zstandard
@@ -306,7 +306,14 @@ def decompress_file_or_describe_fault(compressed_file: Path, target: Path) -> st
     return None
 
 
-def iter_decompressed_messages(batch: RawBatch) -> Iterator[tuple[RawBatch, int]]:
+class DecompressedBatch(NamedTuple):
+    """Decompressed messages, and how many could not be decompressed."""
+
+    batch: RawBatch
+    failures: int
+
+
+def iter_decompressed_messages(batch: RawBatch) -> Iterator[DecompressedBatch]:
     """Unpack the messages of a batch in parts of bounded size; yields also the failures."""
     unpacker = zstandard.ZstdDecompressor()
     messages: list[bytes] = []
@@ -322,9 +329,11 @@ def iter_decompressed_messages(batch: RawBatch) -> Iterator[tuple[RawBatch, int]
         times.append(time)
         size += len(message)
         if size >= BATCH_BYTES:
-            yield make_batch_of_messages(batch.connection_id, times, messages), failed
+            yield DecompressedBatch(
+                make_batch_of_messages(batch.connection_id, times, messages), failed
+            )
             messages, times, failed, size = [], [], 0, 0
-    yield make_batch_of_messages(batch.connection_id, times, messages), failed
+    yield DecompressedBatch(make_batch_of_messages(batch.connection_id, times, messages), failed)
 
 
 def _decompress_file(unpacker: zstandard.ZstdDecompressor, compressed: bytes) -> bytes:

@@ -97,7 +97,17 @@ def _has_uncommitted_writes(path: Path) -> bool:
     return any(each.exists() and each.stat().st_size > 0 for each in beside)
 
 
-def _find_messages_table(database: sqlite3.Connection) -> tuple[int, int, int, int, int] | None:
+class _TableLayout(NamedTuple):
+    """Place of table `messages`, and of its columns."""
+
+    root_page: int
+    columns: int
+    topic_index: int
+    time_index: int
+    message_index: int
+
+
+def _find_messages_table(database: sqlite3.Connection) -> _TableLayout | None:
     """Root page of table `messages`, its columns, and the places of topic, time and message."""
     found = fetch_all_rows(
         database, "SELECT rootpage FROM sqlite_master WHERE type = 'table' AND name = 'messages'"
@@ -113,4 +123,6 @@ def _find_messages_table(database: sqlite3.Connection) -> tuple[int, int, int, i
     is_computed = any(is_hidden for *_, is_hidden in columns)
     if not are_integers or _DATA not in kinds or is_computed or "rowid" in names:
         return None
-    return found[0][0], len(names), names.index(_TOPIC), names.index(_TIME), names.index(_DATA)
+    return _TableLayout(
+        found[0][0], len(names), names.index(_TOPIC), names.index(_TIME), names.index(_DATA)
+    )

@@ -59,6 +59,13 @@ class _PageBuffers:
     rows: NDArray[np.int64] = field(default_factory=lambda: np.empty((5, _MOST_ROWS), np.int64))
 
 
+class _LeafRows(NamedTuple):
+    """Rows of leaf pages, and whether the next leaves have the usual layout."""
+
+    rows: TableRows
+    is_usual_after: bool
+
+
 class PageWalk:
     """Rows of a table in the order of their ids, past damaged pages, up to an unusual one."""
 
@@ -118,7 +125,7 @@ class PageWalk:
 
     def _read_rows_of_leaves(
         self, leaves: NDArray[np.uint32], page_memory: _PageBuffers
-    ) -> tuple[TableRows, bool]:
+    ) -> _LeafRows:
         """Rows from the given leaves on, and whether the following leaves have the usual layout."""
         size = self._layout.page_bytes
         ranges, slots = group_pages_into_ranges(leaves, size, _LEAF_BYTES)
@@ -145,7 +152,7 @@ class PageWalk:
                 data, ranges, page_memory.rows, self._spills, spilled
             )
             rows = self._drop_torn_rows(rows, self._spills[:, :spilled])
-        return TableRows(data, rows), is_usual
+        return _LeafRows(TableRows(data, rows), is_usual)
 
     def _drop_torn_rows(
         self, rows: NDArray[np.int64], spills: NDArray[np.int64]

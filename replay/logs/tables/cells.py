@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Final
+from typing import Final, NamedTuple
 
 import polars as pl
 
@@ -86,10 +86,17 @@ def are_most_cells_numeric(cell_classes: Sequence[str], *, result_if_empty: bool
     return sum(each in NUMERIC for each in present) >= LIMITS.kind_min_fraction * len(present)
 
 
-def match_decimal_number(cell: str, decimal_sign: str) -> tuple[bool, bool]:
+class DecimalMatch(NamedTuple):
+    """Whether a cell is a number with a sign, and whether that may group thousands."""
+
+    is_number: bool
+    can_be_grouping: bool
+
+
+def match_decimal_number(cell: str, decimal_sign: str) -> DecimalMatch:
     """Whether a cell is a number with the decimal sign, and whether that may group thousands."""
     signed = decimal_sign in cell and _NUMBERS[decimal_sign].fullmatch(cell) is not None
-    return signed, signed and _THOUSANDS[decimal_sign].fullmatch(cell) is not None
+    return DecimalMatch(signed, signed and _THOUSANDS[decimal_sign].fullmatch(cell) is not None)
 
 
 @lru_cache(maxsize=1 << 16)

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import polars as pl
 
@@ -371,7 +371,14 @@ def find_unit_of_second_fractions(name: str) -> str | None:
     return _FRACTIONS.get(word) or next(by_beginning, None)
 
 
-def convert_second_fractions_to_ns(cells: pl.Series) -> tuple[pl.Series, str]:
+class SecondFractions(NamedTuple):
+    """Fractions of a second in ns, and the unit that they had."""
+
+    fractions_ns: pl.Series
+    unit: str
+
+
+def convert_second_fractions_to_ns(cells: pl.Series) -> SecondFractions:
     """Fractions of a second in ns, and their unit, from the name or from their size.
 
     Raises:
@@ -386,4 +393,4 @@ def convert_second_fractions_to_ns(cells: pl.Series) -> tuple[pl.Series, str]:
     unit = stated or (possible[0] if possible else "")
     if unit not in possible:
         raise TimeError(f"column '{cells.name}' holds no fractions of a second, but {largest:g}")
-    return (numbers * NS_PER_UNIT[unit]).round().cast(pl.Int64, strict=False), unit
+    return SecondFractions((numbers * NS_PER_UNIT[unit]).round().cast(pl.Int64, strict=False), unit)

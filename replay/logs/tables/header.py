@@ -5,7 +5,7 @@ import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from analysis.model.physical_units import (
     find_pint_name,
@@ -101,26 +101,33 @@ def refuse_contradicting_units(cells: Sequence[str], unit_cells: Sequence[str], 
             )
 
 
-def split_unit_from_column_name(name: str) -> tuple[str, str | None]:
+class NameAndUnit(NamedTuple):
+    """Name of a column without its unit, and the unit."""
+
+    name: str
+    unit: str | None
+
+
+def split_unit_from_column_name(name: str) -> NameAndUnit:
     """Name without its unit, and the unit; None if no known unit is stated.
 
     `Velocity [km/h]`, `torque (Nm)`, `Speed / km/h`, `speed_kmh`, `left_Mz_Nm`.
     """
     name = _ZONE.sub("", name) or name
     if match := _FORM.fullmatch(name):
-        return match["name"], None
+        return NameAndUnit(match["name"], None)
     if does_name_state_multiple_of_unit(name):
-        return name, None
+        return NameAndUnit(name, None)
     for form in (_BRACKETS, _BEHIND, _MIDDLE):
         match = form.fullmatch(name)
         unit = find_pint_name(match["unit"]) if match and match["name"] else None
         if match and unit:
             rest = match["rest"] if form is _MIDDLE else ""
-            return f"{match['name'].strip()} {rest}".strip(), unit
+            return NameAndUnit(f"{match['name'].strip()} {rest}".strip(), unit)
     if (match := _REMARK.fullmatch(name)) and (remarked := _BEHIND.fullmatch(match["name"])):
         unit = find_pint_name(remarked["unit"])
         if unit:
-            return remarked["name"].strip(), unit
+            return NameAndUnit(remarked["name"].strip(), unit)
     return split_unit_from_name(name)
 
 
@@ -190,9 +197,16 @@ def strip_comment_and_join_brackets(
     return TextRow(row.line, row.after, tuple(cells))
 
 
+class HeaderRows(NamedTuple):
+    """Rows of names and units above the data; None for each that is missing."""
+
+    names: TextRow | None
+    units: TextRow | None
+
+
 def find_name_and_unit_rows(
     rows_above: list[TextRow], column_count: int, hints: TableHints
-) -> tuple[TextRow | None, TextRow | None]:
+) -> HeaderRows:
     """Row of the names and row of the units; None for each that is missing.
 
     Args:
@@ -212,7 +226,7 @@ def find_name_and_unit_rows(
     given = by_line.get(hints.header_row or -1)
     stated = by_line.get(hints.units_row or -1)
     if hints.header_row == 0:
-        return None, stated
+        return HeaderRows(None, stated)
     if given is not None:
         if stated is None and hints.units_row is None:
             nearby = [row for row in rows_above if abs(row.line - given.line) <= 2 and row != given]
@@ -224,10 +238,10 @@ def find_name_and_unit_rows(
                 ),
                 None,
             )
-        return given, stated
+        return HeaderRows(given, stated)
     stated, wide = _find_rows_as_wide_as_table(rows_above, column_count, stated, hints)
     if not wide:
-        return None, stated
+        return HeaderRows(None, stated)
     if hints.units_row is None and stated is None and len(wide) > 2:
         # below the units may stand a row of types
         (*_, third, second, first) = wide
@@ -237,15 +251,15 @@ def find_name_and_unit_rows(
             and is_row_of_units(second.cells, is_half_enough=True)
             and not is_row_of_units(first.cells + third.cells)
         ):
-            return third, second
+            return HeaderRows(third, second)
     if stated is not None or len(wide) == 1:
-        return wide[-1], stated
+        return HeaderRows(wide[-1], stated)
     return select_name_and_unit_rows(*wide[-2:], has_no_units=hints.units_row == 0)
 
 
 def select_name_and_unit_rows(
     rows_before: TextRow, last_row: TextRow, *, has_no_units: bool
-) -> tuple[TextRow, TextRow | None]:
+) -> HeaderRows:
     """Names, and units if one of the last two rows contains only units.
 
     Raises:
@@ -253,22 +267,22 @@ def select_name_and_unit_rows(
     """
     if has_no_units:
         # there are none, and what looks like them holds no names either
-        return (rows_before if is_row_of_units(last_row.cells) else last_row), None
+        return HeaderRows((rows_before if is_row_of_units(last_row.cells) else last_row), None)
     if last_row.line - rows_before.line > 2:
-        return last_row, None
+        return HeaderRows(last_row, None)
     if is_row_of_units(last_row.cells) and is_row_of_units(rows_before.cells):
         raise DialectError(
             f"lines {rows_before.line + 1} and {last_row.line + 1} may both hold the units; set "
             "[log] units_row and header_row"
         )
     if is_row_of_units(last_row.cells):
-        return rows_before, last_row
-    return last_row, rows_before if is_row_of_units(rows_before.cells) else None
+        return HeaderRows(rows_before, last_row)
+    return HeaderRows(last_row, rows_before if is_row_of_units(rows_before.cells) else None)
 
 
 def find_labelled_header_rows(
     rows_above: list[TextRow], column_count: int, *, is_blank_first: bool
-) -> tuple[TextRow, TextRow] | None:
+) -> HeaderRows | None:
     """Rows of names and units that begin with a label: "SIGNAL", "TIME", "CH1".
 
     There is no column below the labels: data rows have a blank there, or a cell less. In the latter
@@ -286,7 +300,7 @@ def find_labelled_header_rows(
     said = any(_OF_UNITS.search(words[row.line]) for row in units)
     if not names or not units or not (said or is_blank_first):
         return None
-    return names[-1], min(units, key=lambda row: abs(row.line - names[-1].line))
+    return HeaderRows(names[-1], min(units, key=lambda row: abs(row.line - names[-1].line)))
 
 
 def _find_rows_as_wide_as_table(
@@ -316,14 +330,21 @@ def _find_rows_as_wide_as_table(
     return stated_rows, wide
 
 
-def parse_row_of_column_attribute(row: TextRow) -> tuple[str, TextRow] | None:
+class ColumnAttribute(NamedTuple):
+    """Attribute that a row states for each column, and its cells."""
+
+    attribute: str
+    cells: TextRow
+
+
+def parse_row_of_column_attribute(row: TextRow) -> ColumnAttribute | None:
     """Attribute that a row states for each column, and its cells; None for other rows."""
     said = [_ATTRIBUTE.fullmatch(cell) for cell in row.cells if cell]
     keys = {match["key"].lower() if match else None for match in said}
     if len(said) < len(row.cells) // 2 or len(keys) != 1 or None in keys or len(row.cells) < 3:
         return None
     cells = tuple(cell.partition(":")[2].strip() for cell in row.cells)
-    return str(keys.pop()), TextRow(row.line, row.after, cells)
+    return ColumnAttribute(str(keys.pop()), TextRow(row.line, row.after, cells))
 
 
 def _has_cell_for_each_column(row: TextRow, width: int) -> bool:

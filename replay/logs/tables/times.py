@@ -6,7 +6,7 @@ The size of the numbers identifies a clock that counts from another day than 197
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isfinite
-from typing import Final
+from typing import Final, NamedTuple
 
 import polars as pl
 
@@ -166,11 +166,20 @@ def find_plausible_epoch(
     return None
 
 
-def correct_labview_epoch_of_1904(log_times: pl.Series) -> tuple[pl.Series, str | None]:
+class CorrectedTimes(NamedTuple):
+    """Log times in ns since 1970, and a note if they were corrected."""
+
+    log_times: pl.Series
+    note: str | None
+
+
+def correct_labview_epoch_of_1904(log_times: pl.Series) -> CorrectedTimes:
     """Stamps in ns since 1970, corrected if LabVIEW counted from 1904, and a note if so."""
     low, high = log_times.min(), log_times.max()
     if not isinstance(low, int) or not isinstance(high, int):
-        return log_times, None
+        return CorrectedTimes(log_times, None)
     if not _LABVIEW.covers_numbers(low / 1e9, high / 1e9):
-        return log_times, None
-    return log_times - int(_LABVIEW.at_1970) * _LABVIEW.unit_ns, f"its times are {_LABVIEW.name}"
+        return CorrectedTimes(log_times, None)
+    return CorrectedTimes(
+        log_times - int(_LABVIEW.at_1970) * _LABVIEW.unit_ns, f"its times are {_LABVIEW.name}"
+    )
