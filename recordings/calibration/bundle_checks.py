@@ -72,7 +72,7 @@ _UNKNOWN_KEY: Final = (
 )
 
 
-def check_bundle_with_previous_evidence(
+def check_bundle(
     folder: Path,
     known_key: PublicKey | None = None,
     previous_folder: Path | None = None,
@@ -146,50 +146,46 @@ def _check_bundle_alone(
     return bundle
 
 
-def read_and_check_bundle_files(
-    folder: Path, checked_bundle: CheckedBundle
-) -> dict[str, BundleFile]:
+def read_and_check_bundle_files(folder: Path, bundle: CheckedBundle) -> dict[str, BundleFile]:
     """Read every file of a bundle, and compare it with SHA256SUMS.
 
     Args:
         folder: the bundle.
-        checked_bundle: receives the findings.
+        bundle: receives the findings.
 
     Returns:
         Files that could be read, by name.
     """
     names, strange = list_bundle_files_and_faults(folder)
     for name, what in strange[: LIMITS.max_foreign_entries]:
-        checked_bundle.add_finding(BundleOutcome.TAMPERED, name, what)
+        bundle.add_finding(BundleOutcome.TAMPERED, name, what)
     if len(strange) > LIMITS.max_foreign_entries:
         more = f"{len(strange) - LIMITS.max_foreign_entries} more entries"
-        checked_bundle.add_finding(BundleOutcome.TAMPERED, more, "do not belong to a bundle")
+        bundle.add_finding(BundleOutcome.TAMPERED, more, "do not belong to a bundle")
     held: dict[str, BundleFile] = {}
     for name in names:
         try:
             held[name] = read_bundle_file(folder, name)
         except EvidenceError as fault:
-            checked_bundle.add_finding(
+            bundle.add_finding(
                 BundleOutcome.TAMPERED, name, remove_file_name_from_fault(name, fault)
             )
     for name in (*REQUIRED, SUMS):
         if name not in names:
-            checked_bundle.add_finding(BundleOutcome.INCOMPLETE, name, "is missing")
+            bundle.add_finding(BundleOutcome.INCOMPLETE, name, "is missing")
     if SUMS in held:
-        checked_bundle.sums = read_content_in_memory(held, SUMS)
+        bundle.sums = read_content_in_memory(held, SUMS)
         try:
-            compare_files_with_sums(
-                checked_bundle, names, held, parse_sha256sums(checked_bundle.sums)
-            )
+            compare_files_with_sums(bundle, names, held, parse_sha256sums(bundle.sums))
         except EvidenceError as fault:
-            checked_bundle.add_finding(
+            bundle.add_finding(
                 BundleOutcome.TAMPERED, SUMS, remove_file_name_from_fault(SUMS, fault)
             )
     return held
 
 
 def compare_files_with_sums(
-    checked_bundle: CheckedBundle,
+    bundle: CheckedBundle,
     names: list[str],
     files: Mapping[str, BundleFile],
     expected_digests: Mapping[str, str],
@@ -197,35 +193,35 @@ def compare_files_with_sums(
     """Compare the files with SHA256SUMS in both directions."""
     for name, digest in expected_digests.items():
         if name in files and files[name].sha256 != digest:
-            checked_bundle.add_finding(
+            bundle.add_finding(
                 BundleOutcome.TAMPERED, name, f"is not the file whose digest {SUMS} has"
             )
         if name not in names and name not in REQUIRED:
-            checked_bundle.add_finding(
+            bundle.add_finding(
                 BundleOutcome.INCOMPLETE, name, f"is missing, although {SUMS} lists it"
             )
     for name in sorted(set(files) - set(expected_digests) - set(UNLISTED)):
-        checked_bundle.add_finding(BundleOutcome.TAMPERED, name, f"is not listed in {SUMS}")
+        bundle.add_finding(BundleOutcome.TAMPERED, name, f"is not listed in {SUMS}")
 
 
 def _check_that_recordings_are_named(
-    checked_bundle: CheckedBundle, document: EvidenceDocument, digests: Mapping[str, str]
+    bundle: CheckedBundle, document: EvidenceDocument, digests: Mapping[str, str]
 ) -> None:
     """Check that the recordings of runs are those that the evidence names."""
     named = {log.recording for log in document.logs if log.recording}
     for name in sorted(named - set(digests)):
-        checked_bundle.add_finding(
+        bundle.add_finding(
             BundleOutcome.INCOMPLETE, name, "is missing, although the evidence names it"
         )
     for name in sorted(digests):
         if name.startswith(f"{RUNS}/") and name not in named:
-            checked_bundle.add_finding(
+            bundle.add_finding(
                 BundleOutcome.TAMPERED, name, "is a recording that the evidence does not name"
             )
 
 
 def parse_readings_and_points(
-    checked_bundle: CheckedBundle, files: Mapping[str, BundleFile], document: EvidenceDocument
+    bundle: CheckedBundle, files: Mapping[str, BundleFile], document: EvidenceDocument
 ) -> tuple[pl.DataFrame | None, pl.DataFrame | None]:
     """Readings and points; None for each that cannot be read."""
     digests = {
@@ -236,21 +232,21 @@ def parse_readings_and_points(
     there = [name for name in (READINGS, POINTS) if name in files]
     for name in there:
         if files[name].sha256 != digests[name]:
-            checked_bundle.add_finding(
+            bundle.add_finding(
                 BundleOutcome.TAMPERED, name, "is not the table whose digest evidence.json has"
             )
     asked = [UntrustedTable(read_content_in_memory(files, name), schemas[name]) for name in there]
     found: dict[str, pl.DataFrame] = {}
     for name, table in zip(there, read_untrusted_tables(asked), strict=True):
         if isinstance(table, str):
-            checked_bundle.add_finding(BundleOutcome.TAMPERED, name, table)
+            bundle.add_finding(BundleOutcome.TAMPERED, name, table)
         else:
             found[name] = table
     return found.get(READINGS), found.get(POINTS)
 
 
 def check_bundle_signature(
-    checked_bundle: CheckedBundle,
+    bundle: CheckedBundle,
     files: Mapping[str, BundleFile],
     digests: Mapping[str, str],
     document: EvidenceDocument | None,
@@ -260,7 +256,7 @@ def check_bundle_signature(
     """Check who signed, and that the signature covers these files.
 
     Args:
-        checked_bundle: receives the findings and the signer.
+        bundle: receives the findings and the signer.
         files: files of the bundle.
         digests: digests of the signed files, by name.
         document: the evidence; None if it cannot be read.
@@ -269,58 +265,58 @@ def check_bundle_signature(
     """
     named = document.signer if document is not None else None
     if STATEMENT not in files:
-        _add_unsigned_findings(checked_bundle, document, known_key)
+        _add_unsigned_findings(bundle, document, known_key)
         return
-    checked_bundle.signed_by = SignedBy("broken")
+    bundle.signed_by = SignedBy("broken")
     try:
         signed = parse_untrusted_envelope(read_content_in_memory(files, STATEMENT), STATEMENT)
         stated = None if named is None else PublicKey.from_base64_text(named.public_key)
     except EvidenceError as fault:
-        checked_bundle.add_finding(
+        bundle.add_finding(
             BundleOutcome.TAMPERED, STATEMENT, remove_file_name_from_fault(STATEMENT, fault)
         )
         return
-    before = len(checked_bundle.findings)
+    before = len(bundle.findings)
     if document is not None:
-        _check_that_signer_is_stated(checked_bundle, signed, stated, document)
+        _check_that_signer_is_stated(bundle, signed, stated, document)
     if known_key is not None and not signed.is_signed_by(known_key):
-        checked_bundle.add_finding(
+        bundle.add_finding(
             BundleOutcome.TAMPERED,
             STATEMENT,
             f"is not signed by the key {known_key.key_id[:12]}… given",
         )
     if known_key is None and stated is not None and not signed.is_signed_by(stated):
-        checked_bundle.add_finding(
+        bundle.add_finding(
             BundleOutcome.TAMPERED, STATEMENT, "its signature is not by the key it names"
         )
-    _check_signed_digests(checked_bundle, signed, files, digests, document)
-    if len(checked_bundle.findings) == before and stated is not None and document is not None:
-        identify_bundle_signer(checked_bundle, stated, document, known_key, keyring)
+    _check_signed_digests(bundle, signed, files, digests, document)
+    if len(bundle.findings) == before and stated is not None and document is not None:
+        identify_bundle_signer(bundle, stated, document, known_key, keyring)
 
 
 def _add_unsigned_findings(
-    checked_bundle: CheckedBundle, document: EvidenceDocument | None, known_key: PublicKey | None
+    bundle: CheckedBundle, document: EvidenceDocument | None, known_key: PublicKey | None
 ) -> None:
     """Add the findings of a bundle that has no signed statement."""
     if document is not None and document.signer is not None:
-        checked_bundle.add_finding(
+        bundle.add_finding(
             BundleOutcome.INCOMPLETE, STATEMENT, "is missing, although evidence.json names a signer"
         )
     elif known_key is not None:
-        checked_bundle.add_finding(
+        bundle.add_finding(
             BundleOutcome.INCOMPLETE,
             STATEMENT,
             "is missing: the bundle is unsigned, but --key is given",
         )
     elif document is not None:
-        checked_bundle.notes.append(
+        bundle.notes.append(
             "UNSIGNED: nobody vouches for this; whoever held the folder could have changed "
             "every number and every digest in it"
         )
 
 
 def identify_bundle_signer(
-    checked_bundle: CheckedBundle,
+    bundle: CheckedBundle,
     stated_signer: PublicKey,
     document: EvidenceDocument,
     known_key: PublicKey | None,
@@ -333,39 +329,39 @@ def identify_bundle_signer(
     by = SignedBy("unknown", claimed, owner, stated_signer.key_id, stated_signer.base64_text)
     if known is not None:
         made = dt.datetime.fromisoformat(document.made).date()
-        fault = known.explain_distrust(made, checked_bundle.proven_day)
+        fault = known.explain_distrust(made, bundle.proven_day)
         if fault:
-            checked_bundle.signed_by = by
+            bundle.signed_by = by
             outcome = BundleOutcome.TAMPERED if known.revoked else BundleOutcome.INCOMPLETE
-            checked_bundle.add_finding(
+            bundle.add_finding(
                 outcome, STATEMENT, f"the key of {owner}, {by.key_id[:12]}…, {fault}"
             )
             return
     how = "given" if known_key is not None else "unknown" if known is None else "known"
-    checked_bundle.signed_by = by = replace(by, how=how)
+    bundle.signed_by = by = replace(by, how=how)
     if not by.is_trusted:
-        checked_bundle.notes.append(_UNKNOWN_KEY.format(by, by.add_key_command))
+        bundle.notes.append(_UNKNOWN_KEY.format(by, by.add_key_command))
 
 
 def _check_that_signer_is_stated(
-    checked_bundle: CheckedBundle,
+    bundle: CheckedBundle,
     envelope: EnvelopeContent,
     stated_signer: PublicKey | None,
     document: EvidenceDocument,
 ) -> None:
     """Check that envelope and evidence name the same key."""
     if stated_signer is None or document.signer is None:
-        checked_bundle.add_finding(
+        bundle.add_finding(
             BundleOutcome.TAMPERED, EVIDENCE, "signer: names nobody, although there is a signature"
         )
     elif not stated_signer.key_id == document.signer.key_id == envelope.key_id:
-        checked_bundle.add_finding(
+        bundle.add_finding(
             BundleOutcome.TAMPERED, EVIDENCE, "signer.key_id: is not that of the signature's key"
         )
 
 
 def _check_signed_digests(
-    checked_bundle: CheckedBundle,
+    bundle: CheckedBundle,
     envelope: EnvelopeContent,
     files: Mapping[str, BundleFile],
     digests: Mapping[str, str],
@@ -374,9 +370,7 @@ def _check_signed_digests(
     """Check that the statement covers these files."""
     said = envelope.statement
     if said.get("_type") != STATEMENT_TYPE or said.get("predicateType") != PREDICATE_TYPE:
-        checked_bundle.add_finding(
-            BundleOutcome.TAMPERED, STATEMENT, "is a statement of another kind"
-        )
+        bundle.add_finding(BundleOutcome.TAMPERED, STATEMENT, "is a statement of another kind")
     wanted: dict[str, Any] = dict(digests)
     if SUMS in files:
         wanted[SUMS] = files[SUMS].sha256
@@ -387,20 +381,18 @@ def _check_signed_digests(
             found[each["name"]] = each.get("digest")
     for name in sorted(set(found) | set(wanted)):
         if name not in found:
-            checked_bundle.add_finding(
+            bundle.add_finding(
                 BundleOutcome.TAMPERED, name, "was not there when the bundle was signed"
             )
         elif name not in wanted:
-            checked_bundle.add_finding(
+            bundle.add_finding(
                 BundleOutcome.INCOMPLETE,
                 name,
                 "is missing, although it was there when it was signed",
             )
         elif found[name] != {"sha256": wanted[name]}:
-            checked_bundle.add_finding(
-                BundleOutcome.TAMPERED, name, "is not the file that was signed"
-            )
+            bundle.add_finding(BundleOutcome.TAMPERED, name, "is not the file that was signed")
     if document is not None and said.get("predicate") != make_signed_statement_predicate(document):
-        checked_bundle.add_finding(
+        bundle.add_finding(
             BundleOutcome.TAMPERED, STATEMENT, "is about other evidence than evidence.json"
         )

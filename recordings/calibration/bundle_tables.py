@@ -65,7 +65,7 @@ class UntrustedTable:
 
 
 def read_untrusted_tables(
-    parquet_bytes_and_schemas: Sequence[UntrustedTable],
+    tables: Sequence[UntrustedTable],
 ) -> list[pl.DataFrame | str]:
     """Read untrusted tables in the format of `encode_table_as_parquet`.
 
@@ -73,21 +73,19 @@ def read_untrusted_tables(
         The frame of each, or its fault: other columns, compressed or coded, too many rows, a number
         that is not finite, or damaged.
     """
-    said = read_tables_in_process(parquet_bytes_and_schemas)
-    if said is None and len(parquet_bytes_and_schemas) > 1:  # one of them ended the reader: which?
-        return [
-            each for table in parquet_bytes_and_schemas for each in read_untrusted_tables([table])
-        ]
+    said = read_tables_in_process(tables)
+    if said is None and len(tables) > 1:  # one of them ended the reader: which?
+        return [each for table in tables for each in read_untrusted_tables([table])]
     if said is None:
         return ["is so damaged that it crashes the reader"]
     return [
         _make_frame_or_describe_fault(each, table.schema)
-        for each, table in zip(said, parquet_bytes_and_schemas, strict=True)
+        for each, table in zip(said, tables, strict=True)
     ]
 
 
 def read_tables_in_process(
-    parquet_bytes_and_schemas: Sequence[UntrustedTable],
+    tables: Sequence[UntrustedTable],
 ) -> list[dict[str, Any]] | None:
     """Results of the reader process for each table; None if it crashed."""
     asked = json.dumps(
@@ -96,10 +94,10 @@ def read_tables_in_process(
                 "bytes": len(table.data),
                 "columns": [[name, _ARROW[dtype]] for name, dtype in table.schema.items()],
             }
-            for table in parquet_bytes_and_schemas
+            for table in tables
         ]
     )
-    data = b"".join(table.data for table in parquet_bytes_and_schemas)
+    data = b"".join(table.data for table in tables)
     ask = _ask_once if len(data) <= LIMITS.kept_tables_bytes else run_table_reader_process
     out = ask(asked, data)
     return None if out is None else json.loads(out)

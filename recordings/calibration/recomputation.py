@@ -138,17 +138,17 @@ def find_differing_json_values(
 ) -> list[JsonDifference]:
     """Places where two JSON values differ, and whether only by rounding."""
     if isinstance(stored, dict) and isinstance(computed, dict):
-        found: list[tuple[str, bool]] = []
+        found: list[JsonDifference] = []
         for name in sorted(set(stored) | set(computed)):
             inside = f"{dotted_path}.{name}" if dotted_path else name
             if name not in stored or name not in computed:
-                found.append(JsonDifference(inside, False))
+                found.append(JsonDifference(inside, is_only_rounding=False))
             else:
                 found += find_differing_json_values(stored[name], computed[name], inside)
         return found
     if isinstance(stored, list | tuple) and isinstance(computed, list | tuple):
         if len(stored) != len(computed):
-            return [JsonDifference(dotted_path, False)]
+            return [JsonDifference(dotted_path, is_only_rounding=False)]
         pairs = zip(stored, computed, strict=True)
         return [
             each

@@ -30,7 +30,7 @@ _HASHES: Final = {
 }
 
 
-def refuse_without_timestamp_library() -> None:
+def require_timestamp_library() -> None:
     """Raise an error before the work begins if rfc3161-client is missing.
 
     Raises:
@@ -51,7 +51,7 @@ def encode_timestamp_request(statement: bytes) -> bytes:
     Raises:
         EvidenceError: rfc3161-client is not installed.
     """
-    refuse_without_timestamp_library()
+    require_timestamp_library()
     from rfc3161_client import HashAlgorithm, TimestampRequestBuilder
 
     return (
@@ -71,7 +71,7 @@ def read_authority_certificates(path: Path) -> "tuple[Certificate, ...]":
     """
     from cryptography.x509 import load_pem_x509_certificates
 
-    refuse_without_timestamp_library()
+    require_timestamp_library()
     try:
         with path.open("rb") as file:
             data = file.read(LIMITS.response_bytes)

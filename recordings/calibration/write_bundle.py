@@ -49,14 +49,14 @@ def encode_evidence_tables(readings: pl.DataFrame, points: pl.DataFrame) -> Enco
     )
 
 
-def write_bundle_files(
+def write_bundle(
     folder: Path,
     document: EvidenceDocument,
     readings: pl.DataFrame,
     points: pl.DataFrame,
     tables: Mapping[str, bytes],
     signing_key: SigningKey | None,
-    notary_list_range: bytes | None = None,
+    list_range: bytes | None = None,
 ) -> list[str]:
     """Complete the folder of a bundle, which already contains the recordings of runs.
 
@@ -67,7 +67,7 @@ def write_bundle_files(
         points: frame of the points.
         tables: both frames by file name, from `encode_evidence_tables`.
         signing_key: signing key; None leaves the bundle unsigned.
-        notary_list_range: part of the recorder's notary list, if the campaign names one.
+        list_range: part of the recorder's notary list, if the campaign names one.
 
     Returns:
         Remarks for the user, a line each.
@@ -78,8 +78,8 @@ def write_bundle_files(
     for name, data in tables.items():
         (folder / name).write_bytes(data)
     (folder / EVIDENCE).write_bytes(document.canonical_json_bytes)
-    if notary_list_range is not None:
-        (folder / NOTARY).write_bytes(notary_list_range)
+    if list_range is not None:
+        (folder / NOTARY).write_bytes(list_range)
     html = render_report_html(document, readings, points)
     (folder / REPORT).write_bytes(html.encode())
     remark = write_report_pdf(html, folder / PDF)

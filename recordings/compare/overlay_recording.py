@@ -16,7 +16,7 @@ from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.report.number_text import (
     format_markdown_table,
-    format_number_cell,
+    format_number,
     format_plus_minus,
 )
 from recordings.rrd.blueprint import Page, Panel, find_unix_span_of_grid_ns, lay_out_pages_as_tabs
@@ -324,7 +324,7 @@ def _format_changed_values_markdown(changes: Iterable[ValueChange]) -> str:
 
 
 def _format_changed_value(value: object) -> str:
-    return format_number_cell(
+    return format_number(
         value if value is None or isinstance(value, bool | int | float) else str(value)
     )
 
@@ -336,8 +336,8 @@ def _format_changed_estimates_markdown(changes: tuple[EstimateChange, ...]) -> s
             each.quantity,
             format_plus_minus(each.a, each.a_std),
             format_plus_minus(each.b, each.b_std),
-            format_number_cell(each.change),
-            format_number_cell(each.change_in_stds),
+            format_number(each.change),
+            format_number(each.change_in_stds),
         )
         for each in changes[:_MOST]
     ]

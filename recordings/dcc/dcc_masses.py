@@ -139,25 +139,25 @@ class _CertificateMasses:
         )
 
     def _can_quantity_be_of_item(
-        self, item: "_Element", quantity: "_Element", can_name_item: Sequence[str] | None
+        self, item: "_Element", quantity: "_Element", item_ids: Sequence[str] | None
     ) -> bool:
         """Whether a quantity may belong to the item."""
-        if can_name_item is not None:
-            return item.get("id") in can_name_item
+        if item_ids is not None:
+            return item.get("id") in item_ids
         return len(self._items) == 1 or quantity.find(f"{{{SI}}}realListXMLList") is not None
 
     def _list_item_positions_in_quantity(
-        self, item: "_Element", quantity: "_Element", can_name_item: Sequence[str] | None
+        self, item: "_Element", quantity: "_Element", item_ids: Sequence[str] | None
     ) -> list[int | None]:
         """Positions of the item in the quantity's list; None for a single value of the item."""
         if find_length_of_list_quantity(quantity, self._what) is None:
-            shared = [each for each, _ in self._items if each.get("id") in (can_name_item or ())]
+            shared = [each for each, _ in self._items if each.get("id") in (item_ids or ())]
             if len(shared) > 1:
                 raise EvidenceError(f"{self._what}: has one mass for {len(shared)} items")
             return [None]
         if quantity not in self._weights:
             self._weights[quantity] = match_items_to_list_values(
-                quantity, self._items, can_name_item, self._what
+                quantity, self._items, item_ids, self._what
             )
         weights = self._weights[quantity]
         return [place for place, weight in enumerate(weights) if weight is item]

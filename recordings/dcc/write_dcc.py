@@ -70,66 +70,64 @@ def make_unsigned_dcc(document: EvidenceDocument, sums_sha256: str) -> "_Element
         {"schemaVersion": VERSION},
         nsmap={"dcc": DCC, "si": SI},
     )
-    _fill_administrative_data(_add_child_element(root, "administrativeData"), document, sums_sha256)
-    _add_result_elements(_add_child_element(root, "measurementResults"), document)
+    _fill_administrative_data(_add_element(root, "administrativeData"), document, sums_sha256)
+    _add_result_elements(_add_element(root, "measurementResults"), document)
     return root
 
 
-def _add_child_element(
-    parent: "_Element", element_name: str, text: str | None = None, **attributes: str
+def _add_element(
+    parent: "_Element", name: str, text: str | None = None, **attributes: str
 ) -> "_Element":
     from lxml import etree
 
-    made = etree.SubElement(parent, f"{{{DCC}}}{element_name}", attributes)
+    made = etree.SubElement(parent, f"{{{DCC}}}{name}", attributes)
     if text is not None:
         made.text = " ".join(text.split())
     return made
 
 
-def _add_text_in_language(
-    parent: "_Element", element_name: str, text: str, **attributes: str
-) -> "_Element":
-    made = _add_child_element(parent, element_name, **attributes)
-    _add_child_element(made, "content", text, lang="en")
+def _add_language_text(parent: "_Element", name: str, text: str, **attributes: str) -> "_Element":
+    made = _add_element(parent, name, **attributes)
+    _add_element(made, "content", text, lang="en")
     return made
 
 
 def _add_identification_element(
     parent: "_Element", issuer: str, value: str, description: str, ref_type: str
 ) -> None:
-    made = _add_child_element(parent, "identification", refType=ref_type)
-    _add_child_element(made, "issuer", issuer)
-    _add_child_element(made, "value", value)
-    _add_text_in_language(made, "name", description)
+    made = _add_element(parent, "identification", refType=ref_type)
+    _add_element(made, "issuer", issuer)
+    _add_element(made, "value", value)
+    _add_language_text(made, "name", description)
 
 
 def _add_contact_element(parent: "_Element", name: str, organisation: Organisation) -> None:
-    contact = _add_child_element(parent, name)
-    _add_text_in_language(contact, "name", organisation.name)
+    contact = _add_element(parent, name)
+    _add_language_text(contact, "name", organisation.name)
     if organisation.email:
-        _add_child_element(contact, "eMail", organisation.email)
-    place = _add_child_element(contact, "location")
-    _add_child_element(place, "city", organisation.city)
-    _add_child_element(place, "countryCode", organisation.country)
-    _add_child_element(place, "street", organisation.address)
+        _add_element(contact, "eMail", organisation.email)
+    place = _add_element(contact, "location")
+    _add_element(place, "city", organisation.city)
+    _add_element(place, "countryCode", organisation.country)
+    _add_element(place, "street", organisation.address)
 
 
 def _add_sha256_element(
     parent: "_Element", name: str, referral_id_and_digest: tuple[str, str, str]
 ) -> None:
     referral, referral_id, digest = referral_id_and_digest
-    made = _add_child_element(parent, name)
-    _add_text_in_language(made, "referral", referral)
-    _add_child_element(made, "referralID", referral_id)
-    _add_child_element(made, "procedure", _SHA256)
-    _add_child_element(made, "value", digest)
+    made = _add_element(parent, name)
+    _add_language_text(made, "referral", referral)
+    _add_element(made, "referralID", referral_id)
+    _add_element(made, "procedure", _SHA256)
+    _add_element(made, "value", digest)
 
 
 def _add_software_elements(parent: "_Element", document: EvidenceDocument) -> None:
-    made = _add_child_element(parent, "software")
-    _add_text_in_language(made, "name", "payscope")
-    _add_child_element(made, "release", f"v{document.software.payscope}")
-    _add_child_element(made, "type", "application")
+    made = _add_element(parent, "software")
+    _add_language_text(made, "name", "payscope")
+    _add_element(made, "release", f"v{document.software.payscope}")
+    _add_element(made, "type", "application")
 
 
 def _add_ref_type_definitions(parent: "_Element", document: EvidenceDocument) -> None:
@@ -143,60 +141,56 @@ def _add_ref_type_definitions(parent: "_Element", document: EvidenceDocument) ->
             f"v{document.software.payscope}",
         ),
     ):
-        made = _add_child_element(parent, "refTypeDefinition")
-        _add_text_in_language(made, "name", name)
-        _add_child_element(made, "namespace", namespace)
-        _add_child_element(made, "link", link)
+        made = _add_element(parent, "refTypeDefinition")
+        _add_language_text(made, "name", name)
+        _add_element(made, "namespace", namespace)
+        _add_element(made, "link", link)
         if release:
-            _add_child_element(made, "release", release)
+            _add_element(made, "release", release)
 
 
 def _fill_administrative_data(
-    administrative_element: "_Element", document: EvidenceDocument, sums_sha256: str
+    admin: "_Element", document: EvidenceDocument, sums_sha256: str
 ) -> None:
     campaign = document.campaign
     about, machine, laboratory = campaign.campaign, campaign.machine, campaign.laboratory
     assert laboratory is not None
     assert campaign.customer is not None
-    _add_software_elements(_add_child_element(administrative_element, "dccSoftware"), document)
-    _add_ref_type_definitions(
-        _add_child_element(administrative_element, "refTypeDefinitions"), document
-    )
-    core = _add_child_element(administrative_element, "coreData")
-    _add_child_element(core, "countryCodeISO3166_1", laboratory.country)
-    _add_child_element(core, "usedLangCodeISO639_1", "en")
-    _add_child_element(core, "mandatoryLangCodeISO639_1", "en")
-    _add_child_element(core, "uniqueIdentifier", document.id)
+    _add_software_elements(_add_element(admin, "dccSoftware"), document)
+    _add_ref_type_definitions(_add_element(admin, "refTypeDefinitions"), document)
+    core = _add_element(admin, "coreData")
+    _add_element(core, "countryCodeISO3166_1", laboratory.country)
+    _add_element(core, "usedLangCodeISO639_1", "en")
+    _add_element(core, "mandatoryLangCodeISO639_1", "en")
+    _add_element(core, "uniqueIdentifier", document.id)
     _add_identification_element(
-        _add_child_element(core, "identifications"),
+        _add_element(core, "identifications"),
         "calibrationLaboratory",
         sums_sha256,
         "SHA-256 of SHA256SUMS of the evidence",
         "payscope_documentIdentification",
     )
     if about.received:
-        _add_child_element(core, "receiptDate", about.received.isoformat())
+        _add_element(core, "receiptDate", about.received.isoformat())
     days = [run.day for run in campaign.runs]
-    _add_child_element(core, "beginPerformanceDate", min(days).isoformat())
-    _add_child_element(core, "endPerformanceDate", max(days).isoformat())
-    _add_child_element(core, "performanceLocation", about.place_kind)
-    _add_child_element(core, "issueDate", read_certificate_issue_day(document).isoformat())
+    _add_element(core, "beginPerformanceDate", min(days).isoformat())
+    _add_element(core, "endPerformanceDate", max(days).isoformat())
+    _add_element(core, "performanceLocation", about.place_kind)
+    _add_element(core, "issueDate", read_certificate_issue_day(document).isoformat())
     if about.replaces:
-        changed = _add_child_element(core, "reportAmendedSubstituted")
-        _add_child_element(changed, "typeOfChange", "substituted")
-        _add_child_element(changed, "replacedUniqueIdentifier", about.replaces)
+        changed = _add_element(core, "reportAmendedSubstituted")
+        _add_element(changed, "typeOfChange", "substituted")
+        _add_element(changed, "replacedUniqueIdentifier", about.replaces)
     before = document.chain.previous
     if before is not None:
         what = "SHA256SUMS of the evidence of this machine before this one"
         _add_sha256_element(core, "previousReport", (what, before.id, before.sums_sha256))
-    item = _add_child_element(
-        _add_child_element(administrative_element, "items"), "item", id="machine"
-    )
-    _add_text_in_language(item, "name", document.machine.machine.name)
-    _add_text_in_language(item, "description", f"Condition: {machine.condition}")
-    _add_text_in_language(_add_child_element(item, "manufacturer"), "name", machine.make)
-    _add_child_element(item, "model", machine.model)
-    identified = _add_child_element(item, "identifications")
+    item = _add_element(_add_element(admin, "items"), "item", id="machine")
+    _add_language_text(item, "name", document.machine.machine.name)
+    _add_language_text(item, "description", f"Condition: {machine.condition}")
+    _add_language_text(_add_element(item, "manufacturer"), "name", machine.make)
+    _add_element(item, "model", machine.model)
+    identified = _add_element(item, "identifications")
     _add_identification_element(
         identified, "manufacturer", machine.id, "Serial number", "basic_serialNumber"
     )
@@ -205,21 +199,19 @@ def _fill_administrative_data(
             _add_identification_element(
                 identified, "other", value, part, "payscope_partIdentification"
             )
-    _add_contact_element(
-        _add_child_element(administrative_element, "calibrationLaboratory"), "contact", laboratory
-    )
-    people = _add_child_element(administrative_element, "respPersons")
+    _add_contact_element(_add_element(admin, "calibrationLaboratory"), "contact", laboratory)
+    people = _add_element(admin, "respPersons")
     for name, role, signs in (
         (about.authoriser, about.authoriser_function, "true"),
         (about.author, about.author_function, "false"),
     ):
-        person = _add_child_element(people, "respPerson")
-        _add_text_in_language(_add_child_element(person, "person"), "name", name)
+        person = _add_element(people, "respPerson")
+        _add_language_text(_add_element(person, "person"), "name", name)
         if role:
-            _add_child_element(person, "role", role)
-        _add_child_element(person, "mainSigner", signs)
-    _add_contact_element(administrative_element, "customer", campaign.customer)
-    _add_statement_elements(_add_child_element(administrative_element, "statements"), document)
+            _add_element(person, "role", role)
+        _add_element(person, "mainSigner", signs)
+    _add_contact_element(admin, "customer", campaign.customer)
+    _add_statement_elements(_add_element(admin, "statements"), document)
 
 
 def _add_statement_elements(parent: "_Element", document: EvidenceDocument) -> None:
@@ -231,49 +223,49 @@ def _add_statement_elements(parent: "_Element", document: EvidenceDocument) -> N
     if about.replaces_reason:
         said.append(("Reason of the replacement", about.replaces_reason))
     for name, text in said:
-        made = _add_child_element(parent, "statement")
-        _add_text_in_language(made, "name", name)
-        _add_text_in_language(made, "declaration", text)
+        made = _add_element(parent, "statement")
+        _add_language_text(made, "name", name)
+        _add_language_text(made, "declaration", text)
     if limits is not None:
-        made = _add_child_element(parent, "statement", refType="basic_conformity")
-        _add_text_in_language(made, "name", "Error limits")
-        _add_child_element(made, "reference", limits.rule.accuracy_class)
-        _add_text_in_language(made, "declaration", limits.statement)
+        made = _add_element(parent, "statement", refType="basic_conformity")
+        _add_language_text(made, "name", "Error limits")
+        _add_element(made, "reference", limits.rule.accuracy_class)
+        _add_language_text(made, "declaration", limits.statement)
         if limits.verdict in (WITHIN, OUTSIDE):
-            _add_child_element(made, "conformity", "pass" if limits.verdict == WITHIN else "fail")
+            _add_element(made, "conformity", "pass" if limits.verdict == WITHIN else "fail")
 
 
 def _add_result_elements(parent: "_Element", document: EvidenceDocument) -> None:
     fitted = document.calibration
     assert fitted is not None
-    result = _add_child_element(parent, "measurementResult", refId="machine")
-    _add_text_in_language(result, "name", "Calibration of the mass that the machine's logs give")
-    _add_text_in_language(
+    result = _add_element(parent, "measurementResult", refId="machine")
+    _add_language_text(result, "name", "Calibration of the mass that the machine's logs give")
+    _add_language_text(
         result,
         "description",
         f"{ESTIMATORS.get(document.estimator.name, document.estimator.name)}; its definition has "
         f"the SHA-256 {document.estimator.definition_sha256}",
     )
-    methods = _add_child_element(result, "usedMethods")
+    methods = _add_element(result, "usedMethods")
     for name, norm, ref in _METHODS:
-        method = _add_child_element(methods, "usedMethod", refType=ref)
-        _add_text_in_language(method, "name", name)
-        _add_child_element(method, "norm", norm)
-    _add_software_elements(_add_child_element(result, "usedSoftware"), document)
-    _add_reference_masses_as_equipment(_add_child_element(result, "measuringEquipments"), document)
-    _add_influence_conditions(_add_child_element(result, "influenceConditions"), document)
-    found = _add_child_element(result, "results")
-    line_result = _add_child_element(found, "result", refType="payscope_calibrationFunction")
-    _add_text_in_language(
+        method = _add_element(methods, "usedMethod", refType=ref)
+        _add_language_text(method, "name", name)
+        _add_element(method, "norm", norm)
+    _add_software_elements(_add_element(result, "usedSoftware"), document)
+    _add_equipment(_add_element(result, "measuringEquipments"), document)
+    _add_influence_conditions(_add_element(result, "influenceConditions"), document)
+    found = _add_element(result, "results")
+    line_result = _add_element(found, "result", refType="payscope_calibrationFunction")
+    _add_language_text(
         line_result, "name", "Line: calibrated mass = alpha times estimate plus beta"
     )
-    data = _add_child_element(line_result, "data")
+    data = _add_element(line_result, "data")
     for name, value, unit, interval in (
         ("alpha", fitted.alpha_1, r"\one", fitted.alpha_interval_1),
         ("beta", fitted.beta_kg, r"\kilogram", fitted.beta_interval_kg),
     ):
-        quantity = _add_child_element(data, "quantity", refType="basic_measuredValue")
-        _add_text_in_language(quantity, "name", name)
+        quantity = _add_element(data, "quantity", refType="basic_measuredValue")
+        _add_language_text(quantity, "name", name)
         low, high = interval
         if low is None or high is None or not low < value < high:
             add_dsi_real_element(quantity, value, unit)
@@ -284,11 +276,11 @@ def _add_result_elements(parent: "_Element", document: EvidenceDocument) -> None
                 quantity, value, unit, interval=(u, low, high, fitted.confidence_1)
             )
     at_kg, readings = fitted.budget_at
-    quantity = _add_child_element(data, "quantity", refType="basic_measuredValue")
-    _add_text_in_language(quantity, "name", f"Later mass, mean of {readings} readings")
+    quantity = _add_element(data, "quantity", refType="basic_measuredValue")
+    _add_language_text(quantity, "name", f"Later mass, mean of {readings} readings")
     fill_mass_quantity(quantity, document, at_kg)
     _add_errors_of_indication(
-        _add_child_element(found, "result", refType="basic_measurementError"), document
+        _add_element(found, "result", refType="basic_measurementError"), document
     )
 
 
@@ -316,40 +308,40 @@ def _add_errors_of_indication(result_element: "_Element", document: EvidenceDocu
     fitted = document.calibration
     assert fitted is not None
     references = {each.load_id: each for each in document.references}
-    _add_text_in_language(result_element, "name", "Errors of the runs")
-    data = _add_child_element(result_element, "data")
+    _add_language_text(result_element, "name", "Errors of the runs")
+    data = _add_element(result_element, "data")
     for point in fitted.points:
         if point.error_kg is None:
             continue
         reference = references[point.load_id]
-        row = _add_child_element(data, "list")
-        _add_text_in_language(row, "name", f"{point.run_id}: {point.load_id}")
-        quantity = _add_child_element(row, "quantity", refType="basic_referenceValue")
+        row = _add_element(data, "list")
+        _add_language_text(row, "name", f"{point.run_id}: {point.load_id}")
+        quantity = _add_element(row, "quantity", refType="basic_referenceValue")
         add_dsi_real_element(
             quantity,
             reference.reference_kg,
             r"\kilogram",
             expanded_uncertainty=(2.0 * reference.u_kg, 2.0, 0.954),
         )
-        quantity = _add_child_element(row, "quantity", refType="basic_measuredValue")
+        quantity = _add_element(row, "quantity", refType="basic_measuredValue")
         fill_mass_quantity(quantity, document, reference.reference_kg + point.error_kg)
-        quantity = _add_child_element(row, "quantity", refType="basic_measurementError")
+        quantity = _add_element(row, "quantity", refType="basic_measurementError")
         add_dsi_real_element(quantity, point.error_kg, r"\kilogram")
 
 
-def _add_reference_masses_as_equipment(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
     """Add the reference masses, with hashes of their certificates if known."""
     campaign = document.campaign
     machine = document.machine.machine
     for mass in campaign.masses:
-        made = _add_child_element(parent, "measuringEquipment", refType="basic_measurementStandard")
-        _add_text_in_language(made, "name", f"Reference mass {mass.id}")
+        made = _add_element(parent, "measuringEquipment", refType="basic_measurementStandard")
+        _add_language_text(made, "name", f"Reference mass {mass.id}")
         if mass.stated_by:
-            _add_text_in_language(made, "description", f"Stated by the {mass.stated_by}")
+            _add_language_text(made, "description", f"Stated by the {mass.stated_by}")
         elif mass.certificate_sha256:
             about = ("Certificate of the mass", mass.certificate, mass.certificate_sha256)
             _add_sha256_element(made, "certificate", about)
-        identified = _add_child_element(made, "identifications")
+        identified = _add_element(made, "identifications")
         _add_identification_element(
             identified, "calibrationLaboratory", mass.id, "Id", "payscope_equipmentIdentification"
         )
@@ -363,11 +355,11 @@ def _add_reference_masses_as_equipment(parent: "_Element", document: EvidenceDoc
             )
         _add_reference_mass(made, "Mass", mass.value_kg, mass.u_kg)
     if campaign.method.estimator != "joint_payload" and machine.empty_mass_kg is not None:
-        made = _add_child_element(parent, "measuringEquipment", refType="basic_measurementStandard")
-        _add_text_in_language(made, "name", "The machine without load")
+        made = _add_element(parent, "measuringEquipment", refType="basic_measurementStandard")
+        _add_language_text(made, "name", "The machine without load")
         if campaign.machine.empty_certificate:
             _add_identification_element(
-                _add_child_element(made, "identifications"),
+                _add_element(made, "identifications"),
                 "other",
                 campaign.machine.empty_certificate,
                 "Certificate",
@@ -381,12 +373,12 @@ def _add_reference_masses_as_equipment(parent: "_Element", document: EvidenceDoc
 def _add_reference_mass(
     equipment_element: "_Element", name: str, value_kg: float, u_kg: float
 ) -> None:
-    quantity = _add_child_element(
-        _add_child_element(equipment_element, "measuringEquipmentQuantities"),
+    quantity = _add_element(
+        _add_element(equipment_element, "measuringEquipmentQuantities"),
         "measuringEquipmentQuantity",
         refType="basic_referenceValue",
     )
-    _add_text_in_language(quantity, "name", name)
+    _add_language_text(quantity, "name", name)
     add_dsi_real_element(
         quantity, value_kg, r"\kilogram", expanded_uncertainty=(2.0 * u_kg, 2.0, 0.954)
     )
@@ -397,11 +389,11 @@ def _add_influence_conditions(parent: "_Element", document: EvidenceDocument) ->
     runs = [campaign.find_run_conditions(run) for run in campaign.runs]
     for key, ref, unit, name in _CONDITIONS:
         for value in dict.fromkeys(each[key] for each in runs):
-            made = _add_child_element(parent, "influenceCondition", refType=ref)
-            _add_text_in_language(made, "name", name)
-            data = _add_child_element(made, "data")
+            made = _add_element(parent, "influenceCondition", refType=ref)
+            _add_language_text(made, "name", name)
+            data = _add_element(made, "data")
             if unit:
-                quantity = _add_child_element(data, "quantity", refType="basic_measuredValue")
+                quantity = _add_element(data, "quantity", refType="basic_measuredValue")
                 add_dsi_real_element(quantity, value, unit)
             else:
-                _add_text_in_language(data, "text", value)
+                _add_language_text(data, "text", value)

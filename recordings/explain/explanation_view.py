@@ -26,11 +26,11 @@ from recordings.report.finding_text import (
     describe_indistinguishable_causes,
     describe_mass_change_if_fixed,
     find_readable_cause_name,
-    format_finding_as_line,
+    format_finding,
     format_finding_span,
     format_proposed_machine_keys,
 )
-from recordings.report.number_text import format_number_cell, format_plus_minus
+from recordings.report.number_text import format_number, format_plus_minus
 from recordings.report.picture import write_picture
 from recordings.rrd.display_frames import find_time_span_of_grid_ns, make_display_frames
 from recordings.rrd.recording_table import MOMENT
@@ -104,7 +104,7 @@ def _describe_time_span_of_gate_reason(reason_span: GateStretch) -> str:
     if reason_span.column is None or reason_span.value is None:
         return ""
     name, unit = _DECIDES[reason_span.column]
-    value = format_number_cell(round(reason_span.value, 3))
+    value = format_number(round(reason_span.value, 3))
     return f" ({name} {value}, {reason_span.limit}{f' {unit}' if unit else ''})"
 
 
@@ -178,7 +178,7 @@ def describe_mass_of_manoeuvre(manoeuvre_report: ManoeuvreReport) -> str:
         f"{manoeuvre_report.load_id}"
     )
     note = ", worth a look" if abs(manoeuvre_report.deviations) > _APART else ""
-    return f"{mass}, {apart} ({format_number_cell(manoeuvre_report.load_kg)} kg){note}"
+    return f"{mass}, {apart} ({format_number(manoeuvre_report.load_kg)} kg){note}"
 
 
 def plot_explanation(
@@ -210,9 +210,7 @@ def draw_explanation(run: Run, explanation: Explanation) -> "Figure":
     near = run if at_s is None else _cut_run_around_moment(run, at_s)
     lines = wrap(describe_answer_and_likeliest_cause(explanation), _LINE)
     for each in (explanation.findings or ())[:_FINDINGS]:
-        lines += wrap(
-            f"{each.rank}. {format_finding_as_line(each)}", _LINE, subsequent_indent="   "
-        )
+        lines += wrap(f"{each.rank}. {format_finding(each)}", _LINE, subsequent_indent="   ")
     figure = Figure(figsize=_SIZE_IN, layout="constrained")
     # inches: text has a height of its own
     heights = [0.2 * len(lines) + 0.15, _SIZE_IN[1]]

@@ -85,7 +85,7 @@ def render_fleet_html(fleet_page: FleetPage) -> str:
         _TEMPLATE,
         title=f"Fleet {fleet_page.name}",
         period=_format_first_and_last_day(fleet_page.days),
-        headline=summarise_fleet_in_line(total, machines.height),
+        headline=summarise_fleet(total, machines.height),
         facts=_make_fleet_name_value_rows(fleet_page, total, len(flagged)),
         warnings=_list_fleet_warnings(fleet_page),
         machines=[_make_machine_row(row, fleet_page) for row in machines.iter_rows(named=True)],
@@ -111,7 +111,7 @@ def render_fleet_html(fleet_page: FleetPage) -> str:
     )
 
 
-def summarise_fleet_in_line(fleet_total: Mapping[str, float], machines: int) -> str:
+def summarise_fleet(fleet_total: Mapping[str, float], machines: int) -> str:
     """Answer for a fleet in one line."""
     if not fleet_total["loads"]:
         return f"No tonnes: no cycle of {counted(machines, 'machine')} has a mass"

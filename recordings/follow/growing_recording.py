@@ -286,7 +286,7 @@ def make_thresholds_and_blueprint(settings: Settings) -> GrowingLayout:
         for name, frame in shown.items()
         if name.startswith(f"{ROOT}/threshold/")
     }
-    return GrowingLayout(levels, lay_out_pages_as_tabs(pages, None, is_recording_growing=True))
+    return GrowingLayout(levels, lay_out_pages_as_tabs(pages, None, is_growing=True))
 
 
 def make_placeholder_run(settings: Settings) -> Run:

@@ -73,6 +73,6 @@ def mix_colour_with_white(colour: str) -> str:
     return "#" + "".join(f"{(part + 255) // 2:02x}" for part in parts)
 
 
-def pack_colour_as_rgba_integer(colour: str, opacity: str = "ff") -> int:
+def pack_colour_as_rgba(colour: str, opacity: str = "ff") -> int:
     """Pack red, green, blue and opacity into the 32-bit integer 0xRRGGBBAA of the viewer."""
     return int(colour[1:] + opacity, 16)

@@ -6,7 +6,7 @@ from typing import Any, Final
 from analysis.explain import Finding
 from analysis.model.run_record import Run
 from recordings.report.clock_text import ShiftClock
-from recordings.report.number_text import format_number_cell, format_plus_minus
+from recordings.report.number_text import format_number, format_plus_minus
 
 _LEADS_TO: Final = {
     "withhold": "invalidates the mass",
@@ -64,7 +64,7 @@ def format_finding_span(finding: Finding, clock: ShiftClock | None = None) -> st
     return f"{begin} s" if begin == end else f"{begin} to {end} s"
 
 
-def format_finding_as_line(finding: Finding, clock: ShiftClock | None = None) -> str:
+def format_finding(finding: Finding, clock: ShiftClock | None = None) -> str:
     """One line with the cause, its time span, the measured evidence and the mass change."""
     where = ", ".join(filter(None, (finding.channel, format_finding_span(finding, clock))))
     parts = [
@@ -121,6 +121,6 @@ def format_findings_markdown(run: Run) -> str:
             f"## {each.rank}. "
             f"{find_readable_cause_name(each.cause)}{f' ({where})' if where else ''}"
         )
-        strength = f"{format_number_cell(each.strength_1)} × the detection threshold"
+        strength = f"{format_number(each.strength_1)} × the detection threshold"
         parts.append(f"{each.says}; {strength}\n\n" + "\n".join(f"- {line}" for line in lines))
     return "\n\n".join(parts)

@@ -13,20 +13,18 @@ REMARKED: Final = {"widen": "widened", "method": "withheld", "tell": "note"}
 CONSEQUENCES: Final = {"withhold": "no mass", **REMARKED}
 
 
-def format_check_outcome(
-    check_name: Check, *, is_passed: str, is_failed: str, is_absent: str
-) -> str:
+def format_check_outcome(check: Check, *, passed: str, failed: str, absent: str) -> str:
     """Outcome of a check in one word; a harmless failure is named by its consequence.
 
     Args:
-        check_name: the check.
-        is_passed: word for a passed check.
-        is_failed: word for a failed check that withholds a number.
-        is_absent: word for a check that does not apply.
+        check: the check.
+        passed: word for a passed check.
+        failed: word for a failed check that withholds a number.
+        absent: word for a check that does not apply.
     """
-    if check_name.passed is None:
-        return is_absent
-    return is_passed if check_name.passed else REMARKED.get(check_name.consequence, is_failed)
+    if check.passed is None:
+        return absent
+    return passed if check.passed else REMARKED.get(check.consequence, failed)
 
 
 def format_unit_suffix(unit: str) -> str:
@@ -34,7 +32,7 @@ def format_unit_suffix(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def format_number_cell(value: object) -> str:
+def format_number(value: object) -> str:
     """Table cell of a value: five significant digits, thousands separators, a dash for None."""
     if value is None:
         return "–"
@@ -49,14 +47,14 @@ def format_number_cell(value: object) -> str:
 def format_plus_minus(value: float | None, std: float | None) -> str:
     """Value ± standard deviation, the latter with two digits and both to the same place."""
     if value is None or std is None or not (std > 0 and isfinite(std)):
-        return format_number_cell(value)
+        return format_number(value)
     return f"{round_to_uncertainty(value, std)} ± {round_to_uncertainty(std, std)}"
 
 
 def round_to_uncertainty(value: float | None, std: float) -> str:
     """Value to the place of the second digit of its standard deviation."""
     if value is None or not (std > 0 and isfinite(std)):
-        return format_number_cell(value)
+        return format_number(value)
     return f"{value:.{max(0, 1 - floor(log10(std)))}f}"
 
 
@@ -88,7 +86,7 @@ def format_markdown_table(
 ) -> str:
     """A Markdown table, or "none"."""
     body = [
-        "| " + " | ".join(format_number_cell(cell).replace("|", "\\|") for cell in row) + " |"
+        "| " + " | ".join(format_number(cell).replace("|", "\\|") for cell in row) + " |"
         for row in cell_rows
     ]
     if not body:

@@ -8,7 +8,7 @@ from estimators.errors import counted
 from recordings.report.number_text import (
     describe_unknown_scale_uncertainty,
     format_markdown_table,
-    format_number_cell,
+    format_number,
     format_plus_minus,
 )
 from recordings.report.report_limits import LIMITS
@@ -102,7 +102,7 @@ def format_planar_markdown(run: Run) -> str:
             # smaller shares of the variance are not listed
             if row["share_1"] is not None and row["share_1"] < LIMITS.small_variance_fraction:
                 continue
-            u = "not known" if row["u"] is None else f"{format_number_cell(row['u'])} {row['unit']}"
+            u = "not known" if row["u"] is None else f"{format_number(row['u'])} {row['unit']}"
             # a list, not a table: the viewer wraps it
             line = f"- **{row['cause']}** ({row['kind']}): {u}; shrinks with {row['shrinks']}"
             lines.setdefault(row["quantity"], []).append(line)

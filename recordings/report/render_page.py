@@ -9,7 +9,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Final
 
 from estimators.errors import one_line
-from recordings.report.number_text import format_number_cell
+from recordings.report.number_text import format_number
 from recordings.report.svg_shapes import WIDTH
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def load_templates_and_script_digest(
         lstrip_blocks=True,
         finalize=_strip_control_characters,
     )
-    environment.filters["number"] = format_number_cell
+    environment.filters["number"] = format_number
     environment.filters["percent"] = _format_percent
     return environment, base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
 

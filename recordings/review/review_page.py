@@ -18,7 +18,7 @@ from recordings.report.shift_text import K, format_tonnes
 from recordings.review.energy_columns import make_energy_table_by_phase
 from recordings.review.review_limits import LIMITS
 from recordings.review.review_plots import draw_pictures_of_loads, draw_pictures_of_shift
-from recordings.review.review_state import RECORDING, ReviewState
+from recordings.review.review_state import RECORDING, ChangedSetting, ReviewState
 from recordings.review.reviewer_verdicts import (
     LABELS,
     VERDICTS,
@@ -228,7 +228,7 @@ class ReviewPage:
     ledger: pl.DataFrame
     shift: Mapping[str, Any]
     target: TargetCheck | None
-    changes: list[tuple[str, str, str]] | None
+    changes: list[ChangedSetting] | None
     calibration: UsedCalibration
     track: pl.DataFrame | None = None
     verdicts: str = ""

@@ -23,7 +23,7 @@ from analysis.model.run_record import InputFile, Run
 from analysis.model.verdict import Verdict
 from estimators.errors import counted
 from recordings.report.clock_text import ShiftClock
-from recordings.report.finding_text import format_finding_as_line, read_findings_of_run
+from recordings.report.finding_text import format_finding, read_findings_of_run
 from recordings.review.review_limits import LIMITS
 from recordings.review.torn_logs import TornLog
 from recordings.rrd.provenance_texts import format_local_time, read_machine_section
@@ -202,9 +202,7 @@ def collect_review_state(
         ),
         digs=frames["digging"].height,
         findings=tuple(
-            format_finding_as_line(e, clock)
-            for e in read_findings_of_run(run)
-            if e.severity != "tell"
+            format_finding(e, clock) for e in read_findings_of_run(run) if e.severity != "tell"
         ),
         no_cycle=describe_missing_cycles(frames["cycles"], frames["loads"]),
         mixed_machines=mixed_machines_warning,
@@ -270,9 +268,9 @@ def flatten_values_to_texts(nested_values: Any, dotted_prefix: str = "") -> dict
     return {dotted_prefix: str(nested_values)}
 
 
-def describe_missing_cycles(cycle_count: pl.DataFrame, loads: pl.DataFrame) -> str:
+def describe_missing_cycles(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
     """Why there is no cycle; empty if there is one."""
-    if cycle_count.height:
+    if cycles.height:
         return ""
     if loads["withheld"].all():
         return str(loads["withheld_for"][0])

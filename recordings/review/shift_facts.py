@@ -329,8 +329,7 @@ def describe_target_check(payload_target: TargetCheck) -> str:
     )
     return (
         f"{'kept' if payload_target.keeps else 'not kept'}: mean {payload_target.mean_kg:,.0f} kg "
-        "of "
-        f"{payload_target.target_kg:,.0f} kg, {payload_target.above} of {payload_target.loads} "
+        f"of {payload_target.target_kg:,.0f} kg, {payload_target.above} of {payload_target.loads} "
         "above 110 % (at most a "
         f"tenth), {payload_target.never} above 120 % (none){near}"
     )

@@ -274,8 +274,7 @@ def _draw_friction_picture(
         f"friction-{picture_number}",
         f"Friction of {machine}",
         f"Viscous friction in N·s/m of {len(days)} shifts from {format_day_number(days[0].at_d)} "
-        "to "
-        f"{format_day_number(days[-1].at_d)}; bars reach two standard deviations either way"
+        f"to {format_day_number(days[-1].at_d)}; bars reach two standard deviations either way"
         + ("." if limit is None else f"; dashed: the limit, {limit:,.0f} N·s/m."),
         LIMITS.figure_height,
     )

@@ -179,32 +179,32 @@ def find_unix_span_of_grid_ns(run: Run) -> tuple[int, int] | None:
 
 def lay_out_pages_as_tabs(
     pages: Sequence[Page],
-    unix_span_ns: tuple[int, int] | None,
+    span_ns: tuple[int, int] | None,
     parent_entity: str = "",
     *,
-    is_recording_growing: bool = False,
+    is_growing: bool = False,
 ) -> "rrb.Blueprint":
     """Lay out pages as tabs, the first one open; empty pages are left out.
 
     Args:
         pages: the pages.
-        unix_span_ns: visible Unix times in ns; None for all.
+        span_ns: visible Unix times in ns; None for all.
         parent_entity: parent entity; empty for none.
-        is_recording_growing: whether the time cursor stays at the newest row.
+        is_growing: whether the time cursor stays at the newest row.
     """
     import rerun.blueprint as rrb
 
     tabs = [
         tab
         for page in pages
-        if (tab := _make_tab_of_page(page, unix_span_ns, parent_entity)) is not None
+        if (tab := _make_tab_of_page(page, span_ns, parent_entity)) is not None
     ]
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0, name="payscope"),
         rrb.TimePanel(
             state="collapsed",
             timeline=TIME,
-            play_state="following" if is_recording_growing else "paused",
+            play_state="following" if is_growing else "paused",
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
@@ -229,21 +229,19 @@ def make_events_entity_path(parent_entity: str = "") -> str:
 
 
 def _make_tab_of_page(
-    page: Page, unix_span_ns: tuple[int, int] | None, parent_entity: str
+    page: Page, span_ns: tuple[int, int] | None, parent_entity: str
 ) -> "rrb.Container | None":
     import rerun.blueprint as rrb
 
     has_legend = any(panel.has_legend for row in page.panel_rows for panel in row)
-    axis = _make_time_axis_with_legend_room(
-        unix_span_ns,
+    axis = _make_time_axis(
+        span_ns,
         (LIMITS.narrow_legend_room_fraction if page.texts else LIMITS.legend_room_fraction)
         if has_legend
         else 0.0,
     )
     plots = [
-        _lay_out_views_side_by_side(
-            [_make_rerun_view_of_panel(panel, axis, parent_entity) for panel in row]
-        )
+        _lay_out_views_side_by_side([_make_rerun_view(panel, axis, parent_entity) for panel in row])
         for row in page.panel_rows
     ]
     if page.events:
@@ -310,17 +308,15 @@ def divide_height_with_minimums(min_heights: Sequence[float], total_height: floa
     return [max(each, level) for each in min_heights]
 
 
-def _make_time_axis_with_legend_room(
-    unix_span_ns: tuple[int, int] | None, legend_fraction: float
-) -> "rrb.TimeAxis":
+def _make_time_axis(span_ns: tuple[int, int] | None, legend_fraction: float) -> "rrb.TimeAxis":
     """Time axis of the whole log, plus a fraction `legend_fraction` for legends."""
     import rerun.blueprint as rrb
     from rerun.encodings import TimeRange, TimeRangeBoundary
 
-    if unix_span_ns is None or not legend_fraction:
+    if span_ns is None or not legend_fraction:
         ends = TimeRangeBoundary.infinite(), TimeRangeBoundary.infinite()
     else:
-        begin, end = unix_span_ns
+        begin, end = span_ns
         ends = (
             TimeRangeBoundary.absolute(nanos=begin),
             TimeRangeBoundary.absolute(nanos=end + round(legend_fraction * (end - begin))),
@@ -328,9 +324,7 @@ def _make_time_axis_with_legend_room(
     return rrb.TimeAxis(view_range=TimeRange(start=ends[0], end=ends[1]))
 
 
-def _make_rerun_view_of_panel(
-    panel: Panel, time_axis: "rrb.TimeAxis", parent_entity: str
-) -> "rrb.View":
+def _make_rerun_view(panel: Panel, time_axis: "rrb.TimeAxis", parent_entity: str) -> "rrb.View":
     import rerun.blueprint as rrb
 
     overrides: dict[EntityPathLike, list[Visualizer]] = {}
@@ -363,7 +357,7 @@ def _iter_visualizers_of_column(
             values=list(colours.make_colour_by_state()),
             labels=[state.replace("_", " ") for state in colours.make_colour_by_state()],
             colors=[
-                colours.pack_colour_as_rgba_integer(colour)
+                colours.pack_colour_as_rgba(colour)
                 for colour in colours.make_colour_by_state().values()
             ],
         )
@@ -371,7 +365,7 @@ def _iter_visualizers_of_column(
             mappings=[_map_component_to_column("StateChange:state", display_column.column)]
         )
         return
-    colour = colours.pack_colour_as_rgba_integer(
+    colour = colours.pack_colour_as_rgba(
         display_column.colour, "60" if display_column.faint else "ff"
     )
     scalars = _map_component_to_column("Scalars:scalars", display_column.column)

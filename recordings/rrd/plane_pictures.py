@@ -92,7 +92,7 @@ def send_plane_picture(
         [axes.convert_to_drawing_units(a, b), axes.convert_to_drawing_units(c, d)]
         for a, b, c, d in _iter_grid_line_ends(axes)
     ]
-    ink = colours.pack_colour_as_rgba_integer(_GRID)
+    ink = colours.pack_colour_as_rgba(_GRID)
     frame = rr.LineStrips2D(grid, colors=ink, radii=thin, draw_order=0.0)
     recording.log(f"{entity_path}/grid", frame, static=True)
     places, texts, inks = zip(*iter_axis_labels(axes, picture), strict=True)
@@ -100,7 +100,7 @@ def send_plane_picture(
     recording.log(f"{entity_path}/text", written, static=True)
     for number, each in enumerate(picture.series):
         corners = [axes.convert_to_drawing_units(a, b) for a, b in zip(each.x, each.y, strict=True)]
-        ink, order = colours.pack_colour_as_rgba_integer(each.colour), 10.0 + number
+        ink, order = colours.pack_colour_as_rgba(each.colour), 10.0 + number
         shape = (
             rr.LineStrips2D([corners], colors=ink, radii=width, draw_order=order)
             if each.joined
@@ -131,7 +131,7 @@ def iter_axis_labels(
 ) -> Iterator[tuple[tuple[float, float], str, int]]:
     """Position, text and colour of numbers, labels and legend."""
     left, top, right, bottom = LIMITS.plane_box
-    ink = colours.pack_colour_as_rgba_integer(_INK)
+    ink = colours.pack_colour_as_rgba(_INK)
     for value, text in choose_round_axis_ticks(*axes.x):
         yield (
             (
@@ -163,7 +163,7 @@ def iter_axis_labels(
     named = [each for each in picture.series if each.label]
     for line, each in enumerate(named):
         place = (right + LIMITS.plane_legend_distance, top + LIMITS.plane_legend_line * line)
-        yield place, each.label, colours.pack_colour_as_rgba_integer(each.colour)
+        yield place, each.label, colours.pack_colour_as_rgba(each.colour)
 
 
 def _make_force_acceleration_picture(run: Run) -> PlanePicture | None:

@@ -7,7 +7,7 @@ from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
-from recordings.report.number_text import format_markdown_table, format_number_cell
+from recordings.report.number_text import format_markdown_table, format_number
 
 
 def format_local_time(provenance: Provenance, t_ns: int = 0) -> str:
@@ -40,8 +40,7 @@ def format_provenance_markdown(run: Run) -> str:
     """Inputs with SHA-256, versions, stamps, losses and notes."""
     about = run.provenance
     inputs = [
-        (each.name, format_number_cell(each.size_bytes), f"`{each.sha256}`")
-        for each in about.inputs
+        (each.name, format_number(each.size_bytes), f"`{each.sha256}`") for each in about.inputs
     ]
     frames = [f"- **{n}**, {f.height} rows: {', '.join(f.columns)}" for n, f in run.frames.items()]
     return "\n\n".join(

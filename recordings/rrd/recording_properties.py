@@ -14,7 +14,7 @@ from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
-from recordings.report.finding_text import format_finding_as_line, read_findings_of_run
+from recordings.report.finding_text import format_finding, read_findings_of_run
 from recordings.report.worth_text import COVERAGE
 
 ANSWER: Final = "answer"
@@ -44,7 +44,7 @@ def make_recording_properties(run: Run) -> dict[str, Value]:
         "verdict": _summarise_weighing_verdict(said.verdict),
         "can_weigh": said.verdict.can_weigh if said.verdict.checks else None,
         "loads": len(said.loads),
-        "first_finding": format_finding_as_line(findings[0]) if findings else "",
+        "first_finding": format_finding(findings[0]) if findings else "",
         "fingerprint": about.fingerprint.results if about.fingerprint else "",
         "payscope": about.versions.get("payscope", ""),
         "versions": ", ".join(f"{name} {text}" for name, text in about.versions.items()),

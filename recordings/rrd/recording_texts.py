@@ -12,7 +12,7 @@ from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import (
-    format_finding_as_line,
+    format_finding,
     format_findings_markdown,
     read_findings_of_run,
 )
@@ -20,7 +20,7 @@ from recordings.report.number_text import (
     SCALE_NOT_KNOWN,
     format_check_outcome,
     format_markdown_table,
-    format_number_cell,
+    format_number,
     format_plus_minus,
     format_unit_suffix,
 )
@@ -99,7 +99,7 @@ def format_answer_headline(answer: Answer) -> str:
     if len(answer.loads) > 1:
         return (
             describe_shift_payload(answer.shift)
-            if has_answer_payload_total(answer)
+            if has_payload_total(answer)
             else _describe_loads_in_sentence(answer)
         )
     for load in answer.loads:
@@ -119,7 +119,7 @@ def format_answer_headline(answer: Answer) -> str:
     return "No window of this log was accepted: there is no mass."
 
 
-def has_answer_payload_total(answer: Answer) -> bool:
+def has_payload_total(answer: Answer) -> bool:
     """Whether the log's cycles add up to a payload total."""
     return bool(answer.shift.get("cycles_counted"))
 
@@ -161,18 +161,16 @@ def format_answer_summary(run: Run) -> str:
             lines.append(f"{method:<8} {mass}{turns}")
     lines += describe_planar_fits(said.planar, said.planar_budget)
     for each in read_findings_of_run(run)[: LIMITS.max_findings]:
-        lines.append(f"finding  {each.rank}. {format_finding_as_line(each)}")
+        lines.append(f"finding  {each.rank}. {format_finding(each)}")
     quiet: dict[str, list[str]] = {"passed": [], "n/a": []}
     for check in said.verdict.checks:
-        came_out = format_check_outcome(
-            check, is_passed="passed", is_failed="FAILED", is_absent="n/a"
-        )
+        came_out = format_check_outcome(check, passed="passed", failed="FAILED", absent="n/a")
         if came_out in quiet:
-            value = "" if check.value is None else f" {format_number_cell(check.value)}"
+            value = "" if check.value is None else f" {format_number(check.value)}"
             quiet[came_out].append(f"{check.check}{value}")
         else:
             lines.append(
-                f"{came_out:<8} {check.check} {format_number_cell(check.value)} ({check.limit})"
+                f"{came_out:<8} {check.check} {format_number(check.value)} ({check.limit})"
             )
     lines += [f"{name:<8} {', '.join(checks)}" for name, checks in quiet.items() if checks]
     return "\n".join(lines)
@@ -190,13 +188,13 @@ def format_answer_markdown(run: Run) -> str:
         f"{format_local_time(about)}{duration}",
     ]
     parts.append(_AXES if about.t0_unix_ns >= FIRST_DATE_NS else _AXES_WITHOUT_DATE)
-    if has_answer_payload_total(said):
+    if has_payload_total(said):
         parts.append("As weighed; the verdicts of reviewers are on the page of the review.")
     if failed := said.verdict.withholding_checks("mass"):
         parts.append("**The mass is withheld**, because:")
         parts.append(
             "\n".join(
-                f"- **{check.check}** is {format_number_cell(check.value)}, must be {check.limit}: "
+                f"- **{check.check}** is {format_number(check.value)}, must be {check.limit}: "
                 f"{check.meaning}"
                 for check in failed
             )
@@ -205,13 +203,10 @@ def format_answer_markdown(run: Run) -> str:
         parts.append("## Findings in this log")
         parts.append(
             "\n".join(
-                f"- **{each.rank}** {format_finding_as_line(each)}"
-                for each in found[: LIMITS.max_findings]
+                f"- **{each.rank}** {format_finding(each)}" for each in found[: LIMITS.max_findings]
             )
         )
-    parts += _describe_reliability(
-        said, _make_cycle_lines(run) if has_answer_payload_total(said) else []
-    )
+    parts += _describe_reliability(said, _make_cycle_lines(run) if has_payload_total(said) else [])
     if len(said.loads) > 1:
         parts.append("The paper's methods give one mass per log, and are not shown.")
     else:
@@ -234,17 +229,17 @@ def format_calibration_markdown(run: Run) -> str:
         fit = group.row(0, named=True)
         if fit.get("alpha_1") is not None and fit.get("beta_kg") is not None:
             parts.append(
-                f"**{method}**: reference = {format_number_cell(fit['alpha_1'])} · estimate "
+                f"**{method}**: reference = {format_number(fit['alpha_1'])} · estimate "
                 f"{fit['beta_kg']:+.4g} kg"
             )
     rows = [
         (
             row["method"],
-            format_number_cell(row["load_kg"]),
-            format_number_cell(row["reference_kg"]),
+            format_number(row["load_kg"]),
+            format_number(row["reference_kg"]),
             f"{format_plus_minus(row['estimate_kg'], row['estimate_std_kg'])} ({row['runs']})",
-            format_number_cell(row["error_kg"]),
-            format_number_cell(row["error_left_out_kg"]),
+            format_number(row["error_kg"]),
+            format_number(row["error_left_out_kg"]),
         )
         for row in points.iter_rows(named=True)
     ]
@@ -261,21 +256,20 @@ def _describe_calibration_evidence(run: Run) -> list[str]:
         (
             row["run_id"],
             row["load"],
-            format_number_cell(row["reference_kg"]),
+            format_number(row["reference_kg"]),
             f"{format_plus_minus(row['mean_kg'], row['std_kg'])} ({row['readings']})",
-            format_number_cell(row["error_kg"]),
-            format_number_cell(row["error_left_out_kg"]),
+            format_number(row["error_kg"]),
+            format_number(row["error_left_out_kg"]),
         )
         for row in points.iter_rows(named=True)
     ]
     heads = ("run", "load", "reference kg", "estimate kg (readings)", *_ERRORS)
     fitted = [
-        f"reference = {format_number_cell(row['alpha_1'])} · estimate {row['beta_kg']:+.4g} kg, "
-        "from "
-        f"{format_number_cell(row['valid_from_kg'])} to {format_number_cell(row['valid_to_kg'])} "
+        f"reference = {format_number(row['alpha_1'])} · estimate {row['beta_kg']:+.4g} kg, from "
+        f"{format_number(row['valid_from_kg'])} to {format_number(row['valid_to_kg'])} "
         "kg; a later "
-        f"mass ± {format_number_cell(row['line_u_kg'])} kg (k = 1), interval with "
-        f"k = {format_number_cell(row['coverage_k_1'])}"
+        f"mass ± {format_number(row['line_u_kg'])} kg (k = 1), interval with "
+        f"k = {format_number(row['coverage_k_1'])}"
         for row in line.iter_rows(named=True)
     ]
     # a digest does not fit into a column
@@ -292,26 +286,21 @@ def _describe_calibration_evidence(run: Run) -> list[str]:
     ]
 
 
-def _format_value_of_method(
-    method_row: AnswerRow, method: str, value_column: str, std_column: str | None
-) -> str:
-    return format_plus_minus(
-        method_row.value(value_column, method),
-        method_row.value(std_column, method) if std_column else None,
-    )
+def _format_value_of_method(row: AnswerRow, method: str, value: str, std: str | None) -> str:
+    return format_plus_minus(row.value(value, method), row.value(std, method) if std else None)
 
 
-def _make_mass_cells_of_load(load_row: AnswerRow) -> list[str]:
-    if not load_row.methods:
+def _make_mass_cells_of_load(row: AnswerRow) -> list[str]:
+    if not row.methods:
         return []
-    shown = [each for each in _MASS_COLUMNS if load_row.has_quantity(each[1])]
+    shown = [each for each in _MASS_COLUMNS if row.has_quantity(each[1])]
     rows = [
         (
             method,
-            *(_format_value_of_method(load_row, method, value, std) for _, value, std in shown),
-            load_row.estimates[method],
+            *(_format_value_of_method(row, method, value, std) for _, value, std in shown),
+            row.estimates[method],
         )
-        for method in load_row.methods
+        for method in row.methods
     ]
     heads = ("method", *(head for head, _, _ in shown), "estimates")
     return [
@@ -350,8 +339,8 @@ def _describe_reliability(answer: Answer, cycles: list[str]) -> list[str]:
         "\n".join(
             f"- **{row['term']}**, {row['meaning']}: "
             f"{format_plus_minus(row['posterior'], row['posterior_std'])}{unit}, "
-            f"prior ± {format_number_cell(row['prior_std'])}{unit}; u of the mass "
-            f"{format_number_cell(row['u_kg'])} kg"
+            f"prior ± {format_number(row['prior_std'])}{unit}; u of the mass "
+            f"{format_number(row['u_kg'])} kg"
             for row in answer.nuisances
             for unit in [format_unit_suffix(row["unit"])]
         ),
@@ -385,7 +374,7 @@ def _make_lines_of_verdict(verdict: Verdict) -> list[str]:
     words = {"passed": "passed", "failed": "**failed**", "absent": "does not apply"}
     checks = [
         f"- {format_check_outcome(check, **words)}: **{check.check}** "
-        f"{format_number_cell(check.value)} "
+        f"{format_number(check.value)} "
         f"({check.limit}), {check.meaning}"
         for check in verdict.checks
     ]

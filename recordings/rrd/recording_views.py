@@ -82,24 +82,24 @@ class Tab:
     pictures: tuple[str, ...] = ()
 
 
-def make_line_view(name: str, frame: str, threshold: str | None = None, /, **series: str) -> View:
+def line_view(name: str, frame: str, threshold: str | None = None, /, **series: str) -> View:
     """View of columns as lines, by label; `threshold` is a setting drawn as a limit."""
     drawn = tuple(ViewSeries(frame, column, label) for column, label in series.items())
     return View(name, ViewKind.LINES, drawn, threshold)
 
 
-def make_line_view_without_outliers(name: str, frame: str, column: str, label: str = "") -> View:
+def clipped_line_view(name: str, frame: str, column: str, label: str = "") -> View:
     """View of a column as a line, on an axis that leaves its outliers out."""
     return View(name, ViewKind.LINES, (ViewSeries(frame, column, label),), clips_outliers=True)
 
 
-def make_band_view(name: str, frame: str, column: str, std_column: str, label: str = "") -> View:
+def band_view(name: str, frame: str, column: str, std_column: str, label: str = "") -> View:
     """View of a column with a band of its standard deviation."""
     return View(
         name, ViewKind.BANDS, (ViewSeries(frame, column, label, std_column),), clips_outliers=True
     )
 
 
-def make_state_lanes_view(name: str, *series: tuple[str, str, str]) -> View:
+def states_view(name: str, *series: tuple[str, str, str]) -> View:
     """View of states as lanes: frame, column and label of each."""
     return View(name, ViewKind.STATES, tuple(ViewSeries(*each) for each in series))

@@ -277,7 +277,7 @@ class ViewerProcess(NamedTuple):
 
 
 def start_viewer_process(
-    path: Path | None, log_path: IO[bytes], *command_options: str, **environment: str
+    path: Path | None, log_file: IO[bytes], *command_options: str, **environment: str
 ) -> ViewerProcess:
     """Start the viewer with or without a recording, listening on this machine only."""
     with socket.socket() as free:
@@ -289,8 +289,8 @@ def start_viewer_process(
     process = subprocess.Popen(
         command,
         stdin=subprocess.DEVNULL,
-        stdout=log_path,
-        stderr=log_path,
+        stdout=log_file,
+        stderr=log_file,
         env={**os.environ, **environment},
         start_new_session=True,
     )
@@ -314,7 +314,7 @@ def find_viewer_executable() -> Path:
 def wait_for_client_of_viewer(
     process: subprocess.Popen[bytes],
     port: int,
-    log_path: IO[bytes],
+    log_file: IO[bytes],
     timeout_message: str,
     *,
     waits_for_recording: bool = False,
@@ -334,6 +334,6 @@ def wait_for_client_of_viewer(
             return client
     process.terminate()
     process.wait()
-    log_path.seek(0)
-    said = log_path.read().decode(errors="replace").strip().splitlines() or ["no message"]
+    log_file.seek(0)
+    said = log_file.read().decode(errors="replace").strip().splitlines() or ["no message"]
     raise RecordingError(f"the viewer did not start; it needs {timeout_message} ({said[-1]})")

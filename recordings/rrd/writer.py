@@ -14,7 +14,7 @@ from analysis.model.run_record import Run
 from analysis.model.schema import FRAMES
 from estimators.errors import OutputError, RecordingError
 from recordings.report.atomic_output import require_writable_output, stage_output_file
-from recordings.report.finding_text import format_finding_as_line, read_findings_of_run
+from recordings.report.finding_text import format_finding, read_findings_of_run
 from recordings.rrd.blueprint import (
     lay_out_run_in_tabs,
     make_events_entity_path,
@@ -112,7 +112,7 @@ def make_scene_of_run(run: Run, parent_entity: str = "") -> Scene:
     events = sorted(
         (
             begin if each.start_s is None else round(each.start_s * 1e9),
-            format_finding_as_line(each),
+            format_finding(each),
             each.severity != "tell",
         )
         for each in read_findings_of_run(run)

@@ -22,7 +22,7 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import EvidenceError, list_some
-from recordings.calibration.bundle_checks import check_bundle_with_previous_evidence
+from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import select_mass_defining_settings
 from recordings.calibration.evidence_document import EvidenceDocument
@@ -228,7 +228,7 @@ def load_and_verify_calibration(request: CalibrationRequest) -> MachineCalibrati
     folder = request.folder
     key = None if request.key_file is None else read_public_key_file(request.key_file)
     keyring = load_keyring()
-    found = check_bundle_with_previous_evidence(folder, key, None, keyring)
+    found = check_bundle(folder, key, None, keyring)
     document = found.document
     wrong = [each for each in found.findings if each.outcome is not BundleOutcome.OTHER_VERSION]
     if wrong or document is None:

@@ -23,7 +23,7 @@ from analysis.calibration.use.learnt_priors import LearntPriors, apply_learnt_pr
 from analysis.calibration.use.use_limits import LIMITS as USE_LIMITS
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
-from recordings.calibration.bundle_checks import check_bundle_with_previous_evidence
+from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.bundle_folder import STATEMENT
 from recordings.calibration.calibration_recording import write_calibration_recording
 from recordings.calibration.checked_bundle import CheckedBundle
@@ -42,11 +42,8 @@ from recordings.calibration.evidence_document import (
     Link,
     Signer,
 )
-from recordings.calibration.timestamp import (
-    encode_timestamp_request,
-    refuse_without_timestamp_library,
-)
-from recordings.calibration.write_bundle import encode_evidence_tables, write_bundle_files
+from recordings.calibration.timestamp import encode_timestamp_request, require_timestamp_library
+from recordings.calibration.write_bundle import encode_evidence_tables, write_bundle
 from recordings.report.atomic_output import (
     require_writable_folder,
     require_writable_output,
@@ -65,11 +62,7 @@ from replay.calibration.campaign_runs import (
     generate_random_evidence_id,
     replay_campaign_logs,
 )
-from replay.calibration.dcc_output import (
-    DccOutput,
-    refuse_dcc_that_cannot_be_made,
-    write_and_verify_dcc,
-)
+from replay.calibration.dcc_output import DccOutput, require_dcc_inputs, write_and_verify_dcc
 from replay.calibration.refuse_campaign import (
     load_range_of_notary_list,
     refuse_machine_unlike_logs,
@@ -149,7 +142,7 @@ class EvidenceParts:
 
 def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     campaign_file: Path,
-    evidence_folder: Path,
+    folder: Path,
     *,
     key_file: Path | None = None,
     previous: Path | None = None,
@@ -163,11 +156,11 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
 
     Args:
         campaign_file: path of the campaign file.
-        evidence_folder: bundle to write.
+        folder: bundle to write.
         key_file: private key; without it PAYSCOPE_SIGNING_KEY may hold one.
         previous: the machine's previous evidence.
         recordings: whether to include each replay's recording in the bundle.
-        force: whether evidence in `evidence_folder` may be replaced.
+        force: whether evidence in `folder` may be replaced.
         timestamp_request_file: file for the query to a time-stamp authority; None writes none.
         dcc: output of the digital calibration certificate; None writes none.
         on_log: called with each log's name when its replay begins.
@@ -179,22 +172,16 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
     machine = Machine.model_validate_json(encode_canonical_json(machine.model_dump(mode="json")))
     key = read_signing_key_or_none(key_file)
-    xml_key = (
-        None
-        if dcc is None
-        else refuse_dcc_that_cannot_be_made(campaign_file, campaign, dcc, force=force)
-    )
+    xml_key = None if dcc is None else require_dcc_inputs(campaign_file, campaign, dcc, force=force)
     before = (
-        None
-        if previous is None
-        else read_and_verify_previous_evidence(previous, campaign.machine.id, key)
+        None if previous is None else read_previous_evidence(previous, campaign.machine.id, key)
     )
-    require_writable_folder(evidence_folder, force=force)
+    require_writable_folder(folder, force=force)
     stretch = load_range_of_notary_list(campaign_file, campaign)
     if timestamp_request_file is not None:
         refuse_timestamp_request_early(timestamp_request_file, key, force=force)
-    with stage_output_files([evidence_folder], force=force) as stage:
-        made = stage / evidence_folder.name
+    with stage_output_files([folder], force=force) as stage:
+        made = stage / folder.name
         made.mkdir()
 
         def path_of_log(log: str) -> Path:
@@ -228,20 +215,16 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         evidence = EvidenceParts(
             "calibration", campaign, machine, learnt, replayed, options, fitted
         )
-        calibrated = write_verified_evidence(
-            evidence, made, evidence_folder, key, before, previous, stretch
-        )
+        calibrated = write_verified_evidence(evidence, made, folder, key, before, previous, stretch)
     if timestamp_request_file is not None:
-        write_timestamp_request(evidence_folder, timestamp_request_file, force=force)
+        write_timestamp_request(folder, timestamp_request_file, force=force)
     if dcc is None:
         return calibrated
-    remark = write_and_verify_dcc(evidence_folder, calibrated.document, dcc, xml_key, force=force)
+    remark = write_and_verify_dcc(folder, calibrated.document, dcc, xml_key, force=force)
     return replace(calibrated, remarks=(*calibrated.remarks, remark))
 
 
-def refuse_timestamp_request_early(
-    request_file: Path, key: SigningKey | None, *, force: bool
-) -> None:
+def refuse_timestamp_request_early(file: Path, key: SigningKey | None, *, force: bool) -> None:
     """Raise an error before the work begins if a time stamp cannot be requested.
 
     Raises:
@@ -250,18 +233,18 @@ def refuse_timestamp_request_early(
     """
     if key is None:
         raise EvidenceError("--timestamp-request needs a signature; give --key")
-    refuse_without_timestamp_library()
-    require_writable_output(request_file, force=force)
+    require_timestamp_library()
+    require_writable_output(file, force=force)
 
 
-def write_timestamp_request(bundle_folder: Path, request_file: Path, *, force: bool) -> None:
+def write_timestamp_request(bundle_folder: Path, file: Path, *, force: bool) -> None:
     """Write the time-stamp query for the signature of a bundle."""
     query = encode_timestamp_request((bundle_folder / STATEMENT).read_bytes())
-    with stage_output_file(request_file, force=force) as partial:
+    with stage_output_file(file, force=force) as partial:
         partial.write_bytes(query)
 
 
-def read_and_verify_previous_evidence(
+def read_previous_evidence(
     previous: Path, machine_id: str | None, key: SigningKey | None
 ) -> CheckedBundle:
     """Read and verify the machine's previous evidence.
@@ -275,7 +258,7 @@ def read_and_verify_previous_evidence(
         EvidenceError: it is of another machine, verification fails, or it is signed by a key that
             is neither this one nor in the user's keyring.
     """
-    checked = check_bundle_with_previous_evidence(previous, None, None, load_keyring())
+    checked = check_bundle(previous, None, None, load_keyring())
     wrong = checked.evidence_faults
     if wrong or checked.document is None:
         first = str(wrong[0]) if wrong else "no evidence"
@@ -308,7 +291,7 @@ def write_verified_evidence(
     key: SigningKey | None,
     earlier_bundle: CheckedBundle | None,
     previous: Path | None,
-    notary_list_range: bytes | None = None,
+    list_range: bytes | None = None,
 ) -> CalibrationOutcome:
     """Write the evidence, verify it, and move it to its final folder.
 
@@ -319,7 +302,7 @@ def write_verified_evidence(
         key: signing key; None leaves it unsigned.
         earlier_bundle: the machine's previous evidence.
         previous: folder of that evidence.
-        notary_list_range: part of the recorder's notary list, if the campaign names one.
+        list_range: part of the recorder's notary list, if the campaign names one.
 
     Raises:
         CampaignError: no run gave a reading.
@@ -334,12 +317,8 @@ def write_verified_evidence(
     tables, digests = encode_evidence_tables(readings, points)
     document = _make_evidence_document(evidence, digests, key, earlier_bundle)
     write_calibration_recording(staging_folder, document, readings, points)
-    remarks = write_bundle_files(
-        staging_folder, document, readings, points, tables, key, notary_list_range
-    )
-    checked = check_bundle_with_previous_evidence(
-        staging_folder, None if key is None else key.public_key, previous
-    )
+    remarks = write_bundle(staging_folder, document, readings, points, tables, key, list_range)
+    checked = check_bundle(staging_folder, None if key is None else key.public_key, previous)
     wrong = [str(each) for each in checked.evidence_faults]
     if wrong:
         raise OutputError(

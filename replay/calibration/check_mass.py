@@ -17,7 +17,7 @@ from recordings.signatures.signing import read_signing_key_or_none
 from replay.calibration.calibrate_campaign import (
     CalibrationOutcome,
     EvidenceParts,
-    read_and_verify_previous_evidence,
+    read_previous_evidence,
     write_verified_evidence,
 )
 from replay.calibration.campaign_runs import replay_campaign_logs
@@ -75,7 +75,7 @@ def write_evidence_of_mass_check(
         PayscopeError: the input is wrong; nothing has been written then.
     """
     key = read_signing_key_or_none(key_file)
-    before = read_and_verify_previous_evidence(previous, None, key)
+    before = read_previous_evidence(previous, None, key)
     last = before.document
     if last is None or last.calibration is None:
         raise EvidenceError(f"{previous}: has no calibration line to check; calibrate first")

@@ -30,7 +30,7 @@ class DccOutput:
     certificate_file: Path | None = None
 
 
-def refuse_dcc_that_cannot_be_made(
+def require_dcc_inputs(
     source: Path, campaign: CalibrationCampaign, dcc: DccOutput, *, force: bool
 ) -> "DccKey | None":
     """Raise an error before the work begins if no certificate can be made.
@@ -57,7 +57,7 @@ def refuse_dcc_that_cannot_be_made(
 def write_and_verify_dcc(
     bundle_folder: Path,
     document: EvidenceDocument,
-    dcc_path: DccOutput,
+    dcc_output: DccOutput,
     dcc_key: "DccKey | None",
     *,
     force: bool,
@@ -75,15 +75,16 @@ def write_and_verify_dcc(
     from recordings.dcc.write_dcc import make_unsigned_dcc
 
     if document.calibration is None:
-        return f"no {dcc_path.file}: there is no calibration line to certify"
+        return f"no {dcc_output.file}: there is no calibration line to certify"
     root = make_unsigned_dcc(
         document, hashlib.sha256((bundle_folder / SUMS).read_bytes()).hexdigest()
     )
     signed = root if dcc_key is None else sign_dcc(root, dcc_key)
     data = serialise_dcc_to_xml(signed)
-    checked = check_dcc_signature(parse_untrusted_dcc(data, str(dcc_path.file)), str(dcc_path.file))
-    with stage_output_file(dcc_path.file, force=force) as partial:
+    name = str(dcc_output.file)
+    checked = check_dcc_signature(parse_untrusted_dcc(data, name), name)
+    with stage_output_file(dcc_output.file, force=force) as partial:
         partial.write_bytes(data)
     if not checked.key_id:
-        return f"{dcc_path.file} is unsigned; sign it with --dcc-key KEY.pem (ECDSA or RSA)"
-    return f"{dcc_path.file} is signed by the key {checked.key_id[:12]}…"
+        return f"{dcc_output.file} is unsigned; sign it with --dcc-key KEY.pem (ECDSA or RSA)"
+    return f"{dcc_output.file} is signed by the key {checked.key_id[:12]}…"

@@ -111,18 +111,16 @@ def refuse_unaccounted_logs_of_list(
     campaign_path: Path,
     campaign: CalibrationCampaign,
     replayed_logs: CampaignReplay,
-    notary_list_range: bytes | None,
+    list_range: bytes | None,
 ) -> None:
     """Raise an error if a campaign omits a log of its part of the list without a reason.
 
     Raises:
         CampaignError: a log is omitted, or a log of the campaign is not in the list.
     """
-    if campaign.notary is None or notary_list_range is None:
+    if campaign.notary is None or list_range is None:
         return
-    kept = check_untrusted_notary_list(
-        notary_list_range, dt.datetime.now(dt.UTC), campaign.notary.first
-    )
+    kept = check_untrusted_notary_list(list_range, dt.datetime.now(dt.UTC), campaign.notary.first)
     fault = next(iter_unaccounted_logs(campaign.notary, replayed_logs.logs, kept.log_entries), None)
     if fault is not None:
         raise CampaignError(

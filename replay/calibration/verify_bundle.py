@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from estimators.errors import EvidenceError, counted
-from recordings.calibration.bundle_checks import check_bundle_with_previous_evidence
+from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.bundle_folder import (
     EVIDENCE,
     NOTARY,
@@ -127,7 +127,7 @@ def verify_bundle(
     )
     if log_folder is not None and not log_folder.is_dir():
         raise EvidenceError(f"{log_folder}: no such folder; give the folder with the logs")
-    bundle = check_bundle_with_previous_evidence(folder, key, previous, load_keyring(), authorities)
+    bundle = check_bundle(folder, key, previous, load_keyring(), authorities)
     if is_signature_required and not bundle.signed_by.is_trusted and not bundle.evidence_faults:
         what = f"{bundle.signed_by}, but a signature by a known key is required"
         bundle.add_finding(BundleOutcome.INCOMPLETE, STATEMENT, what)

@@ -68,7 +68,7 @@ def command(
     from replay.calibration.calibrate_campaign import calibrate_from_campaign
     from replay.calibration.check_mass import KnownMassOnBoard, write_evidence_of_mass_check
     from replay.calibration.dcc_output import DccOutput
-    from replay.commands.print_tables import make_stdout_console, print_value_as_json
+    from replay.commands.print_tables import make_stdout_console, print_json
     from replay.commands.progress_bar import StageProgress
 
     if check is None and (check_u or certificate or day):
@@ -100,7 +100,7 @@ def command(
                 on_log=stages.begin_stage,
             )
     if as_json:
-        print_value_as_json(made.to_dict())
+        print_json(made.to_dict())
     else:
         _print_calibration_evidence(make_stdout_console(), made)
     if not made.is_within_limits:
@@ -116,7 +116,7 @@ def _print_calibration_evidence(
     )
     from recordings.calibration.calibration_text import write_report_paragraphs
     from recordings.calibration.certificate_text import make_traceability_warnings
-    from replay.commands.print_tables import make_plain_table, print_marked_line, print_table_uncut
+    from replay.commands.print_tables import make_plain_table, print_line, print_table_uncut
 
     table = make_plain_table(
         *("run", "load", "reference kg", "readings", "estimate kg", "calibrated kg", "error kg"),
@@ -133,35 +133,31 @@ def _print_calibration_evidence(
         )
     print_table_uncut(screen, table)
     for row in calibration_outcome.rejected_readings.iter_rows(named=True):
-        print_marked_line(
-            screen, f"left out: {row['run_id']}, reading {row['reading']}: {row['reason']}"
-        )
+        print_line(screen, f"left out: {row['run_id']}, reading {row['reading']}: {row['reason']}")
     screen.print()
     for name, value in list_report_names_and_values(calibration_outcome.document):
         if name != "made":
-            print_marked_line(screen, f"{name}: {value}")
+            print_line(screen, f"{name}: {value}")
     screen.print()
     for sentence in make_traceability_warnings(calibration_outcome.document):
-        print_marked_line(screen, sentence, "[bold red]!![/] ")
+        print_line(screen, sentence, "[bold red]!![/] ")
     for sentence in write_report_paragraphs(
         calibration_outcome.document, calibration_outcome.readings, calibration_outcome.points
     ):
-        print_marked_line(screen, sentence)
+        print_line(screen, sentence)
     for remark in calibration_outcome.remarks:
-        print_marked_line(screen, f"note: {remark}")
+        print_line(screen, f"note: {remark}")
     signer = calibration_outcome.document.signer
     if signer is None:
-        print_marked_line(
+        print_line(
             screen,
             "UNSIGNED: nobody vouches for this evidence; sign it with --key KEY.pem",
             "[bold red]!![/] ",
         )
     else:
-        print_marked_line(
-            screen, f"signed as {signer.name or 'no name'}, key {signer.key_id[:12]}…"
-        )
+        print_line(screen, f"signed as {signer.name or 'no name'}, key {signer.key_id[:12]}…")
     if calibration_outcome.document.chain.previous is None:
-        print_marked_line(
+        print_line(
             screen, "first evidence of this machine; --previous chains it to earlier evidence"
         )
-    print_marked_line(screen, f"evidence: {calibration_outcome.folder}")
+    print_line(screen, f"evidence: {calibration_outcome.folder}")

@@ -52,7 +52,7 @@ def command(
     begins where its counterpart of A does. Exit status 1 when anything differs
     but file names and versions.
     """
-    from replay.commands.print_tables import print_value_as_json
+    from replay.commands.print_tables import print_json
     from replay.compare.compare_recordings import OverlayOutput, compare_recordings
 
     found = compare_recordings(
@@ -66,7 +66,7 @@ def command(
         ),
     )
     if as_json:
-        print_value_as_json({"a": str(a), "b": str(b), **found.to_dict()})
+        print_json({"a": str(a), "b": str(b), **found.to_dict()})
     else:
         _print_recording_differences(found, a, b, rtol)
     if not found.equal:
@@ -80,7 +80,7 @@ def _print_recording_differences(
     from estimators.errors import counted
     from replay.commands.print_tables import (
         make_stdout_console,
-        print_marked_line,
+        print_line,
         print_table_uncut,
     )
 
@@ -94,8 +94,8 @@ def _print_recording_differences(
         if rows > LIMITS.compared_rows:
             screen.print(f"… and {rows - LIMITS.compared_rows} more: --json gives all")
 
-    print_marked_line(screen, f"A  {recording_a}")
-    print_marked_line(screen, f"B  {recording_b}")
+    print_line(screen, f"A  {recording_a}")
+    print_line(screen, f"B  {recording_b}")
     for title, changes in (
         ("settings", comparison.settings),
         ("checks passed", comparison.checks),
@@ -122,7 +122,7 @@ def _print_recording_differences(
     for name, only in (("A", comparison.only_a), ("B", comparison.only_b)):
         if only:
             screen.print()
-            print_marked_line(screen, f"stages in {name} alone: {', '.join(only)}")
+            print_line(screen, f"stages in {name} alone: {', '.join(only)}")
     if comparison.stages:
         differing = sum(len(stage.columns) for stage in comparison.stages)
         title = (

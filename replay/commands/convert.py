@@ -33,7 +33,7 @@ def command(
     DIR appears once it is complete. The same command resumes an interrupted conversion.
     """
     from replay.commands.common_options import make_time_axis_from_options
-    from replay.commands.print_tables import make_stdout_console, print_value_as_json
+    from replay.commands.print_tables import make_stdout_console, print_json
     from replay.commands.progress_bar import StageProgress
     from replay.convert.convert_log import convert_log
     from replay.logs import open_log
@@ -44,7 +44,7 @@ def command(
     ):
         made = convert_log(opened, output, topics, force=force, on_span=stages.begin_stage)
     if as_json:
-        print_value_as_json(made.to_dict())
+        print_json(made.to_dict())
     else:
         _print_conversion(made, make_stdout_console())
 
@@ -53,7 +53,7 @@ def _print_conversion(conversion: "Conversion", console: "Console") -> None:
     from rich.markup import escape
 
     from estimators.errors import one_line
-    from replay.commands.print_tables import make_plain_table, print_marked_line, print_table_uncut
+    from replay.commands.print_tables import make_plain_table, print_line, print_table_uncut
 
     table = make_plain_table("topic", "rows", "MB", "files")
     for topic in conversion.to_dict()["topics"]:
@@ -66,10 +66,10 @@ def _print_conversion(conversion: "Conversion", console: "Console") -> None:
         if conversion.resumed_spans
         else ""
     )
-    print_marked_line(
+    print_line(
         console,
         f"{conversion.folder}: {conversion.row_count:,} rows, "
         f"{conversion.size_bytes / 1e6:,.3f} MB{taken}",
     )
     for loss in conversion.losses:
-        print_marked_line(console, f"lost: {loss}")
+        print_line(console, f"lost: {loss}")

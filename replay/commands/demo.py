@@ -20,7 +20,7 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
 ) -> None:
     """Simulate six loads × nine starts as ROS bags, calibrate, verify; then review a shift."""
-    from replay.commands.print_tables import make_stdout_console, print_value_as_json
+    from replay.commands.print_tables import make_stdout_console, print_json
     from replay.commands.progress_bar import StageProgress
     from replay.commands.review import print_shift_review
     from replay.demo.run_demo import STEPS, run_demo
@@ -28,7 +28,7 @@ def command(
     with StageProgress(len(STEPS)) as stages:
         result = run_demo(output, seed=seed, force=force, on_stage=stages.begin_stage)
     if as_json:
-        print_value_as_json(result.to_dict())
+        print_json(result.to_dict())
     else:
         screen = make_stdout_console()
         screen.print(_render_demo_results(result))

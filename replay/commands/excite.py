@@ -56,7 +56,7 @@ def command(
     """
     from analysis.excitation import design_excitation
     from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
-    from replay.commands.print_tables import make_stdout_console, print_value_as_json
+    from replay.commands.print_tables import make_stdout_console, print_json
     from replay.simulation.scenario_file import load_scenario_file, write_scenario_file
 
     wanted = _parse_percent_or_fraction(accuracy)
@@ -66,7 +66,7 @@ def command(
     base = load_scenario_file(scenario, overrides or [])
     made = design_excitation(base, motion, wanted, window, yard)
     if as_json:
-        print_value_as_json(made.to_dict())
+        print_json(made.to_dict())
     else:
         make_stdout_console().print(_render_excitation_design(made))
     if output and made.best:

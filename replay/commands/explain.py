@@ -54,7 +54,7 @@ def command(
     machine file is written with the proposals that improve the mass, and the log is replayed with
     it. Exit status 1 if no proposal improves the mass.
     """
-    from replay.commands.print_tables import print_value_as_json
+    from replay.commands.print_tables import print_json
     from replay.commands.progress_bar import StageProgress
     from replay.explain.explain_run import ExplainRequest, explain_run_and_correct_machine
 
@@ -72,7 +72,7 @@ def command(
         told = (
             {} if corrected is None else {"mended": _convert_corrected_machine_to_dict(corrected)}
         )
-        print_value_as_json({**explained.to_dict(), **told})
+        print_json({**explained.to_dict(), **told})
     else:
         _print_explanation(explained, corrected, asked.picture)
     if corrected is not None and corrected.path is None:
@@ -135,7 +135,7 @@ def _print_explanation(
         iter_lines_of_gate_reasons,
     )
     from replay.commands.print_checks import print_failed_checks
-    from replay.commands.print_tables import make_stdout_console, print_marked_line
+    from replay.commands.print_tables import make_stdout_console, print_line
 
     screen = make_stdout_console()
 
@@ -144,11 +144,11 @@ def _print_explanation(
         if listed:
             screen.print(f"\n{title}", markup=False)
         for line in listed:
-            print_marked_line(screen, line)
+            print_line(screen, line)
 
     if corrected_machine is not None and corrected_machine.path is None:
-        print_marked_line(screen, "no proposal improves the mass, so no machine file was written")
-    print_marked_line(screen, describe_answer_and_likeliest_cause(explanation))
+        print_line(screen, "no proposal improves the mass, so no machine file was written")
+    print_line(screen, describe_answer_and_likeliest_cause(explanation))
     failed = explanation.answer.verdict.withholding_checks("mass")
     if failed:
         screen.print("\nfailed checks:", markup=False)
@@ -169,7 +169,7 @@ def _print_explanation(
         _print_corrected_machine(screen, corrected_machine)
     if picture_path is not None:
         screen.print()
-        print_marked_line(screen, f"picture: {picture_path}")
+        print_line(screen, f"picture: {picture_path}")
 
 
 def _format_worst_manoeuvres_title(explanation: "Explanation") -> str:
@@ -182,7 +182,7 @@ def _format_worst_manoeuvres_title(explanation: "Explanation") -> str:
 
 def _print_corrected_machine(console: "Console", corrected_machine: "CorrectedMachine") -> None:
     from recordings.report.finding_text import find_readable_cause_name
-    from replay.commands.print_tables import format_setting_value, print_marked_line
+    from replay.commands.print_tables import format_setting_value, print_line
 
     console.print("\nproposed corrections, each tested by a replay:", markup=False)
     for each in corrected_machine.changes:
@@ -193,25 +193,23 @@ def _print_corrected_machine(console: "Console", corrected_machine: "CorrectedMa
             f"{each.key} = {format_setting_value(each.value)} "
             f"({find_readable_cause_name(each.cause)}{claim})"
         )
-        print_marked_line(console, said)
+        print_line(console, said)
     for tried in corrected_machine.rejected:
         key, cause = tried.proposal.key, find_readable_cause_name(tried.proposal.cause)
-        print_marked_line(console, f"not {key} ({cause}): {tried.why}")
+        print_line(console, f"not {key} ({cause}): {tried.why}")
     if corrected_machine.path is None:
         return
     before, after = (
         _format_mass_of_heaviest_load(corrected_machine.before),
         _format_mass_of_heaviest_load(corrected_machine.after),
     )
-    print_marked_line(
-        console, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed"
-    )
+    print_line(console, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed")
     left = (
         ", ".join(find_readable_cause_name(each.cause) for each in corrected_machine.remaining)
         or "no cause"
     )
-    print_marked_line(console, f"remaining findings: {left}")
-    print_marked_line(console, f"machine file: {corrected_machine.path}")
+    print_line(console, f"remaining findings: {left}")
+    print_line(console, f"machine file: {corrected_machine.path}")
 
 
 def _format_mass_of_heaviest_load(answer: "Answer") -> str:

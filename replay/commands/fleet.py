@@ -85,7 +85,7 @@ def run_command(
     Exit status 1 if a recording has no result.
     """
     from replay.commands.fleet_progress import FleetProgress
-    from replay.commands.print_tables import print_value_as_json
+    from replay.commands.print_tables import print_json
     from replay.fleet.log_sources import list_logs_of_sources
     from replay.fleet.machine_setups import load_fleet
     from replay.fleet.run_fleet import replay_logs_of_fleet
@@ -104,7 +104,7 @@ def run_command(
             recordings=recordings,
         )
     if as_json:
-        print_value_as_json(did.to_dict())
+        print_json(did.to_dict())
     else:
         _print_fleet_run(did)
     if did.failed:
@@ -154,12 +154,8 @@ def report_command(
     as_json: AsJson = False,
 ) -> None:
     """Write one page over machines and weeks: tonnes, drift, what needs a look."""
-    from recordings.fleet.fleet_page import summarise_fleet_in_line
-    from replay.commands.print_tables import (
-        make_stdout_console,
-        print_marked_line,
-        print_value_as_json,
-    )
+    from recordings.fleet.fleet_page import summarise_fleet
+    from replay.commands.print_tables import make_stdout_console, print_json, print_line
     from replay.fleet.gathered_tables import open_results_of_fleet
     from replay.fleet.write_fleet_page import write_fleet_report
 
@@ -174,20 +170,20 @@ def report_command(
     )
     said = made.to_dict()
     if as_json:
-        print_value_as_json(said)
+        print_json(said)
         return
     screen = make_stdout_console()
-    print_marked_line(screen, summarise_fleet_in_line(said["sum"], len(said["machines"])))
+    print_line(screen, summarise_fleet(said["sum"], len(said["machines"])))
     for each in said["drifts"]:
-        print_marked_line(
+        print_line(
             screen,
             f"{each['machine']}: {each['of']} {each['change']:+,.1f} {each['unit']} since "
             f"{each['since']}, flagged {each['flagged']}",
         )
     for sentence in made.page.friction:
-        print_marked_line(screen, sentence)
-    print_marked_line(screen, f"recordings to check: {len(said['to_look_at'])}")
-    print_marked_line(screen, f"page: {made.path}")
+        print_line(screen, sentence)
+    print_line(screen, f"recordings to check: {len(said['to_look_at'])}")
+    print_line(screen, f"page: {made.path}")
 
 
 @app.command(name="compare")
@@ -222,7 +218,7 @@ def compare_command(
 
     Exit status 1 if they would have.
     """
-    from replay.commands.print_tables import print_value_as_json
+    from replay.commands.print_tables import print_json
     from replay.fleet.compare_results import compare_fleets
     from replay.fleet.gathered_tables import open_results_of_fleet
 
@@ -240,7 +236,7 @@ def compare_command(
         other = open_results_of_fleet(b)
     found = compare_fleets(results, other, days)
     if as_json:
-        print_value_as_json(
+        print_json(
             {
                 "sum": found.total_change,
                 "machines": found.machines.to_dicts(),
@@ -330,27 +326,23 @@ def _replay_fleet_with_other_settings(
     return other
 
 
-def _print_fleet_run(fleet_run: "FleetRun") -> None:
+def _print_fleet_run(run: "FleetRun") -> None:
     from estimators.errors import counted
-    from replay.commands.print_tables import make_stdout_console, print_marked_line
+    from replay.commands.print_tables import make_stdout_console, print_line
 
     screen = make_stdout_console()
-    total = (
-        fleet_run.replayed + fleet_run.up_to_date + len(fleet_run.refused) + len(fleet_run.failed)
-    )
-    print_marked_line(
+    total = run.replayed + run.up_to_date + len(run.refused) + len(run.failed)
+    print_line(
         screen,
-        f"{counted(total, 'recording')}: {fleet_run.replayed:,} replayed, "
-        f"{fleet_run.up_to_date:,} up to date, {len(fleet_run.refused):,} refused, "
-        f"{len(fleet_run.failed):,} without a result",
+        f"{counted(total, 'recording')}: {run.replayed:,} replayed, "
+        f"{run.up_to_date:,} up to date, {len(run.refused):,} refused, "
+        f"{len(run.failed):,} without a result",
     )
-    for source, why in sorted(fleet_run.refused.items()):
-        print_marked_line(screen, f"refused: {why if source in why else f'{source}: {why}'}")
-    for source, why in sorted(fleet_run.failed.items()):
-        print_marked_line(
-            screen, f"without a result: {why if source in why else f'{source}: {why}'}"
-        )
-    print_marked_line(screen, f"results: {fleet_run.destination}")
+    for source, why in sorted(run.refused.items()):
+        print_line(screen, f"refused: {why if source in why else f'{source}: {why}'}")
+    for source, why in sorted(run.failed.items()):
+        print_line(screen, f"without a result: {why if source in why else f'{source}: {why}'}")
+    print_line(screen, f"results: {run.destination}")
 
 
 def _print_fleet_comparison(
@@ -359,20 +351,20 @@ def _print_fleet_comparison(
     from replay.commands.print_tables import (
         make_plain_table,
         make_stdout_console,
-        print_marked_line,
+        print_line,
         print_table_uncut,
     )
 
     screen = make_stdout_console()
     whole = comparison.total_change
-    print_marked_line(
+    print_line(
         screen,
         f"{whole['payload_kg'] / 1e3:,.3f} t in A, {whole['payload_b_kg'] / 1e3:,.3f} t in B: "
         f"{whole['change_kg'] / 1e3:+,.3f} t ({_format_relative_change_of_total(whole)}), by "
         f"{whole['changed']:,.0f} of {whole['logs']:,.0f} recordings",
     )
     if comparison.only_a or comparison.only_b:
-        print_marked_line(
+        print_line(
             screen, f"not compared: {comparison.only_a} only in A, {comparison.only_b} only in B"
         )
     table = make_plain_table(
@@ -385,8 +377,8 @@ def _print_fleet_comparison(
     changed = listed.filter(listed["change_kg"] != 0.0)
     if changed.is_empty():
         return
-    print_marked_line(screen, "")
-    print_marked_line(screen, "Recordings that differ most")
+    print_line(screen, "")
+    print_line(screen, "Recordings that differ most")
     table = make_plain_table(
         "machine", "day", "t in A", "t in B", "change t", "loads A", "B", "opens it"
     )

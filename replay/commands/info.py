@@ -45,7 +45,7 @@ def command(
 
     from estimators.errors import LogError
     from replay.commands.common_options import make_time_axis_from_options
-    from replay.commands.print_tables import make_stdout_console, print_value_as_json
+    from replay.commands.print_tables import make_stdout_console, print_json
     from replay.init.describe_log import describe_log_by_index
     from replay.logs import open_log
 
@@ -74,7 +74,7 @@ def command(
             print_log_info(shown, zone, make_stdout_console())
             typer.echo()
     if as_json and described:
-        print_value_as_json(described[0] if len(logs) == 1 else described)
+        print_json(described[0] if len(logs) == 1 else described)
     for error in faults[:-1]:
         typer.echo(f"payscope: {error}", err=True)
     if faults:
@@ -95,22 +95,22 @@ def _show_reading_progress(*, is_log_checked: bool) -> AbstractContextManager[ob
 def print_log_info(log_info: "LogInfo", time_zone: tzinfo, console: "Console") -> None:
     """Print a log's description, its start in local time of `time_zone`."""
     from replay.commands.print_tables import (
-        print_marked_line,
+        print_line,
         print_rows_as_table,
         print_table_uncut,
     )
 
     for line in _iter_log_head_lines(log_info, time_zone):
-        print_marked_line(console, line)
+        print_line(console, line)
     print_table_uncut(console, _make_topic_table(log_info))
     if log_info.fields:
         print_rows_as_table(_FIELD_TITLES, _make_field_rows(log_info), _LEFT)
     for note in log_info.notes:
-        print_marked_line(console, f"note: {note}")
+        print_line(console, f"note: {note}")
     for mark, line in _iter_check_result_lines(log_info):
-        print_marked_line(console, line, mark)
+        print_line(console, line, mark)
     for line in _iter_log_problems(log_info):
-        print_marked_line(console, line, "[yellow]![/] ")
+        print_line(console, line, "[yellow]![/] ")
 
 
 def _iter_log_head_lines(log_info: "LogInfo", time_zone: tzinfo) -> Iterator[str]:

@@ -22,15 +22,15 @@ def list_keys(
     from replay.commands.print_tables import (
         make_plain_table,
         make_stdout_console,
-        print_marked_line,
+        print_json,
+        print_line,
         print_table_uncut,
-        print_value_as_json,
     )
 
     keyring = load_keyring()
     rows = [{"key_id": each.public_key.key_id, **each.model_dump()} for each in keyring.keys]
     if as_json:
-        print_value_as_json(rows)
+        print_json(rows)
         return
     screen = make_stdout_console()
     table = make_plain_table("key", "owner", "valid from", "valid to", "revoked")
@@ -38,7 +38,7 @@ def list_keys(
         days = (row["valid_from"], row["valid_to"], row["revoked"])
         table.add_row(f"{row['key_id'][:12]}…", row["owner"], *(str(d or "–") for d in days))
     print_table_uncut(screen, table)
-    print_marked_line(screen, f"keyring: {keyring.path}")
+    print_line(screen, f"keyring: {keyring.path}")
 
 
 @app.command()

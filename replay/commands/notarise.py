@@ -49,7 +49,7 @@ def command(
     """
     import time
 
-    from replay.commands.print_tables import make_stdout_console, print_value_as_json
+    from replay.commands.print_tables import make_stdout_console, print_json
     from replay.notary.notarise_folder import notarise_folder
 
     while True:
@@ -57,7 +57,7 @@ def command(
             folder, key_file=key, list_path=list_path, machine_id=machine_id, quiet_s=quiet
         )
         if as_json:
-            print_value_as_json(made.to_dict())
+            print_json(made.to_dict())
         else:
             _print_notarised_folder(made)
         if every is None:
@@ -67,17 +67,17 @@ def command(
 
 
 def _print_notarised_folder(notarised_folder: "NotarisedFolder") -> None:
-    from replay.commands.print_tables import make_stdout_console, print_marked_line
+    from replay.commands.print_tables import make_stdout_console, print_line
 
     screen = make_stdout_console()
     for entry in notarised_folder.added:
         span = f", {entry.begins} to {entry.ends}" if entry.begins else ", no absolute time"
-        print_marked_line(screen, f"{entry.counter}: {entry.log}{span}")
+        print_line(screen, f"{entry.counter}: {entry.log}{span}")
     for name in notarised_folder.waiting:
-        print_marked_line(screen, f"still written to: {name}")
+        print_line(screen, f"still written to: {name}")
     for note in notarised_folder.notes:
-        print_marked_line(screen, note, "[bold red]!![/] ")
-    print_marked_line(
+        print_line(screen, note, "[bold red]!![/] ")
+    print_line(
         screen,
         f"{notarised_folder.path}: {notarised_folder.last} logs, "
         f"{len(notarised_folder.added)} of them new",

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from replay.commands.print_tables import make_plain_table, print_marked_line, print_table_uncut
+from replay.commands.print_tables import make_plain_table, print_line, print_table_uncut
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -22,9 +22,7 @@ def make_table_of_checks(checks: Sequence["Check"]) -> "Table":
     for check in checks:
         value = "–" if check.value is None else f"{check.value:.3g}"
         passed = "near" if check.is_near else "ok"
-        state = format_check_outcome(
-            check, is_passed=passed, is_failed="[red]failed[/]", is_absent="n/a"
-        )
+        state = format_check_outcome(check, passed=passed, failed="[red]failed[/]", absent="n/a")
         table.add_row(check.check, value, check.limit, state, check.meaning)
     return table
 
@@ -36,7 +34,7 @@ def print_remedies_with_checks(console: "Console", failed_checks: Sequence["Chec
         if check.remedy and check.value is not None:
             names.setdefault(check.remedy, []).append(check.check)
     for remedy, checks in names.items():
-        print_marked_line(console, f"{', '.join(checks)}: {remedy}")
+        print_line(console, f"{', '.join(checks)}: {remedy}")
 
 
 def print_failed_checks(console: "Console", failed_checks: Sequence["Check"]) -> None:

@@ -31,7 +31,7 @@ def make_plain_table(*column_titles: str) -> Table:
     return table
 
 
-def print_marked_line(console: Console, line: str, prefix_markup: str = "") -> None:
+def print_line(console: Console, line: str, prefix_markup: str = "") -> None:
     """Print one line behind a mark in markup: broken between words on a screen, whole in a pipe."""
     text = Text.from_markup(prefix_markup) + Text(one_line(line))
     console.print(text, soft_wrap=not console.is_terminal)
@@ -76,7 +76,7 @@ def print_rows_as_table(
         typer.echo("  ".join(cells).rstrip())
 
 
-def print_value_as_json(value: Any) -> None:
+def print_json(value: Any) -> None:
     """Print a value as JSON on stdout."""
     typer.echo(format_value_as_json(value))
 

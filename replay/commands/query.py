@@ -119,8 +119,8 @@ def _print_available_tables(named_tables: "NamedTables", *, as_json: bool) -> No
     from replay.commands.print_tables import (
         make_plain_table,
         make_stdout_console,
+        print_json,
         print_table_uncut,
-        print_value_as_json,
     )
 
     columns: dict[str, list[str]] = {}
@@ -131,7 +131,7 @@ def _print_available_tables(named_tables: "NamedTables", *, as_json: bool) -> No
             except PayscopeError as error:  # what cannot be decoded is none of the other tables
                 typer.echo(f"payscope: {error}", err=True)
     if as_json:
-        print_value_as_json(columns)
+        print_json(columns)
         return
     shown = make_plain_table("table")
     shown.add_column("in a word", no_wrap=True)

@@ -142,7 +142,7 @@ def command(
     """
     from estimators.errors import one_line
     from recordings.review.shift_facts import summarise_shift_in_line
-    from replay.commands.print_tables import make_stdout_console, print_value_as_json
+    from replay.commands.print_tables import make_stdout_console, print_json
     from replay.commands.progress_bar import StageProgress
     from replay.machines.machine_file import load_machine
     from replay.pipeline import STAGES
@@ -194,7 +194,7 @@ def command(
         if given:
             made = recount_review_with_verdicts(output, given)
     if as_json:
-        print_value_as_json(made.to_dict())
+        print_json(made.to_dict())
     else:
         print_shift_review(make_stdout_console(), made)
     if made.missing_tonnes_reason:
@@ -247,8 +247,8 @@ def print_week_of_reviews(
     )
     from replay.commands.print_tables import (
         make_stdout_console,
-        print_marked_line,
-        print_value_as_json,
+        print_json,
+        print_line,
     )
 
     parts, shifts = (
@@ -261,7 +261,7 @@ def print_week_of_reviews(
     if page_path is not None:
         write_week_page(parts, shifts, friction_limit, page_path)
     if as_json:
-        print_value_as_json(
+        print_json(
             {by: [each._asdict() for each in totals] for by, totals in sums.items()}
             | {"all": whole._asdict()}
             | {"friction": {name: trend._asdict() for name, trend in trends.items()}}
@@ -273,20 +273,16 @@ def print_week_of_reviews(
             t, u_t = each.payload_kg / 1e3, K * each.payload_u_kg / 1e3
             name = f"{by} {each.name or 'not named'}"
             rejected = f", {each.rejected} rejected" if each.rejected else ""
-            print_marked_line(
-                screen, f"{name}: {each.loads} loads, {t:,.3f} ± {u_t:.3f} t{rejected}"
-            )
-    print_marked_line(screen, f"all: {describe_week_tonnes(parts)}")
+            print_line(screen, f"{name}: {each.loads} loads, {t:,.3f} ± {u_t:.3f} t{rejected}")
+    print_line(screen, f"all: {describe_week_tonnes(parts)}")
     for sentence in describe_friction_trends(trends):
-        print_marked_line(screen, sentence)
+        print_line(screen, sentence)
     for shift in shifts:
         for sentence in shift.missing:
-            print_marked_line(screen, f"{shift.begins}: {sentence}")
-    print_marked_line(
-        screen, "counted loads; loads in gaps and missing logs are on each review's page"
-    )
+            print_line(screen, f"{shift.begins}: {sentence}")
+    print_line(screen, "counted loads; loads in gaps and missing logs are on each review's page")
     if page_path is not None:
-        print_marked_line(screen, f"page: {page_path}")
+        print_line(screen, f"page: {page_path}")
 
 
 def print_shift_review(console: "Console", review: "ShiftReview") -> None:
@@ -305,36 +301,34 @@ def print_shift_review(console: "Console", review: "ShiftReview") -> None:
         make_warning_of_two_machines,
         summarise_shift_in_line,
     )
-    from replay.commands.print_tables import print_marked_line
+    from replay.commands.print_tables import print_line
 
     state = review.state
     if not review.missing_tonnes_reason:
-        print_marked_line(console, summarise_shift_in_line(review.shift, "", state))
+        print_line(console, summarise_shift_in_line(review.shift, "", state))
     if state.mixed_machines:
-        print_marked_line(console, f"warning: {make_warning_of_two_machines(state)}")
+        print_line(console, f"warning: {make_warning_of_two_machines(state)}")
     holes = describe_long_gaps(review.shift, state)
     for sentence in (
         *filter(None, [holes]),
         *describe_missing_loads(review.shift),
         *describe_torn_logs(state),
     ):
-        print_marked_line(console, sentence)
+        print_line(console, sentence)
     for name, value in list_shift_names_and_values(
         review.shift, review.ledger, state, review.target
     ):
-        print_marked_line(console, f"{name}: {value}")
+        print_line(console, f"{name}: {value}")
     if review.calibration.against:
-        print_marked_line(console, f"{NOT_CALIBRATED}: {review.calibration.against}")
+        print_line(console, f"{NOT_CALIBRATED}: {review.calibration.against}")
     elif review.calibration.description:
-        print_marked_line(console, review.calibration.description)
+        print_line(console, review.calibration.description)
     if failed := [check.check for check in state.mass_withholding_checks]:
-        print_marked_line(console, f"checks that failed: {', '.join(failed)}")
+        print_line(console, f"checks that failed: {', '.join(failed)}")
     if remarks := [f"{each.check} ({REMARKED[each.consequence]})" for each in state.remarks]:
-        print_marked_line(console, f"checks with a remark: {', '.join(remarks)}")
+        print_line(console, f"checks with a remark: {', '.join(remarks)}")
     for loss in list_losses_besides_torn_ends(state):
-        print_marked_line(console, f"lost: {loss}")
+        print_line(console, f"lost: {loss}")
     if not review.replayed:
-        print_marked_line(
-            console, "not replayed: logs, machine and settings are those of the last review"
-        )
-    print_marked_line(console, f"page: {review.folder / PAGE}")
+        print_line(console, "not replayed: logs, machine and settings are those of the last review")
+    print_line(console, f"page: {review.folder / PAGE}")

@@ -15,7 +15,7 @@ from replay.commands.common_options import (
     make_calibration_request,
 )
 from replay.commands.print_checks import make_table_of_checks, print_remedies_with_checks
-from replay.commands.print_tables import make_plain_table, print_marked_line, print_table_uncut
+from replay.commands.print_tables import make_plain_table, print_line, print_table_uncut
 from replay.commands.screen_limits import LIMITS
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def command(
     --watch each change of the machine file is replayed, into the open viewer with --live; a fault
     in the file is one line, and ctrl-C ends with status 0.
     """
-    from replay.commands.print_tables import print_value_as_json
+    from replay.commands.print_tables import print_json
     from replay.commands.progress_bar import StageProgress
     from replay.runs.run_logs import STEPS, RecordTo, replay_and_record_logs
 
@@ -119,7 +119,7 @@ def command(
 
     def show_answer(answer: "Answer") -> None:
         if as_json:
-            print_value_as_json(answer.to_dict())
+            print_json(answer.to_dict())
         else:
             print_answer(answer, goal, verbose)
 
@@ -184,36 +184,36 @@ def _make_empty_span_overrides(empty_span: str | None) -> list[str]:
     return [f"settings.loads.empty_from_s={first!r}", f"settings.loads.empty_to_s={last!r}"]
 
 
-def print_answer(answer: "Answer", goal_u_kg: float | None = None, is_verbose: int = 0) -> None:
+def print_answer(answer: "Answer", goal_u_kg: float | None = None, verbosity: int = 0) -> None:
     """Print the answer on stdout.
 
     Args:
         answer: answer of a run.
         goal_u_kg: standard uncertainty in kg; prints how many more starts would reach it.
-        is_verbose: 1 adds budget, methods and omitted lines; 2 adds every check.
+        verbosity: 1 adds budget, methods and omitted lines; 2 adds every check.
     """
     screen = print_tables.make_stdout_console()
     if answer.verdict.can_weigh:
-        _print_masses_with_uncertainty(screen, answer, is_verbose)
+        _print_masses_with_uncertainty(screen, answer, verbosity)
     else:
-        _print_weighing_verdict(screen, answer, is_verbose)
-    for line in iter_answer_notes(answer, goal_u_kg, is_verbose):
-        print_marked_line(screen, line)
-    if is_verbose:
+        _print_weighing_verdict(screen, answer, verbosity)
+    for line in iter_answer_notes(answer, goal_u_kg, verbosity):
+        print_line(screen, line)
+    if verbosity:
         _print_uncertainty_budget(screen, answer)
         _print_estimates_by_method(screen, answer)
     if answer.verdict.can_weigh:
-        _print_weighing_verdict(screen, answer, is_verbose)
-    if is_verbose and answer.fingerprint:
-        print_marked_line(screen, f"fingerprint: {answer.fingerprint}")
+        _print_weighing_verdict(screen, answer, verbosity)
+    if verbosity and answer.fingerprint:
+        print_line(screen, f"fingerprint: {answer.fingerprint}")
     if answer.recording:
-        print_marked_line(screen, f"recording: {answer.recording}")
-        print_marked_line(screen, f"payscope explain {answer.recording} says why")
-    if not is_verbose:
+        print_line(screen, f"recording: {answer.recording}")
+        print_line(screen, f"payscope explain {answer.recording} says why")
+    if not verbosity:
         screen.print("-v: budget and methods; -vv: every check")
 
 
-def _print_masses_with_uncertainty(console: "Console", answer: "Answer", is_verbose: int) -> None:
+def _print_masses_with_uncertainty(console: "Console", answer: "Answer", verbosity: int) -> None:
     """Print masses and payloads, and the largest part of their uncertainty."""
     from recordings.report.worth_text import (
         advise_to_reduce_uncertainty,
@@ -222,27 +222,25 @@ def _print_masses_with_uncertainty(console: "Console", answer: "Answer", is_verb
         make_load_table_rows,
     )
 
-    for line in describe_answer_as_lines(answer, is_brief=not is_verbose):
-        print_marked_line(console, line)
+    for line in describe_answer_as_lines(answer, is_brief=not verbosity):
+        print_line(console, line)
     if len(answer.loads) > 1:
         heads = make_load_table_heads(answer)
         loads = make_plain_table(*heads[:-1])
         loads.add_column(heads[-1], overflow="fold")
         rows = make_load_table_rows(answer)
-        shown = rows if is_verbose else rows[: LIMITS.answer_loads]
+        shown = rows if verbosity else rows[: LIMITS.answer_loads]
         for load in shown:
             loads.add_row(*load)
         print_table_uncut(console, loads)
         for line in _iter_omitted_count_line(len(rows) - len(shown), "load", "loads"):
-            print_marked_line(console, line)
+            print_line(console, line)
     most = advise_to_reduce_uncertainty(answer)
     if most:
-        print_marked_line(console, most)
+        print_line(console, most)
 
 
-def iter_answer_notes(
-    answer: "Answer", goal_u_kg: float | None, is_verbose: int
-) -> "Iterator[str]":
+def iter_answer_notes(answer: "Answer", goal_u_kg: float | None, verbosity: int) -> "Iterator[str]":
     """Further lines about the answer, the most important first."""
     from recordings.report.planar_text import describe_planar_fits
     from recordings.report.worth_text import (
@@ -252,34 +250,34 @@ def iter_answer_notes(
 
     if goal_u_kg is not None:
         yield from describe_manoeuvres_needed_for_goal(answer, goal_u_kg)
-    if answer.verdict.can_estimate_inertia and not is_verbose:
+    if answer.verdict.can_estimate_inertia and not verbosity:
         yield from _iter_yaw_inertia_lines(answer)
     yield from describe_shift_total(answer)
     yield from describe_planar_fits(answer.planar, answer.planar_budget)
-    most_lines = len(answer.losses) + len(answer.notes) if is_verbose else LIMITS.answer_lines
+    most_lines = len(answer.losses) + len(answer.notes) if verbosity else LIMITS.answer_lines
     yield from iter_lines_up_to_limit(
         [f"lost: {loss}" for loss in answer.losses], most_lines, "loss", "losses"
     )
     yield from iter_lines_up_to_limit(
         [f"note: {note}" for note in answer.notes], most_lines, "note", "notes"
     )
-    yield from _iter_finding_lines(answer, is_verbose)
+    yield from _iter_finding_lines(answer, verbosity)
 
 
-def _iter_finding_lines(answer: "Answer", is_verbose: int) -> "Iterator[str]":
+def _iter_finding_lines(answer: "Answer", verbosity: int) -> "Iterator[str]":
     from recordings.report.finding_text import (
         can_fixing_change_mass,
-        format_finding_as_line,
+        format_finding,
         make_findings_of_rows,
     )
 
     found = make_findings_of_rows(answer.findings)
     shown = (
         found
-        if is_verbose
+        if verbosity
         else [each for each in found if can_fixing_change_mass(each)][: LIMITS.answer_lines]
     )
-    yield from (f"finding: {format_finding_as_line(each)}" for each in shown)
+    yield from (f"finding: {format_finding(each)}" for each in shown)
     left = len(found) - len(shown)
     if left:
         yield f"{left} {'other finding' if left == 1 else 'other findings'} (-v)"
@@ -342,7 +340,7 @@ def _print_estimates_by_method(console: "Console", answer: "Answer") -> None:
             print_table_uncut(console, _make_table_of_method_estimates(row, verdict))
 
 
-def _print_weighing_verdict(console: "Console", answer: "Answer", is_verbose: int) -> None:
+def _print_weighing_verdict(console: "Console", answer: "Answer", verbosity: int) -> None:
     """Print whether the log can weigh: failed and near checks in full, the others counted."""
     verdict = answer.verdict
     failed = (*verdict.withholding_checks("mass"), *verdict.withholding_checks("inertia"))
@@ -355,10 +353,8 @@ def _print_weighing_verdict(console: "Console", answer: "Answer", is_verbose: in
         console.print("Log not usable for weighing: the mass is withheld. Failed checks:")
     near = verdict.near_checks if verdict.can_weigh else ()
     shown = (*failed, *verdict.remarks, *near) if verdict.can_weigh else failed
-    if shown or is_verbose > 1:
-        print_table_uncut(
-            console, make_table_of_checks(verdict.checks if is_verbose > 1 else shown)
-        )
+    if shown or verbosity > 1:
+        print_table_uncut(console, make_table_of_checks(verdict.checks if verbosity > 1 else shown))
     print_remedies_with_checks(console, failed)
     if verdict.has_spins and not verdict.can_estimate_inertia:
         console.print(

@@ -73,14 +73,14 @@ def _print_list_of_frames(recording: Path, *, as_json: bool) -> None:
     from replay.commands.print_tables import (
         make_plain_table,
         make_stdout_console,
-        print_marked_line,
+        print_json,
+        print_line,
         print_table_uncut,
-        print_value_as_json,
     )
 
     held = list_columns_by_frame(recording)
     if as_json:
-        print_value_as_json(held)
+        print_json(held)
         return
     table = make_plain_table("frame")
     table.add_column("columns", overflow="fold")
@@ -91,13 +91,13 @@ def _print_list_of_frames(recording: Path, *, as_json: bool) -> None:
     print_table_uncut(screen, table)
     provenance = read_provenance(recording)
     for loss in provenance.losses:
-        print_marked_line(screen, f"lost: {loss}")
+        print_line(screen, f"lost: {loss}")
     for note in provenance.notes:
-        print_marked_line(screen, f"note: {note}")
+        print_line(screen, f"note: {note}")
 
 
 def _print_or_write_frame_rows(
-    calibration_request: "tuple[Path, str, CalibrationRequest | None]",
+    frame_request: "tuple[Path, str, CalibrationRequest | None]",
     time_span_s: tuple[float | None, float | None] | float,
     output_format: str | None,
     output: Path | None,
@@ -114,7 +114,7 @@ def _print_or_write_frame_rows(
     )
     from replay.recording.read_stage import RecordedStage
 
-    recording, name, calibration = calibration_request
+    recording, name, calibration = frame_request
     output_format = choose_output_format(output_format, output)
     if output is not None:
         refuse_input_as_output(output, [recording])

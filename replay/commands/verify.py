@@ -79,7 +79,7 @@ def command(
         raise typer.BadParameter(what)
     from replay.calibration.verify_bundle import verify_bundle
     from replay.calibration.verify_chain import VerifiedChain, verify_bundles_and_chains
-    from replay.commands.print_tables import print_value_as_json
+    from replay.commands.print_tables import print_json
 
     first, *more = folders
     if not more and first.is_file():
@@ -103,7 +103,7 @@ def command(
         authority_certificates=tsa,
     )
     if as_json:
-        print_value_as_json(found.to_dict())
+        print_json(found.to_dict())
     elif isinstance(found, VerifiedChain):
         _print_verified_chain(found)
     else:
@@ -137,8 +137,8 @@ def _verify_notary_list(
     """Verify a notary list and print the result."""
     from replay.commands.print_tables import (
         make_stdout_console,
-        print_marked_line,
-        print_value_as_json,
+        print_json,
+        print_line,
     )
     from replay.notary.list_file import UNSEEN, verify_notary_list
 
@@ -146,46 +146,46 @@ def _verify_notary_list(
         list_path, key_file=key_file, is_signature_required=is_signature_required
     )
     if as_json:
-        print_value_as_json(found.to_dict())
+        print_json(found.to_dict())
     else:
         screen = make_stdout_console()
         for finding in found.findings:
-            print_marked_line(screen, str(finding), "[bold red]!![/] ")
+            print_line(screen, str(finding), "[bold red]!![/] ")
         for note in found.notes:
-            print_marked_line(screen, f"note: {note}")
-        print_marked_line(screen, "no check can find:")
+            print_line(screen, f"note: {note}")
+        print_line(screen, "no check can find:")
         for sentence in UNSEEN:
-            print_marked_line(screen, f"- {sentence}")
-        print_marked_line(screen, found.verdict)
+            print_line(screen, f"- {sentence}")
+        print_line(screen, found.verdict)
     if found.outcome is not None:
         raise typer.Exit(int(found.outcome))
 
 
 def _print_verified_chain(verified_chain: "VerifiedChain") -> None:
-    from replay.commands.print_tables import make_stdout_console, print_marked_line
+    from replay.commands.print_tables import make_stdout_console, print_line
 
     screen = make_stdout_console()
     for made in verified_chain.bundles:
         _print_verification_findings(made)
         screen.print()
     for finding in verified_chain.findings:
-        print_marked_line(screen, str(finding), "[bold red]!![/] ")
+        print_line(screen, str(finding), "[bold red]!![/] ")
     for note in verified_chain.notes:
-        print_marked_line(screen, note)
-    print_marked_line(screen, verified_chain.chain_verdict)
+        print_line(screen, note)
+    print_line(screen, verified_chain.chain_verdict)
 
 
 def _print_verification_findings(verification: "Verification") -> None:
-    from replay.commands.print_tables import make_stdout_console, print_marked_line
+    from replay.commands.print_tables import make_stdout_console, print_line
 
     screen = make_stdout_console()
     for finding in verification.findings:
-        print_marked_line(screen, str(finding), "[bold red]!![/] ")
+        print_line(screen, str(finding), "[bold red]!![/] ")
     for done in verification.done:
-        print_marked_line(screen, f"checked: {done}")
+        print_line(screen, f"checked: {done}")
     for note in verification.notes:
-        print_marked_line(screen, f"note: {note}")
-    print_marked_line(screen, "no check can find:")
+        print_line(screen, f"note: {note}")
+    print_line(screen, "no check can find:")
     for sentence in verification.unseen:
-        print_marked_line(screen, f"- {sentence}")
-    print_marked_line(screen, verification.verdict)
+        print_line(screen, f"- {sentence}")
+    print_line(screen, verification.verdict)

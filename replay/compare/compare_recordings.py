@@ -93,7 +93,7 @@ _NOWHERE: Final = OverlayOutput()
 def compare_recordings(
     path_a: Path,
     path_b: Path,
-    overlay_path: OverlayOutput = _NOWHERE,
+    overlay: OverlayOutput = _NOWHERE,
     *,
     relative_tolerance: float = 0.0,
     other_logs: bool = False,
@@ -104,7 +104,7 @@ def compare_recordings(
     Args:
         path_a: baseline recording.
         path_b: recording to compare with it.
-        overlay_path: recording of both to write.
+        overlay: recording of both to write.
         relative_tolerance: relative tolerance of numbers.
         other_logs: whether they may be of different logs; then only settings, masses and verdict
             are compared.
@@ -114,9 +114,9 @@ def compare_recordings(
         RecordingError: one of them cannot be read, or their rows do not correspond.
         OutputError: the recording of both cannot be written.
     """
-    if overlay_path.path is not None:
-        refuse_input_as_output(overlay_path.path, [path_a, path_b])
-        require_writable_recording(overlay_path.path, force=overlay_path.force)
+    if overlay.path is not None:
+        refuse_input_as_output(overlay.path, [path_a, path_b])
+        require_writable_recording(overlay.path, force=overlay.force)
     with open_recording(path_a) as first, open_recording(path_b) as second:
         mine, theirs = RecordedRun(first, calibration), RecordedRun(second, calibration)
         if not set(mine.stages) & set(theirs.stages):
@@ -137,7 +137,7 @@ def compare_recordings(
                 "settings, masses and verdict only"
             )
         found = compare_runs(mine, theirs, rtol=relative_tolerance, rows=not other_logs)
-        if overlay_path.path is not None:
+        if overlay.path is not None:
             from recordings.compare.overlay_recording import (
                 format_comparison_markdown,
                 write_overlay_recording,
@@ -146,10 +146,10 @@ def compare_recordings(
             write_overlay_recording(
                 mine.read_run_with_displayed_columns(),
                 theirs.read_run_with_displayed_columns(),
-                overlay_path.path,
+                overlay.path,
                 format_comparison_markdown(found, path_a.name, path_b.name),
                 is_same_log=not other_logs,
-                force=overlay_path.force,
+                force=overlay.force,
             )
         return found
 

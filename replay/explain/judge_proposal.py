@@ -102,7 +102,7 @@ class ProposalTrial:
 
 
 def explain_failure_on_held_out_half(
-    finding: Finding, run_without_proposal: Run, span_ns: tuple[int, int], replay_span: Replay
+    finding: Finding, run_without_proposal: Run, span_ns: tuple[int, int], replay: Replay
 ) -> str:
     """Why the proposal fails on a held-out half of the log; empty if it holds.
 
@@ -110,7 +110,7 @@ def explain_failure_on_held_out_half(
         finding: finding of the whole log with the proposal.
         run_without_proposal: replay of the whole log.
         span_ns: first and last log time.
-        replay_span: replays a range of log times with additional proposals.
+        replay: replays a range of log times with additional proposals.
 
     Returns:
         Empty where it holds.
@@ -120,14 +120,14 @@ def explain_failure_on_held_out_half(
         return "the log is too short to test the correction on stretches that it was not fitted to"
     first, second = (None, middle_ns), (middle_ns + 1, None)
     try:
-        fitted = find_finding_of_same_cause_and_keys(finding, replay_span((), first))
+        fitted = find_finding_of_same_cause_and_keys(finding, replay((), first))
         if fitted is None:
             return "the first half of the log does not show the finding"
-        unchanged = replay_span((), second)
+        unchanged = replay((), second)
         seen = find_finding_of_same_cause_and_keys(finding, unchanged)
         if seen is None:
             return "the second half of the log does not show the finding"
-        changed = replay_span(split_finding_to_proposal_per_key(fitted), second)
+        changed = replay(split_finding_to_proposal_per_key(fitted), second)
     except (DataError, MachineError):
         return "half of the log is too short to test the correction"
     was, now = answer(unchanged), answer(changed)

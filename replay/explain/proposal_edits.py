@@ -117,18 +117,16 @@ def insert_proposals_into_machine_file(
         raise MachineError(f"{machine_path}: is not TOML: {one_line(str(error))}") from None
 
 
-def _format_change_comment(key_location: Any, key_name: str, reason: str) -> str:
+def _format_change_comment(table: Any, key_name: str, reason: str) -> str:
     """Comment of a changed key: the user's comment, the reason, and the old value."""
     import tomlkit
     from tomlkit.items import Table
 
-    if key_name not in key_location:
+    if key_name not in table:
         return f"payscope: {reason}"
     # a boolean would come out of a table as it is, without its comment
     was: Any = (
-        key_location.value.item(key_name)
-        if isinstance(key_location, Table)
-        else tomlkit.item(key_location[key_name])
+        table.value.item(key_name) if isinstance(table, Table) else tomlkit.item(table[key_name])
     )
     theirs = was.trivia.comment.lstrip("# ")
     return "; ".join(filter(None, (theirs, f"payscope: {reason}; it was {was.as_string()}")))

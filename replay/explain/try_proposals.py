@@ -152,26 +152,26 @@ class ProposalProgress:
 
 def write_corrected_machine_file(
     log_path: Path,
-    machine_path: MachineText,
+    machine_text: MachineText,
     run_without_proposals: Run,
-    output_path: tuple[Path, bool],
+    output: tuple[Path, bool],
     on_stage: Callable[[str], None] = lambda _: None,
 ) -> CorrectedMachine:
     """Write a machine file with the proposals that help.
 
     Args:
         log_path: log, or recording of it.
-        machine_path: machine file of the replay.
+        machine_text: machine file of the replay.
         run_without_proposals: replay without proposals.
-        output_path: file to write, and whether to replace an existing one.
+        output: file to write, and whether to replace an existing one.
         on_stage: called with each stage of a replay when it begins.
 
     Raises:
         PayscopeError: the machine file cannot be read, or the output cannot be written.
     """
-    file = find_machine_file(machine_path.path)
+    file = find_machine_file(machine_text.path)
     text = _read_text_of_machine_file(file)
-    machine = load_machine(machine_path.path, machine_path.overrides)
+    machine = load_machine(machine_text.path, machine_text.overrides)
     with (
         open_log(log_path, time=find_time_axis_of_machine(machine)) as opened,
         tempfile.TemporaryDirectory(prefix="payscope-") as folder,
@@ -180,7 +180,7 @@ def write_corrected_machine_file(
 
         def load_trial_machine(text: str, keys: Sequence[str]) -> Machine:
             trial.write_text(text, encoding="utf-8")
-            others = [o for o in machine_path.overrides if o.partition("=")[0].strip() not in keys]
+            others = [o for o in machine_text.overrides if o.partition("=")[0].strip() not in keys]
             try:
                 return load_machine(trial, others)
             except MachineError as error:
@@ -192,11 +192,11 @@ def write_corrected_machine_file(
         )
     if not progress.changes:
         return _make_corrected_machine(None, progress, run_without_proposals)
-    with stage_output_file(output_path[0], force=output_path[1]) as partial:
+    with stage_output_file(output[0], force=output[1]) as partial:
         partial.write_text(
             insert_proposals_into_machine_file(text, progress.changes, file), encoding="utf-8"
         )
-    return _make_corrected_machine(output_path[0], progress, run_without_proposals)
+    return _make_corrected_machine(output[0], progress, run_without_proposals)
 
 
 def try_proposals_one_by_one(

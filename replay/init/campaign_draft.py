@@ -14,7 +14,7 @@ from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, PayscopeError
 from replay.logs import Log, open_log
 from replay.machines.machine_file import find_time_axis_of_machine, load_machine
-from replay.machines.toml_file import format_value_as_toml
+from replay.machines.toml_file import format_toml
 from replay.pipeline import run
 
 _HEAD = """\
@@ -155,9 +155,9 @@ def draft_campaign_file(
     count = f"{len(blocks)} run{'' if len(blocks) == 1 else 's'}"
     head = _HEAD.format(
         count=count,
-        name=format_value_as_toml(campaign_path.name)[1:-1],
-        machine=format_value_as_toml(file),
-        id=format_value_as_toml(ids or "machine-1"),
+        name=format_toml(campaign_path.name)[1:-1],
+        machine=format_toml(file),
+        id=format_toml(ids or "machine-1"),
     )
     return CampaignDraft("\n".join([head, *blocks]), said)
 
@@ -176,7 +176,7 @@ def _iter_campaign_run_blocks(log: Log, log_name: str, machine: Machine | None) 
     for stretch, said in _iter_load_state_runs(log, machine):
         lines = [
             "[[runs]]",
-            f"log = {format_value_as_toml(log_name)}",
+            f"log = {format_toml(log_name)}",
             *stretch,
             f'loads = ["TODO"]               # ids of the masses on board; [] without load{said}',
             f"day = {day}",

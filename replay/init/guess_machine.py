@@ -18,11 +18,11 @@ from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.arrays import Floats, Ints
 from estimators.errors import LogError
 from replay.init.init_limits import LIMITS
-from replay.inputs.machine_identity import is_usable_serial_number
+from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
-from replay.machines.toml_file import format_value_as_toml
+from replay.machines.toml_file import format_toml
 from replay.recognise.joints import recognise_joints_of_log
-from replay.recognise.profile import FieldProfile, ask_for_units_of_joint_efforts, profile_fields
+from replay.recognise.profile import FieldProfile, ask_for_effort_units, profile_fields
 from replay.recognise.proposals import ChannelProposal, Recognition
 from replay.recognise.table import recognise_channels_of_table, recognise_fields_of_messages
 from replay.recognise.words import interpret_column_name
@@ -96,12 +96,8 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
     by_type = [*_choose_best_guesses(topics)]
-    told = (
-        recognise_channels_of_table(log)
-        if is_table
-        else _recognise_fields_of_topics(log, topics, by_type)
-    )
-    guesses = [*_make_guesses_of_channels(told), *by_type]
+    told = recognise_channels_of_table(log) if is_table else _recognise_fields(log, topics, by_type)
+    guesses = [*_make_channel_guesses(told), *by_type]
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
     # what a comment holds is asked for already
     open_columns = {each.column for each in told.channels if each.is_comment}
@@ -121,12 +117,8 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         '# A field in another unit than its comment states needs its unit: unit = "km/h".',
         "",
         "[machine]",
-        f"name = {format_value_as_toml(log.path.stem)}",
-        *(
-            f"id = {format_value_as_toml(each)}"
-            for each in log.machine_ids()[:1]
-            if is_usable_serial_number(each)
-        ),
+        f"name = {format_toml(log.path.stem)}",
+        *(f"id = {format_toml(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
         "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
         "# wheel_radius_m = 0.42        # needed if the force comes from wheel torques",
         "# track_width_m = 1.5          # for the yaw torque",
@@ -144,20 +136,19 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     for guess in guesses:
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
-            lines.append(f"topic = {format_value_as_toml(guess.topic)}")
+            lines.append(f"topic = {format_toml(guess.topic)}")
         unit = find_unit_in_name(guess.column).replace("*", "·")
         # a field in another unit wants `unit` or `scale`, so say which one it is taken for
         why = f"; {guess.reason}" if guess.reason else ""
         if guess.unit is not None:
             lines += [
-                f"field = {format_value_as_toml(guess.field)}",
+                f"field = {format_toml(guess.field)}",
                 f'unit = "{guess.unit}"  # {why[2:]}',
                 "",
             ]
             continue
         lines += [
-            f"field = {format_value_as_toml(guess.field)}  # in {unit}{why}"
-            f"{_make_wheel_speed_comment(guess)}",
+            f"field = {format_toml(guess.field)}  # in {unit}{why}{_comment_wheel_speed(guess)}",
             "",
         ]
     for proposal in told.channels:
@@ -171,13 +162,10 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         sign = "# " if is_open else ""
         lines += [f"{sign}[channels.{column}]", f'{sign}derive = "{formula}"', ""]
     lines += [f"# missing: {sentence}" for sentence in lacking]
-    is_unsure = any(_make_wheel_speed_comment(guess) for guess in guesses)
+    is_unsure = any(_comment_wheel_speed(guess) for guess in guesses)
     profiles = profile_fields(log)
     used = {(guess.topic or TABLE, guess.field) for guess in guesses}
-    to_answer = [
-        *([_JOINT_UNIT] if is_unsure else []),
-        *ask_for_units_of_joint_efforts(used, profiles),
-    ]
+    to_answer = [*([_JOINT_UNIT] if is_unsure else []), *ask_for_effort_units(used, profiles)]
     lines += [f"# to answer: {sentence}" for sentence in (*to_answer, *_TO_ANSWER)]
     rest = [*_make_unused_column_comments(profiles, used), *iter_topic_notes(topics, guesses)]
     lines += ["", *rest, "", "[settings.forces]"]
@@ -185,19 +173,13 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     return "\n".join(lines) + "\n", lacking
 
 
-def _make_log_section_lines(time_axis: TimeAxis) -> list[str]:
+def _make_log_section_lines(time: TimeAxis) -> list[str]:
     """Lines of `[log]` for the given time column."""
-    keys: dict[str, object] = {
-        "time": time_axis.column,
-        "time_unit": time_axis.unit,
-        **asdict(time_axis.table),
-    }
-    return [
-        f"{key} = {format_value_as_toml(value)}" for key, value in keys.items() if value is not None
-    ]
+    keys: dict[str, object] = {"time": time.column, "time_unit": time.unit, **asdict(time.table)}
+    return [f"{key} = {format_toml(value)}" for key, value in keys.items() if value is not None]
 
 
-def _make_guesses_of_channels(recognition: Recognition) -> list[ChannelGuess]:
+def _make_channel_guesses(recognition: Recognition) -> list[ChannelGuess]:
     return [
         ChannelGuess(each.column, each.topic, each.field, each.unit, each.reason)
         for each in recognition.channels
@@ -205,22 +187,18 @@ def _make_guesses_of_channels(recognition: Recognition) -> list[ChannelGuess]:
     ]
 
 
-def _make_channel_comment_lines(channel_proposal: ChannelProposal) -> list[str]:
+def _make_channel_comment_lines(proposal: ChannelProposal) -> list[str]:
     """Commented lines of a channel that the user must complete."""
-    lines = [f"[channels.{channel_proposal.column}]"]
-    if channel_proposal.topic:
-        lines.append(f"topic = {format_value_as_toml(channel_proposal.topic)}")
-    if channel_proposal.field:
-        lines.append(f"field = {format_value_as_toml(channel_proposal.field)}")
-    if channel_proposal.unit:
-        lines.append(f'unit = "{channel_proposal.unit}"')
-    if channel_proposal.derive:
-        lines.append(f'derive = "{channel_proposal.derive}"')
-    return [
-        f"# {_replace_unprintable(channel_proposal.reason)}",
-        *(f"# {line}" for line in lines),
-        "",
-    ]
+    lines = [f"[channels.{proposal.column}]"]
+    if proposal.topic:
+        lines.append(f"topic = {format_toml(proposal.topic)}")
+    if proposal.field:
+        lines.append(f"field = {format_toml(proposal.field)}")
+    if proposal.unit:
+        lines.append(f'unit = "{proposal.unit}"')
+    if proposal.derive:
+        lines.append(f'derive = "{proposal.derive}"')
+    return [f"# {_replace_unprintable(proposal.reason)}", *(f"# {line}" for line in lines), ""]
 
 
 def _make_unused_column_comments(
@@ -239,52 +217,46 @@ def _make_unused_column_comments(
     ]
 
 
-def _format_unused_quantity_comment(field_profile: FieldProfile) -> str:
+def _format_unused_quantity_comment(profile: FieldProfile) -> str:
     """Comment on the quantity of a column that no channel takes."""
-    quantity = interpret_column_name(field_profile.field).quantity
+    quantity = interpret_column_name(profile.field).quantity
     return f"  ({quantity})" if quantity in ("steering", "pressure", "power") else ""
 
 
-def format_profile_comment(field_profile: FieldProfile) -> str:
+def format_profile_comment(profile: FieldProfile) -> str:
     """Comment on a field: unit, rate, minimum, median, maximum and course."""
-    unit = f" [{field_profile.unit}]" if field_profile.unit else ""
-    rate = "" if field_profile.rate_hz is None else f", {field_profile.rate_hz:.4g} Hz"
-    if field_profile.low is None or field_profile.middle is None or field_profile.high is None:
-        return _replace_unprintable(
-            f"{field_profile.field}{unit}{rate}: {field_profile.course or 'no number'}"
-        )
-    span = f"{field_profile.low:.4g} … {field_profile.middle:.4g} … {field_profile.high:.4g}"
-    return _replace_unprintable(
-        f"{field_profile.field}{unit}{rate}: {span}  {field_profile.course}"
-    )
+    unit = f" [{profile.unit}]" if profile.unit else ""
+    rate = "" if profile.rate_hz is None else f", {profile.rate_hz:.4g} Hz"
+    if profile.low is None or profile.middle is None or profile.high is None:
+        return _replace_unprintable(f"{profile.field}{unit}{rate}: {profile.course or 'no number'}")
+    span = f"{profile.low:.4g} … {profile.middle:.4g} … {profile.high:.4g}"
+    return _replace_unprintable(f"{profile.field}{unit}{rate}: {span}  {profile.course}")
 
 
-def _make_wheel_speed_comment(channel_guess: ChannelGuess) -> str:
+def _comment_wheel_speed(guess: ChannelGuess) -> str:
     """Comment that a JointState's velocity is usually that of a wheel."""
-    is_speed = channel_guess.field.startswith("velocity[") and channel_guess.column.endswith("_m_s")
+    is_speed = guess.field.startswith("velocity[") and guess.column.endswith("_m_s")
     return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""
 
 
-def _recognise_fields_of_topics(
-    log: Log, topics: pl.DataFrame, channels_by_message_type: list["ChannelGuess"]
-) -> Recognition:
+def _recognise_fields(log: Log, topics: pl.DataFrame, by_type: list["ChannelGuess"]) -> Recognition:
     """Recognise the fields of messages by their types, else by their names."""
     found = recognise_joints_of_log(log, topics)
-    new = [each for each in channels_by_message_type if each.column not in found.filled_channels]
+    new = [each for each in by_type if each.column not in found.filled_channels]
     found.channels += [ChannelProposal(g.column, g.topic, g.field, None, "") for g in new]
     return recognise_fields_of_messages(log, found)
 
 
-def _choose_best_guesses(topic_rows: pl.DataFrame) -> Iterator[ChannelGuess]:
+def _choose_best_guesses(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
     taken: set[str] = set()
-    for guess in _iter_guesses_by_message_type(topic_rows):
+    for guess in _iter_guesses_by_message_type(topics):
         if guess.column not in taken:
             taken.add(guess.column)
             yield guess
 
 
-def _iter_guesses_by_message_type(topic_rows: pl.DataFrame) -> Iterator[ChannelGuess]:
-    for row in topic_rows.sort("messages", descending=True).to_dicts():
+def _iter_guesses_by_message_type(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
+    for row in topics.sort("messages", descending=True).to_dicts():
         if row["problem"] or not row["messages"]:
             continue
         kind = row["type"].rpartition("/")[2]
@@ -299,56 +271,42 @@ def _iter_guesses_by_message_type(topic_rows: pl.DataFrame) -> Iterator[ChannelG
                 yield ChannelGuess(column, row["topic"], field)
 
 
-def _derive_missing_channels(sources_by_channel: set[str]) -> dict[str, str]:
+def _derive_missing_channels(channels: set[str]) -> dict[str, str]:
     derived: dict[str, str] = {}
-    if "speed_x_m_s" not in sources_by_channel:
-        if {"speed_left_m_s", "speed_right_m_s"} <= sources_by_channel:
+    if "speed_x_m_s" not in channels:
+        if {"speed_left_m_s", "speed_right_m_s"} <= channels:
             derived["speed_x_m_s"] = "mean(speed_left_m_s, speed_right_m_s)"
-        elif "position_x_m" in sources_by_channel:
+        elif "position_x_m" in channels:
             derived["speed_x_m_s"] = "d/dt position_x_m"
-    has_speed = "speed_x_m_s" in sources_by_channel or "speed_x_m_s" in derived
-    if has_speed and not {"specific_force_x_m_s2", "acc_x_m_s2"} & sources_by_channel:
+    has_speed = "speed_x_m_s" in channels or "speed_x_m_s" in derived
+    if has_speed and not {"specific_force_x_m_s2", "acc_x_m_s2"} & channels:
         derived["acc_x_m_s2"] = "d/dt speed_x_m_s"
     # what spins need for an inertia
-    turns = (
-        "torque_z_N_m" in sources_by_channel
-        or {"torque_left_N_m", "torque_right_N_m"} <= sources_by_channel
-    )
-    if (
-        turns
-        and "yaw_rate_rad_s" in sources_by_channel
-        and "yaw_acc_rad_s2" not in sources_by_channel
-    ):
+    turns = "torque_z_N_m" in channels or {"torque_left_N_m", "torque_right_N_m"} <= channels
+    if turns and "yaw_rate_rad_s" in channels and "yaw_acc_rad_s2" not in channels:
         derived["yaw_acc_rad_s2"] = "d/dt yaw_rate_rad_s"
     return derived
 
 
 def _describe_missing_channels(
-    sources_by_channel: set[str], questions: list[str], *, is_kinematic: bool
+    channels: set[str], questions: list[str], *, is_kinematic: bool
 ) -> list[str]:
     lacking: list[str] = []
-    if (
-        "force_x_N" not in sources_by_channel
-        and not {"torque_left_N_m", "torque_right_N_m"} <= sources_by_channel
-    ):
+    if "force_x_N" not in channels and not {"torque_left_N_m", "torque_right_N_m"} <= channels:
         lacking.append("a force: channels.force_x_N, or both wheel torques")
-    elif "force_x_N" not in sources_by_channel and not any(
-        "wheel_radius_m" in each for each in questions
-    ):
+    elif "force_x_N" not in channels and not any("wheel_radius_m" in each for each in questions):
         lacking.append("machine.wheel_radius_m, which turns wheel torques into a force")
-    if "speed_x_m_s" not in sources_by_channel:
+    if "speed_x_m_s" not in channels:
         lacking.append("a speed: channels.speed_x_m_s, if need be derived from a position")
-    if is_kinematic and "acc_x_m_s2" not in sources_by_channel:
+    if is_kinematic and "acc_x_m_s2" not in channels:
         lacking.append("an acceleration: channels.specific_force_x_m_s2 or channels.acc_x_m_s2")
     return lacking
 
 
-def iter_topic_notes(
-    topic_rows: pl.DataFrame, channel_guesses: list[ChannelGuess]
-) -> Iterator[str]:
+def iter_topic_notes(topics: pl.DataFrame, guesses: list[ChannelGuess]) -> Iterator[str]:
     """Notes on list fields without a used element, and on unreadable topics."""
-    used = {(guess.topic, guess.field.partition("[")[0]) for guess in channel_guesses}
-    for row in topic_rows.iter_rows(named=True):
+    used = {(guess.topic, guess.field.partition("[")[0]) for guess in guesses}
+    for row in topics.iter_rows(named=True):
         lists = [field for field in row["fields"] or [] if "[]" in field]
         rest = [each for each in lists if (row["topic"], each.partition("[")[0]) not in used]
         if row["problem"]:
@@ -361,66 +319,59 @@ def _replace_unprintable(text: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in text)
 
 
-def make_imu_mounting_lines(log: Log, sources_by_channel: Mapping[str, Source]) -> list[str]:
+def make_imu_mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str]:
     """Lines that propose the IMU's mounting: a table if gravity is clear, else a comment.
 
     Args:
         log: an opened log.
-        sources_by_channel: sources of the recognised channels.
+        sources: sources of the recognised channels.
 
     Returns:
         Lines of a machine file; none without an accelerometer, or for a level one.
     """
-    if not set(_AXES) <= set(sources_by_channel):
+    if not set(_AXES) <= set(sources):
         return []
     try:
-        t_ns, force = read_times_and_fields_of_topic(
-            log, [sources_by_channel[name] for name in _AXES]
-        )
-        speed = read_machine_speed_m_s(log, sources_by_channel)
+        t_ns, force = read_times_and_fields_of_topic(log, [sources[name] for name in _AXES])
+        speed = read_machine_speed_m_s(log, sources)
     except LogError:
         return []
     guess = guess_mounting(t_ns, force, speed) if t_ns.size else None
     return [] if guess is None else _format_mounting_angle_lines(guess)
 
 
-def _format_mounting_angle_lines(mounting_guess: MountingGuess) -> list[str]:
+def _format_mounting_angle_lines(guess: MountingGuess) -> list[str]:
     """Lines of the mounting angles with their reasons; comments if a slope may explain them."""
-    where = "at standstill" if mounting_guess.stood else "on average over the drive"
-    found = f"# gravity lies {mounting_guess.tilt_deg:.0f}° off the IMU's z axis {where}"
-    if mounting_guess.is_level and mounting_guess.yaw_deg is not None:
+    where = "at standstill" if guess.stood else "on average over the drive"
+    found = f"# gravity lies {guess.tilt_deg:.0f}° off the IMU's z axis {where}"
+    if guess.is_level and guess.yaw_deg is not None:
         return []
-    if mounting_guess.is_level and not mounting_guess.is_tilt_sure:
+    if guess.is_level and not guess.is_tilt_sure:
         return [f"{found}: level. Its yaw cannot be determined from", "# the log.", ""]
-    sure = mounting_guess.is_tilt_sure and mounting_guess.stood
+    sure = guess.is_tilt_sure and guess.stood
     lines = [
         found
         + (": the IMU is mounted so" if sure else ": check this, the ground may slope instead"),
         "[machine.imu]",
-        f"roll_deg = {mounting_guess.roll_deg:g}",
-        f"pitch_deg = {mounting_guess.pitch_deg:g}",
+        f"roll_deg = {guess.roll_deg:g}",
+        f"pitch_deg = {guess.pitch_deg:g}",
     ]
-    if mounting_guess.yaw_deg is None:
+    if guess.yaw_deg is None:
         lines.append("# yaw_deg = 0                  # not determined by the log: look at the IMU")
     else:
-        std = f"± {mounting_guess.yaw_std_deg:.1g}°, from the direction of its starts"
-        lines.append(f"yaw_deg = {mounting_guess.yaw_deg:g}{' ' * 15}# {std}")
+        std = f"± {guess.yaw_std_deg:.1g}°, from the direction of its starts"
+        lines.append(f"yaw_deg = {guess.yaw_deg:g}{' ' * 15}# {std}")
     if not sure:
         lines = [line if line.startswith("#") else f"# {line}" for line in lines]
     return [*lines, ""]
 
 
-def read_machine_speed_m_s(
-    log: Log, sources_by_channel: Mapping[str, Source]
-) -> tuple[Ints, Floats] | None:
+def read_machine_speed_m_s(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
     """Stamps and the machine's speed, or the mean of its sides'; None if neither is known."""
-    names = ("speed_x_m_s",) if "speed_x_m_s" in sources_by_channel else _SIDES
-    if (
-        not set(names) <= set(sources_by_channel)
-        or len({sources_by_channel[name][0] for name in names}) > 1
-    ):
+    names = ("speed_x_m_s",) if "speed_x_m_s" in sources else _SIDES
+    if not set(names) <= set(sources) or len({sources[name][0] for name in names}) > 1:
         return None
-    t_ns, v = read_times_and_fields_of_topic(log, [sources_by_channel[name] for name in names])
+    t_ns, v = read_times_and_fields_of_topic(log, [sources[name] for name in names])
     return (t_ns, v.mean(axis=1)) if t_ns.size > 1 else None
 
 

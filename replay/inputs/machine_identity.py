@@ -32,7 +32,7 @@ def identify_machine_and_logged_id(logs: Sequence[Log], machine: Machine) -> Mac
         LogError: a log is of another machine, or two logs are of different machines.
     """
     told = find_machine_id_common_to_logs(logs, machine.machine.id)
-    if not told or machine.machine.id is not None or not is_usable_serial_number(told):
+    if not told or machine.machine.id is not None or not is_serial_number(told):
         return MachineIdentity(machine, told)
     body = machine.machine.model_copy(update={"id": told})
     return MachineIdentity(machine.model_copy(update={"machine": body}), told)
@@ -69,7 +69,7 @@ def find_machine_id_common_to_logs(logs: Sequence[Log], expected_id: str | None)
     return expected_id or common[0] if common else ""
 
 
-def is_usable_serial_number(text: str) -> bool:
+def is_serial_number(text: str) -> bool:
     """Whether a text is usable as a serial number; recorders may write anything."""
     try:
         TypeAdapter(MachineId).validate_python(text)

@@ -263,7 +263,7 @@ class ConvertedLog(Log):
             for part in columns.topic.parts:
                 if file_sha256(self.path / part.file) != part.sha256:
                     changed = f"'{part.file}' is not as it was converted: digests differ"
-                    self._losses.add_loss_unless_listed(self.path, changed, topic)
+                    self._losses.add_loss(self.path, changed, topic)
             if not columns.topic.parts:
                 continue
             try:
@@ -273,9 +273,7 @@ class ConvertedLog(Log):
                     messages += rows.height
                     message_bytes += int(rows.estimated_size())
             except LogError as error:
-                self._losses.add_loss_unless_listed(
-                    self.path, str(error).removeprefix(f"{self.path}: "), topic
-                )
+                self._losses.add_loss(self.path, str(error).removeprefix(f"{self.path}: "), topic)
         return LogCheck(messages, message_bytes, crcs=0)
 
 

@@ -87,7 +87,7 @@ class TableTail:
             with TableLog(part, self._time) as table:
                 frame = table.read(TABLE, self._fields)
                 for loss in table.losses():
-                    self._losses.add_loss_unless_listed(self._path, loss.what)
+                    self._losses.add_loss(self._path, loss.what)
         except LogError as error:
             raise LogError(str(error).replace(str(part), str(self._path))) from error
         return frame
@@ -138,7 +138,7 @@ class MessageTail:
             decoded = decoder.begin_decoding(batch, run_work_immediately)()
             if decoded.undecodable:
                 what = f"messages cannot be decoded: {decoded.first_fault}"
-                self._losses.add_loss_unless_listed(self._path, what, connection.topic)
+                self._losses.add_loss(self._path, what, connection.topic)
             found.setdefault(connection.topic, []).append(decoded.frame)
         if is_whole:
             self._tail.end()

@@ -180,7 +180,7 @@ class _Records:
         self._left = LIMITS.definition_fields
 
     def make_record_type(
-        self, name: str, enclosing_types: tuple[str, ...] = (), is_repeated: int = 1
+        self, name: str, enclosing_types: tuple[str, ...] = (), repetitions: int = 1
     ) -> RecordType:
         if name in enclosing_types:
             raise DefinitionError(f"the definition of {name} contains itself")
@@ -202,20 +202,20 @@ class _Records:
                     f"{within[0]} has more than {LIMITS.definition_fields} fields"
                 )
             if field != _PLACEHOLDER:
-                fields.append((field, self._make_type_of_field(description, within, is_repeated)))
+                fields.append((field, self._make_type_of_field(description, within, repetitions)))
         return RecordType(
             name, tuple(fields), parse_enumerated_value_names(self._store.fielddefs[name])
         )
 
     def _make_type_of_field(
-        self, description: Any, enclosing_types: tuple[str, ...], is_repeated: int
+        self, description: Any, enclosing_types: tuple[str, ...], repetitions: int
     ) -> FieldType:
         node, detail = description
         if node == Nodetype.NAME:
             # rosbags refuses other definitions of these
             if detail in STAMP_TYPES:
                 return Scalar("stamp")
-            return self.make_record_type(detail, enclosing_types, is_repeated)
+            return self.make_record_type(detail, enclosing_types, repetitions)
         if node == Nodetype.BASE:
             kind = detail[0]
             if kind not in COLUMN_DTYPES:
@@ -224,11 +224,11 @@ class _Records:
                 )
             return self._byte if kind == "byte" else Scalar(kind)
         length = detail[1] if node == Nodetype.ARRAY else None
-        element = self._make_type_of_field(detail[0], enclosing_types, is_repeated * (length or 1))
+        element = self._make_type_of_field(detail[0], enclosing_types, repetitions * (length or 1))
         assert not isinstance(element, ListOf), "ROS has no lists of lists"
         if length is not None:
             numbers = isinstance(element, Scalar) and element.kind != "string"
-            most = LIMITS.array_elements if numbers else LIMITS.object_array_elements // is_repeated
+            most = LIMITS.array_elements if numbers else LIMITS.object_array_elements // repetitions
             if length > most:
                 raise DefinitionError(
                     f"{enclosing_types[-1]} has an array of {length} elements, "

@@ -237,14 +237,14 @@ class MessageLog(Log):
     def _note_undecoded_messages(self, topic: str, tally: DecodeTally) -> None:
         if tally.undecodable:
             total = tally.rows + tally.undecodable
-            self._read_losses.add_loss_unless_listed(
+            self._read_losses.add_loss(
                 self.path,
                 f"{tally.undecodable:,} of {total:,} messages cannot be decoded: "
                 f"{tally.first_fault}",
                 topic,
             )
         if tally.back_ns > LIMITS.clock_jump_ns:
-            self._read_losses.add_loss_unless_listed(
+            self._read_losses.add_loss(
                 self.path,
                 f"log times jump back, by up to {tally.back_ns / 1e9:.3f} s: messages were sorted "
                 "by them, so that consecutive recordings may overlap",
@@ -291,7 +291,7 @@ class MessageLog(Log):
                 self._container.log_times(connection.id),
             )
             if not np.array_equal(np.sort(there), np.sort(said)):
-                self._read_losses.add_loss_unless_listed(
+                self._read_losses.add_loss(
                     self.path,
                     f"the index lists {said.size:,} messages and {there.size:,} were found; "
                     "their number or their log times differ",

@@ -120,13 +120,13 @@ class RecordingLog(Log):
         return (*self._losses, *self._missing.values())
 
     def _note_rows_missing_from_recording(
-        self, topic: str, stored_row_count: StoredFrame | None, read_row_count: int
+        self, topic: str, stored_frame: StoredFrame | None, read_row_count: int
     ) -> None:
-        if stored_row_count is not None and read_row_count != stored_row_count.rows:
-            what = f"the recording has {read_row_count} of {stored_row_count.rows} rows"
+        if stored_frame is not None and read_row_count != stored_frame.rows:
+            what = f"the recording has {read_row_count} of {stored_frame.rows} rows"
             self._missing[topic] = Loss(source=self.path.name, topic=topic, what=what)
 
 
-def _make_topic_name_of_stage(stage: str, is_stage_named: set[str | None]) -> str:
+def _make_topic_name_of_stage(stage: str, topic_names: set[str | None]) -> str:
     """Topic of a stage, whose name lacks the usual leading slash."""
-    return f"/{stage}" if f"/{stage}" in is_stage_named else stage
+    return f"/{stage}" if f"/{stage}" in topic_names else stage

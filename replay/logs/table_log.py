@@ -29,11 +29,7 @@ from replay.logs.tables import (
 if TYPE_CHECKING:
     from replay.logs.tables.parquet_columns import ParquetColumns
 
-_FORMATS: Final = {
-    "parquet": "Parquet table",
-    "xlsx": "Excel table",
-    "csv": "CSV table",
-}
+_FORMATS: Final = {"parquet": "Parquet table", "xlsx": "Excel table", "csv": "CSV table"}
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 _TRUTHS: Final = ["true", "false"]
 _WHERE: Final = "in the machine file, or by --set log.KEY=VALUE"
@@ -59,7 +55,7 @@ class TableLog(Log):
         except DialectError as error:
             raise LogError(f"{path}: {error} {_WHERE}") from error
         self._is_time_given = time is not None and not (time.column is None and time.unit is None)
-        found = self._find_times_and_their_fields(time)
+        found = self._find_time_columns(time)
         names = [TABLE, *(f"{TABLE}/{number}" for number in range(2, len(found) + 1))]
         self._parts = dict(zip(names, found, strict=True))
         self._stamps: dict[str, pl.Series] = {}
@@ -114,9 +110,7 @@ class TableLog(Log):
         copies.callback(columns.close)
         return columns
 
-    def _find_times_and_their_fields(
-        self, time_axis: TimeAxis | None
-    ) -> list[tuple[TableTimes, list[str]]]:
+    def _find_time_columns(self, time_axis: TimeAxis | None) -> list[tuple[TableTimes, list[str]]]:
         columns = self._columns.names
         if time_axis is not None and time_axis.unit not in (None, *NS_PER_UNIT):
             raise LogError(
@@ -161,9 +155,7 @@ class TableLog(Log):
         times = [column for axis, _ in self._parts.values() for column in axis.time_columns]
         once, self._expected = [*self._expected, *fields], []
         try:
-            self._columns.note_ragged_rows(
-                times, once, partial(self._losses.add_loss_unless_listed, self.path)
-            )
+            self._columns.note_ragged_rows(times, once, partial(self._losses.add_loss, self.path))
         except BrokenBytesError as error:
             raise LogError(f"{self.path}: not a {self._suffix} table: {error}") from error
 
@@ -177,7 +169,7 @@ class TableLog(Log):
     def _compute_log_times_of_axis(self, axis: TableTimes) -> pl.Series:
         try:
             found = axis.compute_log_times_of_rows(
-                self._read_cells_of_columns(axis.time_columns), self._columns.rows
+                self._read_cells(axis.time_columns), self._columns.rows
             )
         except TimeError as error:
             remedy = "" if "[log]" in str(error) else ". Set [log] time and time_unit"
@@ -193,7 +185,7 @@ class TableLog(Log):
         last = times.is_not_null().arg_true().max() if len(self._parts) > 1 else None
         missing = times.head(int(last) + 1).null_count() if last is not None else times.null_count()  # pyright: ignore[reportArgumentType] an index
         if missing:
-            self._losses.add_loss_unless_listed(
+            self._losses.add_loss(
                 self.path, f"{missing} of {times.len()} rows have no time; they were dropped"
             )
         there = times.drop_nulls()
@@ -202,7 +194,7 @@ class TableLog(Log):
         self._refuse_repeated_times(axis, there, steps)
         if backwards:
             self._refuse_restarting_time(axis, there, backwards)
-            self._losses.add_loss_unless_listed(
+            self._losses.add_loss(
                 self.path,
                 f"the time goes back at {counted(backwards, 'row')}; all rows were sorted by time",
                 TABLE,
@@ -269,7 +261,7 @@ class TableLog(Log):
             or backwards > LIMITS.falling_row_fraction * late
         )
 
-    def _read_cells_of_columns(self, names: Sequence[str]) -> dict[str, pl.Series]:
+    def _read_cells(self, names: Sequence[str]) -> dict[str, pl.Series]:
         try:
             return self._columns.read_columns(names)
         except BrokenBytesError as error:
@@ -319,10 +311,8 @@ class TableLog(Log):
                     f"{self.path}: no column '{field}'; {suggest_choice(field, choices)}"
                 )
         self._scan_rows_and_note_losses(fields)
-        cells = self._read_cells_of_columns(list(dict.fromkeys(fields)))
-        columns = [
-            self._convert_cells_to_values(cells.pop(field)) for field in dict.fromkeys(fields)
-        ]
+        cells = self._read_cells(list(dict.fromkeys(fields)))
+        columns = [self._convert_cells(cells.pop(field)) for field in dict.fromkeys(fields)]
         times = self._log_times_of_topic(topic)
         no_stamps = pl.repeat(None, times.len(), dtype=pl.Int64, eager=True)
         frame = pl.DataFrame([times, no_stamps.alias("header_stamp_ns"), *columns])
@@ -335,7 +325,7 @@ class TableLog(Log):
             inside &= pl.col("log_time_ns") <= end_ns
         return frame.filter(inside).sort("log_time_ns", maintain_order=True)
 
-    def _convert_cells_to_values(self, cells: pl.Series) -> pl.Series:
+    def _convert_cells(self, cells: pl.Series) -> pl.Series:
         """Cells as numbers, times in ns or text, whichever they are."""
         if isinstance(self._columns, CsvColumns):
             return self._convert_text_to_likely_type(cells) if cells.dtype == pl.String else cells
@@ -365,7 +355,7 @@ class TableLog(Log):
             return text
         faults = text.filter(numbers.is_null() & text.is_not_null() & (text != ""))
         if faults.len():
-            self._losses.add_loss_unless_listed(
+            self._losses.add_loss(
                 self.path,
                 f"{faults.len()} cells of column '{text.name}' are not numbers; the first is "
                 f"'{_shorten_text(faults[0])}'",
@@ -381,12 +371,10 @@ class TableLog(Log):
         message_bytes = 0
         for name in self._columns.names:
             try:
-                column = self._read_cells_of_columns([name])[name]
-                column = self._convert_cells_to_values(column) if name in fields else column
+                column = self._read_cells([name])[name]
+                column = self._convert_cells(column) if name in fields else column
             except LogError as error:
-                self._losses.add_loss_unless_listed(
-                    self.path, str(error).removeprefix(f"{self.path}: "), TABLE
-                )
+                self._losses.add_loss(self.path, str(error).removeprefix(f"{self.path}: "), TABLE)
             else:
                 message_bytes += int(column.estimated_size())
         return LogCheck(

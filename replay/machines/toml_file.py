@@ -104,10 +104,10 @@ def parse_toml_value(text: str) -> Any:
         return text.strip()
 
 
-def format_value_as_toml(value: object) -> str:
+def format_toml(value: object) -> str:
     """Format a value in TOML; numbers, texts and lists of them are the same in JSON."""
     if isinstance(value, Mapping):
-        inside = ", ".join(f"{key} = {format_value_as_toml(each)}" for key, each in value.items())
+        inside = ", ".join(f"{key} = {format_toml(each)}" for key, each in value.items())
         return f"{{ {inside} }}"
     return json.dumps(value, ensure_ascii=False)
 
@@ -185,7 +185,7 @@ def explain_validation_fault(validation_fault: ValidationError, model: type[Base
         message = _IN_TOML.get(kind, first["msg"])
         text = f"{key}: {message[:1].lower()}{message[1:]}, not {reprlib.repr(first['input'])}"
         if kind == "tuple_type" and isinstance(first["input"], str):
-            text += f": write {format_value_as_toml([first['input']])}"
+            text += f": write {format_toml([first['input']])}"
     others = len(details) - 1
     # a quoted key may hold line breaks
     return " ".join(

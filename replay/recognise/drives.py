@@ -136,8 +136,7 @@ def _propose_force_of_engine(columns: Sequence[LogColumn], recognition: Recognit
         return False
     reason = (
         f"{torque.source_text}, {turns.source_text}: the engine's power; over the speed it is a "
-        "force, "
-        "in any gear; a converter that is open leaves little of it"
+        "force, in any gear; a converter that is open leaves little of it"
     )
     recognition.propose_source_of_derived_channel(torque, "torque_percent", torque.unit, reason)
     recognition.propose_source_of_derived_channel(turns, "engine_rpm", turns.unit, reason)

@@ -64,16 +64,16 @@ class FieldProfile:
         }
 
 
-def profile_fields(log: Log, topic_rows: Sequence[str] | None = None) -> list[FieldProfile]:
+def profile_fields(log: Log, topics: Sequence[str] | None = None) -> list[FieldProfile]:
     """Profiles of all fields with single values, in the log's order.
 
     Args:
         log: an opened log.
-        topic_rows: topics to profile; None for all readable ones.
+        topics: topics to profile; None for all readable ones.
     """
     found: list[FieldProfile] = []
     for row in log.topics().iter_rows(named=True):
-        if row["problem"] or not row["messages"] or (topic_rows and row["topic"] not in topic_rows):
+        if row["problem"] or not row["messages"] or (topics and row["topic"] not in topics):
             continue
         fields = [f for f in row["fields"] or [] if "[]" not in f and f not in _NO_READINGS]
         if row["type"].rpartition("/")[2] == "JointState":
@@ -175,7 +175,7 @@ def draw_sparkline_text(bin_means: Floats, low: float, high: float) -> str:
     return drawn
 
 
-def ask_for_units_of_joint_efforts(
+def ask_for_effort_units(
     used_fields: Collection[tuple[str, str]], field_profiles: Sequence[FieldProfile]
 ) -> list[str]:
     """Questions about units of joint efforts used as torques, and notes on efforts without sign.

@@ -17,7 +17,7 @@ from recordings.review.ledger_table import (
     write_ledger_as_xlsx,
 )
 from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, render_review_html
-from recordings.review.review_state import STATE, ReviewState
+from recordings.review.review_state import STATE, ChangedSetting, ReviewState
 from recordings.review.reviewer_verdicts import (
     LABELS,
     CycleVerdict,
@@ -148,7 +148,7 @@ class ShiftCount:
     def make_review_page(
         self,
         state: ReviewState,
-        input_changes: list[tuple[str, str, str]] | None,
+        input_changes: list[ChangedSetting] | None,
         track: pl.DataFrame | None,
     ) -> ReviewPage:
         """Page of the review; arguments as for `ReviewPage`."""

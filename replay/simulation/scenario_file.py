@@ -12,7 +12,7 @@ from analysis.simulation.trials.trial_limits import (
 from estimators.errors import ScenarioError
 from recordings.report.atomic_output import stage_output_file
 from replay.machines.toml_file import (
-    format_value_as_toml,
+    format_toml,
     read_toml_file,
     refuse_other_kind_of_file,
     set_dotted_key_in_content,
@@ -77,6 +77,6 @@ def _format_toml_table(title: str, values: Mapping[str, Any]) -> str:
     return "".join(
         [
             f"{title}\n",
-            *(f"{key} = {format_value_as_toml(value)}\n" for key, value in values.items()),
+            *(f"{key} = {format_toml(value)}\n" for key, value in values.items()),
         ]
     )

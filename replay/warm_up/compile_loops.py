@@ -15,7 +15,7 @@ from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.interpreted import force_compilation
 from replay.follow.follow_logs import Following, follow_logs
 from replay.machines.machine_file import load_machine
-from replay.machines.toml_file import format_value_as_toml
+from replay.machines.toml_file import format_toml
 from replay.review.review_shift import ReviewOptions, review_shift
 from replay.runs.run_logs import replay_and_record_logs
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
@@ -27,7 +27,7 @@ STEPS: Final = (
     *("rates", "turns", "follow", "review"),
 )
 _MACHINE: Final = Path("cat262c.toml")
-_ALL_METHODS: Final = f"settings.trace.methods={format_value_as_toml([*METHODS])}"
+_ALL_METHODS: Final = f"settings.trace.methods={format_toml([*METHODS])}"
 #: Two starts in half a minute, at half the usual rate: as little as a fit needs.
 _STRAIGHT: Final = {
     "campaign": {

@@ -30,7 +30,7 @@ from recordings.signatures.signing import (
     read_signing_key_or_none,
 )
 from replay.calibration.apply_evidence import CalibrationRequest, load_and_verify_calibration
-from replay.calibration.calibrate_campaign import read_and_verify_previous_evidence
+from replay.calibration.calibrate_campaign import read_previous_evidence
 from replay.calibration.verify_bundle import verify_bundle
 from replay.fleet.machine_setups import NamedFiles, make_setups_of_machine
 from tests.conftest import REPO
@@ -189,12 +189,12 @@ def test_nothing_is_chained_to_evidence_by_an_unknown_key(
 ) -> None:
     own, _ = key_files(tmp_path, "other")
     with pytest.raises(EvidenceError, match="so its signature cannot be verified"):
-        read_and_verify_previous_evidence(invented, None, read_signing_key_or_none(own))
+        read_previous_evidence(invented, None, read_signing_key_or_none(own))
     with pytest.raises(EvidenceError, match="its signature cannot be verified"):
-        read_and_verify_previous_evidence(made.bundle, None, read_signing_key_or_none(own))
-    read_and_verify_previous_evidence(made.bundle, None, read_signing_key_or_none(made.private))
+        read_previous_evidence(made.bundle, None, read_signing_key_or_none(own))
+    read_previous_evidence(made.bundle, None, read_signing_key_or_none(made.private))
     add_key_to_keyring(load_keyring(), known(made))
-    read_and_verify_previous_evidence(made.bundle, None, read_signing_key_or_none(own))
+    read_previous_evidence(made.bundle, None, read_signing_key_or_none(own))
 
 
 @pytest.mark.usefixtures("keyring")

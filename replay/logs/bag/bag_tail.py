@@ -85,8 +85,6 @@ class BagTail(GrowingBlockFile):
         fields = parse_header_fields(content[4 : 4 + size]) or {}
         connection = parse_connection_record(fields, content[8 + size :])
         if connection is None:
-            self._losses.add_loss_unless_listed(
-                self._file.path, "the record of a connection is damaged"
-            )
+            self._losses.add_loss(self._file.path, "the record of a connection is damaged")
         else:
             self.connections.setdefault(connection.id, connection)

@@ -56,12 +56,12 @@ class BlockFile(ABC):
         return store
 
     def _note_blocks_missed_by_first_pass(
-        self, chunks: Iterable[Block], unchunked_records: BlockStore
+        self, chunks: Iterable[Block], unchunked_store: BlockStore
     ) -> None:
         """Note the chunks and unchunked messages that the first pass missed."""
         found = [chunk.record_offset for chunk in chunks]
         self._store.note_blocks_missing_from_store(
-            [*found, *unchunked_records.offsets_of_blocks_with_messages]
+            [*found, *unchunked_store.offsets_of_blocks_with_messages]
         )
 
     @property

@@ -86,7 +86,7 @@ class GrowingBlockFile(ABC):
         if self._is_torn:
             rest = self._file.size - self._at
             what = f"it ends inside a record or chunk: its last {rest:,} bytes are not read"
-            self._losses.add_loss_unless_listed(self._file.path, what)
+            self._losses.add_loss(self._file.path, what)
 
     def close(self) -> None:
         """Release the file."""
@@ -101,7 +101,7 @@ class GrowingBlockFile(ABC):
             data = data[: unpack_block_into(block, self._file, data)]
         except DamagedBlockError as error:
             what = f"the chunk at byte {block.record_offset} cannot be read: {error}"
-            self._losses.add_loss_unless_listed(self._file.path, what)
+            self._losses.add_loss(self._file.path, what)
             return []
         batches, _ = self._split_complete_records(data)
         return batches

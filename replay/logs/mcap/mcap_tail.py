@@ -78,9 +78,7 @@ class McapTail(GrowingBlockFile):
             record = Channel.read(stream) if opcode == CHANNEL else Schema.read(stream)
         except (McapError, *BROKEN_BYTES) as error:
             kind = "channel" if opcode == CHANNEL else "schema"
-            self._losses.add_loss_unless_listed(
-                self._file.path, f"the record of a {kind} is damaged: {error}"
-            )
+            self._losses.add_loss(self._file.path, f"the record of a {kind} is damaged: {error}")
             return
         if isinstance(record, Schema):
             self._schemas.setdefault(record.id, record)

@@ -81,13 +81,13 @@ class Rosbag2Directory:
                 "is missing, so the recorder did not finish or files were left behind: the files "
                 "found are read in the order of their names, and others may be missing"
             )
-            self._losses.add_loss_unless_listed(self._path / METADATA, what)
+            self._losses.add_loss(self._path / METADATA, what)
             return Metadata(names)
         try:
             metadata = read_metadata(self._path)
         except MetadataError as error:
             what = f"cannot be read, so the files are read in the order of their names: {error}"
-            self._losses.add_loss_unless_listed(self._path / METADATA, what)
+            self._losses.add_loss(self._path / METADATA, what)
             return Metadata(names)
         self._note_wrong_file_names(metadata.names, names)
         return metadata
@@ -99,13 +99,11 @@ class Rosbag2Directory:
         for name, times in Counter(expected_names).items():
             if times > 1:
                 what = f"names {name} {times:,} times; it is read once"
-                self._losses.add_loss_unless_listed(self._path / METADATA, what)
+                self._losses.add_loss(self._path / METADATA, what)
         known = {name.removesuffix(".zstd") for name in expected_names}
         for name in existing_names:
             if name.removesuffix(".zstd") not in known:
-                self._losses.add_loss_unless_listed(
-                    self._path / name, f"not read: {METADATA} does not name it"
-                )
+                self._losses.add_loss(self._path / name, f"not read: {METADATA} does not name it")
 
     def _open_storage_files(self, metadata: Metadata) -> tuple[Path, ...]:
         opened: list[Path] = []
@@ -121,7 +119,7 @@ class Rosbag2Directory:
                     f"{self._scratch.name}/", ""
                 )
                 faults.append(fault)
-                self._losses.add_loss_unless_listed(path, f"not read: {fault}")
+                self._losses.add_loss(path, f"not read: {fault}")
         if not self._parts:
             told = [str(loss) for loss in self._losses] or faults
             raise LogError(
@@ -142,7 +140,7 @@ class Rosbag2Directory:
             fault = decompress_file_or_describe_fault(path, stored)
             if fault:
                 what = f"the compressed file is damaged, what comes before is read: {fault}"
-                self._losses.add_loss_unless_listed(path, what)
+                self._losses.add_loss(path, what)
         opener = _STORAGE.get(stored.suffix)
         if opener is None:
             raise LogError(f"{path.name} is neither .mcap nor .db3")
@@ -214,7 +212,7 @@ class Rosbag2Directory:
         topics = {c.id: c.topic for c in part.connections}
         for key, count in lost.items():
             if count:
-                self._losses.add_loss_unless_listed(
+                self._losses.add_loss(
                     part.files[0], f"{count:,} messages cannot be decompressed", topics[key]
                 )
 
@@ -229,14 +227,14 @@ class Rosbag2Directory:
             held[connection.topic] += self._parts[part_number].log_times(inner).size
         for topic in self._metadata.topics:
             if topic.messages != held[topic.name]:
-                self._losses.add_loss_unless_listed(
+                self._losses.add_loss(
                     self._path / METADATA,
                     f"counts {topic.messages:,} messages, but {held[topic.name]:,} were found",
                     topic.name,
                 )
         counted, total = self._metadata.messages, held.total()
         if counted not in (None, total):
-            self._losses.add_loss_unless_listed(
+            self._losses.add_loss(
                 self._path / METADATA,
                 f"counts {counted:,} messages in all, but {total:,} were found",
             )
@@ -252,7 +250,7 @@ class Rosbag2Directory:
                 spans.append((int(times.min()), int(times.max()), part.files[0].name))
         for (_, end, first), (start, _, second) in pairwise(sorted(spans)):
             if end - start > _OVERLAP_NS:
-                self._losses.add_loss_unless_listed(
+                self._losses.add_loss(
                     self._path / second,
                     f"begins {(end - start) / 1e9:.3f} s before {first} ends, so they may not be "
                     "parts of one recording: messages in both count twice; give only one of them",

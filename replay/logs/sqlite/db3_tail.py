@@ -58,9 +58,7 @@ class Db3Tail:
                 times.append(time)
                 contents.append(message)
             else:
-                self._losses.add_loss_unless_listed(
-                    self._path, f"row {number} is not a message of a known topic"
-                )
+                self._losses.add_loss(self._path, f"row {number} is not a message of a known topic")
         return [make_batch_of_messages(topic, *parts) for topic, parts in messages.items()]
 
     def end(self) -> None:
@@ -80,7 +78,7 @@ class Db3Tail:
         (count,) = fetch_all_rows(database, "SELECT count(*) FROM topics")[0]
         if count > known:
             found = read_connections_of_database(
-                database, lambda what: self._losses.add_loss_unless_listed(self._path, what)
+                database, lambda what: self._losses.add_loss(self._path, what)
             )
             self.connections.update({each.id: each for each in found})
         with convert_sqlite_errors():

@@ -14,7 +14,7 @@ _MOST_SENTENCES: Final = 100
 class LossList(list[Loss]):
     """Distinct losses."""
 
-    def add_loss_unless_listed(self, source: Path, sentence: str, topic: str = "") -> None:
+    def add_loss(self, source: Path, sentence: str, topic: str = "") -> None:
         """Add a loss unless it is already listed."""
         loss = Loss(source=source.name, topic=topic, what=sentence)
         if loss not in self:

@@ -13,16 +13,16 @@ from replay.logs.tables.dates import (
     convert_calendar_columns_to_ns,
     convert_clock_times_to_log_times,
     convert_second_fractions_to_ns,
-    does_cell_contain_time_of_day,
     find_calendar_columns,
     find_second_fraction_column,
+    has_time_of_day,
     is_date_only,
     reduce_to_lower_case_letters,
 )
 from replay.logs.tables.header import (
     ColumnName,
-    does_name_state_multiple_of_unit,
     find_zone_offset_s,
+    has_multiple_of_unit,
     name_column_before_dash,
     name_column_by_last_part,
     split_unit_from_column_name,
@@ -34,7 +34,7 @@ from replay.logs.tables.times import (
     NS_PER_UNIT,
     TimeError,
     convert_times_to_ns,
-    correct_labview_epoch_of_1904,
+    correct_labview_epoch,
     find_plausible_epoch,
 )
 
@@ -131,7 +131,7 @@ class TableTimes:
             whole = RowTimes(
                 convert_calendar_columns_to_ns([cells[name] for name in self.calendar]), (note,)
             )
-            return self._add_fractions_of_second(whole, cells)
+            return self._add_second_fractions(whole, cells)
         if self.time is None:
             assert self.rate_hz is not None
             every_ns = 10**9 / self.rate_hz
@@ -139,11 +139,9 @@ class TableTimes:
             stamps = (counted.cast(pl.Float64) * every_ns).round().cast(pl.Int64)
             note = f"the rows have no time: they are read at {self.rate_hz:g} rows per second"
             return RowTimes(stamps.alias("log_time_ns"), (note,))
-        return self._add_fractions_of_second(self._convert_one_time_column(cells), cells)
+        return self._add_second_fractions(self._convert_one_time_column(cells), cells)
 
-    def _add_fractions_of_second(
-        self, seconds: RowTimes, cells: Mapping[str, pl.Series]
-    ) -> RowTimes:
+    def _add_second_fractions(self, seconds: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
         """Add fractions of a second from another column."""
         if self.fraction is None:
             return seconds
@@ -164,7 +162,7 @@ class TableTimes:
         if text.dtype == pl.String:
             sample = text.head(1000).drop_nulls().str.strip_chars()
             words = sample.filter(sample != "").head(50).to_list()
-            if words and sum(map(does_cell_contain_time_of_day, words)) * 2 > len(words):
+            if words and sum(map(has_time_of_day, words)) * 2 > len(words):
                 return RowTimes(
                     *convert_clock_times_to_log_times(
                         None, text, self.day_first, find_zone_offset_s(self.time)
@@ -176,9 +174,7 @@ class TableTimes:
             scaled = text.cast(pl.Float64, strict=False) * (_NS[self.unit] // 10**9)
             return RowTimes(convert_times_to_ns(scaled, "s"), ())
         if self.unit is not None or text.dtype.is_temporal():
-            stamps, note = correct_labview_epoch_of_1904(
-                convert_times_to_ns(text, self.unit or "s")
-            )
+            stamps, note = correct_labview_epoch(convert_times_to_ns(text, self.unit or "s"))
             return RowTimes(stamps, (note,) if note else ())
         if self.fraction is not None:
             # what has a fraction beside it counts seconds
@@ -208,7 +204,7 @@ def find_time_columns_and_their_fields(
     if time_axis is not None and time_axis.column is not None:
         place = names.index(time_axis.column)
         if unit is None:
-            unit = find_time_unit_in_name(columns[place])
+            unit = find_time_unit(columns[place])
         return [(_make_table_times(columns, cells, place, unit, table), names)]
     if calendar := find_calendar_columns(columns):
         fraction = find_second_fraction_column(columns, cells, names.index(calendar[-1]))
@@ -227,18 +223,14 @@ def find_time_columns_and_their_fields(
         if columns[k].bare.lower() == columns[first].bare.lower()
         and columns[k].unit == columns[first].unit
     ]
-    one = _make_table_times(
-        columns, cells, first, unit or find_time_unit_in_name(columns[first]), table
-    )
+    one = _make_table_times(columns, cells, first, unit or find_time_unit(columns[first]), table)
     if len(times) == 1 or one.date:
         return [(one, names)]
     # pairs side by side: each column belongs to the time before it
     ends = [*times[1:], len(names)]
     return [
         (
-            TableTimes(
-                names[at], unit=unit or find_time_unit_in_name(columns[at]), day_first=day_first
-            ),
+            TableTimes(names[at], unit=unit or find_time_unit(columns[at]), day_first=day_first),
             names[start:end],
         )
         for at, start, end in zip(times, [0, *times[1:]], ends, strict=True)
@@ -250,10 +242,10 @@ def _make_table_times(
     cells: Callable[[int], list[str]],
     column_index: int,
     time_unit: str | None,
-    table_name: TableHints | None,
+    table: TableHints | None,
 ) -> TableTimes:
     """Time of all columns, with date and fraction columns if there are any."""
-    fraction = table_name.time_fraction if table_name else None
+    fraction = table.time_fraction if table else None
     if fraction is not None and fraction not in [column.name for column in columns]:
         raise DialectError(f"no column '{fraction}'; set [log] time_fraction")
     return TableTimes(
@@ -261,7 +253,7 @@ def _make_table_times(
         find_date_column(columns, cells, column_index),
         fraction or find_second_fraction_column(columns, cells, column_index),
         unit=time_unit,
-        day_first=table_name.day_first if table_name else None,
+        day_first=table.day_first if table else None,
     )
 
 
@@ -284,9 +276,7 @@ def rank_candidate_time_columns(
             stated = list(NS_PER_UNIT).index(column.unit) if column.unit in NS_PER_UNIT else -1
             rank = -stated if stated >= 0 else 9
             ranked.append((_has_repeated_times(cells(place)), rank, _NAMES.index(bare), place))
-        elif (bare in _DATES or "time" in bare) and any(
-            map(does_cell_contain_time_of_day, cells(place)[:5])
-        ):
+        elif (bare in _DATES or "time" in bare) and any(map(has_time_of_day, cells(place)[:5])):
             ranked.append((_has_repeated_times(cells(place)), 10, bare not in _DATES, place))
     return [place for *_, place in sorted(ranked)]
 
@@ -295,13 +285,13 @@ def _has_repeated_times(cells: Sequence[str]) -> bool:
     return 2 * len(set(cells)) < len(cells)
 
 
-def find_time_unit_in_name(column_name: ColumnName) -> str | None:
+def find_time_unit(column_name: ColumnName) -> str | None:
     """Unit of time stated in a column's name; None without one.
 
     Raises:
         DialectError: the name states a multiple of a unit.
     """
-    if does_name_state_multiple_of_unit(column_name.name):
+    if has_multiple_of_unit(column_name.name):
         raise DialectError(
             f"column '{column_name.name}' counts multiples of a unit of time; set [log] rate_hz = "
             "the rows in a second"
@@ -320,7 +310,7 @@ def find_date_column(
     own = cells(column_index)[:5]
     if (
         not own
-        or not all(does_cell_contain_time_of_day(cell) for cell in own)
+        or not all(has_time_of_day(cell) for cell in own)
         or any(is_date_only(c[:10]) for c in own)
     ):
         return None
@@ -367,17 +357,17 @@ def convert_unitless_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]
         seconds = hours * 3600 + (rest // 100) * 60 + rest % 100
         return convert_times_to_ns(seconds, "s"), ("its times are read as hhmmss.s",)
     unit = guess_time_unit(x, step, span)
-    stamps, note = correct_labview_epoch_of_1904(convert_times_to_ns(cells, unit))
+    stamps, note = correct_labview_epoch(convert_times_to_ns(cells, unit))
     taken = f"its times are taken in {unit}, by their spacing"
     return stamps, (taken, note) if note else (taken,)
 
 
-def guess_time_unit(first_values: Floats, typical_step: float, total_span: float) -> str:
+def guess_time_unit(first_values: Floats, step: float, total_span: float) -> str:
     """The only unit of time that is possible."""
     possible = [
         unit
         for unit, ns in NS_PER_UNIT.items()
-        if LIMITS.row_steps_s[0] <= typical_step * ns / 1e9 <= LIMITS.row_steps_s[1]
+        if LIMITS.row_steps_s[0] <= step * ns / 1e9 <= LIMITS.row_steps_s[1]
         and (total_span * ns / 1e9 >= LIMITS.shortest_log_s or first_values.size < 3)
     ]
     if len(possible) == 1:
@@ -392,24 +382,19 @@ def guess_time_unit(first_values: Floats, typical_step: float, total_span: float
         return since_1970[0]
     said = " or ".join(possible) if possible else "s, ms, us or ns"
     raise TimeError(
-        f"its steps of {typical_step:g} may be {said}: set [log] time_unit, or, where it counts "
+        f"its steps of {step:g} may be {said}: set [log] time_unit, or, where it counts "
         "rows, [log] rate_hz = rows per second,"
     )
 
 
-def are_numbers_hhmmss(values: Floats, typical_step: float) -> bool:
+def are_numbers_hhmmss(values: Floats, step: float) -> bool:
     """Whether numbers are hhmmss.s: at most 59 s and min, with a jump of 40 at each minute."""
-    if values.min() < 0 or values.max() >= 240_000 or typical_step > LIMITS.row_steps_s[1]:
+    if values.min() < 0 or values.max() >= 240_000 or step > LIMITS.row_steps_s[1]:
         return False
     if (values % 100 >= 60).any() or (values // 100 % 100 >= 60).any():
         return False
     jumps = np.abs(np.diff(values))
     return (
-        bool(
-            (
-                np.abs(jumps - 40.0 - typical_step)
-                < typical_step + LIMITS.minute_jump_tolerance * 40
-            ).any()
-        )
+        bool((np.abs(jumps - 40.0 - step) < step + LIMITS.minute_jump_tolerance * 40).any())
         and values.max() - values.min() > 40
     )

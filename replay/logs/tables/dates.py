@@ -90,7 +90,7 @@ def is_date_only(cell: str) -> bool:
     )
 
 
-def does_cell_contain_time_of_day(cell: str) -> bool:
+def has_time_of_day(cell: str) -> bool:
     """Whether a cell is a time of day, with or without a date."""
     text = cell.strip()
     if any(re.fullmatch(pattern, text) for pattern in (_MINUTES, _CLOCK, _SINCE)):

@@ -18,7 +18,7 @@ from replay.logs.tables.cells import (
     find_common_unit_of_cells,
     match_decimal_number,
 )
-from replay.logs.tables.dates import does_cell_contain_time_of_day, is_date_only
+from replay.logs.tables.dates import has_time_of_day, is_date_only
 from replay.logs.tables.header import (
     ColumnName,
     TextRow,
@@ -120,8 +120,8 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
             _NAMED.get(each, each) for each in dict.fromkeys(e.separator for e in best)
         )
         raise DialectError(f"its cells may be separated by {said}; set [log] separator")
-    reading = _choose_trial_by_decimal_sign(best, hints)
-    return _make_dialect_with_header(reading, lines, hints)
+    reading = _choose_decimal_sign(best, hints)
+    return _find_header_rows(reading, lines, hints)
 
 
 def _candidate_separators(hints: TableHints) -> tuple[str, ...]:
@@ -137,9 +137,7 @@ def _candidate_separators(hints: TableHints) -> tuple[str, ...]:
     return (given,)
 
 
-def _choose_trial_by_decimal_sign(
-    best_trials: list[_DialectTrial], hints: TableHints
-) -> _DialectTrial:
+def _choose_decimal_sign(best_trials: list[_DialectTrial], hints: TableHints) -> _DialectTrial:
     """Choose among dialects that differ in the decimal sign only."""
     with_sign = [each for each in best_trials if each.decimals]
     # where no cell has a sign, the signs mean the same
@@ -215,15 +213,11 @@ def _iter_dialect_trials(
 
 
 def _try_dialect(
-    rows: list[TextRow],
-    later_rows: list[TextRow],
-    column_count: int,
-    signs: tuple[str, str],
-    min_header_rows: int,
+    rows: list[TextRow], later_rows: list[TextRow], width: int, signs: tuple[str, str], start: int
 ) -> _DialectTrial | None:
     separator, decimal = signs
-    fitting = [row for row in later_rows if len(row.cells) == column_count] or later_rows
-    columns = [[row.cells[k] for row in fitting if k < len(row.cells)] for k in range(column_count)]
+    fitting = [row for row in later_rows if len(row.cells) == width] or later_rows
+    columns = [[row.cells[k] for row in fitting if k < len(row.cells)] for k in range(width)]
     kinds = [[classify_cell_text(cell, decimal) for cell in column] for column in columns]
     signed = [match_decimal_number(cell, decimal) for column in columns for cell in column]
     # a sign before three digits separates thousands where others show that it is not the decimal
@@ -234,14 +228,14 @@ def _try_dialect(
     if not numeric:
         return None
     odd = sum(each.count("odd") for each in kinds)
-    ragged = sum(len(row.cells) != column_count for row in later_rows)
+    ragged = sum(len(row.cells) != width for row in later_rows)
     faults = odd / max(sum(map(len, kinds)), 1) + ragged / len(later_rows)
     if odd * 5 > sum(len(each) for each in kinds):
         return None
     is_data = [
-        row.line >= min_header_rows
+        row.line >= start
         and (len(row.cells) > 1 or row is rows[-1])
-        and _is_data_row(row.cells, numeric, column_count, decimal)
+        and _is_data_row(row.cells, numeric, width, decimal)
         for row in rows[: LIMITS.judged_rows]
     ]
     first = next(
@@ -255,15 +249,11 @@ def _try_dialect(
                 rows[
                     k + 1 : k
                     + 1
-                    + (
-                        LIMITS.names_max_rows
-                        if len(rows[k].cells) == column_count
-                        else LIMITS.next_rows
-                    )
+                    + (LIMITS.names_max_rows if len(rows[k].cells) == width else LIMITS.next_rows)
                 ],
                 is_data[k + 1 :],
                 numeric,
-                column_count,
+                width,
                 decimal,
             )
         ),
@@ -279,7 +269,7 @@ def _try_dialect(
         decimal,
         rows,
         first,
-        column_count,
+        width,
         0.0 if faults < LIMITS.max_fault_fraction else faults,
         sum(x for x, _ in with_sign),
         sum(y for _, y in with_sign),
@@ -289,25 +279,25 @@ def _try_dialect(
 
 def _does_row_of_names_follow(
     rows: Sequence[TextRow],
-    is_data_row: Sequence[bool],
+    are_data_rows: Sequence[bool],
     numeric_columns: Sequence[int],
-    column_count: int,
+    width: int,
     decimal_sign: str,
 ) -> bool:
     """Whether names follow closely, so that a row above them is part of the preamble."""
     return any(
-        len(row.cells) == column_count
+        len(row.cells) == width
         and all(classify_cell_text(row.cells[k], decimal_sign) == "text" for k in numeric_columns)
-        for row, yes in zip(rows, is_data_row, strict=False)
+        for row, yes in zip(rows, are_data_rows, strict=False)
         if not yes
     )
 
 
 def _is_data_row(
-    cells: Sequence[str], numeric_columns: Sequence[int], column_count: int, decimal_sign: str
+    cells: Sequence[str], numeric_columns: Sequence[int], width: int, decimal_sign: str
 ) -> bool:
     """Whether a row has numbers where the table has them."""
-    if len(cells) > column_count + 1:
+    if len(cells) > width + 1:
         return False
     kinds = [classify_cell_text(cells[k], decimal_sign) for k in numeric_columns if k < len(cells)]
     return are_most_cells_numeric(["number" if each == "maybe grouped" else each for each in kinds])
@@ -321,16 +311,14 @@ def _find_dialect_of_header_only_table(
         rows = list(iter_nonempty_rows(lines, separator))
         if rows and len(rows) <= 2 and all(len(row.cells) > 1 for row in rows):
             reading = _DialectTrial(separator, ".", rows, len(rows), len(rows[0].cells), 0.0, 0, 0)
-            return _make_dialect_with_header(reading, lines, hints)
+            return _find_header_rows(reading, lines, hints)
     raise DialectError(
         "its lines are not rows of cells with numbers; if they are written in another way, set "
         "[log] separator, decimal or header_row"
     )
 
 
-def _make_dialect_with_header(
-    trial: _DialectTrial, lines: Sequence[str], hints: TableHints
-) -> Dialect:
+def _find_header_rows(trial: _DialectTrial, lines: Sequence[str], hints: TableHints) -> Dialect:
     """Find the rows of names and units above the data."""
     rows, width, separator = trial.rows, trial.width, trial.separator
     above = [
@@ -363,8 +351,7 @@ def _make_dialect_with_header(
         refuse_contradicting_units(cells, units.cells, units.line + 1)
     cell_units = tuple(
         find_common_unit_of_cells(
-            [row[k] for row in data[: LIMITS.judged_rows] if k < len(row) and row[k]],
-            trial.decimal,
+            [row[k] for row in data[: LIMITS.judged_rows] if k < len(row) and row[k]], trial.decimal
         )
         for k in range(width)
     )
@@ -383,12 +370,8 @@ def _make_dialect_with_header(
     return replace(dialect, notes=tuple(_describe_dialect_choices(dialect, names, units)))
 
 
-def _does_data_begin_with_date(first_data_row: Sequence[Sequence[str]]) -> bool:
-    return (
-        bool(first_data_row)
-        and is_date_only(first_data_row[0][0])
-        and does_cell_contain_time_of_day(first_data_row[0][1])
-    )
+def _does_data_begin_with_date(data: Sequence[Sequence[str]]) -> bool:
+    return bool(data) and is_date_only(data[0][0]) and has_time_of_day(data[0][1])
 
 
 def _describe_dialect_choices(
@@ -409,9 +392,7 @@ def _describe_dialect_choices(
         yield f"the table is read with {', '.join(said)}"
 
 
-def read_first_filled_cells(dialect: Dialect, column_index: int, count: int = 50) -> list[str]:
+def read_first_filled_cells(dialect: Dialect, index: int, count: int = 50) -> list[str]:
     """First cells of a column that are not empty."""
-    cells = (
-        row[column_index] for row in dialect.rows if column_index < len(row) and row[column_index]
-    )
+    cells = (row[index] for row in dialect.rows if index < len(row) and row[index])
     return list(islice(cells, count))

@@ -116,7 +116,7 @@ def split_unit_from_column_name(name: str) -> NameAndUnit:
     name = _ZONE.sub("", name) or name
     if match := _FORM.fullmatch(name):
         return NameAndUnit(match["name"], None)
-    if does_name_state_multiple_of_unit(name):
+    if has_multiple_of_unit(name):
         return NameAndUnit(name, None)
     for form in (_BRACKETS, _BEHIND, _MIDDLE):
         match = form.fullmatch(name)
@@ -142,7 +142,7 @@ def name_column_before_dash(column_name: ColumnName) -> ColumnName:
     return replace(column_name, bare=bare, unit=unit)
 
 
-def does_name_state_multiple_of_unit(name: str) -> bool:
+def has_multiple_of_unit(name: str) -> bool:
     """Whether a name states a multiple of a unit: `Time [0.1 ms]`."""
     match = _MULTIPLE.fullmatch(name)
     return match is not None and find_pint_name(match["unit"]) is not None
@@ -258,7 +258,7 @@ def find_name_and_unit_rows(
 
 
 def select_name_and_unit_rows(
-    rows_before: TextRow, last_row: TextRow, *, has_no_units: bool
+    row_before: TextRow, last_row: TextRow, *, has_no_units: bool
 ) -> HeaderRows:
     """Names, and units if one of the last two rows contains only units.
 
@@ -267,17 +267,17 @@ def select_name_and_unit_rows(
     """
     if has_no_units:
         # there are none, and what looks like them holds no names either
-        return HeaderRows((rows_before if is_row_of_units(last_row.cells) else last_row), None)
-    if last_row.line - rows_before.line > 2:
+        return HeaderRows((row_before if is_row_of_units(last_row.cells) else last_row), None)
+    if last_row.line - row_before.line > 2:
         return HeaderRows(last_row, None)
-    if is_row_of_units(last_row.cells) and is_row_of_units(rows_before.cells):
+    if is_row_of_units(last_row.cells) and is_row_of_units(row_before.cells):
         raise DialectError(
-            f"lines {rows_before.line + 1} and {last_row.line + 1} may both hold the units; set "
+            f"lines {row_before.line + 1} and {last_row.line + 1} may both hold the units; set "
             "[log] units_row and header_row"
         )
     if is_row_of_units(last_row.cells):
-        return HeaderRows(rows_before, last_row)
-    return HeaderRows(last_row, rows_before if is_row_of_units(rows_before.cells) else None)
+        return HeaderRows(row_before, last_row)
+    return HeaderRows(last_row, row_before if is_row_of_units(row_before.cells) else None)
 
 
 def find_labelled_header_rows(

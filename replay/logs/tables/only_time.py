@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import polars as pl
 
-from replay.logs.tables.dates import convert_clock_times_to_log_times, does_cell_contain_time_of_day
+from replay.logs.tables.dates import convert_clock_times_to_log_times, has_time_of_day
 from replay.logs.tables.header import ColumnName
 from replay.logs.tables.table_limits import LIMITS
 from replay.logs.tables.times import NS_PER_UNIT, TimeError, convert_times_to_ns
@@ -32,8 +32,8 @@ def are_cells_advancing_clock_times(cells: list[str]) -> bool:
     """Whether cells are times of day to the second that advance."""
     return (
         len(set(cells)) > 1
-        and does_cell_contain_time_of_day(cells[0])
-        and all(cell.count(":") > 1 and does_cell_contain_time_of_day(cell) for cell in cells)
+        and has_time_of_day(cells[0])
+        and all(cell.count(":") > 1 and has_time_of_day(cell) for cell in cells)
     )
 
 

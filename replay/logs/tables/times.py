@@ -173,7 +173,7 @@ class CorrectedTimes(NamedTuple):
     note: str | None
 
 
-def correct_labview_epoch_of_1904(log_times: pl.Series) -> CorrectedTimes:
+def correct_labview_epoch(log_times: pl.Series) -> CorrectedTimes:
     """Stamps in ns since 1970, corrected if LabVIEW counted from 1904, and a note if so."""
     low, high = log_times.min(), log_times.max()
     if not isinstance(low, int) or not isinstance(high, int):

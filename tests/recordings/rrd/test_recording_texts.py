@@ -9,7 +9,7 @@ from recordings.report.planar_text import describe_planar_fits
 from recordings.rrd.recording_texts import (
     format_answer_headline,
     format_answer_summary,
-    format_number_cell,
+    format_number,
     format_plus_minus,
     make_recording_name,
     make_texts_of_run,
@@ -149,7 +149,7 @@ def test_a_run_of_nothing_still_has_its_texts():
 
 
 def test_numbers_are_short_and_a_value_ends_where_its_standard_deviation_does():
-    assert [format_number_cell(x) for x in (None, True, 12345.6, 0.123456, "a")] == [
+    assert [format_number(x) for x in (None, True, 12345.6, 0.123456, "a")] == [
         "–",
         "yes",
         "12\u202f346",

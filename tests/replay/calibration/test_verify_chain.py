@@ -10,7 +10,7 @@ from estimators.errors import EvidenceError
 from recordings.calibration.bundle_folder import EVIDENCE, REPORT, STATEMENT
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.signatures.signing import read_signing_key_or_none
-from replay.calibration.calibrate_campaign import read_and_verify_previous_evidence
+from replay.calibration.calibrate_campaign import read_previous_evidence
 from replay.calibration.verify_bundle import verify_bundle
 from replay.calibration.verify_chain import VerifiedChain, verify_bundles_and_chains
 from tests.replay.attacker import Bundle, sign_with, sign_with_own_key, tampered
@@ -157,18 +157,14 @@ def test_nothing_is_chained_to_evidence_that_does_not_verify(
     folder = Path(shutil.copytree(made.first, tmp_path / "b"))
     change(folder)
     with pytest.raises(EvidenceError, match="cannot be used as --previous"):
-        read_and_verify_previous_evidence(
-            folder, "sledge-7", read_signing_key_or_none(made.private)
-        )
+        read_previous_evidence(folder, "sledge-7", read_signing_key_or_none(made.private))
 
 
 def test_nothing_that_is_signed_is_chained_to_what_is_unsigned(made: Made, tmp_path: Path) -> None:
     unsigned = tampered(made.first, tmp_path / "b", lambda _: None, signed=False)
     with pytest.raises(EvidenceError, match="cannot follow unsigned evidence"):
-        read_and_verify_previous_evidence(
-            unsigned, "sledge-7", read_signing_key_or_none(made.private)
-        )
-    assert read_and_verify_previous_evidence(unsigned, "sledge-7", None).document is not None
+        read_previous_evidence(unsigned, "sledge-7", read_signing_key_or_none(made.private))
+    assert read_previous_evidence(unsigned, "sledge-7", None).document is not None
 
 
 def test_bundles_that_cannot_be_read_and_wrong_usage(
