@@ -267,8 +267,7 @@ def _describe_calibration_evidence(run: Run) -> list[str]:
     fitted = [
         f"reference = {format_number(row['alpha_1'])} · estimate {row['beta_kg']:+.4g} kg, from "
         f"{format_number(row['valid_from_kg'])} to {format_number(row['valid_to_kg'])} "
-        "kg; a later "
-        f"mass ± {format_number(row['line_u_kg'])} kg (k = 1), interval with "
+        f"kg; a later mass ± {format_number(row['line_u_kg'])} kg (k = 1), interval with "
         f"k = {format_number(row['coverage_k_1'])}"
         for row in line.iter_rows(named=True)
     ]

@@ -137,11 +137,7 @@ def query_command(
         print_frame_as_table(rows)
         return
     print_or_write_frame(
-        rows,
-        chosen,
-        output,
-        force=force,
-        render_table=lambda: format_frame_as_table(rows, rows.height),
+        rows, chosen, output, force=force, render=lambda: format_frame_as_table(rows, rows.height)
     )
 
 
@@ -246,7 +242,7 @@ def compare_command(
             }
         )
     else:
-        _print_fleet_comparison(found, a, shown)
+        _print_comparison(found, a, shown)
     if found.total_change["changed"]:
         raise typer.Exit(1)
 
@@ -345,9 +341,7 @@ def _print_fleet_run(run: "FleetRun") -> None:
     print_line(screen, f"results: {run.destination}")
 
 
-def _print_fleet_comparison(
-    comparison: "FleetComparison", fleet_a: str, max_recordings: int
-) -> None:
+def _print_comparison(comparison: "FleetComparison", name_a: str, max_recordings: int) -> None:
     from replay.commands.print_tables import (
         make_plain_table,
         make_stdout_console,
@@ -383,7 +377,7 @@ def _print_fleet_comparison(
         "machine", "day", "t in A", "t in B", "change t", "loads A", "B", "opens it"
     )
     for row in changed.iter_rows(named=True):
-        opens = f"payscope fleet open {fleet_a} {row['key'][:12]}"
+        opens = f"payscope fleet open {name_a} {row['key'][:12]}"
         table.add_row(row["machine"], row["day"], *_make_mass_change_cells(row), opens)
     print_table_uncut(screen, table)
 

@@ -48,7 +48,7 @@ def print_or_write_frame(
     output: Path | None,
     *,
     force: bool,
-    render_table: Callable[[], str],
+    render: Callable[[], str],
     json_records: Any = None,
 ) -> None:
     """Print a frame, or write it to a file.
@@ -58,7 +58,7 @@ def print_or_write_frame(
         output_format: table, csv, json, parquet or arrow.
         output: file to write; None for stdout.
         force: whether to replace an existing file.
-        render_table: renders the frame as a table.
+        render: renders the frame as a table.
         json_records: values for JSON instead of the rows.
 
     Raises:
@@ -80,7 +80,7 @@ def print_or_write_frame(
                 # polars says of a closed pipe only that some writing failed
                 return frame.write_csv()
             case _:
-                return render_table()
+                return render()
 
     if output is None:
         if output_format == "csv":

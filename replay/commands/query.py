@@ -108,7 +108,7 @@ def _print_or_write_query_rows(
         output_format,
         output_path,
         force=force,
-        render_table=lambda: format_frame_as_table(rows, rows.height),
+        render=lambda: format_frame_as_table(rows, rows.height),
     )
 
 

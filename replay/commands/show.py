@@ -135,7 +135,7 @@ def _print_or_write_frame_rows(
         output_format,
         output,
         force=force,
-        render_table=lambda: format_frame_as_table(
+        render=lambda: format_frame_as_table(
             stage.make_frame_with_readable_times(), stage.rows.height
         ),
     )

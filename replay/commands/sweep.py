@@ -162,7 +162,7 @@ def _run_and_print_sweep(
             output_format,
             output,
             force=force,
-            render_table=lambda: _format_swept_setting_value(render_sweep_tables(rows)),
+            render=lambda: _format_swept_setting_value(render_sweep_tables(rows)),
             json_records=[_make_json_row(row) for row in rows],
         )
     if figure is not None:
