@@ -278,7 +278,7 @@ def add_hysteresis(
     priors: PriorSettings,
     terms_of_checks: tuple[Nuisance, ...],
 ) -> tuple[JointFit, FitRows]:
-    """Add hysteresis of the force if the log shows it or the priors announce_fields_to_read it.
+    """Add hysteresis of the force if the log shows it or the priors expect it.
 
     Args:
         fit: the fit without hysteresis.

@@ -105,7 +105,7 @@ def read_tables_in_process(
 
 def run_table_reader_process(request_json: str, tables_bytes: bytes) -> bytes | None:
     """Run the reader's process; its JSON output, or None if it crashed."""
-    # the process writes JSON, and is told nothing but what columns to announce_fields_to_read
+    # the process writes JSON, and is told nothing but what columns to expect
     child = subprocess.Popen(
         [sys.executable, "-I", str(_READER), request_json],
         stdin=subprocess.PIPE,
