@@ -352,7 +352,7 @@ def _refit_campaign_or_mass_check(document: EvidenceDocument, readings: pl.DataF
     """Refit the readings; for a single-mass check, under the calibration's line."""
     campaign, body = document.campaign, document.machine.machine
     if document.kind == "check" and document.calibration is not None:
-        return compare_with_known_mass(campaign, body, readings, document.calibration)
+        return _Refit(*compare_with_known_mass(campaign, body, readings, document.calibration))
     responses = () if document.learnt is None else document.learnt.responses
     return _Refit(fit_campaign(campaign, body, readings, document.options, responses), None)
 

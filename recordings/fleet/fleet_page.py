@@ -385,7 +385,7 @@ class _WeekMean(NamedTuple):
 
     week_number: float
     mean: float
-    count: int
+    value_count: int
 
 
 def _average_values_by_week(days: Sequence[dt.date], values: np.ndarray) -> list[_WeekMean]:

@@ -105,7 +105,7 @@ def split_into_picture_and_machine_file(
         )
     if files and not is_machine_file_wanted:
         raise typer.BadParameter(f"{files[0]}: a machine file is only written with --apply")
-    return ExplainOutputs(pictures[0] if pictures else None), (files[0] if files else None)
+    return ExplainOutputs(pictures[0] if pictures else None, files[0] if files else None)
 
 
 def _convert_corrected_machine_to_dict(corrected_machine: "CorrectedMachine") -> dict[str, Any]:

@@ -54,7 +54,7 @@ class RecordedRun:
             )
             self.stages = {**self.stages, "loads": self._loads.columns}
 
-    def read_columns_of_frame(self, frame_name: str, columns: Sequence[str]) -> pl.DataFrame:
+    def read(self, frame_name: str, columns: Sequence[str]) -> pl.DataFrame:
         """Read some columns of a frame from the recording."""
         if frame_name == "loads" and self._loads is not None:
             return self._loads.select(columns)
@@ -66,11 +66,7 @@ class RecordedRun:
             stage: list_columns_needed_for_drawing(stage, names)
             for stage, names in self.stages.items()
         }
-        frames = {
-            stage: self.read_columns_of_frame(stage, names)
-            for stage, names in wanted.items()
-            if names
-        }
+        frames = {stage: self.read(stage, names) for stage, names in wanted.items() if names}
         return Run(frames, self.provenance)
 
 

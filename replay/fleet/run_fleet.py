@@ -215,9 +215,7 @@ def _split_tasks_to_do_and_finished(
             refused = status == "refused"
             if asked.basis == basis and (refused or key in recorded or not task.recording):
                 there.append(
-                    _SplitTasks(
-                        task, TaskOutcome("refused", reason) if refused else TaskOutcome("there")
-                    )
+                    (task, TaskOutcome("refused", reason) if refused else TaskOutcome("there"))
                 )
                 break
         else:

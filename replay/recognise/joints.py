@@ -91,7 +91,7 @@ def find_wheel_joints_by_side(joint_names: Sequence[str]) -> WheelJoints:
     counts = {len(joints) for joints in by_side.values()}
     # of joints without a word for a wheel, one a side is a drive; more are a robot's limbs
     alike = len(counts) == 1 and (counts == {1} or (bool(wheels) and counts != {0}))
-    return WheelJoints(by_side if alike else {}), bool(wheels)
+    return WheelJoints(by_side if alike else {}, bool(wheels))
 
 
 def _propose_torque_and_speed_of_side(

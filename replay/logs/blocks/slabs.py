@@ -206,13 +206,13 @@ def unpack_blocks_into_scanned_slab(
     for block in blocks:
         try:
             size = unpack_block_into(block, file, buffer[at : at + block.max_unpacked_bytes])
-            part = (block, *rows.add_rows_of_span(at, at + size))
+            first, end, unread = rows.add_rows_of_span(at, at + size)
         except DamagedBlockError as error:
             damaged.append((block, str(error)))
         except (OSError, MemoryError) as error:
             damaged.append((block, str(error) or "not enough memory"))
         else:
-            parts.append(part)
+            parts.append((block, first, end, unread))
             at += size
     return Slab(buffer, rows.rows_so_far, tuple(parts), tuple(damaged))
 

@@ -285,7 +285,7 @@ def read_metadata_records(path: Path) -> list[MetadataRecord]:
     """
     file = FileBytes(path)
     try:
-        found: list[tuple[str, Mapping[str, str]]] = []
+        found: list[MetadataRecord] = []
         for index in Summary(file).metadata:
             data = file.read_bytes(index.offset, min(index.length, _LARGEST_BYTES))
             if len(data) < RECORD_HEAD.size or data[0] != METADATA:

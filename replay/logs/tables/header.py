@@ -128,7 +128,7 @@ def split_unit_from_column_name(name: str) -> NameAndUnit:
         unit = find_pint_name(remarked["unit"])
         if unit:
             return NameAndUnit(remarked["name"].strip(), unit)
-    return split_unit_from_name(name)
+    return NameAndUnit(*split_unit_from_name(name))
 
 
 def name_column_by_last_part(column_name: ColumnName) -> ColumnName:
