@@ -54,11 +54,11 @@ class RecordedRun:
             )
             self.stages = {**self.stages, "loads": self._loads.columns}
 
-    def read(self, frame_name: str, columns: Sequence[str]) -> pl.DataFrame:
+    def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
         """Read some columns of a frame from the recording."""
-        if frame_name == "loads" and self._loads is not None:
+        if stage == "loads" and self._loads is not None:
             return self._loads.select(columns)
-        return self._held.read_frame(frame_name, columns)
+        return self._held.read_frame(stage, columns)
 
     def read_run_with_displayed_columns(self) -> Run:
         """The columns that views draw."""

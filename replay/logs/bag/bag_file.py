@@ -51,7 +51,7 @@ _KNOWN: Final = {
 class BagFile(BlockFile):
     """A ROS 1 bag. A bag without an index (the recorder crashed) is scanned when opened."""
 
-    def _open(self) -> tuple[Connection, ...]:
+    def _read_connections_or_scan(self) -> tuple[Connection, ...]:
         path = self._file.path
         head = self._file.read_bytes(0, len(MAGIC + VERSION))
         if not head.startswith(MAGIC):

@@ -1,13 +1,13 @@
 """Compiled search for the records of a ROS 1 bag in bytes."""
 
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimators.interpreted import compiled, compiled_for_many_iterations
 from replay.logs.bag.bag_records import CONNECTION, LONGEST_HEADER, MESSAGE
-from replay.logs.blocks import RecordGrammar
+from replay.logs.blocks import CountAndStop, RecordGrammar
 from replay.logs.decoding.bytes_at import estimate_scan_iterations, load32, load64
 
 #: Where records are looked for after damage.
@@ -20,10 +20,14 @@ _OP, _CONN, _TIME = (int.from_bytes(name, "little") for name in (b"op=", b"conn=
 _3_BYTES, _5_BYTES = 2**24 - 1, 2**40 - 1
 
 
+#: Opcode, connection, time in ns, begin of the data, and end of a record.
+BagRecordParts: TypeAlias = tuple[int, int, int, int, int]
+
+
 @compiled
 def parse_bag_record(
     data: NDArray[np.uint8], offset: int, end: int, max_bytes: int
-) -> tuple[int, int, int, int, int]:
+) -> BagRecordParts:
     """Parse the record at `offset`: op, connection, time, begin of the data, and end of the record.
 
     The op is -1 if there is no record.
@@ -56,7 +60,7 @@ def parse_bag_record(
 @compiled_for_many_iterations(estimate_scan_iterations)
 def _scan_bag_records(
     data: NDArray[np.uint8], begin: int, end: int, out_rows: NDArray[np.int64], first_row: int
-) -> tuple[int, int]:
+) -> CountAndStop:
     """Find the rows of messages and connections; see `slabs.RecordGrammar`.
 
     It stops at an incomplete record, and at a record that only occurs outside chunks.

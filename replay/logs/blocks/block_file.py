@@ -22,7 +22,7 @@ class BlockFile(ABC):
         self._file = FileBytes(path)
         try:
             self._store = self._make_store()
-            self.connections: tuple[Connection, ...] = self._open()
+            self.connections: tuple[Connection, ...] = self._read_connections_or_scan()
             self._topics = {c.id: c.topic for c in self.connections}
             self._store.sort_blocks_and_note_losses(self._topics)
         except BaseException:
@@ -30,7 +30,7 @@ class BlockFile(ABC):
             raise
 
     @abstractmethod
-    def _open(self) -> tuple[Connection, ...]:
+    def _read_connections_or_scan(self) -> tuple[Connection, ...]:
         """Fill the store from an index, or by scanning the file.
 
         Raises:

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +19,13 @@ from replay.logs.blocks.block import Block, DamagedBlockError, unpack_block_into
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.storage import KEY, LARGEST_BYTES, LENGTH, OFFSET, TIME, FileBytes
 
+#: Number of rows found, and offset of the first incomplete record.
+CountAndStop: TypeAlias = tuple[int, int]
 #: (data, begin, end, rows, row) -> (rows found, where the first record begins that is not whole):
 #: scan [begin, end) of a slab, and fill rows from `row` on, as many as there is room for.
 Scan = Callable[
     [NDArray[np.uint8], int, int, NDArray[np.int64], int],
-    tuple[int, int],
+    CountAndStop,
 ]
 #: (data, begin, end, limit) -> where in [begin, end) records go on after damage, or -1: a few in a
 #: row are no accident. `limit` is where the last of them may end, at or behind `end`.

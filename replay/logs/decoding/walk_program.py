@@ -13,7 +13,7 @@ Passing an array from one compiled function to another costs as much as a step i
 counted; here they are not (`estimators.compiled.compiled_without_refcounts`).
 """
 
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -253,10 +253,14 @@ def _write_marks(
             marks[table[mark, 1] + element] = count
 
 
+#: Numbers of checks and of notes; -1 checks if there is no room.
+CheckAndNoteCounts: TypeAlias = tuple[int, int]
+
+
 @compiled_inline
 def _add_note_to_template(
     notes: Ints, checks: int, count: int, mark: int, element: int, place: int, value: int
-) -> tuple[int, int]:
+) -> CheckAndNoteCounts:
     """Add a note to the template; returns numbers of checks and notes, -1 checks if full."""
     if checks < 0:
         return checks, count
@@ -291,10 +295,14 @@ def _count_message_and_store_list_lengths(filled: Ints, kept: Ints, elements: In
     filled[0] += 1
 
 
+#: Index of a step, and its depth of nested lists.
+StepAndDepth: TypeAlias = tuple[int, int]
+
+
 @compiled_inline
 def _find_next_step(
     steps: Ints, step: int, filled_counts: Ints, elements_left: Ints, depth: int, count: int
-) -> tuple[int, int]:
+) -> StepAndDepth:
     """The step after this one, and its depth of nested lists; counts the elements of lists."""
     op = steps[step, _OP]
     if op == _NEXT:
@@ -348,10 +356,14 @@ def read_walk_step(
     return -1, count, told, offset, offset, _LONG_LIST if is_long else 0
 
 
+#: Length, begin and end of its field, and fault.
+LengthField: TypeAlias = tuple[int, int, int, int]
+
+
 @compiled_inline
 def _read_length_field(
     data: Bytes, begin: int, offset: int, size: int, encoding: Encoding, is_length_known: int
-) -> tuple[int, int, int, int]:
+) -> LengthField:
     """Length of a string or list, begin and end of the length unless known, and fault."""
     if is_length_known >= 0:
         return is_length_known, offset, offset, 0
@@ -366,10 +378,14 @@ def _read_length_field(
     return length, offset, offset + 4, 0
 
 
+#: Begin of a string, its bytes without terminator, its end, and fault.
+StringLocation: TypeAlias = tuple[int, int, int, int]
+
+
 @compiled_inline
 def _locate_string(
     data: Bytes, begin: int, offset: int, size: int, length: int, cdr: bool
-) -> tuple[int, int, int, int]:
+) -> StringLocation:
     """Begin of a string, its bytes without terminator, its end, and fault."""
     if length > size - offset:
         return offset, length, offset, _LONG_TEXT
@@ -387,10 +403,14 @@ def _locate_string(
     return offset, count, stop, 0 if is_text else _NO_UTF8
 
 
+#: Begin and end of a list's elements, and fault.
+ElementsLocation: TypeAlias = tuple[int, int, int]
+
+
 @compiled_inline
 def _locate_strided_elements(
     steps: Ints, step: int, offset: int, size: int, count: int
-) -> tuple[int, int, int]:
+) -> ElementsLocation:
     """Begin and end of the elements of a list of fixed-size elements, and fault."""
     span = 0
     if count > 0:

@@ -116,7 +116,7 @@ class McapFile(BlockFile):
     field. Everything else is scanned at opening.
     """
 
-    def _open(self) -> tuple[Connection, ...]:
+    def _read_connections_or_scan(self) -> tuple[Connection, ...]:
         if self._file.read_bytes(0, len(MAGIC)) != MAGIC:
             begin = self._file.read_bytes(0, KIND_BYTES)
             why = describe_file_of_other_format(begin, "it does not start with the MCAP magic")

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.interpreted import compiled, compiled_for_many_iterations
-from replay.logs.blocks import RecordGrammar
+from replay.logs.blocks import CountAndStop, RecordGrammar
 from replay.logs.decoding.bytes_at import estimate_scan_iterations, load16, load32, load64
 from replay.logs.mcap.mcap_records import CHANNEL, CHUNK, DATA_END, MESSAGE, RECORD_HEAD, SCHEMA
 
@@ -25,7 +25,7 @@ _PROVEN: Final = 4
 @compiled_for_many_iterations(estimate_scan_iterations)
 def _scan_mcap_records(
     data: NDArray[np.uint8], begin: int, end: int, out_rows: NDArray[np.int64], first_row: int
-) -> tuple[int, int]:
+) -> CountAndStop:
     """Find the rows of messages, schemas and channels; see `slabs.RecordGrammar`.
 
     It stops at an incomplete record, and at a record that only occurs outside chunks.

@@ -1,6 +1,6 @@
 """Compiled parser for a cell of a SQLite table's leaf page: a row, or its begin."""
 
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,8 +42,12 @@ def read_signed_integer(data: NDArray[np.uint8], offset: int, size: int) -> int:
     return value  # pyright: ignore[reportReturnType] an int outside of numba
 
 
+#: Integer, and offset after it; -1 if it does not end.
+IntegerAndEnd: TypeAlias = tuple[int, int]
+
+
 @compiled_without_refcounts
-def read_varint_and_end(data: NDArray[np.uint8], offset: int, end: int) -> tuple[int, int]:
+def read_varint_and_end(data: NDArray[np.uint8], offset: int, end: int) -> IntegerAndEnd:
     """Variable-length integer of 1 to 9 bytes, and its end; -1 if beyond `end`."""
     value, bits, stop = np.int64(0), 0, -1
     # with several ways out numba would count references to the data, which takes longer than this
@@ -136,10 +140,14 @@ def parse_row_cell(
     return what, row_id, topic, time, message, length, local, stop
 
 
+#: Bytes of the record, row id, begin of the record, and end of its part in the leaf.
+CellHeader: TypeAlias = tuple[int, int, int, int]
+
+
 @compiled_without_refcounts
 def parse_cell_header(
     data: NDArray[np.uint8], offset: int, begin: int, end: int, layout: PageLayout
-) -> tuple[int, int, int, int]:
+) -> CellHeader:
     """Size of a cell's record, its id, its begin, and the end of its part in the leaf.
 
     The end is -1 if the cell is damaged.
@@ -160,10 +168,14 @@ def parse_cell_header(
     return payload, row_id, offset, stop
 
 
+#: Integer, and whether a message may have it: MESSAGE, NO_MESSAGE or UNUSUAL.
+IntegerAndClass: TypeAlias = tuple[int, int]
+
+
 @compiled_without_refcounts
 def read_integer_column(
     data: NDArray[np.uint8], offset: int, serial_type: int, size_bytes: int, stop_offset: int
-) -> tuple[int, int]:
+) -> IntegerAndClass:
     """Integer column, and whether a message may have it."""
     if serial_type in (_NULL, _FLOAT) or serial_type > _ONE:
         return 0, NO_MESSAGE
