@@ -106,9 +106,11 @@ class NotaryLine:
         """Digest with which the next line refers to this one."""
         return hashlib.sha256(self.data).hexdigest()
 
-    def is_signed_by(self, key: PublicKey) -> bool:
+    def is_signed_by(self, public_key: PublicKey) -> bool:
         """Whether this key signed the line."""
-        return key.does_verify_signature(self.signature, encode_line_content_to_sign(self.content))
+        return public_key.does_verify_signature(
+            self.signature, encode_line_content_to_sign(self.content)
+        )
 
 
 def encode_line_content_to_sign(line_content: NotaryHead | NotaryEntry) -> bytes:

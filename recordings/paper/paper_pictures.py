@@ -123,15 +123,15 @@ def _draw_figure_7_calibrated_masses(figure: "Figure", table: pl.DataFrame) -> N
 
 
 def draw_mean_masses_by_method(
-    figure: "Figure", table: pl.DataFrame, mean_column: str, std_column: str, label: str
+    figure: "Figure", load_table: pl.DataFrame, mean_column: str, std_column: str, axis_label: str
 ) -> None:
     """Draw one panel per method: means of nine runs ± the deviation of one, and the truth."""
-    methods = list(table["method"].unique(maintain_order=True))
+    methods = list(load_table["method"].unique(maintain_order=True))
     panels = figure.subplots(1, len(methods), sharex=True, sharey=True)
-    truth = table["reference_kg"]
+    truth = load_table["reference_kg"]
     ends = np.array([truth.min(), truth.max()], float)
     for axes, method in zip(panels, methods, strict=True):
-        part = table.filter(pl.col("method") == method)
+        part = load_table.filter(pl.col("method") == method)
         axes.plot(ends, ends, color="black", lw=0.6, ls=":", label="truth")
         axes.errorbar(
             part["reference_kg"].to_numpy(),
@@ -145,7 +145,7 @@ def draw_mean_masses_by_method(
             label="mean ± one run",
         )
         axes.set_title(NAMES[method], fontsize=9)
-        _label_panel_in_corner(axes, label if axes is panels[0] else "")
+        _label_panel_in_corner(axes, axis_label if axes is panels[0] else "")
         axes.set_xticks([3614, 3714, 3814])
         if "paper_implied_kg" in part.columns:
             implied = part["paper_implied_kg"].fill_null(float("nan")).to_numpy()
@@ -187,8 +187,8 @@ def _draw_figure_8_errors_by_load(figure: "Figure", table: pl.DataFrame) -> None
     axes.legend(fontsize=7, ncols=len(methods), loc="upper center")
 
 
-def _label_panel_in_corner(axes: "Axes", label: str) -> None:
-    axes.set_ylabel(label, fontsize=8)
+def _label_panel_in_corner(axes: "Axes", panel_label: str) -> None:
+    axes.set_ylabel(panel_label, fontsize=8)
     axes.tick_params(labelsize=7)
     axes.grid(lw=0.3, alpha=0.6)
     axes.set_axisbelow(True)

@@ -146,9 +146,9 @@ def _choose_line_style_of_method(method: str) -> dict[str, Any]:
 
 
 def _read_values_of_method(
-    parts: Sequence[Mapping[str, float | None]], method: str
+    frames: Sequence[Mapping[str, float | None]], method: str
 ) -> NDArray[np.float64]:
-    return np.array([np.nan if (v := part.get(method)) is None else v for part in parts])
+    return np.array([np.nan if (v := part.get(method)) is None else v for part in frames])
 
 
 def _draw_swept_masses(
@@ -201,13 +201,18 @@ def _draw_swept_payloads(
 
 
 def _draw_values_by_method(
-    axes: "Axes", positions: NDArray[np.float64], parts: Sequence[Mapping[str, float | None]]
+    axes: "Axes", x_positions: NDArray[np.float64], frames: Sequence[Mapping[str, float | None]]
 ) -> None:
-    for method in _list_methods_in_drawing_order(parts):
-        values = _read_values_of_method(parts, method)
+    for method in _list_methods_in_drawing_order(frames):
+        values = _read_values_of_method(frames, method)
         if np.isfinite(values).any():
             axes.plot(
-                positions, values, "o-", ms=3, label=method, **_choose_line_style_of_method(method)
+                x_positions,
+                values,
+                "o-",
+                ms=3,
+                label=method,
+                **_choose_line_style_of_method(method),
             )
     _label_axes_without_data(axes)
 

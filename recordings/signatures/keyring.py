@@ -172,18 +172,18 @@ def save_keyring(keyring_path: Path, keys: Sequence[KnownKey]) -> Keyring:
     return Keyring(keyring_path, tuple(keys))
 
 
-def add_key_to_keyring(keyring: Keyring, key: KnownKey) -> Keyring:
+def add_key_to_keyring(keyring: Keyring, known_key: KnownKey) -> Keyring:
     """Add a key, and write the keyring.
 
     Raises:
         EvidenceError: the key is there already, or the file cannot be written.
     """
-    same = keyring.find_key_by_id_or_prefix(key.public_key.key_id)
+    same = keyring.find_key_by_id_or_prefix(known_key.public_key.key_id)
     if same is not None:
         raise EvidenceError(
-            f"{keyring.path}: already contains key {key.public_key.key_id[:12]}…, of {same.owner}"
+            f"{keyring.path}: already contains key {known_key.public_key.key_id[:12]}…, of {same.owner}"
         )
-    return save_keyring(keyring.path, (*keyring.keys, key))
+    return save_keyring(keyring.path, (*keyring.keys, known_key))
 
 
 def revoke_key_in_keyring(keyring: Keyring, key_id: str, day: dt.date, reason: str) -> Keyring:

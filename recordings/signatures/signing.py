@@ -120,7 +120,7 @@ class SigningKey:
     @property
     def public_key(self) -> PublicKey:
         """Public key that verifies its signatures."""
-        return _derive_public_key(self.private.public_key())
+        return _convert_library_key(self.private.public_key())
 
     def refuse_published_key(self, source: str) -> "SigningKey":
         """Return the key unless it is a published one.
@@ -128,7 +128,7 @@ class SigningKey:
         Raises:
             EvidenceError: it is published.
         """
-        _make_public_key_or_refuse_weak(self.public_key, source)
+        _refuse_weak_key_of_source(self.public_key, source)
         return self
 
     def sign_message(self, message: bytes) -> bytes:
@@ -202,7 +202,7 @@ def read_public_key_file(path: Path) -> PublicKey:
         raise EvidenceError(f"{path}: holds no public key in PEM; `{_PUBLISH}` writes it") from None
     if not isinstance(key, Ed25519PublicKey):
         raise EvidenceError(f"{path}: is not an Ed25519 key, which evidence requires")
-    return _make_public_key_or_refuse_weak(_derive_public_key(key), str(path))
+    return _refuse_weak_key_of_source(_convert_library_key(key), str(path))
 
 
 def encode_payload_for_signature(payload_type: str, payload: bytes) -> bytes:
@@ -225,15 +225,18 @@ def encode_in_toto_statement(digests: Mapping[str, str], predicate: Mapping[str,
     )
 
 
-def encode_signed_envelope(payload: bytes, key: SigningKey) -> bytes:
+def encode_signed_envelope(payload: bytes, signing_key: SigningKey) -> bytes:
     """Signed DSSE envelope with a statement."""
-    signature = key.sign_message(encode_payload_for_signature(PAYLOAD_TYPE, payload))
+    signature = signing_key.sign_message(encode_payload_for_signature(PAYLOAD_TYPE, payload))
     return encode_canonical_json(
         {
             "payloadType": PAYLOAD_TYPE,
             "payload": base64.b64encode(payload).decode(),
             "signatures": [
-                {"keyid": key.public_key.key_id, "sig": base64.b64encode(signature).decode()}
+                {
+                    "keyid": signing_key.public_key.key_id,
+                    "sig": base64.b64encode(signature).decode(),
+                }
             ],
         }
     )
@@ -255,9 +258,9 @@ class EnvelopeContent:
     signature: bytes
     key_id: str
 
-    def is_signed_by(self, key: PublicKey) -> bool:
+    def is_signed_by(self, public_key: PublicKey) -> bool:
         """Whether this key signed the statement."""
-        return key.does_verify_signature(
+        return public_key.does_verify_signature(
             self.signature, encode_payload_for_signature(PAYLOAD_TYPE, self.payload)
         )
 
@@ -308,15 +311,15 @@ def _read_key_file(path: Path) -> bytes:
     return data
 
 
-def _make_public_key_or_refuse_weak(key: PublicKey, source: str) -> PublicKey:
+def _refuse_weak_key_of_source(public_key: PublicKey, source: str) -> PublicKey:
     try:
-        return key.refuse_weak_key()
+        return public_key.refuse_weak_key()
     except EvidenceError as fault:
         raise EvidenceError(f"{source}: {fault}") from None
 
 
-def _derive_public_key(key: "Ed25519PublicKey") -> PublicKey:
-    return PublicKey(key.public_bytes_raw())
+def _convert_library_key(library_key: "Ed25519PublicKey") -> PublicKey:
+    return PublicKey(library_key.public_bytes_raw())
 
 
 def describe_key_weakness(raw_key: bytes) -> str:
@@ -337,9 +340,11 @@ def describe_key_weakness(raw_key: bytes) -> str:
     return ""
 
 
-def _is_y_on_curve(y: int) -> bool:
+def _is_y_on_curve(y_coordinate: int) -> bool:
     """Whether x² = (y² - 1) / (d y² + 1) has a solution (Euler's criterion)."""
-    square = (y * y - 1) * pow(_D * y * y + 1, -1, _P) % _P
+    square = (
+        (y_coordinate * y_coordinate - 1) * pow(_D * y_coordinate * y_coordinate + 1, -1, _P) % _P
+    )
     return square == 0 or pow(square, (_P - 1) // 2, _P) == 1
 
 

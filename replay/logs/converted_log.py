@@ -82,7 +82,7 @@ class ConvertedTopics:
         empty = pl.DataFrame(schema=self.schema).select(*OWN_COLUMNS, *columns)
         is_first = True
         for part in self.topic.parts:
-            if not _may_part_overlap_span(part, start_ns, end_ns):
+            if not _can_part_overlap_time_span(part, start_ns, end_ns):
                 continue
             rows = pl.scan_parquet(self._folder / part.file)
             time = pl.col(LOG_TIME)
@@ -305,10 +305,12 @@ def _cast_numbers_to_64_bits(values: pl.Expr, dtype: pl.DataType) -> pl.Expr:
     return values.cast(pl.Int64) if inner.is_integer() and inner != pl.UInt64 else values
 
 
-def _may_part_overlap_span(part: ConvertedPart, start_ns: int | None, end_ns: int | None) -> bool:
-    if part.start_ns is None or part.end_ns is None:
+def _can_part_overlap_time_span(
+    converted_part: ConvertedPart, start_ns: int | None, end_ns: int | None
+) -> bool:
+    if converted_part.start_ns is None or converted_part.end_ns is None:
         return False
     return not (
-        (start_ns is not None and part.end_ns < start_ns)
-        or (end_ns is not None and part.start_ns > end_ns)
+        (start_ns is not None and converted_part.end_ns < start_ns)
+        or (end_ns is not None and converted_part.start_ns > end_ns)
     )

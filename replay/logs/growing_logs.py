@@ -62,10 +62,10 @@ class TailParts:
             batches = self._read_new_batches_of_part()
         return batches
 
-    def end(self) -> None:
-        """See `Tail.end`."""
+    def note_incomplete_end(self) -> None:
+        """See `Tail.note_incomplete_end`."""
         if self._tail is not None:
-            self._tail.end()
+            self._tail.note_incomplete_end()
 
     def close(self) -> None:
         """Release the file."""
@@ -74,7 +74,7 @@ class TailParts:
 
     def _open_part(self, path: Path) -> None:
         if self._tail is not None:
-            self._tail.end()
+            self._tail.note_incomplete_end()
             self._losses += self._tail.losses
             self._tail.close()
         self.paths.append(path)
@@ -223,13 +223,13 @@ def _list_parts_of_split_log(folder: Path) -> list[Path]:
     return sorted(
         found,
         key=lambda path: [
-            _make_natural_sort_key_of_part(part) for part in re.split(r"(\d+)", path.name)
+            _make_sort_key_of_name_part(part) for part in re.split(r"(\d+)", path.name)
         ],
     )
 
 
-def _make_natural_sort_key_of_part(part: str) -> tuple[int, str]:
-    return (int(part), "") if part.isdigit() else (-1, part)
+def _make_sort_key_of_name_part(name_part: str) -> tuple[int, str]:
+    return (int(name_part), "") if name_part.isdigit() else (-1, name_part)
 
 
 def _has_file_been_read(path: Path, read_files: Sequence[Path]) -> bool:

@@ -247,6 +247,6 @@ def _find_line_after_value(lines: list[str], line_index: int, last_line: int) ->
     return line_index + 1
 
 
-def unquote_dotted_key(key: str) -> str:
+def unquote_dotted_key(quoted_key: str) -> str:
     """Dotted key without quotes and blanks."""
-    return ".".join(part.strip().strip("\"'") for part in key.split("."))
+    return ".".join(part.strip().strip("\"'") for part in quoted_key.split("."))

@@ -149,7 +149,7 @@ def notarise_folder(
 
 
 def begin_list_or_refuse_other_signer(
-    open_list: OpenList, key: SigningKey, machine_id: str
+    open_list: OpenList, signing_key: SigningKey, machine_id: str
 ) -> list[str]:
     """Begin a new list, or check that an existing one has this key and machine; return notes."""
     if not open_list.lines:
@@ -157,19 +157,19 @@ def begin_list_or_refuse_other_signer(
             format=FORMAT,
             counter=0,
             machine_id=machine_id,
-            public_key=key.public_key.base64_text,
+            public_key=signing_key.public_key.base64_text,
             nonce=secrets.token_hex(32),
             begun=_format_current_time_as_list_time(),
         )
-        open_list.append_line_durably(make_signed_line(head, key))
+        open_list.append_line_durably(make_signed_line(head, signing_key))
         return [] if machine_id else ["the list names no machine; name it with --machine-id"]
     head = open_list.lines[0].content
     assert isinstance(head, NotaryHead)
-    if head.public_key != key.public_key.base64_text or not open_list.lines[-1].is_signed_by(
-        key.public_key
-    ):
+    if head.public_key != signing_key.public_key.base64_text or not open_list.lines[
+        -1
+    ].is_signed_by(signing_key.public_key):
         raise EvidenceError(
-            f"{open_list.path}: is signed with another key than {key.public_key.key_id[:12]}…; "
+            f"{open_list.path}: is signed with another key than {signing_key.public_key.key_id[:12]}…; "
             "a list has one key: start another list with --list"
         )
     if machine_id and head.machine_id != machine_id:

@@ -81,8 +81,8 @@ class GrowingBlockFile(ABC):
             batches += found
         return batches
 
-    def end(self) -> None:
-        """See `Tail.end`."""
+    def note_incomplete_end(self) -> None:
+        """See `Tail.note_incomplete_end`."""
         if self._is_torn:
             rest = self._file.size - self._at
             what = f"it ends inside a record or chunk: its last {rest:,} bytes are not read"

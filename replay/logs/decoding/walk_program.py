@@ -242,12 +242,12 @@ def _repeat_layout_marks(
 
 @compiled_inline
 def _write_marks(
-    table: Ints, marks: Ints, mark: int, element: int, place: int, count: int, begin: int
+    table: Ints, marks: Ints, mark: int, element: int, position: int, count: int, begin: int
 ) -> None:
     """Write position and count of an element, each unless it is -1, if there is room."""
     if element < table[mark, 2]:
-        if place >= 0:
-            marks[table[mark, 1] + element] = begin + place
+        if position >= 0:
+            marks[table[mark, 1] + element] = begin + position
             mark += 1
         if count >= 0:
             marks[table[mark, 1] + element] = count
@@ -259,7 +259,7 @@ CheckAndNoteCounts: TypeAlias = tuple[int, int]
 
 @compiled_inline
 def _add_note_to_template(
-    notes: Ints, checks: int, count: int, mark: int, element: int, place: int, value: int
+    notes: Ints, checks: int, count: int, mark: int, element: int, position: int, value: int
 ) -> CheckAndNoteCounts:
     """Add a note to the template; returns numbers of checks and notes, -1 checks if full."""
     if checks < 0:
@@ -268,7 +268,7 @@ def _add_note_to_template(
         return -1, count
     notes[count, 0] = mark
     notes[count, 1] = element
-    notes[count, 2] = place
+    notes[count, 2] = position
     notes[count, 3] = value
     return checks, count + 1
 

@@ -200,7 +200,7 @@ class Rosbag2Directory:
                 yield BatchGroup(renamed, min(floor_ns, behind))
 
     def _decompress_messages_of_part(
-        self, part: Container, stored_groups: Iterator[BatchGroup]
+        self, container: Container, stored_groups: Iterator[BatchGroup]
     ) -> Iterator[BatchGroup]:
         lost: Counter[int] = Counter()
         floor_ns = UNKNOWN_NS
@@ -209,11 +209,11 @@ class Rosbag2Directory:
                 lost[unpacked.connection_id] += damaged
                 yield BatchGroup([unpacked], floor_ns)
             floor_ns = next_floor_ns
-        topics = {c.id: c.topic for c in part.connections}
+        topics = {c.id: c.topic for c in container.connections}
         for key, count in lost.items():
             if count:
                 self._losses.add_loss(
-                    part.files[0], f"{count:,} messages cannot be decompressed", topics[key]
+                    container.files[0], f"{count:,} messages cannot be decompressed", topics[key]
                 )
 
     def _note_wrong_message_counts(self) -> None:

@@ -61,7 +61,7 @@ class Db3Tail:
                 self._losses.add_loss(self._path, f"row {number} is not a message of a known topic")
         return [make_batch_of_messages(topic, *parts) for topic, parts in messages.items()]
 
-    def end(self) -> None:
+    def note_incomplete_end(self) -> None:
         """Do nothing, since transactions are never partial."""
 
     def close(self) -> None:

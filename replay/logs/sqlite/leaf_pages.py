@@ -263,16 +263,16 @@ def scan_leaf_pages(
 
 
 @compiled_without_refcounts
-def is_key_in_sorted_array(keys: NDArray[np.int64], key: int) -> bool:
+def is_key_in_sorted_array(sorted_ids: NDArray[np.int64], wanted_id: int) -> bool:
     """Whether a key is in a sorted array."""
-    first, last = 0, keys.size
+    first, last = 0, sorted_ids.size
     while first < last:
         middle = (first + last) // 2
-        if keys[middle] < key:
+        if sorted_ids[middle] < wanted_id:
             first = middle + 1
         else:
             last = middle
-    return bool(first < keys.size and keys[first] == key)
+    return bool(first < sorted_ids.size and sorted_ids[first] == wanted_id)
 
 
 @compiled_without_refcounts

@@ -122,7 +122,7 @@ class Tail(Protocol):
         """
         ...
 
-    def end(self) -> None:
+    def note_incomplete_end(self) -> None:
         """Finish the log: incomplete data become losses."""
         ...
 
