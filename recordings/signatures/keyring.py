@@ -181,7 +181,8 @@ def add_key_to_keyring(keyring: Keyring, known_key: KnownKey) -> Keyring:
     same = keyring.find_key_by_id_or_prefix(known_key.public_key.key_id)
     if same is not None:
         raise EvidenceError(
-            f"{keyring.path}: already contains key {known_key.public_key.key_id[:12]}…, of {same.owner}"
+            f"{keyring.path}: already contains key {known_key.public_key.key_id[:12]}…, of "
+            f"{same.owner}"
         )
     return save_keyring(keyring.path, (*keyring.keys, known_key))
 

@@ -165,11 +165,10 @@ def begin_list_or_refuse_other_signer(
         return [] if machine_id else ["the list names no machine; name it with --machine-id"]
     head = open_list.lines[0].content
     assert isinstance(head, NotaryHead)
-    if head.public_key != signing_key.public_key.base64_text or not open_list.lines[
-        -1
-    ].is_signed_by(signing_key.public_key):
+    key, last = signing_key.public_key, open_list.lines[-1]
+    if head.public_key != key.base64_text or not last.is_signed_by(key):
         raise EvidenceError(
-            f"{open_list.path}: is signed with another key than {signing_key.public_key.key_id[:12]}…; "
+            f"{open_list.path}: is signed with another key than {key.key_id[:12]}…; "
             "a list has one key: start another list with --list"
         )
     if machine_id and head.machine_id != machine_id:
