@@ -186,7 +186,7 @@ def _read_complete_reports(path: Path, input_identity: str) -> _StoredReports:
             elif isinstance(record, Channel):
                 topics[record.id] = record.topic
             elif isinstance(record, Message):
-                found.append(_StoredReports(topics[record.channel_id], record))
+                found.append((topics[record.channel_id], record))
     except (McapError, struct.error):
         pass  # it ends without an end, or is no MCAP file
     return _StoredReports(found, size) if is_of_same else _StoredReports([], 0)
