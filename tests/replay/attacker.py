@@ -151,7 +151,7 @@ def sign_with(bundle: Bundle, key: SigningKey) -> None:
     """Sign, by whoever holds the key: it may be the signer's own."""
     bundle.evidence["signer"] |= {
         "key_id": key.public_key.key_id,
-        "public_key": key.public_key.text,
+        "public_key": key.public_key.base64_text,
     }
 
     def sign(folder: Path) -> None:

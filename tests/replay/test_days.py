@@ -161,7 +161,7 @@ def bundle(made: Made, authority: Path, tmp_path: Path) -> Path:
 def test_a_time_stamp_is_checked_offline_against_the_authority(
     made: Made, bundle: Path, authority: Path
 ) -> None:
-    found = made.verify(bundle, tsa=authority / "ca.pem")
+    found = made.verify(bundle, authority_certificates=authority / "ca.pem")
     assert not found.findings, items(found)
     assert any(
         f"signed no later than {dt.datetime.now(dt.UTC):%Y-}" in note for note in found.notes
@@ -240,7 +240,7 @@ def test_a_forged_time_stamp_is_found(
     words: str,
 ) -> None:
     attack(made, bundle, authority, tmp_path_factory.mktemp("other"))
-    found: Verification = made.verify(bundle, tsa=authority / "ca.pem")
+    found: Verification = made.verify(bundle, authority_certificates=authority / "ca.pem")
     assert found.outcome is outcome, items(found)
     assert words in items(found)
 

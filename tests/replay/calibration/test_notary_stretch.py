@@ -98,12 +98,12 @@ def test_every_log_between_is_accounted_for_and_that_is_said(notarised: Notarise
 
 
 def test_a_required_signature_asks_for_a_known_recorder_as_well(notarised: Notarised) -> None:
-    found = notarised.verify(notarised.bundle, signed=True)
+    found = notarised.verify(notarised.bundle, is_signature_required=True)
     assert found.outcome is INCOMPLETE
     assert "notary.jsonl: is signed by an unknown key" in items(found)
     key = read_public_key_file(notarised.recorder_public).base64_text
     add_key_to_keyring(load_keyring(), KnownKey(key=key, owner="Recorder 7"))
-    found = notarised.verify(notarised.bundle, signed=True)
+    found = notarised.verify(notarised.bundle, is_signature_required=True)
     assert not found.findings
     assert "signed by Recorder 7" in "\n".join(found.done)
 
@@ -269,7 +269,7 @@ def relisted(key: SigningKey, **values: Any) -> Callable[[bytes], bytes]:
         head, *rest = (parse_untrusted_line(line, "line") for line in data.splitlines())
         made = [
             make_signed_line(
-                head.content.model_copy(update={"public_key": key.public_key.text}), key
+                head.content.model_copy(update={"public_key": key.public_key.base64_text}), key
             )
         ]
         for line in rest:
@@ -291,7 +291,7 @@ def test_a_list_by_a_key_of_ones_own_is_no_recorders(notarised: Notarised, tmp_p
         ),
     )
     forged = resigned(notarised, tmp_path, of_bytes(relisted(own)))
-    found = notarised.verify(forged, signed=True)
+    found = notarised.verify(forged, is_signature_required=True)
     assert found.outcome is INCOMPLETE
     assert "is signed by an unknown key" in items(found)
     assert any("signed with the same key as this evidence" in note for note in found.notes)

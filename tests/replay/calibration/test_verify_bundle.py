@@ -96,7 +96,7 @@ def test_an_untouched_bundle_verifies(made: Made) -> None:
 
 def test_with_its_logs_every_reading_is_replayed(made: Made, tmp_path: Path) -> None:
     logs = made.campaign.parent
-    assert not made.verify(made.bundle, logs=logs).findings
+    assert not made.verify(made.bundle, log_folder=logs).findings
     some = Path(shutil.copytree(logs, tmp_path / "logs"))
     (some / "load-2.csv").unlink()
 

@@ -94,7 +94,7 @@ def test_a_result_whose_writing_breaks_off_was_never_there(
             write(self, name, data)
 
         with monkeypatch.context() as patched:
-            patched.setattr(ObjectStore, "write", full)
+            patched.setattr(ObjectStore, "write_object", full)
             did = run_in(destination, log)
         assert next(iter(did.failed.values())).endswith("no space left")
         assert not (destination / "results").exists()

@@ -282,7 +282,7 @@ def test_a_list_made_anew_with_another_key_is_not_trusted(
     assert key is not None
     head, *rest = lines_of(listed.path)
     assert isinstance(head.content, NotaryHead)
-    forged = head.content.model_copy(update={"public_key": key.public_key.text})
+    forged = head.content.model_copy(update={"public_key": key.public_key.base64_text})
     made = [make_signed_line(forged, key)]
     for line in rest:
         values = {"head": made[0].line_sha256, "previous": made[-1].line_sha256}
