@@ -22,7 +22,7 @@ from analysis.simulation import Scenario
 from benchmarks.page import markdown
 from replay import load_machine, open_log
 from replay.inputs.channel_inputs import list_channel_fields
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 #: Standard uncertainties that are aimed at, in kg: a start of this machine has 6 to 9.
 AIMS_KG = (2.2, 6.0)
@@ -59,7 +59,7 @@ def follow_drawn(seed: int, starts: int, folder: Path) -> tuple[list[Statement],
             "sensors": {"seed": seed},
         }
     )
-    (path,) = simulate_scenario(plan, folder / f"drawn_{seed}.mcap")
+    (path,) = simulate_scenario_to_logs(plan, folder / f"drawn_{seed}.mcap")
     noise = [
         f"settings.noise.{each}" for each in ("force_N=60", "acc_m_s2=0.01", "speed_m_s=0.005")
     ]

@@ -27,8 +27,8 @@ from benchmarks.kept_trials import read_rows, run_trials
 from benchmarks.page import markdown
 from benchmarks.unlisted_rows import UNLISTED, Unlisted, drawn_log, memory_log
 from estimators.errors import PayscopeError
-from replay.explain.try_proposals import ProposalReplays, try_all_proposals
-from replay.inputs.derived_logs import CachedLog, MemoryLog, read_channels_from_memory
+from replay.explain.try_proposals import ProposalReplays, try_proposals_one_by_one
+from replay.inputs.derived_logs import CachedLog, MemoryLog, with_channels_of_simulation
 from replay.logs import Log
 from replay.pipeline import run
 from tests.trials.drawn_designs import join_designs
@@ -93,7 +93,7 @@ def applied(fault: Fault | Unlisted, seed: int) -> Applied:
         before = run(log, machine)
     except PayscopeError:
         return Applied(fault.name, seed, true_kg, None, None, (), ())
-    found = try_all_proposals(before, ProposalReplays(log, text, load, Path("machine.toml")))
+    found = try_proposals_one_by_one(before, ProposalReplays(log, text, load, Path("machine.toml")))
     return Applied(
         fault.name,
         seed,
@@ -120,7 +120,7 @@ def _draw_log(fault: Fault | Unlisted, seed: int) -> tuple[Log, Machine, float]:
     settings = own.settings.with_changes({"trace.methods": ("pooled",)})
     limits = Settings.model_validate({}).verdict
     own = own.model_copy(update={"settings": settings.model_copy(update={"verdict": limits})})
-    return MemoryLog(log), read_channels_from_memory(own, log), log.scenario.machine.mass_kg
+    return MemoryLog(log), with_channels_of_simulation(own, log), log.scenario.machine.mass_kg
 
 
 def _mass(said: Answer) -> tuple[float, float] | None:

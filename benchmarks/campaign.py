@@ -16,8 +16,8 @@ import typer
 from analysis.calibration.campaign.method_errors import compute_rms_errors
 from analysis.simulation import Scenario
 from replay import load_machine
-from replay.demo.run_demo import replay_campaign
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.demo.run_demo import replay_simulated_campaign
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 
 def main(
@@ -39,8 +39,10 @@ def main(
     biases: list[pl.DataFrame] = []
     for seed in range(1, seeds + 1):
         with tempfile.TemporaryDirectory() as folder:
-            logs = simulate_scenario(base.with_seed(seed), Path(folder) / f"campaign{suffix}")
-            calibration = replay_campaign(logs, machine).frames["calibration"]
+            logs = simulate_scenario_to_logs(
+                base.with_seed(seed), Path(folder) / f"campaign{suffix}"
+            )
+            calibration = replay_simulated_campaign(logs, machine).frames["calibration"]
         errors.append(compute_rms_errors(calibration).with_columns(seed=seed))
         biases.append(
             calibration.group_by("method", maintain_order=True).agg(

@@ -25,7 +25,7 @@ import xlsxwriter
 from benchmarks.dialects.dialect_file import DialectFile
 from benchmarks.dialects.every_file import every_file
 from estimators.errors import LogError
-from replay.init.describe_log import describe_log
+from replay.init.describe_log import describe_log_by_index
 from replay.init.guess_machine import draft_machine_file
 from replay.logs import open_log
 
@@ -195,7 +195,7 @@ def outcome(path: Path) -> str:
     """
     try:
         with open_log(path) as log:
-            described = describe_log(log)
+            described = describe_log_by_index(log)
             text, lacking = draft_machine_file(log, None)
             said = [*(loss.what for loss in log.losses()), *lacking, *described.notes]
             found = "losses declared" if log.losses() else "whole"

@@ -17,9 +17,9 @@ import numpy as np
 
 from benchmarks.decode_log import CUSTOM_TYPE, store, value
 from replay.logs.decoding.decode_plan import DecodePlan
-from replay.logs.message_definitions import compile_message_type
+from replay.logs.message_definitions import make_message_type_of_connection
 from replay.logs.messages.message_fields import resolve_message_field
-from replay.logs.messages.message_types import iter_leaf_names
+from replay.logs.messages.message_types import iter_leaf_names_of_message
 from replay.logs.messages.raw_batch import RawBatch, make_batch_of_messages
 from replay.logs.storage.container import Connection
 
@@ -43,8 +43,11 @@ def main() -> None:
     totals = np.zeros(2)
     for name in TOPICS:
         text, _ = types.generate_msgdef(name, ros_version=2)
-        kind = compile_message_type(Connection(0, "/t", name, "cdr", text, "ros2msg"))
-        fields = [resolve_message_field(leaf, kind.record) for leaf in iter_leaf_names(kind.record)]
+        kind = make_message_type_of_connection(Connection(0, "/t", name, "cdr", text, "ros2msg"))
+        fields = [
+            resolve_message_field(leaf, kind.record)
+            for leaf in iter_leaf_names_of_message(kind.record)
+        ]
         stored = [bytes(types.serialize_cdr(value(types, name, rng), name)) for _ in range(rows)]
         batch = make_batch_of_messages(0, range(len(stored)), stored)
         batches = [batch] * (MESSAGES // rows)

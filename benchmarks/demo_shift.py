@@ -63,9 +63,9 @@ def demo_shift(seed: int) -> DemoShift:
         made = run_demo(folder, seed=seed, force=False, on_stage=lambda _: None)
         verified = verify_bundle(
             folder / "evidence",
-            logs=folder,
+            log_folder=folder,
             key_file=folder / "key.pub.pem",
-            on=made.calibrated.document.expires,
+            verification_day=made.calibrated.document.expires,
         )
         truth = json.loads((folder / "shift.cycles.json").read_text(encoding="utf-8"))
     shift = made.reviewed.shift

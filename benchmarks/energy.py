@@ -30,7 +30,7 @@ from benchmarks.shift_logs import GAIN_U, drawn_shift
 from estimators.arrays import Floats
 from replay import open_log
 from replay.pipeline import run
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 #: Of the true integrals, in Hz.
 _RATE_HZ: Final = 200.0
@@ -84,7 +84,7 @@ class TrueEnergy:
 
 def replay_shift(scenario: Scenario, machine: Machine, folder: Path) -> tuple[Run, Machine]:
     """Simulate a shift and replay its logs; with the machine as it was replayed."""
-    logs = simulate_scenario(scenario, folder / "shift.mcap", force=True)
+    logs = simulate_scenario_to_logs(scenario, folder / "shift.mcap", force=True)
     with ExitStack() as stack:
         made = run([stack.enter_context(open_log(path)) for path in logs], machine)
     return made, machine.model_copy(update={"settings": made.provenance.settings})

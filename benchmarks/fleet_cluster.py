@@ -23,11 +23,11 @@ os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 os.environ["RAY_DEDUP_LOGS"] = "0"
 
 from benchmarks.fleet_logs import SerialEngine, recordings, same_results, told
-from replay.fleet.log_sources import FleetLog, list_fleet_logs
+from replay.fleet.log_sources import FleetLog, list_logs_of_sources
 from replay.fleet.machine_setups import load_fleet
-from replay.fleet.ray_engine import ray_engine
+from replay.fleet.ray_engine import start_ray_engine
 from replay.fleet.recording_task import TaskOutcome
-from replay.fleet.run_fleet import FleetRun, replay_fleet
+from replay.fleet.run_fleet import FleetRun, replay_logs_of_fleet
 
 _WORKER = b"ray::replay_one"
 _WAIT_S = 60.0
@@ -86,11 +86,11 @@ def on_cluster(logs: Path, fleet: Path, destination: Path, count: int) -> tuple[
     try:
         nodes = [cluster.add_node(**here) for _ in range(2)]
         killer = Killer(cluster, nodes[-1], count)
-        did = replay_fleet(
-            list_fleet_logs([str(logs)]),
+        did = replay_logs_of_fleet(
+            list_logs_of_sources([str(logs)]),
             load_fleet(fleet),
             str(destination),
-            partial(ray_engine, cluster.address, None),
+            partial(start_ray_engine, cluster.address, None),
             killer.done,
         )
     finally:
@@ -114,7 +114,9 @@ def main() -> int:
             told(f"failed: {source}: {why}")
         began = time.perf_counter()
         fleet = load_fleet(folder / "fleet.toml")
-        replay_fleet(list_fleet_logs([str(logs)]), fleet, str(folder / "serial"), SerialEngine)
+        replay_logs_of_fleet(
+            list_logs_of_sources([str(logs)]), fleet, str(folder / "serial"), SerialEngine
+        )
         told(f"serially: {time.perf_counter() - began:.0f} s")
         there, differ = same_results(folder / "serial", folder / "cluster")
         told(f"{there} results of {count} recordings, {len(differ)} files differ")

@@ -10,7 +10,7 @@ from analysis.simulation import Scenario
 from replay.fleet.gathered_tables import FleetResults
 from replay.fleet.results_layout import MARK
 from replay.fleet.task_engine import Result, Task, TaskWork
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 FLEET = """
 [fleet]
@@ -32,7 +32,7 @@ def recordings(folder: Path, count: int, machines: int = 3) -> Path:
             "campaign": {"loads_kg": [50.0 * (number % 6)], "runs": 1},
             "sensors": {"seed": number + 1},
         }
-        simulate_scenario(Scenario.model_validate(content), home / f"log_{number:05}.mcap")
+        simulate_scenario_to_logs(Scenario.model_validate(content), home / f"log_{number:05}.mcap")
     (folder / "fleet.toml").write_text(FLEET, encoding="utf-8")
     return logs
 
@@ -74,7 +74,7 @@ def same_results(a: Path, b: Path, apart: Sequence[str] = ()) -> tuple[int, list
             differ.append(f"other bytes: {name}")
     from replay.fleet.object_store import ObjectStore
 
-    names = FleetResults(ObjectStore(str(b))).names
+    names = FleetResults(ObjectStore(str(b))).result_names_by_machine
     return sum(map(len, names.values())), differ
 
 

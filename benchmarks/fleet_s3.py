@@ -22,12 +22,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.fleet_logs import SerialEngine, recordings, same_results, told
-from replay.fleet.gathered_tables import open_fleet_results, query_fleet_tables
-from replay.fleet.log_sources import FleetLog, list_fleet_logs
+from replay.fleet.gathered_tables import open_results_of_fleet, query_fleet_tables
+from replay.fleet.log_sources import FleetLog, list_logs_of_sources
 from replay.fleet.machine_setups import load_fleet
-from replay.fleet.ray_engine import ray_engine
+from replay.fleet.ray_engine import start_ray_engine
 from replay.fleet.recording_task import TaskOutcome
-from replay.fleet.run_fleet import replay_fleet
+from replay.fleet.run_fleet import replay_logs_of_fleet
 
 #: Shorter keys are refused by the server.
 _ID, _SECRET = "payscope-benchmark-access-key", "payscope-benchmark-secret-access-key"
@@ -113,19 +113,21 @@ def checked(
     fleet = load_fleet(folder / "fleet.toml")
     place = f"s3://{bucket}/results"
     try:
-        source = list_fleet_logs([f"s3://{bucket}/logs"])
-        did = replay_fleet(source, fleet, place, engine, on_done)
+        source = list_logs_of_sources([f"s3://{bucket}/logs"])
+        did = replay_logs_of_fleet(source, fleet, place, engine, on_done)
         for each in back:
             each.join()
         before = _listed(home)
-        again = replay_fleet(
-            list_fleet_logs([f"s3://{bucket}/logs/*/*.mcap"]), fleet, place, engine
+        again = replay_logs_of_fleet(
+            list_logs_of_sources([f"s3://{bucket}/logs/*/*.mcap"]), fleet, place, engine
         )
         sql = "SELECT machine, count(*) AS number FROM results GROUP BY machine"
-        asked = query_fleet_tables(open_fleet_results(place), sql)
+        asked = query_fleet_tables(open_results_of_fleet(place), sql)
     finally:
         server.stop()
-    replay_fleet(list_fleet_logs([str(logs)]), fleet, str(folder / "beside"), SerialEngine)
+    replay_logs_of_fleet(
+        list_logs_of_sources([str(logs)]), fleet, str(folder / "beside"), SerialEngine
+    )
     there, differ = _same(folder / "beside", home / "results")
     wrong = [f"failed: {source}: {why}" for source, why in did.failed.items()]
     wrong += [] if did.replayed == count else [f"{did.replayed} replayed of {count}"]
@@ -160,7 +162,7 @@ def main() -> int:
     count: int = parser.parse_args().recordings
     with tempfile.TemporaryDirectory(prefix="payscope-fleet-") as name:
         began = time.perf_counter()
-        wrong = checked(Path(name), "benchmark", count, 8.0, partial(ray_engine, None, 2))
+        wrong = checked(Path(name), "benchmark", count, 8.0, partial(start_ray_engine, None, 2))
         told(f"{count} recordings in {time.perf_counter() - began:.0f} s, {len(wrong)} faults")
         for each in wrong[:10]:
             told(each)

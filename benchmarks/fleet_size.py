@@ -25,7 +25,7 @@ from benchmarks.fleet_logs import told
 from replay.fleet.gathered_tables import FleetResults
 from replay.fleet.last_run import CurrentMachine, LastRun, NamedFiles
 from replay.fleet.object_store import ObjectStore
-from replay.fleet.results_layout import ResultName, write_result
+from replay.fleet.results_layout import ResultName, write_result_tables
 
 _SEED: Final = 5
 _FIRST: Final = dt.datetime(2025, 1, 6, 6, tzinfo=dt.UTC)
@@ -47,7 +47,7 @@ def make(destination: Path, machines: int, days: int) -> None:
     results = FleetResults(store)
     machine = CurrentMachine(files=NamedFiles("cat262c.toml"), bases=("b",))
     names = [f"unit-{number + 1:02}" for number in range(machines)]
-    results.set_last_run(LastRun(fleet="benchmark", machines=dict.fromkeys(names, machine)))
+    results.store_last_run(LastRun(fleet="benchmark", machines=dict.fromkeys(names, machine)))
     results.update_gathered_tables()
 
 
@@ -119,7 +119,7 @@ def _result(
         ),
         "quality": pl.DataFrame({"topic": ["/imu/data"], "messages": [2_880_000]}),
     }
-    write_result(store, name, int(at.timestamp()) * _NS, frames, row)
+    write_result_tables(store, name, int(at.timestamp()) * _NS, frames, row)
 
 
 def _cycles(count: int, zero_kg: float, draw: np.random.Generator) -> pl.DataFrame:

@@ -22,11 +22,11 @@ from typing import Final
 from benchmarks.fleet_logs import recordings, told
 from benchmarks.page import markdown, put
 from replay.fleet.last_run import TaskLimits
-from replay.fleet.log_sources import FleetLog, list_fleet_logs
+from replay.fleet.log_sources import FleetLog, list_logs_of_sources
 from replay.fleet.machine_setups import load_fleet
-from replay.fleet.ray_engine import ray_engine
+from replay.fleet.ray_engine import start_ray_engine
 from replay.fleet.recording_task import TaskOutcome
-from replay.fleet.run_fleet import replay_fleet
+from replay.fleet.run_fleet import replay_logs_of_fleet
 
 #: A fleet to reckon with: recordings, nodes, and what a node has.
 _FLEET: Final = 100_000
@@ -85,11 +85,11 @@ class Watched:
 def watched(folder: Path, workers: int, run: int) -> Watched:
     """Replay all with so many workers."""
     found = Watched(workers)
-    replay_fleet(
-        list_fleet_logs([str(folder / "logs")]),
+    replay_logs_of_fleet(
+        list_logs_of_sources([str(folder / "logs")]),
         load_fleet(folder / "fleet.toml"),
         str(folder / f"results_{workers}_{run}"),
-        partial(ray_engine, None, workers),
+        partial(start_ray_engine, None, workers),
         found.done,
     )
     return found

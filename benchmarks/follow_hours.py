@@ -26,7 +26,7 @@ from estimators.threads import limit_blas_to_one_thread
 from replay import load_machine, open_log
 from replay.follow.agreement import FollowedDigests
 from replay.inputs.channel_inputs import list_channel_fields
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 SECOND_NS = 10**9
 
@@ -34,7 +34,7 @@ SECOND_NS = 10**9
 def driven(folder: Path, machine: Machine, rate_hz: float) -> dict[str, pl.DataFrame]:
     """Samples of some starts, by topic."""
     plan = {"campaign": {"loads_kg": [150], "runs": 4}, "sensors": {"rate_hz": rate_hz}}
-    (log,) = simulate_scenario(Scenario.model_validate(plan), folder / "starts.mcap")
+    (log,) = simulate_scenario_to_logs(Scenario.model_validate(plan), folder / "starts.mcap")
     with open_log(log) as opened:
         return opened.read_many(list_channel_fields(make_causal_machine(machine)))
 
@@ -70,7 +70,7 @@ def main(hours: float = 8.0, rate: float = 20.0) -> None:
             )
             for topic, samples in topics.items():
                 follower.take(topic, later(samples.filter(inside), lap * lap_ns))
-            digests.add(follower.rows())
+            digests.add_followed_rows(follower.rows())
             if second % 1800 == 0 and second:
                 rows.append(
                     [

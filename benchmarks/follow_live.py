@@ -32,7 +32,7 @@ from benchmarks.page import markdown
 from replay import load_machine
 from replay.follow.background_replay import BackgroundReplays
 from replay.follow.follow_logs import Following, follow_logs
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 TICK_NS = 10_000_000
 #: What a row may be late by.
@@ -87,7 +87,7 @@ def followed(folder: Path, seconds: float, speed: float, replay_share: float) ->
     """A row of the table."""
     runs = int(seconds // 10) + 1
     plan = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": runs}})
-    (source,) = simulate_scenario(plan, folder / "source.mcap")
+    (source,) = simulate_scenario_to_logs(plan, folder / "source.mcap")
     target, times = folder / "live.mcap", folder / "times.json"
     machine = load_machine("cat262c.toml", NOISE)
     _warm(source, machine)
@@ -97,8 +97,8 @@ def followed(folder: Path, seconds: float, speed: float, replay_share: float) ->
 
     def on_rows(following: Following, rows: list[FollowedRow]) -> None:
         if any(report.event == "manoeuvre" for row in rows for report in row.reports):
-            replays.request()
-        if (report := replays.poll()) and replays.process_id:
+            replays.request_replay_of_log_so_far()
+        if (report := replays.take_result_and_start_next()) and replays.process_id:
             replay_mb.append(resident_mb(replays.process_id))
             print(f"replayed up to {report.t_s:.0f} s, {report.processor_s:.1f} s of a processor")
         if rows:

@@ -15,12 +15,12 @@ import typer
 from recordings.review.week_page import (
     describe_friction_trends,
     fit_friction_trends,
-    format_day,
+    format_date_of_day_number,
     read_shifts_of_reviews,
 )
 from replay.review.review_shift import ReviewOptions, review_shift
-from replay.simulation.scenario_file import load_scenario
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.scenario_file import load_scenario_file
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 _EXAMPLES: Final = Path(__file__).resolve().parent.parent / "examples"
 _DAYS: Final = 7
@@ -36,12 +36,12 @@ def review_week(folder: Path, hours: float, seed: int) -> tuple[list[Path], floa
         The folders of the reviews, the limit in N·s/m, and the true day at which it is reached, in
         days of unix time.
     """
-    plain = load_scenario(_EXAMPLES / "shift.toml")
+    plain = load_scenario_file(_EXAMPLES / "shift.toml")
     base, begin_s = plain.machine.friction_N_s_m, plain.log.start_unix_s
     reviews: list[Path] = []
     for day in range(_DAYS):
         rise = 1.0 + _RISE * day / (_DAYS - 1)
-        scenario = load_scenario(
+        scenario = load_scenario_file(
             _EXAMPLES / "shift.toml",
             [
                 f"shift.duration_h={hours}",
@@ -52,7 +52,7 @@ def review_week(folder: Path, hours: float, seed: int) -> tuple[list[Path], floa
                 f"sensors.seed={100 * seed + day}",
             ],
         )
-        logs = simulate_scenario(scenario, folder / f"day{day}.mcap", force=True)
+        logs = simulate_scenario_to_logs(scenario, folder / f"day{day}.mcap", force=True)
         made = review_shift(logs, _EXAMPLES / "yard.toml", folder / f"review{day}", ReviewOptions())
         value, std = made.state.friction
         print(f"day {day}: true {base * rise:,.0f}, fit {value:,.0f} ± {2.0 * (std or 0.0):,.0f}")
@@ -72,7 +72,7 @@ def main(hours: float = 0.25, seed: int = 1, keep: Path | None = None) -> None:
         print(sentence)
     for trend in trends.values():
         inside = trend.reached_d is not None and trend.reached_d[0] <= true_d <= trend.reached_d[1]
-        print(f"true: {format_day(true_d)}; inside: {'yes' if inside else 'no'}")
+        print(f"true: {format_date_of_day_number(true_d)}; inside: {'yes' if inside else 'no'}")
 
 
 if __name__ == "__main__":

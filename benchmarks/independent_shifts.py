@@ -187,10 +187,10 @@ def _printed(made: ShiftReview) -> list[str]:
     """What the command prints."""
     from rich.console import Console
 
-    from replay.commands.review import print_review
+    from replay.commands.review import print_shift_review
 
     screen = Console(file=io.StringIO(), width=400)
-    print_review(screen, made)
+    print_shift_review(screen, made)
     assert isinstance(screen.file, io.StringIO)
     text = screen.file.getvalue()
     return [line.rstrip() for line in text.splitlines() if not line.startswith("page: ")]

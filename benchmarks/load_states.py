@@ -23,7 +23,7 @@ from benchmarks.page import markdown, put
 from benchmarks.weighed import machine
 from estimators.joint.group_effects import GroupEffects
 from estimators.numerics.autocorrelation import student_to_normal_ratio
-from replay.inputs.derived_logs import MemoryLog, read_channels_from_memory
+from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
 from replay.pipeline import run
 from tests.trials.drawn_designs import join_designs
 
@@ -206,7 +206,7 @@ def whole_states(name: str, number: int) -> tuple[int, bool]:
     own = {"campaign": {"runs": starts}, "sensors": {"seed": 8_000_000 + number}}
     scenario = Scenario.model_validate(join_designs(join_designs(LOADER, own), ONE_LOAD[name]))
     (log,) = simulate_campaign(scenario)
-    replayed = run(MemoryLog(log), read_channels_from_memory(machine((POOLED,)), log))
+    replayed = run(MemoryLog(log), with_channels_of_simulation(machine((POOLED,)), log))
     loads = replayed.frames["loads"]
     return loads.height, "states or scatter" in (loads["said"][0] or "")
 

@@ -32,7 +32,7 @@ from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from recordings import write_recording
 from replay import load_machine, open_log, run
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 METHODS = ("ls", "rls", "fgls", "tls", "rtls", "huber", "pooled")
 GIB = 2**20  # in the kibibytes of getrusage
@@ -45,7 +45,7 @@ def aligned_shift(machine: Machine, hours: float) -> pl.DataFrame:
         update={"campaign": base.campaign.model_copy(update={"loads_kg": (0.0,)})}
     )
     with tempfile.TemporaryDirectory() as folder:
-        (log,) = simulate_scenario(short, Path(folder) / "campaign.bag")
+        (log,) = simulate_scenario_to_logs(short, Path(folder) / "campaign.bag")
         once = run(open_log(log), machine).frames["aligned"]
     rows = round(hours * 3600 * machine.settings.align.rate_hz)
     shift = pl.concat([once] * -(-rows // once.height))[:rows]

@@ -27,12 +27,12 @@ from benchmarks.findings_trials import BY_NAME, base, errors, tried
 from benchmarks.kept_trials import keep, read_rows
 from benchmarks.page import markdown, put
 from estimators.errors import PayscopeError
-from replay.explain.proposal_edits import Proposal, insert_proposals
+from replay.explain.proposal_edits import Proposal, insert_proposals_into_machine_file
 from replay.explain.try_proposals import MachineText, write_corrected_machine_file
 from replay.logs import open_log
 from replay.machines.machine_file import find_machine_file, find_time_axis_of_machine, load_machine
 from replay.pipeline import run
-from replay.simulation.simulate_logs import write_logs
+from replay.simulation.simulate_logs import write_logs_and_truths
 from tests.trials.drawn_designs import Sections, join_designs
 from tests.trials.fault_injection import Fault
 
@@ -125,7 +125,7 @@ def trial(
         file = folder / "machine.toml"
         file.write_text(_machine_text(straight, axes), encoding="utf-8")
         bags = {"clean": folder / "clean.bag", "faulty": folder / "faulty.bag"}
-        write_logs([straight, faulty], list(bags.values()))
+        write_logs_and_truths([straight, faulty], list(bags.values()))
         machine = load_machine(file, (POOLED, *fault.overrides))
         with open_log(bags["faulty"], time=find_time_axis_of_machine(machine)) as log:
             before = run(log, machine)
@@ -181,7 +181,7 @@ def _machine_text(log: SimulatedLog, axes: Mapping[str, str]) -> str:
     }
     shipped = find_machine_file(Path("cat262c.toml"))
     changes = [Proposal(key, value, "", "simulated") for key, value in stated.items()]
-    return insert_proposals(shipped.read_text(encoding="utf-8"), changes, shipped)
+    return insert_proposals_into_machine_file(shipped.read_text(encoding="utf-8"), changes, shipped)
 
 
 def _mass_kg(bag: Path, file: Path, overrides: Sequence[str]) -> float | None:

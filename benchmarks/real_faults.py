@@ -21,7 +21,7 @@ from rosbags.rosbag1 import Reader, Writer
 
 from benchmarks.page import markdown, put
 from estimators.errors import DataError
-from recordings.report.finding_text import find_cause_name, read_findings
+from recordings.report.finding_text import find_readable_cause_name, read_findings_of_run
 from replay.explain.try_proposals import MachineText, write_corrected_machine_file
 from replay.logs import open_log
 from replay.machines.machine_file import find_time_axis_of_machine, load_machine
@@ -173,7 +173,7 @@ def trial(fault: RealFault, size: float, table: Path, bag: Path, seed: int = 1) 
     return RealTrial(
         fault.name.format(size),
         fault.causes,
-        tuple(each.cause for each in read_findings(before)),
+        tuple(each.cause for each in read_findings_of_run(before)),
         _mass_kg(before.frames["loads"].to_dicts()),
         tuple(f"{each.key} = {each.value}" for each in after.changes),
         _mass_kg(after.after.loads),
@@ -212,7 +212,9 @@ def table_of(trials: Sequence[RealTrial]) -> str:
             each.what,
             _kg(each.mass_kg),
             ", ".join(
-                f"**{find_cause_name(name)}**" if name in each.causes else find_cause_name(name)
+                f"**{find_readable_cause_name(name)}**"
+                if name in each.causes
+                else find_readable_cause_name(name)
                 for name in each.named
             )
             or "no cause",

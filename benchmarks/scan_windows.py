@@ -63,8 +63,8 @@ def main() -> None:
     print(f"{columns} of {topic}, {row['messages']:,} messages")
 
     unpacked: list[Any] = []
-    unpack = slabs.unpack_block
-    slabs.unpack_block = lambda block, *rest: (unpacked.append(block), unpack(block, *rest))[1]
+    unpack = slabs.unpack_block_into
+    slabs.unpack_block_into = lambda block, *rest: (unpacked.append(block), unpack(block, *rest))[1]
     log = payscope.scan_log(asked.log, topic, times="ns")
     draw = random.Random(1)  # noqa: S311 - windows are no secret
     begins = [

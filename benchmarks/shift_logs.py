@@ -20,7 +20,7 @@ from analysis.simulation.trials.trial_limits import refuse_undrivable_shift
 from estimators.errors import ScenarioError
 from replay import load_machine, open_log
 from replay.pipeline import run
-from replay.simulation.simulate_logs import make_shift_truth_path, simulate_scenario
+from replay.simulation.simulate_logs import make_shift_truth_path, simulate_scenario_to_logs
 from tests.trials.drawn_designs import (
     LOADER_KG,
     Sections,
@@ -270,7 +270,7 @@ def reviewed_shift(
         physics: likewise.
     """
     scenario, machine = drawn_shift(seed, hours, break_s, physics=physics)
-    logs = simulate_scenario(scenario, folder / "shift.mcap", force=True)
+    logs = simulate_scenario_to_logs(scenario, folder / "shift.mcap", force=True)
     truth = json.loads(make_shift_truth_path(folder / "shift.mcap").read_text(encoding="utf-8"))
     with ExitStack() as stack:
         made = run([stack.enter_context(open_log(path)) for path in logs], machine)

@@ -13,7 +13,7 @@ from analysis.model.run_record import Run
 from analysis.model.schema import column_values
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from replay import load_machine
-from replay.inputs.derived_logs import MemoryLog, read_channels_from_memory
+from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
 from replay.pipeline import run
 from tests.trials.drawn_designs import Sections
 
@@ -130,7 +130,7 @@ def weighed(
     }
     own = machine(overrides)
     own = own.model_copy(update={"machine": own.machine.model_copy(update=stated)})
-    replayed = run([MemoryLog(log) for log in logs], read_channels_from_memory(own, logs[0]))
+    replayed = run([MemoryLog(log) for log in logs], with_channels_of_simulation(own, logs[0]))
     return answer(row, design, scenario, logs, replayed)
 
 

@@ -10,8 +10,8 @@ from PIL import Image
 from recordings import plot_run, write_recording
 from recordings.rrd.viewer import take_screenshots_of_recording
 from replay import load_machine, open_log, run
-from replay.simulation.scenario_file import load_scenario
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.scenario_file import load_scenario_file
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 DOCS = Path(__file__).resolve().parent
 IMAGES = DOCS / "images"
@@ -23,8 +23,8 @@ def main() -> None:
     """One log of the paper's campaign and all six: a page by `plot`, and tabs of the viewer."""
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
-        logs = simulate_scenario(
-            load_scenario(DOCS.parent / "examples/campaign.toml"), work / "campaign.bag"
+        logs = simulate_scenario_to_logs(
+            load_scenario_file(DOCS.parent / "examples/campaign.toml"), work / "campaign.bag"
         )
         with open_log(logs[3]) as log:
             result = run(log, load_machine("cat262c.toml"))

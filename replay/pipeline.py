@@ -81,12 +81,12 @@ from estimators.errors import DataError
 from estimators.threads import limit_blas_to_one_thread, release_freed_memory
 from replay.inputs.channel_inputs import (
     list_channel_fields,
-    make_provenance,
-    read_channels,
+    make_provenance_of_inputs,
+    read_channel_fields_and_losses,
     rename_raw_frames,
 )
-from replay.inputs.derived_logs import separate_parallel_tables
-from replay.inputs.machine_identity import identify_machine
+from replay.inputs.derived_logs import give_parallel_tables_own_topics
+from replay.inputs.machine_identity import identify_machine_and_logged_id
 from replay.inputs.time_line import compute_log_offsets_ns
 from replay.inputs.time_line import describe_log_order as order_note
 from replay.logs import Log
@@ -117,10 +117,12 @@ class _TopicChannels:
     copied: dict[str, list[Copy]]
 
     @classmethod
-    def from_topics(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_TopicChannels":
+    def from_topics(
+        cls, raw_frames: Mapping[str, pl.DataFrame], machine: Machine
+    ) -> "_TopicChannels":
         """Assign a time to every sample, and read the channels that the machine file names."""
-        copied = find_copied_rows(raw)  # of a buffer that a logger wrote twice
-        placed, stamps, doubts = assign_timestamps(drop_copied_rows(raw, copied))
+        copied = find_copied_rows(raw_frames)  # of a buffer that a logger wrote twice
+        placed, stamps, doubts = assign_timestamps(drop_copied_rows(raw_frames, copied))
         read, missing = read_measured_channels(placed, machine)
         held = find_held_channels(read)  # rows between a slow sensor's readings say nothing new
         notes = [*write_copied_row_notes(copied), *write_held_reading_notes(read, held)]
@@ -171,13 +173,13 @@ def run(
     Returns:
         Every intermediate frame, with the provenance.
     """
-    logs, machine = separate_parallel_tables(
+    logs, machine = give_parallel_tables_own_topics(
         logs if isinstance(logs, Sequence) else [logs], machine
     )
-    machine, logged_id = identify_machine(logs, machine)  # a sister's log is refused
+    machine, logged_id = identify_machine_and_logged_id(logs, machine)  # a sister's log is refused
 
     on_stage("read")  # the channels in use, at their own rates
-    raw, losses = read_channels(logs, machine)
+    raw, losses = read_channel_fields_and_losses(logs, machine)
     placed = _TopicChannels.from_topics(raw, machine)
     machine, chosen = set_rate_from_log(placed.read, machine)  # what no setting gives
     chosen = [*placed.notes, *chosen]
@@ -185,7 +187,7 @@ def run(
     del placed  # of a shift it is half a gigabyte
     weighing, excitation = seen.weighing, seen.frames["excitation"]
     on_stage("findings")  # named causes of a bad estimate, with what mending each would do
-    causes = _find_causes(seen, raw, machine)
+    causes = _find_causes_of_log(seen, raw, machine)
     judged = withhold_by_findings(seen.case.judged, causes, machine)
     opinion = Verdict.from_frame(judged)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
@@ -228,7 +230,7 @@ def run(
             "verdict": judged,
             "findings": drop_findings_explained_by_work(causes, hauled.cycles),
         },
-        provenance=make_provenance(
+        provenance=make_provenance_of_inputs(
             logs,
             machine,
             seen.case.check_inputs.t0_unix_ns,
@@ -251,7 +253,7 @@ def run(
 
 
 def _run_stages(
-    raw: Mapping[str, pl.DataFrame],
+    raw_frames: Mapping[str, pl.DataFrame],
     placed: _TopicChannels,
     machine: Machine,
     on_stage: Callable[[str], None],
@@ -276,7 +278,7 @@ def _run_stages(
     digs = find_digging_starts(excitation, machine)  # what pushes back is no mass
     gated = refuse_windows_that_dig(gated, excitation, digs, machine)
     on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
-    seen = collect_raw_signals(raw, read)
+    seen = collect_raw_signals(raw_frames, read)
     told = (
         refit_without_stretches(  # nor is what repeats itself, if the answer is the same without it
             seen,
@@ -320,7 +322,7 @@ def _run_stages(
             "segments": table,
         },
         weighing,
-        FindingInputs(evidence, aligned, noise, raw, digs, judged, placed.copied, estimates),
+        FindingInputs(evidence, aligned, noise, raw_frames, digs, judged, placed.copied, estimates),
         everything,
         contradicted,
         placed.stamps,
@@ -329,11 +331,11 @@ def _run_stages(
     )
 
 
-def _find_causes(
-    stages: _Stages, raw: Mapping[str, pl.DataFrame], machine: Machine
+def _find_causes_of_log(
+    stages: _Stages, raw_frames: Mapping[str, pl.DataFrame], machine: Machine
 ) -> pl.DataFrame:
     """Find the causes of the log, and those behind a cause that masks the others."""
-    part = cut_to_first_hour(raw)
+    part = cut_to_first_hour(raw_frames)
 
     def find_causes_with(changed: Machine) -> pl.DataFrame | None:
         try:
@@ -342,7 +344,7 @@ def _find_causes(
         except DataError:  # the first hour of a log may hold less than the whole
             return None
 
-    whole = all(part[topic].height == frame.height for topic, frame in raw.items())
+    whole = all(part[topic].height == frame.height for topic, frame in raw_frames.items())
     return add_masked_findings(
         find_causes(stages.case), machine, find_causes_with, is_whole_log=whole
     )

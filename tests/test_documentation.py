@@ -153,14 +153,14 @@ def test_every_command_in_the_documentation_gives_the_output_written_there(
 def test_the_library_example_of_the_readme_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from replay.simulation.simulate_logs import simulate_scenario
+    from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
     short = Scenario()
     short = short.model_copy(
         update={"campaign": short.campaign.model_copy(update={"loads_kg": (0.0,), "runs": 2})}
     )
     (tmp_path / "demo").mkdir()
-    simulate_scenario(short, tmp_path / "demo/campaign_000kg.bag")
+    simulate_scenario_to_logs(short, tmp_path / "demo/campaign_000kg.bag")
     monkeypatch.chdir(tmp_path)
     text = (REPO / "README.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
@@ -217,17 +217,17 @@ def test_every_example_machine_file_is_valid() -> None:
     from estimators.errors import CampaignError
     from replay import load_machine
     from replay.fleet.machine_setups import load_fleet
-    from replay.machines.toml_file import read_toml, validate_toml_content
-    from replay.simulation.scenario_file import load_scenario
+    from replay.machines.toml_file import read_toml_file, validate_toml_content
+    from replay.simulation.scenario_file import load_scenario_file
 
     for path in sorted((REPO / "examples").glob("*.toml")):
         if path.name in ("campaign.toml", "inertia.toml", "planar.toml", "shift.toml"):
-            load_scenario(path)
+            load_scenario_file(path)
         elif path.name == "fleet.toml":
             load_fleet(path)
         elif path.name == "calibration.toml":
             validate_toml_content(
-                path, read_toml(path, CampaignError), CalibrationCampaign, CampaignError
+                path, read_toml_file(path, CampaignError), CalibrationCampaign, CampaignError
             )
         else:
             load_machine(path)

@@ -256,7 +256,7 @@ def test_outside_of_the_readers_a_log_is_what_opens_it_what_it_is_and_its_time()
         *("TABLE", "LogCheck", "Log", "TableHints", "TimeAxis"),
         *("expand_log_folders", "group_objects_by_log", "open_log"),
         # what follows a log that grows
-        *("ACTIVE", "GrowingLogFile", "follow_log"),
+        *("ACTIVE", "GrowingLogFile", "open_growing_log"),
     }
 
 

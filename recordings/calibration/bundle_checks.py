@@ -28,13 +28,16 @@ from recordings.calibration.bundle_folder import (
     TIMESTAMP,
     UNLISTED,
     BundleFile,
-    list_bundle_entries,
+    list_bundle_files_and_faults,
     parse_sha256sums,
     read_bundle_file,
 )
 from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.bundle_tables import UntrustedTable, read_untrusted_tables
-from recordings.calibration.chain_check import check_chain, check_chain_counter
+from recordings.calibration.chain_check import (
+    check_counter_of_chain_link,
+    check_link_to_previous_evidence,
+)
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import (
     CheckedBundle,
@@ -44,12 +47,12 @@ from recordings.calibration.checked_bundle import (
 from recordings.calibration.evidence_document import (
     EvidenceDocument,
     UnknownFormatError,
-    parse_evidence,
+    parse_untrusted_evidence,
 )
-from recordings.calibration.notary_stretch import check_notary_stretch
+from recordings.calibration.notary_stretch import check_notary_list_range
 from recordings.calibration.recomputation import compare_bundle_with_recomputed
-from recordings.calibration.timestamp import check_timestamp
-from recordings.calibration.write_bundle import make_statement_predicate
+from recordings.calibration.timestamp import check_bundle_timestamp
+from recordings.calibration.write_bundle import make_signed_statement_predicate
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import (
@@ -57,7 +60,7 @@ from recordings.signatures.signing import (
     STATEMENT_TYPE,
     EnvelopeContent,
     PublicKey,
-    parse_envelope,
+    parse_untrusted_envelope,
 )
 
 if TYPE_CHECKING:
@@ -71,46 +74,46 @@ _UNKNOWN_KEY: Final = (
 
 def check_bundle(
     folder: Path,
-    key: PublicKey | None = None,
-    previous: Path | None = None,
+    known_key: PublicKey | None = None,
+    previous_folder: Path | None = None,
     keyring: Keyring | None = None,
-    authorities: "Sequence[Certificate]" = (),
+    timestamp_authorities: "Sequence[Certificate]" = (),
 ) -> CheckedBundle:
     """Check a bundle by itself: files, signature, chain and recomputation.
 
     Args:
         folder: the bundle; nothing in it is executed, no link is followed, nothing outside is read.
-        key: public key of the required signer.
-        previous: the machine's previous evidence, which is checked as well.
+        known_key: public key of the required signer.
+        previous_folder: the machine's previous evidence, which is checked as well.
         keyring: keys kept by the user; None for none.
-        authorities: root certificates of trusted time-stamp authorities.
+        timestamp_authorities: root certificates of trusted time-stamp authorities.
 
     Raises:
         EvidenceError: the folder does not exist, or is not a bundle.
     """
-    bundle = _check_without_previous_evidence(folder, key, keyring or Keyring(Path()), authorities)
+    bundle = _check_bundle_alone(
+        folder, known_key, keyring or Keyring(Path()), timestamp_authorities
+    )
     document = bundle.document
     if document is not None:
-        check_chain_counter(bundle, document)
+        check_counter_of_chain_link(bundle, document)
         before = None
-        if previous is not None:
+        if previous_folder is not None:
             # a time stamp is asked of the evidence itself; that before it need not have one
-            stamped = authorities if (previous / TIMESTAMP).is_file() else ()
-            before = _check_without_previous_evidence(
-                previous, None, keyring or Keyring(Path()), stamped
-            )
+            stamped = timestamp_authorities if (previous_folder / TIMESTAMP).is_file() else ()
+            before = _check_bundle_alone(previous_folder, None, keyring or Keyring(Path()), stamped)
             by = before.signed_by
-            if key is not None and by.how == "unknown" and by.key_id == key.key_id:
+            if known_key is not None and by.how == "unknown" and by.key_id == known_key.key_id:
                 before.signed_by = replace(by, how="given")
-        check_chain(bundle, document, before)
+        check_link_to_previous_evidence(bundle, document, before)
     return bundle
 
 
-def _check_without_previous_evidence(
+def _check_bundle_alone(
     folder: Path,
-    key: PublicKey | None,
+    known_key: PublicKey | None,
     keyring: Keyring,
-    authorities: "Sequence[Certificate]",
+    timestamp_authorities: "Sequence[Certificate]",
 ) -> CheckedBundle:
     """Check a bundle without its previous evidence."""
     bundle = CheckedBundle()
@@ -119,20 +122,20 @@ def _check_without_previous_evidence(
         return bundle
     digests = {name: each.sha256 for name, each in held.items() if name not in UNLISTED}
     try:
-        document = parse_evidence(read_content_in_memory(held, EVIDENCE), EVIDENCE)
+        document = parse_untrusted_evidence(read_content_in_memory(held, EVIDENCE), EVIDENCE)
     except EvidenceError as fault:
         strange = isinstance(fault, UnknownFormatError)
         outcome = BundleOutcome.OTHER_VERSION if strange else BundleOutcome.TAMPERED
         bundle.add_finding(outcome, EVIDENCE, remove_file_name_from_fault(EVIDENCE, fault))
-        check_signature(bundle, held, digests, None, key, keyring)
+        check_bundle_signature(bundle, held, digests, None, known_key, keyring)
         return bundle
     bundle.document = document
-    check_timestamp(bundle, held, document, authorities)
-    check_signature(bundle, held, digests, document, key, keyring)
-    _check_recording_names(bundle, document, digests)
+    check_bundle_timestamp(bundle, held, document, timestamp_authorities)
+    check_bundle_signature(bundle, held, digests, document, known_key, keyring)
+    _check_that_recordings_are_named(bundle, document, digests)
     stretch = read_content_in_memory(held, NOTARY) if NOTARY in held else None
-    check_notary_stretch(bundle, document, stretch, keyring)
-    readings, points = read_readings_and_points(bundle, held, document)
+    check_notary_list_range(bundle, document, stretch, keyring)
+    readings, points = parse_readings_and_points(bundle, held, document)
     bundle.readings, bundle.points = readings, points
     if readings is not None:
         findings, notes = compare_bundle_with_recomputed(
@@ -153,7 +156,7 @@ def read_and_check_bundle_files(folder: Path, bundle: CheckedBundle) -> dict[str
     Returns:
         Files that could be read, by name.
     """
-    names, strange = list_bundle_entries(folder)
+    names, strange = list_bundle_files_and_faults(folder)
     for name, what in strange[: LIMITS.max_foreign_entries]:
         bundle.add_finding(BundleOutcome.TAMPERED, name, what)
     if len(strange) > LIMITS.max_foreign_entries:
@@ -201,7 +204,7 @@ def compare_files_with_sums(
         bundle.add_finding(BundleOutcome.TAMPERED, name, f"is not listed in {SUMS}")
 
 
-def _check_recording_names(
+def _check_that_recordings_are_named(
     bundle: CheckedBundle, document: EvidenceDocument, digests: Mapping[str, str]
 ) -> None:
     """Check that the recordings of runs are those that the evidence names."""
@@ -217,7 +220,7 @@ def _check_recording_names(
             )
 
 
-def read_readings_and_points(
+def parse_readings_and_points(
     bundle: CheckedBundle, files: Mapping[str, BundleFile], document: EvidenceDocument
 ) -> tuple[pl.DataFrame | None, pl.DataFrame | None]:
     """Readings and points; None for each that cannot be read."""
@@ -242,12 +245,12 @@ def read_readings_and_points(
     return found.get(READINGS), found.get(POINTS)
 
 
-def check_signature(
+def check_bundle_signature(
     bundle: CheckedBundle,
     files: Mapping[str, BundleFile],
     digests: Mapping[str, str],
     document: EvidenceDocument | None,
-    key: PublicKey | None,
+    known_key: PublicKey | None,
     keyring: Keyring,
 ) -> None:
     """Check who signed, and that the signature covers these files.
@@ -257,17 +260,17 @@ def check_signature(
         files: files of the bundle.
         digests: digests of the signed files, by name.
         document: the evidence; None if it cannot be read.
-        key: key given by the user, if any.
+        known_key: key given by the user, if any.
         keyring: keys kept by the user.
     """
     named = document.signer if document is not None else None
     if STATEMENT not in files:
-        _add_unsigned_findings(bundle, document, key)
+        _add_unsigned_findings(bundle, document, known_key)
         return
     bundle.signed_by = SignedBy("broken")
     try:
-        signed = parse_envelope(read_content_in_memory(files, STATEMENT), STATEMENT)
-        stated = None if named is None else PublicKey.from_text(named.public_key)
+        signed = parse_untrusted_envelope(read_content_in_memory(files, STATEMENT), STATEMENT)
+        stated = None if named is None else PublicKey.from_base64_text(named.public_key)
     except EvidenceError as fault:
         bundle.add_finding(
             BundleOutcome.TAMPERED, STATEMENT, remove_file_name_from_fault(STATEMENT, fault)
@@ -275,29 +278,31 @@ def check_signature(
         return
     before = len(bundle.findings)
     if document is not None:
-        _check_signer(bundle, signed, stated, document)
-    if key is not None and not signed.is_signed_by(key):
+        _check_that_signer_is_stated(bundle, signed, stated, document)
+    if known_key is not None and not signed.is_signed_by(known_key):
         bundle.add_finding(
-            BundleOutcome.TAMPERED, STATEMENT, f"is not signed by the key {key.key_id[:12]}… given"
+            BundleOutcome.TAMPERED,
+            STATEMENT,
+            f"is not signed by the key {known_key.key_id[:12]}… given",
         )
-    if key is None and stated is not None and not signed.is_signed_by(stated):
+    if known_key is None and stated is not None and not signed.is_signed_by(stated):
         bundle.add_finding(
             BundleOutcome.TAMPERED, STATEMENT, "its signature is not by the key it names"
         )
-    _check_statement(bundle, signed, files, digests, document)
+    _check_signed_digests(bundle, signed, files, digests, document)
     if len(bundle.findings) == before and stated is not None and document is not None:
-        identify_signer(bundle, stated, document, key, keyring)
+        identify_bundle_signer(bundle, stated, document, known_key, keyring)
 
 
 def _add_unsigned_findings(
-    bundle: CheckedBundle, document: EvidenceDocument | None, key: PublicKey | None
+    bundle: CheckedBundle, document: EvidenceDocument | None, known_key: PublicKey | None
 ) -> None:
     """Add the findings of a bundle that has no signed statement."""
     if document is not None and document.signer is not None:
         bundle.add_finding(
             BundleOutcome.INCOMPLETE, STATEMENT, "is missing, although evidence.json names a signer"
         )
-    elif key is not None:
+    elif known_key is not None:
         bundle.add_finding(
             BundleOutcome.INCOMPLETE,
             STATEMENT,
@@ -310,21 +315,21 @@ def _add_unsigned_findings(
         )
 
 
-def identify_signer(
+def identify_bundle_signer(
     bundle: CheckedBundle,
     stated_signer: PublicKey,
     document: EvidenceDocument,
-    key: PublicKey | None,
+    known_key: PublicKey | None,
     keyring: Keyring,
 ) -> None:
     """Identify the owner of a key by the user's keyring."""
     claimed = "" if document.signer is None else document.signer.name
-    known = keyring.find_key(stated_signer.key_id)
+    known = keyring.find_key_by_id_or_prefix(stated_signer.key_id)
     owner = "" if known is None else known.owner
-    by = SignedBy("unknown", claimed, owner, stated_signer.key_id, stated_signer.text)
+    by = SignedBy("unknown", claimed, owner, stated_signer.key_id, stated_signer.base64_text)
     if known is not None:
         made = dt.datetime.fromisoformat(document.made).date()
-        fault = known.distrust_reason(made, bundle.proven_day)
+        fault = known.explain_distrust(made, bundle.proven_day)
         if fault:
             bundle.signed_by = by
             outcome = BundleOutcome.TAMPERED if known.revoked else BundleOutcome.INCOMPLETE
@@ -332,15 +337,15 @@ def identify_signer(
                 outcome, STATEMENT, f"the key of {owner}, {by.key_id[:12]}…, {fault}"
             )
             return
-    how = "given" if key is not None else "unknown" if known is None else "known"
+    how = "given" if known_key is not None else "unknown" if known is None else "known"
     bundle.signed_by = by = replace(by, how=how)
     if not by.is_trusted:
         bundle.notes.append(_UNKNOWN_KEY.format(by, by.add_key_command))
 
 
-def _check_signer(
+def _check_that_signer_is_stated(
     bundle: CheckedBundle,
-    signed: EnvelopeContent,
+    envelope: EnvelopeContent,
     stated_signer: PublicKey | None,
     document: EvidenceDocument,
 ) -> None:
@@ -349,21 +354,21 @@ def _check_signer(
         bundle.add_finding(
             BundleOutcome.TAMPERED, EVIDENCE, "signer: names nobody, although there is a signature"
         )
-    elif not stated_signer.key_id == document.signer.key_id == signed.key_id:
+    elif not stated_signer.key_id == document.signer.key_id == envelope.key_id:
         bundle.add_finding(
             BundleOutcome.TAMPERED, EVIDENCE, "signer.key_id: is not that of the signature's key"
         )
 
 
-def _check_statement(
+def _check_signed_digests(
     bundle: CheckedBundle,
-    signed: EnvelopeContent,
+    envelope: EnvelopeContent,
     files: Mapping[str, BundleFile],
     digests: Mapping[str, str],
     document: EvidenceDocument | None,
 ) -> None:
     """Check that the statement covers these files."""
-    said = signed.statement
+    said = envelope.statement
     if said.get("_type") != STATEMENT_TYPE or said.get("predicateType") != PREDICATE_TYPE:
         bundle.add_finding(BundleOutcome.TAMPERED, STATEMENT, "is a statement of another kind")
     wanted: dict[str, Any] = dict(digests)
@@ -387,7 +392,7 @@ def _check_statement(
             )
         elif found[name] != {"sha256": wanted[name]}:
             bundle.add_finding(BundleOutcome.TAMPERED, name, "is not the file that was signed")
-    if document is not None and said.get("predicate") != make_statement_predicate(document):
+    if document is not None and said.get("predicate") != make_signed_statement_predicate(document):
         bundle.add_finding(
             BundleOutcome.TAMPERED, STATEMENT, "is about other evidence than evidence.json"
         )

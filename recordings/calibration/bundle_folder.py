@@ -50,12 +50,12 @@ class BundleFile:
     data: bytes | None
 
 
-def is_bundle_file(name: str) -> bool:
+def is_bundle_file_name(name: str) -> bool:
     """Whether a file name may occur in a bundle."""
     return name in (*REQUIRED, PDF, NOTARY, *UNLISTED) or _RUN.fullmatch(name) is not None
 
 
-def list_bundle_entries(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
+def list_bundle_files_and_faults(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
     """List the folder of a bundle.
 
     Returns:
@@ -88,7 +88,7 @@ def list_bundle_entries(folder: Path) -> tuple[list[str], list[tuple[str, str]]]
                 )
         elif not stat.S_ISREG(mode):
             bad.append((name, "is not a regular file; it was not opened"))
-        elif not is_bundle_file(name):
+        elif not is_bundle_file_name(name):
             bad.append((name, "does not belong to a bundle"))
         else:
             good.append(name)
@@ -112,7 +112,7 @@ def iter_entry_names_and_modes(folder: Path) -> Iterator[tuple[str, int]]:
 
 
 def read_bundle_file(folder: Path, name: str) -> BundleFile:
-    """Read a file from `list_bundle_entries` once, without following a link.
+    """Read a file from `list_bundle_files_and_faults` once, without following a link.
 
     Raises:
         EvidenceError: it cannot be read, or is too large.
@@ -120,7 +120,7 @@ def read_bundle_file(folder: Path, name: str) -> BundleFile:
     keep = name not in (RECORDING, PDF) and not name.startswith(f"{RUNS}/")
     digest, size = hashlib.sha256(), 0
     parts: list[bytes] = []
-    for part in iter_file_parts(folder, name):
+    for part in iter_bundle_file_chunks(folder, name):
         size += len(part)
         digest.update(part)
         if keep and size > LIMITS.held_file_bytes:
@@ -132,21 +132,21 @@ def read_bundle_file(folder: Path, name: str) -> BundleFile:
     return BundleFile(digest.hexdigest(), b"".join(parts) if keep else None)
 
 
-def copy_bundle_file_and_digest(folder: Path, name: str, target: Path) -> str:
-    """Copy a file from `list_bundle_entries`; returns the SHA-256 of the copy.
+def copy_bundle_file_and_return_sha256(folder: Path, name: str, target_path: Path) -> str:
+    """Copy a file from `list_bundle_files_and_faults`; returns the SHA-256 of the copy.
 
     Raises:
         EvidenceError: it cannot be read.
     """
     digest = hashlib.sha256()
-    with target.open("xb") as copy:
-        for part in iter_file_parts(folder, name):
+    with target_path.open("xb") as copy:
+        for part in iter_bundle_file_chunks(folder, name):
             digest.update(part)
             copy.write(part)
     return digest.hexdigest()
 
 
-def iter_file_parts(folder: Path, name: str) -> Iterator[bytes]:
+def iter_bundle_file_chunks(folder: Path, name: str) -> Iterator[bytes]:
     """Read a file in parts, without following a link."""
     try:
         number = os.open(folder / name, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0))
@@ -162,23 +162,23 @@ def format_sha256sums(digests: dict[str, str]) -> str:
     return "".join(f"{digests[name]}  {name}\n" for name in sorted(digests))
 
 
-def parse_sha256sums(data: bytes) -> dict[str, str]:
+def parse_sha256sums(sums_bytes: bytes) -> dict[str, str]:
     """Digests by file name.
 
     Raises:
         EvidenceError: it is not in the format of `format_sha256sums`.
     """
     try:
-        lines = data.decode("ascii").splitlines()
+        lines = sums_bytes.decode("ascii").splitlines()
     except UnicodeDecodeError:
         raise EvidenceError(f"{SUMS}: is not plain text") from None
     found: dict[str, str] = {}
     for number, line in enumerate(lines[: LIMITS.bundle_max_files], start=1):
         match = _SUM.fullmatch(line)
-        if match is None or not is_bundle_file(match[2]) or match[2] in UNLISTED:
+        if match is None or not is_bundle_file_name(match[2]) or match[2] in UNLISTED:
             raise EvidenceError(f"{SUMS}: line {number} is not the digest of a file of this bundle")
         found[match[2]] = match[1]
-    if format_sha256sums(found).encode() != data:
+    if format_sha256sums(found).encode() != sums_bytes:
         raise EvidenceError(
             f"{SUMS}: was changed: its lines are not sorted, or a file appears twice"
         )

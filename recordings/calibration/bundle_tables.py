@@ -64,7 +64,9 @@ class UntrustedTable:
     schema: Schema
 
 
-def read_untrusted_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame | str]:
+def read_untrusted_tables(
+    tables: Sequence[UntrustedTable],
+) -> list[pl.DataFrame | str]:
     """Read untrusted tables in the format of `encode_table_as_parquet`.
 
     Returns:
@@ -76,10 +78,15 @@ def read_untrusted_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame
         return [each for table in tables for each in read_untrusted_tables([table])]
     if said is None:
         return ["is so damaged that it crashes the reader"]
-    return [_make_frame(each, table.schema) for each, table in zip(said, tables, strict=True)]
+    return [
+        _make_frame_or_describe_fault(each, table.schema)
+        for each, table in zip(said, tables, strict=True)
+    ]
 
 
-def read_tables_in_process(tables: Sequence[UntrustedTable]) -> list[dict[str, Any]] | None:
+def read_tables_in_process(
+    tables: Sequence[UntrustedTable],
+) -> list[dict[str, Any]] | None:
     """Results of the reader process for each table; None if it crashed."""
     asked = json.dumps(
         [
@@ -96,17 +103,17 @@ def read_tables_in_process(tables: Sequence[UntrustedTable]) -> list[dict[str, A
     return None if out is None else json.loads(out)
 
 
-def run_table_reader_process(request: str, data: bytes) -> bytes | None:
+def run_table_reader_process(request_json: str, tables_bytes: bytes) -> bytes | None:
     """Run the reader's process; its JSON output, or None if it crashed."""
     # the process writes JSON, and is told nothing but what columns to expect
     child = subprocess.Popen(
-        [sys.executable, "-I", str(_READER), request],
+        [sys.executable, "-I", str(_READER), request_json],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
     )
     try:
-        out, _ = child.communicate(data, timeout=LIMITS.tables_max_s)
+        out, _ = child.communicate(tables_bytes, timeout=LIMITS.tables_max_s)
     except subprocess.TimeoutExpired:
         child.kill()
         child.communicate()
@@ -118,11 +125,13 @@ def run_table_reader_process(request: str, data: bytes) -> bytes | None:
 _ask_once: Final = lru_cache(maxsize=16)(run_table_reader_process)
 
 
-def _make_frame(output: dict[str, Any], schema: Schema) -> pl.DataFrame | str:
+def _make_frame_or_describe_fault(
+    reader_output: dict[str, Any], schema: Schema
+) -> pl.DataFrame | str:
     """Frame of an untrusted table, or the fault that makes it unusable."""
-    if "fault" in output:
-        return str(output["fault"])
-    columns: dict[str, list[Any]] = output["columns"]
+    if "fault" in reader_output:
+        return str(reader_output["fault"])
+    columns: dict[str, list[Any]] = reader_output["columns"]
     for values in columns.values():
         if any(isinstance(v, float) and not math.isfinite(v) for v in values):
             return "holds a number that is not finite"

@@ -20,15 +20,17 @@ def draw_report_pictures(document: EvidenceDocument, readings: pl.DataFrame) -> 
     if fitted is not None and document.kind == "calibration":
         found += [
             _draw_calibration_line(fitted),
-            _draw_residuals(fitted),
+            _draw_calibration_residuals(fitted),
             _draw_budget_bars(fitted),
         ]
     if points.height:
-        found.append(_draw_points(points))
+        found.append(_draw_calibration_points(points))
     return found
 
 
-def compute_calibrated_intervals_kg(calibration: Calibration) -> list[tuple[float, float, float]]:
+def compute_calibrated_interval_band_kg(
+    calibration: Calibration,
+) -> list[tuple[float, float, float]]:
     """Interval of the calibrated mass over the range of references.
 
     Each is (reference, low, high) in kg, for a run like those of the campaign.
@@ -47,7 +49,7 @@ def compute_calibrated_intervals_kg(calibration: Calibration) -> list[tuple[floa
 
 def _draw_calibration_line(calibration: Calibration) -> Drawing:
     known = [point for point in calibration.points if point.calibrated_kg is not None]
-    edges = compute_calibrated_intervals_kg(calibration)
+    edges = compute_calibrated_interval_band_kg(calibration)
     low, high = calibration.range_kg
     percent = f"{calibration.confidence_1:.0%}".replace("%", " %")
     picture = Drawing(
@@ -59,7 +61,7 @@ def _draw_calibration_line(calibration: Calibration) -> Drawing:
     )
     masses = [low, high, *(point.calibrated_kg or 0.0 for point in known)]
     axes = Axes.from_data([low, high], [*masses, *(e for _, *es in edges for e in es)], _BOX)
-    axes.draw(picture, "reference in kg", "calibrated in kg")
+    axes.draw_grid_and_labels(picture, "reference in kg", "calibrated in kg")
     _draw_interval_band(picture, axes, edges)
     picture.draw_line(
         *axes.convert_to_drawing_units(low, low),
@@ -76,10 +78,10 @@ def _draw_calibration_line(calibration: Calibration) -> Drawing:
     return picture
 
 
-def _draw_residuals(calibration: Calibration) -> Drawing:
+def _draw_calibration_residuals(calibration: Calibration) -> Drawing:
     edges = [
         (mass, low - mass, high - mass)
-        for mass, low, high in compute_calibrated_intervals_kg(calibration)
+        for mass, low, high in compute_calibrated_interval_band_kg(calibration)
     ]
     errors = [(p, p.error_kg, "point") for p in calibration.points if p.error_kg is not None]
     left = [
@@ -97,7 +99,7 @@ def _draw_residuals(calibration: Calibration) -> Drawing:
     )
     heights = [0.0, *(e for _, e, _ in [*errors, *left]), *(e for _, *es in edges for e in es)]
     axes = Axes.from_data(list(calibration.range_kg), heights, _BOX)
-    axes.draw(picture, "reference in kg", "calibrated less reference in kg")
+    axes.draw_grid_and_labels(picture, "reference in kg", "calibrated less reference in kg")
     _draw_interval_band(picture, axes, edges)
     picture.draw_line(
         *axes.convert_to_drawing_units(axes.x[0], 0.0),
@@ -130,15 +132,15 @@ def _draw_budget_bars(calibration: Calibration) -> Drawing:
         y = 12.0 + LIMITS.row_height * number
         u_kg = calibration.u_kg if row is None else row.u_kg or 0.0
         name = "together" if row is None else row.component
-        picture.write(begin - 6, y + 10, shorten_text_to_width(name, begin - 8), "end")
+        picture.draw_text(begin - 6, y + 10, shorten_text_to_width(name, begin - 8), "end")
         look = "left" if row is None else "bar"
         picture.fill_bar(begin, y, max(room * u_kg / max(largest, calibration.u_kg), 0.5), 12, look)
         length = room * u_kg / max(largest, calibration.u_kg)
-        picture.write(begin + length + 5, y + 10, f"{u_kg:.2g} kg", "start")
+        picture.draw_text(begin + length + 5, y + 10, f"{u_kg:.2g} kg", "start")
     return picture
 
 
-def _draw_points(points: pl.DataFrame) -> Drawing:
+def _draw_calibration_points(points: pl.DataFrame) -> Drawing:
     runs = points["run_id"].unique(maintain_order=True).to_list()
     used = points.filter("used")["off_kg"].to_list()
     picture = Drawing(
@@ -149,7 +151,9 @@ def _draw_points(points: pl.DataFrame) -> Drawing:
         LIMITS.figure_height,
     )
     axes = Axes.from_data([0.5, len(runs) + 0.5], [0.0, *points["off_kg"].to_list()], _BOX, 0.05)
-    axes.draw(picture, "run, in the order of the campaign", "reading less mean in kg")
+    axes.draw_grid_and_labels(
+        picture, "run, in the order of the campaign", "reading less mean in kg"
+    )
     picture.draw_line(
         *axes.convert_to_drawing_units(axes.x[0], 0.0),
         *axes.convert_to_drawing_units(axes.x[1], 0.0),

@@ -12,14 +12,14 @@ from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.rrd.writer import write_recording
 
 
-def write_calibration(
-    folder: Path, document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
+def write_calibration_recording(
+    bundle_folder: Path, document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
 ) -> None:
     """Write the recording of a bundle."""
-    write_recording(make_calibration_run(document, readings, points), folder / RECORDING)
+    write_recording(make_run_of_calibration(document, readings, points), bundle_folder / RECORDING)
 
 
-def make_calibration_run(
+def make_run_of_calibration(
     document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
 ) -> Run:
     """Run with the frames of a bundle's recording, computed from the evidence.
@@ -49,7 +49,7 @@ def make_calibration_run(
             "recording": log.recording,
         }
         for run in document.campaign.runs
-        if (log := document.find_log(run.log)) is not None
+        if (log := document.find_log_by_name(run.log)) is not None
     ]
     resolved = document.weighing_machine.model_dump(mode="json")
     del resolved["settings"]

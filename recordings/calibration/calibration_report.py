@@ -24,8 +24,8 @@ from recordings.calibration.calibration_text import (
 )
 from recordings.calibration.campaign_faults import select_runs_without_date
 from recordings.calibration.certificate_text import (
+    describe_missing_certificate_statements,
     iter_accuracy_class_sentences,
-    list_missing_certificate_statements,
     make_certificate_rows,
     make_traceability_warnings,
     make_weighing_rows,
@@ -55,22 +55,22 @@ def render_report_html(
         e=document,
         fitted=document.calibration,
         title=make_report_title(document),
-        facts=list_report_facts(document),
+        facts=list_report_names_and_values(document),
         certificate=make_certificate_rows(document),
         warnings=make_traceability_warnings(document),
-        not_stated=list_missing_certificate_statements(document),
+        not_stated=describe_missing_certificate_statements(document),
         weighings=make_weighing_rows(document, readings),
         accuracy_class_sentences=list(iter_accuracy_class_sentences(document)),
         words=write_report_paragraphs(document, readings, points),
         unseen=describe_undetectable_faults(document),
         pictures=draw_report_pictures(document, readings),
         width=WIDTH,
-        points=_make_point_rows(points),
+        points=_make_calibration_point_rows(points),
         rejected=_make_rejected_reading_rows(readings),
         budget=_make_budget_rows(document.calibration),
         learnt=make_learnt_term_rows(document.learnt),
-        references=_make_reference_rows(document),
-        runs=_make_run_rows(document, readings),
+        references=_make_reference_mass_rows(document),
+        runs=_make_campaign_run_rows(document, readings),
         estimator=ESTIMATORS.get(document.estimator.name, document.estimator.name),
     )
 
@@ -115,7 +115,7 @@ def make_report_title(document: EvidenceDocument) -> str:
     return name or f"{what} of {document.machine.machine.name} {document.campaign.machine.id}"
 
 
-def list_report_facts(document: EvidenceDocument) -> list[tuple[str, str]]:
+def list_report_names_and_values(document: EvidenceDocument) -> list[tuple[str, str]]:
     """Key facts of the report as (name, value)."""
     fitted = document.calibration
     found: list[tuple[str, str]] = []
@@ -123,10 +123,11 @@ def list_report_facts(document: EvidenceDocument) -> list[tuple[str, str]]:
         low, high = fitted.range_kg
         at_kg, readings = fitted.budget_at
         found += [
-            ("α", _format_with_interval(fitted.alpha_1, fitted.alpha_interval_1, "{:.4f}")),
+            ("α", _format_value_with_interval(fitted.alpha_1, fitted.alpha_interval_1, "{:.4f}")),
             (
                 "β",
-                _format_with_interval(fitted.beta_kg, fitted.beta_interval_kg, "{:,.1f}") + " kg",
+                _format_value_with_interval(fitted.beta_kg, fitted.beta_interval_kg, "{:,.1f}")
+                + " kg",
             ),
             ("valid for", f"{low:,.1f} to {high:,.1f} kg"),
             (
@@ -153,12 +154,12 @@ def list_report_facts(document: EvidenceDocument) -> list[tuple[str, str]]:
     return found
 
 
-def format_kilograms_or_dash(value: float | None, digits: int = 1) -> str:
+def format_kilograms_or_dash(mass_kg: float | None, digits: int = 1) -> str:
     """Number of kg as text, or a dash."""
-    return _NONE if value is None or not math.isfinite(value) else f"{value:,.{digits}f}"
+    return _NONE if mass_kg is None or not math.isfinite(mass_kg) else f"{mass_kg:,.{digits}f}"
 
 
-def _format_with_interval(
+def _format_value_with_interval(
     value: float, interval: tuple[float | None, float | None], number_format: str
 ) -> str:
     low, high = interval
@@ -168,12 +169,16 @@ def _format_with_interval(
     return f"{shown} ({least} to {most})"
 
 
-def format_estimate_as_mass(kg: float | None, calibration: Calibration) -> str:
+def format_estimate_as_mass(estimate_kg: float | None, calibration: Calibration) -> str:
     """Convert kilograms of m̂ to kilograms of mass, as text."""
-    return "unknown" if kg is None else f"{format_kilograms_or_dash(kg / abs(calibration.c1_1))} kg"
+    return (
+        "unknown"
+        if estimate_kg is None
+        else f"{format_kilograms_or_dash(estimate_kg / abs(calibration.c1_1))} kg"
+    )
 
 
-def _make_point_rows(points: pl.DataFrame) -> list[Mapping[str, Any]]:
+def _make_calibration_point_rows(points: pl.DataFrame) -> list[Mapping[str, Any]]:
     return [
         {
             "run": point["run_id"],
@@ -200,8 +205,8 @@ def _make_rejected_reading_rows(readings: pl.DataFrame) -> list[Mapping[str, Any
     ]
 
 
-def _make_budget_rows(fitted: Calibration | None) -> list[Mapping[str, Any]]:
-    if fitted is None:
+def _make_budget_rows(calibration: Calibration | None) -> list[Mapping[str, Any]]:
+    if calibration is None:
         return []
     return [
         {
@@ -211,11 +216,11 @@ def _make_budget_rows(fitted: Calibration | None) -> list[Mapping[str, Any]]:
             "freedom": _NONE if row.freedom is None else f"{row.freedom:.1f}",
             "known": row.known,
         }
-        for row in fitted.budget
+        for row in calibration.budget
     ]
 
 
-def _make_reference_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
+def _make_reference_mass_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
     def format_day(value: dt.date | None) -> str:
         return _NONE if value is None else value.isoformat()
 
@@ -224,7 +229,7 @@ def _make_reference_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
             "id": mass.id,
             "value": format_kilograms_or_dash(mass.value_kg, 3),
             "u": format_kilograms_or_dash(mass.u_kg, 3),
-            "certificate": _describe_certificate(mass),
+            "certificate": _describe_mass_certificate(mass),
             "issuer": mass.certificate_issuer or _NONE,
             "expires": format_day(mass.expires),
             "shared": f"{mass.source}: {format_kilograms_or_dash(mass.shared_u_kg, 3)} kg"
@@ -248,16 +253,24 @@ def _make_reference_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
     return rows
 
 
-def _describe_certificate(mass: ReferenceMass) -> str:
+def _describe_mass_certificate(reference_mass: ReferenceMass) -> str:
     """Certificate of a mass or its source; for a digital one also its signer."""
-    if mass.stated_by:
-        return f"stated by the {mass.stated_by}"
-    signed = f" ({mass.certificate_signature})" if mass.certificate_signature else ""
-    digest = f", SHA-256 {mass.certificate_sha256[:16]}…" if mass.certificate_sha256 else ""
-    return f"{mass.certificate or 'none named'}{signed}{digest}"
+    if reference_mass.stated_by:
+        return f"stated by the {reference_mass.stated_by}"
+    signed = (
+        f" ({reference_mass.certificate_signature})" if reference_mass.certificate_signature else ""
+    )
+    digest = (
+        f", SHA-256 {reference_mass.certificate_sha256[:16]}…"
+        if reference_mass.certificate_sha256
+        else ""
+    )
+    return f"{reference_mass.certificate or 'none named'}{signed}{digest}"
 
 
-def _make_run_rows(document: EvidenceDocument, readings: pl.DataFrame) -> list[Mapping[str, Any]]:
+def _make_campaign_run_rows(
+    document: EvidenceDocument, readings: pl.DataFrame
+) -> list[Mapping[str, Any]]:
     counts = {
         row["run_id"]: row
         for row in readings.group_by("run_id")

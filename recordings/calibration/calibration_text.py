@@ -11,7 +11,7 @@ from analysis.calibration.line.calibration_budget import rank_next_loads
 from estimators.errors import counted, list_some
 from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.campaign_faults import (
-    list_logs_without_machine,
+    list_logs_without_machine_id,
     select_runs_without_date,
 )
 from recordings.calibration.evidence_document import EvidenceDocument
@@ -58,10 +58,13 @@ def write_report_paragraphs(
             *_describe_learnt_priors(document),
             *(describe_one_day_limits(document) if document.kind == "calibration" else ()),
             *(_describe_driving_unlike_campaign(fitted) if document.kind == "calibration" else ()),
-            *(_describe_next_load(fitted) if document.kind == "calibration" else ()),
+            *(_describe_most_useful_next_load(fitted) if document.kind == "calibration" else ()),
         ]
     if document.kind == "calibration":
-        found += [*describe_line_as_found(document), *_describe_notary_logs(document)]
+        found += [
+            *describe_previous_line_as_found(document),
+            *_describe_logs_of_notary_list(document),
+        ]
     return found
 
 
@@ -86,7 +89,7 @@ def describe_undetectable_faults(document: EvidenceDocument) -> list[str]:
         else ()
     )
     return [
-        _describe_unlisted_runs(document),
+        _describe_runs_possibly_left_out(document),
         *_UNSEEN,
         *_describe_recording_machine(document),
         *first,
@@ -95,7 +98,7 @@ def describe_undetectable_faults(document: EvidenceDocument) -> list[str]:
     ]
 
 
-def _describe_unlisted_runs(document: EvidenceDocument) -> str:
+def _describe_runs_possibly_left_out(document: EvidenceDocument) -> str:
     """Sentence on runs that may have been left out."""
     stretch = document.campaign.notary
     if stretch is None:
@@ -108,7 +111,7 @@ def _describe_unlisted_runs(document: EvidenceDocument) -> str:
     )
 
 
-def _describe_notary_logs(document: EvidenceDocument) -> list[str]:
+def _describe_logs_of_notary_list(document: EvidenceDocument) -> list[str]:
     """Sentences on the recorder's logs in the campaign."""
     stretch = document.campaign.notary
     if stretch is None:
@@ -124,7 +127,7 @@ def _describe_notary_logs(document: EvidenceDocument) -> list[str]:
 
 def _describe_recording_machine(document: EvidenceDocument) -> Iterator[str]:
     """Sentences on whether this machine recorded the logs."""
-    without = list_logs_without_machine(document.logs)
+    without = list_logs_without_machine_id(document.logs)
     told = len(document.logs) - len(without)
     if without:
         yield (
@@ -202,7 +205,7 @@ def _describe_driving_unlike_campaign(calibration: Calibration) -> list[str]:
     ]
 
 
-def _describe_next_load(calibration: Calibration) -> list[str]:
+def _describe_most_useful_next_load(calibration: Calibration) -> list[str]:
     """Sentence on the load to run next."""
     best = rank_next_loads(calibration)[0]
     return [
@@ -278,7 +281,7 @@ def _describe_estimate_error(
     return f"{text}."
 
 
-def describe_line_as_found(document: EvidenceDocument) -> list[str]:
+def describe_previous_line_as_found(document: EvidenceDocument) -> list[str]:
     """Sentences on the previous line, and its errors on these runs."""
     found, link, fitted = document.as_found, document.chain.previous, document.calibration
     if found is None or link is None:
@@ -290,11 +293,12 @@ def describe_line_as_found(document: EvidenceDocument) -> list[str]:
     )
     return [
         f"As found, the line of evidence number {link.counter} held: α {found.alpha_1:.4f}, β "
-        f"{found.beta_kg:,.1f} kg{error}.{'' if fitted is None else _describe_line_as_left(fitted)}"
+        f"{found.beta_kg:,.1f} "
+        f"kg{error}.{'' if fitted is None else _describe_new_line_as_left(fitted)}"
     ]
 
 
-def _describe_line_as_left(calibration: Calibration) -> str:
+def _describe_new_line_as_left(calibration: Calibration) -> str:
     return f" As left: α {calibration.alpha_1:.4f}, β {calibration.beta_kg:,.1f} kg."
 
 

@@ -13,7 +13,7 @@ from recordings.calibration.evidence_document import EvidenceDocument, EvidenceL
 _BEGINS: Final = "%Y-%m-%d %H:%M:%S UTC"
 
 
-def parse_log_begin(log: EvidenceLog) -> dt.datetime | None:
+def parse_begin_time_of_log(log: EvidenceLog) -> dt.datetime | None:
     """Begin of a log; None without absolute time."""
     try:
         return dt.datetime.strptime(log.begins, _BEGINS).replace(tzinfo=dt.UTC)
@@ -21,11 +21,11 @@ def parse_log_begin(log: EvidenceLog) -> dt.datetime | None:
         return None
 
 
-def find_day_faults(
+def iter_contradicted_run_days(
     campaign: CalibrationCampaign,
     logs: Sequence[EvidenceLog],
     zone: ZoneInfo,
-    creation: dt.datetime,
+    evidence_creation: dt.datetime,
 ) -> Iterator[str]:
     """Yield a sentence for each run whose stated day disagrees with its log or with the evidence.
 
@@ -33,18 +33,19 @@ def find_day_faults(
         campaign: the campaign.
         logs: the replayed logs.
         zone: time zone of the machine.
-        creation: time at which the evidence was made.
+        evidence_creation: time at which the evidence was made.
     """
     by_name = {each.log: each for each in logs}
     for run in campaign.runs:
         log = by_name.get(run.log)
-        begin = None if log is None else parse_log_begin(log)
+        begin = None if log is None else parse_begin_time_of_log(log)
         if log is None:
             continue
         if begin is None:
-            if run.day > creation.astimezone(zone).date():
+            if run.day > evidence_creation.astimezone(zone).date():
                 yield (
-                    f"run '{run.id}' of {run.day}: is after the evidence was made, {creation:%F %R}"
+                    f"run '{run.id}' of {run.day}: is after the evidence was made, "
+                    f"{evidence_creation:%F %R}"
                 )
             continue
         start, end = _compute_run_span(run, log, begin)
@@ -54,16 +55,16 @@ def find_day_faults(
                 f"run '{run.id}' of {run.day}: its log {run.log} was recorded on {first} in the "
                 f"machine's time zone, {zone.key}"
             )
-        if end > creation + dt.timedelta(seconds=LIMITS.clock_difference_s):
+        if end > evidence_creation + dt.timedelta(seconds=LIMITS.clock_difference_s):
             yield (
                 f"run '{run.id}': its log {run.log} ends {end:%F %R} UTC, after the evidence was "
-                f"made, {creation:%F %R} UTC"
+                f"made, {evidence_creation:%F %R} UTC"
             )
 
 
 def select_runs_without_date(document: EvidenceDocument) -> list[CampaignRun]:
     """Runs whose logs have no absolute time, so that their days are unproven."""
-    without = {each.log for each in document.logs if parse_log_begin(each) is None}
+    without = {each.log for each in document.logs if parse_begin_time_of_log(each) is None}
     return [run for run in document.campaign.runs if run.log in without]
 
 
@@ -73,15 +74,17 @@ def parse_creation_time(document: EvidenceDocument) -> dt.datetime:
 
 
 def _compute_run_span(
-    run: CampaignRun, log: EvidenceLog, begin: dt.datetime
+    run: CampaignRun, log: EvidenceLog, log_begin: dt.datetime
 ) -> tuple[dt.datetime, dt.datetime]:
     """Begin and end of a run, in absolute time."""
     from_s = min(run.from_s or 0.0, log.duration_s)
     to_s = log.duration_s if run.to_s is None else min(run.to_s, log.duration_s)
-    return begin + dt.timedelta(seconds=from_s), begin + dt.timedelta(seconds=max(from_s, to_s))
+    return log_begin + dt.timedelta(seconds=from_s), log_begin + dt.timedelta(
+        seconds=max(from_s, to_s)
+    )
 
 
-def find_machine_faults(
+def iter_contradictions_to_machine(
     serial_number: str, machine: Machine, logs: Sequence[EvidenceLog]
 ) -> Iterator[str]:
     """Yield contradictions to the machine of a campaign, a sentence each.
@@ -104,6 +107,6 @@ def find_machine_faults(
             )
 
 
-def list_logs_without_machine(logs: Sequence[EvidenceLog]) -> list[str]:
+def list_logs_without_machine_id(logs: Sequence[EvidenceLog]) -> list[str]:
     """Logs that do not name the machine that recorded them."""
     return [log.log for log in logs if not log.machine_id]

@@ -38,21 +38,21 @@ def make_certificate_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
         *([("received", about.received.isoformat())] if about.received else []),
         ("work done", work),
         ("issued", document.made[:10]),
-        ("authorised by", _format_person(about.authoriser, about.authoriser_function)),
-        ("made by", _format_person(about.author, about.author_function)),
+        ("authorised by", _format_person_and_function(about.authoriser, about.authoriser_function)),
+        ("made by", _format_person_and_function(about.author, about.author_function)),
         ("deviations from the method", about.deviations or NOT_STATED),
         ("replaces", replaced),
-        *make_condition_rows(document),
+        *make_run_condition_rows(document),
     ]
 
 
-def _format_person(name: str, function: str) -> str:
+def _format_person_and_function(name: str, function: str) -> str:
     if not name:
         return NOT_STATED
     return f"{name}, {function or 'function ' + NOT_STATED}"
 
 
-def make_condition_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
+def make_run_condition_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
     """Rows of the conditions of the runs, with all their values."""
     shown = {
         "temperature_degC": ("air temperature", "{:g} °C"),
@@ -77,7 +77,7 @@ def make_traceability_warnings(document: EvidenceDocument) -> list[str]:
     return [f"NOT TRACEABLE: {'; '.join(untraceable)}."] if untraceable else []
 
 
-def list_missing_certificate_statements(document: EvidenceDocument) -> list[str]:
+def describe_missing_certificate_statements(document: EvidenceDocument) -> list[str]:
     """Sentence that lists the statements of a certificate that the campaign file lacks, if any."""
     keys = document.campaign.missing_certificate_keys
     if not keys:
@@ -151,6 +151,6 @@ def iter_accuracy_class_sentences(document: EvidenceDocument) -> Iterator[str]:
     )
 
 
-def read_issue_day(document: EvidenceDocument) -> dt.date:
+def read_certificate_issue_day(document: EvidenceDocument) -> dt.date:
     """Date of issue."""
     return dt.date.fromisoformat(document.made[:10])

@@ -4,6 +4,7 @@ import datetime as dt
 import hashlib
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 from recordings.calibration.bundle_folder import EVIDENCE
 from recordings.calibration.bundle_limits import LIMITS
@@ -13,24 +14,24 @@ from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument
 
 
-def check_chain_counter(bundle: CheckedBundle, document: EvidenceDocument) -> None:
+def check_counter_of_chain_link(checked_bundle: CheckedBundle, document: EvidenceDocument) -> None:
     """Check that the counter is one more than that of the link."""
     link = document.chain.previous
     if document.chain.counter != (1 if link is None else link.counter + 1):
-        bundle.add_finding(
+        checked_bundle.add_finding(
             BundleOutcome.TAMPERED,
             f"{EVIDENCE}: chain.counter",
             "does not follow that of the previous link",
         )
 
 
-def check_chain(
-    bundle: CheckedBundle, document: EvidenceDocument, previous: CheckedBundle | None
+def check_link_to_previous_evidence(
+    checked_bundle: CheckedBundle, document: EvidenceDocument, previous: CheckedBundle | None
 ) -> None:
     """Check that evidence follows its previous evidence.
 
     Args:
-        bundle: receives the findings.
+        checked_bundle: receives the findings.
         document: the evidence.
         previous: the previous evidence, checked; None if not given.
     """
@@ -38,35 +39,39 @@ def check_chain(
     link = chain.previous
     if previous is None:
         if link is not None:
-            bundle.notes.append(
+            checked_bundle.notes.append(
                 f"chained to evidence {link.id} (number {link.counter}), which was not given; "
                 "give it with --previous to check it"
             )
         return
     last = previous.document
-    for each in previous.faults:
-        bundle.add_finding(each.outcome, f"the evidence before: {each.item}", each.what)
+    for each in previous.evidence_faults:
+        checked_bundle.add_finding(each.outcome, f"the evidence before: {each.item}", each.what)
     if last is None:
-        bundle.add_finding(BundleOutcome.INCOMPLETE, "the evidence before", "cannot be read")
+        checked_bundle.add_finding(
+            BundleOutcome.INCOMPLETE, "the evidence before", "cannot be read"
+        )
         return
-    bundle.notes.append(f"the evidence before, number {last.chain.counter}: {previous.signed_by}")
+    checked_bundle.notes.append(
+        f"the evidence before, number {last.chain.counter}: {previous.signed_by}"
+    )
     if last.campaign.machine.id != document.campaign.machine.id:
-        bundle.add_finding(
+        checked_bundle.add_finding(
             BundleOutcome.TAMPERED, item, "the previous evidence belongs to another machine"
         )
     if chain.counter <= last.chain.counter:
-        bundle.add_finding(
+        checked_bundle.add_finding(
             BundleOutcome.TAMPERED,
             f"{item}.counter",
             f"is {chain.counter}, and that before it {last.chain.counter}: the counter only "
             "grows, so this evidence is older",
         )
     elif link is None:
-        bundle.add_finding(
+        checked_bundle.add_finding(
             BundleOutcome.TAMPERED, item, "names no previous evidence, although there is some"
         )
-    elif link.id != last.id or link.sums_sha256 != digest_chain_link(previous):
-        bundle.add_finding(
+    elif link.id != last.id or link.sums_sha256 != digest_evidence_for_chain_link(previous):
+        checked_bundle.add_finding(
             BundleOutcome.TAMPERED,
             f"{item}.previous",
             "is other evidence than the previous evidence given",
@@ -76,29 +81,36 @@ def check_chain(
             seconds=LIMITS.clock_difference_s
         ):
             what = f"is before the evidence that it follows was made, {last.made}"
-            bundle.add_finding(BundleOutcome.TAMPERED, f"{EVIDENCE}: made", what)
-        _check_as_found(bundle, document, last)
+            checked_bundle.add_finding(BundleOutcome.TAMPERED, f"{EVIDENCE}: made", what)
+        _check_line_as_found(checked_bundle, document, last)
         if document.kind == "check":
-            _check_parts_copied_by_mass_check(bundle, document, last)
+            _check_content_copied_by_mass_check(checked_bundle, document, last)
 
 
-def digest_chain_link(bundle: CheckedBundle) -> str:
+def digest_evidence_for_chain_link(bundle: CheckedBundle) -> str:
     """Digest by which a link refers to evidence."""
     return hashlib.sha256(bundle.sums).hexdigest()
 
 
+class ChainCheck(NamedTuple):
+    """Findings on the chains of machines, and notes on their signers."""
+
+    findings: list[BundleFinding]
+    notes: list[str]
+
+
 def check_chains_of_bundles(
-    bundles: Sequence[CheckedBundle],
-) -> tuple[list[BundleFinding], list[str]]:
+    checked_bundles: Sequence[CheckedBundle],
+) -> ChainCheck:
     """Check several bundles of a machine as a chain.
 
     Args:
-        bundles: bundles checked by themselves, in any order; unreadable ones are skipped.
+        checked_bundles: bundles checked by themselves, in any order; unreadable ones are skipped.
 
     Returns:
         Gaps, forks and wrong links; and a sentence on the signer of each number.
     """
-    by_digest = {digest_chain_link(each): each for each in bundles}
+    by_digest = {digest_evidence_for_chain_link(each): each for each in checked_bundles}
     known = [(each.document, each) for each in by_digest.values() if each.document is not None]
     ordered = sorted(known, key=lambda pair: (pair[0].chain.counter, pair[0].made, pair[0].id))
     found: list[BundleFinding] = []
@@ -113,7 +125,7 @@ def check_chains_of_bundles(
             found.append(BundleFinding(BundleOutcome.TAMPERED, item, what))
         elif after == number + 1:
             link = CheckedBundle()
-            check_chain(link, document, before)
+            check_link_to_previous_evidence(link, document, before)
             found += [
                 BundleFinding(each.outcome, f"{item}: {each.item}", each.what)
                 for each in link.findings
@@ -128,46 +140,46 @@ def check_chains_of_bundles(
                     f"is missing between {last.id} and {document.id}",
                 )
             )
-    return found, list(_describe_chain_signers(ordered))
+    return ChainCheck(found, list(_iter_chain_signer_sentences(ordered)))
 
 
-def _describe_chain_signers(
-    ordered: Sequence[tuple[EvidenceDocument, CheckedBundle]],
+def _iter_chain_signer_sentences(
+    ordered_bundles: Sequence[tuple[EvidenceDocument, CheckedBundle]],
 ) -> Iterator[str]:
     """Sentences on the signer of each, and the begin of the chain."""
-    if not ordered:
+    if not ordered_bundles:
         return
-    machine, first = ordered[0][0].campaign.machine.id, ordered[0][0].chain
+    machine, first = ordered_bundles[0][0].campaign.machine.id, ordered_bundles[0][0].chain
     if first.previous is not None:
         yield (
             f"machine {machine}: the chain given begins with number {first.counter}; what is "
             "before it was not given"
         )
-    for document, bundle in ordered:
+    for document, bundle in ordered_bundles:
         yield (
             f"machine {machine}: number {document.chain.counter}, a {document.kind} of "
             f"{document.made}: {bundle.signed_by}"
         )
 
 
-def _check_parts_copied_by_mass_check(
-    bundle: CheckedBundle, document: EvidenceDocument, previous: EvidenceDocument
+def _check_content_copied_by_mass_check(
+    checked_bundle: CheckedBundle, document: EvidenceDocument, previous: EvidenceDocument
 ) -> None:
     """Check the parts that a single-mass check copies from the calibration."""
     for name in ("calibration", "expires", "machine", "learnt", "options"):
         if getattr(document, name) != getattr(previous, name):
             what = "is not that of the previous evidence, which it checks"
-            bundle.add_finding(BundleOutcome.TAMPERED, f"{EVIDENCE}: {name}", what)
+            checked_bundle.add_finding(BundleOutcome.TAMPERED, f"{EVIDENCE}: {name}", what)
 
 
-def _check_as_found(
-    bundle: CheckedBundle, document: EvidenceDocument, previous: EvidenceDocument
+def _check_line_as_found(
+    checked_bundle: CheckedBundle, document: EvidenceDocument, previous: EvidenceDocument
 ) -> None:
     """Check that the as-found line is that of the previous evidence."""
     found, line = document.as_found, previous.calibration
     wanted = None if line is None else (previous.id, line.alpha_1, line.beta_kg)
     if (None if found is None else (found.evidence_id, found.alpha_1, found.beta_kg)) != wanted:
-        bundle.add_finding(
+        checked_bundle.add_finding(
             BundleOutcome.IRREPRODUCIBLE,
             f"{EVIDENCE}: as_found",
             "is not the previous line",

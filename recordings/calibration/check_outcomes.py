@@ -72,7 +72,7 @@ def find_most_severe_outcome(findings: Sequence[BundleFinding]) -> BundleOutcome
     return next((outcome for outcome in ORDER if outcome in found), None)
 
 
-def format_verdict(
+def format_bundle_verdict(
     bundle_name: Path, findings: Sequence[BundleFinding], text_without_findings: str
 ) -> str:
     """Result of a check in a sentence.

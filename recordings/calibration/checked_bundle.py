@@ -40,13 +40,13 @@ class CheckedBundle:
     proven_day: dt.date | None = None
 
     @property
-    def faults(self) -> list[BundleFinding]:
+    def evidence_faults(self) -> list[BundleFinding]:
         """Findings that invalidate evidence, without those about the machine itself."""
         return [each for each in self.findings if each.outcome in FAULTS]
 
-    def add_finding(self, outcome: BundleOutcome, item: str, text: str) -> None:
+    def add_finding(self, outcome: BundleOutcome, item_name: str, text: str) -> None:
         """Add a finding."""
-        self.findings.append(BundleFinding(outcome, item, text))
+        self.findings.append(BundleFinding(outcome, item_name, text))
 
 
 def read_content_in_memory(files: Mapping[str, BundleFile], name: str) -> bytes:

@@ -42,7 +42,7 @@ def make_estimator_with_digest(
         evidence_format: format of the evidence; earlier ones digest more.
     """
     own = (
-        _mass_definition_up_to_format_3(machine)
+        _select_mass_settings_up_to_format_3(machine)
         if evidence_format in _WHOLE_FORMATS
         else select_mass_defining_settings(machine)
     )
@@ -65,7 +65,7 @@ def select_mass_defining_settings(machine: Machine) -> dict[str, Any]:
     return values
 
 
-def _mass_definition_up_to_format_3(machine: Machine) -> dict[str, Any]:
+def _select_mass_settings_up_to_format_3(machine: Machine) -> dict[str, Any]:
     """Mass definition of formats up to 3, which includes time zone and place."""
     values = machine.model_dump(mode="json")
     values["machine"].pop("id", None)
@@ -74,15 +74,15 @@ def _mass_definition_up_to_format_3(machine: Machine) -> dict[str, Any]:
 
 
 def remove_dotted_names(
-    values: Mapping[str, Any], names: Container[str], prefix: str = ""
+    values: Mapping[str, Any], dotted_names: Container[str], prefix: str = ""
 ) -> dict[str, Any]:
     """Values without some dotted names."""
     return {
-        name: remove_dotted_names(value, names, f"{prefix}{name}.")
+        name: remove_dotted_names(value, dotted_names, f"{prefix}{name}.")
         if isinstance(value, dict)
         else value
         for name, value in values.items()
-        if f"{prefix}{name}" not in names
+        if f"{prefix}{name}" not in dotted_names
     }
 
 
@@ -98,7 +98,7 @@ def make_reference_loads_and_covariance(
     return loads, tuple(tuple(map(float, row)) for row in covariance_kg2)
 
 
-def evaluate_previous_line(
+def evaluate_previous_line_as_found(
     previous: EvidenceDocument | None,
     previous_estimator: Estimator | None,
     estimator: Estimator,
@@ -120,10 +120,10 @@ def evaluate_previous_line(
     )
     if previous_estimator != estimator:
         return found
-    return found.model_copy(update={"rms_error_kg": compute_rms_error_kg(found, points)})
+    return found.model_copy(update={"rms_error_kg": compute_rms_error_of_line_kg(found, points)})
 
 
-def compute_rms_error_kg(line: AsFound, points: pl.DataFrame) -> float | None:
+def compute_rms_error_of_line_kg(line: AsFound, points: pl.DataFrame) -> float | None:
     """Root mean square error of the calibrated masses of the points by this line."""
     errors = [
         line.alpha_1 * row["mean_kg"] + line.beta_kg - row["reference_kg"]

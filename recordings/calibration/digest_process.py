@@ -25,9 +25,9 @@ _COUNTER: Final = re.compile(r"\d+\s*/\s*\d+\s*\Z")
 
 def main() -> None:
     """Digest recordings or extract words of PDFs, by the first argument; the others are files."""
-    _limit_memory_and_time_of_process()
+    _limit_memory_and_processor_time()
     kind, *files = sys.argv[1:]
-    read = {"recording": _digest_recording, "pdf": _extract_pdf_words}[kind]
+    read = {"recording": _digest_recording, "pdf": _extract_words_of_pdf}[kind]
     sys.stdout.write(json.dumps([read(Path(each)) for each in files]))
 
 
@@ -51,7 +51,7 @@ def _digest_recording(path: Path) -> dict[str, Any]:
     }
 
 
-def _extract_pdf_words(path: Path) -> dict[str, Any]:
+def _extract_words_of_pdf(path: Path) -> dict[str, Any]:
     """Words of a PDF, or the fault that makes it unreadable, as the reader's JSON output."""
     from pypdf import PdfReader
     from pypdf.errors import PyPdfError
@@ -66,7 +66,7 @@ def _extract_pdf_words(path: Path) -> dict[str, Any]:
     return {"words": [word for text in texts for word in text.split()]}
 
 
-def _limit_memory_and_time_of_process() -> None:
+def _limit_memory_and_processor_time() -> None:
     """Bound memory and time, where the system can."""
     try:
         import resource

@@ -25,11 +25,11 @@ from analysis.model.strict_config import STRICT
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.released_defaults import (
-    find_absent_settings,
-    find_changed_defaults,
-    insert_dotted_values,
+    list_absent_settings_changed_since,
+    list_settings_absent_in_evidence,
     load_released_defaults,
     remove_dotted_values,
+    with_dotted_values_replaced,
 )
 from recordings.signatures.canonical_json import encode_canonical_json, parse_canonical_json
 
@@ -216,7 +216,7 @@ class EvidenceDocument(BaseModel):
     _put_in: dict[str, Any] = PrivateAttr(default_factory=dict[str, Any])
 
     @property
-    def json_bytes(self) -> bytes:
+    def canonical_json_bytes(self) -> bytes:
         """The bytes of `evidence.json`: a setting that came later stays out of earlier evidence."""
         left_out = _NOT_IN_FIRST if self.format == _FIRST else None
         values = self.model_dump(mode="json", exclude=left_out, exclude_unset=True)
@@ -226,22 +226,24 @@ class EvidenceDocument(BaseModel):
     def settings_at_default(self) -> dict[str, Any]:
         """Settings newer than the evidence: dotted names with the default each is read with."""
         return {
-            **find_absent_settings(self.machine, "machine."),
-            **find_absent_settings(self.campaign, "campaign."),
+            **list_settings_absent_in_evidence(self.machine, "machine."),
+            **list_settings_absent_in_evidence(self.campaign, "campaign."),
             **self._put_in,
         }
 
-    def fill_in_released_defaults(self, values: Mapping[str, Any]) -> "EvidenceDocument":
+    def with_released_defaults(self, values: Mapping[str, Any]) -> "EvidenceDocument":
         """Fill in settings newer than the evidence at the default they were released with.
 
         Args:
             values: `evidence.json`, that it was read from.
         """
-        changed = find_changed_defaults(self.settings_at_default, load_released_defaults())
+        changed = list_absent_settings_changed_since(
+            self.settings_at_default, load_released_defaults()
+        )
         if not changed:
             return self
         document = EvidenceDocument.model_validate_json(
-            encode_canonical_json(insert_dotted_values(values, changed))
+            encode_canonical_json(with_dotted_values_replaced(values, changed))
         )
         document._put_in = changed  # noqa: SLF001  its own
         return document
@@ -254,7 +256,7 @@ class EvidenceDocument(BaseModel):
         )
 
     @property
-    def other_version_text(self) -> str:
+    def other_payscope_version(self) -> str:
         """Version that made it; "" for this one. Other versions word the page differently."""
         made = self.software.payscope
         if made == version("payscope") and self.format == FORMAT:
@@ -275,25 +277,25 @@ class EvidenceDocument(BaseModel):
             else apply_learnt_priors_to_machine(self.machine, self.learnt.terms)
         )
 
-    def find_log(self, name: str) -> EvidenceLog | None:
+    def find_log_by_name(self, name: str) -> EvidenceLog | None:
         """The log of that name."""
         return next((each for each in self.logs if each.log == name), None)
 
 
-def parse_evidence(data: bytes, source: str) -> EvidenceDocument:
+def parse_untrusted_evidence(json_bytes: bytes, source: str) -> EvidenceDocument:
     """Read `evidence.json` of a stranger.
 
     Raises:
         UnknownFormatError: it says that another version made it, and holds what this one lacks.
         EvidenceError: no canonical JSON within its bounds, or not as the schema has it.
     """
-    values = parse_canonical_json(data, source)
+    values = parse_canonical_json(json_bytes, source)
     try:
-        document = EvidenceDocument.model_validate_json(data)
+        document = EvidenceDocument.model_validate_json(json_bytes)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))
-        made = find_other_payscope_version(values)
+        made = find_stated_other_version(values)
         if made:
             raise UnknownFormatError(
                 f"{source}: made by {made}, and payscope "
@@ -304,18 +306,20 @@ def parse_evidence(data: bytes, source: str) -> EvidenceDocument:
         raise EvidenceError(
             f"{source}: {where}: {first['msg']}, which the schema of evidence does not allow"
         ) from None
-    if document.json_bytes != data:
+    if document.canonical_json_bytes != json_bytes:
         raise EvidenceError(
             f"{source}: holds a value of a type that the schema of evidence does not allow"
         )
-    return document.fill_in_released_defaults(values)
+    return document.with_released_defaults(values)
 
 
-def find_other_payscope_version(values: Any) -> str:
+def find_stated_other_version(document_values: Any) -> str:
     """Other version that a document states as its own; "" if it is this one, or none."""
-    if not isinstance(values, dict) or not isinstance(values.get("software"), dict):
+    if not isinstance(document_values, dict) or not isinstance(
+        document_values.get("software"), dict
+    ):
         return ""
-    made, form = values["software"].get("payscope"), values.get("format")
+    made, form = document_values["software"].get("payscope"), document_values.get("format")
     if not isinstance(made, str) or not isinstance(form, str):
         return ""
     own = made == version("payscope") and form == FORMAT

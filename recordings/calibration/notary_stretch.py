@@ -7,72 +7,77 @@ from typing import Final
 from analysis.calibration.campaign.campaign_plan import NotaryStretch
 from recordings.calibration.bundle_folder import NOTARY
 from recordings.calibration.bundle_limits import LIMITS
-from recordings.calibration.campaign_faults import parse_creation_time, parse_log_begin
+from recordings.calibration.campaign_faults import parse_begin_time_of_log, parse_creation_time
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
-from recordings.notary.notary_check import CheckedList, check_notary_list, parse_list_time
-from recordings.notary.notary_list import NotaryEntry, split_whole_lines
+from recordings.notary.notary_check import CheckedList, check_untrusted_notary_list, parse_list_time
+from recordings.notary.notary_list import NotaryEntry, split_list_into_whole_lines_and_tail
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signed_by import SignedBy
 
 _CLOCK: Final = dt.timedelta(seconds=LIMITS.clock_difference_s)
 
 
-def cut_notary_stretch(data: bytes, stretch: NotaryStretch) -> bytes:
+def cut_range_from_notary_list(list_bytes: bytes, list_range: NotaryStretch) -> bytes:
     """Head of a list and the lines of a part of it, for a bundle.
 
     Args:
-        data: the whole list, checked.
-        stretch: counters of the part; missing lines are found by the check.
+        list_bytes: the whole list, checked.
+        list_range: counters of the part; missing lines are found by the check.
     """
-    whole, _ = split_whole_lines(data)
-    return b"".join(line + b"\n" for line in (*whole[:1], *whole[stretch.first : stretch.last + 1]))
+    whole, _ = split_list_into_whole_lines_and_tail(list_bytes)
+    return b"".join(
+        line + b"\n" for line in (*whole[:1], *whole[list_range.first : list_range.last + 1])
+    )
 
 
-def check_notary_stretch(
-    bundle: CheckedBundle, document: EvidenceDocument, data: bytes | None, keyring: Keyring
+def check_notary_list_range(
+    checked_bundle: CheckedBundle,
+    document: EvidenceDocument,
+    list_bytes: bytes | None,
+    keyring: Keyring,
 ) -> None:
     """Check the part of a list in a bundle, and that its campaign agrees with it.
 
     Args:
-        bundle: the bundle; receives findings and notary.
+        checked_bundle: the bundle; receives findings and notary.
         document: its evidence.
-        data: the part of the list; None without one.
+        list_bytes: the part of the list; None without one.
         keyring: keys kept by the user.
     """
     stretch = document.campaign.notary
     if stretch is None:
-        if data is not None:
-            bundle.add_finding(
+        if list_bytes is not None:
+            checked_bundle.add_finding(
                 BundleOutcome.TAMPERED, NOTARY, "is a list, but the campaign names none"
             )
         return
-    if data is None:
-        bundle.add_finding(
+    if list_bytes is None:
+        checked_bundle.add_finding(
             BundleOutcome.INCOMPLETE, NOTARY, "is missing, although the campaign names it"
         )
         return
-    kept = check_notary_list(data, dt.datetime.now(dt.UTC), stretch.first)
-    bundle.findings += find_stretch_faults(document, stretch, kept)
+    kept = check_untrusted_notary_list(list_bytes, dt.datetime.now(dt.UTC), stretch.first)
+    checked_bundle.findings += iter_faults_of_notary_list_range(document, stretch, kept)
     reasons = stretch.omission_reasons_by_log
-    bundle.notes += [
+    checked_bundle.notes += [
         f"{NOTARY}: {each.what} (left out: {reasons[each.counter]})"
         for each in kept.faults
         if not each.forged and each.counter in reasons
     ]
-    bundle.notes += [f"{NOTARY}: {note}" for note in kept.notes]
-    bundle.notarised_by = identify_notary_signer(bundle, document, kept, keyring)
+    checked_bundle.notes += [f"{NOTARY}: {note}" for note in kept.notes]
+    checked_bundle.notarised_by = identify_notary_signer(checked_bundle, document, kept, keyring)
 
 
-def find_stretch_faults(
-    document: EvidenceDocument, stretch: NotaryStretch, checked_list: CheckedList
+def iter_faults_of_notary_list_range(
+    document: EvidenceDocument, list_range: NotaryStretch, checked_list: CheckedList
 ) -> Iterator[BundleFinding]:
     """Yield errors in a part of a list, or in the campaign's account of it."""
     for fault in checked_list.faults:
         if fault.forged:
             yield BundleFinding(BundleOutcome.TAMPERED, NOTARY, fault.what)
-        elif fault.counter not in stretch.omission_reasons_by_log:
+        elif fault.counter not in list_range.omission_reasons_by_log:
             yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, fault.what)
     if checked_list.head is None:
         return
@@ -81,24 +86,24 @@ def find_stretch_faults(
         listed_machine = checked_list.head.machine_id
         what = f"is the list of machine '{listed_machine}', but the campaign is for '{machine}'"
         yield BundleFinding(BundleOutcome.TAMPERED, NOTARY, what)
-    listed = {entry.counter for entry in checked_list.entries}
-    for number in range(stretch.first, stretch.last + 1):
+    listed = {entry.counter for entry in checked_list.log_entries}
+    for number in range(list_range.first, list_range.last + 1):
         if number not in listed:
             what = f"number {number} is missing, although the campaign names it"
             yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
-    for what in find_unaccounted_logs(stretch, document.logs, checked_list.entries):
+    for what in iter_unaccounted_logs(list_range, document.logs, checked_list.log_entries):
         yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
-    yield from find_notary_contradictions(document, stretch, checked_list.entries)
+    yield from iter_contradictions_to_notary_list(document, list_range, checked_list.log_entries)
 
 
-def find_unaccounted_logs(
-    stretch: NotaryStretch, logs: Sequence[EvidenceLog], entries: Sequence[NotaryEntry]
+def iter_unaccounted_logs(
+    list_range: NotaryStretch, logs: Sequence[EvidenceLog], list_entries: Sequence[NotaryEntry]
 ) -> Iterator[str]:
     """Yield logs that are neither used nor left out, and used logs without a line."""
-    for entry in entries:
-        if not stretch.first <= entry.counter <= stretch.last:
+    for entry in list_entries:
+        if not list_range.first <= entry.counter <= list_range.last:
             yield f"number {entry.counter} is not among the numbers that the campaign names"
-        elif entry.counter not in stretch.omission_reasons_by_log and not any(
+        elif entry.counter not in list_range.omission_reasons_by_log and not any(
             _is_entry_of_log(log, entry) for log in logs
         ):
             yield (
@@ -106,21 +111,21 @@ def find_unaccounted_logs(
                 "neither in the campaign nor left out with a reason"
             )
     for log in logs:
-        if not any(_is_entry_of_log(log, entry) for entry in entries):
-            yield f"{log.log}: is not listed among numbers {stretch.first} to {stretch.last}"
+        if not any(_is_entry_of_log(log, entry) for entry in list_entries):
+            yield f"{log.log}: is not listed among numbers {list_range.first} to {list_range.last}"
 
 
-def _is_entry_of_log(log: EvidenceLog, entry: NotaryEntry) -> bool:
+def _is_entry_of_log(log: EvidenceLog, list_entry: NotaryEntry) -> bool:
     """Whether a line is of this log: its files include all that were read."""
-    return {file.sha256 for file in log.files} <= {file.sha256 for file in entry.files}
+    return {file.sha256 for file in log.files} <= {file.sha256 for file in list_entry.files}
 
 
-def find_notary_contradictions(
-    document: EvidenceDocument, stretch: NotaryStretch, entries: Sequence[NotaryEntry]
+def iter_contradictions_to_notary_list(
+    document: EvidenceDocument, list_range: NotaryStretch, list_entries: Sequence[NotaryEntry]
 ) -> Iterator[BundleFinding]:
     """Yield contradictions between list and evidence."""
     made, machine = parse_creation_time(document), document.campaign.machine.id
-    for entry in entries:
+    for entry in list_entries:
         number = entry.counter
         own = next((log for log in document.logs if _is_entry_of_log(log, entry)), None)
         listed = parse_list_time(entry.listed)
@@ -128,11 +133,11 @@ def find_notary_contradictions(
         said = ""
         if listed > made + _CLOCK:
             said = f"number {number} was listed {entry.listed}, after the evidence was made"
-        elif own is not None and number in stretch.omission_reasons_by_log:
+        elif own is not None and number in list_range.omission_reasons_by_log:
             said = f"number {number} is left out, although {own.log} is a log of the campaign"
         elif own is not None and entry.machine_id not in ("", machine):
             said = f"number {number} names machine '{entry.machine_id}', the campaign '{machine}'"
-        elif own is not None and not does_log_begin_within_entry(own, entry):
+        elif own is not None and not does_log_begin_within_list_entry(own, entry):
             said = (
                 f"number {number}: {own.log} begins {own.begins}, but the list states "
                 f"{entry.begins}"
@@ -141,12 +146,12 @@ def find_notary_contradictions(
             yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, NOTARY, said)
 
 
-def does_log_begin_within_entry(log: EvidenceLog, entry: NotaryEntry) -> bool:
+def does_log_begin_within_list_entry(log: EvidenceLog, list_entry: NotaryEntry) -> bool:
     """Whether a log begins within the time of its line."""
     begin, first, last = (
-        parse_log_begin(log),
-        parse_list_time(entry.begins),
-        parse_list_time(entry.ends),
+        parse_begin_time_of_log(log),
+        parse_list_time(list_entry.begins),
+        parse_list_time(list_entry.ends),
     )
     if begin is None or first is None or last is None:
         return begin is None or first is None
@@ -154,34 +159,41 @@ def does_log_begin_within_entry(log: EvidenceLog, entry: NotaryEntry) -> bool:
 
 
 def identify_notary_signer(
-    bundle: CheckedBundle, document: EvidenceDocument, checked_list: CheckedList, keyring: Keyring
+    checked_bundle: CheckedBundle,
+    document: EvidenceDocument,
+    checked_list: CheckedList,
+    keyring: Keyring,
 ) -> SignedBy:
     """Identity of the notary, by the user's keyring."""
-    key = checked_list.key
+    key = checked_list.notary_public_key
     if key is None or any(fault.forged for fault in checked_list.faults):
         return SignedBy("broken")
-    known = keyring.find_key(key.key_id)
-    by = SignedBy("unknown", "", "" if known is None else known.owner, key.key_id, key.text)
+    known = keyring.find_key_by_id_or_prefix(key.key_id)
+    by = SignedBy("unknown", "", "" if known is None else known.owner, key.key_id, key.base64_text)
     if document.signer is not None and document.signer.key_id == key.key_id:
-        bundle.notes.append(
+        checked_bundle.notes.append(
             f"{NOTARY}: signed with the same key as this evidence, so it is no independent proof "
             "of when the logs existed"
         )
     if known is None:
-        bundle.notes.append(
+        checked_bundle.notes.append(
             f"{NOTARY}: is {by}: get the key from the keeper of the recorder through another "
             f"channel, and keep it: {by.add_key_command}"
         )
         return by
     last = max(
         (parse_list_time(entry.listed) or parse_creation_time(document))
-        for entry in checked_list.entries
+        for entry in checked_list.log_entries
     )
-    fault = known.distrust_reason(last.date(), bundle.proven_day) if checked_list.entries else ""
+    fault = (
+        known.explain_distrust(last.date(), checked_bundle.proven_day)
+        if checked_list.log_entries
+        else ""
+    )
     if fault:
         outcome = BundleOutcome.TAMPERED if known.revoked else BundleOutcome.INCOMPLETE
-        bundle.add_finding(
+        checked_bundle.add_finding(
             outcome, NOTARY, f"the key of {known.owner}, {key.key_id[:12]}…, {fault}"
         )
         return by
-    return SignedBy("known", "", known.owner, key.key_id, key.text)
+    return SignedBy("known", "", known.owner, key.key_id, key.base64_text)

@@ -25,17 +25,21 @@ def main() -> None:
     found: list[dict[str, Any]] = []
     for asked in json.loads(sys.argv[1]):
         part, data = data[: asked["bytes"]], data[asked["bytes"] :]
-        found.append(_read_table(part, [tuple(column) for column in asked["columns"]]))
+        found.append(
+            _read_parquet_table_as_json(part, [tuple(column) for column in asked["columns"]])
+        )
     sys.stdout.write(json.dumps(found))
 
 
-def _read_table(data: bytes, expected_columns: list[tuple[str, ...]]) -> dict[str, Any]:
+def _read_parquet_table_as_json(
+    parquet_bytes: bytes, expected_columns: list[tuple[str, ...]]
+) -> dict[str, Any]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
-        file = pq.ParquetFile(io.BytesIO(data))
-        fault = _find_table_fault(file, expected_columns)
+        file = pq.ParquetFile(io.BytesIO(parquet_bytes))
+        fault = _describe_table_fault(file, expected_columns)
         if fault:
             return {"fault": fault}
         table = file.read(use_threads=False)
@@ -46,7 +50,7 @@ def _read_table(data: bytes, expected_columns: list[tuple[str, ...]]) -> dict[st
         return {"fault": f"is damaged ({why})"}
 
 
-def _find_table_fault(file: Any, expected_columns: list[tuple[str, ...]]) -> str:
+def _describe_table_fault(file: Any, expected_columns: list[tuple[str, ...]]) -> str:
     about = file.metadata
     if about.num_rows > _MOST_ROWS:
         return f"has {about.num_rows} rows, more than {_MOST_ROWS}"

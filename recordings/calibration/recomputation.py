@@ -3,7 +3,7 @@
 import datetime as dt
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import polars as pl
 from pydantic_core import to_jsonable_python
@@ -23,13 +23,13 @@ from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REP
 from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.calibration_report import render_report_html
 from recordings.calibration.campaign_faults import (
-    find_day_faults,
-    find_machine_faults,
+    iter_contradicted_run_days,
+    iter_contradictions_to_machine,
     parse_creation_time,
 )
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.derived_values import (
-    compute_rms_error_kg,
+    compute_rms_error_of_line_kg,
     make_estimator_with_digest,
     make_reference_loads_and_covariance,
 )
@@ -41,19 +41,26 @@ _NOTHING: Final = (None, "", [], {}, ())
 Findings = Iterator[BundleFinding]
 
 
+class RecomputationResult(NamedTuple):
+    """Findings of a recomputation, and notes on what was not compared."""
+
+    findings: list[BundleFinding]
+    notes: list[str]
+
+
 def compare_bundle_with_recomputed(
     document: EvidenceDocument,
     readings: pl.DataFrame,
     points: pl.DataFrame | None,
-    report: bytes | None,
-) -> tuple[list[BundleFinding], list[str]]:
+    report_html: bytes | None,
+) -> RecomputationResult:
     """Compare the bundle with values recomputed from it.
 
     Args:
         document: the evidence.
         readings: frame `readings`.
         points: frame of the points; None if unreadable.
-        report: content of the page; None without one.
+        report_html: content of the page; None without one.
 
     Returns:
         Differences, and notes for the reader.
@@ -67,43 +74,48 @@ def compare_bundle_with_recomputed(
     notes = [_LATER.format(", ".join(named))] if named else []
     found: list[BundleFinding] = []
     steps: tuple[tuple[str, Callable[[], Iterable[BundleFinding]]], ...] = (
-        (EVIDENCE, lambda: check_evidence_against_campaign(document)),
+        (EVIDENCE, lambda: compare_evidence_with_campaign(document)),
         (READINGS, lambda: check_runs_and_readings(document, readings)),
-        (f"{EVIDENCE}: calibration", lambda: refit_and_compare(document, readings, points, notes)),
-        (REPORT, lambda: compare_report_page(document, readings, points, report)),
+        (
+            f"{EVIDENCE}: calibration",
+            lambda: compare_fit_with_refitted(document, readings, points, notes),
+        ),
+        (REPORT, lambda: compare_report_with_remade(document, readings, points, report_html)),
     )
     for item, step in steps:
-        found += _run_check_step(item, step)
-    found += find_exceeded_limits(document)
-    return found, notes
+        found += _run_step_and_catch_failure(item, step)
+    found += find_exceeded_campaign_limits(document)
+    return RecomputationResult(found, notes)
 
 
-def _run_check_step(item: str, step: Callable[[], Iterable[BundleFinding]]) -> list[BundleFinding]:
+def _run_step_and_catch_failure(
+    item_name: str, iter_findings: Callable[[], Iterable[BundleFinding]]
+) -> list[BundleFinding]:
     """Findings of a step; a failure of the step is a finding as well."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return list(step())
+            return list(iter_findings())
     except Exception as fault:  # noqa: BLE001  a stranger chose the numbers
         said = str(fault)[: LIMITS.fault_characters]
         what = f"cannot be recomputed ({type(fault).__name__}: {said})"
-        return [BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)]
+        return [BundleFinding(BundleOutcome.IRREPRODUCIBLE, item_name, what)]
 
 
-def compare_report_page(
+def compare_report_with_remade(
     document: EvidenceDocument,
     readings: pl.DataFrame,
     points: pl.DataFrame | None,
-    report: bytes | None,
+    report_html: bytes | None,
 ) -> Findings:
     """Compare the report with one made from the evidence, byte by byte."""
-    if report is None or points is None:
+    if report_html is None or points is None:
         return
-    if render_report_html(document, readings, points).encode() == report:
+    if render_report_html(document, readings, points).encode() == report_html:
         return
-    if document.other_version_text:
+    if document.other_payscope_version:
         what = (
-            f"made by {document.other_version_text}: the page cannot be recomputed here; "
+            f"made by {document.other_payscope_version}: the page cannot be recomputed here; "
             f"compared "
             "by its digest alone"
         )
@@ -114,41 +126,52 @@ def compare_report_page(
         )
 
 
-def find_differences(stored: Any, computed: Any, item: str = "") -> list[tuple[str, bool]]:
+class JsonDifference(NamedTuple):
+    """Place where two JSON values differ."""
+
+    dotted_path: str
+    is_only_rounding: bool
+
+
+def find_differing_json_values(
+    stored: Any, computed: Any, dotted_path: str = ""
+) -> list[JsonDifference]:
     """Places where two JSON values differ, and whether only by rounding."""
     if isinstance(stored, dict) and isinstance(computed, dict):
-        found: list[tuple[str, bool]] = []
+        found: list[JsonDifference] = []
         for name in sorted(set(stored) | set(computed)):
-            inside = f"{item}.{name}" if item else name
+            inside = f"{dotted_path}.{name}" if dotted_path else name
             if name not in stored or name not in computed:
-                found.append((inside, False))
+                found.append(JsonDifference(inside, is_only_rounding=False))
             else:
-                found += find_differences(stored[name], computed[name], inside)
+                found += find_differing_json_values(stored[name], computed[name], inside)
         return found
     if isinstance(stored, list | tuple) and isinstance(computed, list | tuple):
         if len(stored) != len(computed):
-            return [(item, False)]
+            return [JsonDifference(dotted_path, is_only_rounding=False)]
         pairs = zip(stored, computed, strict=True)
         return [
-            each for k, pair in enumerate(pairs) for each in find_differences(*pair, f"{item}.{k}")
+            each
+            for k, pair in enumerate(pairs)
+            for each in find_differing_json_values(*pair, f"{dotted_path}.{k}")
         ]
     if stored == computed and isinstance(stored, bool) == isinstance(computed, bool):
         return []
-    return [(item, differ_only_by_rounding(stored, computed))]
+    return [JsonDifference(dotted_path, do_numbers_differ_only_by_rounding(stored, computed))]
 
 
-def differ_only_by_rounding(stored: Any, computed: Any) -> bool:
+def do_numbers_differ_only_by_rounding(stored: Any, computed: Any) -> bool:
     """Whether two numbers differ only in their last bits."""
     if not all(type(value) in (int, float) for value in (stored, computed)):
         return False
     return abs(stored - computed) <= LIMITS.last_bits_1 * max(abs(stored), abs(computed))
 
 
-def _make_irreproducible_finding(item: str, difference: str) -> BundleFinding:
-    return BundleFinding(BundleOutcome.IRREPRODUCIBLE, f"{EVIDENCE}: {item}", difference)
+def _make_irreproducible_finding(item_name: str, difference: str) -> BundleFinding:
+    return BundleFinding(BundleOutcome.IRREPRODUCIBLE, f"{EVIDENCE}: {item_name}", difference)
 
 
-def check_evidence_against_campaign(document: EvidenceDocument) -> Findings:
+def compare_evidence_with_campaign(document: EvidenceDocument) -> Findings:
     """Check values that follow from campaign and machine file."""
     campaign, machine = document.campaign, document.machine
     if document.kind == "calibration" and document.expires != campaign.expires:
@@ -156,15 +179,15 @@ def check_evidence_against_campaign(document: EvidenceDocument) -> Findings:
             "expires", f"is not {campaign.expires}, as the runs' days give"
         )
     made, now = parse_creation_time(document), dt.datetime.now(dt.UTC)
-    for fault in find_day_faults(campaign, document.logs, machine.machine.zone, made):
+    for fault in iter_contradicted_run_days(campaign, document.logs, machine.machine.zone, made):
         yield _make_irreproducible_finding("campaign.runs", fault)
     if made > now + dt.timedelta(seconds=LIMITS.clock_difference_s):
         yield _make_irreproducible_finding(
             "made", f"is in the future: {document.made}, but now it is {now:%F %R}"
         )
-    for fault in find_machine_faults(campaign.machine.id, machine, document.logs):
+    for fault in iter_contradictions_to_machine(campaign.machine.id, machine, document.logs):
         yield _make_irreproducible_finding("campaign.machine.id", fault)
-    yield from compare_learnt_priors(document)
+    yield from compare_learnt_priors_with_pooled(document)
     if document.estimator != make_estimator_with_digest(
         campaign, document.weighing_machine, document.settings_at_default, document.format
     ):
@@ -192,7 +215,7 @@ def check_evidence_against_campaign(document: EvidenceDocument) -> Findings:
         )
 
 
-def compare_learnt_priors(document: EvidenceDocument) -> Findings:
+def compare_learnt_priors_with_pooled(document: EvidenceDocument) -> Findings:
     """Compare the learnt priors with those pooled from the logs."""
     learnt, campaign = document.learnt, document.campaign
     if learnt is None:
@@ -208,7 +231,7 @@ def compare_learnt_priors(document: EvidenceDocument) -> Findings:
             pool_terms_over_logs(learnt.logs, document.procedure_rules),
         )
     )
-    if not all(near for _, near in find_differences(stored, computed)):
+    if not all(near for _, near in find_differing_json_values(stored, computed)):
         yield _make_irreproducible_finding("learnt", "does not follow from its logs")
     said = {each.log for each in learnt.logs}
     if document.kind == "calibration" and not said <= set(campaign.logs):
@@ -228,7 +251,9 @@ def check_runs_and_readings(document: EvidenceDocument, readings: pl.DataFrame) 
         if run is None:
             yield BundleFinding(BundleOutcome.TAMPERED, item, "belongs to no run of the campaign")
             continue
-        for what in _find_run_faults(row, run, seen[name], weighs.get(run.log, False)):
+        for what in _iter_contradictions_of_reading_to_run(
+            row, run, seen[name], weighs.get(run.log, False)
+        ):
             yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)
         if not row["used"] and not row["reason"]:
             yield BundleFinding(BundleOutcome.INCOMPLETE, item, "is left out without a reason")
@@ -237,50 +262,64 @@ def check_runs_and_readings(document: EvidenceDocument, readings: pl.DataFrame) 
             yield BundleFinding(BundleOutcome.INCOMPLETE, f"{READINGS}: run '{name}'", "is missing")
 
 
-def _find_run_faults(
-    row: dict[str, Any], run: CampaignRun, reading_number: int, weighs: bool
+def _iter_contradictions_of_reading_to_run(
+    reading_row: dict[str, Any], run: CampaignRun, reading_number: int, is_run_weighing: bool
 ) -> Iterator[str]:
     """Yield contradictions between a reading and its run."""
-    about = (row["load_id"], row["day"], row["log"])
+    about = (reading_row["load_id"], reading_row["day"], reading_row["log"])
     if about != (run.load_id, run.day.isoformat(), run.log):
         yield "belongs to another load, day or log than its run"
-    if row["reading"] != reading_number:
+    if reading_row["reading"] != reading_number:
         yield f"should be number {reading_number}: one is missing, or they are out of order"
-    if row["used"] is None or row["reason"] is None:
+    if reading_row["used"] is None or reading_row["reason"] is None:
         yield "does not state whether it is used, or why it is not"
         return
-    if row["mass_kg"] is None:
-        if row["used"]:
+    if reading_row["mass_kg"] is None:
+        if reading_row["used"]:
             yield "is used, but has no mass"
-    elif row["start_s"] is None or row["end_s"] is None or not row["start_s"] < row["end_s"]:
+    elif (
+        reading_row["start_s"] is None
+        or reading_row["end_s"] is None
+        or not reading_row["start_s"] < reading_row["end_s"]
+    ):
         yield "has no stretch of time"
-    elif not run.contains_middle_of_stretch(row["start_s"], row["end_s"]):
+    elif not run.contains_middle_of_stretch(reading_row["start_s"], reading_row["end_s"]):
         yield "is not in the stretch of its run"
-    if row["used"] and row["reason"]:
+    if reading_row["used"] and reading_row["reason"]:
         yield "is used, but has a reason for its exclusion"
-    if row["used"] and run.excluded:
+    if reading_row["used"] and run.excluded:
         yield "is used, although its run is excluded"
-    if row["used"] and not weighs:
+    if reading_row["used"] and not is_run_weighing:
         yield "is used, although its log cannot weigh"
 
 
-def refit_and_compare(
+def compare_fit_with_refitted(
     document: EvidenceDocument,
     readings: pl.DataFrame,
     points: pl.DataFrame | None,
     notes: list[str],
 ) -> Findings:
     """Compare fit, budget, verdict and points."""
-    fitted, drift = _refit_campaign_or_check(document, readings)
+    fitted, drift = _refit_campaign_or_mass_check(document, readings)
     stored = document.calibration
     pairs: tuple[tuple[str, Any, Any], ...] = (
-        ("calibration", _convert_to_json(stored), _convert_to_json(fitted.calibration)),
+        (
+            "calibration",
+            _convert_dataclass_to_json(stored),
+            _convert_dataclass_to_json(fitted.calibration),
+        ),
         ("no_fit", document.no_fit, fitted.no_fit),
-        ("limits", _convert_to_json(document.limits), _convert_to_json(fitted.limits)),
-        ("drift", _convert_to_json(document.drift), _convert_to_json(drift)),
+        (
+            "limits",
+            _convert_dataclass_to_json(document.limits),
+            _convert_dataclass_to_json(fitted.limits),
+        ),
+        ("drift", _convert_dataclass_to_json(document.drift), _convert_dataclass_to_json(drift)),
     )
     places = [
-        each for name, kept, computed in pairs for each in find_differences(kept, computed, name)
+        each
+        for name, kept, computed in pairs
+        for each in find_differing_json_values(kept, computed, name)
     ]
     wrong = [place for place, near in places if not near]
     for place in wrong[: LIMITS.max_differences]:
@@ -299,26 +338,31 @@ def refit_and_compare(
         yield BundleFinding(
             BundleOutcome.IRREPRODUCIBLE, POINTS, "does not follow from the readings"
         )
-    yield from compare_earlier_line(document, fitted.frame)
+    yield from compare_errors_of_previous_line(document, fitted.frame)
 
 
-def _refit_campaign_or_check(
-    document: EvidenceDocument, readings: pl.DataFrame
-) -> tuple[CampaignFit, DriftCheck | None]:
+class _Refit(NamedTuple):
+    """Fit of a campaign, and the drift of a single-mass check."""
+
+    fit: CampaignFit
+    drift: DriftCheck | None
+
+
+def _refit_campaign_or_mass_check(document: EvidenceDocument, readings: pl.DataFrame) -> _Refit:
     """Refit the readings; for a single-mass check, under the calibration's line."""
     campaign, body = document.campaign, document.machine.machine
     if document.kind == "check" and document.calibration is not None:
-        return compare_with_known_mass(campaign, body, readings, document.calibration)
+        return _Refit(*compare_with_known_mass(campaign, body, readings, document.calibration))
     responses = () if document.learnt is None else document.learnt.responses
-    return fit_campaign(campaign, body, readings, document.options, responses), None
+    return _Refit(fit_campaign(campaign, body, readings, document.options, responses), None)
 
 
-def _convert_to_json(value: Any) -> Any:
+def _convert_dataclass_to_json(value: Any) -> Any:
     """Dataclass as JSON-compatible values."""
     return None if value is None else to_jsonable_python(value)
 
 
-def find_exceeded_limits(document: EvidenceDocument) -> Findings:
+def find_exceeded_campaign_limits(document: EvidenceDocument) -> Findings:
     """Findings for limits that the evidence itself reports as exceeded."""
     limits, drift = document.limits, document.drift
     if limits is not None and limits.verdict != WITHIN:
@@ -332,12 +376,12 @@ def find_exceeded_limits(document: EvidenceDocument) -> Findings:
         yield BundleFinding(BundleOutcome.OUTSIDE, f"{EVIDENCE}: drift", what)
 
 
-def compare_earlier_line(document: EvidenceDocument, points: pl.DataFrame) -> Findings:
+def compare_errors_of_previous_line(document: EvidenceDocument, points: pl.DataFrame) -> Findings:
     """Compare the previous line's errors on these points."""
     found = document.as_found
     if found is not None and found.rms_error_kg is not None:
-        computed = compute_rms_error_kg(found, points)
-        if find_differences(found.rms_error_kg, computed) not in ([], [("", True)]):
+        computed = compute_rms_error_of_line_kg(found, points)
+        if find_differing_json_values(found.rms_error_kg, computed) not in ([], [("", True)]):
             yield _make_irreproducible_finding(
                 "as_found.rms_error_kg", "does not follow from the points"
             )

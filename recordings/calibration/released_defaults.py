@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
-from typing import Any, Final, get_args
+from typing import Any, Final, NamedTuple, get_args
 
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined, to_jsonable_python
@@ -25,7 +25,7 @@ _ANY: Final = "*"
 PARTS: Final[Mapping[str, type[BaseModel]]] = {"machine": Machine, "campaign": CalibrationCampaign}
 
 
-def iter_model_defaults(model: type[BaseModel], prefix: str) -> Iterator[tuple[str, Any]]:
+def iter_defaults_of_model(model: type[BaseModel], prefix: str) -> Iterator[tuple[str, Any]]:
     """Yield each setting of a model with its default, by dotted name.
 
     Args:
@@ -34,30 +34,41 @@ def iter_model_defaults(model: type[BaseModel], prefix: str) -> Iterator[tuple[s
     """
     for name, field in model.model_fields.items():
         place = f"{prefix}.{name}"
-        inner, several = find_model_of_field(field.annotation)
+        inner, several = find_model_of_annotation(field.annotation)
         if inner is not None:
-            yield from iter_model_defaults(inner, f"{place}.{_ANY}" if several else place)
+            yield from iter_defaults_of_model(inner, f"{place}.{_ANY}" if several else place)
         if inner is None or several:
             default = field.get_default(call_default_factory=True, validated_data={})
             if default is not PydanticUndefined:
                 yield place, to_jsonable_python(default)
 
 
-def find_model_of_field(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
+class AnnotatedModel(NamedTuple):
+    """Model in a type annotation, and whether a field of this type holds several."""
+
+    model: type[BaseModel] | None
+    is_collection: bool
+
+
+def find_model_of_annotation(annotation: Any) -> AnnotatedModel:
     """Model of a field, and whether the field holds several."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation, False
+        return AnnotatedModel(annotation, False)
     for each in get_args(annotation):
-        inner, _ = find_model_of_field(each)
+        inner, _ = find_model_of_annotation(each)
         if inner is not None:
-            return inner, getattr(annotation, "__origin__", None) in (tuple, dict, list)
-    return None, False
+            return AnnotatedModel(
+                inner, getattr(annotation, "__origin__", None) in (tuple, dict, list)
+            )
+    return AnnotatedModel(None, False)
 
 
-def collect_present_defaults() -> dict[str, Any]:
+def collect_defaults_of_this_version() -> dict[str, Any]:
     """Defaults of this version, by dotted name."""
     return {
-        name: value for at, part in PARTS.items() for name, value in iter_model_defaults(part, at)
+        name: value
+        for at, part in PARTS.items()
+        for name, value in iter_defaults_of_model(part, at)
     }
 
 
@@ -68,13 +79,20 @@ def load_released_defaults() -> Mapping[str, Mapping[str, Any]]:
     return json.loads(text)
 
 
-def find_first_released_default(
-    name: str, released_versions: Mapping[str, Mapping[str, Any]]
-) -> tuple[bool, Any]:
+class ReleasedDefault(NamedTuple):
+    """Default with which a setting was released, if it was."""
+
+    is_released: bool
+    value: Any
+
+
+def find_earliest_default_of_setting(
+    dotted_name: str, released_versions: Mapping[str, Mapping[str, Any]]
+) -> ReleasedDefault:
     """Default with which a setting was introduced, for evidence older than it.
 
     Args:
-        name: dotted name, as in evidence: `machine.channels.speed_x_m_s.delay_s`.
+        dotted_name: dotted name, as in evidence: `machine.channels.speed_x_m_s.delay_s`.
         released_versions: `released_defaults`.
 
     Returns:
@@ -82,12 +100,12 @@ def find_first_released_default(
     """
     for defaults in released_versions.values():
         for each, value in defaults.items():
-            if _matches_pattern(each, name):
-                return True, value
-    return False, None
+            if _does_name_match_pattern(each, dotted_name):
+                return ReleasedDefault(True, value)
+    return ReleasedDefault(False, None)
 
 
-def _matches_pattern(pattern: str, name: str) -> bool:
+def _does_name_match_pattern(pattern: str, name: str) -> bool:
     if _ANY not in pattern:
         return pattern == name
     parts, names = pattern.split("."), name.split(".")
@@ -96,7 +114,7 @@ def _matches_pattern(pattern: str, name: str) -> bool:
     )
 
 
-def find_absent_settings(evidence_part: BaseModel, prefix: str = "") -> dict[str, Any]:
+def list_settings_absent_in_evidence(evidence_part: BaseModel, prefix: str = "") -> dict[str, Any]:
     """Settings newer than the evidence: dotted names with their present values.
 
     Args:
@@ -104,32 +122,36 @@ def find_absent_settings(evidence_part: BaseModel, prefix: str = "") -> dict[str
         prefix: prefix of the names.
     """
     there = evidence_part.model_dump(mode="json", exclude_unset=True)
-    return dict(find_absent_values(evidence_part.model_dump(mode="json"), there, prefix))
+    return dict(
+        iter_values_absent_in_evidence(evidence_part.model_dump(mode="json"), there, prefix)
+    )
 
 
-def find_absent_values(
+def iter_values_absent_in_evidence(
     all_values: Any, evidence_values: Any, prefix: str
 ) -> Iterator[tuple[str, Any]]:
     """Yield dotted names that the evidence lacks, with their values."""
     if isinstance(all_values, list) and isinstance(evidence_values, list):
         for number, (value, own) in enumerate(zip(all_values, evidence_values, strict=True)):
-            yield from find_absent_values(value, own, f"{prefix}{number}.")
+            yield from iter_values_absent_in_evidence(value, own, f"{prefix}{number}.")
     if not isinstance(all_values, dict) or not isinstance(evidence_values, dict):
         return
     for name, value in all_values.items():
         if name not in evidence_values:
             yield f"{prefix}{name}", value
         else:
-            yield from find_absent_values(value, evidence_values[name], f"{prefix}{name}.")
+            yield from iter_values_absent_in_evidence(
+                value, evidence_values[name], f"{prefix}{name}."
+            )
 
 
-def find_changed_defaults(
+def list_absent_settings_changed_since(
     absent_settings: Mapping[str, Any], released_versions: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
     """Settings missing in evidence whose default has changed since their release.
 
     Args:
-        absent_settings: settings from `find_absent_settings`.
+        absent_settings: settings from `list_settings_absent_in_evidence`.
         released_versions: `released_defaults`.
 
     Returns:
@@ -137,54 +159,61 @@ def find_changed_defaults(
     """
     found: dict[str, Any] = {}
     for name, default in absent_settings.items():
-        first = _first_default_of_section(name, default, released_versions)
+        first = _find_earliest_default_of_section(name, default, released_versions)
         if first != default:
             found[name] = first
     return found
 
 
-def _first_default_of_section(
+def _find_earliest_default_of_section(
     name: str, default: Any, released_versions: Mapping[str, Mapping[str, Any]]
 ) -> Any:
     """First default of a setting, or of a section of settings."""
-    known, first = find_first_released_default(name, released_versions)
+    known, first = find_earliest_default_of_setting(name, released_versions)
     if known:
         return first
     if isinstance(default, dict):
         return {
-            key: _first_default_of_section(f"{name}.{key}", value, released_versions)
+            key: _find_earliest_default_of_section(f"{name}.{key}", value, released_versions)
             for key, value in default.items()
         }
     return default
 
 
-def insert_dotted_values(
+def with_dotted_values_replaced(
     values: Mapping[str, Any], new_values: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Values with some replaced, by dotted name."""
     whole: dict[str, Any] = json.loads(json.dumps(values))
     for name, value in new_values.items():
-        inside, last = locate_dotted_value(whole, name)
+        inside, last = find_parent_of_dotted_value(whole, name)
         inside[last] = value
     return whole
 
 
-def remove_dotted_values(values: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
+def remove_dotted_values(values: dict[str, Any], dotted_names: Iterable[str]) -> dict[str, Any]:
     """Remove some existing values, by dotted name, and return the same table."""
-    for name in names:
-        inside, last = locate_dotted_value(values, name)
+    for name in dotted_names:
+        inside, last = find_parent_of_dotted_value(values, name)
         del inside[last]
     return values
 
 
-def locate_dotted_value(values: Any, name: str) -> tuple[Any, str]:
+class DottedPlace(NamedTuple):
+    """Table or list that holds a dotted value, and its key there."""
+
+    parent: Any
+    key: str
+
+
+def find_parent_of_dotted_value(values: Any, dotted_name: str) -> DottedPlace:
     """Parent of a dotted name's value, and the last part of the name."""
-    *path, last = name.split(".")
+    *path, last = dotted_name.split(".")
     for part in path:
         values = values[int(part)] if isinstance(values, list) else values[part]
-    return values, last
+    return DottedPlace(values, last)
 
 
 if __name__ == "__main__":
-    shown = {**load_released_defaults(), version("payscope"): collect_present_defaults()}
+    shown = {**load_released_defaults(), version("payscope"): collect_defaults_of_this_version()}
     sys.stdout.write(json.dumps(shown, indent=1, ensure_ascii=False) + "\n")

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from html.parser import HTMLParser
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
-from recordings.calibration.bundle_folder import PDF, copy_bundle_file_and_digest
+from recordings.calibration.bundle_folder import PDF, copy_bundle_file_and_return_sha256
 from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.calibration_report import write_report_pdf
 
@@ -49,18 +49,18 @@ class RecordingDigests:
 
 
 def digest_bundle_recordings(
-    folder: Path, sums: Mapping[str, str]
+    folder: Path, expected_digests: Mapping[str, str]
 ) -> dict[str, RecordingDigests | str]:
     """Digests of the recordings of a bundle.
 
     Args:
         folder: the bundle.
-        sums: required SHA-256 of each file, by name.
+        expected_digests: required SHA-256 of each file, by name.
 
     Returns:
         Digests of each, or why there are none, by name.
     """
-    said = read_untrusted_files_in_process("recording", folder, sums)
+    said = read_untrusted_files_in_process("recording", folder, expected_digests)
     return {
         name: each
         if isinstance(each, str)
@@ -75,47 +75,47 @@ def digest_bundle_recordings(
     }
 
 
-def read_pdf_words(folder: Path, name: str, sha256: str) -> list[str] | str:
+def read_pdf_words_or_describe_fault(folder: Path, name: str, sha256: str) -> list[str] | str:
     """Words of a PDF in the order of its pages, or why there are none."""
     said = read_untrusted_files_in_process("pdf", folder, {name: sha256})[name]
     return said if isinstance(said, str) else [str(word) for word in said["words"]]
 
 
 def read_untrusted_files_in_process(
-    kind: str, folder: Path, sums: Mapping[str, str]
+    file_type: str, folder: Path, expected_digests: Mapping[str, str]
 ) -> dict[str, dict[str, Any] | str]:
     """Read the files in a process of its own, from copies that no other process can change."""
     found: dict[str, dict[str, Any] | str] = {}
     with tempfile.TemporaryDirectory(prefix="payscope-") as place:
         copies: dict[str, Path] = {}
-        for number, (name, sha256) in enumerate(sums.items()):
+        for number, (name, sha256) in enumerate(expected_digests.items()):
             copy = Path(place) / f"{number}{Path(name).suffix}"
-            if copy_bundle_file_and_digest(folder, name, copy) != sha256:
+            if copy_bundle_file_and_return_sha256(folder, name, copy) != sha256:
                 found[name] = "is not the file whose digest the bundle has"
             else:
                 copies[name] = copy
-        said = run_reader_process(kind, list(copies.values()))
+        said = run_reader_process(file_type, list(copies.values()))
         for number, (name, copy) in enumerate(copies.items()):
             # one of them ended the process: which?
             each = (
                 said[number]
                 if said is not None
-                else (run_reader_process(kind, [copy]) or [None])[0]
+                else (run_reader_process(file_type, [copy]) or [None])[0]
             )
             found[name] = _DAMAGED if each is None else each.get("fault", each)
     return found
 
 
-def run_reader_process(kind: str, copies: Sequence[Path]) -> list[dict[str, Any]] | None:
+def run_reader_process(file_type: str, copied_files: Sequence[Path]) -> list[dict[str, Any]] | None:
     """Results of the process for each copy; None if it crashed."""
-    if not copies:
+    if not copied_files:
         return []
     child = subprocess.Popen(
-        [sys.executable, "-P", "-m", _READER, kind, *map(str, copies)],
+        [sys.executable, "-P", "-m", _READER, file_type, *map(str, copied_files)],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
-        cwd=copies[0].parent,
+        cwd=copied_files[0].parent,
     )
     try:
         out, _ = child.communicate(timeout=LIMITS.recordings_max_s)
@@ -126,7 +126,14 @@ def run_reader_process(kind: str, copies: Sequence[Path]) -> list[dict[str, Any]
     return None if child.returncode or len(out) > LIMITS.answer_bytes else json.loads(out)
 
 
-def compare_pdf_with_html(folder: Path, sha256: str, html: str) -> tuple[str, str]:
+class PdfComparison(NamedTuple):
+    """Fault of a PDF, and why it was not compared; "" for none."""
+
+    fault: str
+    reason_not_compared: str
+
+
+def compare_words_of_pdf_with_html(folder: Path, pdf_sha256: str, page_html: str) -> PdfComparison:
     """Compare the PDF of a bundle with one made from its page.
 
     With other fonts or another WeasyPrint, pages break elsewhere and parts may be in another order:
@@ -135,64 +142,69 @@ def compare_pdf_with_html(folder: Path, sha256: str, html: str) -> tuple[str, st
 
     Args:
         folder: the bundle.
-        sha256: digest of its PDF.
-        html: its page.
+        pdf_sha256: digest of its PDF.
+        page_html: its page.
 
     Returns:
         The error, and why it could not be compared; "" each if there is none.
     """
     if find_spec("pypdf") is None:
-        return "", "pypdf is not installed (pip install 'payscope[pdf]')"
+        return PdfComparison("", "pypdf is not installed (pip install 'payscope[pdf]')")
     with tempfile.TemporaryDirectory(prefix="payscope-") as place:
         own = Path(place) / PDF
-        missing = write_report_pdf(html, own)
+        missing = write_report_pdf(page_html, own)
         if missing:
-            return "", missing.removeprefix("no PDF: ")
-        wanted = read_pdf_words(own.parent, PDF, hashlib.sha256(own.read_bytes()).hexdigest())
-    found = read_pdf_words(folder, PDF, sha256)
+            return PdfComparison("", missing.removeprefix("no PDF: "))
+        wanted = read_pdf_words_or_describe_fault(
+            own.parent, PDF, hashlib.sha256(own.read_bytes()).hexdigest()
+        )
+    found = read_pdf_words_or_describe_fault(folder, PDF, pdf_sha256)
     if isinstance(found, str):
-        return found, ""
+        return PdfComparison(found, "")
     if isinstance(wanted, str):
-        return "", f"the PDF that this payscope makes {wanted}"
-    heads = collect_table_heads(html)
+        return PdfComparison("", f"the PDF that this payscope makes {wanted}")
+    heads = collect_table_heads(page_html)
     fault = describe_first_difference(
         join_words_without_page_heads(wanted, heads),
         join_words_without_page_heads(found, heads),
     )
-    if fault and count_numbers(wanted, heads) == count_numbers(found, heads):
-        return "", "it is laid out with other fonts or another WeasyPrint; its numbers are the same"
-    return fault, ""
+    if fault and count_numbers_in_words(wanted, heads) == count_numbers_in_words(found, heads):
+        return PdfComparison(
+            "", "it is laid out with other fonts or another WeasyPrint; its numbers are the same"
+        )
+    return PdfComparison(fault, "")
 
 
-def join_words_without_page_heads(words: Iterable[str], heads: Iterable[str]) -> str:
+def join_words_without_page_heads(words: Iterable[str], table_heads: Iterable[str]) -> str:
     """Concatenate words, without heads repeated at page breaks.
 
     Args:
         words: words of all pages.
-        heads: table heads, without spaces.
+        table_heads: table heads, without spaces.
     """
     text = "".join(word for word in words if word != _BULLET)
-    for head in sorted(heads, key=len, reverse=True):
+    for head in sorted(table_heads, key=len, reverse=True):
         text = text.replace(head, "")
     return text
 
 
-def count_numbers(words: Iterable[str], heads: Iterable[str]) -> Counter[str]:
+def count_numbers_in_words(words: Iterable[str], table_heads: Iterable[str]) -> Counter[str]:
     """Number of occurrences of each number, in any order."""
-    in_heads = {number for head in heads for number in _NUMBER.findall(head)}
+    in_heads = {number for head in table_heads for number in _NUMBER.findall(head)}
     plain = (word.strip("()[]:;,.%") for word in words)
     return Counter(word for word in plain if _NUMBER.fullmatch(word) and word not in in_heads)
 
 
-def describe_first_difference(expected: str, found: str) -> str:
+def describe_first_difference(expected_text: str, found_text: str) -> str:
     """First difference of two texts, in words; "" if equal."""
-    if expected == found:
+    if expected_text == found_text:
         return ""
-    pairs = enumerate(zip(expected, found, strict=False))
-    at = next((k for k, (a, b) in pairs if a != b), min(len(expected), len(found)))
+    pairs = enumerate(zip(expected_text, found_text, strict=False))
+    at = next((k for k, (a, b) in pairs if a != b), min(len(expected_text), len(found_text)))
     begin = max(0, at - LIMITS.context_characters)
     there, here = (
-        text[begin : at + LIMITS.difference_characters] or "nothing" for text in (found, expected)
+        text[begin : at + LIMITS.difference_characters] or "nothing"
+        for text in (found_text, expected_text)
     )
     return f"reads '{there}' where report.html has '{here}'"
 
@@ -219,8 +231,8 @@ class _TableHeadParser(HTMLParser):
             self.found[-1] += "".join(data.split())
 
 
-def collect_table_heads(html: str) -> set[str]:
+def collect_table_heads(page_html: str) -> set[str]:
     """Table heads of a page, without spaces."""
     parser = _TableHeadParser()
-    parser.feed(html)
+    parser.feed(page_html)
     return {head for head in parser.found if head}

@@ -30,7 +30,7 @@ _HASHES: Final = {
 }
 
 
-def refuse_without_rfc3161() -> None:
+def require_timestamp_library() -> None:
     """Raise an error before the work begins if rfc3161-client is missing.
 
     Raises:
@@ -42,7 +42,7 @@ def refuse_without_rfc3161() -> None:
         raise EvidenceError(f"time stamps need rfc3161-client: {_INSTALL}") from None
 
 
-def make_timestamp_request(statement: bytes) -> bytes:
+def encode_timestamp_request(statement: bytes) -> bytes:
     """Query for a time-stamp authority, in DER (application/timestamp-query).
 
     Args:
@@ -51,7 +51,7 @@ def make_timestamp_request(statement: bytes) -> bytes:
     Raises:
         EvidenceError: rfc3161-client is not installed.
     """
-    refuse_without_rfc3161()
+    require_timestamp_library()
     from rfc3161_client import HashAlgorithm, TimestampRequestBuilder
 
     return (
@@ -71,7 +71,7 @@ def read_authority_certificates(path: Path) -> "tuple[Certificate, ...]":
     """
     from cryptography.x509 import load_pem_x509_certificates
 
-    refuse_without_rfc3161()
+    require_timestamp_library()
     try:
         with path.open("rb") as file:
             data = file.read(LIMITS.response_bytes)
@@ -85,34 +85,36 @@ def read_authority_certificates(path: Path) -> "tuple[Certificate, ...]":
         ) from None
 
 
-def check_timestamp(
-    bundle: CheckedBundle,
+def check_bundle_timestamp(
+    checked_bundle: CheckedBundle,
     files: Mapping[str, BundleFile],
     document: EvidenceDocument,
-    authorities: "Sequence[Certificate]",
+    authority_certificates: "Sequence[Certificate]",
 ) -> None:
     """Check that the time stamp, if any, belongs to this signature, and who issued it.
 
     Args:
-        bundle: receives the findings and the proven day.
+        checked_bundle: receives the findings and the proven day.
         files: files of the bundle.
         document: the evidence.
-        authorities: trusted root certificates; without any the day stays unproven.
+        authority_certificates: trusted root certificates; without any the day stays unproven.
     """
     if TIMESTAMP not in files:
-        if authorities:
+        if authority_certificates:
             what = "is missing, although --tsa is given: the time of the signature is not proven"
-            bundle.add_finding(BundleOutcome.INCOMPLETE, TIMESTAMP, what)
+            checked_bundle.add_finding(BundleOutcome.INCOMPLETE, TIMESTAMP, what)
         return
     if STATEMENT not in files:
-        bundle.add_finding(
+        checked_bundle.add_finding(
             BundleOutcome.TAMPERED, TIMESTAMP, "belongs to a signature that is missing"
         )
         return
     try:
         from rfc3161_client import decode_timestamp_response
     except ImportError:
-        bundle.notes.append(f"{TIMESTAMP}: not checked, which needs rfc3161-client ({_INSTALL})")
+        checked_bundle.notes.append(
+            f"{TIMESTAMP}: not checked, which needs rfc3161-client ({_INSTALL})"
+        )
         return
     try:
         response = decode_timestamp_response(read_content_in_memory(files, TIMESTAMP))
@@ -121,41 +123,43 @@ def check_timestamp(
         hashed = _HASHES.get(imprint.hash_algorithm.dotted_string)
     except Exception as error:  # noqa: BLE001  the parser is another's, the bytes a stranger's
         what = f"is not a granted time-stamp response ({str(error)[: LIMITS.fault_characters]})"
-        bundle.add_finding(BundleOutcome.TAMPERED, TIMESTAMP, what)
+        checked_bundle.add_finding(BundleOutcome.TAMPERED, TIMESTAMP, what)
         return
     statement = read_content_in_memory(files, STATEMENT)
     if hashed is None:
-        bundle.add_finding(BundleOutcome.TAMPERED, TIMESTAMP, "uses a hash that is not SHA-2")
+        checked_bundle.add_finding(
+            BundleOutcome.TAMPERED, TIMESTAMP, "uses a hash that is not SHA-2"
+        )
     elif hashed(statement).digest() != imprint.message:
-        bundle.add_finding(
+        checked_bundle.add_finding(
             BundleOutcome.TAMPERED, TIMESTAMP, "belongs to another signature than this one"
         )
     elif stamped < parse_creation_time(document) - dt.timedelta(seconds=LIMITS.clock_difference_s):
         what = f"is of {stamped:%F %R} UTC, before the evidence says that it was made"
-        bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, TIMESTAMP, what)
-    elif not authorities:
-        bundle.notes.append(
+        checked_bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, TIMESTAMP, what)
+    elif not authority_certificates:
+        checked_bundle.notes.append(
             f"a time stamp states that the evidence was signed no later than {stamped:%F %R} UTC; "
             "only the authority's certificate proves whose time stamp this is: --tsa CA.pem"
         )
     else:
-        fault = find_timestamp_fault(response, statement, authorities)
+        fault = describe_timestamp_fault(response, statement, authority_certificates)
         if fault:
-            bundle.add_finding(BundleOutcome.TAMPERED, TIMESTAMP, fault)
+            checked_bundle.add_finding(BundleOutcome.TAMPERED, TIMESTAMP, fault)
         else:
-            bundle.proven_day = stamped.date()
-            bundle.notes.append(
+            checked_bundle.proven_day = stamped.date()
+            checked_bundle.notes.append(
                 f"signed no later than {stamped:%F %R} UTC, proven by its time stamp"
             )
 
 
-def find_timestamp_fault(
-    response: "TimeStampResponse", statement: bytes, authorities: "Sequence[Certificate]"
+def describe_timestamp_fault(
+    response: "TimeStampResponse", statement: bytes, authority_certificates: "Sequence[Certificate]"
 ) -> str:
     """Why the stamp is by none of the authorities; "" if it is."""
     from rfc3161_client import VerificationError, VerifierBuilder
 
-    verifier = VerifierBuilder(roots=list(authorities)).build()
+    verifier = VerifierBuilder(roots=list(authority_certificates)).build()
     try:
         verifier.verify_message(response, statement)
     except (VerificationError, ValueError) as error:

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import polars as pl
 
@@ -16,7 +17,7 @@ from recordings.calibration.bundle_folder import (
     STATEMENT,
     SUMS,
     format_sha256sums,
-    list_bundle_entries,
+    list_bundle_files_and_faults,
     read_bundle_file,
 )
 from recordings.calibration.bundle_tables import encode_table_as_parquet
@@ -24,19 +25,27 @@ from recordings.calibration.calibration_report import render_report_html, write_
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceTables
 from recordings.signatures.signing import (
     SigningKey,
-    make_signed_envelope_bytes,
-    make_statement_bytes,
+    encode_in_toto_statement,
+    encode_signed_envelope,
 )
 
 
-def encode_tables(
-    readings: pl.DataFrame, points: pl.DataFrame
-) -> tuple[dict[str, bytes], EvidenceTables]:
+class EncodedTables(NamedTuple):
+    """Tables of evidence as files by name, and their digests."""
+
+    parquet_by_file_name: dict[str, bytes]
+    digests: EvidenceTables
+
+
+def encode_evidence_tables(readings: pl.DataFrame, points: pl.DataFrame) -> EncodedTables:
     """Encoded tables, and their digests."""
     written = {READINGS: encode_table_as_parquet(readings), POINTS: encode_table_as_parquet(points)}
-    return written, EvidenceTables(
-        readings_sha256=hashlib.sha256(written[READINGS]).hexdigest(),
-        points_sha256=hashlib.sha256(written[POINTS]).hexdigest(),
+    return EncodedTables(
+        written,
+        EvidenceTables(
+            readings_sha256=hashlib.sha256(written[READINGS]).hexdigest(),
+            points_sha256=hashlib.sha256(written[POINTS]).hexdigest(),
+        ),
     )
 
 
@@ -46,8 +55,8 @@ def write_bundle(
     readings: pl.DataFrame,
     points: pl.DataFrame,
     tables: Mapping[str, bytes],
-    key: SigningKey | None,
-    stretch: bytes | None = None,
+    signing_key: SigningKey | None,
+    list_range: bytes | None = None,
 ) -> list[str]:
     """Complete the folder of a bundle, which already contains the recordings of runs.
 
@@ -56,9 +65,9 @@ def write_bundle(
         document: the evidence.
         readings: frame `readings`.
         points: frame of the points.
-        tables: both frames by file name, from `encode_tables`.
-        key: signing key; None leaves the bundle unsigned.
-        stretch: part of the recorder's notary list, if the campaign names one.
+        tables: both frames by file name, from `encode_evidence_tables`.
+        signing_key: signing key; None leaves the bundle unsigned.
+        list_range: part of the recorder's notary list, if the campaign names one.
 
     Returns:
         Remarks for the user, a line each.
@@ -68,24 +77,24 @@ def write_bundle(
     """
     for name, data in tables.items():
         (folder / name).write_bytes(data)
-    (folder / EVIDENCE).write_bytes(document.json_bytes)
-    if stretch is not None:
-        (folder / NOTARY).write_bytes(stretch)
+    (folder / EVIDENCE).write_bytes(document.canonical_json_bytes)
+    if list_range is not None:
+        (folder / NOTARY).write_bytes(list_range)
     html = render_report_html(document, readings, points)
     (folder / REPORT).write_bytes(html.encode())
     remark = write_report_pdf(html, folder / PDF)
-    names, _ = list_bundle_entries(folder)
+    names, _ = list_bundle_files_and_faults(folder)
     digests = {name: read_bundle_file(folder, name).sha256 for name in names}
     sums = format_sha256sums(digests).encode()
     (folder / SUMS).write_bytes(sums)
-    if key is not None:
+    if signing_key is not None:
         digests[SUMS] = hashlib.sha256(sums).hexdigest()
-        payload = make_statement_bytes(digests, make_statement_predicate(document))
-        (folder / STATEMENT).write_bytes(make_signed_envelope_bytes(payload, key))
+        payload = encode_in_toto_statement(digests, make_signed_statement_predicate(document))
+        (folder / STATEMENT).write_bytes(encode_signed_envelope(payload, signing_key))
     return [remark] if remark else []
 
 
-def make_statement_predicate(document: EvidenceDocument) -> dict[str, object]:
+def make_signed_statement_predicate(document: EvidenceDocument) -> dict[str, object]:
     """Predicate of the statement: id, machine and previous evidence."""
     previous = document.chain.previous
     return {

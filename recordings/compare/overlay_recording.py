@@ -14,12 +14,16 @@ from analysis.compare.run_alignment import shift_run_to_time_line, subtract_run
 from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.report.number_text import format_markdown_table, format_number, format_plus_minus
-from recordings.rrd.blueprint import Page, Panel, find_grid_unix_span_ns, lay_out_tabs
+from recordings.report.number_text import (
+    format_markdown_table,
+    format_number,
+    format_plus_minus,
+)
+from recordings.rrd.blueprint import Page, Panel, find_unix_span_of_grid_ns, lay_out_pages_as_tabs
 from recordings.rrd.display_frames import (
     ROOT,
     DisplayColumn,
-    choose_axis_range,
+    choose_axis_range_without_outliers,
     list_displayed_columns,
     make_display_frames,
 )
@@ -45,143 +49,166 @@ class _OverlaidRun:
     run: Run
     drawn_frames: Mapping[str, pl.DataFrame]
 
-    def columns_drawn_in_view(self, view: View) -> tuple[DisplayColumn, ...]:
+    def list_columns_drawn_in_view(self, view: View) -> tuple[DisplayColumn, ...]:
         return list_displayed_columns(view, self.run, self.drawn_frames)
 
-    def frames_by_entity(self) -> dict[str, pl.DataFrame]:
+    def make_frames_by_entity(self) -> dict[str, pl.DataFrame]:
         return {
-            move_entity_under_side(self.name, frame): rows
+            make_entity_path_of_side(self.name, frame): rows
             for frame, rows in self.drawn_frames.items()
         }
 
 
 def write_overlay_recording(
-    a: Run, b: Run, path: str | Path, text: str, *, one_log: bool, force: bool = False
+    run_a: Run,
+    run_b: Run,
+    path: str | Path,
+    comparison_markdown: str,
+    *,
+    is_same_log: bool,
+    force: bool = False,
 ) -> Path:
     """Write a recording of two runs over each other, with B less A.
 
     Views without differences are omitted, except for the speed.
 
     Args:
-        a: reference run; the drawn columns suffice.
-        b: other run.
+        run_a: reference run; the drawn columns suffice.
+        run_b: other run.
         path: the `.rrd` file to write.
-        text: differences, in Markdown.
-        one_log: whether both replay the same log; otherwise manoeuvres are matched in order.
+        comparison_markdown: differences, in Markdown.
+        is_same_log: whether both replay the same log; otherwise manoeuvres are matched in order.
         force: whether to replace an existing file.
 
     Raises:
         OutputError: as `write_recording`.
     """
-    moved = shift_run_to_time_line(a, b, one_log=one_log)
-    about = a.provenance.model_copy(
+    moved = shift_run_to_time_line(run_a, run_b, one_log=is_same_log)
+    about = run_a.provenance.model_copy(
         update={"notes": ("two replays overlaid; see the tab Compared",), "losses": ()}
     )
 
     def make_overlay_scene(_: Run) -> Scene:
         sides = [
             _OverlaidRun(name, run, make_display_frames(run))
-            for name, run in ((_A, a), (_B, moved), (_LESS, subtract_run(a, moved)))
+            for name, run in ((_A, run_a), (_B, moved), (_LESS, subtract_run(run_a, moved)))
         ]
         return Scene(
             name="A and B",
-            frames={name: rows for side in sides for name, rows in side.frames_by_entity().items()},
-            layout=lay_out_tabs(_make_overlay_pages(*sides), find_grid_unix_span_ns(a)),
-            texts={COMPARED: text},
+            frames={
+                name: rows for side in sides for name, rows in side.make_frames_by_entity().items()
+            },
+            layout=lay_out_pages_as_tabs(
+                _make_overlay_pages(*sides), find_unix_span_of_grid_ns(run_a)
+            ),
+            texts={COMPARED: comparison_markdown},
         )
 
     return write_recording_with_scene(Run({}, about), make_overlay_scene, path, force=force)
 
 
-def _make_overlay_pages(a: _OverlaidRun, b: _OverlaidRun, difference: _OverlaidRun) -> list[Page]:
+def _make_overlay_pages(
+    run_a: _OverlaidRun, run_b: _OverlaidRun, difference: _OverlaidRun
+) -> list[Page]:
     first, *rest = [tab for tab in TABS if tab.views]
     panels: list[Panel | None] = []
     elsewhere = {view for tab in rest for view in tab.views}
-    moved = [view for view in first.views if does_view_differ(view, a, b)]
+    moved = [view for view in first.views if does_view_differ_between_runs(view, run_a, run_b)]
     for view in first.views:
         if view in moved:
             # beside a text there is room for a few; what led to the masses is in other tabs
             led = view.kind is ViewKind.LINES and view.name not in _CONTEXT and view in elsewhere
             if led and len(moved) > _FEW:
                 continue
-            over = make_overlaid_panel(view, a, b)
+            over = make_overlaid_panel(view, run_a, run_b)
             panels.append(over)
             if view.kind is ViewKind.BANDS:  # the other tabs have the differences of what led to it
                 panels.append(make_difference_panel(view, difference, over))
         elif view.name in _CONTEXT:
-            panels.append(make_common_panel(view, a))
+            panels.append(make_panel_of_equal_view(view, run_a))
     pages = [Page("Compared", tuple(filter(None, panels)), (COMPARED,))]
     for tab in rest:
         differ = [
             view
             for view in tab.views
             if not (view.kind is ViewKind.STATES and view in first.views)
-            and does_view_differ(view, a, b)
+            and does_view_differ_between_runs(view, run_a, run_b)
         ]
         # the speed alone says nothing of what the tab is about
         if all(view.name in _CONTEXT for view in differ):
             continue
         found: list[Panel | None] = []
         for view in differ:
-            over = make_overlaid_panel(view, a, b)
+            over = make_overlaid_panel(view, run_a, run_b)
             found += [over, make_difference_panel(view, difference, over)]
         pages.append(Page(tab.name, tuple(filter(None, found))))
     return pages
 
 
-def make_common_panel(view: View, a: _OverlaidRun) -> Panel | None:
+def make_panel_of_equal_view(view: View, run_a: _OverlaidRun) -> Panel | None:
     """Panel of a view in which both runs are equal."""
     drawn = tuple(
-        replace(each, frame=move_entity_under_side(_A, each.frame))
-        for each in a.columns_drawn_in_view(view)
+        replace(each, frame=make_entity_path_of_side(_A, each.frame))
+        for each in run_a.list_columns_drawn_in_view(view)
     )
-    return Panel(view.title, view.kind, drawn, choose_axis_range(view, a.run)) if drawn else None
+    return (
+        Panel(view.title, view.kind, drawn, choose_axis_range_without_outliers(view, run_a.run))
+        if drawn
+        else None
+    )
 
 
-def does_view_differ(view: View, a: _OverlaidRun, b: _OverlaidRun) -> bool:
+def does_view_differ_between_runs(view: View, run_a: _OverlaidRun, run_b: _OverlaidRun) -> bool:
     """Whether anything drawn by a view differs in B."""
-    mine, theirs = a.columns_drawn_in_view(view), b.columns_drawn_in_view(view)
+    mine, theirs = run_a.list_columns_drawn_in_view(view), run_b.list_columns_drawn_in_view(view)
     if [(each.frame, each.column) for each in mine] != [(o.frame, o.column) for o in theirs]:
         return True
     return any(
-        not a.drawn_frames[each.frame]
+        not run_a.drawn_frames[each.frame]
         .select(names)
-        .equals(b.drawn_frames[each.frame].select(names))
+        .equals(run_b.drawn_frames[each.frame].select(names))
         for each in mine
         for names in [["t_ns", each.column, *([each.variance] if each.variance else [])]]
     )
 
 
-def make_overlaid_panel(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | None:
+def make_overlaid_panel(view: View, run_a: _OverlaidRun, run_b: _OverlaidRun) -> Panel | None:
     """Panel with both runs overlaid; lanes of states are one below the other."""
-    mine, theirs = a.columns_drawn_in_view(view), b.columns_drawn_in_view(view)
+    mine, theirs = run_a.list_columns_drawn_in_view(view), run_b.list_columns_drawn_in_view(view)
     if not (mine or theirs):
         return None
-    one_line_each = max(count_named_lines(mine), count_named_lines(theirs)) == 1
+    one_line_each = max(count_lines_with_own_name(mine), count_lines_with_own_name(theirs)) == 1
     alike = (
         set()
         if view.kind is ViewKind.STATES
-        else _find_common_labels(mine, theirs, one_line_each=one_line_each)
+        else _find_labels_common_to_runs(mine, theirs, has_one_line_per_run=one_line_each)
     )
     drawn = [
-        *_style_run_lines(mine, _A, alike, one_line_each=one_line_each),
-        *_style_run_lines(theirs, _B, alike, one_line_each=one_line_each),
+        *_style_lines_of_run(mine, _A, alike, has_one_line_per_run=one_line_each),
+        *_style_lines_of_run(theirs, _B, alike, has_one_line_per_run=one_line_each),
     ]
     title = f"{view.title}: A strong, B pale" if alike and not one_line_each else view.title
     if view.kind is ViewKind.STATES:
         drawn = sorted(drawn, key=lambda each: each.label)
-    ends = [each for side in (a, b) if (each := choose_axis_range(view, side.run)) is not None]
+    ends = [
+        each
+        for side in (run_a, run_b)
+        if (each := choose_axis_range_without_outliers(view, side.run)) is not None
+    ]
     bulk = (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
     return Panel(title, view.kind, tuple(drawn), bulk)
 
 
-def _find_common_labels(
-    labels_a: Sequence[DisplayColumn], labels_b: Sequence[DisplayColumn], *, one_line_each: bool
+def _find_labels_common_to_runs(
+    labels_a: Sequence[DisplayColumn],
+    labels_b: Sequence[DisplayColumn],
+    *,
+    has_one_line_per_run: bool,
 ) -> set[str]:
     """Labels common to A and B, which are shown without the name of the run."""
     both = {each.label for each in labels_a} & {each.label for each in labels_b}
     return {
-        each.label for each in labels_a if not one_line_each or each.column == "threshold"
+        each.label for each in labels_a if not has_one_line_per_run or each.column == "threshold"
     } & both
 
 
@@ -196,45 +223,49 @@ def make_difference_panel(
     )
     drawn = [
         each
-        for each in difference.columns_drawn_in_view(plain)
+        for each in difference.list_columns_drawn_in_view(plain)
         if (difference.drawn_frames[each.frame][each.column].fill_null(0.0) != 0.0).any()
     ]
     if not drawn:
         return None
-    named = tuple(replace(each, frame=move_entity_under_side(_LESS, each.frame)) for each in drawn)
+    named = tuple(
+        replace(each, frame=make_entity_path_of_side(_LESS, each.frame)) for each in drawn
+    )
     above = set() if overlaid_panel is None else {each.label for each in overlaid_panel.drawn}
     return Panel(
         f"B − A: {view.title}",
         ViewKind.LINES,
         named,
-        choose_axis_range(plain, difference.run),
+        choose_axis_range_without_outliers(plain, difference.run),
         named_above=above.issuperset(each.label for each in named),
     )
 
 
-def count_named_lines(display_columns: Sequence[DisplayColumn]) -> int:
+def count_lines_with_own_name(display_columns: Sequence[DisplayColumn]) -> int:
     """Number of lines with their own name: neither extremes nor thresholds."""
     return sum(not each.faint and each.column != "threshold" for each in display_columns)
 
 
-def _style_run_lines(
+def _style_lines_of_run(
     display_columns: Sequence[DisplayColumn],
     side: str,
     common_labels: set[str],
     *,
-    one_line_each: bool,
+    has_one_line_per_run: bool,
 ) -> list[DisplayColumn]:
     """Style A with usual colours and wide lines, visible under B; B with other or paler colours."""
     found: list[DisplayColumn] = []
     for each in display_columns:
         colour = each.colour
         if side == _B and colour:
-            other = one_line_each and each.column != "threshold"
-            colour = colours.choose_line_colour(1) if other else colours.lighten_colour(colour)
+            other = has_one_line_per_run and each.column != "threshold"
+            colour = (
+                colours.choose_line_colour(1) if other else colours.mix_colour_with_white(colour)
+            )
         found.append(
             replace(
                 each,
-                frame=move_entity_under_side(side, each.frame),
+                frame=make_entity_path_of_side(side, each.frame),
                 label=each.label if each.label in common_labels else f"{side} {each.label}".strip(),
                 colour=colour,
                 wide=side == _A and not each.faint,
@@ -243,22 +274,23 @@ def _style_run_lines(
     return found
 
 
-def move_entity_under_side(side: str, frame: str) -> str:
+def make_entity_path_of_side(run_side: str, frame_name: str) -> str:
     """Entity path `display/gate` as `A/gate`, and `display/states/gate` as `A/states/gate`."""
-    return f"{side}/{frame.removeprefix(f'{ROOT}/')}"
+    return f"{run_side}/{frame_name.removeprefix(f'{ROOT}/')}"
 
 
-def format_comparison_markdown(comparison: Comparison, a: str, b: str) -> str:
+def format_comparison_markdown(comparison: Comparison, run_a: str, run_b: str) -> str:
     """Text of the differences, settings first, then their effects.
 
     Args:
         comparison: the comparison.
-        a: name of A.
-        b: name of B.
+        run_a: name of A.
+        run_b: name of B.
     """
     parts = [
         "# A and B" if not comparison.equal else "# A and B are equal",
-        f"- A: {a}\n- B: {b}\n\nTimes are those of A. Columns without a panel in any tab do not "
+        f"- A: {run_a}\n- B: {run_b}\n\nTimes are those of A. Columns without a panel in any tab "
+        "do not "
         "differ.",
     ]
     for title, changes in (
@@ -267,13 +299,13 @@ def format_comparison_markdown(comparison: Comparison, a: str, b: str) -> str:
         ("Losses, notes and stamps", comparison.provenance),
     ):
         if changes:
-            parts.append(f"## {title}\n\n{_format_changed_values(changes)}")
+            parts.append(f"## {title}\n\n{_format_changed_values_markdown(changes)}")
     for title, moved in (
         ("Estimates that moved most", comparison.estimates),
         ("Manoeuvres that moved most", comparison.manoeuvres),
     ):
         if moved:
-            parts.append(f"## {title}\n\n{_format_changed_estimates(moved)}")
+            parts.append(f"## {title}\n\n{_format_changed_estimates_markdown(moved)}")
     if comparison.stages:
         rows = [
             (stage.name, ", ".join(c.name for c in stage.columns)) for stage in comparison.stages
@@ -284,19 +316,20 @@ def format_comparison_markdown(comparison: Comparison, a: str, b: str) -> str:
     return "\n\n".join(parts)
 
 
-def _format_changed_values(changes: Iterable[ValueChange]) -> str:
+def _format_changed_values_markdown(changes: Iterable[ValueChange]) -> str:
     return format_markdown_table(
-        ("", "A", "B"), [(c.name, _format_value(c.a), _format_value(c.b)) for c in changes]
+        ("", "A", "B"),
+        [(c.name, _format_changed_value(c.a), _format_changed_value(c.b)) for c in changes],
     )
 
 
-def _format_value(value: object) -> str:
+def _format_changed_value(value: object) -> str:
     return format_number(
         value if value is None or isinstance(value, bool | int | float) else str(value)
     )
 
 
-def _format_changed_estimates(changes: tuple[EstimateChange, ...]) -> str:
+def _format_changed_estimates_markdown(changes: tuple[EstimateChange, ...]) -> str:
     rows = [
         (
             each.about,

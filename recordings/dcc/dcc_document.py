@@ -26,7 +26,7 @@ _CORE: Final = {
 }
 
 
-def refuse_without_xml_libraries() -> None:
+def require_xml_libraries() -> None:
     """Raise an error if the libraries for certificates are not installed.
 
     Raises:
@@ -40,11 +40,11 @@ def refuse_without_xml_libraries() -> None:
         )
 
 
-def parse_dcc(data: bytes, source: str) -> "_Element":
+def parse_untrusted_dcc(xml_bytes: bytes, source: str) -> "_Element":
     """Parse a certificate and check its frame, without access to other files.
 
     Args:
-        data: its bytes.
+        xml_bytes: its bytes.
         source: its name, for errors.
 
     Returns:
@@ -53,10 +53,10 @@ def parse_dcc(data: bytes, source: str) -> "_Element":
     Raises:
         EvidenceError: too large, no XML, with a DTD, of another version, or no certificate.
     """
-    refuse_without_xml_libraries()
+    require_xml_libraries()
     from lxml import etree
 
-    if len(data) > LIMITS.certificate_bytes:
+    if len(xml_bytes) > LIMITS.certificate_bytes:
         raise EvidenceError(
             f"{source}: has more than {LIMITS.certificate_bytes >> 20} MiB, the most that is read"
         )
@@ -69,7 +69,7 @@ def parse_dcc(data: bytes, source: str) -> "_Element":
         remove_comments=True,
     )
     try:
-        root = etree.fromstring(data, parser)
+        root = etree.fromstring(xml_bytes, parser)
     except (etree.XMLSyntaxError, ValueError) as fault:
         raise EvidenceError(f"{source}: is not XML ({str(fault)[:120]})") from None
     if root.getroottree().docinfo.internalDTD is not None:
@@ -86,16 +86,16 @@ def parse_dcc(data: bytes, source: str) -> "_Element":
             f"{source}: is of DCC version {version[:20]}, but only {VERSION} is supported; ask the "
             f"laboratory for one of {VERSION}, or state the masses by value_kg and u_kg"
         )
-    fault = next(find_schema_faults(root), None)
+    fault = next(iter_faults_against_dcc_schema(root), None)
     if fault is not None:
         raise EvidenceError(f"{source}: {fault}")
     return root
 
 
-def find_schema_faults(root: "_Element") -> Iterator[str]:
+def iter_faults_against_dcc_schema(certificate: "_Element") -> Iterator[str]:
     """Faults of the frame against the schema of certificates."""
     seen: set[str] = set()
-    for count, element in enumerate(root.iter()):
+    for count, element in enumerate(certificate.iter()):
         if count > LIMITS.certificate_elements:
             yield f"has more than {LIMITS.certificate_elements} elements"
             return
@@ -108,19 +108,19 @@ def find_schema_faults(root: "_Element") -> Iterator[str]:
                 yield f"has two elements of the id '{value[:60]}'"
             if value is not None:
                 seen.add(value)
-    yield from _find_frame_faults(root)
+    yield from _iter_missing_or_repeated_elements(certificate)
 
 
-def _find_frame_faults(root: "_Element") -> Iterator[str]:
+def _iter_missing_or_repeated_elements(certificate: "_Element") -> Iterator[str]:
     """Yield faults: parts that must occur once, but are missing or repeated."""
-    names = [child.tag for child in root]
+    names = [child.tag for child in certificate]
     for name in ("administrativeData", "measurementResults"):
         if names.count(f"{{{DCC}}}{name}") != 1:
             yield f"has {names.count(f'{{{DCC}}}{name}')} elements {name} instead of one"
             return
-        if len(list(root.iter(f"{{{DCC}}}{name}"))) != 1:
+        if len(list(certificate.iter(f"{{{DCC}}}{name}"))) != 1:
             yield f"has an element {name} inside of another"
-    core = root.findall(f"{{{DCC}}}administrativeData/{{{DCC}}}coreData")
+    core = certificate.findall(f"{{{DCC}}}administrativeData/{{{DCC}}}coreData")
     if len(core) != 1:
         yield f"has {len(core)} elements coreData instead of one"
         return
@@ -130,11 +130,11 @@ def _find_frame_faults(root: "_Element") -> Iterator[str]:
             yield f"has no valid {name}"
 
 
-def serialise_dcc(root: "_Element") -> bytes:
+def serialise_dcc_to_xml(certificate: "_Element") -> bytes:
     """Certificate as the bytes of an XML file."""
     from lxml import etree
 
-    return etree.tostring(root, xml_declaration=True, encoding="UTF-8")
+    return etree.tostring(certificate, xml_declaration=True, encoding="UTF-8")
 
 
 def read_leaf_text(element: "_Element | None") -> str | None:

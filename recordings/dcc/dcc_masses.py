@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING, Final
 from estimators.errors import EvidenceError
 from recordings.dcc.dcc_document import DCC, SI, read_leaf_text
 from recordings.dcc.dcc_limits import LIMITS
-from recordings.dcc.dcc_quantity import find_list_length, read_list_texts, read_value_and_u_kg
+from recordings.dcc.dcc_quantity import (
+    MassValue,
+    find_length_of_list_quantity,
+    read_blank_separated_texts,
+    read_mass_and_standard_u_kg,
+)
 
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
@@ -46,13 +51,15 @@ class CertifiedMass:
     issuer: str
 
 
-def read_certified_masses(root: "_Element", item: str, what: str) -> list[CertifiedMass]:
+def read_certified_masses(
+    root: "_Element", item_id: str, certificate_name: str
+) -> list[CertifiedMass]:
     """Read the masses of a certificate.
 
     Args:
         root: signed part of the certificate.
-        item: id or identification of the item; "" for all.
-        what: the certificate's name, for errors.
+        item_id: id or identification of the item; "" for all.
+        certificate_name: the certificate's name, for errors.
 
     Raises:
         EvidenceError: no such item, no or several masses of it, another unit, a value or an invalid
@@ -61,29 +68,31 @@ def read_certified_masses(root: "_Element", item: str, what: str) -> list[Certif
     admin = root.find(f"{{{DCC}}}administrativeData")
     assert admin is not None
     items = admin.findall(f"{{{DCC}}}items/{{{DCC}}}item")
-    named = [(each, _list_item_names(each)) for each in items]
-    wanted = [(each, names) for each, names in named if not item or item in names]
+    named = [(each, _list_names_of_item(each)) for each in items]
+    wanted = [(each, names) for each, names in named if not item_id or item_id in names]
     if not wanted or any(not names for _, names in wanted):
         choices = ", ".join(names[0] for _, names in named if names)[:400] or "none with an id"
-        raise EvidenceError(f"{what}: has no item '{item}'; its items: {choices}")
-    if item and len(wanted) > 1:
-        raise EvidenceError(f"{what}: has {len(wanted)} items named '{item}'")
+        raise EvidenceError(f"{certificate_name}: has no item '{item_id}'; its items: {choices}")
+    if item_id and len(wanted) > 1:
+        raise EvidenceError(f"{certificate_name}: has {len(wanted)} items named '{item_id}'")
     core = admin.find(f"{{{DCC}}}coreData")
     assert core is not None
     certificate = read_leaf_text(core.find(f"{{{DCC}}}uniqueIdentifier")) or ""
     contact = f"{{{DCC}}}calibrationLaboratory/{{{DCC}}}contact/{{{DCC}}}name/{{{DCC}}}content"
     issuer = read_leaf_text(admin.find(contact)) or ""
     if not issuer:
-        raise EvidenceError(f"{what}: does not name its laboratory")
+        raise EvidenceError(f"{certificate_name}: does not name its laboratory")
     found: list[CertifiedMass] = []
-    masses = _CertificateMasses(root, named, what)
+    masses = _CertificateMasses(root, named, certificate_name)
     for element, names in wanted:
-        value_kg, u_kg = masses.read_mass_and_u_kg(element, f"{what}, item '{names[0]}'")
-        found.append(CertifiedMass(item or names[0], value_kg, u_kg, certificate, issuer))
+        value_kg, u_kg = masses.read_mass_and_u_kg(
+            element, f"{certificate_name}, item '{names[0]}'"
+        )
+        found.append(CertifiedMass(item_id or names[0], value_kg, u_kg, certificate, issuer))
     return found
 
 
-def _list_item_names(item: "_Element") -> list[str]:
+def _list_names_of_item(item: "_Element") -> list[str]:
     """Names by which a certificate may refer to an item."""
     values = item.findall(f"{{{DCC}}}identifications/{{{DCC}}}identification/{{{DCC}}}value")
     names = [item.get("id"), *(read_leaf_text(value) for value in values)]
@@ -96,69 +105,74 @@ class _CertificateMasses:
     def __init__(self, root: "_Element", items: Sequence[NamedItem], what: str) -> None:
         self._items = items
         self._what = what
-        self._quantities = list(iter_quantities(root))
+        self._quantities = list(iter_quantities_and_item_ids(root))
         self._weights: dict[_Element, list[_Element]] = {}
 
-    def read_mass_and_u_kg(self, item: "_Element", what: str) -> tuple[float, float]:
+    def read_mass_and_u_kg(self, item: "_Element", item_label: str) -> MassValue:
         """Value and standard uncertainty of the only quantity that is the item's mass."""
         for kind in _KINDS:
             chosen = [
                 (quantity, place)
                 for quantity, refers in self._quantities
-                if kind in list_quantity_kinds(quantity)
-                and self._may_quantity_be_of_item(item, quantity, refers)
-                for place in self._positions_in_list(item, quantity, refers)
+                if kind in list_ref_types_of_quantity(quantity)
+                and self._can_quantity_be_of_item(item, quantity, refers)
+                for place in self._list_item_positions_in_quantity(item, quantity, refers)
             ]
             if len(chosen) > 1:
-                raise EvidenceError(f"{what}: has {len(chosen)} quantities of the kind '{kind}'")
+                raise EvidenceError(
+                    f"{item_label}: has {len(chosen)} quantities of the kind '{kind}'"
+                )
             if chosen:
-                return read_value_and_u_kg(*chosen[0], what)
+                return read_mass_and_standard_u_kg(*chosen[0], item_label)
         kinds = sorted(
             {
                 kind
                 for quantity, refers in self._quantities
-                if self._may_quantity_be_of_item(item, quantity, refers)
-                for kind in list_quantity_kinds(quantity)
+                if self._can_quantity_be_of_item(item, quantity, refers)
+                for kind in list_ref_types_of_quantity(quantity)
             }
         )[: LIMITS.max_items]
         raise EvidenceError(
-            f"{what}: none of its quantities has the refType of a mass ({', '.join(_KINDS)}); it "
+            f"{item_label}: none of its quantities has the refType of a mass "
+            f"({', '.join(_KINDS)}); it "
             f"has {'only ' + ', '.join(kinds) if kinds else 'none at all'}"
         )
 
-    def _may_quantity_be_of_item(
-        self, item: "_Element", quantity: "_Element", refers: Sequence[str] | None
+    def _can_quantity_be_of_item(
+        self, item: "_Element", quantity: "_Element", item_ids: Sequence[str] | None
     ) -> bool:
         """Whether a quantity may belong to the item."""
-        if refers is not None:
-            return item.get("id") in refers
+        if item_ids is not None:
+            return item.get("id") in item_ids
         return len(self._items) == 1 or quantity.find(f"{{{SI}}}realListXMLList") is not None
 
-    def _positions_in_list(
-        self, item: "_Element", quantity: "_Element", refers: Sequence[str] | None
+    def _list_item_positions_in_quantity(
+        self, item: "_Element", quantity: "_Element", item_ids: Sequence[str] | None
     ) -> list[int | None]:
         """Positions of the item in the quantity's list; None for a single value of the item."""
-        if find_list_length(quantity, self._what) is None:
-            shared = [each for each, _ in self._items if each.get("id") in (refers or ())]
+        if find_length_of_list_quantity(quantity, self._what) is None:
+            shared = [each for each, _ in self._items if each.get("id") in (item_ids or ())]
             if len(shared) > 1:
                 raise EvidenceError(f"{self._what}: has one mass for {len(shared)} items")
             return [None]
         if quantity not in self._weights:
-            self._weights[quantity] = match_weights_to_list_values(
-                quantity, self._items, refers, self._what
+            self._weights[quantity] = match_items_to_list_values(
+                quantity, self._items, item_ids, self._what
             )
         weights = self._weights[quantity]
         return [place for place, weight in enumerate(weights) if weight is item]
 
 
-def list_quantity_kinds(quantity: "_Element") -> list[str]:
+def list_ref_types_of_quantity(quantity: "_Element") -> list[str]:
     """Kinds of a quantity: its refTypes without prefixes."""
     return [name.rpartition("_")[2] for name in quantity.get("refType", "").split()]
 
 
-def iter_quantities(root: "_Element") -> Iterator[tuple["_Element", list[str] | None]]:
+def iter_quantities_and_item_ids(
+    certificate: "_Element",
+) -> Iterator[tuple["_Element", list[str] | None]]:
     """Yield the quantities of results with the ids of their items; None if none is named."""
-    results = root.find(f"{{{DCC}}}measurementResults")
+    results = certificate.find(f"{{{DCC}}}measurementResults")
     assert results is not None
     for quantity in results.iterfind(f".//{{{DCC}}}results//{{{DCC}}}quantity"):
         own: list[str] | None = None
@@ -169,8 +183,11 @@ def iter_quantities(root: "_Element") -> Iterator[tuple["_Element", list[str] | 
         yield quantity, own
 
 
-def match_weights_to_list_values(
-    quantity: "_Element", items: Sequence[NamedItem], item_ids: Sequence[str] | None, what: str
+def match_items_to_list_values(
+    quantity: "_Element",
+    items: Sequence[NamedItem],
+    item_ids: Sequence[str] | None,
+    certificate_name: str,
 ) -> list["_Element"]:
     """Items that the values of a list belong to, in the order of the values.
 
@@ -178,45 +195,49 @@ def match_weights_to_list_values(
         quantity: quantity with a `si:realListXMLList`.
         items: items of the certificate.
         item_ids: ids that the result refers to (`refId`); None for a result on all items.
-        what: the certificate's name, for errors.
+        certificate_name: the certificate's name, for errors.
 
     Raises:
         EvidenceError: the certificate does not state it, or states it ambiguously.
     """
-    count = find_list_length(quantity, what)
+    count = find_length_of_list_quantity(quantity, certificate_name)
     assert count is not None
     scope = [
         (each, names) for each, names in items if item_ids is None or each.get("id") in item_ids
     ]
     by_name: list[_Element] | None = None
-    for texts in _iter_weight_name_lists(quantity, what):
-        found = find_named_items(texts, scope, count, what)
+    for texts in _iter_lists_of_item_names(quantity, certificate_name):
+        found = find_items_named_by_list(texts, scope, count, certificate_name)
         if found is not None and by_name is not None and found != by_name:
-            raise EvidenceError(f"{what}: a list of masses has two lists of names that disagree")
+            raise EvidenceError(
+                f"{certificate_name}: a list of masses has two lists of names that disagree"
+            )
         by_name = found or by_name
     if by_name is not None:
         return by_name
     if len(scope) != count:
         raise EvidenceError(
-            f"{what}: a list of masses names no weights, and has {count} values for a result "
+            f"{certificate_name}: a list of masses names no weights, and has {count} values for a "
+            "result "
             f"whose number of items is {len(scope)}, so it is not clear which mass belongs to "
             f"which weight; {_REMEDY}"
         )
     order = [each.get("id") for each, _ in scope]
     if item_ids is not None and [each for each in item_ids if each in order] != order:
         raise EvidenceError(
-            f"{what}: a list of masses names no weights, and its refId has another order than the "
+            f"{certificate_name}: a list of masses names no weights, and its refId has another "
+            "order than the "
             f"items, so it is not clear which mass belongs to which weight; {_REMEDY}"
         )
     return [each for each, _ in scope]
 
 
-def _iter_weight_name_lists(quantity: "_Element", what: str) -> Iterator[list[str]]:
+def _iter_lists_of_item_names(quantity: "_Element", certificate_name: str) -> Iterator[list[str]]:
     """Yield lists that may name weights: labels of the list, and texts next to it."""
     values = quantity.find(f"{{{SI}}}realListXMLList")
     assert values is not None
     if values.find(f"{{{SI}}}labelXMLList") is not None:
-        yield read_list_texts(values, "labelXMLList", what)
+        yield read_blank_separated_texts(values, "labelXMLList", certificate_name)
     parent = quantity.getparent()
     assert parent is not None
     for beside in parent.findall(f"{{{DCC}}}quantity"):
@@ -227,12 +248,15 @@ def _iter_weight_name_lists(quantity: "_Element", what: str) -> Iterator[list[st
             yield (read_leaf_text(content) or "").split()
 
 
-def find_named_items(
-    texts: Sequence[str], scope: Sequence[NamedItem], count: int, what: str
+def find_items_named_by_list(
+    texts: Sequence[str],
+    candidate_items: Sequence[NamedItem],
+    value_count: int,
+    certificate_name: str,
 ) -> list["_Element"] | None:
     """Items named by a list of texts; None if it names none, such as a list of classes."""
     called: dict[str, list[_Element]] = {}
-    for each, names in scope:
+    for each, names in candidate_items:
         for name in set(names):
             called.setdefault(name, []).append(each)
     found = [called.get(text, []) for text in texts]
@@ -241,15 +265,19 @@ def find_named_items(
     for text, items in zip(texts, found, strict=True):
         if len(items) != 1:
             raise EvidenceError(
-                f"{what}: a list of names beside a list of masses has '{text[:40]}', which is the "
+                f"{certificate_name}: a list of names beside a list of masses has '{text[:40]}', "
+                "which is the "
                 f"name of {len(items)} items of that result"
             )
     weights = [items[0] for items in found]
-    if len(weights) != count:
+    if len(weights) != value_count:
         raise EvidenceError(
-            f"{what}: a list of masses has {count} values, and the number of its names is "
+            f"{certificate_name}: a list of masses has {value_count} values, and the number of its "
+            "names is "
             f"{len(weights)}"
         )
-    if len(set(weights)) != count:
-        raise EvidenceError(f"{what}: a list of {count} masses names a weight twice")
+    if len(set(weights)) != value_count:
+        raise EvidenceError(
+            f"{certificate_name}: a list of {value_count} masses names a weight twice"
+        )
     return weights

@@ -3,7 +3,7 @@
 import math
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from estimators.errors import EvidenceError
 from recordings.dcc.dcc_document import SI, read_leaf_text
@@ -39,34 +39,44 @@ class DsiValue:
     place: int = 0
     count: int = 0
 
-    def make_element_name(self, name: str) -> str:
+    def make_dsi_element_name(self, base_name: str) -> str:
         """Name of an element, with the suffix that lists have."""
-        return f"{name}XMLList" if self.count else name
+        return f"{base_name}XMLList" if self.count else base_name
 
-    def read_entry_texts(self, parent: "_Element", name: str, what: str) -> list[str]:
+    def read_list_entry_texts(
+        self, parent: "_Element", element_name: str, error_label: str
+    ) -> list[str]:
         """Texts of an element: one, or in lists one for all entries or one per entry.
 
         Raises:
             EvidenceError: none, or another number than that.
         """
         if not self.count:
-            return [read_required_text(parent, name, what)]
-        texts = read_list_texts(parent, self.make_element_name(name), what)
+            return [read_text_of_required_child(parent, element_name, error_label)]
+        texts = read_blank_separated_texts(
+            parent, self.make_dsi_element_name(element_name), error_label
+        )
         if len(texts) not in (1, self.count):
             raise EvidenceError(
-                f"{what}: its si:{self.make_element_name(name)} has {len(texts)} entries for "
+                f"{error_label}: its si:{self.make_dsi_element_name(element_name)} has "
+                f"{len(texts)} entries for "
                 f"{self.count} values, neither one for all nor one for each"
             )
         return texts
 
-    def read_entry_number(self, parent: "_Element", name: str, what: str) -> float:
+    def read_number_of_list_entry(
+        self, parent: "_Element", element_name: str, error_label: str
+    ) -> float:
         """Number of this entry; all numbers of a list must be valid."""
-        texts = self.read_entry_texts(parent, name, what)
-        numbers = [_parse_number(text, self.make_element_name(name), what) for text in texts]
+        texts = self.read_list_entry_texts(parent, element_name, error_label)
+        numbers = [
+            _parse_finite_number(text, self.make_dsi_element_name(element_name), error_label)
+            for text in texts
+        ]
         return numbers[self.place if len(numbers) > 1 else 0]
 
 
-def find_list_length(quantity: "_Element", what: str) -> int | None:
+def find_length_of_list_quantity(quantity: "_Element", error_label: str) -> int | None:
     """Number of values of a list quantity; None for a si:real.
 
     Raises:
@@ -75,115 +85,143 @@ def find_list_length(quantity: "_Element", what: str) -> int | None:
     reals = quantity.findall(f"{{{SI}}}real")
     lists = quantity.findall(f"{{{SI}}}realListXMLList")
     if len(reals) + len(lists) != 1:
-        raise EvidenceError(f"{what}: its mass is not one si:real or one si:realListXMLList")
+        raise EvidenceError(f"{error_label}: its mass is not one si:real or one si:realListXMLList")
     if reals:
         return None
-    count = len(read_list_texts(lists[0], "valueXMLList", what))
+    count = len(read_blank_separated_texts(lists[0], "valueXMLList", error_label))
     if count > LIMITS.max_values:
-        raise EvidenceError(f"{what}: its list has {count} values, more than {LIMITS.max_values}")
+        raise EvidenceError(
+            f"{error_label}: its list has {count} values, more than {LIMITS.max_values}"
+        )
     return count
 
 
-def read_value_and_u_kg(
-    quantity: "_Element", list_index: int | None, what: str
-) -> tuple[float, float]:
+class MassValue(NamedTuple):
+    """Mass with its standard uncertainty."""
+
+    mass_kg: float
+    u_kg: float
+
+
+def read_mass_and_standard_u_kg(
+    quantity: "_Element", list_index: int | None, error_label: str
+) -> MassValue:
     """Value and standard uncertainty of a mass.
 
     Args:
         quantity: quantity of the mass.
         list_index: index of the value in the quantity's list; None for a single value.
-        what: names of certificate and item, for errors.
+        error_label: names of certificate and item, for errors.
 
     Raises:
         EvidenceError: not a mass, not with one uncertainty, or numbers that no weight has.
     """
-    count = find_list_length(quantity, what)
+    count = find_length_of_list_quantity(quantity, error_label)
     name = "real" if count is None else "realListXMLList"
     element = quantity.find(f"{{{SI}}}{name}")
     assert element is not None
     value = DsiValue(element, list_index or 0, count or 0)
-    units = value.read_entry_texts(element, "unit", what)
+    units = value.read_list_entry_texts(element, "unit", error_label)
     strange = next((unit for unit in units if unit not in _UNITS_KG), None)
     if strange is not None:
         raise EvidenceError(
-            f"{what}: its mass has the unit '{strange[:40]}'; use one of {', '.join(_UNITS_KG)}"
+            f"{error_label}: its mass has the unit '{strange[:40]}'; use one of "
+            f"{', '.join(_UNITS_KG)}"
         )
     unit_kg = _UNITS_KG[units[value.place if len(units) > 1 else 0]]
-    value_kg = value.read_entry_number(element, "value", what) * unit_kg
-    u_kg = _read_standard_uncertainty(value, what, several_units=len(set(units)) > 1) * unit_kg
+    value_kg = value.read_number_of_list_entry(element, "value", error_label) * unit_kg
+    u_kg = (
+        _read_standard_uncertainty(value, error_label, has_several_units=len(set(units)) > 1)
+        * unit_kg
+    )
     if not 0.0 < value_kg <= LIMITS.weight_max_kg:
-        raise EvidenceError(f"{what}: {value_kg:g} kg is not a possible mass of a weight")
+        raise EvidenceError(f"{error_label}: {value_kg:g} kg is not a possible mass of a weight")
     if not 0.0 < u_kg <= LIMITS.weight_max_u_1 * value_kg:
         raise EvidenceError(
-            f"{what}: a standard uncertainty of {u_kg:g} kg is not possible for {value_kg:g} kg"
+            f"{error_label}: a standard uncertainty of {u_kg:g} kg is not possible for "
+            f"{value_kg:g} kg"
         )
-    return value_kg, u_kg
+    return MassValue(value_kg, u_kg)
 
 
-def _read_standard_uncertainty(value: DsiValue, what: str, *, several_units: bool) -> float:
+def _read_standard_uncertainty(
+    dsi_value: DsiValue, error_label: str, *, has_several_units: bool
+) -> float:
     """Standard uncertainty in the unit of the value."""
-    expanded = list(value.element.iter(f"{{{SI}}}{value.make_element_name('expandedUnc')}"))
-    interval = list(value.element.iter(f"{{{SI}}}{value.make_element_name('coverageInterval')}"))
+    expanded = list(
+        dsi_value.element.iter(f"{{{SI}}}{dsi_value.make_dsi_element_name('expandedUnc')}")
+    )
+    interval = list(
+        dsi_value.element.iter(f"{{{SI}}}{dsi_value.make_dsi_element_name('coverageInterval')}")
+    )
     if len(expanded) + len(interval) != 1:
-        raise EvidenceError(f"{what}: has {len(expanded) + len(interval)} uncertainties, not one")
+        raise EvidenceError(
+            f"{error_label}: has {len(expanded) + len(interval)} uncertainties, not one"
+        )
     inside, name = (interval[0], "standardUnc") if interval else (expanded[0], "uncertainty")
-    if several_units and len(value.read_entry_texts(inside, name, what)) == 1:
-        raise EvidenceError(f"{what}: has one uncertainty for values in several units")
+    if has_several_units and len(dsi_value.read_list_entry_texts(inside, name, error_label)) == 1:
+        raise EvidenceError(f"{error_label}: has one uncertainty for values in several units")
     if interval:
-        return value.read_entry_number(inside, name, what)
-    k = value.read_entry_number(inside, "coverageFactor", what)
+        return dsi_value.read_number_of_list_entry(inside, name, error_label)
+    k = dsi_value.read_number_of_list_entry(inside, "coverageFactor", error_label)
     if not 1.0 <= k <= LIMITS.max_coverage_factor:
-        raise EvidenceError(f"{what}: {k:g} is not a coverage factor")
-    p = value.read_entry_number(inside, "coverageProbability", what)
+        raise EvidenceError(f"{error_label}: {k:g} is not a coverage factor")
+    p = dsi_value.read_number_of_list_entry(inside, "coverageProbability", error_label)
     if not 0.5 <= p < 1.0:
         raise EvidenceError(
-            f"{what}: {p:g} is not a coverage probability of an expanded uncertainty"
+            f"{error_label}: {p:g} is not a coverage probability of an expanded uncertainty"
         )
-    return value.read_entry_number(inside, name, what) / k
+    return dsi_value.read_number_of_list_entry(inside, name, error_label) / k
 
 
-def read_required_text(parent: "_Element", name: str, what: str) -> str:
+def read_text_of_required_child(parent: "_Element", element_name: str, error_label: str) -> str:
     """Text of the only child with a name.
 
     Raises:
         EvidenceError: there is none, or several.
     """
-    found = parent.findall(f"{{{SI}}}{name}")
+    found = parent.findall(f"{{{SI}}}{element_name}")
     text = read_leaf_text(found[0]) if len(found) == 1 else None
     if not text:
-        raise EvidenceError(f"{what}: its {parent.tag.rpartition('}')[2]} has no single si:{name}")
+        raise EvidenceError(
+            f"{error_label}: its {parent.tag.rpartition('}')[2]} has no single si:{element_name}"
+        )
     return text
 
 
-def read_list_texts(parent: "_Element", name: str, what: str) -> list[str]:
+def read_blank_separated_texts(
+    parent: "_Element", element_name: str, error_label: str
+) -> list[str]:
     """Entries of the only child with a name.
 
     Raises:
         EvidenceError: there is no such child, or several.
     """
-    return read_required_text(parent, name, what).split()
+    return read_text_of_required_child(parent, element_name, error_label).split()
 
 
-def _parse_number(text: str, name: str, what: str) -> float:
+def _parse_finite_number(text: str, element_name: str, error_label: str) -> float:
     if len(text) > LIMITS.number_characters or not _NUMBER.fullmatch(text):
-        raise EvidenceError(f"{what}: its si:{name} '{text[:40]}' is not a decimal number")
+        raise EvidenceError(
+            f"{error_label}: its si:{element_name} '{text[:40]}' is not a decimal number"
+        )
     value = float(text)
     if not math.isfinite(value):
-        raise EvidenceError(f"{what}: its si:{name} '{text[:40]}' is not finite")
+        raise EvidenceError(f"{error_label}: its si:{element_name} '{text[:40]}' is not finite")
     return value
 
 
-def format_decimal(value: float) -> str:
+def format_decimal_in_dsi_notation(value: float) -> str:
     """Number in D-SI's notation with all digits."""
     return repr(float(value))
 
 
-def format_coverage_factor(value: float) -> str:
+def format_coverage_without_exponent(value: float) -> str:
     """Coverage factor or probability in D-SI's notation, without an exponent."""
     return f"{value:.12f}".rstrip("0").ljust(3, "0")
 
 
-def add_real_quantity(
+def add_dsi_real_element(
     parent: "_Element",
     value: float,
     unit: str,
@@ -199,18 +237,18 @@ def add_real_quantity(
         return made
 
     real = add_child(parent, "real")
-    add_child(real, "value", format_decimal(value))
+    add_child(real, "value", format_decimal_in_dsi_notation(value))
     add_child(real, "unit", unit)
     if expanded_uncertainty is not None:
         u, k, p = expanded_uncertainty
         said = add_child(real, "expandedUnc")
-        add_child(said, "uncertainty", format_decimal(u))
-        add_child(said, "coverageFactor", format_coverage_factor(k))
-        add_child(said, "coverageProbability", format_coverage_factor(p))
+        add_child(said, "uncertainty", format_decimal_in_dsi_notation(u))
+        add_child(said, "coverageFactor", format_coverage_without_exponent(k))
+        add_child(said, "coverageProbability", format_coverage_without_exponent(p))
     if interval is not None:
         u, low, high, p = interval
         said = add_child(real, "coverageInterval")
-        add_child(said, "standardUnc", format_decimal(u))
-        add_child(said, "intervalMin", format_decimal(low))
-        add_child(said, "intervalMax", format_decimal(high))
-        add_child(said, "coverageProbability", format_coverage_factor(p))
+        add_child(said, "standardUnc", format_decimal_in_dsi_notation(u))
+        add_child(said, "intervalMin", format_decimal_in_dsi_notation(low))
+        add_child(said, "intervalMax", format_decimal_in_dsi_notation(high))
+        add_child(said, "coverageProbability", format_coverage_without_exponent(p))

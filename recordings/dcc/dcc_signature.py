@@ -43,15 +43,15 @@ class SignedDcc:
     root: "_Element"
     key_id: str
 
-    def describe_signature(self, trusted: Collection[str]) -> str:
+    def describe_signature(self, trusted_key_ids: Collection[str]) -> str:
         """Describe in words who signed.
 
         Args:
-            trusted: ids of keys given by the user.
+            trusted_key_ids: ids of keys given by the user.
         """
         if not self.key_id:
             return UNSIGNED
-        if self.key_id in trusted:
+        if self.key_id in trusted_key_ids:
             return f"{TRUSTED} {self.key_id[:12]}…"
         return f"signed by an unknown key {self.key_id[:12]}…"
 
@@ -60,45 +60,54 @@ UNSIGNED: Final = "unsigned"
 TRUSTED: Final = "signed by a key of dcc_keys,"
 
 
-def check_signature(root: "_Element", what: str) -> SignedDcc:
+def check_dcc_signature(certificate: "_Element", certificate_name: str) -> SignedDcc:
     """Check the signature of a certificate, if it has one.
 
     Args:
-        root: root element of the certificate.
-        what: name of the certificate, for errors.
+        certificate: root element of the certificate.
+        certificate_name: name of the certificate, for errors.
 
     Raises:
         EvidenceError: a signature that does not hold, of a part only, at another place, a second
             one, or by a weak method or key.
     """
-    found = list(root.iter(f"{{{DS}}}Signature"))
+    found = list(certificate.iter(f"{{{DS}}}Signature"))
     if not found:
-        return SignedDcc(root, "")
+        return SignedDcc(certificate, "")
     if len(found) > 1:
         raise EvidenceError(
-            f"{what}: has {len(found)} signatures; only certificates with a single signature over "
+            f"{certificate_name}: has {len(found)} signatures; only certificates with a single "
+            "signature over "
             "the whole document are supported"
         )
-    if found[0].getparent() is not root:
-        raise EvidenceError(f"{what}: its signature is not a child of the certificate itself")
+    if found[0].getparent() is not certificate:
+        raise EvidenceError(
+            f"{certificate_name}: its signature is not a child of the certificate itself"
+        )
     references = list(found[0].iter(f"{{{DS}}}Reference"))
     if len(references) != 1 or references[0].get("URI") != "":
-        raise EvidenceError(f"{what}: its signature does not cover the whole certificate")
+        raise EvidenceError(
+            f"{certificate_name}: its signature does not cover the whole certificate"
+        )
     strange = [
         str(each.get("Algorithm"))
         for each in references[0].iter(f"{{{DS}}}Transform")
         if each.get("Algorithm") not in _TRANSFORMS
     ]
     if strange:
-        raise EvidenceError(f"{what}: its signature has an unsupported transform: {strange[0]}")
-    signed, pem = _verify_signed_info(root, found[0], what)
-    if len(list(signed.iter(f"{{{DS}}}Signature"))) or signed.tag != root.tag:
-        raise EvidenceError(f"{what}: its signature does not cover the whole certificate")
-    return SignedDcc(signed, compute_key_id(pem, what))
+        raise EvidenceError(
+            f"{certificate_name}: its signature has an unsupported transform: {strange[0]}"
+        )
+    signed, pem = _verify_signed_element(certificate, found[0], certificate_name)
+    if len(list(signed.iter(f"{{{DS}}}Signature"))) or signed.tag != certificate.tag:
+        raise EvidenceError(
+            f"{certificate_name}: its signature does not cover the whole certificate"
+        )
+    return SignedDcc(signed, compute_key_id_of_pem(pem, certificate_name))
 
 
-def _verify_signed_info(
-    root: "_Element", signature: "_Element", what: str
+def _verify_signed_element(
+    certificate: "_Element", signature: "_Element", certificate_name: str
 ) -> tuple["_Element", bytes]:
     """Signed element, and public key of the signer as PEM or DER."""
     from cryptography import x509
@@ -121,51 +130,54 @@ def _verify_signed_info(
             text = "".join((held.text or "").split())
             pem = f"-----BEGIN CERTIFICATE-----\n{text}\n-----END CERTIFICATE-----\n".encode()
             options["x509_cert"] = x509.load_pem_x509_certificate(pem)
-        result = XMLVerifier().verify(root, expect_config=config, **options)
+        result = XMLVerifier().verify(certificate, expect_config=config, **options)
     except (SignXMLException, ValueError, TypeError, KeyError, AttributeError) as fault:
         raise EvidenceError(
-            f"{what}: its signature is not valid ({str(fault)[:160] or type(fault).__name__})"
+            f"{certificate_name}: its signature is not valid "
+            f"({str(fault)[:160] or type(fault).__name__})"
         ) from None
     except Exception as fault:  # noqa: BLE001  a stranger chose the bytes; cryptography has its own
         raise EvidenceError(
-            f"{what}: its signature is not valid ({type(fault).__name__})"
+            f"{certificate_name}: its signature is not valid ({type(fault).__name__})"
         ) from None
     if isinstance(result, list) or result.signed_xml is None:
-        raise EvidenceError(f"{what}: its signature does not cover the whole certificate")
+        raise EvidenceError(
+            f"{certificate_name}: its signature does not cover the whole certificate"
+        )
     return result.signed_xml, pem or result.signature_key
 
 
-def compute_key_id(pem: bytes, what: str) -> str:
+def compute_key_id_of_pem(pem_bytes: bytes, key_name: str) -> str:
     """SHA-256 of a public key's SubjectPublicKeyInfo in DER."""
     from cryptography import x509
     from cryptography.hazmat.primitives import serialization
     from cryptography.hazmat.primitives.asymmetric import ec, rsa
 
     try:
-        if b"CERTIFICATE" in pem:
-            key = x509.load_pem_x509_certificate(pem).public_key()
+        if b"CERTIFICATE" in pem_bytes:
+            key = x509.load_pem_x509_certificate(pem_bytes).public_key()
         else:
-            key = serialization.load_pem_public_key(pem)
+            key = serialization.load_pem_public_key(pem_bytes)
     except ValueError:
-        raise EvidenceError(f"{what}: has no public key or certificate in PEM") from None
+        raise EvidenceError(f"{key_name}: has no public key or certificate in PEM") from None
     if isinstance(key, rsa.RSAPublicKey) and key.key_size < _RSA_BITS_MIN:
-        raise EvidenceError(f"{what}: an RSA key of {key.key_size} bits is too short")
+        raise EvidenceError(f"{key_name}: an RSA key of {key.key_size} bits is too short")
     if not isinstance(key, rsa.RSAPublicKey | ec.EllipticCurvePublicKey):
-        raise EvidenceError(f"{what}: its key is neither RSA nor ECDSA")
+        raise EvidenceError(f"{key_name}: its key is neither RSA nor ECDSA")
     der = key.public_bytes(
         serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo
     )
     return hashlib.sha256(der).hexdigest()
 
 
-def read_trusted_key_id(path: Path) -> str:
+def read_key_id_from_pem_file(path: Path) -> str:
     """Id of a key given by the user in PEM: a public key, or a certificate with one.
 
     Raises:
         EvidenceError: it cannot be read.
     """
     try:
-        return compute_key_id(path.read_bytes(), str(path))
+        return compute_key_id_of_pem(path.read_bytes(), str(path))
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
 
@@ -216,7 +228,7 @@ def read_dcc_signing_key(path: Path, certificate: Path | None = None) -> DccKey:
     return DccKey(private, held, method)
 
 
-def sign_dcc(root: "_Element", key: DccKey) -> "_Element":
+def sign_dcc(certificate: "_Element", signing_key: DccKey) -> "_Element":
     """Certificate with a signature over the whole of it."""
     from signxml import methods
     from signxml.algorithms import CanonicalizationMethod
@@ -224,9 +236,11 @@ def sign_dcc(root: "_Element", key: DccKey) -> "_Element":
 
     signer = XMLSigner(
         method=methods.enveloped,
-        signature_algorithm=key.method,
+        signature_algorithm=signing_key.method,
         digest_algorithm="sha256",
         c14n_algorithm=CanonicalizationMethod.EXCLUSIVE_XML_CANONICALIZATION_1_0,
     )
-    held = None if key.certificate is None else key.certificate.decode()
-    return signer.sign(root, key=key.private, cert=held, always_add_key_value=held is None)
+    held = None if signing_key.certificate is None else signing_key.certificate.decode()
+    return signer.sign(
+        certificate, key=signing_key.private, cert=held, always_add_key_value=held is None
+    )

@@ -11,11 +11,11 @@ from recordings.calibration.calibration_text import ESTIMATORS
 from recordings.calibration.certificate_text import (
     iter_accuracy_class_sentences,
     make_traceability_warnings,
-    read_issue_day,
+    read_certificate_issue_day,
 )
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.dcc.dcc_document import DCC, SI, VERSION, refuse_without_xml_libraries
-from recordings.dcc.dcc_quantity import add_real_quantity
+from recordings.dcc.dcc_document import DCC, SI, VERSION, require_xml_libraries
+from recordings.dcc.dcc_quantity import add_dsi_real_element
 
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
@@ -38,13 +38,13 @@ _CONDITIONS: Final = (
 )
 
 
-def refuse_incomplete_campaign(campaign: CalibrationCampaign, source: object) -> None:
+def refuse_campaign_incomplete_for_dcc(campaign: CalibrationCampaign, source: object) -> None:
     """Refuse a campaign without the data that the schema or ISO/IEC 17025, 7.8 requires.
 
     Raises:
         EvidenceError: names every key that is not stated.
     """
-    refuse_without_xml_libraries()
+    require_xml_libraries()
     if campaign.missing_certificate_keys:
         keys = ", ".join(campaign.missing_certificate_keys)
         raise EvidenceError(f"{source}: a DCC needs {keys}; state them in the campaign")
@@ -60,7 +60,7 @@ def make_unsigned_dcc(document: EvidenceDocument, sums_sha256: str) -> "_Element
     Raises:
         EvidenceError: it is not a calibration with a line, or lacks what a certificate needs.
     """
-    refuse_incomplete_campaign(document.campaign, document.id)
+    refuse_campaign_incomplete_for_dcc(document.campaign, document.id)
     if document.kind != "calibration" or document.calibration is None:
         raise EvidenceError(f"{document.id}: has no calibration line, so there is no DCC of it")
     from lxml import etree
@@ -70,8 +70,8 @@ def make_unsigned_dcc(document: EvidenceDocument, sums_sha256: str) -> "_Element
         {"schemaVersion": VERSION},
         nsmap={"dcc": DCC, "si": SI},
     )
-    _add_administrative_data(_add_element(root, "administrativeData"), document, sums_sha256)
-    _add_results(_add_element(root, "measurementResults"), document)
+    _fill_administrative_data(_add_element(root, "administrativeData"), document, sums_sha256)
+    _add_result_elements(_add_element(root, "measurementResults"), document)
     return root
 
 
@@ -92,14 +92,16 @@ def _add_language_text(parent: "_Element", name: str, text: str, **attributes: s
     return made
 
 
-def _add_identification(parent: "_Element", issuer: str, value: str, name: str, ref: str) -> None:
-    made = _add_element(parent, "identification", refType=ref)
+def _add_identification_element(
+    parent: "_Element", issuer: str, value: str, description: str, ref_type: str
+) -> None:
+    made = _add_element(parent, "identification", refType=ref_type)
     _add_element(made, "issuer", issuer)
     _add_element(made, "value", value)
-    _add_language_text(made, "name", name)
+    _add_language_text(made, "name", description)
 
 
-def _add_contact(parent: "_Element", name: str, organisation: Organisation) -> None:
+def _add_contact_element(parent: "_Element", name: str, organisation: Organisation) -> None:
     contact = _add_element(parent, name)
     _add_language_text(contact, "name", organisation.name)
     if organisation.email:
@@ -121,14 +123,14 @@ def _add_sha256_element(
     _add_element(made, "value", digest)
 
 
-def _add_software(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_software_elements(parent: "_Element", document: EvidenceDocument) -> None:
     made = _add_element(parent, "software")
     _add_language_text(made, "name", "payscope")
     _add_element(made, "release", f"v{document.software.payscope}")
     _add_element(made, "type", "application")
 
 
-def _add_ref_types(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_ref_type_definitions(parent: "_Element", document: EvidenceDocument) -> None:
     """Add where the values of the attribute refType are defined."""
     for namespace, name, link, release in (
         ("basic", "Terms for every certificate", "https://dccwiki.ptb.de", ""),
@@ -147,21 +149,21 @@ def _add_ref_types(parent: "_Element", document: EvidenceDocument) -> None:
             _add_element(made, "release", release)
 
 
-def _add_administrative_data(
+def _fill_administrative_data(
     admin: "_Element", document: EvidenceDocument, sums_sha256: str
 ) -> None:
     campaign = document.campaign
     about, machine, laboratory = campaign.campaign, campaign.machine, campaign.laboratory
     assert laboratory is not None
     assert campaign.customer is not None
-    _add_software(_add_element(admin, "dccSoftware"), document)
-    _add_ref_types(_add_element(admin, "refTypeDefinitions"), document)
+    _add_software_elements(_add_element(admin, "dccSoftware"), document)
+    _add_ref_type_definitions(_add_element(admin, "refTypeDefinitions"), document)
     core = _add_element(admin, "coreData")
     _add_element(core, "countryCodeISO3166_1", laboratory.country)
     _add_element(core, "usedLangCodeISO639_1", "en")
     _add_element(core, "mandatoryLangCodeISO639_1", "en")
     _add_element(core, "uniqueIdentifier", document.id)
-    _add_identification(
+    _add_identification_element(
         _add_element(core, "identifications"),
         "calibrationLaboratory",
         sums_sha256,
@@ -174,7 +176,7 @@ def _add_administrative_data(
     _add_element(core, "beginPerformanceDate", min(days).isoformat())
     _add_element(core, "endPerformanceDate", max(days).isoformat())
     _add_element(core, "performanceLocation", about.place_kind)
-    _add_element(core, "issueDate", read_issue_day(document).isoformat())
+    _add_element(core, "issueDate", read_certificate_issue_day(document).isoformat())
     if about.replaces:
         changed = _add_element(core, "reportAmendedSubstituted")
         _add_element(changed, "typeOfChange", "substituted")
@@ -189,13 +191,15 @@ def _add_administrative_data(
     _add_language_text(_add_element(item, "manufacturer"), "name", machine.make)
     _add_element(item, "model", machine.model)
     identified = _add_element(item, "identifications")
-    _add_identification(
+    _add_identification_element(
         identified, "manufacturer", machine.id, "Serial number", "basic_serialNumber"
     )
     for part, value in machine.parts.items():
         if part.strip() and value.strip():
-            _add_identification(identified, "other", value, part, "payscope_partIdentification")
-    _add_contact(_add_element(admin, "calibrationLaboratory"), "contact", laboratory)
+            _add_identification_element(
+                identified, "other", value, part, "payscope_partIdentification"
+            )
+    _add_contact_element(_add_element(admin, "calibrationLaboratory"), "contact", laboratory)
     people = _add_element(admin, "respPersons")
     for name, role, signs in (
         (about.authoriser, about.authoriser_function, "true"),
@@ -206,11 +210,11 @@ def _add_administrative_data(
         if role:
             _add_element(person, "role", role)
         _add_element(person, "mainSigner", signs)
-    _add_contact(admin, "customer", campaign.customer)
-    _add_statements(_add_element(admin, "statements"), document)
+    _add_contact_element(admin, "customer", campaign.customer)
+    _add_statement_elements(_add_element(admin, "statements"), document)
 
 
-def _add_statements(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_statement_elements(parent: "_Element", document: EvidenceDocument) -> None:
     about, limits = document.campaign.campaign, document.limits
     said = [("Scope", document.notice), ("Intended use", about.intended_use)]
     said += [("Place of the work", about.place), ("Deviations from the method", about.deviations)]
@@ -231,7 +235,7 @@ def _add_statements(parent: "_Element", document: EvidenceDocument) -> None:
             _add_element(made, "conformity", "pass" if limits.verdict == WITHIN else "fail")
 
 
-def _add_results(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_result_elements(parent: "_Element", document: EvidenceDocument) -> None:
     fitted = document.calibration
     assert fitted is not None
     result = _add_element(parent, "measurementResult", refId="machine")
@@ -247,9 +251,9 @@ def _add_results(parent: "_Element", document: EvidenceDocument) -> None:
         method = _add_element(methods, "usedMethod", refType=ref)
         _add_language_text(method, "name", name)
         _add_element(method, "norm", norm)
-    _add_software(_add_element(result, "usedSoftware"), document)
+    _add_software_elements(_add_element(result, "usedSoftware"), document)
     _add_equipment(_add_element(result, "measuringEquipments"), document)
-    _add_conditions(_add_element(result, "influenceConditions"), document)
+    _add_influence_conditions(_add_element(result, "influenceConditions"), document)
     found = _add_element(result, "results")
     line_result = _add_element(found, "result", refType="payscope_calibrationFunction")
     _add_language_text(
@@ -264,21 +268,25 @@ def _add_results(parent: "_Element", document: EvidenceDocument) -> None:
         _add_language_text(quantity, "name", name)
         low, high = interval
         if low is None or high is None or not low < value < high:
-            add_real_quantity(quantity, value, unit)
+            add_dsi_real_element(quantity, value, unit)
         else:
             # D-SI wants a standard uncertainty beside the interval: that of the same half width
             u = (high - low) / 2.0 / fitted.coverage_k_1
-            add_real_quantity(quantity, value, unit, interval=(u, low, high, fitted.confidence_1))
+            add_dsi_real_element(
+                quantity, value, unit, interval=(u, low, high, fitted.confidence_1)
+            )
     at_kg, readings = fitted.budget_at
     quantity = _add_element(data, "quantity", refType="basic_measuredValue")
     _add_language_text(quantity, "name", f"Later mass, mean of {readings} readings")
-    add_mass_quantity(quantity, document, at_kg)
+    fill_mass_quantity(quantity, document, at_kg)
     _add_errors_of_indication(
         _add_element(found, "result", refType="basic_measurementError"), document
     )
 
 
-def add_mass_quantity(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -> None:
+def fill_mass_quantity(
+    quantity_element: "_Element", document: EvidenceDocument, mass_kg: float
+) -> None:
     """Add a mass with its expanded uncertainty."""
     fitted = document.calibration
     assert fitted is not None
@@ -287,18 +295,21 @@ def add_mass_quantity(quantity: "_Element", document: EvidenceDocument, mass_kg:
     u_kg = fitted.u_kg if mass_kg == at_kg else fitted.inversion.u_kg(mass_kg, readings)
     if not (math.isfinite(u_kg) and k >= 1.0):
         raise EvidenceError(f"{document.id}: at {mass_kg:g} kg there is no uncertainty to certify")
-    add_real_quantity(
-        quantity, mass_kg, r"\kilogram", expanded_uncertainty=(k * u_kg, k, fitted.confidence_1)
+    add_dsi_real_element(
+        quantity_element,
+        mass_kg,
+        r"\kilogram",
+        expanded_uncertainty=(k * u_kg, k, fitted.confidence_1),
     )
 
 
-def _add_errors_of_indication(result: "_Element", document: EvidenceDocument) -> None:
+def _add_errors_of_indication(result_element: "_Element", document: EvidenceDocument) -> None:
     """Add reference, calibrated mass and error of each run."""
     fitted = document.calibration
     assert fitted is not None
     references = {each.load_id: each for each in document.references}
-    _add_language_text(result, "name", "Errors of the runs")
-    data = _add_element(result, "data")
+    _add_language_text(result_element, "name", "Errors of the runs")
+    data = _add_element(result_element, "data")
     for point in fitted.points:
         if point.error_kg is None:
             continue
@@ -306,16 +317,16 @@ def _add_errors_of_indication(result: "_Element", document: EvidenceDocument) ->
         row = _add_element(data, "list")
         _add_language_text(row, "name", f"{point.run_id}: {point.load_id}")
         quantity = _add_element(row, "quantity", refType="basic_referenceValue")
-        add_real_quantity(
+        add_dsi_real_element(
             quantity,
             reference.reference_kg,
             r"\kilogram",
             expanded_uncertainty=(2.0 * reference.u_kg, 2.0, 0.954),
         )
         quantity = _add_element(row, "quantity", refType="basic_measuredValue")
-        add_mass_quantity(quantity, document, reference.reference_kg + point.error_kg)
+        fill_mass_quantity(quantity, document, reference.reference_kg + point.error_kg)
         quantity = _add_element(row, "quantity", refType="basic_measurementError")
-        add_real_quantity(quantity, point.error_kg, r"\kilogram")
+        add_dsi_real_element(quantity, point.error_kg, r"\kilogram")
 
 
 def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
@@ -331,11 +342,11 @@ def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
             about = ("Certificate of the mass", mass.certificate, mass.certificate_sha256)
             _add_sha256_element(made, "certificate", about)
         identified = _add_element(made, "identifications")
-        _add_identification(
+        _add_identification_element(
             identified, "calibrationLaboratory", mass.id, "Id", "payscope_equipmentIdentification"
         )
         if mass.certificate:
-            _add_identification(
+            _add_identification_element(
                 identified,
                 "other",
                 mass.certificate,
@@ -347,7 +358,7 @@ def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
         made = _add_element(parent, "measuringEquipment", refType="basic_measurementStandard")
         _add_language_text(made, "name", "The machine without load")
         if campaign.machine.empty_certificate:
-            _add_identification(
+            _add_identification_element(
                 _add_element(made, "identifications"),
                 "other",
                 campaign.machine.empty_certificate,
@@ -359,19 +370,21 @@ def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
         )
 
 
-def _add_reference_mass(equipment: "_Element", name: str, value_kg: float, u_kg: float) -> None:
+def _add_reference_mass(
+    equipment_element: "_Element", name: str, value_kg: float, u_kg: float
+) -> None:
     quantity = _add_element(
-        _add_element(equipment, "measuringEquipmentQuantities"),
+        _add_element(equipment_element, "measuringEquipmentQuantities"),
         "measuringEquipmentQuantity",
         refType="basic_referenceValue",
     )
     _add_language_text(quantity, "name", name)
-    add_real_quantity(
+    add_dsi_real_element(
         quantity, value_kg, r"\kilogram", expanded_uncertainty=(2.0 * u_kg, 2.0, 0.954)
     )
 
 
-def _add_conditions(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_influence_conditions(parent: "_Element", document: EvidenceDocument) -> None:
     campaign = document.campaign
     runs = [campaign.find_run_conditions(run) for run in campaign.runs]
     for key, ref, unit, name in _CONDITIONS:
@@ -381,6 +394,6 @@ def _add_conditions(parent: "_Element", document: EvidenceDocument) -> None:
             data = _add_element(made, "data")
             if unit:
                 quantity = _add_element(data, "quantity", refType="basic_measuredValue")
-                add_real_quantity(quantity, value, unit)
+                add_dsi_real_element(quantity, value, unit)
             else:
                 _add_language_text(data, "text", value)

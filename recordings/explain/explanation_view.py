@@ -17,22 +17,22 @@ from analysis.explain.worst_manoeuvres import GateStretch, ManoeuvreReport
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 from estimators.errors import counted
-from recordings.plots.convergence_plot import draw_convergence
+from recordings.plots.convergence_plot import draw_convergence_of_estimates
 from recordings.plots.force_acceleration_plot import draw_force_acceleration
-from recordings.plots.time_panels import draw_over_time
+from recordings.plots.time_panels import draw_views_over_time
 from recordings.report.finding_text import (
-    describe_consequence,
+    can_fixing_change_mass,
+    describe_consequence_of_finding,
     describe_indistinguishable_causes,
     describe_mass_change_if_fixed,
-    find_cause_name,
+    find_readable_cause_name,
     format_finding,
     format_finding_span,
-    format_proposed_keys,
-    may_change_mass,
+    format_proposed_machine_keys,
 )
 from recordings.report.number_text import format_number, format_plus_minus
 from recordings.report.picture import write_picture
-from recordings.rrd.display_frames import find_grid_span_ns, make_display_frames
+from recordings.rrd.display_frames import find_time_span_of_grid_ns, make_display_frames
 from recordings.rrd.recording_table import MOMENT
 from recordings.rrd.recording_texts import format_answer_headline
 
@@ -60,7 +60,7 @@ _FINDINGS: Final = 3
 _AROUND_S: Final = 15.0
 
 
-def describe_answer_and_cause(explanation: Explanation) -> str:
+def describe_answer_and_likeliest_cause(explanation: Explanation) -> str:
     """The answer and the likeliest cause of an error, in one sentence."""
     said = format_answer_headline(explanation.answer).removesuffix(".")
     here = (
@@ -73,17 +73,17 @@ def describe_answer_and_cause(explanation: Explanation) -> str:
         return f"{said}{here}; this recording has no findings: replay the log."
     if not found:
         return f"{said}{here}; none of the known causes of an error was detected."
-    if not any(map(may_change_mass, found)):
-        names = ", ".join(find_cause_name(each.cause) for each in found)
+    if not any(map(can_fixing_change_mass, found)):
+        names = ", ".join(find_readable_cause_name(each.cause) for each in found)
         return f"{said}{here}; none of the findings is known to affect the mass: {names}."
     # the list's own order: a sentence that skips would be another order of likelihood
     first, others = found[0], len(found) - 1
     more = f", and {counted(others, 'finding')} more" if others else ""
     change = describe_mass_change_if_fixed(first) or (
-        "" if may_change_mass(first) else "not known to affect the mass"
+        "" if can_fixing_change_mass(first) else "not known to affect the mass"
     )
     return (
-        f"{said}{here}; likeliest cause of an error: {find_cause_name(first.cause)}"
+        f"{said}{here}; likeliest cause of an error: {find_readable_cause_name(first.cause)}"
         f"{f' ({change})' if change else ''}{more}."
     )
 
@@ -94,43 +94,43 @@ def _describe_moment_of_explanation(explanation: Explanation) -> str:
     )
     if stretch is None:
         return "there is no window"
-    decided = _describe_gate_stretch(stretch)
+    decided = _describe_time_span_of_gate_reason(stretch)
     if stretch.reason == "accepted":
         return f"the window is accepted{decided}"
     return f"the gate refuses the window for '{stretch.reason.replace('_', ' ')}'{decided}"
 
 
-def _describe_gate_stretch(stretch: GateStretch) -> str:
-    if stretch.column is None or stretch.value is None:
+def _describe_time_span_of_gate_reason(reason_span: GateStretch) -> str:
+    if reason_span.column is None or reason_span.value is None:
         return ""
-    name, unit = _DECIDES[stretch.column]
-    value = format_number(round(stretch.value, 3))
-    return f" ({name} {value}, {stretch.limit}{f' {unit}' if unit else ''})"
+    name, unit = _DECIDES[reason_span.column]
+    value = format_number(round(reason_span.value, 3))
+    return f" ({name} {value}, {reason_span.limit}{f' {unit}' if unit else ''})"
 
 
-def iter_finding_lines(explanation: Explanation) -> Iterator[str]:
+def iter_lines_of_findings(explanation: Explanation) -> Iterator[str]:
     """Yield lines on every finding by rank, with its consequence."""
     for each in explanation.findings or ():
         where = ", ".join(filter(None, (each.channel, format_finding_span(each))))
-        name = find_cause_name(each.cause)
+        name = find_readable_cause_name(each.cause)
         yield f"{each.rank}. {name}{f' ({where})' if where else ''}: {each.says}"
         for line in (
             each.evidence,
             describe_mass_change_if_fixed(each),
-            format_proposed_keys(each),
+            format_proposed_machine_keys(each),
             describe_indistinguishable_causes(each),
-            describe_consequence(each),
+            describe_consequence_of_finding(each),
         ):
             if line:
                 yield f"   {line}"
 
 
-def iter_gate_lines(explanation: Explanation) -> Iterator[str]:
+def iter_lines_of_gate_reasons(explanation: Explanation) -> Iterator[str]:
     """Yield lines on the gate's reasons: around the moment in order, otherwise by share."""
     if explanation.at_s is not None:
         for each in explanation.gate:
             reason = each.reason.replace("_", " ")
-            decision = _describe_gate_stretch(each)
+            decision = _describe_time_span_of_gate_reason(each)
             yield f"{each.start_s:,.2f} to {each.end_s:,.2f} s: {reason}{decision}"
         return
     shares = [(name, share) for name, share in explanation.shares.items() if share >= 0.005]
@@ -138,7 +138,9 @@ def iter_gate_lines(explanation: Explanation) -> Iterator[str]:
         yield ", ".join(f"{name.replace('_', ' ')} {share:.0%}" for name, share in shares)
 
 
-def iter_determined_parameter_lines(identifiability: DeterminedParameters | None) -> Iterator[str]:
+def iter_lines_of_determined_parameters(
+    identifiability: DeterminedParameters | None,
+) -> Iterator[str]:
     """Yield lines on which parameters the motion determines and which it does not."""
     if identifiability is None:
         return
@@ -160,17 +162,23 @@ def iter_determined_parameter_lines(identifiability: DeterminedParameters | None
         )
 
 
-def describe_manoeuvre(report: ManoeuvreReport) -> str:
+def describe_mass_of_manoeuvre(manoeuvre_report: ManoeuvreReport) -> str:
     """Line on a manoeuvre's mass and that of its load, or why it has no mass."""
-    span = f"{report.start_s:,.1f} to {report.end_s:,.1f} s"
-    if report.mass_kg is None:
-        return f"{span}: no mass ({report.reason.replace('_', ' ')})"
-    mass = f"{span}: {format_plus_minus(report.mass_kg, report.mass_std_kg)} kg on its own"
-    if report.load_kg is None or report.deviations is None:
+    span = f"{manoeuvre_report.start_s:,.1f} to {manoeuvre_report.end_s:,.1f} s"
+    if manoeuvre_report.mass_kg is None:
+        return f"{span}: no mass ({manoeuvre_report.reason.replace('_', ' ')})"
+    mass = (
+        f"{span}: {format_plus_minus(manoeuvre_report.mass_kg, manoeuvre_report.mass_std_kg)} kg "
+        "on its own"
+    )
+    if manoeuvre_report.load_kg is None or manoeuvre_report.deviations is None:
         return mass
-    apart = f"{report.deviations:+.1f} standard deviations from load {report.load_id}"
-    note = ", worth a look" if abs(report.deviations) > _APART else ""
-    return f"{mass}, {apart} ({format_number(report.load_kg)} kg){note}"
+    apart = (
+        f"{manoeuvre_report.deviations:+.1f} standard deviations from load "
+        f"{manoeuvre_report.load_id}"
+    )
+    note = ", worth a look" if abs(manoeuvre_report.deviations) > _APART else ""
+    return f"{mass}, {apart} ({format_number(manoeuvre_report.load_kg)} kg){note}"
 
 
 def plot_explanation(
@@ -194,9 +202,13 @@ def draw_explanation(run: Run, explanation: Explanation) -> "Figure":
     """Draw the picture of `plot_explanation` without writing it."""
     from matplotlib.figure import Figure
 
-    at_s = explanation.at_s if explanation.at_s is not None else choose_moment_s(explanation, run)
+    at_s = (
+        explanation.at_s
+        if explanation.at_s is not None
+        else choose_moment_to_show_s(explanation, run)
+    )
     near = run if at_s is None else _cut_run_around_moment(run, at_s)
-    lines = wrap(describe_answer_and_cause(explanation), _LINE)
+    lines = wrap(describe_answer_and_likeliest_cause(explanation), _LINE)
     for each in (explanation.findings or ())[:_FINDINGS]:
         lines += wrap(f"{each.rank}. {format_finding(each)}", _LINE, subsequent_indent="   ")
     figure = Figure(figsize=_SIZE_IN, layout="constrained")
@@ -210,23 +222,25 @@ def draw_explanation(run: Run, explanation: Explanation) -> "Figure":
     draw_force_acceleration(scatter, run if explanation.at_s is None else near, explanation.at_s)
     left.suptitle("Force against acceleration", x=0.01, ha="left", fontsize=9)
     settles = right.subplots()
-    settling = run if explanation.at_s is None else _restrict_run_to_load_at(run, explanation.at_s)
-    draw_convergence(settles, settling, explanation.at_s)
+    settling = (
+        run if explanation.at_s is None else _restrict_run_to_load_at_moment(run, explanation.at_s)
+    )
+    draw_convergence_of_estimates(settles, settling, explanation.at_s)
     right.suptitle("How the mass settles", x=0.01, ha="left", fontsize=9)
     if at_s is not None:
         which = "asked for" if explanation.at_s is not None else "which stands out most"
         title = f"The signals around {at_s:,.1f} s, {which}"
         below.suptitle(title, x=0.01, ha="left", fontsize=9)
-    draw_over_time(below, MOMENT, near, make_display_frames(near, decimate=False), at_s)
+    draw_views_over_time(below, MOMENT, near, make_display_frames(near, decimate=False), at_s)
     return figure
 
 
-def choose_moment_s(explanation: Explanation, run: Run) -> float | None:
+def choose_moment_to_show_s(explanation: Explanation, run: Run) -> float | None:
     """Moment of the first finding that has one, or of the worst manoeuvre.
 
     None, for the whole run, if the run is not much longer than the drawn stretch.
     """
-    span = find_grid_span_ns(run)
+    span = find_time_span_of_grid_ns(run)
     if span is None or span[1] - span[0] < 4 * _AROUND_S * NS_PER_S:
         return None
     for each in explanation.findings or ():
@@ -237,9 +251,9 @@ def choose_moment_s(explanation: Explanation, run: Run) -> float | None:
     return None
 
 
-def _cut_run_around_moment(run: Run, at_s: float) -> Run:
+def _cut_run_around_moment(run: Run, moment_s: float) -> Run:
     """Samples around a moment; frames without samples are kept whole."""
-    begin, end = (round((at_s + way * _AROUND_S) * NS_PER_S) for way in (-1, 1))
+    begin, end = (round((moment_s + way * _AROUND_S) * NS_PER_S) for way in (-1, 1))
     frames = {
         name: select_rows_between_times(frame, begin, end) if "t_ns" in frame.columns else frame
         for name, frame in run.frames.items()
@@ -247,19 +261,19 @@ def _cut_run_around_moment(run: Run, at_s: float) -> Run:
     return Run(frames, run.provenance)
 
 
-def select_rows_between_times(frame: pl.DataFrame, begin: int, end: int) -> pl.DataFrame:
+def select_rows_between_times(frame: pl.DataFrame, begin_ns: int, end_ns: int) -> pl.DataFrame:
     """Samples of a stretch of a sorted frame, found by binary search."""
     t = frame["t_ns"].to_numpy()
-    first, last = np.searchsorted(t, begin, "left"), np.searchsorted(t, end, "right")
+    first, last = np.searchsorted(t, begin_ns, "left"), np.searchsorted(t, end_ns, "right")
     return frame.slice(int(first), int(last - first))
 
 
-def _restrict_run_to_load_at(run: Run, at_s: float | None) -> Run:
+def _restrict_run_to_load_at_moment(run: Run, moment_s: float | None) -> Run:
     """Rows of the load at a moment; the whole run if there is none."""
     loads = run.frames.get("loads")
-    if at_s is None or loads is None:
+    if moment_s is None or loads is None:
         return run
-    at = pl.lit(round(at_s * NS_PER_S))
+    at = pl.lit(round(moment_s * NS_PER_S))
     here = loads.filter(at.is_between(pl.col("start_t_ns"), pl.col("end_t_ns")))
     if not here.height:
         return run

@@ -4,7 +4,7 @@ import datetime as dt
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -70,55 +70,55 @@ class FleetPage:
     friction: Sequence[str] = ()
 
 
-def render_fleet_html(page: FleetPage) -> str:
+def render_fleet_html(fleet_page: FleetPage) -> str:
     """HTML of the page, with all texts escaped and no external requests."""
-    machines = sum_results_by_group(page.results, ["machine"])
+    machines = sum_results_by_group(fleet_page.results, ["machine"])
     total = sum_machines(machines)
     flagged = sorted(
-        (chart for chart in page.charts if chart.chart.flagged is not None),
-        key=_drift_sort_key,
+        (chart for chart in fleet_page.charts if chart.chart.flagged is not None),
+        key=_make_drift_sort_key,
     )
-    by_week = _sum_weekly_tonnes_of_fleet(page.weeks)
+    by_week = _sum_weekly_tonnes_of_fleet(fleet_page.weeks)
     drawn = [draw_weekly_tonnes(by_week)] if by_week.height else []
     return render_page_html(
         "recordings.fleet",
         _TEMPLATE,
-        title=f"Fleet {page.name}",
-        period=_format_period(page.days),
+        title=f"Fleet {fleet_page.name}",
+        period=_format_first_and_last_day(fleet_page.days),
         headline=summarise_fleet(total, machines.height),
-        facts=_make_fact_rows(page, total, len(flagged)),
-        warnings=_list_warnings(page),
-        machines=[_make_machine_row(row, page) for row in machines.iter_rows(named=True)],
+        facts=_make_fleet_name_value_rows(fleet_page, total, len(flagged)),
+        warnings=_list_fleet_warnings(fleet_page),
+        machines=[_make_machine_row(row, fleet_page) for row in machines.iter_rows(named=True)],
         machine_heads=_MACHINE_HEADS,
         pictures=[picture for picture in drawn if picture is not None],
         drifts=[_make_drift_cells(chart) for chart in flagged],
         drift_pictures=[
             draw_drift_chart(n, chart) for n, chart in enumerate(flagged[:_MOST_FIGURES])
         ],
-        friction=list(page.friction),
+        friction=list(fleet_page.friction),
         drifts_without_picture=max(len(flagged) - _MOST_FIGURES, 0),
         recordings_to_check=[
             {**row, "number": n, "at": f"{row['at_s']:,.0f}"}
-            for n, row in enumerate(page.looks.head(MOST_LOOKS).to_dicts(), start=1)
+            for n, row in enumerate(fleet_page.looks.head(MOST_LOOKS).to_dicts(), start=1)
         ],
-        more_recordings_to_check=max(page.looks.height - MOST_LOOKS, 0),
-        calibrations=_make_calibration_rows(page),
-        changes=[_format_line_change(each) for each in page.changes],
-        weeks=_make_week_table(page.weeks),
-        failed=list(page.failed.items())[:_MOST_FAILED],
-        more_failed=max(len(page.failed) - _MOST_FAILED, 0),
+        more_recordings_to_check=max(fleet_page.looks.height - MOST_LOOKS, 0),
+        calibrations=_make_calibration_rows(fleet_page),
+        changes=[_format_calibration_line_change(each) for each in fleet_page.changes],
+        weeks=_make_tonnes_by_week_table(fleet_page.weeks),
+        failed=list(fleet_page.failed.items())[:_MOST_FAILED],
+        more_failed=max(len(fleet_page.failed) - _MOST_FAILED, 0),
         signals=SIGNALS,
     )
 
 
-def summarise_fleet(total: Mapping[str, float], machines: int) -> str:
+def summarise_fleet(fleet_total: Mapping[str, float], machines: int) -> str:
     """Answer for a fleet in one line."""
-    if not total["loads"]:
+    if not fleet_total["loads"]:
         return f"No tonnes: no cycle of {counted(machines, 'machine')} has a mass"
     return (
-        f"{_format_tonnes(total['payload_kg'], K * total['payload_u_kg'])} in "
-        f"{counted(int(total['loads']), 'load')} by {counted(machines, 'machine')}"
-        + (f", {SCALE_NOT_KNOWN}" if total["without_scale"] else "")
+        f"{_format_tonnes_or_dash(fleet_total['payload_kg'], K * fleet_total['payload_u_kg'])} in "
+        f"{counted(int(fleet_total['loads']), 'load')} by {counted(machines, 'machine')}"
+        + (f", {SCALE_NOT_KNOWN}" if fleet_total["without_scale"] else "")
     )
 
 
@@ -129,75 +129,79 @@ _MACHINE_HEADS: Final = (
 )
 
 
-def _format_tonnes(kg: float, u_kg: float) -> str:
+def _format_tonnes_or_dash(mass_kg: float, u_kg: float) -> str:
     digits = 0 if u_kg >= 1e4 else 1 if u_kg >= 1e3 else 2
-    return f"{kg / 1e3:,.{digits}f} ± {u_kg / 1e3:,.{digits}f} t"
+    return f"{mass_kg / 1e3:,.{digits}f} ± {u_kg / 1e3:,.{digits}f} t"
 
 
-def _format_period(days: pl.DataFrame) -> str:
+def _format_first_and_last_day(days: pl.DataFrame) -> str:
     if days.is_empty():
         return "no recording has a date"
     return f"{days['day'].min()} to {days['day'].max()}"
 
 
-def _make_fact_rows(
-    page: FleetPage, totals: Mapping[str, float], flagged_charts: int
+def _make_fleet_name_value_rows(
+    fleet_page: FleetPage, totals: Mapping[str, float], flagged_charts: int
 ) -> list[tuple[str, str]]:
-    status = page.results["status"]
+    status = fleet_page.results["status"]
     refused = int((status == "refused").sum())
-    cannot = page.results.filter(~pl.col("can_weigh")).height
+    cannot = fleet_page.results.filter(~pl.col("can_weigh")).height
     return [
         ("interval", "95 % (k = 2); machines are assumed independent of each other"),
         (
             "recordings",
             f"{totals['recordings']:,.0f}: {refused:,} refused, {cannot:,} that cannot weigh, "
-            f"{len(page.failed):,} without a result",
+            f"{len(fleet_page.failed):,} without a result",
         ),
-        ("hours", f"{page.days['hours'].sum():,.0f} recorded"),
+        ("hours", f"{fleet_page.days['hours'].sum():,.0f} recorded"),
         ("drift", f"{counted(flagged_charts, 'chart')} beyond the limit"),
-        ("to look at", counted(page.looks.height, "recording")),
+        ("to look at", counted(fleet_page.looks.height, "recording")),
     ]
 
 
-def _list_warnings(page: FleetPage) -> list[str]:
+def _list_fleet_warnings(fleet_page: FleetPage) -> list[str]:
     found: list[str] = []
-    versions = sorted(set(page.results["payscope"]))
+    versions = sorted(set(fleet_page.results["payscope"]))
     if len(versions) > 1:
         found.append(f"Results of several versions of payscope: {', '.join(versions)}.")
-    other = page.results.filter(~pl.col("current")).height
+    other = fleet_page.results.filter(~pl.col("current")).height
     if other:
         found.append(
             f"{counted(other, 'recording')} with other settings or versions than those of the "
             "last run: run the fleet again, where their logs still exist."
         )
-    undated = page.results.filter(pl.col("day") == "undated").height
+    undated = fleet_page.results.filter(pl.col("day") == "undated").height
     if undated:
         found.append(f"{counted(undated, 'recording')} without a date: not in any week or chart.")
-    scale = int(sum_results_by_group(page.results, ["machine"])["without_scale"].sum())
+    scale = int(sum_results_by_group(fleet_page.results, ["machine"])["without_scale"].sum())
     if scale:
         found.append(
             f"Scale not known in {counted(scale, 'recording')}: neither the empty machine's "
             "stated mass nor a calibration nor the machine file's uncertainties determine it, so "
             "it is not in the ±."
         )
-    without = page.results.filter((pl.col("calibration") == "") & (pl.col("cycles_counted") > 0))
-    if page.calibrations and without.height:
+    without = fleet_page.results.filter(
+        (pl.col("calibration") == "") & (pl.col("cycles_counted") > 0)
+    )
+    if fleet_page.calibrations and without.height:
         found.append(f"{counted(without.height, 'recording')} on days without a calibration.")
     return found
 
 
-def _make_machine_row(row: Mapping[str, Any], page: FleetPage) -> Mapping[str, Any]:
-    name = row["machine"]
-    mine = page.days.filter(pl.col("machine") == name)
-    latest = {c.signal.name: c for c in page.charts if c.machine == name}
-    ends = max((c.expires for c in page.calibrations if c.machine == name), default=None)
-    looks = page.looks.filter(pl.col("machine") == name).height
+def _make_machine_row(
+    machine_totals: Mapping[str, Any], fleet_page: FleetPage
+) -> Mapping[str, Any]:
+    name = machine_totals["machine"]
+    mine = fleet_page.days.filter(pl.col("machine") == name)
+    latest = {c.signal.name: c for c in fleet_page.charts if c.machine == name}
+    ends = max((c.expires for c in fleet_page.calibrations if c.machine == name), default=None)
+    looks = fleet_page.looks.filter(pl.col("machine") == name).height
     cells = [
-        format_sortable_cell(row["recordings"], ",.0f"),
-        format_sortable_cell(row["loads"], ",.0f"),
-        format_sortable_cell(row["payload_kg"] / 1e3, ",.1f"),
-        format_sortable_cell(K * row["payload_u_kg"] / 1e3, ",.1f"),
-        ("not known", "1") if row["without_scale"] else ("known", "0"),
+        format_sortable_cell(machine_totals["recordings"], ",.0f"),
+        format_sortable_cell(machine_totals["loads"], ",.0f"),
+        format_sortable_cell(machine_totals["payload_kg"] / 1e3, ",.1f"),
+        format_sortable_cell(K * machine_totals["payload_u_kg"] / 1e3, ",.1f"),
+        ("not known", "1") if machine_totals["without_scale"] else ("known", "0"),
         format_sortable_cell(float(mine["hours"].sum()), ",.0f"),
     ]
     for signal in SIGNALS:
@@ -211,73 +215,82 @@ def _make_machine_row(row: Mapping[str, Any], page: FleetPage) -> Mapping[str, A
     return {"name": name, "cells": cells}
 
 
-def format_sortable_cell(value: float | None, number_format: str) -> tuple[str, str]:
+class SortableCell(NamedTuple):
+    """Text of a table cell, and the key that it is sorted by."""
+
+    text: str
+    sort_key: str
+
+
+def format_sortable_cell(value: float | None, number_format: str) -> SortableCell:
     """Displayed text and sorting key of a cell."""
     if value is None or not math.isfinite(value):
-        return "–", ""
-    return f"{value:{number_format}}", f"{value:.6g}"
+        return SortableCell("–", "")
+    return SortableCell(f"{value:{number_format}}", f"{value:.6g}")
 
 
-def _drift_sort_key(chart: MachineChart) -> tuple[float, str, str]:
+def _make_drift_sort_key(drift_chart: MachineChart) -> tuple[float, str, str]:
     """Sorting key that puts the change with the largest ratio to its deviation first."""
-    change, std = abs(chart.change), chart.change_std
+    change, std = abs(drift_chart.change), drift_chart.change_std
     known = math.isfinite(change) and std > 0.0
-    return -(change / std if known else 0.0), chart.machine, chart.signal.name
+    return -(change / std if known else 0.0), drift_chart.machine, drift_chart.signal.name
 
 
-def _make_drift_cells(chart: MachineChart) -> tuple[str, ...]:
-    found = chart.chart
+def _make_drift_cells(drift_chart: MachineChart) -> tuple[str, ...]:
+    found = drift_chart.chart
     assert found.flagged is not None
     assert found.since is not None
-    unit = chart.signal.unit
-    change = f"{chart.change:+,.1f} ± {K * chart.change_std:,.1f} {unit}"
+    unit = drift_chart.signal.unit
+    change = f"{drift_chart.change:+,.1f} ± {K * drift_chart.change_std:,.1f} {unit}"
     return (
-        chart.machine,
-        chart.signal.name,
-        change if math.isfinite(chart.change) else "–",
-        str(chart.days[found.since]),
-        str(chart.days[found.flagged]),
-        chart.signal.means,
+        drift_chart.machine,
+        drift_chart.signal.name,
+        change if math.isfinite(drift_chart.change) else "–",
+        str(drift_chart.days[found.since]),
+        str(drift_chart.days[found.flagged]),
+        drift_chart.signal.means,
     )
 
 
-def _make_calibration_rows(page: FleetPage) -> list[tuple[str, ...]]:
+def _make_calibration_rows(fleet_page: FleetPage) -> list[tuple[str, ...]]:
     """Rows of the latest calibration of each machine, the earliest to expire first."""
     latest: dict[str, FleetCalibration] = {}
-    for each in sorted(page.calibrations, key=lambda c: c.first):
+    for each in sorted(fleet_page.calibrations, key=lambda c: c.first):
         latest[each.machine] = each
     rows: list[tuple[str, ...]] = []
     for each in sorted(latest.values(), key=lambda c: (c.expires, c.machine)):
-        left = None if page.today is None else (each.expires - page.today).days
+        left = None if fleet_page.today is None else (each.expires - fleet_page.today).days
         due = "" if left is None or left > _DUE_DAYS else "due" if left >= 0 else "expired"
         rows.append((each.machine, str(each.first), str(each.expires), due, each.method, each.id))
     return rows
 
 
-def _format_line_change(change: LineChange) -> tuple[str, ...]:
+def _format_calibration_line_change(line_change: LineChange) -> tuple[str, ...]:
     return (
-        change.after.machine,
-        str(change.before.first),
-        str(change.after.first),
-        f"{change.zero_kg:+,.1f} (± {change.zero_limit_kg:,.1f})",
-        f"{change.scale_1:+.2%} (± {change.scale_limit_1:.2%})",
-        "beyond its limit" if change.has_line_moved else "within",
+        line_change.after.machine,
+        str(line_change.before.first),
+        str(line_change.after.first),
+        f"{line_change.zero_kg:+,.1f} (± {line_change.zero_limit_kg:,.1f})",
+        f"{line_change.scale_1:+.2%} (± {line_change.scale_limit_1:.2%})",
+        "beyond its limit" if line_change.has_line_moved else "within",
     )
 
 
-def _sum_weekly_tonnes_of_fleet(weeks: pl.DataFrame) -> pl.DataFrame:
+def _sum_weekly_tonnes_of_fleet(machine_weeks: pl.DataFrame) -> pl.DataFrame:
     return (
-        weeks.group_by("week")
+        machine_weeks.group_by("week")
         .agg(pl.col("payload_kg").sum(), (pl.col("payload_u_kg") ** 2).sum().sqrt())
         .sort("week")
     )
 
 
-def _make_week_table(weeks: pl.DataFrame) -> Mapping[str, Any]:
+def _make_tonnes_by_week_table(machine_weeks: pl.DataFrame) -> Mapping[str, Any]:
     """Table of tonnes by machine, with one column per week."""
-    if weeks.is_empty():
+    if machine_weeks.is_empty():
         return {"heads": [], "rows": []}
-    table = weeks.sort("week", "machine").pivot("week", index="machine", values="payload_kg")
+    table = machine_weeks.sort("week", "machine").pivot(
+        "week", index="machine", values="payload_kg"
+    )
     names = sorted(table.columns[1:])
     rows = [
         (
@@ -289,27 +302,31 @@ def _make_week_table(weeks: pl.DataFrame) -> Mapping[str, Any]:
     return {"heads": names, "rows": rows}
 
 
-def draw_weekly_tonnes(weeks: pl.DataFrame) -> Drawing | None:
+def draw_weekly_tonnes(machine_weeks: pl.DataFrame) -> Drawing | None:
     """Picture of the tonnes of all machines by week; None without weeks.
 
     Args:
-        weeks: week (Date), payload_kg, payload_u_kg, in time.
+        machine_weeks: week (Date), payload_kg, payload_u_kg, in time.
     """
-    if weeks.is_empty():
+    if machine_weeks.is_empty():
         return None
-    t, u = weeks["payload_kg"].to_numpy() / _TONNE, weeks["payload_u_kg"].to_numpy() / _TONNE
+    t, u = (
+        machine_weeks["payload_kg"].to_numpy() / _TONNE,
+        machine_weeks["payload_u_kg"].to_numpy() / _TONNE,
+    )
     picture = Drawing(
         "tonnes",
         "Tonnes by week",
-        f"Tonnes of all machines in {weeks.height} weeks, from {t.min():,.0f} to {t.max():,.0f}; "
+        f"Tonnes of all machines in {machine_weeks.height} weeks, from {t.min():,.0f} to "
+        f"{t.max():,.0f}; "
         "lines reach two standard uncertainties either way.",
         _HEIGHT,
     )
-    first = weeks["week"][0]
-    at = [(week - first).days / _WEEK for week in weeks["week"]]
+    first = machine_weeks["week"][0]
+    at = [(week - first).days / _WEEK for week in machine_weeks["week"]]
     axes = Axes.from_data([-0.5, at[-1] + 0.5], [0.0, float((t + 2.0 * u).max())], _BOX, 0.02)
     axes = Axes(axes.x, (0.0, axes.y[1]), _BOX)
-    axes.draw(picture, f"weeks since {first}", "tonnes")
+    axes.draw_grid_and_labels(picture, f"weeks since {first}", "tonnes")
     for x, value, half in zip(at, t, 2.0 * u, strict=True):
         left, top = axes.convert_to_drawing_units(x - 0.4, float(value))
         right, bottom = axes.convert_to_drawing_units(x + 0.4, 0.0)
@@ -329,7 +346,7 @@ def draw_drift_chart(picture_number: int, machine_chart: MachineChart) -> Drawin
     count = min(max(since, _BASELINE), values.size)
     base = values[:count]
     centre, deviation = float(base.mean()), float(base.std(ddof=1))
-    points = _average_week_by_week(machine_chart.days, values)
+    points = _average_values_by_week(machine_chart.days, values)
     half = _LIMIT * deviation / np.sqrt(float(np.median([n for _, _, n in points])))
     signal = machine_chart.signal
     unit = {"zero": "kg", "scale": "kg", "friction": "N·s/m"}[signal.name]
@@ -348,7 +365,7 @@ def draw_drift_chart(picture_number: int, machine_chart: MachineChart) -> Drawin
     left, top = axes.convert_to_drawing_units(axes.x[0], centre + half)
     right, bottom = axes.convert_to_drawing_units(axes.x[1], centre - half)
     picture.fill_bar(left, top, right - left, bottom - top, "band")
-    axes.draw(picture, f"weeks since {machine_chart.days[0]}", unit)
+    axes.draw_grid_and_labels(picture, f"weeks since {machine_chart.days[0]}", unit)
     x, _ = axes.convert_to_drawing_units(
         (machine_chart.days[flagged] - machine_chart.days[0]).days / _WEEK, centre
     )
@@ -363,12 +380,18 @@ def draw_drift_chart(picture_number: int, machine_chart: MachineChart) -> Drawin
     return picture
 
 
-def _average_week_by_week(
-    days: Sequence[dt.date], values: np.ndarray
-) -> list[tuple[float, float, int]]:
+class _WeekMean(NamedTuple):
+    """Mean of the values of a week."""
+
+    week_number: float
+    mean: float
+    value_count: int
+
+
+def _average_values_by_week(days: Sequence[dt.date], values: np.ndarray) -> list[_WeekMean]:
     """Number since the first day, mean and count of each week with values."""
     number = np.array([(day - days[0]).days // _WEEK for day in days])
     return [
-        (float(n), float(values[number == n].mean()), int((number == n).sum()))
+        _WeekMean(float(n), float(values[number == n].mean()), int((number == n).sum()))
         for n in np.unique(number)
     ]

@@ -35,13 +35,13 @@ class RecordingMessage(NamedTuple):
     is_of_store: bool
 
 
-def iter_whole_messages(data: "bytes | mmap") -> Iterator[RecordingMessage]:
+def iter_whole_messages(recording_bytes: "bytes | mmap") -> Iterator[RecordingMessage]:
     """Yield the whole messages in the bytes of a recording with its header."""
     at = HEAD_BYTES
-    while at + _MESSAGE_HEAD.size <= len(data):
-        kind, length = _MESSAGE_HEAD.unpack_from(data, at)
+    while at + _MESSAGE_HEAD.size <= len(recording_bytes):
+        kind, length = _MESSAGE_HEAD.unpack_from(recording_bytes, at)
         end = at + _MESSAGE_HEAD.size + length
-        if kind not in _KINDS or end > len(data):
+        if kind not in _KINDS or end > len(recording_bytes):
             return
         yield RecordingMessage(at, end, kind == _OF_STORE)
         at = end
@@ -55,7 +55,7 @@ def append_recording_messages(file: AppendedFile, recording: bytes) -> None:
     """
     head = b"" if file.size else recording[:HEAD_BYTES]
     messages = (recording[begin:end] for begin, end, _ in iter_whole_messages(recording))
-    file.append(b"".join([head, *messages]))
+    file.append_record(b"".join([head, *messages]))
 
 
 def is_unfinished_recording(path: Path) -> bool:

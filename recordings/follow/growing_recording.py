@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import polars as pl
 
@@ -27,9 +27,14 @@ from recordings.follow.growing_file import (
     iter_whole_messages,
 )
 from recordings.report.atomic_output import AppendedFile
-from recordings.rrd.blueprint import Page, lay_out_tabs, make_tab_panels, make_text_entity_path
+from recordings.rrd.blueprint import (
+    Page,
+    lay_out_pages_as_tabs,
+    make_panels_of_tab,
+    make_text_entity_path,
+)
 from recordings.rrd.display_frames import LANES, ROOT, make_display_frames
-from recordings.rrd.drawn_rows import iter_drawn_batches
+from recordings.rrd.drawn_rows import iter_record_batches_to_draw
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.stored_names import SINCE_START, STATE, TIME
 from recordings.rrd.writer import APPLICATION
@@ -124,7 +129,7 @@ class GrowingRecording:
         self._state: dict[str, str | None] = {}
         #: the last `t_ns` of each method
         self._last: dict[str, int] = {}
-        self._thresholds, layout = make_growing_layout(settings)
+        self._thresholds, layout = make_thresholds_and_blueprint(settings)
         self._streams: list[RecordingStream] = []
         begins: list[RecordingStream] = []
         if file is not None:
@@ -144,15 +149,15 @@ class GrowingRecording:
                 "recording_id": about.recording_id,
             }
             stream.send_property(PROPERTY, rr.AnyValues(**described))
-            stream.flush()  # before the layout, where `read_recording_end` looks for it
+            stream.flush()  # before the layout, where `read_end_of_recording` looks for it
             stream.send_blueprint(layout, make_active=True, make_default=True)
             stream.send_recording_name(name)
             stream.send_recording_start_time_nanos(about.t0_unix_ns)
         self._append_new_rows_to_file()
 
-    def add(self, rows: Sequence[FollowedRow]) -> None:
+    def add_rows_to_write(self, online_rows: Sequence[FollowedRow]) -> None:
         """Add the next rows, which `flush` writes."""
-        for row in rows:
+        for row in online_rows:
             if row.gate is not None:
                 self._add_followed_row(row)
             for method, (t_ns, estimate) in row.estimates.items():
@@ -179,7 +184,7 @@ class GrowingRecording:
                 new.states.setdefault(lane, []).append({"t_ns": t_ns, STATE: state})
                 self._state[lane] = state
 
-    def flush(self, text: str) -> None:
+    def write_added_rows(self, answer_markdown: str) -> None:
         """Write the added rows, and the present answer in Markdown.
 
         Raises:
@@ -189,7 +194,7 @@ class GrowingRecording:
         if not new.excitation:
             return
         for stream in self._streams:
-            self._send_rows(stream, new, text)
+            self._send_rows(stream, new, answer_markdown)
         self._append_new_rows_to_file()
 
     def stop_writing_file(self) -> None:
@@ -203,37 +208,41 @@ class GrowingRecording:
         if self._file is not None and (part := self._bytes.read(flush=True)):
             append_recording_messages(self._file, part)
 
-    def _send_rows(self, stream: "RecordingStream", new: _RowsToSend, text: str) -> None:
+    def _send_rows(
+        self, recording_stream: "RecordingStream", new_rows: _RowsToSend, answer_markdown: str
+    ) -> None:
         """Send new rows, thresholds and the present answer to a stream."""
         import numpy as np
         import rerun as rr
 
-        t_ns = new.excitation[-1]["t_ns"]
+        t_ns = new_rows.excitation[-1]["t_ns"]
         frames: dict[str, pl.DataFrame] = {
             lane: pl.DataFrame(rows, {"t_ns": pl.Int64, STATE: pl.String})
-            for lane, rows in new.states.items()
+            for lane, rows in new_rows.states.items()
         }
         for name, level in self._thresholds.items():
             frames[name] = pl.DataFrame({"t_ns": [t_ns], "threshold": [level]})
-        for method, rows in new.estimates.items():
+        for method, rows in new_rows.estimates.items():
             frames[f"display/estimates/{method}"] = _make_numeric_frame(rows, ESTIMATES)
-        frames["display/gate"] = _make_numeric_frame(new.gate, GATE)
+        frames["display/gate"] = _make_numeric_frame(new_rows.gate, GATE)
         now = np.array([t_ns])
-        stream.send_columns(
+        recording_stream.send_columns(
             make_text_entity_path(ANSWER),
             indexes=[
                 rr.TimeColumn(TIME, timestamp=(now + self._about.t0_unix_ns).view("M8[ns]")),
                 rr.TimeColumn(SINCE_START, duration=now.view("m8[ns]")),
             ],
-            columns=rr.TextDocument.columns(text=[text], media_type=[rr.MediaType.MARKDOWN]),
+            columns=rr.TextDocument.columns(
+                text=[answer_markdown], media_type=[rr.MediaType.MARKDOWN]
+            ),
         )
         # the excitation last: see above
-        frames["display/excitation"] = _make_numeric_frame(new.excitation, EXCITATION)
+        frames["display/excitation"] = _make_numeric_frame(new_rows.excitation, EXCITATION)
         for name, frame in frames.items():
-            for batch in iter_drawn_batches(name, frame, self._about.t0_unix_ns):
-                stream.send_record_batch(batch, index=[TIME, SINCE_START])
+            for batch in iter_record_batches_to_draw(name, frame, self._about.t0_unix_ns):
+                recording_stream.send_record_batch(batch, index=[TIME, SINCE_START])
 
-    def close(self) -> None:
+    def close_complete_file(self) -> None:
         """Close the file complete, and leave viewers their data."""
         for stream in self._streams:
             stream.disconnect()
@@ -241,11 +250,20 @@ class GrowingRecording:
             self._file.close()
 
 
-def _make_numeric_frame(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> pl.DataFrame:
-    return pl.DataFrame(rows, {"t_ns": pl.Int64, **dict.fromkeys(columns, pl.Float64)})
+def _make_numeric_frame(
+    online_rows: Sequence[Mapping[str, Any]], columns: Sequence[str]
+) -> pl.DataFrame:
+    return pl.DataFrame(online_rows, {"t_ns": pl.Int64, **dict.fromkeys(columns, pl.Float64)})
 
 
-def make_growing_layout(settings: Settings) -> tuple[dict[str, float], "Blueprint"]:
+class GrowingLayout(NamedTuple):
+    """Thresholds by column, and the blueprint of the views."""
+
+    threshold_by_column: dict[str, float]
+    blueprint: "Blueprint"
+
+
+def make_thresholds_and_blueprint(settings: Settings) -> GrowingLayout:
     """Layout of the views for the coming rows.
 
     Args:
@@ -257,7 +275,9 @@ def make_growing_layout(settings: Settings) -> tuple[dict[str, float], "Blueprin
     run = make_placeholder_run(settings)
     shown = make_display_frames(run)
     pages = [
-        Page(tab.name, make_tab_panels(tab, run, shown), (ANSWER,) if ANSWER in tab.texts else ())
+        Page(
+            tab.name, make_panels_of_tab(tab, run, shown), (ANSWER,) if ANSWER in tab.texts else ()
+        )
         for tab in TABS
         if tab.name in _TABS
     ]
@@ -266,7 +286,7 @@ def make_growing_layout(settings: Settings) -> tuple[dict[str, float], "Blueprin
         for name, frame in shown.items()
         if name.startswith(f"{ROOT}/threshold/")
     }
-    return levels, lay_out_tabs(pages, None, grows=True)
+    return GrowingLayout(levels, lay_out_pages_as_tabs(pages, None, is_growing=True))
 
 
 def make_placeholder_run(settings: Settings) -> Run:
@@ -305,7 +325,7 @@ class RecordingEnd:
     size: int
 
 
-def read_recording_end(path: Path) -> RecordingEnd | None:
+def read_end_of_recording(path: Path) -> RecordingEnd | None:
     """Read the end of a recording; None if it has no rows yet.
 
     Raises:
@@ -317,7 +337,7 @@ def read_recording_end(path: Path) -> RecordingEnd | None:
             return None
         head = data[: messages[:_FIRST][-1].end]
         found: dict[str, Any] = {}
-        for chunk in _iter_recording_chunks(head):
+        for chunk in _iter_chunks_of_messages(head):
             if chunk.entity_path == f"/__properties/{PROPERTY}":
                 batch = chunk.to_record_batch()
                 found |= {name: batch.column(name)[0].as_py()[0] for name in batch.schema.names[1:]}
@@ -327,20 +347,20 @@ def read_recording_end(path: Path) -> RecordingEnd | None:
         parts = [data[begin:end] for begin, end, of_store in messages[:_FIRST] if of_store]
         store = b"".join([data[:HEAD_BYTES], *parts])
         for begin, end, _ in reversed(messages[-_SECOND:]):
-            for chunk in _iter_recording_chunks(store + data[begin:end]):
+            for chunk in _iter_chunks_of_messages(store + data[begin:end]):
                 if chunk.entity_path == _LAST_OF_PART:
                     times = chunk.to_record_batch().column(SINCE_START)
                     return RecordingEnd(about, max(t.value for t in times), end)
     return None
 
 
-def _iter_recording_chunks(data: bytes) -> "Iterator[Chunk]":
+def _iter_chunks_of_messages(recording_bytes: bytes) -> "Iterator[Chunk]":
     """Yield the chunks of whole messages."""
     import rerun as rr
     from rerun.error_utils import RerunWarning
 
     with tempfile.NamedTemporaryFile(suffix=".rrd") as part, warnings.catch_warnings():
         warnings.simplefilter("ignore", RerunWarning)  # of the end that is not there
-        part.write(data)
+        part.write(recording_bytes)
         part.flush()
         yield from rr.chunk.RrdReader(part.name).stream()

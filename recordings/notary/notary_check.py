@@ -12,8 +12,8 @@ from recordings.notary.notary_list import (
     NotaryEntry,
     NotaryHead,
     NotaryLine,
-    parse_line,
-    split_whole_lines,
+    parse_untrusted_line,
+    split_list_into_whole_lines_and_tail,
 )
 from recordings.signatures.signing import PublicKey
 
@@ -54,33 +54,35 @@ class CheckedList:
     notes: list[str] = field(default_factory=list)
 
     @property
-    def entries(self) -> list[NotaryEntry]:
+    def log_entries(self) -> list[NotaryEntry]:
         """Entries of the logs."""
         return [line.content for line in self.lines if isinstance(line.content, NotaryEntry)]
 
     @property
-    def key(self) -> PublicKey | None:
+    def notary_public_key(self) -> PublicKey | None:
         """Public key named in the head."""
-        return None if self.head is None else PublicKey.from_text(self.head.public_key)
+        return None if self.head is None else PublicKey.from_base64_text(self.head.public_key)
 
-    def add_forgery(self, text: str, counter: int = 0) -> None:
+    def add_forgery_fault(self, text: str, counter: int = 0) -> None:
         """Add a fault that no honest notary causes."""
         self.faults.append(ListFault(True, counter, text))
 
 
-def check_notary_list(data: bytes, now: dt.datetime, first_counter: int = 1) -> CheckedList:
+def check_untrusted_notary_list(
+    list_bytes: bytes, current_time: dt.datetime, first_counter: int = 1
+) -> CheckedList:
     """Check an untrusted list, or the head and a part of one.
 
     Args:
-        data: bytes of the list.
-        now: present time, which no time of the list may exceed.
+        list_bytes: bytes of the list.
+        current_time: present time, which no time of the list may exceed.
         first_counter: counter of the first line after the head.
     """
     checked = CheckedList()
-    if len(data) > LIMITS.list_bytes:
-        checked.add_forgery(f"is larger than the {LIMITS.list_bytes} bytes allowed")
+    if len(list_bytes) > LIMITS.list_bytes:
+        checked.add_forgery_fault(f"is larger than the {LIMITS.list_bytes} bytes allowed")
         return checked
-    whole, tail = split_whole_lines(data)
+    whole, tail = split_list_into_whole_lines_and_tail(list_bytes)
     if tail:
         checked.faults.append(
             ListFault(False, 0, f"is truncated: {len(tail)} bytes follow its last complete line")
@@ -88,73 +90,81 @@ def check_notary_list(data: bytes, now: dt.datetime, first_counter: int = 1) -> 
     lines: list[NotaryLine] = []
     for number, line in enumerate(whole, start=1):
         try:
-            lines.append(parse_line(line, f"line {number}"))
+            lines.append(parse_untrusted_line(line, f"line {number}"))
         except EvidenceError as fault:
-            checked.add_forgery(str(fault))
+            checked.add_forgery_fault(str(fault))
             if len(checked.faults) >= LIMITS.max_faults:
                 return checked
     _check_head_signature(checked, lines)
     if checked.head is None:
         return checked
     checked.lines = lines[1:]
-    _check_chained_lines(checked, lines, first_counter)
-    checked.faults += _find_time_faults(checked.entries, now)
-    checked.notes += iter_list_remarks(checked.entries)
+    _check_chain_of_lines(checked, lines, first_counter)
+    checked.faults += _iter_contradictory_times(checked.log_entries, current_time)
+    checked.notes += iter_list_remarks(checked.log_entries)
     return checked
 
 
-def _check_head_signature(checked: CheckedList, lines: Sequence[NotaryLine]) -> None:
+def _check_head_signature(checked_list: CheckedList, notary_lines: Sequence[NotaryLine]) -> None:
     """Check the signature of the first line with the key that the line names."""
-    if not lines or not isinstance(lines[0].content, NotaryHead):
-        checked.add_forgery("does not begin with the head of a list")
+    if not notary_lines or not isinstance(notary_lines[0].content, NotaryHead):
+        checked_list.add_forgery_fault("does not begin with the head of a list")
         return
     try:
-        key = PublicKey.from_text(lines[0].content.public_key)
+        key = PublicKey.from_base64_text(notary_lines[0].content.public_key)
     except EvidenceError as fault:
-        checked.add_forgery(f"its head names no key: {fault}")
+        checked_list.add_forgery_fault(f"its head names no key: {fault}")
         return
-    checked.head = lines[0].content
-    for line in lines[1:]:
+    checked_list.head = notary_lines[0].content
+    for line in notary_lines[1:]:
         if isinstance(line.content, NotaryHead):
-            checked.add_forgery("has a second head: two lists were put together")
+            checked_list.add_forgery_fault("has a second head: two lists were put together")
             return
-    for line in lines:
+    for line in notary_lines:
         if not line.is_signed_by(key):
             counter = line.content.counter
-            checked.add_forgery(f"number {counter} is not signed by the key of its head", counter)
+            checked_list.add_forgery_fault(
+                f"number {counter} is not signed by the key of its head", counter
+            )
 
 
-def _check_chained_lines(checked: CheckedList, lines: Sequence[NotaryLine], first: int) -> None:
+def _check_chain_of_lines(
+    checked_list: CheckedList, notary_lines: Sequence[NotaryLine], first_counter: int
+) -> None:
     """Check that each line refers to the line before it."""
-    head = lines[0].digest
-    for line in checked.lines:
+    head = notary_lines[0].line_sha256
+    for line in checked_list.lines:
         entry = line.content
         if isinstance(entry, NotaryEntry) and entry.head != head:
-            checked.add_forgery(f"number {entry.counter} belongs to another list", entry.counter)
-    for before, line in pairwise(lines):
+            checked_list.add_forgery_fault(
+                f"number {entry.counter} belongs to another list", entry.counter
+            )
+    for before, line in pairwise(notary_lines):
         entry, last = line.content, before.content
         if not isinstance(entry, NotaryEntry):
             continue
-        before_it = first - 1 if isinstance(last, NotaryHead) else last.counter
-        if before_it and isinstance(last, NotaryHead) and entry.counter == first:
+        before_it = first_counter - 1 if isinstance(last, NotaryHead) else last.counter
+        if before_it and isinstance(last, NotaryHead) and entry.counter == first_counter:
             continue  # a stretch: what it follows is not there
         if entry.counter <= before_it:
-            checked.add_forgery(
+            checked_list.add_forgery_fault(
                 f"number {entry.counter} comes after number {before_it}: out of order, or twice",
                 entry.counter,
             )
         elif entry.counter > before_it + 1:
             begin, end = before_it + 1, entry.counter - 1
             span = f"number {begin} is" if begin == end else f"numbers {begin} to {end} are"
-            checked.add_forgery(f"{span} missing", end)
-        elif entry.previous != before.digest:
-            checked.add_forgery(
+            checked_list.add_forgery_fault(f"{span} missing", end)
+        elif entry.previous != before.line_sha256:
+            checked_list.add_forgery_fault(
                 f"number {entry.counter} does not follow number {last.counter} as this list has it",
                 entry.counter,
             )
 
 
-def _find_time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Iterator[ListFault]:
+def _iter_contradictory_times(
+    entries: Sequence[NotaryEntry], current_time: dt.datetime
+) -> Iterator[ListFault]:
     """Yield contradictions between clocks and times."""
     clock = dt.timedelta(seconds=LIMITS.clock_difference_s)
     latest: NotaryEntry | None = None
@@ -165,7 +175,7 @@ def _find_time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Itera
         number = entry.counter
         if begins is not None and ends is not None and ends < begins:
             yield ListFault(True, number, f"number {number} ends before it begins")
-        if listed > now + clock:
+        if listed > current_time + clock:
             yield ListFault(
                 False, number, f"number {number} was listed in the future, {entry.listed}"
             )
@@ -203,12 +213,12 @@ def _find_time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Itera
             )
 
 
-def iter_list_remarks(entries: Sequence[NotaryEntry]) -> Iterator[str]:
+def iter_list_remarks(log_entries: Sequence[NotaryEntry]) -> Iterator[str]:
     """Notes that are not faults."""
     seen: dict[tuple[str, ...], NotaryEntry] = {}
     late: dict[int, float] = {}
     undated: list[int] = []
-    for entry in entries:
+    for entry in log_entries:
         ends, listed = parse_list_time(entry.ends), parse_list_time(entry.listed)
         if ends is None:
             undated.append(entry.counter)
@@ -233,6 +243,6 @@ def _format_line_numbers(counters: Sequence[int]) -> str:
     return f"number {list_some(counters, LIMITS.max_entries)}"
 
 
-def parse_list_time(stamp: str) -> dt.datetime | None:
+def parse_list_time(time_text: str) -> dt.datetime | None:
     """Parse a time of a list; None if it is empty."""
-    return dt.datetime.fromisoformat(stamp) if stamp else None
+    return dt.datetime.fromisoformat(time_text) if time_text else None

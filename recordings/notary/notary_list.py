@@ -11,7 +11,7 @@ import binascii
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
 from pydantic import BaseModel, Field, StringConstraints, ValidationError
 
@@ -102,41 +102,43 @@ class NotaryLine:
     signature: bytes
 
     @property
-    def digest(self) -> str:
+    def line_sha256(self) -> str:
         """Digest with which the next line refers to this one."""
         return hashlib.sha256(self.data).hexdigest()
 
-    def is_signed_by(self, key: PublicKey) -> bool:
+    def is_signed_by(self, public_key: PublicKey) -> bool:
         """Whether this key signed the line."""
-        return key.has_signed(self.signature, encode_bytes_to_sign(self.content))
+        return public_key.does_verify_signature(
+            self.signature, encode_line_content_to_sign(self.content)
+        )
 
 
-def encode_bytes_to_sign(content: NotaryHead | NotaryEntry) -> bytes:
+def encode_line_content_to_sign(line_content: NotaryHead | NotaryEntry) -> bytes:
     """Canonical bytes of a line, with a prefix that separates uses of the key."""
-    return _DOMAIN + encode_canonical_json(content.model_dump(mode="json"))
+    return _DOMAIN + encode_canonical_json(line_content.model_dump(mode="json"))
 
 
-def sign_line(content: NotaryHead | NotaryEntry, key: SigningKey) -> NotaryLine:
+def make_signed_line(line_content: NotaryHead | NotaryEntry, signing_key: SigningKey) -> NotaryLine:
     """Line with its signature."""
-    signature = key.sign(encode_bytes_to_sign(content))
+    signature = signing_key.sign_message(encode_line_content_to_sign(line_content))
     text = base64.b64encode(signature).decode()
-    data = encode_canonical_json({**content.model_dump(mode="json"), "signature": text})
-    return NotaryLine(data, content, signature)
+    data = encode_canonical_json({**line_content.model_dump(mode="json"), "signature": text})
+    return NotaryLine(data, line_content, signature)
 
 
-def parse_line(data: bytes, source: str) -> NotaryLine:
+def parse_untrusted_line(line_bytes: bytes, source: str) -> NotaryLine:
     """Read a line of a stranger; trust its contents only after `is_signed_by` holds.
 
     Args:
-        data: bytes without the newline.
+        line_bytes: bytes without the newline.
         source: name of the line, for the error.
 
     Raises:
-        EvidenceError: it is not a line as written by `sign_line`.
+        EvidenceError: it is not a line as written by `make_signed_line`.
     """
-    if len(data) > LIMITS.line_bytes:
+    if len(line_bytes) > LIMITS.line_bytes:
         raise EvidenceError(f"{source}: is longer than the {LIMITS.line_bytes} bytes allowed")
-    values: Any = parse_canonical_json(data, source)
+    values: Any = parse_canonical_json(line_bytes, source)
     if not isinstance(values, dict) or not isinstance(values.get("signature"), str):
         raise EvidenceError(f"{source}: is not a signed line of a notary")
     text = values.pop("signature")
@@ -146,11 +148,11 @@ def parse_line(data: bytes, source: str) -> NotaryLine:
         content = model.model_validate_json(encode_canonical_json(values))
     except (binascii.Error, ValueError) as fault:
         raise EvidenceError(f"{source}: {_format_validation_fault(fault)}") from None
-    if encode_canonical_json({**content.model_dump(mode="json"), "signature": text}) != data:
+    if encode_canonical_json({**content.model_dump(mode="json"), "signature": text}) != line_bytes:
         raise EvidenceError(f"{source}: holds a value of a type that a notary does not write")
     if len(signature) != 64 or base64.b64encode(signature).decode() != text:
         raise EvidenceError(f"{source}: its signature is not base64 of 64 bytes")
-    return NotaryLine(data, content, signature)
+    return NotaryLine(line_bytes, content, signature)
 
 
 def _format_validation_fault(fault: Exception) -> str:
@@ -160,12 +162,19 @@ def _format_validation_fault(fault: Exception) -> str:
     return "its signature is not base64"
 
 
-def split_whole_lines(data: bytes) -> tuple[list[bytes], bytes]:
+class SplitList(NamedTuple):
+    """Whole lines of a list, and the torn rest after the last newline."""
+
+    whole_lines: list[bytes]
+    torn_tail: bytes
+
+
+def split_list_into_whole_lines_and_tail(list_bytes: bytes) -> SplitList:
     """Whole lines of a list, and the torn tail after the last newline."""
-    *whole, tail = data.split(b"\n")
-    return whole, tail
+    *whole, tail = list_bytes.split(b"\n")
+    return SplitList(whole, tail)
 
 
-def encode_lines(lines: Iterable[NotaryLine]) -> bytes:
+def encode_notary_lines(lines: Iterable[NotaryLine]) -> bytes:
     """Lines as the bytes of a file."""
     return b"".join(line.data + b"\n" for line in lines)

@@ -36,7 +36,7 @@ def add_claim_texts(claims: Claims) -> pl.DataFrame:
     words = pl.DataFrame(
         {
             "claim": [_CLAIMS[row["claim"]] for row in rows],
-            "case": [_describe_case(row) for row in rows],
+            "case": [_describe_case_of_claim(row) for row in rows],
             "paper": [_format_printed_number(row) for row in rows],
         }
     )
@@ -45,38 +45,44 @@ def add_claim_texts(claims: Claims) -> pl.DataFrame:
     return pl.concat([words, claims.frame.select(*numbers, *shares)], how="horizontal")
 
 
-def _describe_case(row: Mapping[str, Any]) -> str:
+def _describe_case_of_claim(claim_row: Mapping[str, Any]) -> str:
     """Case that a number belongs to, in words."""
-    if row["of"] == "constant":
+    if claim_row["of"] == "constant":
         return "a constant that ignores the data"
-    name = NAMES[row["method"]]
-    if row["claim"] == "buffer":
+    name = NAMES[claim_row["method"]]
+    if claim_row["claim"] == "buffer":
         return (
-            f"{name}, {row['window_samples']} samples in the gate's window, keeps "
-            f"{row['buffer_bytes']:,} B; single runs, own load left out of (19)"
+            f"{name}, {claim_row['window_samples']} samples in the gate's window, keeps "
+            f"{claim_row['buffer_bytes']:,} B; single runs, own load left out of (19)"
         )
-    if row["claim"] == "rms":
+    if claim_row["claim"] == "rms":
         return f"{name}, single runs, own load left out of (19)"
-    if row["claim"] == "simulation":
-        return f"{name}, mean of {row['windows']} windows of {PAPER_LIMITS.optimal_window_s:g} s"
-    if row["claim"] == "experiment":
+    if claim_row["claim"] == "simulation":
+        return (
+            f"{name}, mean of {claim_row['windows']} windows of {PAPER_LIMITS.optimal_window_s:g} s"
+        )
+    if claim_row["claim"] == "experiment":
         return f"{name}, mean size of a run's error after (19)"
-    if row["of"] == "cruise":
-        how = _DIRECTIONAL[row["fed"]] if row["directional"] else row["fed"]
+    if claim_row["of"] == "cruise":
+        how = _DIRECTIONAL[claim_row["fed"]] if claim_row["directional"] else claim_row["fed"]
         return f"{name} {how}, RMS error after {PAPER_LIMITS.cruise_s:g} s of cruise"
-    return f"{name} {row['fed']}, single runs of campaigns, own load left out of (19)"
+    return f"{name} {claim_row['fed']}, single runs of campaigns, own load left out of (19)"
 
 
-def _format_printed_number(row: Mapping[str, Any]) -> str:
+def _format_printed_number(claim_row: Mapping[str, Any]) -> str:
     """Number printed in the paper; a dash if it gives none."""
-    if row["claim"] == "buffer":
+    if claim_row["claim"] == "buffer":
         return "–"
-    if row["claim"] == "rms":
-        return "–" if row["of"] == "constant" else f"< {format_percent(printed_numbers.RMS_SHARE)}"
-    if row["claim"] == "reduction":
-        ungated = row["smaller_percent"] is None
+    if claim_row["claim"] == "rms":
+        return (
+            "–"
+            if claim_row["of"] == "constant"
+            else f"< {format_percent(printed_numbers.RMS_SHARE)}"
+        )
+    if claim_row["claim"] == "reduction":
+        ungated = claim_row["smaller_percent"] is None
         return "–" if ungated else f"≥ {format_percent(printed_numbers.REDUCTION)} smaller"
-    simulated = row["claim"] == "simulation"
+    simulated = claim_row["claim"] == "simulation"
     printed = printed_numbers.SIMULATION_ERROR if simulated else printed_numbers.EXPERIMENT_ERROR
     mean, spread = (100.0 * share for share in printed)
     return f"{mean:g} ± {spread:g} %"
@@ -178,8 +184,8 @@ def _write_experiment_claim(claims: Claims) -> str:
 def _write_error_reduction_claim(claims: Claims) -> str:
     rows = claims.frame.filter(pl.col("claim") == "reduction").iter_rows(named=True)
     each = [
-        f"{_describe_case(row)}, {row['found_kg']:,.1f} kg"
-        f"{_format_reduction(row['smaller_percent'])}"
+        f"{_describe_case_of_claim(row)}, {row['found_kg']:,.1f} kg"
+        f"{_format_error_reduction(row['smaller_percent'])}"
         for row in rows
     ]
     held = claims.reduced
@@ -194,7 +200,7 @@ def _write_error_reduction_claim(claims: Claims) -> str:
     )
 
 
-def _format_reduction(smaller_percent: float | None) -> str:
+def _format_error_reduction(smaller_percent: float | None) -> str:
     """Reduction in percent as text; empty if unknown."""
     if smaller_percent is None:
         return ""

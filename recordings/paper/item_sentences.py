@@ -14,7 +14,7 @@ from recordings.paper.paper_wording import (
     NO_NUMBERS,
     ItemSentences,
     format_percent,
-    join_words,
+    join_words_as_list,
 )
 
 _TABLE_1_CHOICES: Final = (
@@ -45,21 +45,21 @@ _NO_GATE: Final = "Every complete window is used: the paper does not say that it
 _ALIKE: Final = (0.8, 1.25)
 
 
-def mass_error_table_sentences(numbers: Table1) -> ItemSentences:
+def write_mass_error_table_sentences(numbers: Table1) -> ItemSentences:
     """Say what Table 1 shows."""
     return ItemSentences(
         _TABLE_1_CHOICES,
         (
-            _printed_single_trials_sentence(numbers),
-            _best_length_sentence(numbers),
-            _cramer_rao_bound_sentence(numbers),
-            _recursive_methods_sentence(numbers),
-            _raw_units_sentence(numbers),
+            _write_printed_single_trials_sentence(numbers),
+            _write_best_window_length_sentence(numbers),
+            _write_cramer_rao_bound_sentence(numbers),
+            _write_recursive_methods_sentence(numbers),
+            _write_raw_units_sentence(numbers),
         ),
     )
 
 
-def _printed_single_trials_sentence(numbers: Table1) -> str:
+def _write_printed_single_trials_sentence(numbers: Table1) -> str:
     return (
         f"Each printed number is one trial, ours are {numbers.frame['trials'].max()}: of the "
         f"{numbers.beside} printed numbers {numbers.below_bound} lie below the bound, which only "
@@ -71,10 +71,10 @@ def _printed_single_trials_sentence(numbers: Table1) -> str:
     )
 
 
-def _best_length_sentence(numbers: Table1) -> str:
+def _write_best_window_length_sentence(numbers: Table1) -> str:
     printed, ours = numbers.best_printed_s, numbers.best_s
-    theirs = join_words(f"{NAMES[m]} at {at:g} s" for m, at in printed.items())
-    mine = join_words(f"{NAMES[m]} at {ours[m]:g} s" for m in printed if m in ours)
+    theirs = join_words_as_list(f"{NAMES[m]} at {at:g} s" for m, at in printed.items())
+    mine = join_words_as_list(f"{NAMES[m]} at {ours[m]:g} s" for m in printed if m in ours)
     return (
         "The text calls 10 s optimal for all methods. Its own table is smallest for "
         f"{theirs}; ours for {mine}. The longest window that the manoeuvre allows is best, until "
@@ -82,7 +82,7 @@ def _best_length_sentence(numbers: Table1) -> str:
     )
 
 
-def _cramer_rao_bound_sentence(numbers: Table1) -> str:
+def _write_cramer_rao_bound_sentence(numbers: Table1) -> str:
     (low, high), (rms, *ends) = numbers.long_over_bound_1, numbers.long_rms_1
     errors = f"errors are {low:.2f} to {high:.2f} times it"
     if numbers.long_reached:
@@ -100,7 +100,7 @@ def _cramer_rao_bound_sentence(numbers: Table1) -> str:
     )
 
 
-def _recursive_methods_sentence(numbers: Table1) -> str:
+def _write_recursive_methods_sentence(numbers: Table1) -> str:
     last = numbers.longest
     return (
         f"RLS forgets (λ = {numbers.forgetting_1:g}: half in {numbers.half_s:.1f} s), so a longer "
@@ -109,7 +109,7 @@ def _recursive_methods_sentence(numbers: Table1) -> str:
     )
 
 
-def _raw_units_sentence(numbers: Table1) -> str:
+def _write_raw_units_sentence(numbers: Table1) -> str:
     raw, scaled = numbers.raw, numbers.scaled
     return (
         "TLS on raw units takes the noise of N, m/s² and m/s to be alike. With 150 N and "
@@ -121,7 +121,7 @@ def _raw_units_sentence(numbers: Table1) -> str:
     )
 
 
-def calibration_line_table_sentences(numbers: Table2) -> ItemSentences:
+def write_calibration_line_table_sentences(numbers: Table2) -> ItemSentences:
     """Say what Table 2 shows."""
     chain, (alpha_1, beta_kg) = numbers.chain, numbers.printed
     ideal, through = numbers.ideal, numbers.chained
@@ -154,7 +154,7 @@ def calibration_line_table_sentences(numbers: Table2) -> ItemSentences:
     )
 
 
-def method_error_table_sentences(numbers: SweptTable) -> ItemSentences:
+def write_method_error_table_sentences(numbers: SweptTable) -> ItemSentences:
     """Say what Table 3 shows."""
     return ItemSentences(
         (
@@ -166,16 +166,16 @@ def method_error_table_sentences(numbers: SweptTable) -> ItemSentences:
         (
             "The text says that most methods have their smallest error at 0.7 nat. Its table has "
             f"it at {_format_best_settings(numbers.best_printed, 'nat')}.",
-            _error_extremes_sentence(numbers.extremes, "nat"),
-            _nearest_bound_sentence(numbers.nearest_bound_1),
+            _write_smallest_error_sentence(numbers.extremes, "nat"),
+            _write_nearest_bound_sentence(numbers.nearest_bound_1),
             "The printed columns jump by a factor of eight between neighbours (RLS 42.6 kg at 0.7, "
             "10.4 kg at 0.9); 54 runs of one campaign cannot tell neighbours apart.",
-            _constant_predictor_sentence(numbers.best_kg),
+            _write_constant_predictor_sentence(numbers.best_kg),
         ),
     )
 
 
-def swept_setting_table_sentences(numbers: SweptTable) -> ItemSentences:
+def write_swept_setting_table_sentences(numbers: SweptTable) -> ItemSentences:
     """Say what Table 4 shows."""
     return ItemSentences(
         (
@@ -188,27 +188,28 @@ def swept_setting_table_sentences(numbers: SweptTable) -> ItemSentences:
         (
             "The text says that 400 samples are best. Its table has the smallest error at "
             f"{_format_best_settings(numbers.best_printed, 'samples')}.",
-            _error_extremes_sentence(numbers.extremes, "samples"),
+            _write_smallest_error_sentence(numbers.extremes, "samples"),
             "The printed FGLS errors of 67.1 and 63.7 kg beside 17.5 and 15.1 kg of LS look like "
             "(16) without a guard, 1/r² at r near 0; with bounded weights FGLS follows LS.",
-            _constant_predictor_sentence(numbers.best_kg),
+            _write_constant_predictor_sentence(numbers.best_kg),
         ),
     )
 
 
 def _format_best_settings(best: Mapping[str, Sequence[float]], unit: str) -> str:
-    return join_words(
+    return join_words_as_list(
         f"{' or '.join(f'{at:g}' for at in values)} {unit} for {NAMES[method]}"
         for method, values in best.items()
     )
 
 
-def _error_extremes_sentence(methods: Sequence[ErrorExtremes], unit: str) -> str:
+def _write_smallest_error_sentence(methods: Sequence[ErrorExtremes], unit: str) -> str:
     """Sentence on where our error is smallest, and whether that is significant."""
     sentences: list[str] = []
     for each in methods:
         chance = (
-            f"alike within the interval of the best: {join_words(f'{at:g}' for at in each.alike)}"
+            "alike within the interval of the best: "
+            f"{join_words_as_list(f'{at:g}' for at in each.alike)}"
             if len(each.alike) < each.values
             else "all within the interval of the best"
         )
@@ -219,26 +220,26 @@ def _error_extremes_sentence(methods: Sequence[ErrorExtremes], unit: str) -> str
     return f"Ours, own load left out: {'; '.join(sentences)}."
 
 
-def _nearest_bound_sentence(nearest: Mapping[str, float]) -> str:
+def _write_nearest_bound_sentence(nearest_method: Mapping[str, float]) -> str:
     """Sentence that compares pooled LS and RLS with the bound of one run."""
     return (
-        f"Pooled LS comes to {nearest['pooled']:.2f} times the bound of one run. "
-        f"RLS ({nearest['rls']:.2f} times the bound) is not held to it: it remembers "
+        f"Pooled LS comes to {nearest_method['pooled']:.2f} times the bound of one run. "
+        f"RLS ({nearest_method['rls']:.2f} times the bound) is not held to it: it remembers "
         "the runs before, which had the same load but for the first of nine."
     )
 
 
-def _constant_predictor_sentence(best_kg: float) -> str:
+def _write_constant_predictor_sentence(best_error_kg: float) -> str:
     return (
         "For scale: a prediction that ignores every measurement is wrong by "
         f"{printed_numbers.CONSTANT_KG:.0f} kg "
         f"({format_percent(printed_numbers.CONSTANT_KG / printed_numbers.MASS_KG, 1)} of the "
-        f"machine); our best {best_kg:.1f} kg is "
-        f"{format_percent(best_kg / printed_numbers.LOAD_RANGE_KG, 1)} of the payload range."
+        f"machine); our best {best_error_kg:.1f} kg is "
+        f"{format_percent(best_error_kg / printed_numbers.LOAD_RANGE_KG, 1)} of the payload range."
     )
 
 
-def excitation_figure_sentences(numbers: Figure2) -> ItemSentences:
+def write_excitation_figure_sentences(numbers: Figure2) -> ItemSentences:
     """Say what Figure 2 shows."""
     return ItemSentences(
         (
@@ -256,19 +257,19 @@ def excitation_figure_sentences(numbers: Figure2) -> ItemSentences:
     )
 
 
-def convergence_figure_sentences(numbers: Figure3) -> ItemSentences:
+def write_convergence_figure_sentences(numbers: Figure3) -> ItemSentences:
     """Say what Figure 3 shows."""
     return ItemSentences(
         (_NO_GATE,),
         (
-            _rms_about_truth_sentence(numbers.rms_kg, numbers.true_mass_kg, "kg"),
-            _convergence_sentence(numbers),
+            _write_rms_about_truth_sentence(numbers.rms_kg, numbers.true_mass_kg, "kg"),
+            _write_convergence_time_sentence(numbers),
             NO_NUMBERS,
         ),
     )
 
 
-def spin_figure_sentences(numbers: Figure4) -> ItemSentences:
+def write_spin_figure_sentences(numbers: Figure4) -> ItemSentences:
     """Say what Figure 4 shows."""
     bias = numbers.bias_kg_m2
     return ItemSentences(
@@ -283,7 +284,9 @@ def spin_figure_sentences(numbers: Figure4) -> ItemSentences:
             "only.",
         ),
         (
-            _rms_about_truth_sentence(numbers.rms_kg_m2, numbers.true_inertia_z_kg_m2, "kg·m²"),
+            _write_rms_about_truth_sentence(
+                numbers.rms_kg_m2, numbers.true_inertia_z_kg_m2, "kg·m²"
+            ),
             f"The noise of a differentiated gyroscope biases LS by {bias['ls']:+.0f} kg·m², and "
             f"FGLS with it; TLS, which knows that noise, by {bias['tls']:+.0f} kg·m².",
             NO_NUMBERS,
@@ -291,12 +294,14 @@ def spin_figure_sentences(numbers: Figure4) -> ItemSentences:
     )
 
 
-def _rms_about_truth_sentence(rms: Mapping[str, float], true: float, unit: str) -> str:
-    each = join_words(f"{NAMES[method]} {error:.0f} {unit}" for method, error in rms.items())
-    return f"R.m.s. over the figure about the true {true:g} {unit}: {each}."
+def _write_rms_about_truth_sentence(rms: Mapping[str, float], true_value: float, unit: str) -> str:
+    each = join_words_as_list(
+        f"{NAMES[method]} {error:.0f} {unit}" for method, error in rms.items()
+    )
+    return f"R.m.s. over the figure about the true {true_value:g} {unit}: {each}."
 
 
-def _convergence_sentence(numbers: Figure3) -> str:
+def _write_convergence_time_sentence(numbers: Figure3) -> str:
     ls, rls = numbers.converging["ls"], numbers.converging["rls"]
     low, high = _ALIKE
     later = rls.later_kg / ls.later_kg
@@ -315,9 +320,9 @@ def _convergence_sentence(numbers: Figure3) -> str:
     )
 
 
-def gate_figure_sentences(numbers: Figure5) -> ItemSentences:
+def write_gate_figure_sentences(numbers: Figure5) -> ItemSentences:
     """Say what Figure 5 shows."""
-    highest = join_words(
+    highest = join_words_as_list(
         f"{nat:.1f} nat while {phase}" for phase, nat in numbers.highest_nat.items()
     )
     return ItemSentences(
@@ -331,7 +336,7 @@ def gate_figure_sentences(numbers: Figure5) -> ItemSentences:
     )
 
 
-def raw_mass_figure_sentences(numbers: Figure6) -> ItemSentences:
+def write_raw_mass_figure_sentences(numbers: Figure6) -> ItemSentences:
     """Say what Figure 6 shows."""
     first_kg, last_kg = numbers.implied_kg
     return ItemSentences(
@@ -350,9 +355,9 @@ def raw_mass_figure_sentences(numbers: Figure6) -> ItemSentences:
     )
 
 
-def calibrated_mass_figure_sentences(numbers: Figure7) -> ItemSentences:
+def write_calibrated_mass_figure_sentences(numbers: Figure7) -> ItemSentences:
     """Say what Figure 7 shows."""
-    scatter = join_words(
+    scatter = join_words_as_list(
         f"{NAMES[method]} {std:.1f} kg" for method, std in numbers.scatter_kg.items()
     )
     return ItemSentences(
@@ -361,7 +366,7 @@ def calibrated_mass_figure_sentences(numbers: Figure7) -> ItemSentences:
     )
 
 
-def error_figure_sentences(numbers: Figure8) -> ItemSentences:
+def write_error_figure_sentences(numbers: Figure8) -> ItemSentences:
     """Say what Figure 8 shows."""
     return ItemSentences(
         (

@@ -5,7 +5,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Generic, Protocol, TypeVar
+from typing import Any, Final, Generic, NamedTuple, Protocol, TypeVar
 
 import polars as pl
 
@@ -49,8 +49,8 @@ def render_table_1_mass_errors(frame: pl.DataFrame) -> list[RenderedTable]:
         lambda row: format_number_with_interval(row, "rmse_kg"),
         "bound_kg",
     )
-    ratios = make_table_by_method(
-        frame, "window_s", "window, s", lambda row: _format_number(row["over_bound_1"], 2)
+    ratios = make_table_of_methods(
+        frame, "window_s", "window, s", lambda row: _format_paper_number(row["over_bound_1"], 2)
     )
     trials = frame["trials"].max()
     return [
@@ -73,7 +73,7 @@ def render_table_2_calibration_lines(frame: pl.DataFrame) -> list[RenderedTable]
         for name, digits in (("alpha_1", 3), ("beta_kg", 1)):
             ideal, front = of["ideal", method], of["front_axle", method]
             cells += [
-                _format_number(ideal[f"paper_{name}"], digits),
+                _format_paper_number(ideal[f"paper_{name}"], digits),
                 format_number_with_interval(ideal, name, digits),
                 format_number_with_interval(front, name, digits),
             ]
@@ -106,7 +106,7 @@ def _render_error_tables_by_setting(
     within = make_table_beside_printed_numbers(
         frame, setting, title, lambda row: format_number_with_interval(row, "run_kg"), "bound_kg"
     )
-    without = make_table_by_method(
+    without = make_table_of_methods(
         frame, setting, title, lambda row: format_number_with_interval(row, "run_left_out_kg")
     )
     return [
@@ -121,11 +121,14 @@ def _render_error_tables_by_setting(
 
 def render_figure_8_errors_by_load(frame: pl.DataFrame) -> list[RenderedTable]:
     """Tables of errors by load, with the load in the fit and without it."""
-    header, rows = make_table_by_method(
+    header, rows = make_table_of_methods(
         frame,
         "load_kg",
         "load, kg",
-        lambda row: f"{_format_number(row['rms_kg'])} / {_format_number(row['rms_left_out_kg'])}",
+        lambda row: (
+            f"{_format_paper_number(row['rms_kg'])} / "
+            f"{_format_paper_number(row['rms_left_out_kg'])}"
+        ),
     )
     return [RenderedTable("RMS error in kg: load in the fit / left out", header, rows)]
 
@@ -149,59 +152,75 @@ def render_claims_table(frame: pl.DataFrame) -> list[RenderedTable]:
     return [RenderedTable("Each claim as we find it", header, rows, texts=3)]
 
 
-def make_table_by_method(
-    frame: pl.DataFrame, key: str, title: str, format_cell: Callable[[_Row], str]
-) -> tuple[list[str], list[list[str]]]:
-    """Header and rows with one row per value of `key` and one column per method."""
+class TableCells(NamedTuple):
+    """Column heads of a table, and its rows."""
+
+    heads: list[str]
+    rows: list[list[str]]
+
+
+def make_table_of_methods(
+    frame: pl.DataFrame, key_column: str, title: str, format_cell: Callable[[_Row], str]
+) -> TableCells:
+    """Header and rows with one row per value of `key_column` and one column per method."""
     methods = list(frame["method"].unique(maintain_order=True))
     rows = [
-        [_format_parameter(at), *(format_cell(by[m]) if m in by else "–" for m in methods)]
-        for at, by in _group_by_key_and_method(frame, key)
+        [_format_table_parameter(at), *(format_cell(by[m]) if m in by else "–" for m in methods)]
+        for at, by in _group_rows_by_key_and_method(frame, key_column)
     ]
-    return [title, *(NAMES[m] for m in methods)], rows
+    return TableCells([title, *(NAMES[m] for m in methods)], rows)
 
 
 def make_table_beside_printed_numbers(
-    frame: pl.DataFrame, key: str, title: str, format_cell: Callable[[_Row], str], bound: str
-) -> tuple[list[str], list[list[str]]]:
+    frame: pl.DataFrame,
+    key_column: str,
+    title: str,
+    format_cell: Callable[[_Row], str],
+    bound_column: str,
+) -> TableCells:
     """Header and rows: the bound, then each method's number followed by the paper's."""
     methods = list(frame["method"].unique(maintain_order=True))
     header = [title, "bound"]
     for method in methods:
         header += [NAMES[method], *(["paper"] if method in printed_numbers.METHODS else [])]
     rows: list[list[str]] = []
-    for at, by in _group_by_key_and_method(frame, key):
-        cells = [_format_parameter(at), _format_number(next(iter(by.values()))[bound])]
+    for at, by in _group_rows_by_key_and_method(frame, key_column):
+        cells = [
+            _format_table_parameter(at),
+            _format_paper_number(next(iter(by.values()))[bound_column]),
+        ]
         for method in methods:
             cells.append(format_cell(by[method]))
             if method in printed_numbers.METHODS:
-                cells.append(_format_number(by[method]["paper_kg"], 2))
+                cells.append(_format_paper_number(by[method]["paper_kg"], 2))
         rows.append(cells)
-    return header, rows
+    return TableCells(header, rows)
 
 
-def _group_by_key_and_method(frame: pl.DataFrame, key: str) -> list[tuple[float, dict[str, _Row]]]:
+def _group_rows_by_key_and_method(
+    frame: pl.DataFrame, key_column: str
+) -> list[tuple[float, dict[str, _Row]]]:
     groups: dict[float, dict[str, _Row]] = {}
     for row in frame.iter_rows(named=True):
-        groups.setdefault(row[key], {})[row["method"]] = row
+        groups.setdefault(row[key_column], {})[row["method"]] = row
     return list(groups.items())
 
 
-def _format_parameter(value: float) -> str:
+def _format_table_parameter(value: float) -> str:
     return f"{value:g}"
 
 
-def _format_number(value: float | None, digits: int = 1) -> str:
+def _format_paper_number(value: float | None, digits: int = 1) -> str:
     return "–" if value is None else f"{value:,.{digits}f}"
 
 
-def format_number_with_interval(row: _Row, name: str, digits: int = 1) -> str:
+def format_number_with_interval(number_row: _Row, quantity: str, digits: int = 1) -> str:
     """Number with its interval, if there is one."""
-    value, low, high = (row[name + end] for end in ("", "_low", "_high"))
-    text = _format_number(value, digits)
+    value, low, high = (number_row[quantity + end] for end in ("", "_low", "_high"))
+    text = _format_paper_number(value, digits)
     if low is None or high is None:
         return text
-    return f"{text} [{_format_number(low, digits)}, {_format_number(high, digits)}]"
+    return f"{text} [{_format_paper_number(low, digits)}, {_format_paper_number(high, digits)}]"
 
 
 class ItemNumbers(Protocol):
@@ -258,13 +277,13 @@ class ItemResult:
     sentences: ItemSentences
 
 
-def compute_item(item: Item[N], extracts: Extracts) -> ItemResult:
+def compute_paper_item(item: Item[N], extracts: Extracts) -> ItemResult:
     """Compute an item from the extracts that it needs."""
     numbers = item.numbers(extracts)
     return ItemResult(item, item.frame(numbers), item.make_sentences(numbers))
 
 
-def _make_extract_getter(extract: Extract[Any, N]) -> Callable[[Extracts], N]:
+def _make_getter_of_single_extract(extract: Extract[Any, N]) -> Callable[[Extracts], N]:
     """Function that returns the extract of a single simulation as an item's numbers."""
     return lambda extracts: extracts.single_result(extract)
 
@@ -276,7 +295,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Table 1: error of the mass by window length, in simulation",
         (*window_table.AT_LENGTH.values(), window_table.RAW_UNITS),
         window_table.make_table_1,
-        item_sentences.mass_error_table_sentences,
+        item_sentences.write_mass_error_table_sentences,
         tables=render_table_1_mass_errors,
     ),
     Item(
@@ -284,7 +303,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Table 2: the calibration (19)",
         (campaign_tables.IDEAL_LINES, campaign_tables.CHAINED_LINES),
         campaign_tables.make_table_2,
-        item_sentences.calibration_line_table_sentences,
+        item_sentences.write_calibration_line_table_sentences,
         tables=render_table_2_calibration_lines,
     ),
     Item(
@@ -292,7 +311,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Table 3: error of the calibrated mass by threshold of the index (11)",
         (campaign_tables.OVER_THRESHOLDS,),
         campaign_tables.make_table_3,
-        item_sentences.method_error_table_sentences,
+        item_sentences.write_method_error_table_sentences,
         tables=render_table_3_errors_by_threshold,
     ),
     Item(
@@ -300,39 +319,39 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Table 4: error of the calibrated mass by window length",
         (campaign_tables.OVER_WINDOWS,),
         campaign_tables.make_table_4,
-        item_sentences.swept_setting_table_sentences,
+        item_sentences.write_swept_setting_table_sentences,
         tables=render_table_4_errors_by_window,
     ),
     Item(
         "fig2",
         "Figure 2: force, acceleration and speed under the triangular force",
         (excitation_figures.FIGURE_2,),
-        _make_extract_getter(excitation_figures.FIGURE_2),
-        item_sentences.excitation_figure_sentences,
+        _make_getter_of_single_extract(excitation_figures.FIGURE_2),
+        item_sentences.write_excitation_figure_sentences,
         picture=paper_pictures.FIGURE_2,
     ),
     Item(
         "fig3",
         "Figure 3: mass and friction in a linear motion, window of 10 s",
         (excitation_figures.FIGURE_3,),
-        _make_extract_getter(excitation_figures.FIGURE_3),
-        item_sentences.convergence_figure_sentences,
+        _make_getter_of_single_extract(excitation_figures.FIGURE_3),
+        item_sentences.write_convergence_figure_sentences,
         picture=paper_pictures.FIGURE_3,
     ),
     Item(
         "fig4",
         "Figure 4: yaw inertia and friction in a rotational motion, window of 10 s",
         (excitation_figures.FIGURE_4,),
-        _make_extract_getter(excitation_figures.FIGURE_4),
-        item_sentences.spin_figure_sentences,
+        _make_getter_of_single_extract(excitation_figures.FIGURE_4),
+        item_sentences.write_spin_figure_sentences,
         picture=paper_pictures.FIGURE_4,
     ),
     Item(
         "fig5",
         "Figure 5: force, acceleration, speed and index of a start and stop",
         (campaign_figures.FIGURE_5,),
-        _make_extract_getter(campaign_figures.FIGURE_5),
-        item_sentences.gate_figure_sentences,
+        _make_getter_of_single_extract(campaign_figures.FIGURE_5),
+        item_sentences.write_gate_figure_sentences,
         picture=paper_pictures.FIGURE_5,
     ),
     Item(
@@ -340,7 +359,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 6: masses before calibration",
         (campaign_figures.LOADS,),
         campaign_figures.make_figure_6_data,
-        item_sentences.raw_mass_figure_sentences,
+        item_sentences.write_raw_mass_figure_sentences,
         picture=paper_pictures.FIGURE_6,
     ),
     Item(
@@ -348,7 +367,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 7: masses after calibration by (19)",
         (campaign_figures.LOADS,),
         campaign_figures.make_figure_7_data,
-        item_sentences.calibrated_mass_figure_sentences,
+        item_sentences.write_calibrated_mass_figure_sentences,
         picture=paper_pictures.FIGURE_7,
     ),
     Item(
@@ -356,7 +375,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 8: error of the calibrated mass by load",
         (campaign_figures.LOADS,),
         campaign_figures.make_figure_8_data,
-        item_sentences.error_figure_sentences,
+        item_sentences.write_error_figure_sentences,
         tables=render_figure_8_errors_by_load,
         picture=paper_pictures.FIGURE_8,
     ),

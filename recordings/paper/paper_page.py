@@ -10,7 +10,7 @@ import polars as pl
 from estimators.errors import OutputError
 from recordings.paper.paper_items import Item, ItemResult
 from recordings.paper.paper_pictures import draw_paper_figure
-from recordings.report.atomic_output import atomic_files, require_writable_output
+from recordings.report.atomic_output import require_writable_output, stage_output_files
 
 #: The page that holds every item.
 PAGE: Final = "reproduction.md"
@@ -18,7 +18,7 @@ PAGE: Final = "reproduction.md"
 SENTENCES: Final = "findings.csv"
 
 
-def require_writable_reproduction(
+def require_writable_reproduction_folder(
     items: Sequence[Item[Any]], folder: Path, output_format: str, *, force: bool
 ) -> None:
     """Refuse outputs that cannot be written before the work; create the folder if missing.
@@ -35,7 +35,7 @@ def require_writable_reproduction(
 
 
 def write_reproduction(
-    results: Sequence[ItemResult],
+    item_results: Sequence[ItemResult],
     folder: Path,
     output_format: str,
     introduction: str,
@@ -45,7 +45,7 @@ def write_reproduction(
     """Write the results.
 
     Args:
-        results: results of tables, figures and claims.
+        item_results: results of tables, figures and claims.
         folder: output folder.
         output_format: "md" for one page with every table and sentence, "csv" for a file an item
             with every number and one with the sentences; pictures with both.
@@ -58,21 +58,21 @@ def write_reproduction(
     Raises:
         OutputError: one of them is there already, or cannot be written.
     """
-    targets = _list_output_paths([each.item for each in results], folder, output_format)
-    with atomic_files(targets, force=force) as stage:
-        for each in results:
+    targets = _list_output_paths([each.item for each in item_results], folder, output_format)
+    with stage_output_files(targets, force=force) as stage:
+        for each in item_results:
             if each.item.picture:
                 draw_paper_figure(
                     each.item.picture, each.frame, stage / _make_picture_file_name(each.item)
                 )
         if output_format == "md":
             (stage / PAGE).write_text(
-                _render_page_markdown(results, introduction), encoding="utf-8"
+                _render_page_markdown(item_results, introduction), encoding="utf-8"
             )
         else:
-            for each in results:
+            for each in item_results:
                 each.frame.write_csv(stage / f"{each.item.name}.csv")
-            _make_sentence_rows(results, introduction).write_csv(stage / SENTENCES)
+            _make_frame_of_sentences(item_results, introduction).write_csv(stage / SENTENCES)
     return targets
 
 
@@ -89,7 +89,7 @@ def _make_picture_file_name(item: Item[Any]) -> str:
     return f"{item.name}.png"
 
 
-def _render_page_markdown(results: Sequence[ItemResult], introduction: str) -> str:
+def _render_page_markdown(item_results: Sequence[ItemResult], introduction: str) -> str:
     from jinja2 import Environment, StrictUndefined
 
     # Markdown for a reader, not HTML for a browser: nothing to escape
@@ -103,14 +103,14 @@ def _render_page_markdown(results: Sequence[ItemResult], introduction: str) -> s
             "findings": each.sentences.findings,
             "choices": each.sentences.choices,
         }
-        for each in results
+        for each in item_results
     ]
     return environment.from_string(source).render(about=introduction, sections=sections)
 
 
-def _make_sentence_rows(results: Sequence[ItemResult], introduction: str) -> pl.DataFrame:
+def _make_frame_of_sentences(item_results: Sequence[ItemResult], introduction: str) -> pl.DataFrame:
     rows = [("", "about", introduction)]
-    for each in results:
+    for each in item_results:
         rows += [(each.item.name, "finding", sentence) for sentence in each.sentences.findings]
         rows += [(each.item.name, "choice", sentence) for sentence in each.sentences.choices]
     return pl.DataFrame(rows, schema=["item", "kind", "sentence"], orient="row")

@@ -33,23 +33,23 @@ class FigurePicture(NamedTuple):
     paint: Callable[["Figure", pl.DataFrame], None]
 
 
-def draw_paper_figure(picture: FigurePicture, frame: pl.DataFrame, path: Path) -> None:
+def draw_paper_figure(figure_picture: FigurePicture, frame: pl.DataFrame, path: Path) -> None:
     """Draw a frame as PNG.
 
     Args:
-        picture: height and drawing function.
+        figure_picture: height and drawing function.
         frame: frame of the item.
         path: file to write.
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(_WIDTH_IN, picture.height_in), layout="constrained")
-    picture.paint(figure, frame)
+    figure = Figure(figsize=(_WIDTH_IN, figure_picture.height_in), layout="constrained")
+    figure_picture.paint(figure, frame)
     figure.savefig(path, dpi=_DPI, format="png")
 
 
 def _draw_figure_2_excitation(figure: "Figure", series: pl.DataFrame) -> None:
-    _draw_panels(figure, series, _MOTION)
+    _draw_panel_per_column(figure, series, _MOTION)
 
 
 def _draw_figure_3_convergence(figure: "Figure", series: pl.DataFrame) -> None:
@@ -71,14 +71,16 @@ def _draw_figure_4_spin(figure: "Figure", series: pl.DataFrame) -> None:
 
 
 def _draw_figure_5_gate(figure: "Figure", series: pl.DataFrame) -> None:
-    rows = _draw_panels(figure, series, {**_MOTION, "mi_x_nat": "index (11) (nat)"})
+    rows = _draw_panel_per_column(figure, series, {**_MOTION, "mi_x_nat": "index (11) (nat)"})
     for axes in rows:
-        shade_phases(axes, series, "phase", ("accelerating", "braking"))
+        shade_times_of_phases(axes, series, "phase", ("accelerating", "braking"))
     rows[-1].axhline(PAPER_LIMITS.fixed_threshold_nat, color="black", lw=0.6, ls=":")
     rows[0].legend(fontsize=7, loc="upper right")
 
 
-def _draw_panels(figure: "Figure", series: pl.DataFrame, panels: dict[str, str]) -> list["Axes"]:
+def _draw_panel_per_column(
+    figure: "Figure", series: pl.DataFrame, panels: dict[str, str]
+) -> list["Axes"]:
     """Draw one panel per column, one above the other; return their axes."""
     rows = list(figure.subplots(len(panels), 1, sharex=True))
     t_s = series["t_s"].to_numpy()
@@ -86,7 +88,7 @@ def _draw_panels(figure: "Figure", series: pl.DataFrame, panels: dict[str, str])
         scale = 1e-3 if column.endswith("_N") else 1.0
         values = series[column].fill_null(float("nan")).to_numpy() * scale
         axes.plot(t_s, values, color=colours.choose_line_colour(number), lw=1.0)
-        _label_panel(axes, label)
+        _label_panel_in_corner(axes, label)
     rows[-1].set_xlabel("time (s)", fontsize=8)
     return rows
 
@@ -103,7 +105,7 @@ def draw_estimates_over_time(
             axes.plot(t_s, value, color=colour, lw=1.0, label=NAMES[str(method)])
             axes.fill_between(t_s, value - std, value + std, color=colour, alpha=0.15, lw=0)
         axes.axhline(series[true][0], color="black", lw=0.7, ls=":", label="truth")
-        _label_panel(axes, label)
+        _label_panel_in_corner(axes, label)
     rows[0].legend(fontsize=7, ncols=5, loc="lower right")
     rows[-1].set_xlabel("time (s)", fontsize=8)
 
@@ -121,15 +123,15 @@ def _draw_figure_7_calibrated_masses(figure: "Figure", table: pl.DataFrame) -> N
 
 
 def draw_mean_masses_by_method(
-    figure: "Figure", table: pl.DataFrame, mean_column: str, std_column: str, label: str
+    figure: "Figure", load_table: pl.DataFrame, mean_column: str, std_column: str, axis_label: str
 ) -> None:
     """Draw one panel per method: means of nine runs ± the deviation of one, and the truth."""
-    methods = list(table["method"].unique(maintain_order=True))
+    methods = list(load_table["method"].unique(maintain_order=True))
     panels = figure.subplots(1, len(methods), sharex=True, sharey=True)
-    truth = table["reference_kg"]
+    truth = load_table["reference_kg"]
     ends = np.array([truth.min(), truth.max()], float)
     for axes, method in zip(panels, methods, strict=True):
-        part = table.filter(pl.col("method") == method)
+        part = load_table.filter(pl.col("method") == method)
         axes.plot(ends, ends, color="black", lw=0.6, ls=":", label="truth")
         axes.errorbar(
             part["reference_kg"].to_numpy(),
@@ -143,7 +145,7 @@ def draw_mean_masses_by_method(
             label="mean ± one run",
         )
         axes.set_title(NAMES[method], fontsize=9)
-        _label_panel(axes, label if axes is panels[0] else "")
+        _label_panel_in_corner(axes, axis_label if axes is panels[0] else "")
         axes.set_xticks([3614, 3714, 3814])
         if "paper_implied_kg" in part.columns:
             implied = part["paper_implied_kg"].fill_null(float("nan")).to_numpy()
@@ -179,20 +181,20 @@ def _draw_figure_8_errors_by_load(figure: "Figure", table: pl.DataFrame) -> None
             )
     axes.set_xticks(np.arange(loads.size), [f"{load:g}" for load in loads])
     axes.set_xlabel("load (kg)", fontsize=8)
-    _label_panel(axes, "RMS error of a run (kg)")
+    _label_panel_in_corner(axes, "RMS error of a run (kg)")
     # few campaigns make intervals that reach below zero, where no error is
     axes.set_ylim(0.0, 1.3 * axes.get_ylim()[1])
     axes.legend(fontsize=7, ncols=len(methods), loc="upper center")
 
 
-def _label_panel(axes: "Axes", label: str) -> None:
-    axes.set_ylabel(label, fontsize=8)
+def _label_panel_in_corner(axes: "Axes", panel_label: str) -> None:
+    axes.set_ylabel(panel_label, fontsize=8)
     axes.tick_params(labelsize=7)
     axes.grid(lw=0.3, alpha=0.6)
     axes.set_axisbelow(True)
 
 
-def shade_phases(
+def shade_times_of_phases(
     axes: "Axes", series: pl.DataFrame, phase_column: str, phases: tuple[str, ...]
 ) -> None:
     """Shade the times when the phase is one of `phases`."""

@@ -26,12 +26,12 @@ class ItemSentences(NamedTuple):
     findings: tuple[str, ...]
 
 
-def join_words(words: Iterable[str]) -> str:
+def join_words_as_list(words: Iterable[str]) -> str:
     """Join words as a list in a sentence."""
     *first, last = words
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def format_percent(share: float, digits: int = 0) -> str:
+def format_percent(fraction: float, digits: int = 0) -> str:
     """Share as a percentage for a sentence."""
-    return f"{100.0 * share:.{digits}f} %"
+    return f"{100.0 * fraction:.{digits}f} %"

@@ -12,8 +12,8 @@ from analysis.model.run_record import Run
 from recordings.plots.plot_limits import LIMITS
 from recordings.plots.time_panels import convert_series_to_floats
 from recordings.report import colours
-from recordings.report.picture import draw_legend_above
-from recordings.rrd.display_frames import find_grid_span_ns
+from recordings.report.picture import draw_legend_above_axes
+from recordings.rrd.display_frames import find_time_span_of_grid_ns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Rows = NDArray[np.float64]
 
 
-def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
+def draw_convergence_of_estimates(axes: "Axes", run: Run, at_s: float | None = None) -> None:
     """Draw estimates ± 2σ over time, load by load, towards the answer ± 2 standard uncertainties.
 
     Args:
@@ -30,7 +30,7 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
         at_s: moment to mark.
     """
     bounds: list[float] = []
-    starts = _find_load_begins_ns(run)
+    starts = _find_begin_of_loads_ns(run)
     # of many loads what is left of the beginnings covers all else
     for method in RECURSIVE_METHODS if len(starts) <= LIMITS.recursion_max_loads else ():
         frame = run.frames.get(f"estimates/{method}")
@@ -38,12 +38,12 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
             bounds += _draw_estimates_of_method(
                 axes, frame, method, starts, NS_PER_S / run.provenance.settings.align.rate_hz
             )
-    means = _draw_running_means(axes, run)
-    answers = _draw_answer_intervals(axes, run)
+    means = _draw_running_means_of_loads(axes, run)
+    answers = _draw_intervals_of_answer(axes, run)
     bounds += means + answers
     if at_s is not None:
         axes.axvline(at_s, color="black", lw=0.8, ls="--")
-    span = find_grid_span_ns(run)
+    span = find_time_span_of_grid_ns(run)
     if span is not None and span[0] < span[1]:
         # a load reaches beyond a stretch
         axes.set_xlim(span[0] / NS_PER_S, span[1] / NS_PER_S)
@@ -65,16 +65,16 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
             low, high = min(low, ends[0]), max(high, ends[1])
     room = LIMITS.range_margin_fraction * (high - low) or 0.05 * abs(high) or 1.0
     axes.set_ylim(low - room, high + room)
-    draw_legend_above(axes, 7)
+    draw_legend_above_axes(axes, 7)
 
 
-def _find_load_begins_ns(run: Run) -> list[int]:
+def _find_begin_of_loads_ns(run: Run) -> list[int]:
     loads = run.frames.get("loads")
     return [] if loads is None else loads["start_t_ns"].sort().to_list()
 
 
 def _draw_estimates_of_method(
-    axes: "Axes", frame: pl.DataFrame, method: str, starts: list[int], period_ns: float
+    axes: "Axes", frame: pl.DataFrame, method: str, load_begins_ns: list[int], period_ns: float
 ) -> list[float]:
     rows = frame.filter(pl.col("mass_kg").is_not_null()).select("t_ns", "mass_kg", "mass_std_kg")
     if rows.is_empty():
@@ -86,7 +86,7 @@ def _draw_estimates_of_method(
     mass, std = (convert_series_to_floats(rows[name]) for name in ("mass_kg", "mass_std_kg"))
     # no line from one load to the next, nor where nothing was accepted
     gaps = 1 + np.flatnonzero(np.diff(t) > 1.5 * step * period_ns)
-    begins = np.union1d(np.searchsorted(t, starts[1:]), gaps)
+    begins = np.union1d(np.searchsorted(t, load_begins_ns[1:]), gaps)
     mass = np.insert(mass, begins, np.nan)
     std, t_s = np.insert(std, begins, np.nan), np.insert(t / NS_PER_S, begins, np.nan)
     colour = colours.choose_method_colour(method)
@@ -95,7 +95,7 @@ def _draw_estimates_of_method(
     return [*mass, *(mass - 2 * std)[mass.size // 4 :], *(mass + 2 * std)[mass.size // 4 :]]
 
 
-def _draw_running_means(axes: "Axes", run: Run) -> list[float]:
+def _draw_running_means_of_loads(axes: "Axes", run: Run) -> list[float]:
     """Draw the variance-weighted mean of each load after each of its manoeuvres."""
     frame = run.frames.get("manoeuvres")
     if frame is None:
@@ -125,7 +125,7 @@ def _draw_running_means(axes: "Axes", run: Run) -> list[float]:
     return [*(mean - bars), *(mean + bars)]
 
 
-def _draw_answer_intervals(axes: "Axes", run: Run) -> list[float]:
+def _draw_intervals_of_answer(axes: "Axes", run: Run) -> list[float]:
     """Draw the answer of each load; returns the ends of the intervals in kg, for the axis."""
     loads = run.frames.get("loads")
     if loads is None:

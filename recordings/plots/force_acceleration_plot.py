@@ -70,12 +70,14 @@ def _draw_points_of_group(axes: "Axes", group: PointGroup) -> None:
     axes.autoscale(enable=True)
 
 
-def _ring_window_points(axes: "Axes", run: Run, points: pl.DataFrame, at_s: float | None) -> None:
+def _ring_window_points(
+    axes: "Axes", run: Run, points: pl.DataFrame, moment_s: float | None
+) -> None:
     """Ring the points of the window that ends at the moment."""
-    if at_s is None:
+    if moment_s is None:
         return
     settings = run.provenance.settings
-    end = round(at_s * 1e9)
+    end = round(moment_s * 1e9)
     length = round(1e9 * settings.gate.window_samples / settings.align.rate_hz)
     window = points.filter(pl.col("t_ns").is_between(end - length, end, closed="right"))
     if window.height:
@@ -86,14 +88,14 @@ def _ring_window_points(axes: "Axes", run: Run, points: pl.DataFrame, at_s: floa
             color="black",
             lw=0.7,
             alpha=0.8,
-            label=f"the window that ends at {at_s:g} s",
+            label=f"the window that ends at {moment_s:g} s",
         )
 
 
-def _draw_mass_line(axes: "Axes", line: MassLine, dashes: str) -> None:
+def _draw_mass_line(axes: "Axes", mass_line: MassLine, dashes: str) -> None:
     ends: NDArray[np.float64] = np.array(axes.get_xlim())
-    mass, u = line.mass_kg, line.u_kg
-    axes.plot(ends, mass * ends, dashes, color="black", lw=1.2, label=line.label)
+    mass, u = mass_line.mass_kg, mass_line.u_kg
+    axes.plot(ends, mass * ends, dashes, color="black", lw=1.2, label=mass_line.label)
     axes.fill_between(
         ends, (mass - 2 * u) * ends, (mass + 2 * u) * ends, color="black", alpha=0.15, lw=0
     )

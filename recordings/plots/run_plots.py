@@ -9,19 +9,19 @@ import polars as pl
 
 from analysis.model.run_record import Run
 from estimators.errors import OutputError, suggest_choice
-from recordings.plots.convergence_plot import draw_convergence
+from recordings.plots.convergence_plot import draw_convergence_of_estimates
 from recordings.plots.force_acceleration_plot import draw_force_acceleration
 from recordings.plots.plot_limits import LIMITS
 from recordings.plots.time_panels import (
-    draw_gate_reason_shares,
-    draw_over_time,
-    relative_panel_height,
+    compute_relative_panel_height,
+    draw_time_fractions_of_gate_reasons,
+    draw_views_over_time,
 )
 from recordings.report import colours
 from recordings.report.picture import require_writable_picture, write_picture
 from recordings.rrd.display_frames import list_displayed_columns, make_display_frames
 from recordings.rrd.recording_table import PAGE, TABS
-from recordings.rrd.recording_texts import format_summary
+from recordings.rrd.recording_texts import format_answer_summary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
@@ -31,7 +31,7 @@ def plot_run(
     run: Run,
     path: str | Path,
     *,
-    figure: str = "page",
+    figure_name: str = "page",
     at_s: float | None = None,
     force: bool = False,
 ) -> Path:
@@ -42,7 +42,7 @@ def plot_run(
     Args:
         run: run, or part of one.
         path: picture to write; the suffix sets the format: .png, .pdf or .svg.
-        figure: one of `FIGURES`.
+        figure_name: one of `FIGURES`.
         at_s: a moment to mark, in seconds since the start.
         force: whether to replace an existing file.
 
@@ -54,9 +54,11 @@ def plot_run(
     """
     path = Path(path)
     require_writable_picture(path, force=force)
-    if figure not in FIGURES:
-        raise OutputError(f"{path}: no figure '{figure}'; {suggest_choice(figure, FIGURES)}")
-    return write_picture(FIGURES[figure](run, at_s), path, force=force)
+    if figure_name not in FIGURES:
+        raise OutputError(
+            f"{path}: no figure '{figure_name}'; {suggest_choice(figure_name, FIGURES)}"
+        )
+    return write_picture(FIGURES[figure_name](run, at_s), path, force=force)
 
 
 def draw_run(run: Run, at_s: float | None = None) -> "Figure":
@@ -65,13 +67,13 @@ def draw_run(run: Run, at_s: float | None = None) -> "Figure":
 
     lines = [
         part
-        for line in format_summary(run).splitlines()
+        for line in format_answer_summary(run).splitlines()
         for part in wrap(line, LIMITS.line_characters) or [""]
     ]
     shown = make_display_frames(run, decimate=False)
     views = [(view, drawn) for view in PAGE if (drawn := list_displayed_columns(view, run, shown))]
     points = run.frames.get("calibration", pl.DataFrame())
-    panels = sum(relative_panel_height(view, drawn) for view, drawn in views)
+    panels = sum(compute_relative_panel_height(view, drawn) for view, drawn in views)
     heights = [
         LIMITS.line_height_in * (len(lines) + 2),
         LIMITS.panel_height_in * max(panels, 1.0),
@@ -81,15 +83,15 @@ def draw_run(run: Run, at_s: float | None = None) -> "Figure":
     figure = Figure(figsize=(LIMITS.page_width_in, sum(kept)), layout="constrained")
     parts = figure.subfigures(len(kept), 1, height_ratios=kept, squeeze=False)[:, 0]
     _write_answer_lines(parts[0], lines)
-    draw_over_time(parts[1], [view for view, _ in views], run, shown, at_s)
+    draw_views_over_time(parts[1], [view for view, _ in views], run, shown, at_s)
     if points.height:
         _draw_calibration_of_method(parts[2], points)
     return figure
 
 
-def _write_answer_lines(part: "SubFigure", lines: list[str]) -> None:
-    part.suptitle(lines[0], x=0.01, ha="left", fontweight="bold", parse_math=False)
-    axes = part.subplots()
+def _write_answer_lines(subfigure: "SubFigure", lines: list[str]) -> None:
+    subfigure.suptitle(lines[0], x=0.01, ha="left", fontweight="bold", parse_math=False)
+    axes = subfigure.subplots()
     axes.axis("off")
     text = "\n".join(lines[1:])
     axes.text(0, 1, text, va="top", fontsize=8, family="monospace", parse_math=False)
@@ -106,8 +108,8 @@ def _draw_gate_figure(run: Run, at_s: float | None) -> "Figure":
     )
     parts = figure.subfigures(2, 1, height_ratios=[len(views), 1.2], squeeze=False)
     over, below = parts[:, 0]
-    draw_over_time(over, views, run, make_display_frames(run, decimate=False), at_s)
-    draw_gate_reason_shares(below.subplots(), run)
+    draw_views_over_time(over, views, run, make_display_frames(run, decimate=False), at_s)
+    draw_time_fractions_of_gate_reasons(below.subplots(), run)
     return figure
 
 
@@ -123,7 +125,7 @@ def _draw_loads_figure(run: Run, at_s: float | None) -> "Figure":
     )
     shown = make_display_frames(run, decimate=False)
     (part,) = figure.subfigures(1, 1, squeeze=False)[0]
-    draw_over_time(part, views, run, shown, at_s)
+    draw_views_over_time(part, views, run, shown, at_s)
     return figure
 
 
@@ -143,7 +145,7 @@ def _draw_convergence_figure(run: Run, at_s: float | None) -> "Figure":
     figure = Figure(
         figsize=(LIMITS.page_width_in, 0.5 * LIMITS.page_width_in), layout="constrained"
     )
-    draw_convergence(figure.subplots(), run, at_s)
+    draw_convergence_of_estimates(figure.subplots(), run, at_s)
     return figure
 
 
@@ -157,12 +159,12 @@ FIGURES: Final[Mapping[str, Callable[[Run, float | None], "Figure"]]] = {
 }
 
 
-def _draw_calibration_of_method(part: "SubFigure", points: pl.DataFrame) -> None:
+def _draw_calibration_of_method(subfigure: "SubFigure", calibration_points: pl.DataFrame) -> None:
     """Draw the points and the line of a method, and the residual of each load."""
-    fits, errors = part.subplots(1, 2)
-    reference = points["reference_kg"]
+    fits, errors = subfigure.subplots(1, 2)
+    reference = calibration_points["reference_kg"]
     fits.axline((reference[0], reference[0]), slope=1, color="black", lw=0.5, ls=":")
-    for (method,), group in points.group_by("method", maintain_order=True):
+    for (method,), group in calibration_points.group_by("method", maintain_order=True):
         name, colour = str(method), colours.choose_method_colour(str(method))
         estimate, known = group["estimate_kg"].to_numpy(), group["reference_kg"].to_numpy()
         std = group["estimate_std_kg"].fill_null(float("nan")).to_numpy()

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from recordings.plots.plot_limits import LIMITS
 from recordings.report import colours
-from recordings.report.picture import draw_legend_beside, write_picture
+from recordings.report.picture import draw_legend_beside_axes, write_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,12 +45,16 @@ class SweptRow:
 
 
 def plot_sweep(
-    rows: Sequence[SweptRow], path: Path, *, reference_kg: float | None = None, force: bool = False
+    swept_rows: Sequence[SweptRow],
+    path: Path,
+    *,
+    reference_kg: float | None = None,
+    force: bool = False,
 ) -> Path:
     """Plot a sweep over one numeric setting, or over labelled combinations.
 
     Args:
-        rows: combinations, at least one.
+        swept_rows: combinations, at least one.
         path: picture to write; the suffix sets the format.
         reference_kg: the true mass, if known.
         force: whether to replace an existing file.
@@ -58,62 +62,66 @@ def plot_sweep(
     Raises:
         OutputError: the picture cannot be written.
     """
-    return write_picture(draw_sweep(rows, reference_kg), path, force=force)
+    return write_picture(draw_sweep_figure(swept_rows, reference_kg), path, force=force)
 
 
-def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "Figure":
+def draw_sweep_figure(
+    swept_rows: Sequence[SweptRow], reference_kg: float | None = None
+) -> "Figure":
     """Draw the figure of `plot_sweep` without writing it."""
     from matplotlib.figure import Figure
 
-    titles = list(dict.fromkeys(title for row in rows for title in row.errors))
-    loads = any(row.payload_kg is not None for row in rows)
+    titles = list(dict.fromkeys(title for row in swept_rows for title in row.errors))
+    loads = any(row.payload_kg is not None for row in swept_rows)
     count = 2 + len(titles) + loads
     figure = Figure(
         figsize=(LIMITS.sweep_width_in, LIMITS.sweep_panel_height_in * count + 0.6),
         layout="constrained",
     )
     panels = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
-    at = place_combinations_on_axis(rows, panels[-1])
+    at = place_combinations_on_axis(swept_rows, panels[-1])
     for axes in panels:
         axes.grid(alpha=0.25, lw=0.5)
     mass = panels.pop(0)
-    _draw_swept_masses(mass, rows, at)
+    _draw_swept_masses(mass, swept_rows, at)
     if reference_kg is not None:
         mass.axhline(reference_kg, color="black", lw=0.8, ls=":", label="reference")
     mass.set_ylabel("mass (kg)")
-    draw_legend_beside(mass)
+    draw_legend_beside_axes(mass)
     if loads:
-        _draw_swept_payloads(panels.pop(0), rows, at)
+        _draw_swept_payloads(panels.pop(0), swept_rows, at)
     for title in titles:
         axes = panels.pop(0)
-        _draw_by_method(axes, at, [row.errors.get(title, {}) for row in rows])
+        _draw_values_by_method(axes, at, [row.errors.get(title, {}) for row in swept_rows])
         axes.set_ylabel(title)
-        draw_legend_beside(axes)
-    _draw_used_share(panels[0], rows, at)
+        draw_legend_beside_axes(axes)
+    _draw_fraction_of_samples_used(panels[0], swept_rows, at)
     return figure
 
 
-def place_combinations_on_axis(rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
+def place_combinations_on_axis(swept_rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
     """Position of each combination on the axis, which is labelled accordingly."""
-    names = list(rows[0].over)
-    if len(names) == 1 and all(_is_number(row.over[names[0]]) for row in rows):
+    names = list(swept_rows[0].over)
+    if len(names) == 1 and all(_is_text_a_number(row.over[names[0]]) for row in swept_rows):
         axes.set_xlabel(names[0])
-        places = np.array([float(row.over[names[0]]) for row in rows])
+        places = np.array([float(row.over[names[0]]) for row in swept_rows])
         if np.unique(places).size == 1:
             # an axis of its own would have its ticks where nothing was tried
             axes.set_xticks(places[:1])
             axes.set_xlim(places[0] - 0.5, places[0] + 0.5)
         return places
-    at = np.arange(len(rows), dtype=float)
+    at = np.arange(len(swept_rows), dtype=float)
     axes.set_xlabel(" · ".join(names))
-    labels = [" · ".join(_format_setting_value(row.over[name]) for name in names) for row in rows]
+    labels = [
+        " · ".join(_format_setting_value(row.over[name]) for name in names) for row in swept_rows
+    ]
     axes.set_xticks(
-        at, labels, rotation=90 if len(rows) > LIMITS.level_max_names else 0, fontsize=7
+        at, labels, rotation=90 if len(swept_rows) > LIMITS.level_max_names else 0, fontsize=7
     )
     return at
 
 
-def _is_number(value: object) -> bool:
+def _is_text_a_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
@@ -123,29 +131,31 @@ def _format_setting_value(value: object) -> str:
     return f"{value:g}" if isinstance(value, int | float) else str(value)
 
 
-def _order_methods(parts: Sequence[Mapping[str, float | None]]) -> list[str]:
+def _list_methods_in_drawing_order(
+    frames_of_combinations: Sequence[Mapping[str, float | None]],
+) -> list[str]:
     """Methods, the paper's first, so that the answer is drawn on top."""
-    found = dict.fromkeys(method for part in parts for method in part)
+    found = dict.fromkeys(method for part in frames_of_combinations for method in part)
     return sorted(found, key=lambda method: method == _JOINT)
 
 
-def _choose_line_style(method: str) -> dict[str, Any]:
+def _choose_line_style_of_method(method: str) -> dict[str, Any]:
     if method == _JOINT:
         return {"color": "black", "lw": 1.8, "zorder": 5}
     return {"color": colours.choose_method_colour(method), "lw": 1.0}
 
 
 def _read_values_of_method(
-    parts: Sequence[Mapping[str, float | None]], method: str
+    frames: Sequence[Mapping[str, float | None]], method: str
 ) -> NDArray[np.float64]:
-    return np.array([np.nan if (v := part.get(method)) is None else v for part in parts])
+    return np.array([np.nan if (v := part.get(method)) is None else v for part in frames])
 
 
 def _draw_swept_masses(
-    axes: "Axes", rows: Sequence[SweptRow], positions: NDArray[np.float64]
+    axes: "Axes", swept_rows: Sequence[SweptRow], positions: NDArray[np.float64]
 ) -> None:
-    masses, stds = [row.mass_kg for row in rows], [row.mass_std_kg for row in rows]
-    methods = _order_methods(masses)
+    masses, stds = [row.mass_kg for row in swept_rows], [row.mass_std_kg for row in swept_rows]
+    methods = _list_methods_in_drawing_order(masses)
     steps = np.diff(np.unique(positions))
     # beside each other, or bars at one place would hide each other, but near their value
     apart = (float(steps.min()) if steps.size else 1.0) * LIMITS.bar_distance_fraction
@@ -164,7 +174,7 @@ def _draw_swept_masses(
                 fmt="o-",
                 ms=3,
                 label=method,
-                **_choose_line_style(method),
+                **_choose_line_style_of_method(method),
             )
     _label_axes_without_data(axes)
 
@@ -176,26 +186,38 @@ def _label_axes_without_data(axes: "Axes") -> None:
 
 
 def _draw_swept_payloads(
-    axes: "Axes", rows: Sequence[SweptRow], positions: NDArray[np.float64]
+    axes: "Axes", swept_rows: Sequence[SweptRow], positions: NDArray[np.float64]
 ) -> None:
-    pairs = np.array([row.payload_kg or (np.nan, np.nan) for row in rows])
+    pairs = np.array([row.payload_kg or (np.nan, np.nan) for row in swept_rows])
     axes.errorbar(
-        positions, pairs[:, 0], yerr=pairs[:, 1], fmt="o-", ms=3, **_choose_line_style(_JOINT)
+        positions,
+        pairs[:, 0],
+        yerr=pairs[:, 1],
+        fmt="o-",
+        ms=3,
+        **_choose_line_style_of_method(_JOINT),
     )
     axes.set_ylabel("largest payload (kg)")
 
 
-def _draw_by_method(
-    axes: "Axes", positions: NDArray[np.float64], parts: Sequence[Mapping[str, float | None]]
+def _draw_values_by_method(
+    axes: "Axes", x_positions: NDArray[np.float64], frames: Sequence[Mapping[str, float | None]]
 ) -> None:
-    for method in _order_methods(parts):
-        values = _read_values_of_method(parts, method)
+    for method in _list_methods_in_drawing_order(frames):
+        values = _read_values_of_method(frames, method)
         if np.isfinite(values).any():
-            axes.plot(positions, values, "o-", ms=3, label=method, **_choose_line_style(method))
+            axes.plot(
+                x_positions,
+                values,
+                "o-",
+                ms=3,
+                label=method,
+                **_choose_line_style_of_method(method),
+            )
     _label_axes_without_data(axes)
 
 
-def _draw_used_share(
+def _draw_fraction_of_samples_used(
     axes: "Axes", rows: Sequence[SweptRow], positions: NDArray[np.float64]
 ) -> None:
     share = 100.0 * np.array([row.accepted_share_1 for row in rows])
@@ -213,4 +235,4 @@ def _draw_used_share(
         )
     axes.set_ylim(-5.0, 105.0)
     axes.set_ylabel("samples used (%)")
-    draw_legend_beside(axes)
+    draw_legend_beside_axes(axes)

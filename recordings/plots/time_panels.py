@@ -16,15 +16,15 @@ from analysis.model.run_record import Run
 from estimators.arrays import Floats
 from recordings.plots.plot_limits import LIMITS
 from recordings.report import colours
-from recordings.report.picture import draw_legend_above
+from recordings.report.picture import draw_legend_above_axes
 from recordings.rrd.display_frames import (
     LANES,
     DisplayColumn,
     bin_frame_rows,
-    choose_axis_range,
-    find_grid_span_ns,
-    is_drawn_as_points,
+    choose_axis_range_without_outliers,
+    find_time_span_of_grid_ns,
     list_displayed_columns,
+    should_draw_as_points,
 )
 from recordings.rrd.provenance_texts import format_local_time
 from recordings.rrd.recording_views import View, ViewKind
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
 
 
-def draw_over_time(
-    part: "SubFigure",
+def draw_views_over_time(
+    subfigure: "SubFigure",
     views: Sequence[View],
     run: Run,
     display_frames: Mapping[str, pl.DataFrame],
@@ -45,30 +45,32 @@ def draw_over_time(
     """Draw views below each other over seconds since the start.
 
     Args:
-        part: subfigure to draw on.
+        subfigure: subfigure to draw on.
         views: views, of which those with data in this run are drawn.
         run: run to draw.
         display_frames: frames of the run that are displayed, not decimated.
         at_s: moment to mark.
     """
-    span = find_grid_span_ns(run)
+    span = find_time_span_of_grid_ns(run)
     found = [
         (view, drawn)
         for view in views
         if (drawn := list_displayed_columns(view, run, display_frames))
     ]
     if not found or span is None:
-        part.suptitle("nothing in this run can be drawn over time")
+        subfigure.suptitle("nothing in this run can be drawn over time")
         return
-    heights = [relative_panel_height(view, drawn) for view, drawn in found]
-    rows = part.subplots(len(found), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+    heights = [compute_relative_panel_height(view, drawn) for view, drawn in found]
+    rows = subfigure.subplots(len(found), 1, sharex=True, squeeze=False, height_ratios=heights)[
+        :, 0
+    ]
     for axes, (view, drawn) in zip(rows, found, strict=True):
         axes.tick_params(labelsize=LIMITS.small_type_pt)
         if view.kind is ViewKind.STATES:
             _draw_state_lanes(axes, drawn, display_frames, span)
         else:
             _draw_series_lines(axes, view, drawn, display_frames, span)
-            axes.set_ylim(choose_axis_range(view, run))
+            axes.set_ylim(choose_axis_range_without_outliers(view, run))
         if at_s is not None:
             axes.axvline(at_s, color="black", lw=0.8, ls="--", zorder=4)
     rows[-1].set_xlim(
@@ -79,7 +81,7 @@ def draw_over_time(
     )
 
 
-def relative_panel_height(view: View, display_columns: Sequence[DisplayColumn]) -> float:
+def compute_relative_panel_height(view: View, display_columns: Sequence[DisplayColumn]) -> float:
     """Height of a panel relative to a plot."""
     return 0.35 * len(display_columns) + 0.1 if view.kind is ViewKind.STATES else 1.0
 
@@ -92,16 +94,16 @@ def _draw_series_lines(
     span: tuple[int, int],
 ) -> None:
     for each in display_columns:
-        _draw_panel(axes, each, display_frames[each.frame], span)
+        _draw_column_in_panel(axes, each, display_frames[each.frame], span)
     lane = "gate" if view.threshold else "phase"
     _shade_state_times(axes, display_frames.get(f"{LANES}/{lane}"), colours.SHADED[lane])
     unit = view.title.removeprefix(view.name).strip()
     words = [*wrap(view.name, LIMITS.label_characters), *([unit] if unit else [])]
     axes.set_ylabel("\n".join(words), fontsize=LIMITS.small_type_pt)
-    draw_legend_above(axes)
+    draw_legend_above_axes(axes)
 
 
-def _draw_panel(
+def _draw_column_in_panel(
     axes: "Axes", display_column: DisplayColumn, frame: pl.DataFrame, span: tuple[int, int]
 ) -> None:
     value = pl.col(display_column.column)
@@ -121,7 +123,7 @@ def _draw_panel(
             axes.fill_between(t_s, low, high, color=display_column.colour, alpha=0.3, lw=0)
     t_s = frame["t_ns"].to_numpy() / NS_PER_S
     numbers = convert_series_to_floats(frame[display_column.column])
-    dots = "." if is_drawn_as_points(frame[display_column.column]) else ""
+    dots = "." if should_draw_as_points(frame[display_column.column]) else ""
     axes.plot(
         t_s,
         numbers,
@@ -138,14 +140,14 @@ def _draw_panel(
         )
 
 
-def convert_series_to_floats(series: pl.Series) -> Floats:
+def convert_series_to_floats(column: pl.Series) -> Floats:
     """Column as floats, NaN for missing values."""
-    return series.cast(pl.Float64).fill_null(float("nan")).to_numpy()
+    return column.cast(pl.Float64).fill_null(float("nan")).to_numpy()
 
 
-def find_state_spans(states: pl.DataFrame) -> pl.DataFrame:
+def find_state_spans(state_series: pl.DataFrame) -> pl.DataFrame:
     """Stretches of equal state: t_ns, until, the state."""
-    return states.with_columns(until=pl.col("t_ns").shift(-1)).drop_nulls()
+    return state_series.with_columns(until=pl.col("t_ns").shift(-1)).drop_nulls()
 
 
 def _draw_state_lanes(
@@ -163,7 +165,7 @@ def _draw_state_lanes(
         for state, total in totals.rows():
             seconds[state] = seconds.get(state, 0.0) + total
         if spans.height > LIMITS.lane_max_spans:
-            _draw_state_shares(axes, spans, span, bottom)
+            _draw_stacked_state_fractions(axes, spans, span, bottom)
         else:
             _draw_state_bars(axes, spans, bottom)
     axes.set_ylim(0.0, float(len(display_columns)))
@@ -177,32 +179,34 @@ def _draw_state_lanes(
         axes.plot(
             [], [], "s", color=_choose_state_colour(state), ms=5, label=state.replace("_", " ")
         )
-    draw_legend_above(axes)
+    draw_legend_above_axes(axes)
 
 
 def _choose_state_colour(state: str) -> str:
-    return colours.make_state_colours().get(state, colours.OTHER)
+    return colours.make_colour_by_state().get(state, colours.OTHER)
 
 
-def _draw_state_bars(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
+def _draw_state_bars(axes: "Axes", state_spans: pl.DataFrame, lane_bottom: float) -> None:
     """Draw stretches of states as coloured bars in a lane."""
-    for (state,), group in spans.group_by(STATE):
+    for (state,), group in state_spans.group_by(STATE):
         start_s = group["t_ns"].to_numpy() / NS_PER_S
         length_s = (group["until"] - group["t_ns"]).to_numpy() / NS_PER_S
         pairs = list(zip(start_s, length_s, strict=True))
-        axes.broken_barh(pairs, (bottom + 0.08, 0.84), color=_choose_state_colour(str(state)), lw=0)
+        axes.broken_barh(
+            pairs, (lane_bottom + 0.08, 0.84), color=_choose_state_colour(str(state)), lw=0
+        )
 
 
-def _draw_state_shares(
-    axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], bottom: float
+def _draw_stacked_state_fractions(
+    axes: "Axes", state_spans: pl.DataFrame, time_span: tuple[int, int], lane_bottom: float
 ) -> None:
     """Draw the share of every state in each bin, stacked."""
-    edges = np.linspace(span[0], span[1], LIMITS.lane_bins + 1)
+    edges = np.linspace(time_span[0], time_span[1], LIMITS.lane_bins + 1)
     width = max(float(edges[1] - edges[0]), 1.0)
-    base = np.full(LIMITS.lane_bins, bottom + 0.08)
-    starts, ends = spans["t_ns"].to_numpy(), spans["until"].to_numpy()
-    names = spans[STATE].to_numpy()
-    for state in [name for name in colours.make_state_colours() if name in set(names)]:
+    base = np.full(LIMITS.lane_bins, lane_bottom + 0.08)
+    starts, ends = state_spans["t_ns"].to_numpy(), state_spans["until"].to_numpy()
+    names = state_spans[STATE].to_numpy()
+    for state in [name for name in colours.make_colour_by_state() if name in set(names)]:
         chosen = names == state
         # time in the state before each edge, whose differences are the time in each bin
         inside = _compute_time_before_edges(starts[chosen], ends[chosen], edges)
@@ -220,23 +224,23 @@ def _draw_state_shares(
 
 
 def _compute_time_before_edges(
-    starts: np.ndarray, ends: np.ndarray, edges: np.ndarray
+    span_starts: np.ndarray, span_ends: np.ndarray, bin_edges: np.ndarray
 ) -> np.ndarray:
     """Total time of the ordered, disjoint stretches before each edge."""
-    before = np.concatenate([[0], np.cumsum(ends - starts)])
-    number = np.searchsorted(starts, edges, side="right")
-    over = np.where(number > 0, np.maximum(ends[np.maximum(number - 1, 0)] - edges, 0), 0)
+    before = np.concatenate([[0], np.cumsum(span_ends - span_starts)])
+    number = np.searchsorted(span_starts, bin_edges, side="right")
+    over = np.where(number > 0, np.maximum(span_ends[np.maximum(number - 1, 0)] - bin_edges, 0), 0)
     return before[number] - over
 
 
 def _shade_state_times(
-    axes: "Axes", states: pl.DataFrame | None, shaded_states: tuple[str, ...]
+    axes: "Axes", state_series: pl.DataFrame | None, shaded_states: tuple[str, ...]
 ) -> None:
     """Shade the times of the wanted states behind the lines, unless states change too often."""
-    if states is None or states.height > LIMITS.lane_max_spans:
+    if state_series is None or state_series.height > LIMITS.lane_max_spans:
         return
     for (state,), group in (
-        find_state_spans(states).filter(pl.col(STATE).is_in(shaded_states)).group_by(STATE)
+        find_state_spans(state_series).filter(pl.col(STATE).is_in(shaded_states)).group_by(STATE)
     ):
         start_s = group["t_ns"].to_numpy() / NS_PER_S
         length_s = (group["until"] - group["t_ns"]).to_numpy() / NS_PER_S
@@ -251,7 +255,7 @@ def _shade_state_times(
         )
 
 
-def draw_gate_reason_shares(axes: "Axes", run: Run) -> None:
+def draw_time_fractions_of_gate_reasons(axes: "Axes", run: Run) -> None:
     """Draw the share of time of each gate reason, the most frequent on top."""
     gate = run.frames.get("gate")
     if gate is None or not gate.height:

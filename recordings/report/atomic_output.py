@@ -31,23 +31,23 @@ class AppendedFile:
         self.path, self.size = path, size
         self._file: FileIO | None = None
         if size:
-            self._cut_incomplete_record(self._open())
+            self._truncate_after_last_record(self._open_for_appending())
 
-    def append(self, piece: bytes) -> None:
+    def append_record(self, record_bytes: bytes) -> None:
         """Append a record.
 
         Raises:
             OSError: the record does not fit on the disk.
         """
-        rest = memoryview(piece)
-        file = self._file or self._open()
+        rest = memoryview(record_bytes)
+        file = self._file or self._open_for_appending()
         try:
             while rest:
                 rest = rest[file.write(rest) :]
         except OSError:
-            self._cut_incomplete_record(file)
+            self._truncate_after_last_record(file)
             raise
-        self.size += len(piece)
+        self.size += len(record_bytes)
 
     def rename(self, path: Path) -> None:
         """Rename the file."""
@@ -58,18 +58,18 @@ class AppendedFile:
         if self._file is not None:
             self._file.close()
 
-    def _open(self) -> FileIO:
+    def _open_for_appending(self) -> FileIO:
         self._file = self.path.open("r+b" if self.size else "wb", buffering=0)
         return self._file
 
-    def _cut_incomplete_record(self, file: FileIO) -> None:
+    def _truncate_after_last_record(self, file: FileIO) -> None:
         """Cut off an incomplete record at the end."""
         file.truncate(self.size)
         file.seek(self.size)
 
 
 @contextmanager
-def atomic_files(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
+def stage_output_files(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
     """Context with a hidden folder for writing the targets; they are moved into place at the end.
 
     Args:
@@ -80,7 +80,7 @@ def atomic_files(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
     Raises:
         OutputError: a target already exists, or the folder cannot be written to.
     """
-    with staging_folder(targets, force=force) as stage:
+    with make_staging_folder(targets, force=force) as stage:
         try:
             yield stage
             for target in targets:
@@ -91,10 +91,10 @@ def atomic_files(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
 
 
 @contextmanager
-def atomic_file(target: Path, *, force: bool) -> Generator[Path]:
+def stage_output_file(target: Path, *, force: bool) -> Generator[Path]:
     """Context with a temporary name for one file, which is moved to `target` at the end."""
-    _refuse_folder(target)
-    with atomic_files([target], force=force) as stage:
+    _refuse_folder_as_target(target)
+    with stage_output_files([target], force=force) as stage:
         yield stage / target.name
 
 
@@ -104,7 +104,7 @@ def require_writable_folder(target: Path, *, force: bool) -> None:
     Raises:
         OutputError: the folder already exists, or its parent cannot be written to.
     """
-    with staging_folder([target], force=force):
+    with make_staging_folder([target], force=force):
         pass
 
 
@@ -114,8 +114,8 @@ def require_writable_output(target: Path, *, force: bool) -> None:
     Raises:
         OutputError: the file already exists, or its folder cannot be written to.
     """
-    _refuse_folder(target)
-    with staging_folder([target], force=force):
+    _refuse_folder_as_target(target)
+    with make_staging_folder([target], force=force):
         pass
 
 
@@ -129,13 +129,13 @@ def refuse_input_as_output(target: Path, inputs: Iterable[Path]) -> None:
         raise OutputError(f"{target}: is also an input; give another output")
 
 
-def _refuse_folder(target: Path) -> None:
+def _refuse_folder_as_target(target: Path) -> None:
     if target.is_dir():
         raise OutputError(f"{target}: is a folder; give a file in it")
 
 
 @contextmanager
-def staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
+def make_staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
     """Context with a hidden folder next to the targets, which is always removed at the end."""
     folder = targets[0].parent
     if not folder.is_dir():
@@ -171,9 +171,9 @@ def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
         raise OutputError(f"{target}: exists already; give another output, or give --force")
 
 
-def _replace_target(written: Path, target: Path) -> None:
+def _replace_target(finished_output: Path, target: Path) -> None:
     """Move the output into place, over an existing file or folder."""
     # only a file can be renamed over what is there, and only over a file
-    if target.exists() and (target.is_dir() or written.is_dir()):
-        target.replace(written.with_name(f"{target.name}.replaced"))
-    written.replace(target)
+    if target.exists() and (target.is_dir() or finished_output.is_dir()):
+        target.replace(finished_output.with_name(f"{target.name}.replaced"))
+    finished_output.replace(target)

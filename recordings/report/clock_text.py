@@ -39,38 +39,38 @@ class ShiftClock:
         return self.t0_unix_ns >= FIRST_DATE_NS
 
     @property
-    def axis_label(self) -> str:
+    def time_axis_label(self) -> str:
         """Label of a time axis."""
         if not self.has_date:
             return "h:min since the start"
         return (
             f"local time (UTC{self._format_utc_offset(0.0)})"
-            if self._has_one_offset
+            if self._has_one_utc_offset
             else "local time, UTC±h"
         )
 
-    def format_time(self, s: float) -> str:
+    def format_time(self, time_s: float) -> str:
         """Format a time in s since the first sample, with offset, and date if needed."""
         if not self.has_date:
-            return _format_elapsed(s)
-        local = self.to_local_datetime(s)
-        day = "" if self._is_of_one_day else f"{local:%Y-%m-%d} "
-        return f"{day}{local:%H:%M:%S} {self._format_utc_offset(s)}"
+            return _format_elapsed_time(time_s)
+        local = self.to_local_datetime(time_s)
+        day = "" if self._is_within_one_day else f"{local:%Y-%m-%d} "
+        return f"{day}{local:%H:%M:%S} {self._format_utc_offset(time_s)}"
 
-    def format_hour(self, s: float) -> str:
+    def format_begin_of_hour(self, time_s: float) -> str:
         """Begin of the hour that contains a time, with offset; h:00 without a date."""
         if not self.has_date:
-            return f"{int(s // _HOUR_S)}:00"
-        local = self.to_local_datetime(s)
-        day = "" if self._is_of_one_day else f"{local:%Y-%m-%d} "
-        return f"{day}{local:%H}:00 {self._format_utc_offset(s)}"
+            return f"{int(time_s // _HOUR_S)}:00"
+        local = self.to_local_datetime(time_s)
+        day = "" if self._is_within_one_day else f"{local:%Y-%m-%d} "
+        return f"{day}{local:%H}:00 {self._format_utc_offset(time_s)}"
 
-    def next_hour_s(self, s: float) -> float:
+    def compute_next_hour_s(self, time_s: float) -> float:
         """Begin of the next hour, in s since the first sample."""
         if not self.has_date:
-            return _HOUR_S * (s // _HOUR_S + 1.0)
-        local = self.to_local_datetime(s)
-        return s + _HOUR_S - local.minute * _MINUTE_S - local.second
+            return _HOUR_S * (time_s // _HOUR_S + 1.0)
+        local = self.to_local_datetime(time_s)
+        return time_s + _HOUR_S - local.minute * _MINUTE_S - local.second
 
     def format_day_and_time(self, instant: datetime) -> str:
         """Date and local time of any instant."""
@@ -81,12 +81,12 @@ class ShiftClock:
         """Format a Unix time in local time."""
         return self.format_time((unix_ns - self.t0_unix_ns) / NS)
 
-    def to_local_datetime(self, s: float) -> datetime:
+    def to_local_datetime(self, time_s: float) -> datetime:
         """Local time of a time in s since the first sample, rounded to a second."""
-        unix_s = (self.t0_unix_ns + round(s * NS)) // NS
+        unix_s = (self.t0_unix_ns + round(time_s * NS)) // NS
         return datetime.fromtimestamp(unix_s, UTC).astimezone(ZoneInfo(self.zone))
 
-    def make_ticks(self, low_s: float, high_s: float) -> list[tuple[float, str]]:
+    def make_time_axis_ticks(self, low_s: float, high_s: float) -> list[tuple[float, str]]:
         """Round local times in a range given in s since the first sample, with their labels.
 
         If the offset changes, each tick shows its own.
@@ -103,43 +103,42 @@ class ShiftClock:
         begin = int(-(-(low_s + shift_s) // step_s))
         end = int((high_s + shift_s) // step_s)
         places = [k * step_s - shift_s for k in range(begin, end + 1)]
-        return [(place, self._format_tick(place)) for place in places]
+        return [(place, self._format_time_axis_tick(place)) for place in places]
 
-    def _format_tick(self, s: float) -> str:
+    def _format_time_axis_tick(self, time_s: float) -> str:
         if not self.has_date:
-            return _format_elapsed(s).removesuffix(":00")
+            return _format_elapsed_time(time_s).removesuffix(":00")
         # a tick that float rounding puts a hair before its minute is that minute
-        local = self.to_local_datetime(s + 0.5)
-        return (
-            f"{local:%H:%M}{'' if self._has_one_offset else self._format_utc_offset(s + 0.5)[:3]}"
-        )
+        local = self.to_local_datetime(time_s + 0.5)
+        offset = "" if self._has_one_utc_offset else self._format_utc_offset(time_s + 0.5)[:3]
+        return f"{local:%H:%M}{offset}"
 
-    def _format_utc_offset(self, s: float) -> str:
-        return _format_utc_offset_of(self.to_local_datetime(s))
+    def _format_utc_offset(self, time_s: float) -> str:
+        return _format_utc_offset_of(self.to_local_datetime(time_s))
 
     @property
-    def _has_one_offset(self) -> bool:
+    def _has_one_utc_offset(self) -> bool:
         return self._format_utc_offset(0.0) == self._format_utc_offset(self.duration_s)
 
     @property
-    def _is_of_one_day(self) -> bool:
+    def _is_within_one_day(self) -> bool:
         return self.to_local_datetime(0.0).date() == self.to_local_datetime(self.duration_s).date()
 
 
-def _format_utc_offset_of(local: datetime) -> str:
-    text = f"{local:%z}"
+def _format_utc_offset_of(local_time: datetime) -> str:
+    text = f"{local_time:%z}"
     return f"{text[:3]}:{text[3:5]}"
 
 
-def format_duration(s: float) -> str:
+def format_duration(duration_s: float) -> str:
     """Format a duration in a suitable unit."""
-    if s < 2 * _MINUTE_S:
-        return f"{s:.0f} s"
-    if s < 2 * _HOUR_S:
-        return f"{s / _MINUTE_S:.0f} min"
-    return f"{s / _HOUR_S:.1f} h"
+    if duration_s < 2 * _MINUTE_S:
+        return f"{duration_s:.0f} s"
+    if duration_s < 2 * _HOUR_S:
+        return f"{duration_s / _MINUTE_S:.0f} min"
+    return f"{duration_s / _HOUR_S:.1f} h"
 
 
-def _format_elapsed(s: float) -> str:
-    sign, whole = ("-" if s < -0.5 else ""), round(abs(s))
+def _format_elapsed_time(elapsed_s: float) -> str:
+    sign, whole = ("-" if elapsed_s < -0.5 else ""), round(abs(elapsed_s))
     return f"{sign}{whole // _HOUR_S}:{whole // _MINUTE_S % 60:02d}:{whole % 60:02d}"

@@ -49,7 +49,7 @@ STATES: Final[dict[str, str]] = {
 
 
 @cache
-def make_state_colours() -> Mapping[str, str]:
+def make_colour_by_state() -> Mapping[str, str]:
     """Colour of each state, and of each cause by its consequence."""
     # the causes bring all that looks for them
     from analysis.findings import CAUSES
@@ -62,17 +62,17 @@ def choose_line_colour(line_index: int) -> str:
     return _PALETTE[line_index % len(_PALETTE)]
 
 
-def choose_method_colour(name: str) -> str:
+def choose_method_colour(method: str) -> str:
     """Colour of an estimator."""
-    return choose_line_colour(_METHODS.index(name)) if name in _METHODS else _QUIET
+    return choose_line_colour(_METHODS.index(method)) if method in _METHODS else _QUIET
 
 
-def lighten_colour(colour: str) -> str:
+def mix_colour_with_white(colour: str) -> str:
     """Mix a colour with white in equal parts."""
     parts = (int(colour[at : at + 2], 16) for at in (1, 3, 5))
     return "#" + "".join(f"{(part + 255) // 2:02x}" for part in parts)
 
 
-def pack_rgba(colour: str, alpha: str = "ff") -> int:
+def pack_colour_as_rgba(colour: str, opacity: str = "ff") -> int:
     """Pack red, green, blue and opacity into the 32-bit integer 0xRRGGBBAA of the viewer."""
-    return int(colour[1:] + alpha, 16)
+    return int(colour[1:] + opacity, 16)

@@ -15,30 +15,30 @@ _LEADS_TO: Final = {
 }
 
 
-def describe_consequence(finding: Finding) -> str:
+def describe_consequence_of_finding(finding: Finding) -> str:
     """Effect of a finding on the mass, in words."""
     if finding.severity == "tell" and finding.mass_change_kg is None:
         return "effect on the mass unknown"
     return _LEADS_TO[finding.severity]
 
 
-def read_findings(run: Run) -> tuple[Finding, ...]:
+def read_findings_of_run(run: Run) -> tuple[Finding, ...]:
     """Findings of a run, the most likely first; none if they were not computed."""
     frame = run.frames.get("findings")
-    return () if frame is None else make_findings(frame.iter_rows(named=True))
+    return () if frame is None else make_findings_of_rows(frame.iter_rows(named=True))
 
 
-def make_findings(rows: Iterable[Mapping[str, Any]]) -> tuple[Finding, ...]:
+def make_findings_of_rows(finding_rows: Iterable[Mapping[str, Any]]) -> tuple[Finding, ...]:
     """Findings from rows of the frame `findings`, the most likely first."""
-    return tuple(Finding.from_row(row) for row in rows)
+    return tuple(Finding.from_row(row) for row in finding_rows)
 
 
-def find_cause_name(cause: str) -> str:
+def find_readable_cause_name(cause: str) -> str:
     """Name of a cause for readers."""
     return cause.replace("_", " ")
 
 
-def may_change_mass(finding: Finding) -> bool:
+def can_fixing_change_mass(finding: Finding) -> bool:
     """Whether correcting the finding may change the mass; without kilograms it does not."""
     return finding.severity != "tell" or finding.mass_change_kg is not None
 
@@ -68,13 +68,14 @@ def format_finding(finding: Finding, clock: ShiftClock | None = None) -> str:
     """One line with the cause, its time span, the measured evidence and the mass change."""
     where = ", ".join(filter(None, (finding.channel, format_finding_span(finding, clock))))
     parts = [
-        f"{find_cause_name(finding.cause)}{f' ({where})' if where else ''}: {finding.evidence}"
+        f"{find_readable_cause_name(finding.cause)}{f' ({where})' if where else ''}: "
+        f"{finding.evidence}"
     ]
     parts += filter(None, [describe_mass_change_if_fixed(finding)])
     return "; ".join(parts)
 
 
-def format_proposed_keys(finding: Finding) -> str:
+def format_proposed_machine_keys(finding: Finding) -> str:
     """Keys to set in the machine file; empty if there are none."""
     if finding.setting is None or finding.value is None:
         return ""
@@ -90,7 +91,7 @@ def describe_indistinguishable_causes(finding: Finding) -> str:
     """Causes that the log cannot distinguish from this one; empty if there are none."""
     if not finding.alternatives:
         return ""
-    names = ", ".join(map(find_cause_name, finding.alternatives))
+    names = ", ".join(map(find_readable_cause_name, finding.alternatives))
     return f"cannot be distinguished from: {names}"
 
 
@@ -98,7 +99,7 @@ def format_findings_markdown(run: Run) -> str:
     """All findings in Markdown; a sentence if there are none, empty if they were not computed."""
     if "findings" not in run.frames:
         return ""
-    found = read_findings(run)
+    found = read_findings_of_run(run)
     if not found:
         return "# Findings\n\nNone of the known causes of a wrong mass was detected in this log."
     parts = ["# Findings"]
@@ -109,15 +110,16 @@ def format_findings_markdown(run: Run) -> str:
                 None,
                 (
                     describe_mass_change_if_fixed(each),
-                    format_proposed_keys(each),
+                    format_proposed_machine_keys(each),
                     describe_indistinguishable_causes(each),
                 ),
             ),
-            describe_consequence(each),
+            describe_consequence_of_finding(each),
         ]
         where = ", ".join(filter(None, (each.channel, format_finding_span(each))))
         parts.append(
-            f"## {each.rank}. {find_cause_name(each.cause)}{f' ({where})' if where else ''}"
+            f"## {each.rank}. "
+            f"{find_readable_cause_name(each.cause)}{f' ({where})' if where else ''}"
         )
         strength = f"{format_number(each.strength_1)} × the detection threshold"
         parts.append(f"{each.says}; {strength}\n\n" + "\n".join(f"- {line}" for line in lines))

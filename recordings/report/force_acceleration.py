@@ -68,12 +68,12 @@ def select_force_acceleration_data(
     Returns:
         None if no sample has both force and acceleration.
     """
-    points = _select_points(run)
+    points = _select_force_acceleration_samples(run)
     if points is None or not points.height:
         return None
     loads = _select_loads_for_lines(run, at_s)
     friction = next((row["friction_x_N_s_m"] for row in loads), None)
-    coulomb = read_coulomb_friction(run) if friction is not None else 0.0
+    coulomb = read_coulomb_friction_newtons(run) if friction is not None else 0.0
     force = pl.col("force_x_N") - (friction or 0.0) * pl.col("speed_x_m_s")
     # a shift has millions of rows: no more columns than are drawn
     points = points.select(
@@ -90,11 +90,11 @@ def select_force_acceleration_data(
     ]
     less = "less friction " if friction is not None else ""
     return ForceAccelerationPlotData(
-        points, _group_points_for_plot(points), masses, f"force {less}(N)"
+        points, _group_points_by_gate_reason(points), masses, f"force {less}(N)"
     )
 
 
-def _group_points_for_plot(points: pl.DataFrame) -> list[PointGroup]:
+def _group_points_by_gate_reason(points: pl.DataFrame) -> list[PointGroup]:
     counts = points["why"].drop_nulls().value_counts(sort=True)
     named = [str(reason) for reason in counts["why"].head(LIMITS.named_reasons)]
     drawn = points.select(ACCELERATION, FORCE)
@@ -113,7 +113,7 @@ def _group_points_for_plot(points: pl.DataFrame) -> list[PointGroup]:
     ]
 
 
-def _select_points(run: Run) -> pl.DataFrame | None:
+def _select_force_acceleration_samples(run: Run) -> pl.DataFrame | None:
     """Samples with force and acceleration, whether they were used, and the gate's reason."""
     excitation, gate = run.frames.get("excitation"), run.frames.get("gate")
     if excitation is None or any(name not in excitation.columns for name in _NEEDED):
@@ -133,10 +133,10 @@ def _select_points(run: Run) -> pl.DataFrame | None:
     return points.drop_nulls(list(_NEEDED)).with_columns(pl.col("direction_x_1").fill_null(0.0))
 
 
-def estimate_rows_per_window(run: Run, gate: pl.DataFrame) -> int:
+def estimate_rows_per_window(run: Run, gate_frame: pl.DataFrame) -> int:
     """Number of rows in a window; a review keeps only some of the rows."""
     settings = run.provenance.settings
-    step_ns = gate["t_ns"].diff().median()
+    step_ns = gate_frame["t_ns"].diff().median()
     if not isinstance(step_ns, float) or step_ns <= 0.0:
         return settings.gate.window_samples
     window_ns = 1e9 * settings.gate.window_samples / settings.align.rate_hz
@@ -159,7 +159,7 @@ def _select_loads_for_lines(run: Run, at_s: float | None) -> list[dict[str, Any]
     return known.to_dicts()
 
 
-def read_coulomb_friction(run: Run) -> float:
+def read_coulomb_friction_newtons(run: Run) -> float:
     """Coulomb friction of the answer in N."""
     terms = run.frames.get("nuisances")
     if terms is None:

@@ -62,15 +62,15 @@ def round_to_uncertainty(value: float | None, std: float) -> str:
 SCALE_NOT_KNOWN: Final = "scale error not included"
 
 
-def describe_unknown_scale(names: str, quantity: str = "") -> str:
+def describe_unknown_scale_uncertainty(uncertainty_names: str, quantity: str = "") -> str:
     """Line that names the uncertainties missing from the machine file.
 
     Args:
-        names: names of the sources in frames: `force_gain, wheel_radius`.
+        uncertainty_names: names of the sources in frames: `force_gain, wheel_radius`.
         quantity: the quantity, if not the mass.
     """
     whose = f" of {quantity}" if quantity else ""
-    keys = ", ".join(_UNCERTAINTY_KEYS.get(name, name) for name in names.split(", "))
+    keys = ", ".join(_UNCERTAINTY_KEYS.get(name, name) for name in uncertainty_names.split(", "))
     return f"±{whose} excludes scale error: set {keys} in the machine file"
 
 
@@ -81,12 +81,16 @@ _UNCERTAINTY_KEYS: Final = {
 }
 
 
-def format_markdown_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+def format_markdown_table(
+    column_heads: Sequence[str], cell_rows: Iterable[Sequence[object]]
+) -> str:
     """A Markdown table, or "none"."""
     body = [
         "| " + " | ".join(format_number(cell).replace("|", "\\|") for cell in row) + " |"
-        for row in rows
+        for row in cell_rows
     ]
     if not body:
         return "none"
-    return "\n".join(["| " + " | ".join(head) + " |", "|" + "---|" * len(head), *body])
+    return "\n".join(
+        ["| " + " | ".join(column_heads) + " |", "|" + "---|" * len(column_heads), *body]
+    )

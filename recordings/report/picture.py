@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Final
 from warnings import catch_warnings, filterwarnings
 
 from estimators.errors import OutputError
-from recordings.report.atomic_output import atomic_file, require_writable_output
+from recordings.report.atomic_output import require_writable_output, stage_output_file
 from recordings.report.report_limits import LIMITS
 
 if TYPE_CHECKING:
@@ -34,20 +34,20 @@ def write_picture(figure: "Figure", path: Path, *, force: bool) -> Path:
         OutputError: as `require_writable_picture`, or if writing fails.
     """
     require_writable_picture(path, force=force)
-    with atomic_file(path, force=force) as partial, catch_warnings():
+    with stage_output_file(path, force=force) as partial, catch_warnings():
         filterwarnings("ignore", "Glyph", UserWarning)  # a name in a script the font lacks
         figure.savefig(partial, dpi=LIMITS.picture_dpi)
     return path
 
 
-def draw_legend_beside(axes: "Axes", size: float = 7.0) -> None:
+def draw_legend_beside_axes(axes: "Axes", font_size: float = 7.0) -> None:
     """Draw a legend to the right of the axes, unless there is only one line."""
     handles, labels = axes.get_legend_handles_labels()
     if len(labels) > 1:
         axes.legend(
             handles,
             labels,
-            fontsize=size,
+            fontsize=font_size,
             loc="upper left",
             bbox_to_anchor=(1.0, 1.0),
             frameon=False,
@@ -55,11 +55,11 @@ def draw_legend_beside(axes: "Axes", size: float = 7.0) -> None:
         )
 
 
-def draw_legend_above(axes: "Axes", size: float = 6.0) -> None:
+def draw_legend_above_axes(axes: "Axes", font_size: float = 6.0) -> None:
     """Draw a legend above the axes, unless there is only one line."""
     if len(axes.get_legend_handles_labels()[1]) > 1:
         axes.legend(
-            fontsize=size,
+            fontsize=font_size,
             loc="lower right",
             bbox_to_anchor=(1, 1),
             ncols=7,

@@ -6,7 +6,7 @@ from typing import Any
 from analysis.model.run_record import Run
 from estimators.errors import counted
 from recordings.report.number_text import (
-    describe_unknown_scale,
+    describe_unknown_scale_uncertainty,
     format_markdown_table,
     format_number,
     format_plus_minus,
@@ -29,22 +29,24 @@ _SAID = {
 
 
 def describe_planar_fits(
-    rows: Sequence[Mapping[str, Any]], budget: Sequence[Mapping[str, Any]] = ()
+    planar_rows: Sequence[Mapping[str, Any]], budget: Sequence[Mapping[str, Any]] = ()
 ) -> list[str]:
     """Lines for each fit over several arcs, or for a single arc, with its uncertainty sources."""
-    whole = [row for row in rows if row["kind"] in _OF] or list(rows)
+    whole = [row for row in planar_rows if row["kind"] in _OF] or list(planar_rows)
     return (
-        [_describe_fit(row) for row in whole]
+        [_describe_planar_fit(row) for row in whole]
         + describe_largest_uncertainty_parts(budget)
-        + describe_missing_uncertainties(whole)
+        + describe_uncertainties_missing_in_file(whole)
     )
 
 
-def describe_largest_uncertainty_parts(budget: Sequence[Mapping[str, Any]]) -> list[str]:
+def describe_largest_uncertainty_parts(
+    uncertainty_budget: Sequence[Mapping[str, Any]],
+) -> list[str]:
     """Lines with the largest known part of each uncertainty."""
     lines: list[str] = []
     for quantity, (words, factor, unit) in _SAID.items():
-        known = [row for row in budget if row["quantity"] == quantity and row["u"]]
+        known = [row for row in uncertainty_budget if row["quantity"] == quantity and row["u"]]
         if known:
             most = known[0]
             lines.append(
@@ -55,16 +57,16 @@ def describe_largest_uncertainty_parts(budget: Sequence[Mapping[str, Any]]) -> l
     return lines
 
 
-def describe_missing_uncertainties(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+def describe_uncertainties_missing_in_file(planar_rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Lines on uncertainties missing from the machine file; empty in recordings of old versions."""
     lines: list[str] = []
     for column, of in (
         ("scale_unknown", "yaw inertia and first moments"),
         ("com_scale_unknown", "the centre of mass"),
     ):
-        names = (n for row in rows for n in (row.get(column) or "").split(", ") if n)
+        names = (n for row in planar_rows for n in (row.get(column) or "").split(", ") if n)
         if missing := ", ".join(dict.fromkeys(names)):
-            lines.append(describe_unknown_scale(missing, of))
+            lines.append(describe_unknown_scale_uncertainty(missing, of))
     return lines
 
 
@@ -88,9 +90,9 @@ def format_planar_markdown(run: Run) -> str:
     head = ("of", "s", "m/s", "rad/s", "ahead (m)", "to the left (m)", "outcome")
     parts = ["# Centre of mass", format_markdown_table(head, cells)]
     whole = [row for row in rows if row["kind"] in _OF]
-    parts += [f"- {line}" for line in describe_missing_uncertainties(rows)]
+    parts += [f"- {line}" for line in describe_uncertainties_missing_in_file(rows)]
     parts += [
-        f"**{_OF[row['kind']].capitalize()}**: {describe_determined_parameters(row)}"
+        f"**{_OF[row['kind']].capitalize()}**: {list_determined_parameters_as_text(row)}"
         for row in whole
     ]
     if "planar_budget" in run.frames and not run.frames["planar_budget"].is_empty():
@@ -115,35 +117,41 @@ def read_planar_rows(run: Run) -> list[dict[str, Any]]:
     return run.frames["planar"].to_dicts() if "planar" in run.frames else []
 
 
-def _describe_fit(row: Mapping[str, Any]) -> str:
-    of = _OF.get(row["kind"], "one arc")
-    if row["withheld"]:
+def _describe_planar_fit(planar_row: Mapping[str, Any]) -> str:
+    of = _OF.get(planar_row["kind"], "one arc")
+    if planar_row["withheld"]:
         return f"centre of mass from {of}: withheld"
-    if row["com_x_m"] is None:
-        return f"centre of mass from {of}: none; {describe_determined_parameters(row)}"
+    if planar_row["com_x_m"] is None:
+        return f"centre of mass from {of}: none; {list_determined_parameters_as_text(planar_row)}"
     along = (
-        f"{_format_distance(row, 'x')} {'ahead of' if row['com_x_m'] >= 0 else 'behind'} the origin"
+        f"{_format_distance(planar_row, 'x')} "
+        f"{'ahead of' if planar_row['com_x_m'] >= 0 else 'behind'} the origin"
     )
-    if row["com_y_m"] is None:
+    if planar_row["com_y_m"] is None:
         return f"centre of mass from {of}: {along}"
-    across = f"{_format_distance(row, 'y')} to its {'left' if row['com_y_m'] >= 0 else 'right'}"
+    across = (
+        f"{_format_distance(planar_row, 'y')} to its "
+        f"{'left' if planar_row['com_y_m'] >= 0 else 'right'}"
+    )
     return f"centre of mass from {of}: {along}, {across}"
 
 
-def _format_distance(row: Mapping[str, Any], axis: str) -> str:
-    return f"{format_plus_minus(abs(row[f'com_{axis}_m']), row[f'com_{axis}_std_m'])} m"
+def _format_distance(planar_row: Mapping[str, Any], axis: str) -> str:
+    return (
+        f"{format_plus_minus(abs(planar_row[f'com_{axis}_m']), planar_row[f'com_{axis}_std_m'])} m"
+    )
 
 
-def describe_determined_parameters(row: Mapping[str, Any]) -> str:
+def list_determined_parameters_as_text(planar_row: Mapping[str, Any]) -> str:
     """List the parameters that the motion determines and that are not withheld."""
     told = [
-        f"{name} {format_plus_minus(row[value], row[std])} {unit}"
+        f"{name} {format_plus_minus(planar_row[value], planar_row[std])} {unit}"
         for name, (value, std, unit) in _NAMES.items()
-        if row[value] is not None
+        if planar_row[value] is not None
     ]
-    said = [f"it determines {counted(row['rank'], 'number')}"]
-    if row["identifiable"]:
-        said.append(f"by themselves {row['identifiable']}")
-    if row["combinations"]:
-        said.append(f"together only {row['combinations']}")
+    said = [f"it determines {counted(planar_row['rank'], 'number')}"]
+    if planar_row["identifiable"]:
+        said.append(f"by themselves {planar_row['identifiable']}")
+    if planar_row["combinations"]:
+        said.append(f"together only {planar_row['combinations']}")
     return "; ".join(said) + "." + (f" {', '.join(told)}." if told else "")

@@ -24,17 +24,17 @@ _PLACE: Final = "/* page.js */"
 
 
 def render_page_html(
-    package: str, template: str, *, scripts: Sequence[str] = (), **values: Any
+    template_package: str, template: str, *, scripts: Sequence[str] = (), **values: Any
 ) -> str:
     """Render a page, with all text escaped.
 
     Args:
-        package: package with the template and its includes.
+        template_package: package with the template and its includes.
         template: name of the template, which fills the block of `page.html.j2`.
         scripts: names of the page's scripts in the package.
         values: values that the template shows.
     """
-    environment, digest = load_templates_and_script_digest(package, tuple(scripts))
+    environment, digest = load_templates_and_script_digest(template_package, tuple(scripts))
     return environment.get_template(template).render(
         width=WIDTH, version=version("payscope"), script_hash=f"sha256-{digest}", **values
     )
@@ -78,5 +78,5 @@ def _strip_control_characters(value: object) -> object:
     return one_line(value) if type(value) is str else value
 
 
-def _format_percent(share: float | None) -> str:
-    return "–" if share is None else f"{share:.2%}"
+def _format_percent(fraction: float | None) -> str:
+    return "–" if fraction is None else f"{fraction:.2%}"

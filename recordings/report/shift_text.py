@@ -43,10 +43,10 @@ def may_miss_small_loads(shift: Mapping[str, Any]) -> bool:
     )
 
 
-def format_tonnes(kg: float, u_kg: float) -> str:
+def format_tonnes(mass_kg: float, u_kg: float) -> str:
     """Mass in t with its expanded uncertainty, to the significant digits."""
     digits = 1 if u_kg >= 3000.0 else 2 if u_kg >= 300.0 else 3
-    return f"{kg / 1e3:,.{digits}f} ± {u_kg / 1e3:,.{digits}f} t"
+    return f"{mass_kg / 1e3:,.{digits}f} ± {u_kg / 1e3:,.{digits}f} t"
 
 
 def does_total_include_uncounted_loads(shift: Mapping[str, Any]) -> bool:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -48,47 +48,54 @@ class Drawing:
         runs = groupby(self.shapes, key=lambda shape: shape.look)
         return [({"class": look, **_LOOKS[look]}, list(shapes)) for look, shapes in runs]
 
-    def draw_line(self, x0: float, y0: float, x1: float, y1: float, look: str) -> None:
+    def draw_line(self, x0: float, y0: float, x1: float, y1: float, style: str) -> None:
         """Draw a straight line."""
         at = {
-            "x1": _format_coordinate(x0),
-            "y1": _format_coordinate(y0),
-            "x2": _format_coordinate(x1),
-            "y2": _format_coordinate(y1),
+            "x1": _format_svg_coordinate(x0),
+            "y1": _format_svg_coordinate(y0),
+            "x2": _format_svg_coordinate(x1),
+            "y2": _format_svg_coordinate(y1),
         }
-        self.shapes.append(Shape(look, "line", at))
+        self.shapes.append(Shape(style, "line", at))
 
-    def draw_path(self, polylines: Sequence[Sequence[tuple[float, float]]], look: str) -> None:
+    def draw_polylines(
+        self, polylines: Sequence[Sequence[tuple[float, float]]], style: str
+    ) -> None:
         """Draw polylines as one element."""
         d = "".join(
-            "M" + "L".join(f"{_format_coordinate(x)} {_format_coordinate(y)}" for x, y in corners)
+            "M"
+            + "L".join(
+                f"{_format_svg_coordinate(x)} {_format_svg_coordinate(y)}" for x, y in corners
+            )
             for corners in polylines
         )
-        self.shapes.append(Shape(look, "path", {"d": d, "fill": "none"}))
+        self.shapes.append(Shape(style, "path", {"d": d, "fill": "none"}))
 
-    def fill_polygon(self, corners: Sequence[tuple[float, float]], look: str) -> None:
+    def fill_polygon(self, corners: Sequence[tuple[float, float]], style: str) -> None:
         """Fill a polygon."""
-        points = " ".join(f"{_format_coordinate(x)},{_format_coordinate(y)}" for x, y in corners)
-        self.shapes.append(Shape(look, "polygon", {"points": points}))
+        points = " ".join(
+            f"{_format_svg_coordinate(x)},{_format_svg_coordinate(y)}" for x, y in corners
+        )
+        self.shapes.append(Shape(style, "polygon", {"points": points}))
 
-    def draw_dot(self, x: float, y: float, look: str, tooltip: str) -> None:
+    def draw_dot(self, x: float, y: float, style: str, tooltip: str) -> None:
         """Draw a point with a tooltip."""
-        at = {"cx": _format_coordinate(x), "cy": _format_coordinate(y), "r": "3.2"}
-        self.shapes.append(Shape(look, "circle", at, tooltip))
+        at = {"cx": _format_svg_coordinate(x), "cy": _format_svg_coordinate(y), "r": "3.2"}
+        self.shapes.append(Shape(style, "circle", at, tooltip))
 
-    def fill_bar(self, x: float, y: float, width: float, height: float, look: str) -> None:
+    def fill_bar(self, x: float, y: float, width: float, height: float, style: str) -> None:
         """Fill a rectangle."""
         at = {
-            "x": _format_coordinate(x),
-            "y": _format_coordinate(y),
-            "width": _format_coordinate(width),
-            "height": _format_coordinate(height),
+            "x": _format_svg_coordinate(x),
+            "y": _format_svg_coordinate(y),
+            "width": _format_svg_coordinate(width),
+            "height": _format_svg_coordinate(height),
         }
-        self.shapes.append(Shape(look, "rect", at))
+        self.shapes.append(Shape(style, "rect", at))
 
-    def write(self, x: float, y: float, text: str, anchor: str = "middle") -> None:
+    def draw_text(self, x: float, y: float, text: str, anchor: str = "middle") -> None:
         """Draw a text."""
-        at = {"x": _format_coordinate(x), "y": _format_coordinate(y), "text-anchor": anchor}
+        at = {"x": _format_svg_coordinate(x), "y": _format_svg_coordinate(y), "text-anchor": anchor}
         self.shapes.append(Shape("ink", "text", at, text))
 
 
@@ -106,6 +113,13 @@ _LOOKS: Final = {
 }
 
 
+class DrawingPoint(NamedTuple):
+    """Position in a drawing, in its units."""
+
+    x: float
+    y: float
+
+
 @dataclass(frozen=True, slots=True)
 class Axes:
     """Frame of a plot, which maps numbers to positions in the drawing."""
@@ -119,45 +133,47 @@ class Axes:
         cls,
         x: Sequence[float],
         y: Sequence[float],
-        box: tuple[float, float, float, float],
+        drawing_box: tuple[float, float, float, float],
         margin_fraction: float = 0.06,
     ) -> "Axes":
         """Axes with ranges that contain all values, plus a margin."""
         return cls(
-            add_margin_to_range(x, margin_fraction), add_margin_to_range(y, margin_fraction), box
+            compute_range_with_margin(x, margin_fraction),
+            compute_range_with_margin(y, margin_fraction),
+            drawing_box,
         )
 
-    def convert_to_drawing_units(self, x: float, y: float) -> tuple[float, float]:
+    def convert_to_drawing_units(self, x: float, y: float) -> DrawingPoint:
         """Position of a point (x, y) in the drawing."""
         left, top, right, bottom = self.box
         across = (x - self.x[0]) / (self.x[1] - self.x[0])
         up = (y - self.y[0]) / (self.y[1] - self.y[0])
-        return left + across * (right - left), bottom - up * (bottom - top)
+        return DrawingPoint(left + across * (right - left), bottom - up * (bottom - top))
 
-    def draw(
+    def draw_grid_and_labels(
         self,
-        picture: Drawing,
+        drawing: Drawing,
         x_label: str,
         y_label: str,
         x_ticks: Sequence[tuple[float, str]] | None = None,
     ) -> None:
         """Draw grid, tick labels and axis labels; `x_ticks` replaces round numbers."""
         left, top, right, bottom = self.box
-        for value, text in choose_round_ticks(*self.x) if x_ticks is None else x_ticks:
+        for value, text in choose_round_axis_ticks(*self.x) if x_ticks is None else x_ticks:
             x, _ = self.convert_to_drawing_units(value, self.y[0])
-            picture.draw_line(x, top, x, bottom, "grid")
-            picture.write(x, bottom + 14, text)
-        for value, text in choose_round_ticks(*self.y):
+            drawing.draw_line(x, top, x, bottom, "grid")
+            drawing.draw_text(x, bottom + 14, text)
+        for value, text in choose_round_axis_ticks(*self.y):
             _, y = self.convert_to_drawing_units(self.x[0], value)
-            picture.draw_line(left, y, right, y, "grid")
-            picture.write(left - 4, y + 4, text, "end")
-        picture.draw_line(left, bottom, right, bottom, "axis")
-        picture.draw_line(left, top, left, bottom, "axis")
-        picture.write((left + right) / 2, bottom + 29, x_label)
-        picture.write(2, top - 8, y_label, "start")
+            drawing.draw_line(left, y, right, y, "grid")
+            drawing.draw_text(left - 4, y + 4, text, "end")
+        drawing.draw_line(left, bottom, right, bottom, "axis")
+        drawing.draw_line(left, top, left, bottom, "axis")
+        drawing.draw_text((left + right) / 2, bottom + 29, x_label)
+        drawing.draw_text(2, top - 8, y_label, "start")
 
 
-def choose_round_ticks(low: float, high: float) -> list[tuple[float, str]]:
+def choose_round_axis_ticks(low: float, high: float) -> list[tuple[float, str]]:
     """About five round numbers in a range, with labels of equal precision."""
     raw = (high - low) / LIMITS.ticks
     power = 10.0 ** np.floor(np.log10(raw))
@@ -174,13 +190,20 @@ def shorten_text_to_width(text: str, width: float) -> str:
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
-def add_margin_to_range(values: Sequence[float], margin_fraction: float) -> tuple[float, float]:
+class AxisRange(NamedTuple):
+    """Range of an axis."""
+
+    low: float
+    high: float
+
+
+def compute_range_with_margin(values: Sequence[float], margin_fraction: float) -> AxisRange:
     """Range of the values with a margin on both sides."""
     low, high = min(values), max(values)
     room = (high - low) * margin_fraction or max(abs(high) * 0.01, 1.0)
-    return low - room, high + room
+    return AxisRange(low - room, high + room)
 
 
-def _format_coordinate(value: float) -> str:
+def _format_svg_coordinate(value: float) -> str:
     """Format a coordinate to a tenth of a unit, which no printer resolves."""
     return f"{value:.1f}".removesuffix(".0")

@@ -9,7 +9,7 @@ from analysis.model.physical_units import NS_PER_S
 from estimators.errors import counted
 from recordings.report.number_text import (
     SCALE_NOT_KNOWN,
-    describe_unknown_scale,
+    describe_unknown_scale_uncertainty,
     format_plus_minus,
     round_to_uncertainty,
 )
@@ -25,10 +25,10 @@ _CALIBRATED: Final = ("calibrated kg", "from kg", "to kg")
 
 def make_load_table_heads(answer: Answer) -> tuple[str, ...]:
     """Column heads of `make_load_table_rows`."""
-    return (*_HEADS, *(_CALIBRATED if _is_calibrated(answer) else ()), "")
+    return (*_HEADS, *(_CALIBRATED if _has_calibrated_masses(answer) else ()), "")
 
 
-def _is_calibrated(answer: Answer) -> bool:
+def _has_calibrated_masses(answer: Answer) -> bool:
     return any("calibrated_kg" in load for load in answer.loads)
 
 
@@ -40,19 +40,19 @@ def make_load_table_rows(answer: Answer) -> list[tuple[str, ...]]:
     return [
         (
             str(load["load_id"]),
-            _format_seconds(load["start_t_ns"]),
-            _format_seconds(load["end_t_ns"]),
+            _format_seconds_from_begin(load["start_t_ns"]),
+            _format_seconds_from_begin(load["end_t_ns"]),
             str(load["manoeuvres"]),
             "–" if load["mass_kg"] is None else format_plus_minus(load["mass_kg"], load["u_kg"]),
-            _format_payload(load),
-            *(make_calibrated_mass_cells(load) if _is_calibrated(answer) else ()),
+            _format_payload_or_reason(load),
+            *(make_calibrated_mass_cells(load) if _has_calibrated_masses(answer) else ()),
             _make_load_remark(load),
         )
         for load in answer.loads
     ]
 
 
-def describe_loads(answer: Answer, max_loads: int) -> list[str]:
+def describe_loads_as_lines(answer: Answer, max_loads: int) -> list[str]:
     """A line per load, up to `max_loads`."""
     lines: list[str] = []
     rows = zip(make_load_table_rows(answer)[:max_loads], answer.loads, strict=False)
@@ -67,10 +67,10 @@ def describe_loads(answer: Answer, max_loads: int) -> list[str]:
     return lines
 
 
-def describe_answer(answer: Answer, *, brief: bool = False) -> list[str]:
+def describe_answer_as_lines(answer: Answer, *, is_brief: bool = False) -> list[str]:
     """Masses, payloads and their caveats as lines, or the reason why there is no answer."""
     if len(answer.loads) == 1:
-        return describe_load(answer.loads[0], brief=brief)
+        return describe_load_as_lines(answer.loads[0], is_brief=is_brief)
     lines = [f"{len(answer.loads)} load states; masses are listed per load"] if answer.loads else []
     empty = [load for load in answer.loads if load.get("empty")]
     if len(empty) == 1:
@@ -86,10 +86,10 @@ def describe_answer(answer: Answer, *, brief: bool = False) -> list[str]:
             "are, give their time span with --empty FROM:TO"
         )
     known = [load for load in answer.loads if load["mass_kg"] is not None]
-    return lines + (_list_notes_common_to_loads(known[0]) if known else [])
+    return lines + (_list_notes_on_every_load(known[0]) if known else [])
 
 
-def describe_load(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
+def describe_load_as_lines(load: Mapping[str, Any], *, is_brief: bool = False) -> list[str]:
     """Lines with mass, payload and, unless brief, prior sensitivity; or why there is no mass."""
     if load.get("mass_kg") is None:
         return [f"no mass: {load.get('withheld_for') or 'nothing was fitted'}"]
@@ -103,10 +103,10 @@ def describe_load(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
     ]
     lines += filter(None, [describe_calibrated_mass(load)])
     if load["payload_kg"] is not None:
-        lines.append(f"payload {_format_payload(load)} kg")
-    if not brief:
+        lines.append(f"payload {_format_payload_or_reason(load)} kg")
+    if not is_brief:
         lines.append(describe_prior_sensitivity(load))
-    return lines + _list_notes_common_to_loads(load)
+    return lines + _list_notes_on_every_load(load)
 
 
 def describe_prior_sensitivity(load: Mapping[str, Any]) -> str:
@@ -118,20 +118,20 @@ def describe_prior_sensitivity(load: Mapping[str, Any]) -> str:
     return f"prior sensitivity: {halved} kg (×½) … {doubled} kg (×2)"
 
 
-def _list_notes_common_to_loads(load: Mapping[str, Any]) -> list[str]:
+def _list_notes_on_every_load(load: Mapping[str, Any]) -> list[str]:
     """Notes that apply to every load of the log."""
     lines = [load[name] for name in ("said", "calibrated_said") if load.get(name)]
     told = load.get("payload_to") is not None and not load.get("payload_scale_unknown")
     if load["scale_unknown"]:
         of = "masses; payloads are on the scale of the stated empty mass" if told else ""
-        lines.append(describe_unknown_scale(load["scale_unknown"], of))
+        lines.append(describe_unknown_scale_uncertainty(load["scale_unknown"], of))
     if load["braking_left_out"]:
         lines.append("braking and driving disagree about the mass, and braking was left out")
     return lines
 
 
-def describe_starts_to_goal(answer: Answer, goal_kg: float) -> list[str]:
-    """Number of further manoeuvres that would reach ± `goal_kg` for each load."""
+def describe_manoeuvres_needed_for_goal(answer: Answer, goal_u_kg: float) -> list[str]:
+    """Number of further manoeuvres that would reach ± `goal_u_kg` for each load."""
     lines: list[str] = []
     for load in answer.loads:
         if load["mass_kg"] is None or load.get("empty"):
@@ -142,9 +142,9 @@ def describe_starts_to_goal(answer: Answer, goal_kg: float) -> list[str]:
         random_kg = load["payload_u_random_kg" if by_difference else "u_random_kg"]
         common_kg = max(u_kg**2 - random_kg**2, 0.0) ** 0.5
         begin = f"load {load['load_id']}: {name} ± {u_kg:.3g} kg from {load['manoeuvres']}"
-        if u_kg <= goal_kg:
-            lines.append(f"{begin}, already within ± {goal_kg:g} kg")
-        elif common_kg >= goal_kg:
+        if u_kg <= goal_u_kg:
+            lines.append(f"{begin}, already within ± {goal_u_kg:g} kg")
+        elif common_kg >= goal_u_kg:
             causes = [
                 source
                 for source in answer.budget
@@ -156,14 +156,14 @@ def describe_starts_to_goal(answer: Answer, goal_kg: float) -> list[str]:
             ]
             most = f": first {causes[0]['cause']}, by {causes[0]['shrinks']}" if causes else ""
             lines.append(
-                f"{begin}; no number of starts like these reaches ± {goal_kg:g} kg, their common "
+                f"{begin}; no number of starts like these reaches ± {goal_u_kg:g} kg, their common "
                 f"part is ± {common_kg:.3g} kg{most}"
             )
         else:
-            times = random_kg**2 / (goal_kg**2 - common_kg**2)
+            times = random_kg**2 / (goal_u_kg**2 - common_kg**2)
             wanted = ceil(load["manoeuvres"] * times)
             which = " (and as many empty)" if by_difference else ""
-            lines.append(f"{begin}; {wanted} like these{which} would give ± {goal_kg:g} kg")
+            lines.append(f"{begin}; {wanted} like these{which} would give ± {goal_u_kg:g} kg")
     return lines
 
 
@@ -174,7 +174,7 @@ def make_budget_table_rows(
 
     Each has source, kind, u in kg, a bar for its fraction of the variance, and how to reduce it.
     """
-    shown = find_best_known_load(answer)
+    shown = find_load_with_most_manoeuvres(answer)
     rows: list[tuple[str, str, str, str, str]] = []
     for source in answer.budget:
         if source.get("load_id", 0) != shown:
@@ -189,7 +189,7 @@ def make_budget_table_rows(
     return rows
 
 
-def find_best_known_load(answer: Answer) -> int:
+def find_load_with_most_manoeuvres(answer: Answer) -> int:
     """Number of the load with the most manoeuvres, the first of several."""
     known = [load for load in answer.loads if load["mass_kg"] is not None]
     return max(known, key=lambda load: load["manoeuvres"])["load_id"] if known else 0
@@ -201,7 +201,7 @@ _SCATTER_UNKNOWN: Final = "an assumed disagreement of manoeuvres of one load"
 
 def advise_to_reduce_uncertainty(answer: Answer) -> str | None:
     """Measure that would reduce the uncertainty most; None without an answer."""
-    shown = find_best_known_load(answer)
+    shown = find_load_with_most_manoeuvres(answer)
     known = [s for s in answer.budget if s["u_kg"] and s.get("load_id", 0) == shown]
     if not known or not any(load["mass_kg"] is not None for load in answer.loads):
         return None
@@ -214,7 +214,7 @@ def advise_to_reduce_uncertainty(answer: Answer) -> str | None:
     return f"largest contribution: {meaning} ({most['cause']}{part}); to reduce: {most['shrinks']}"
 
 
-def _format_payload(load: Mapping[str, Any]) -> str:
+def _format_payload_or_reason(load: Mapping[str, Any]) -> str:
     if load["payload_kg"] is None:
         return "–"
     if load.get("empty"):
@@ -226,10 +226,10 @@ def _format_payload(load: Mapping[str, Any]) -> str:
     return format_plus_minus(load["payload_kg"], load["payload_u_kg"])
 
 
-def make_calibrated_mass_cells(load: Mapping[str, Any]) -> tuple[str, ...]:
+def make_calibrated_mass_cells(load_row: Mapping[str, Any]) -> tuple[str, ...]:
     """Table cells with the calibrated mass and the ends of its interval."""
     names = ("calibrated_kg", "calibrated_low_kg", "calibrated_high_kg")
-    return tuple("–" if load[name] is None else f"{load[name]:,.1f}" for name in names)
+    return tuple("–" if load_row[name] is None else f"{load_row[name]:,.1f}" for name in names)
 
 
 def describe_calibrated_mass(load: Mapping[str, Any]) -> str:
@@ -257,7 +257,7 @@ def _make_load_remark(load: Mapping[str, Any]) -> str:
     return ""
 
 
-def _format_seconds(t_ns: int | None) -> str:
+def _format_seconds_from_begin(t_ns: int | None) -> str:
     return "–" if t_ns is None else f"{t_ns / NS_PER_S:,.1f}"
 
 

@@ -20,21 +20,21 @@ FUEL: Final = "fuel_L"
 FUEL_U: Final = "fuel_u_L"
 
 
-def make_energy_column_name(name: str) -> str:
+def make_energy_column_name(energy_name: str) -> str:
     """Ledger column of an energy."""
-    return f"{name}_kWh"
+    return f"{energy_name}_kWh"
 
 
-def make_uncertainty_column_name(name: str) -> str:
+def make_uncertainty_column_name(energy_name: str) -> str:
     """Ledger column of its standard uncertainty."""
-    return f"{name}_u_kWh"
+    return f"{energy_name}_u_kWh"
 
 
-def add_energy_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
+def add_energy_columns(ledger_rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     """The ledger with the energy of each cycle; null if unknown.
 
     Args:
-        rows: the ledger.
+        ledger_rows: the ledger.
         state: state of the review.
     """
     by_cycle: dict[int, dict[str, EnergyAmount]] = {}
@@ -42,7 +42,7 @@ def add_energy_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
         if row.cycle is not None:
             by_cycle.setdefault(row.cycle, {}).update(read_energy_amounts(row))
     found: list[dict[str, EnergyAmount]] = []
-    for ledger_row in rows.iter_rows(named=True):
+    for ledger_row in ledger_rows.iter_rows(named=True):
         amounts = by_cycle.get(ledger_row["cycle"], {})
         if "energy" in amounts and ledger_row["counted"]:
             amounts = amounts | {
@@ -59,23 +59,23 @@ def add_energy_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
             pl.Series(make_uncertainty_column_name(name), [p[1] for p in pairs], dtype=pl.Float64)
         )
     burnt = {row.cycle: row.fuel_L for row in state.energy.rows if row.phase == WHOLE}
-    fuel_L = [burnt.get(number) for number in rows["cycle"]]
+    fuel_L = [burnt.get(number) for number in ledger_rows["cycle"]]
     u_1 = state.energy.fuel_u_1
     fuel_u_L = [None if burnt_L is None or u_1 is None else u_1 * burnt_L for burnt_L in fuel_L]
     columns += [pl.Series(FUEL, fuel_L, pl.Float64), pl.Series(FUEL_U, fuel_u_L, pl.Float64)]
-    return rows.with_columns(columns)
+    return ledger_rows.with_columns(columns)
 
 
-def read_energy_amounts(row: EnergyRow) -> dict[str, EnergyAmount]:
+def read_energy_amounts(ledger_row: EnergyRow) -> dict[str, EnergyAmount]:
     """Energy amounts of a row, by the ledger's column names."""
-    if row.phase != WHOLE:
-        return {row.phase: row.work}
-    return {"energy": row.work, **{part: getattr(row, part) for part in PARTS[1:]}}
+    if ledger_row.phase != WHOLE:
+        return {ledger_row.phase: ledger_row.work}
+    return {"energy": ledger_row.work, **{part: getattr(ledger_row, part) for part in PARTS[1:]}}
 
 
-def _compute_energy_per_tonne(energy: EnergyAmount, row: Mapping[str, Any]) -> EnergyAmount:
+def _compute_energy_per_tonne(energy: EnergyAmount, ledger_row: Mapping[str, Any]) -> EnergyAmount:
     """Energy per tonne of a cycle's payload; energy and payload have independent errors."""
-    t, u_t = row["payload_kg"] / 1e3, row["payload_u_kg"] / 1e3
+    t, u_t = ledger_row["payload_kg"] / 1e3, ledger_row["payload_u_kg"] / 1e3
     if t <= 0.0:
         return EnergyAmount(0.0, 0.0)
     per_t = energy.kWh / t
@@ -106,7 +106,7 @@ def format_energy_amount(amount: EnergyAmount) -> str:
     return format_plus_minus(amount.kWh, K * amount.u_kWh)
 
 
-def list_energy_facts(
+def list_energy_names_and_values(
     ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
 ) -> list[tuple[str, str]]:
     """Lines on the shift's energy, as (name, value); empty if unknown."""
@@ -127,7 +127,9 @@ def list_energy_facts(
         )
     ]
     if whole.fuel_L is not None:
-        found.append(("fuel", _format_fuel(whole.fuel_L, ledger, shift, state.energy.fuel_u_1)))
+        found.append(
+            ("fuel", _format_fuel_of_shift(whole.fuel_L, ledger, shift, state.energy.fuel_u_1))
+        )
     return found
 
 
@@ -148,24 +150,24 @@ def _format_work_fractions(shift_energy: EnergyRow) -> str:
     return f": {', '.join(shares)}"
 
 
-def _format_fuel(
-    fuel_L: float, ledger: pl.DataFrame, shift: Mapping[str, Any], u_1: float | None
+def _format_fuel_of_shift(
+    fuel_L: float, ledger: pl.DataFrame, shift: Mapping[str, Any], relative_u: float | None
 ) -> str:
     """Fuel of the cycles, and per counted tonne, as text."""
     both = ledger.filter("counted", pl.col(FUEL).is_not_null())
     tonnes = float(both["payload_kg"].sum()) / 1e3
     per_t = float(both[FUEL].sum()) / tonnes if tonnes > 0.0 else None
-    if u_1 is None:
+    if relative_u is None:
         each = "" if per_t is None else f", {per_t:.3f} L/t"
         return f"{fuel_L:,.2f} L in the cycles{each}; ± not known (set machine.fuel_gain_u)"
     each = ""
     if per_t is not None:
-        u_per_t = per_t * hypot(u_1, shift["payload_u_kg"] / shift["payload_kg"])
+        u_per_t = per_t * hypot(relative_u, shift["payload_u_kg"] / shift["payload_kg"])
         each = f", {format_plus_minus(per_t, K * u_per_t)} L/t"
-    return f"{format_plus_minus(fuel_L, K * u_1 * fuel_L)} L in the cycles{each}"
+    return f"{format_plus_minus(fuel_L, K * relative_u * fuel_L)} L in the cycles{each}"
 
 
-def make_energy_table(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
+def make_energy_table_by_phase(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
     """The shift's energy with a row per part and a column per phase; empty if unknown."""
     rows = [row for row in state.energy.rows if row.cycle is None]
     if not rows:
@@ -185,11 +187,13 @@ def make_energy_table(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
     return found
 
 
-def format_litres_cell(fuel_L: float | None, u_1: float | None) -> str:
+def format_litres_cell(fuel_L: float | None, relative_u: float | None) -> str:
     """Table cell of a phase's fuel, with its interval if known."""
     if fuel_L is None:
         return "–"
-    return f"{fuel_L:.2f}" if u_1 is None else f"{fuel_L:.2f} ± {K * u_1 * fuel_L:.2f}"
+    return (
+        f"{fuel_L:.2f}" if relative_u is None else f"{fuel_L:.2f} ± {K * relative_u * fuel_L:.2f}"
+    )
 
 
 def make_energy_cell(amount: EnergyAmount, digits: int) -> str:
@@ -200,7 +204,7 @@ def make_energy_cell(amount: EnergyAmount, digits: int) -> str:
     return f"{amount.kWh:.{digits}f} ± {K * amount.u_kWh:.{digits}f}"
 
 
-def convert_energy_to_dict(
+def convert_shift_energy_to_dict(
     ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
 ) -> dict[str, Any] | None:
     """Energy of each part and phase in kWh with standard uncertainty, JSON-compatible."""

@@ -42,84 +42,91 @@ class TableColumn(NamedTuple):
     digits: int | None = None
 
 
-def _make_scaled_getter(name: str, factor: float = 1.0) -> Callable[[Row, ShiftClock], Cell]:
-    return lambda row, _: None if row[name] is None else factor * row[name]
+def _make_getter_of_scaled_column(
+    column_name: str, factor: float = 1.0
+) -> Callable[[Row, ShiftClock], Cell]:
+    return lambda row, _: None if row[column_name] is None else factor * row[column_name]
 
 
-def _make_plain_getter(name: str) -> Callable[[Row, ShiftClock], Cell]:
-    return lambda row, _: row[name]
+def _make_getter_of_column(column_name: str) -> Callable[[Row, ShiftClock], Cell]:
+    return lambda row, _: row[column_name]
 
 
-def _make_utc_cell(row: Row, _: ShiftClock) -> Cell:
-    if row["end_unix_ns"] < FIRST_DATE_NS:
+def _make_dump_time_utc_cell(ledger_row: Row, _: ShiftClock) -> Cell:
+    if ledger_row["end_unix_ns"] < FIRST_DATE_NS:
         return None
-    return dt.datetime.fromtimestamp(row["end_unix_ns"] // NS, dt.UTC).replace(tzinfo=None)
+    return dt.datetime.fromtimestamp(ledger_row["end_unix_ns"] // NS, dt.UTC).replace(tzinfo=None)
 
 
-def _make_local_time_cell(row: Row, clock: ShiftClock) -> dt.datetime | None:
+def _make_local_dump_time_cell(ledger_row: Row, clock: ShiftClock) -> dt.datetime | None:
     if not clock.has_date:
         return None
-    return clock.to_local_datetime((row["end_unix_ns"] - clock.t0_unix_ns) / NS)
+    return clock.to_local_datetime((ledger_row["end_unix_ns"] - clock.t0_unix_ns) / NS)
 
 
-def _make_wall_clock_cell(row: Row, clock: ShiftClock) -> Cell:
-    local = _make_local_time_cell(row, clock)
+def _make_wall_clock_cell(ledger_row: Row, clock: ShiftClock) -> Cell:
+    local = _make_local_dump_time_cell(ledger_row, clock)
     return None if local is None else local.replace(tzinfo=None)
 
 
-def _make_utc_offset_cell(row: Row, clock: ShiftClock) -> Cell:
-    local = _make_local_time_cell(row, clock)
+def _make_utc_offset_cell(ledger_row: Row, clock: ShiftClock) -> Cell:
+    local = _make_local_dump_time_cell(ledger_row, clock)
     offset = None if local is None else local.utcoffset()
     return None if offset is None else offset / dt.timedelta(hours=1)
 
 
-def _describe_counting(row: Row, _: ShiftClock) -> Cell:
-    return "yes" if row["counted"] else "no"
+def _describe_whether_cycle_counts(ledger_row: Row, _: ShiftClock) -> Cell:
+    return "yes" if ledger_row["counted"] else "no"
 
 
-def _make_remark_cell(row: Row, _: ShiftClock) -> Cell:
-    return make_cycle_remark(row)
+def _make_remark_cell(ledger_row: Row, _: ShiftClock) -> Cell:
+    return make_cycle_remark(ledger_row)
 
 
-def _make_energy_columns(name: str) -> tuple[TableColumn, TableColumn]:
+def _make_energy_columns(energy_name: str) -> tuple[TableColumn, TableColumn]:
     """Columns of an energy, and of its interval."""
     own = {"energy": "energy", "energy_per_t": "energy per tonne"}
-    head = own.get(name, f"energy, {name}")
-    unit = "kWh/t" if name == "energy_per_t" else "kWh"
+    head = own.get(energy_name, f"energy, {energy_name}")
+    unit = "kWh/t" if energy_name == "energy_per_t" else "kWh"
     return (
-        TableColumn(head, unit, _make_scaled_getter(make_energy_column_name(name)), 4),
         TableColumn(
-            f"± {head}", unit, _make_scaled_getter(make_uncertainty_column_name(name), K), 4
+            head, unit, _make_getter_of_scaled_column(make_energy_column_name(energy_name)), 4
+        ),
+        TableColumn(
+            f"± {head}",
+            unit,
+            _make_getter_of_scaled_column(make_uncertainty_column_name(energy_name), K),
+            4,
         ),
     )
 
 
 #: Times are those of the dump; the offset tells two 02:30 of one night apart.
 COLUMNS: Final = (
-    TableColumn("cycle", "1", _make_plain_getter("cycle"), 0),
+    TableColumn("cycle", "1", _make_getter_of_column("cycle"), 0),
     TableColumn("local time", "date", _make_wall_clock_cell),
     TableColumn("offset from UTC", "h", _make_utc_offset_cell, 2),
-    TableColumn("UTC", "date", _make_utc_cell),
-    TableColumn("payload", "kg", _make_scaled_getter("payload_kg"), 0),
-    TableColumn("± (95 %, k = 2)", "kg", _make_scaled_getter("payload_u_kg", K), 0),
-    TableColumn("counted", "yes or no", _describe_counting),
-    TableColumn("quality", "", _make_plain_getter("quality")),
+    TableColumn("UTC", "date", _make_dump_time_utc_cell),
+    TableColumn("payload", "kg", _make_getter_of_scaled_column("payload_kg"), 0),
+    TableColumn("± (95 %, k = 2)", "kg", _make_getter_of_scaled_column("payload_u_kg", K), 0),
+    TableColumn("counted", "yes or no", _describe_whether_cycle_counts),
+    TableColumn("quality", "", _make_getter_of_column("quality")),
     TableColumn("remark", "", _make_remark_cell),
-    *(TableColumn(name, "", _make_plain_getter(name)) for name in LABELS),
-    TableColumn("note", "", _make_plain_getter("note")),
-    TableColumn("author", "", _make_plain_getter("author")),
-    TableColumn("haul", "m", _make_scaled_getter("haul_m"), 0),
-    TableColumn("top speed", "km/h", _make_scaled_getter("top_speed_m_s", _KM_H), 1),
-    TableColumn("moving", "s", _make_scaled_getter("moving_s"), 0),
-    TableColumn("standing", "s", _make_scaled_getter("standing_s"), 0),
+    *(TableColumn(name, "", _make_getter_of_column(name)) for name in LABELS),
+    TableColumn("note", "", _make_getter_of_column("note")),
+    TableColumn("author", "", _make_getter_of_column("author")),
+    TableColumn("haul", "m", _make_getter_of_scaled_column("haul_m"), 0),
+    TableColumn("top speed", "km/h", _make_getter_of_scaled_column("top_speed_m_s", _KM_H), 1),
+    TableColumn("moving", "s", _make_getter_of_scaled_column("moving_s"), 0),
+    TableColumn("standing", "s", _make_getter_of_scaled_column("standing_s"), 0),
     *(column for name in ENERGIES for column in _make_energy_columns(name)),
-    TableColumn("fuel", "L", _make_scaled_getter(FUEL), 3),
-    TableColumn("± fuel", "L", _make_scaled_getter(FUEL_U, K), 3),
-    TableColumn("id", "", _make_plain_getter("id")),
+    TableColumn("fuel", "L", _make_getter_of_scaled_column(FUEL), 3),
+    TableColumn("± fuel", "L", _make_getter_of_scaled_column(FUEL_U, K), 3),
+    TableColumn("id", "", _make_getter_of_column("id")),
 )
 
 
-def make_table_rows(ledger: pl.DataFrame, clock: ShiftClock) -> list[list[Cell]]:
+def make_ledger_table_cells(ledger: pl.DataFrame, clock: ShiftClock) -> list[list[Cell]]:
     """Cells, a row per cycle.
 
     Args:
@@ -131,7 +138,7 @@ def make_table_rows(ledger: pl.DataFrame, clock: ShiftClock) -> list[list[Cell]]
     ]
 
 
-def write_xlsx(ledger: pl.DataFrame, clock: ShiftClock, path: Path) -> None:
+def write_ledger_as_xlsx(ledger: pl.DataFrame, clock: ShiftClock, path: Path) -> None:
     """Write a workbook with fixed heads and units above the rows."""
     # no text becomes a formula or a link, and the same ledger gives the same bytes
     options = {"strings_to_formulas": False, "strings_to_urls": False, "in_memory": True}
@@ -140,7 +147,7 @@ def write_xlsx(ledger: pl.DataFrame, clock: ShiftClock, path: Path) -> None:
         sheet = book.add_worksheet("ledger")
         bold, quiet = book.add_format({"bold": True}), book.add_format({"italic": True})
         sheet.freeze_panes(2, 1)
-        rows = make_table_rows(ledger, clock)
+        rows = make_ledger_table_cells(ledger, clock)
         for place, column in enumerate(COLUMNS):
             form = "0" if not column.digits else f"0.{'0' * column.digits}"
             shown = book.add_format({"num_format": _DATE if column.unit == "date" else form})
@@ -154,8 +161,8 @@ def write_xlsx(ledger: pl.DataFrame, clock: ShiftClock, path: Path) -> None:
                     sheet.write(number, place, cell, None if isinstance(cell, str) else shown)
 
 
-def write_table_csv(
-    ledger: pl.DataFrame, clock: ShiftClock, path: Path, *, decimal_comma: bool = False
+def write_ledger_as_spreadsheet_csv(
+    ledger: pl.DataFrame, clock: ShiftClock, path: Path, *, has_decimal_comma: bool = False
 ) -> None:
     """Write the same table as CSV that spreadsheets open directly.
 
@@ -163,20 +170,23 @@ def write_table_csv(
         ledger: ledger with motion.
         clock: clock of the machine.
         path: file to write.
-        decimal_comma: whether to write 1,5 and separate cells by semicolons.
+        has_decimal_comma: whether to write 1,5 and separate cells by semicolons.
     """
     with path.open("w", encoding="utf-8-sig", newline="") as file:
-        writer = csv.writer(file, delimiter=";" if decimal_comma else ",")
+        writer = csv.writer(file, delimiter=";" if has_decimal_comma else ",")
         writer.writerow([column.head for column in COLUMNS])
         writer.writerow([column.unit for column in COLUMNS])
-        for row in make_table_rows(ledger, clock):
+        for row in make_ledger_table_cells(ledger, clock):
             cells = zip(row, COLUMNS, strict=True)
             writer.writerow(
-                [_format_cell(cell, c.digits, comma=decimal_comma) for cell, c in cells]
+                [
+                    _format_csv_cell(cell, c.digits, has_decimal_comma=has_decimal_comma)
+                    for cell, c in cells
+                ]
             )
 
 
-def _format_cell(cell: Cell, digits: int | None, *, comma: bool) -> str:
+def _format_csv_cell(cell: Cell, digits: int | None, *, has_decimal_comma: bool) -> str:
     if cell is None:
         return ""
     if isinstance(cell, dt.datetime):
@@ -184,4 +194,4 @@ def _format_cell(cell: Cell, digits: int | None, *, comma: bool) -> str:
     if isinstance(cell, str):
         return escape_spreadsheet_formula(cell)
     text = f"{cell:.{digits or 0}f}"
-    return text.replace(".", ",") if comma else text
+    return text.replace(".", ",") if has_decimal_comma else text

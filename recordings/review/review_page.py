@@ -16,10 +16,10 @@ from recordings.report.clock_text import ShiftClock, format_duration
 from recordings.report.number_text import CONSEQUENCES, format_plus_minus
 from recordings.report.render_page import render_page_html
 from recordings.report.shift_text import K, format_tonnes
-from recordings.review.energy_columns import make_energy_table
+from recordings.review.energy_columns import make_energy_table_by_phase
 from recordings.review.review_limits import LIMITS
-from recordings.review.review_plots import draw_load_pictures, draw_shift_pictures
-from recordings.review.review_state import RECORDING, ReviewState
+from recordings.review.review_plots import draw_pictures_of_loads, draw_pictures_of_shift
+from recordings.review.review_state import RECORDING, ChangedSetting, ReviewState
 from recordings.review.reviewer_verdicts import (
     LABELS,
     VERDICTS,
@@ -29,13 +29,13 @@ from recordings.review.reviewer_verdicts import (
 from recordings.review.shift_facts import (
     describe_long_gaps,
     describe_missing_loads,
-    describe_missing_tonnes,
     describe_scale_of_tonnes,
     describe_torn_logs,
+    explain_why_no_cycle_counts,
     list_losses_besides_torn_ends,
-    list_shift_facts,
-    summarise_shift,
-    warn_of_two_machines,
+    list_shift_names_and_values,
+    make_warning_of_two_machines,
+    summarise_shift_in_line,
 )
 from recordings.review.shift_ledger import make_cycle_remark, make_cycles_frame
 
@@ -61,77 +61,77 @@ class CycleColumn(NamedTuple):
     digits: int = 0
 
 
-def _make_unit_getter(factor: float, name: str) -> Callable[[Row], float | None]:
+def _make_getter_in_other_unit(factor: float, column_name: str) -> Callable[[Row], float | None]:
     """Function that returns a ledger column in another unit."""
 
     def scaled_value(row: Row) -> float | None:
-        return None if row[name] is None else factor * row[name]
+        return None if row[column_name] is None else factor * row[column_name]
 
     return scaled_value
 
 
 #: The answer, beside which quality and verdict stand.
 PAYLOAD: Final = (
-    CycleColumn("payload kg", _make_unit_getter(1.0, "payload_kg")),
-    CycleColumn("± kg", _make_unit_getter(K, "payload_u_kg")),
+    CycleColumn("payload kg", _make_getter_in_other_unit(1.0, "payload_kg")),
+    CycleColumn("± kg", _make_getter_in_other_unit(K, "payload_u_kg")),
 )
 #: What else is known of a cycle.
 DETAILS: Final = (
-    CycleColumn("carried back kg", _make_unit_getter(1.0, "carry_back_kg")),
-    CycleColumn("haul m", _make_unit_getter(1.0, "haul_m")),
-    CycleColumn("top km/h", _make_unit_getter(_KM_H, "top_speed_m_s"), 1),
-    CycleColumn("moving s", _make_unit_getter(1.0, "moving_s")),
-    CycleColumn("standing s", _make_unit_getter(1.0, "standing_s")),
-    CycleColumn("return s", _make_unit_getter(1.0, "return_s")),
-    CycleColumn("load s", _make_unit_getter(1.0, "load_s")),
-    CycleColumn("haul s", _make_unit_getter(1.0, "haul_s")),
-    CycleColumn("dump s", _make_unit_getter(1.0, "dump_s")),
-    CycleColumn("kWh", _make_unit_getter(1.0, "energy_kWh"), 4),
-    CycleColumn("± kWh", _make_unit_getter(K, "energy_u_kWh"), 4),
-    CycleColumn("kWh/t", _make_unit_getter(1.0, "energy_per_t_kWh"), 3),
+    CycleColumn("carried back kg", _make_getter_in_other_unit(1.0, "carry_back_kg")),
+    CycleColumn("haul m", _make_getter_in_other_unit(1.0, "haul_m")),
+    CycleColumn("top km/h", _make_getter_in_other_unit(_KM_H, "top_speed_m_s"), 1),
+    CycleColumn("moving s", _make_getter_in_other_unit(1.0, "moving_s")),
+    CycleColumn("standing s", _make_getter_in_other_unit(1.0, "standing_s")),
+    CycleColumn("return s", _make_getter_in_other_unit(1.0, "return_s")),
+    CycleColumn("load s", _make_getter_in_other_unit(1.0, "load_s")),
+    CycleColumn("haul s", _make_getter_in_other_unit(1.0, "haul_s")),
+    CycleColumn("dump s", _make_getter_in_other_unit(1.0, "dump_s")),
+    CycleColumn("kWh", _make_getter_in_other_unit(1.0, "energy_kWh"), 4),
+    CycleColumn("± kWh", _make_getter_in_other_unit(K, "energy_u_kWh"), 4),
+    CycleColumn("kWh/t", _make_getter_in_other_unit(1.0, "energy_per_t_kWh"), 3),
 )
 
 
-def make_number_cells(row: Row, columns: Sequence[CycleColumn]) -> list[str]:
+def format_number_cells_of_row(ledger_row: Row, columns: Sequence[CycleColumn]) -> list[str]:
     """Numbers as texts; a dash for none."""
-    values = [(column, column.value(row)) for column in columns]
+    values = [(column, column.value(ledger_row)) for column in columns]
     return ["–" if value is None else f"{value:,.{column.digits}f}" for column, value in values]
 
 
 def make_cycle_table_rows(
-    rows: pl.DataFrame, verdicts: Mapping[int, CycleVerdict], clock: ShiftClock
+    ledger_rows: pl.DataFrame, verdicts: Mapping[int, CycleVerdict], clock: ShiftClock
 ) -> list[Row]:
     """Rows of the page's table of cycles.
 
     Args:
-        rows: the ledger.
+        ledger_rows: the ledger.
         verdicts: verdicts on cycles, by row.
         clock: clock of the shift.
     """
     return [
         _make_cycle_row(row, verdicts.get(k), clock)
-        for k, row in enumerate(rows.iter_rows(named=True))
+        for k, row in enumerate(ledger_rows.iter_rows(named=True))
     ]
 
 
-def _make_cycle_row(row: Row, verdict: CycleVerdict | None, clock: ShiftClock) -> Row:
-    labels = [row[name] for name in LABELS if row[name]]
+def _make_cycle_row(ledger_row: Row, verdict: CycleVerdict | None, clock: ShiftClock) -> Row:
+    labels = [ledger_row[name] for name in LABELS if ledger_row[name]]
     by = "" if verdict is None else f"{verdict.author}, {clock.format_day_and_time(verdict.time)}"
     own = None if verdict is None else verdict.model_dump(include={"reject", "note", *LABELS})
     return {
-        "number": row["cycle"],
-        "id": row["id"],
-        "time": row["local_time"],
-        "ends_s": round(row["end_unix_ns"] / NS_PER_S),
-        "payload": make_number_cells(row, PAYLOAD),
-        "details": make_number_cells(row, DETAILS),
-        "quality": "rejected" if row["rejected"] else row["quality"],
-        "remark": make_cycle_remark(row),
+        "number": ledger_row["cycle"],
+        "id": ledger_row["id"],
+        "time": ledger_row["local_time"],
+        "ends_s": round(ledger_row["end_unix_ns"] / NS_PER_S),
+        "payload": format_number_cells_of_row(ledger_row, PAYLOAD),
+        "details": format_number_cells_of_row(ledger_row, DETAILS),
+        "quality": "rejected" if ledger_row["rejected"] else ledger_row["quality"],
+        "remark": make_cycle_remark(ledger_row),
         "labels": ", ".join(labels),
-        "note": ": ".join(filter(None, (by, row["note"]))),
+        "note": ": ".join(filter(None, (by, ledger_row["note"]))),
         "said": "" if own is None else json.dumps(own),
-        "out": not row["counted"],
-        "command": f"payscope view {RECORDING} --at {max(row['at_s'], 0.0):.1f}",
+        "out": not ledger_row["counted"],
+        "command": f"payscope view {RECORDING} --at {max(ledger_row['at_s'], 0.0):.1f}",
     }
 
 
@@ -146,7 +146,9 @@ def make_hour_table_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple
         state: state of the review.
     """
     clock, t0_ns = state.clock, state.t0_unix_ns
-    hours = [clock.format_hour((ends_ns - t0_ns) / NS) for ends_ns in ledger["end_unix_ns"]]
+    hours = [
+        clock.format_begin_of_hour((ends_ns - t0_ns) / NS) for ends_ns in ledger["end_unix_ns"]
+    ]
     named = ledger.with_columns(pl.Series("hour", hours, dtype=pl.String))
     recorded_s = sum_recorded_time_by_hour(clock, state.gaps_s)
     rows = {hour: part for (hour,), part in named.partition_by("hour", as_dict=True).items()}
@@ -156,18 +158,18 @@ def make_hour_table_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple
     ]
 
 
-def _make_hour_cells(rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Iterator[str]:
+def _make_hour_cells(ledger_rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Iterator[str]:
     """Yield the cells of an hour's row, in the order of `HOUR_HEADS`."""
-    rejected = rows.filter("rejected")["cycle"].to_list()
-    sums = sum_counted_cycles(make_cycles_frame(rows, t0_ns), rejected)
-    energies = rows["energy_kWh"].drop_nulls()
+    rejected = ledger_rows.filter("rejected")["cycle"].to_list()
+    sums = sum_counted_cycles(make_cycles_frame(ledger_rows, t0_ns), rejected)
+    energies = ledger_rows["energy_kWh"].drop_nulls()
     rate = sums["payload_kg"] / 1e3 / (recorded_s / _HOUR_S) if recorded_s else 0.0
     yield f"{sums['cycles_counted']}"
     yield format_tonnes(sums["payload_kg"], K * sums["payload_u_kg"])
     yield f"{rate:.1f}" if recorded_s >= LIMITS.rate_min_s else "–"
     yield f"{recorded_s / 60.0:.0f} min"
-    yield f"{rows.height - sums['cycles_counted']}"
-    yield f"{rows.filter('counted', pl.col('doubt') != '').height}"
+    yield f"{ledger_rows.height - sums['cycles_counted']}"
+    yield f"{ledger_rows.filter('counted', pl.col('doubt') != '').height}"
     yield f"{energies.sum():.2f}" if energies.len() else "–"
 
 
@@ -182,8 +184,8 @@ def sum_recorded_time_by_hour(
         if is_gap and end_s - start_s > LIMITS.gap_by_hour_max_s:
             continue
         while start_s < end_s:
-            stop_s = min(clock.next_hour_s(start_s), end_s)
-            hour = clock.format_hour(start_s)
+            stop_s = min(clock.compute_next_hour_s(start_s), end_s)
+            hour = clock.format_begin_of_hour(start_s)
             recorded_s[hour] = recorded_s.get(hour, 0.0) + (0.0 if is_gap else stop_s - start_s)
             start_s = stop_s
     return recorded_s
@@ -227,7 +229,7 @@ class ReviewPage:
     ledger: pl.DataFrame
     shift: Mapping[str, Any]
     target: TargetCheck | None
-    changes: list[tuple[str, str, str]] | None
+    changes: list[ChangedSetting] | None
     calibration: UsedCalibration
     track: pl.DataFrame | None = None
     verdicts: str = ""
@@ -237,11 +239,11 @@ class ReviewPage:
     )
 
 
-def render_review_html(page: ReviewPage) -> str:
+def render_review_html(review_page: ReviewPage) -> str:
     """HTML of the page, with all text escaped and no network access."""
-    state, shift = page.state, page.shift
-    why_not = describe_missing_tonnes(state, page.ledger)
-    said = page.ledger.filter(pl.col("author") != "").height
+    state, shift = review_page.state, review_page.shift
+    why_not = explain_why_no_cycle_counts(state, review_page.ledger)
+    said = review_page.ledger.filter(pl.col("author") != "").height
     return render_page_html(
         _PACKAGE,
         _TEMPLATE,
@@ -250,42 +252,53 @@ def render_review_html(page: ReviewPage) -> str:
         title=f"Shift of {state.machine or 'a machine without a name'}",
         state=state,
         duration=format_duration(shift["duration_s"]),
-        calibration_warning=page.calibration.against
-        and f"{NOT_CALIBRATED}: {page.calibration.against}.",
-        headline=summarise_shift(shift, why_not, state),
+        calibration_warning=review_page.calibration.against
+        and f"{NOT_CALIBRATED}: {review_page.calibration.against}.",
+        headline=summarise_shift_in_line(shift, why_not, state),
         no_tonnes=bool(why_not),
-        alarms=list(filter(None, (warn_of_two_machines(state), describe_long_gaps(shift, state)))),
-        facts=list_shift_facts(shift, page.ledger, state, page.target),
-        warnings=_list_warnings(page),
+        alarms=list(
+            filter(None, (make_warning_of_two_machines(state), describe_long_gaps(shift, state)))
+        ),
+        facts=list_shift_names_and_values(shift, review_page.ledger, state, review_page.target),
+        warnings=_list_review_warnings(review_page),
         payload_heads=[column.head for column in PAYLOAD],
         detail_heads=[column.head for column in DETAILS],
-        cycles=make_cycle_table_rows(page.ledger, page.by_row, state.clock),
+        cycles=make_cycle_table_rows(review_page.ledger, review_page.by_row, state.clock),
         t0_s=round(state.t0_unix_ns / NS_PER_S),
-        doubted=page.ledger.filter("counted", pl.col("doubt") != "").height,
-        hours=make_hour_table_rows(page.ledger, state),
+        doubted=review_page.ledger.filter("counted", pl.col("doubt") != "").height,
+        hours=make_hour_table_rows(review_page.ledger, state),
         hour_heads=list(HOUR_HEADS),
-        load_pictures=draw_load_pictures(page.ledger, state, page.target),
-        pictures=draw_shift_pictures(state, page.track),
+        load_pictures=draw_pictures_of_loads(review_page.ledger, state, review_page.target),
+        pictures=draw_pictures_of_shift(state, review_page.track),
         losses=[
-            *(each.loss_text for each in state.torn),
+            *(each.loss_entry_text for each in state.torn),
             *list_losses_besides_torn_ends(state),
         ],
-        totals={name: _make_total_rows(rows) for name, rows in page.totals.items()},
-        changes=page.changes,
+        totals={name: _make_rows_of_totals(rows) for name, rows in review_page.totals.items()},
+        changes=review_page.changes,
         verdicts=f"{counted(said, 'cycle')} with a reviewer's verdict",
-        verdict_lines=list_verdict_file_lines(page.verdicts),
+        verdict_lines=list_verdict_file_lines(review_page.verdicts),
         verdict_file=VERDICTS,
-        calibration=page.calibration.description or "none: masses are by the machine file alone",
-        friction=_describe_friction(state),
-        energy=make_energy_table(state),
+        calibration=review_page.calibration.description
+        or "none: masses are by the machine file alone",
+        friction=_describe_friction_of_shift(state),
+        energy=make_energy_table_by_phase(state),
         energy_phases=[row.phase for row in state.energy.rows if row.cycle is None],
     )
 
 
-def _make_total_rows(totals: Sequence[LabelTotal]) -> list[tuple[str, str, str]]:
+class _TotalRow(NamedTuple):
+    """Row of a table of totals, as text."""
+
+    label: str
+    load_count: str
+    tonnes: str
+
+
+def _make_rows_of_totals(totals: Sequence[LabelTotal]) -> list[_TotalRow]:
     """Rows with label, number of loads and tonnes."""
     return [
-        (
+        _TotalRow(
             each.label or "–",
             f"{each.loads:,}",
             format_tonnes(each.payload_kg, K * each.payload_u_kg),
@@ -294,9 +307,9 @@ def _make_total_rows(totals: Sequence[LabelTotal]) -> list[tuple[str, str, str]]
     ]
 
 
-def _list_warnings(page: ReviewPage) -> list[str]:
-    state = page.state
-    found = describe_missing_loads(page.shift)
+def _list_review_warnings(review_page: ReviewPage) -> list[str]:
+    state = review_page.state
+    found = describe_missing_loads(review_page.shift)
     found += describe_torn_logs(state)
     if losses := list_losses_besides_torn_ends(state):
         found.append(f"Damaged or incomplete: {counted(len(losses), 'loss')}, listed below.")
@@ -307,11 +320,11 @@ def _list_warnings(page: ReviewPage) -> list[str]:
         f"These logs show {finding}; payscope explain {RECORDING} says more."
         for finding in state.findings[: LIMITS.max_findings]
     ]
-    if page.shift["scale_unknown"]:
-        found.append(f"Scale {describe_scale_of_tonnes(page.shift)}.")
+    if review_page.shift["scale_unknown"]:
+        found.append(f"Scale {describe_scale_of_tonnes(review_page.shift)}.")
     return found
 
 
-def _describe_friction(state: ReviewState) -> str:
+def _describe_friction_of_shift(state: ReviewState) -> str:
     value, std = state.friction
     return "–" if value is None else f"{format_plus_minus(value, std)} N·s/m (standard uncertainty)"

@@ -13,7 +13,7 @@ from recordings.review.review_state import ReviewState
 _BOX: Final = (48.0, 22.0, WIDTH - 16.0, 190.0)
 
 
-def draw_load_pictures(
+def draw_pictures_of_loads(
     ledger: pl.DataFrame, state: ReviewState, target: TargetCheck | None
 ) -> list[Drawing]:
     """Figures of the loads; none if no load counts, no distribution for a single one.
@@ -30,7 +30,7 @@ def draw_load_pictures(
     return [*found, _draw_payload_distribution(counted, target)] if counted.height > 1 else found
 
 
-def draw_shift_pictures(state: ReviewState, track: pl.DataFrame | None) -> list[Drawing]:
+def draw_pictures_of_shift(state: ReviewState, track: pl.DataFrame | None) -> list[Drawing]:
     """Figures of friction, gate and track for which there are data.
 
     Args:
@@ -39,7 +39,7 @@ def draw_shift_pictures(state: ReviewState, track: pl.DataFrame | None) -> list[
     """
     found: list[Drawing] = []
     if len(state.friction_parts) > 1:
-        found.append(_draw_friction(state))
+        found.append(_draw_friction_over_time(state))
     if state.gate_shares:
         found.append(_draw_gate_reasons(state))
     if track is not None and track.height > 1:
@@ -54,7 +54,7 @@ def _draw_payload_timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
     picture = Drawing(
         "timeline",
         "Payloads in time",
-        f"{shown.height} payloads in kg over {clock.axis_label}, from "
+        f"{shown.height} payloads in kg over {clock.time_axis_label}, from "
         f"{shown['payload_kg'].min():,.0f} to {shown['payload_kg'].max():,.0f} kg; bars reach two "
         "standard uncertainties either way; shaded: nothing was recorded.",
         LIMITS.figure_height,
@@ -65,9 +65,11 @@ def _draw_payload_timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
     for start, end in state.gaps_s:
         (x0, _), (x1, _) = (axes.convert_to_drawing_units(t, 0.0) for t in (start, end))
         picture.fill_bar(x0, _BOX[1], max(x1 - x0, 1.0), _BOX[3] - _BOX[1], "band")
-    axes.draw(picture, clock.axis_label, "payload in kg", clock.make_ticks(*axes.x))
+    axes.draw_grid_and_labels(
+        picture, clock.time_axis_label, "payload in kg", clock.make_time_axis_ticks(*axes.x)
+    )
     spans = zip(seconds, payload, u, strict=True)
-    picture.draw_path(
+    picture.draw_polylines(
         [
             [
                 axes.convert_to_drawing_units(s, p - 2.0 * w),
@@ -110,7 +112,7 @@ def _draw_payload_distribution(counted: pl.DataFrame, target: TargetCheck | None
         [low, high], [0.0, float(max(count.max(), LIMITS.scale_min_loads))], _BOX, 0.05
     )
     axes = Axes(axes.x, (0.0, axes.y[1]), _BOX)
-    axes.draw(picture, "payload in kg", "loads")
+    axes.draw_grid_and_labels(picture, "payload in kg", "loads")
     for number, first, last in zip(count.tolist(), edges[:-1], edges[1:], strict=True):
         x0, y0 = axes.convert_to_drawing_units(float(first), number)
         x1, y1 = axes.convert_to_drawing_units(float(last), 0.0)
@@ -121,7 +123,7 @@ def _draw_payload_distribution(counted: pl.DataFrame, target: TargetCheck | None
     return picture
 
 
-def _draw_friction(state: ReviewState) -> Drawing:
+def _draw_friction_over_time(state: ReviewState) -> Drawing:
     parts = state.friction_parts
     value = [part.friction_N_s_m for part in parts]
     std = [part.std_N_s_m for part in parts]
@@ -143,7 +145,9 @@ def _draw_friction(state: ReviewState) -> Drawing:
     # what changes by less than a tenth is to look like it
     room = max(0.05 * abs(float(np.mean(value))), 1e-9)
     axes = Axes.from_data([0.0, last.end_s], [low - room, high + room], _BOX, 0.03)
-    axes.draw(picture, clock.axis_label, "friction in N·s/m", clock.make_ticks(*axes.x))
+    axes.draw_grid_and_labels(
+        picture, clock.time_axis_label, "friction in N·s/m", clock.make_time_axis_ticks(*axes.x)
+    )
     for at, friction, u, part in zip(middles, value, std, parts, strict=True):
         x, bottom = axes.convert_to_drawing_units(at, friction - 2.0 * u)
         _, top = axes.convert_to_drawing_units(at, friction + 2.0 * u)
@@ -170,12 +174,12 @@ def _draw_gate_reasons(state: ReviewState) -> Drawing:
     largest = max(share for _, share in rows)
     for number, (name, share) in enumerate(rows):
         y = 8.0 + LIMITS.bar_height * number
-        picture.write(
+        picture.draw_text(
             begin - 6, y + 10, shorten_text_to_width(name.replace("_", " "), begin - 8), "end"
         )
         length = max(room * share / largest, 0.5)
         picture.fill_bar(begin, y, length, 12, "bar" if name == "accepted" else "band")
-        picture.write(begin + length + 5, y + 10, f"{share:.1%}", "start")
+        picture.draw_text(begin + length + 5, y + 10, f"{share:.1%}", "start")
     return picture
 
 
@@ -194,9 +198,9 @@ def draw_position_track(track: pl.DataFrame) -> Drawing:
         LIMITS.figure_height,
     )
     axes = Axes.from_data(east.tolist(), north.tolist(), _BOX)
-    axes.draw(picture, "m east", "m north")
+    axes.draw_grid_and_labels(picture, "m east", "m north")
     way = [
         axes.convert_to_drawing_units(float(x), float(y)) for x, y in zip(east, north, strict=True)
     ]
-    picture.draw_path([way], "axis")
+    picture.draw_polylines([way], "axis")
     return picture

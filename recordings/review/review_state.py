@@ -1,7 +1,7 @@
 """State of a review beside the ledger: its inputs, and further content of the page."""
 
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeAlias
+from typing import Annotated, Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 import polars as pl
@@ -23,10 +23,10 @@ from analysis.model.run_record import InputFile, Run
 from analysis.model.verdict import Verdict
 from estimators.errors import counted
 from recordings.report.clock_text import ShiftClock
-from recordings.report.finding_text import format_finding, read_findings
+from recordings.report.finding_text import format_finding, read_findings_of_run
 from recordings.review.review_limits import LIMITS
 from recordings.review.torn_logs import TornLog
-from recordings.rrd.provenance_texts import format_local_time, read_machine_table
+from recordings.rrd.provenance_texts import format_local_time, read_machine_section
 from recordings.rrd.recording_texts import read_machine_name
 
 STATE: Final = "review.json"
@@ -127,7 +127,7 @@ class ReviewState(BaseModel):
         return ShiftClock(self.timezone, self.t0_unix_ns, self.duration_s)
 
     @property
-    def withholding_checks(self) -> tuple[FailedCheck, ...]:
+    def mass_withholding_checks(self) -> tuple[FailedCheck, ...]:
         """Failed checks that withhold the masses."""
         return tuple(each for each in self.failed if each.consequence == "withhold")
 
@@ -139,22 +139,22 @@ class ReviewState(BaseModel):
 
 def collect_review_state(
     run: Run,
-    key: str,
+    inputs_digest: str,
     recording_sha256: str,
-    resolved: dict[str, Any],
-    mixed_machines: str = "",
-    torn: tuple[TornLog, ...] = (),
+    resolved_settings: dict[str, Any],
+    mixed_machines_warning: str = "",
+    torn_logs: tuple[TornLog, ...] = (),
     energy: ShiftEnergy = NO_ENERGY,
 ) -> ReviewState:
     """Collect the state of a review from a replay.
 
     Args:
         run: run of all logs of the shift.
-        key: digest of everything that it depends on.
+        inputs_digest: digest of everything that it depends on.
         recording_sha256: digest of the recording.
-        resolved: see `ReviewState`.
-        mixed_machines: see `ReviewState`.
-        torn: see `ReviewState`.
+        resolved_settings: see `ReviewState`.
+        mixed_machines_warning: see `ReviewState`.
+        torn_logs: see `ReviewState`.
         energy: see `ReviewState`.
     """
     about, frames = run.provenance, run.frames
@@ -163,14 +163,14 @@ def collect_review_state(
     shares = gate["reason_x"].cast(pl.String).value_counts(sort=True, normalize=True)
     gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])
     load = frames["loads"].row(0, named=True)
-    body = read_machine_table(about)
+    body = read_machine_section(about)
     timezone, duration_s = str(body.get("timezone", "UTC")), float(frames["shift"]["duration_s"][0])
     clock = ShiftClock(timezone, about.t0_unix_ns, duration_s)
     return ReviewState(
-        key=key,
+        key=inputs_digest,
         recording_sha256=recording_sha256,
         inputs=about.inputs,
-        resolved=resolved,
+        resolved=resolved_settings,
         t0_unix_ns=about.t0_unix_ns,
         machine=read_machine_name(about),
         begins=format_local_time(about),
@@ -202,17 +202,17 @@ def collect_review_state(
         ),
         digs=frames["digging"].height,
         findings=tuple(
-            format_finding(e, clock) for e in read_findings(run) if e.severity != "tell"
+            format_finding(e, clock) for e in read_findings_of_run(run) if e.severity != "tell"
         ),
         no_cycle=describe_missing_cycles(frames["cycles"], frames["loads"]),
-        mixed_machines=mixed_machines,
+        mixed_machines=mixed_machines_warning,
         timezone=timezone,
         serial=str(body.get("id") or ""),
         duration_s=duration_s,
         motions=tuple(summarise_cycle_motion(frames["cycles"], frames["excitation"], gaps)),
         motion=summarise_shift_motion(frames["excitation"], gaps),
         idle_s=tuple((s / NS, e / NS) for s, e in find_idle_spans_ns(frames["excitation"])),
-        torn=torn,
+        torn=torn_logs,
         energy=energy,
     )
 
@@ -226,33 +226,46 @@ def read_review_state(folder: Path) -> ReviewState | None:
     return state if state.format == FORMAT else None
 
 
+class ChangedSetting(NamedTuple):
+    """Setting that differs from an earlier review, as text."""
+
+    name: str
+    old_value: str
+    new_value: str
+
+
 def list_changed_settings(
-    previous: ReviewState | None, resolved: dict[str, Any]
-) -> list[tuple[str, str, str]]:
+    previous: ReviewState | None, resolved_settings: dict[str, Any]
+) -> list[ChangedSetting]:
     """Settings that changed since the previous review: name, old and new value.
 
     Args:
         previous: state of the previous review.
-        resolved: settings of this review.
+        resolved_settings: settings of this review.
     """
     if previous is None:
         return []
-    old, new = flatten_values_to_texts(previous.resolved), flatten_values_to_texts(resolved)
+    old, new = (
+        flatten_values_to_texts(previous.resolved),
+        flatten_values_to_texts(resolved_settings),
+    )
     return [
-        (name, old.get(name, "–"), new.get(name, "–"))
+        ChangedSetting(name, old.get(name, "–"), new.get(name, "–"))
         for name in sorted(old.keys() | new.keys())
         if old.get(name) != new.get(name)
     ]
 
 
-def flatten_values_to_texts(values: Any, name: str = "") -> dict[str, str]:
+def flatten_values_to_texts(nested_values: Any, dotted_prefix: str = "") -> dict[str, str]:
     """Nested values as texts, by dotted name."""
-    if isinstance(values, dict):
+    if isinstance(nested_values, dict):
         found: dict[str, str] = {}
-        for key, value in values.items():  # pyright: ignore[reportUnknownVariableType]
-            found |= flatten_values_to_texts(value, f"{name}.{key}" if name else str(key))  # pyright: ignore[reportUnknownArgumentType]
+        for key, value in nested_values.items():  # pyright: ignore[reportUnknownVariableType]
+            found |= flatten_values_to_texts(
+                value, f"{dotted_prefix}.{key}" if dotted_prefix else str(key)
+            )  # pyright: ignore[reportUnknownArgumentType]
         return found
-    return {name: str(values)}
+    return {dotted_prefix: str(nested_values)}
 
 
 def describe_missing_cycles(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
@@ -266,14 +279,14 @@ def describe_missing_cycles(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
     return f"none of {loads.height} load states can be identified as loaded or empty"
 
 
-def _summarise_topic_sampling(topic: str, frame: pl.DataFrame) -> TopicSampling:
+def _summarise_topic_sampling(topic: str, topic_frame: pl.DataFrame) -> TopicSampling:
     """Rate, longest step and late fraction of a topic's messages."""
-    steps = np.diff(frame["log_time_ns"].to_numpy()) / NS
+    steps = np.diff(topic_frame["log_time_ns"].to_numpy()) / NS
     middle = float(np.median(steps)) if steps.size else 0.0
     known = middle > 0.0
     return TopicSampling(
         topic=topic,
-        messages=frame.height,
+        messages=topic_frame.height,
         rate_hz=1.0 / middle if known else None,
         longest_s=float(steps.max()) if steps.size else None,
         late_1=float((steps > LIMITS.late_message_periods * middle).mean()) if known else None,

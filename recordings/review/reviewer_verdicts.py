@@ -80,13 +80,13 @@ class ShiftVerdict(Labels):
     author: _Author | None = None
     time: dt.datetime | None = None
 
-    def applies_to_dump_at(self, unix_s: float) -> bool:
+    def does_apply_to_dump_at(self, dump_unix_s: float) -> bool:
         """Whether the verdict applies to a cycle dumped at a unix time in s."""
         first, last = (
             limit if each is None else each.timestamp()
             for each, limit in ((self.begin, float("-inf")), (self.end, float("inf")))
         )
-        return first <= unix_s < last
+        return first <= dump_unix_s < last
 
 
 class VerdictFile(BaseModel):
@@ -100,14 +100,18 @@ class VerdictFile(BaseModel):
     @property
     def shift_labels(self) -> Labels:
         """Labels of all cycles, whenever they are dumped."""
-        return merge_labels(each for each in self.shift if each.begin is None and each.end is None)
+        return merge_labels_of_verdicts(
+            each for each in self.shift if each.begin is None and each.end is None
+        )
 
-    def find_labels_at_dump(self, unix_s: float) -> Labels:
+    def find_labels_at_dump(self, dump_unix_s: float) -> Labels:
         """Labels of cycles dumped at a time."""
-        return merge_labels(each for each in self.shift if each.applies_to_dump_at(unix_s))
+        return merge_labels_of_verdicts(
+            each for each in self.shift if each.does_apply_to_dump_at(dump_unix_s)
+        )
 
 
-def merge_labels(verdicts: Iterable[ShiftVerdict]) -> Labels:
+def merge_labels_of_verdicts(verdicts: Iterable[ShiftVerdict]) -> Labels:
     """Merge the labels of verdicts."""
     said: dict[str, str] = {}
     for verdict in verdicts:
@@ -115,7 +119,7 @@ def merge_labels(verdicts: Iterable[ShiftVerdict]) -> Labels:
     return Labels.model_validate(said)
 
 
-def read_verdicts(folder: Path) -> VerdictFile:
+def read_verdict_file(folder: Path) -> VerdictFile:
     """Verdicts in a review's folder; none if it has no file of verdicts.
 
     Raises:
@@ -171,7 +175,9 @@ def format_verdicts_as_toml(verdicts: Iterable[CycleVerdict | ShiftVerdict]) -> 
         name = "cycle" if isinstance(verdict, CycleVerdict) else "shift"
         lines = [f"[[{name}]]"]
         said = verdict.model_dump(exclude_defaults=True)
-        lines += [f"{key} = {_format_toml_value(said[key])}" for key in _KEYS if key in said]
+        lines += [
+            f"{key} = {_format_verdict_value_as_toml(said[key])}" for key in _KEYS if key in said
+        ]
         blocks.append("\n".join(lines) + "\n")
     return "\n".join(blocks)
 
@@ -179,25 +185,25 @@ def format_verdicts_as_toml(verdicts: Iterable[CycleVerdict | ShiftVerdict]) -> 
 def list_verdict_file_lines(text: str) -> list[str]:
     """Lines of the file with comments, for a page; invisible characters as their code points."""
     return [
-        "".join(_escape_unprintable(c) for c in line.replace("\t", " "))
+        "".join(_escape_unprintable_character(c) for c in line.replace("\t", " "))
         for line in text.splitlines()
     ]
 
 
 def assign_verdicts_to_rows(
-    verdicts: VerdictFile, ids: pl.Series, path: Path
+    verdicts: VerdictFile, cycle_ids: pl.Series, verdict_path: Path
 ) -> dict[int, CycleVerdict]:
     """Verdict by row index; the later of two verdicts on one cycle counts.
 
     Args:
         verdicts: verdicts from the file.
-        ids: ids of the cycles in row order.
-        path: folder, for error messages.
+        cycle_ids: ids of the cycles in row order.
+        verdict_path: folder, for error messages.
 
     Raises:
         ReviewError: an id that no cycle has.
     """
-    times = [parse_cycle_id_s(each) for each in ids]
+    times = [parse_cycle_id_s(each) for each in cycle_ids]
     found: dict[int, CycleVerdict] = {}
     for verdict in sorted(verdicts.cycle, key=lambda v: v.time.astimezone(dt.UTC)):
         at = parse_cycle_id_s(verdict.id)
@@ -205,7 +211,8 @@ def assign_verdicts_to_rows(
         best = min(away, key=away.__getitem__, default=None)
         if best is None or away[best] > LIMITS.same_dump_s:
             raise ReviewError(
-                f"{path / VERDICTS}: no cycle '{verdict.id}' among {counted(ids.len(), 'cycle')}; "
+                f"{verdict_path / VERDICTS}: no cycle '{verdict.id}' among "
+                f"{counted(cycle_ids.len(), 'cycle')}; "
                 "take the id from ledger.csv"
             )
         found[best] = verdict
@@ -222,7 +229,7 @@ def parse_cycle_id_s(cycle_id: str) -> float | None:
         return None
 
 
-def _format_toml_value(value: object) -> str:
+def _format_verdict_value_as_toml(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, dt.datetime):
@@ -230,10 +237,10 @@ def _format_toml_value(value: object) -> str:
     return '"' + "".join(_escape_toml_character(c) for c in str(value)) + '"'
 
 
-def _escape_toml_character(c: str) -> str:
+def _escape_toml_character(character: str) -> str:
     """Character of a TOML basic string; invisible ones as escape sequences."""
-    return f"\\{c}" if c in '\\"' else _escape_unprintable(c)
+    return f"\\{character}" if character in '\\"' else _escape_unprintable_character(character)
 
 
-def _escape_unprintable(c: str) -> str:
-    return c if c.isprintable() else f"\\U{ord(c):08x}"
+def _escape_unprintable_character(character: str) -> str:
+    return character if character.isprintable() else f"\\U{ord(character):08x}"

@@ -16,7 +16,7 @@ from recordings.report.shift_text import (
     describe_shift_payload,
     format_tonnes,
 )
-from recordings.review.energy_columns import list_energy_facts
+from recordings.review.energy_columns import list_energy_names_and_values
 from recordings.review.review_limits import LIMITS
 from recordings.review.review_state import ReviewState
 from recordings.review.torn_logs import find_torn_last_log
@@ -28,14 +28,14 @@ _KM_H: Final = 3.6
 _NUMBER: Final = re.compile(r"\d[\d.,]*")
 
 
-def summarise_shift(
+def summarise_shift_in_line(
     shift: Mapping[str, Any], missing_tonnes_reason: str, state: ReviewState
 ) -> str:
     """Answer of a shift in one line.
 
     Args:
         shift: frame `shift` after verdicts.
-        missing_tonnes_reason: see `describe_missing_tonnes`.
+        missing_tonnes_reason: see `explain_why_no_cycle_counts`.
         state: state of the review; if its last log is torn, the end is unknown.
     """
     answer = (
@@ -51,12 +51,12 @@ def summarise_shift(
     )
 
 
-def describe_missing_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
+def explain_why_no_cycle_counts(state: ReviewState, ledger: pl.DataFrame) -> str:
     """Reason why no cycle counts; empty if one does."""
     if ledger["counted"].any():
         return ""
     if not state.can_weigh:
-        failed = state.withholding_checks
+        failed = state.mass_withholding_checks
         names = list_some([check.check for check in failed], LIMITS.headline_max_checks)
         why = f": {failed[0].meaning}" if len(failed) == 1 else ""
         return f"these logs cannot weigh; failed: {names}{why}"
@@ -124,23 +124,28 @@ def list_losses_besides_torn_ends(state: ReviewState) -> list[str]:
     return [text for text in state.losses if text not in torn]
 
 
-def list_shift_facts(
+def list_shift_names_and_values(
     shift: Mapping[str, Any],
     ledger: pl.DataFrame,
     state: ReviewState,
     target: TargetCheck | None,
 ) -> list[tuple[str, str]]:
     """Facts as pairs of name and value: the work first, then the uncertainty of the tonnes."""
-    found = [*_list_work_facts(shift, ledger), *_list_time_facts(shift, ledger, state)]
-    found += list_energy_facts(ledger, shift, state)
+    found = [
+        *_list_work_names_and_values(shift, ledger),
+        *_list_time_names_and_values(shift, ledger, state),
+    ]
+    found += list_energy_names_and_values(ledger, shift, state)
     if target is not None:
         found.append(("10/10/20", describe_target_check(target)))
     if shift["cycles_counted"]:
-        found += _list_payload_facts(shift, state)
+        found += _list_payload_names_and_values(shift, state)
     return found
 
 
-def _list_work_facts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tuple[str, str]]:
+def _list_work_names_and_values(
+    shift: Mapping[str, Any], ledger: pl.DataFrame
+) -> list[tuple[str, str]]:
     found: list[tuple[str, str]] = []
     recorded_h = (shift["duration_s"] - shift["gap_s"]) / _HOUR_S
     if recorded_h > 0.0 and shift["cycles"]:
@@ -191,10 +196,10 @@ def _format_mean_payload(shift: Mapping[str, Any]) -> str:
     return f"{mean} on average, standard deviation {shift['payload_std_kg'] or 0.0:,.0f} kg"
 
 
-def _list_time_facts(
+def _list_time_names_and_values(
     shift: Mapping[str, Any], ledger: pl.DataFrame, state: ReviewState
 ) -> list[tuple[str, str]]:
-    found = list_cycle_time_facts(ledger)
+    found = list_mean_phase_durations(ledger)
     motion = state.motion
     if motion.distance_m is not None and motion.top_speed_m_s is not None:
         haul_m = ledger["haul_m"].mean()
@@ -223,15 +228,17 @@ def _list_time_facts(
     return found
 
 
-def _list_payload_facts(shift: Mapping[str, Any], state: ReviewState) -> list[tuple[str, str]]:
+def _list_payload_names_and_values(
+    shift: Mapping[str, Any], state: ReviewState
+) -> list[tuple[str, str]]:
     return [
-        ("payload", describe_payload_place(shift)),
+        ("payload", describe_where_payload_was_weighed(shift)),
         ("interval", "95 % (k = 2)"),
         ("repeatability", f"± {K * shift['payload_u_random_kg'] / 1e3:.3f} t"),
         ("systematic", f"± {K * shift['payload_u_common_kg'] / 1e3:.3f} t (does not average out)"),
         ("scale", describe_scale_of_tonnes(shift)),
         *((("sensitivity", least),) if (least := describe_min_detectable_load(shift)) else ()),
-        ("estimated where nothing was recorded", _describe_lost_time(shift, state)),
+        ("estimated where nothing was recorded", _describe_lost_recording_time(shift, state)),
         (
             "estimated for cycles without a mass",
             format_cycles_and_mass(
@@ -242,7 +249,7 @@ def _list_payload_facts(shift: Mapping[str, Any], state: ReviewState) -> list[tu
     ]
 
 
-def describe_payload_place(shift: Mapping[str, Any]) -> str:
+def describe_where_payload_was_weighed(shift: Mapping[str, Any]) -> str:
     """Text on whether payloads were measured at the start or at the end of hauls."""
     arriving_1 = shift.get("arriving_1")
     if arriving_1 is None:
@@ -257,7 +264,7 @@ def describe_payload_place(shift: Mapping[str, Any]) -> str:
     )
 
 
-def _describe_lost_time(shift: Mapping[str, Any], state: ReviewState) -> str:
+def _describe_lost_recording_time(shift: Mapping[str, Any], state: ReviewState) -> str:
     lost = format_cycles_and_mass(
         (shift["lost_cycles"], shift["lost_cycles_u"]), (shift["lost_kg"], shift["lost_u_kg"])
     )
@@ -273,11 +280,16 @@ _NOTHING: Final = "nothing"
 _ON_BOARD: Final = "not dumped"
 
 
-def format_cycles_and_mass(cycles: tuple[float, float], kg: tuple[float, float]) -> str:
+def format_cycles_and_mass(
+    cycles_with_u: tuple[float, float], mass_with_u_kg: tuple[float, float]
+) -> str:
     """Number of cycles and their mass as text, each with its standard uncertainty."""
-    if not any((*cycles, *kg)):
+    if not any((*cycles_with_u, *mass_with_u_kg)):
         return _NOTHING
-    return f"{_format_cycle_count(*cycles)} cycles, {format_tonnes(kg[0], K * kg[1])}"
+    return (
+        f"{_format_cycle_count(*cycles_with_u)} cycles, "
+        f"{format_tonnes(mass_with_u_kg[0], K * mass_with_u_kg[1])}"
+    )
 
 
 def describe_scale_of_tonnes(shift: Mapping[str, Any]) -> str:
@@ -296,7 +308,7 @@ def describe_scale_of_tonnes(shift: Mapping[str, Any]) -> str:
     )
 
 
-def list_cycle_time_facts(ledger: pl.DataFrame) -> list[tuple[str, str]]:
+def list_mean_phase_durations(ledger: pl.DataFrame) -> list[tuple[str, str]]:
     """Mean duration of each phase of a cycle; empty if no cycle was recorded whole.
 
     Cycles with a gap, or rejected by a reviewer, are left out of the means.
@@ -314,26 +326,29 @@ def list_cycle_time_facts(ledger: pl.DataFrame) -> list[tuple[str, str]]:
     return [("a cycle", f"{sum(mean):.0f} s on average of {whole.height}: {words}")]
 
 
-def describe_target_check(target: TargetCheck) -> str:
+def describe_target_check(payload_target: TargetCheck) -> str:
     """Result of the target check in words."""
     near = (
-        f"; {counted(target.near, 'load')} within the uncertainty of a limit" if target.near else ""
+        f"; {counted(payload_target.near, 'load')} within the uncertainty of a limit"
+        if payload_target.near
+        else ""
     )
     return (
-        f"{'kept' if target.keeps else 'not kept'}: mean {target.mean_kg:,.0f} kg of "
-        f"{target.target_kg:,.0f} kg, {target.above} of {target.loads} above 110 % (at most a "
-        f"tenth), {target.never} above 120 % (none){near}"
+        f"{'kept' if payload_target.keeps else 'not kept'}: mean {payload_target.mean_kg:,.0f} kg "
+        f"of {payload_target.target_kg:,.0f} kg, {payload_target.above} of {payload_target.loads} "
+        "above 110 % (at most a "
+        f"tenth), {payload_target.never} above 120 % (none){near}"
     )
 
 
-def warn_of_two_machines(state: ReviewState) -> str:
+def make_warning_of_two_machines(state: ReviewState) -> str:
     """Sentence that warns that the logs may be of two machines; empty if there is no sign of it."""
     said = state.mixed_machines
     return f"{said[:1].upper()}{said[1:]}." if said else ""
 
 
-def _format_cycle_count(cycles: float, u: float) -> str:
-    return f"{cycles:.1f} ± {K * u:.1f}"
+def _format_cycle_count(cycles: float, cycles_u: float) -> str:
+    return f"{cycles:.1f} ± {K * cycles_u:.1f}"
 
 
 def _format_recorded_time(shift: Mapping[str, Any]) -> str:

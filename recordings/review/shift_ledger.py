@@ -39,14 +39,16 @@ _TIME: Final = re.compile(
 )
 
 
-def make_cycle_ids(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
+def make_ids_of_cycles(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
     """Ids of cycles: the time of their end, in UTC, or by an undated log's own clock."""
     return pl.Series(
-        "id", [_make_cycle_id(t0_unix_ns + t_ns) for t_ns in cycles["end_t_ns"]], dtype=pl.String
+        "id",
+        [_make_cycle_id_of_time(t0_unix_ns + t_ns) for t_ns in cycles["end_t_ns"]],
+        dtype=pl.String,
     )
 
 
-def make_ledger(
+def make_ledger_frame(
     cycles: pl.DataFrame,
     t0_unix_ns: int,
     verdicts: Mapping[int, CycleVerdict],
@@ -79,10 +81,10 @@ def make_ledger(
         (pl.col(f"{name}_t_ns") + t0_unix_ns).alias(f"{name}_unix_ns")
         for name in ("start", "end", "dig", "dump")
     ]
-    when = ["" if each is None else _format_iso_time(each.time) for each in rows]
+    when = ["" if each is None else _format_time_as_iso_8601(each.time) for each in rows]
     return cycles.select(
         "cycle",
-        make_cycle_ids(cycles, t0_unix_ns),
+        make_ids_of_cycles(cycles, t0_unix_ns),
         *times,
         (pl.col("start_t_ns") / NS).alias("at_s"),
         pl.exclude("cycle", "start_t_ns", "end_t_ns", "dig_t_ns", "dump_t_ns", *_QUALITY),
@@ -104,16 +106,16 @@ def make_ledger(
     )
 
 
-def add_motion_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
+def add_motion_columns(ledger_rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     """Ledger with local times, distances, speeds, standstills and energy by cycle number.
 
     Args:
-        rows: the ledger.
+        ledger_rows: the ledger.
         state: state of the review.
     """
     clock, motions = state.clock, {each.cycle: each for each in state.motions}
-    local = [clock.format_unix_ns(each) for each in rows["end_unix_ns"]]
-    found = [motions.get(each) for each in rows["cycle"]]
+    local = [clock.format_unix_ns(each) for each in ledger_rows["end_unix_ns"]]
+    found = [motions.get(each) for each in ledger_rows["cycle"]]
     columns = {
         "haul_m": [None if m is None else m.haul_m for m in found],
         **{
@@ -121,32 +123,32 @@ def add_motion_columns(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
             for name in ("distance_m", "top_speed_m_s", "moving_s", "standing_s", "hole_s")
         },
     }
-    moved = rows.with_columns(
+    moved = ledger_rows.with_columns(
         pl.Series("local_time", local, dtype=pl.String),
         *(pl.Series(name, numbers, dtype=pl.Float64) for name, numbers in columns.items()),
     )
     return add_energy_columns(moved, state)
 
 
-def make_cycle_remark(row: Mapping[str, Any]) -> str:
+def make_cycle_remark(ledger_row: Mapping[str, Any]) -> str:
     """Remark on a cycle: why it has no mass or needs checking, or its gap.
 
     Args:
-        row: row of the ledger, with motion.
+        ledger_row: row of the ledger, with motion.
     """
-    hole_s = row["hole_s"] or 0.0
+    hole_s = ledger_row["hole_s"] or 0.0
     hole = f"{format_duration(hole_s)} of it not recorded" if hole_s > LIMITS.cycle_hole_s else ""
-    return "; ".join(filter(None, (row["withheld_for"], row["doubt"], hole)))
+    return "; ".join(filter(None, (ledger_row["withheld_for"], ledger_row["doubt"], hole)))
 
 
-def make_cycles_frame(rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:
+def make_cycles_frame(ledger_rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:
     """Frame `cycles` of a ledger, without verdicts.
 
     Args:
-        rows: the ledger.
+        ledger_rows: the ledger.
         t0_unix_ns: origin of the frame's times.
     """
-    frame = rename_stored_checks("cycles", rows).with_columns(
+    frame = rename_stored_checks("cycles", ledger_rows).with_columns(
         *(
             (pl.col(f"{name}_unix_ns") - t0_unix_ns).alias(f"{name}_t_ns")
             for name in ("start", "end", "dig", "dump")
@@ -157,13 +159,13 @@ def make_cycles_frame(rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:
     return conform_to_schema("cycles", frame.select(c.name for c in FRAMES["cycles"].columns))
 
 
-def write_ledger(frame: pl.DataFrame, folder: Path) -> None:
+def write_ledger_parquet_and_csv(ledger: pl.DataFrame, folder: Path) -> None:
     """Write the ledger as Parquet and as CSV.
 
     In the CSV, an apostrophe precedes texts that a spreadsheet would evaluate as formulas.
     """
-    frame.write_parquet(folder / PARQUET, compression="zstd")
-    texts = [name for name, kind in frame.schema.items() if kind == pl.String]
+    ledger.write_parquet(folder / PARQUET, compression="zstd")
+    texts = [name for name, kind in ledger.schema.items() if kind == pl.String]
     safe = [
         pl.when(pl.col(name).str.contains(FORMULA))
         .then(pl.lit("'") + pl.col(name))
@@ -171,16 +173,16 @@ def write_ledger(frame: pl.DataFrame, folder: Path) -> None:
         .alias(name)
         for name in texts
     ]
-    frame.with_columns(safe).write_csv(folder / CSV, float_precision=3)
+    ledger.with_columns(safe).write_csv(folder / CSV, float_precision=3)
 
 
-def _make_cycle_id(unix_ns: int) -> str:
+def _make_cycle_id_of_time(unix_ns: int) -> str:
     if unix_ns < FIRST_DATE_NS:
         return f"{unix_ns / NS:.0f}s"
-    return _format_iso_time(dt.datetime.fromtimestamp(unix_ns // NS, dt.UTC))
+    return _format_time_as_iso_8601(dt.datetime.fromtimestamp(unix_ns // NS, dt.UTC))
 
 
-def _format_iso_time(time: dt.datetime) -> str:
+def _format_time_as_iso_8601(time: dt.datetime) -> str:
     return f"{time.astimezone(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
@@ -189,7 +191,7 @@ def escape_spreadsheet_formula(text: str) -> str:
     return f"'{text}" if re.match(FORMULA, text) else text
 
 
-def find_cycle_row(time_text: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
+def find_ledger_row_of_cycle(time_text: str, ledger_rows: pl.DataFrame, clock: ShiftClock) -> int:
     """Row of the cycle that a reviewer names.
 
     A local time selects the cycle dumped within 5 s of it or in that minute, else the one in
@@ -198,7 +200,7 @@ def find_cycle_row(time_text: str, rows: pl.DataFrame, clock: ShiftClock) -> int
     Args:
         time_text: a number (14), an id (2023-11-14T22:14:58Z) or a local time (14:32:10, 14:32,
             02:30:10+02:00, 2023-11-14 14:32:10); h:mm:ss since the start for a log without a date.
-        rows: the ledger.
+        ledger_rows: the ledger.
         clock: clock of the shift.
 
     Raises:
@@ -206,12 +208,12 @@ def find_cycle_row(time_text: str, rows: pl.DataFrame, clock: ShiftClock) -> int
     """
     text = time_text.strip()
     if text.isdecimal():
-        found = [k for k, number in enumerate(rows["cycle"]) if number == int(text)]
-    elif text in (ids := rows["id"].to_list()):
+        found = [k for k, number in enumerate(ledger_rows["cycle"]) if number == int(text)]
+    elif text in (ids := ledger_rows["id"].to_list()):
         found = [ids.index(text)]
     elif match := _TIME.fullmatch(text):
         try:
-            found = find_rows_at_time(match, rows, clock)
+            found = find_ledger_rows_at_time(match, ledger_rows, clock)
         except ValueError as error:  # 30 February, an offset of 25 h
             raise ReviewError(f"'{time_text}' is not a time ({error})") from None
     else:
@@ -220,25 +222,33 @@ def find_cycle_row(time_text: str, rows: pl.DataFrame, clock: ShiftClock) -> int
             f"give its number (14), its id, or a local time (14:32:10)"
         )
     if len(found) > 1:
-        choices = ", ".join(f"{rows['cycle'][k]} (dumped {rows['local_time'][k]})" for k in found)
+        choices = ", ".join(
+            f"{ledger_rows['cycle'][k]} (dumped {ledger_rows['local_time'][k]})" for k in found
+        )
         raise ReviewError(
             f"'{time_text}' may be cycle {choices}; give the number, or the UTC offset"
         )
     if not found:
-        span = f" from {rows['local_time'][0]} to {rows['local_time'][-1]}" if rows.height else ""
-        raise ReviewError(f"no cycle '{time_text}' among {counted(rows.height, 'cycle')}{span}")
+        span = (
+            f" from {ledger_rows['local_time'][0]} to {ledger_rows['local_time'][-1]}"
+            if ledger_rows.height
+            else ""
+        )
+        raise ReviewError(
+            f"no cycle '{time_text}' among {counted(ledger_rows.height, 'cycle')}{span}"
+        )
     return found[0]
 
 
 def parse_local_instant(text: str, clock: ShiftClock) -> dt.datetime:
-    """Instant at which the local clock shows a time; see `find_cycle_row`.
+    """Instant at which the local clock shows a time; see `find_ledger_row_of_cycle`.
 
     Raises:
         ReviewError: it is not a time, or the clock shows it never or twice.
     """
     match = _TIME.fullmatch(text.strip())
     try:
-        found = [] if match is None else convert_local_time_to_unix(match, clock)
+        found = [] if match is None else convert_local_time_to_unix_s(match, clock)
     except ValueError as error:
         raise ReviewError(f"'{text}' is not a time ({error})") from None
     if match is None:
@@ -253,12 +263,14 @@ def parse_local_instant(text: str, clock: ShiftClock) -> dt.datetime:
     return dt.datetime.fromtimestamp(found[0], dt.UTC)
 
 
-def find_rows_at_time(match: re.Match[str], rows: pl.DataFrame, clock: ShiftClock) -> list[int]:
+def find_ledger_rows_at_time(
+    time_match: re.Match[str], ledger_rows: pl.DataFrame, clock: ShiftClock
+) -> list[int]:
     """Rows that a time may select."""
-    starts, ends = rows["start_unix_ns"].to_list(), rows["end_unix_ns"].to_list()
-    room_s = 60.0 if match["s"] is None else 0.0
+    starts, ends = ledger_rows["start_unix_ns"].to_list(), ledger_rows["end_unix_ns"].to_list()
+    room_s = 60.0 if time_match["s"] is None else 0.0
     found: set[int] = set()
-    for unix_s in convert_local_time_to_unix(match, clock):
+    for unix_s in convert_local_time_to_unix_s(time_match, clock):
         dumped = {
             k: abs(end / NS - unix_s)
             for k, end in enumerate(ends)
@@ -274,18 +286,18 @@ def find_rows_at_time(match: re.Match[str], rows: pl.DataFrame, clock: ShiftCloc
     return sorted(found)
 
 
-def convert_local_time_to_unix(match: re.Match[str], clock: ShiftClock) -> list[float]:
+def convert_local_time_to_unix_s(time_match: re.Match[str], clock: ShiftClock) -> list[float]:
     """Unix times in s at which the local clock shows this time."""
-    hour, minute, second = (int(match[name] or 0) for name in ("h", "m", "s"))
+    hour, minute, second = (int(time_match[name] or 0) for name in ("h", "m", "s"))
     if not clock.has_date:
         return [clock.t0_unix_ns / NS + 3600 * hour + 60 * minute + second]
-    zone = _parse_utc_offset(match["offset"]) if match["offset"] else ZoneInfo(clock.zone)
+    zone = _parse_utc_offset(time_match["offset"]) if time_match["offset"] else ZoneInfo(clock.zone)
     first, last = (
         clock.to_local_datetime(s).astimezone(zone).date() for s in (0.0, clock.duration_s)
     )
     days = [first + dt.timedelta(days=k) for k in range((last - first).days + 1)]
-    if match["day"]:
-        days = [dt.date.fromisoformat(match["day"])]
+    if time_match["day"]:
+        days = [dt.date.fromisoformat(time_match["day"])]
     found: set[float] = set()
     for day in days:
         for fold in (0, 1):
@@ -304,31 +316,33 @@ def _parse_utc_offset(text: str) -> dt.timezone:
     return dt.timezone(sign * dt.timedelta(hours=int(digits[:2]), minutes=int(digits[2:])))
 
 
-def list_cycle_doubts(cycles: pl.DataFrame) -> list[str]:
+def list_cycle_doubts(cycle_rows: pl.DataFrame) -> list[str]:
     """Doubts about each cycle, joined by semicolons; empty without doubts or payload.
 
     Args:
-        cycles: frame `cycles`, as counted.
+        cycle_rows: frame `cycle_rows`, as counted.
     """
-    counted = cycles.filter("counted")["payload_kg"]
+    counted = cycle_rows.filter("counted")["payload_kg"]
     typical = spread = None
     if counted.len() >= CYCLE_LIMITS.unlike_load_min_loads:
         typical = counted.median()
         spread = (counted - typical).abs().median()
-    return [_describe_cycle_doubts(row, typical, spread) for row in cycles.iter_rows(named=True)]
+    return [
+        _describe_cycle_doubts(row, typical, spread) for row in cycle_rows.iter_rows(named=True)
+    ]
 
 
 def _describe_cycle_doubts(
-    row: Mapping[str, Any], typical_kg: Any, median_deviation_kg: Any
+    cycle_row: Mapping[str, Any], typical_kg: Any, median_deviation_kg: Any
 ) -> str:
     """Doubts about one cycle, joined by semicolons."""
-    payload_kg, u_kg = row["payload_kg"], row["payload_u_kg"]
-    if payload_kg is None or not row["counted"]:
+    payload_kg, u_kg = cycle_row["payload_kg"], cycle_row["payload_u_kg"]
+    if payload_kg is None or not cycle_row["counted"]:
         return ""
     found: list[str] = []
     if payload_kg - CYCLE_LIMITS.coverage_factor * u_kg <= 0.0:
         found.append("the payload may be zero")
-    back_kg, back_u_kg = row["carry_back_kg"], row["carry_back_u_kg"]
+    back_kg, back_u_kg = cycle_row["carry_back_kg"], cycle_row["carry_back_u_kg"]
     if (
         back_kg is not None
         and back_u_kg is not None

@@ -44,7 +44,7 @@ class TornLog(BaseModel):
         )
 
     @property
-    def loss_text(self) -> str:
+    def loss_entry_text(self) -> str:
         """Entry for the list of losses, with a duration instead of bytes."""
         if self.next_s is None:
             return f"an unknown part of the end of log {self.number} ({self.name})"

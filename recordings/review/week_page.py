@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, fit_friction_trend
 from analysis.model.physical_units import NS
 from estimators.errors import OutputError, counted
-from recordings.report.atomic_output import atomic_file
+from recordings.report.atomic_output import stage_output_file
 from recordings.report.number_text import SCALE_NOT_KNOWN, format_plus_minus
 from recordings.report.render_page import render_page_html
 from recordings.report.shift_text import K, format_tonnes
@@ -25,7 +25,7 @@ from recordings.review.shift_facts import (
     describe_torn_logs,
     format_long_gap_spans,
     list_losses_besides_torn_ends,
-    warn_of_two_machines,
+    make_warning_of_two_machines,
 )
 from recordings.review.week_totals import (
     BY_REVIEW,
@@ -33,8 +33,8 @@ from recordings.review.week_totals import (
     WeekPart,
     WeekTotal,
     format_machine_title,
-    sum_by_group,
-    sum_week,
+    sum_week_parts_by_group,
+    sum_whole_week,
 )
 
 #: Seconds of a day.
@@ -68,7 +68,7 @@ class WeekShift(NamedTuple):
 
 
 def read_shifts_of_reviews(folders: Sequence[Path]) -> list[WeekShift]:
-    """Shifts in the folders that `read_week` accepts, in order of time."""
+    """Shifts in the folders that `read_counted_loads_of_reviews` accepts, in order of time."""
     states = [
         (folder, state) for folder in folders if (state := read_review_state(folder)) is not None
     ]
@@ -78,23 +78,23 @@ def read_shifts_of_reviews(folders: Sequence[Path]) -> list[WeekShift]:
             folder,
             state.begins,
             format_machine_title(state),
-            tuple(_list_missing_parts(state)),
-            _read_friction_day(state),
+            tuple(_list_uncounted_work_of_shift(state)),
+            _read_friction_of_shift_day(state),
         )
         for folder, state in states
     ]
 
 
-def _list_missing_parts(state: ReviewState) -> Iterable[str]:
+def _list_uncounted_work_of_shift(state: ReviewState) -> Iterable[str]:
     if state.mixed_machines:
-        yield warn_of_two_machines(state)
+        yield make_warning_of_two_machines(state)
     if gaps := format_long_gap_spans(state):
         yield f"Nothing was recorded {gaps}."
     yield from describe_torn_logs(state)
     yield from list_losses_besides_torn_ends(state)
 
 
-def _read_friction_day(state: ReviewState) -> FrictionDay | None:
+def _read_friction_of_shift_day(state: ReviewState) -> FrictionDay | None:
     value, std = state.friction
     if value is None or not std or not state.clock.has_date:
         return None
@@ -124,7 +124,7 @@ def fit_friction_trends(
     }
 
 
-def format_day(day_number: float) -> str:
+def format_day_number(day_number: float) -> str:
     """Date of a day number on the week's clock."""
     try:
         return f"{dt.datetime.fromtimestamp(day_number * _DAY_S, dt.UTC):%Y-%m-%d}"
@@ -134,10 +134,13 @@ def format_day(day_number: float) -> str:
 
 def describe_friction_trends(trends: Mapping[str, FrictionTrend]) -> list[str]:
     """Sentences on when each machine's friction reaches the limit."""
-    return [f"{machine}: {_describe_friction_trend(trend)}" for machine, trend in trends.items()]
+    return [
+        f"{machine}: {_describe_friction_trend_of_machine(trend)}"
+        for machine, trend in trends.items()
+    ]
 
 
-def _describe_friction_trend(trend: FrictionTrend) -> str:
+def _describe_friction_trend_of_machine(trend: FrictionTrend) -> str:
     limit = f"{trend.limit_N_s_m:,.0f} N·s/m"
     if trend.slope_N_s_m_d is None or trend.slope_u_N_s_m_d is None or trend.now_N_s_m is None:
         return f"when friction reaches {limit} cannot be predicted: {trend.why_not}"
@@ -147,59 +150,68 @@ def _describe_friction_trend(trend: FrictionTrend) -> str:
     )
     if trend.reached_d is None:
         return f"friction {change}; when it reaches {limit} cannot be predicted: {trend.why_not}"
-    first, last = map(format_day, trend.reached_d)
+    first, last = map(format_day_number, trend.reached_d)
     return f"friction {change}; it reaches {limit} between {first} and {last} (95 %)"
 
 
 def write_week_page(
-    parts: Sequence[WeekPart],
+    week_parts: Sequence[WeekPart],
     shifts: Sequence[WeekShift],
     limit_N_s_m: float | None,
-    path: Path,
+    page_path: Path,
 ) -> None:
     """Write the page of a week.
 
     Args:
-        parts: parts of the week.
+        week_parts: parts of the week.
         shifts: shifts of the week.
         limit_N_s_m: limit of friction, if requested.
-        path: page to write; an existing page of a week is replaced.
+        page_path: page to write; an existing page of a week is replaced.
 
     Raises:
         OutputError: it is not .html, or another file exists there.
     """
-    if path.suffix != ".html":
-        raise OutputError(f"{path}: the page of a week is one file; name it like week.html")
-    if path.is_file() and _MARK not in path.read_text(encoding="utf-8", errors="replace")[:200]:
-        raise OutputError(f"{path}: exists already and is not a page of a week; give another file")
-    with atomic_file(path, force=True) as stage:
-        text = render_week_html(parts, shifts, limit_N_s_m, path.parent)
+    if page_path.suffix != ".html":
+        raise OutputError(f"{page_path}: the page of a week is one file; name it like week.html")
+    if (
+        page_path.is_file()
+        and _MARK not in page_path.read_text(encoding="utf-8", errors="replace")[:200]
+    ):
+        raise OutputError(
+            f"{page_path}: exists already and is not a page of a week; give another file"
+        )
+    with stage_output_file(page_path, force=True) as stage:
+        text = render_week_html(week_parts, shifts, limit_N_s_m, page_path.parent)
         stage.write_text(text.replace("<html", f"{_MARK}\n<html", 1), encoding="utf-8")
 
 
 def render_week_html(
-    parts: Sequence[WeekPart],
+    week_parts: Sequence[WeekPart],
     shifts: Sequence[WeekShift],
     limit_N_s_m: float | None,
-    folder: Path,
+    page_folder: Path,
 ) -> str:
-    """HTML of the page; arguments as for `write_week_page`, links are relative to `folder`."""
-    whole = sum_week(parts)
-    days = sorted({part.day for part in parts})
+    """HTML of the page; arguments as for `write_week_page`, links are relative to `page_folder`."""
+    whole = sum_whole_week(week_parts)
+    days = sorted({part.day for part in week_parts})
     trends = {} if limit_N_s_m is None else fit_friction_trends(shifts, limit_N_s_m)
-    by_review = {each.name: each for each in sum_by_group(parts, BY_REVIEW)}
+    by_review = {each.name: each for each in sum_week_parts_by_group(week_parts, BY_REVIEW)}
     return render_page_html(
         _PACKAGE,
         _TEMPLATE,
         title=f"Week of {', '.join(sorted({shift.machine for shift in shifts}))}",
         days=" to ".join(dict.fromkeys([*days[:1], *days[-1:]])),
         reviews=counted(len(shifts), "review"),
-        headline=describe_week_tonnes(parts),
+        headline=describe_week_tonnes(week_parts),
         verdicts=f"{whole.rejected} rejected, {whole.noted} with another verdict",
         heads=list(HEADS),
-        tables={by: [_make_total_cells(each) for each in sum_by_group(parts, by)] for by in GROUPS},
+        tables={
+            by: [_make_cells_of_totals(each) for each in sum_week_parts_by_group(week_parts, by)]
+            for by in GROUPS
+        },
         shifts=[
-            _make_shift_row(shift, by_review.get(str(shift.folder)), folder) for shift in shifts
+            _make_shift_row(shift, by_review.get(str(shift.folder)), page_folder)
+            for shift in shifts
         ],
         missing=[(shift.begins, text) for shift in shifts for text in shift.missing],
         trends=describe_friction_trends(trends),
@@ -207,35 +219,37 @@ def render_week_html(
     )
 
 
-def describe_week_tonnes(parts: Sequence[WeekPart]) -> str:
+def describe_week_tonnes(week_parts: Sequence[WeekPart]) -> str:
     """Tonnes of the week, and whether their ± includes the error of scale."""
-    whole = sum_week(parts)
-    scale = "" if all(part.scale_known for part in parts) else f", {SCALE_NOT_KNOWN}"
+    whole = sum_whole_week(week_parts)
+    scale = "" if all(part.scale_known for part in week_parts) else f", {SCALE_NOT_KNOWN}"
     sum_text = format_tonnes(whole.payload_kg, K * whole.payload_u_kg)
     return f"{sum_text} in {counted(whole.loads, 'load')}{scale}"
 
 
-def _make_total_cells(total: WeekTotal) -> tuple[str, ...]:
+def _make_cells_of_totals(week_total: WeekTotal) -> tuple[str, ...]:
     """Cells of a row in a table of totals."""
     per_t = "–"
-    if total.kWh_per_t is not None and total.kWh_per_t_u is not None:
-        per_t = format_plus_minus(total.kWh_per_t, K * total.kWh_per_t_u)
+    if week_total.kWh_per_t is not None and week_total.kWh_per_t_u is not None:
+        per_t = format_plus_minus(week_total.kWh_per_t, K * week_total.kWh_per_t_u)
     return (
-        total.name or "not named",
-        f"{total.loads:,}",
-        format_tonnes(total.payload_kg, K * total.payload_u_kg),
-        f"{total.rejected}",
-        f"{total.noted}",
+        week_total.name or "not named",
+        f"{week_total.loads:,}",
+        format_tonnes(week_total.payload_kg, K * week_total.payload_u_kg),
+        f"{week_total.rejected}",
+        f"{week_total.noted}",
         per_t,
     )
 
 
 def _make_shift_row(
-    shift: WeekShift, total: WeekTotal | None, folder: Path
+    shift: WeekShift, shift_total: WeekTotal | None, page_folder: Path
 ) -> tuple[str, str, tuple[str, ...]]:
     """Start of a shift, link to its page, and cells of its totals."""
-    cells = ("0", "–", "0", "0", "–") if total is None else _make_total_cells(total)[1:]
-    page = os.path.relpath(shift.folder / PAGE, folder).replace(os.sep, "/")
+    cells = (
+        ("0", "–", "0", "0", "–") if shift_total is None else _make_cells_of_totals(shift_total)[1:]
+    )
+    page = os.path.relpath(shift.folder / PAGE, page_folder).replace(os.sep, "/")
     return shift.begins, page, (shift.machine, *cells)
 
 
@@ -259,16 +273,19 @@ def _draw_friction_picture(
     picture = Drawing(
         f"friction-{picture_number}",
         f"Friction of {machine}",
-        f"Viscous friction in N·s/m of {len(days)} shifts from {format_day(days[0].at_d)} to "
-        f"{format_day(days[-1].at_d)}; bars reach two standard deviations either way"
+        f"Viscous friction in N·s/m of {len(days)} shifts from {format_day_number(days[0].at_d)} "
+        f"to {format_day_number(days[-1].at_d)}; bars reach two standard deviations either way"
         + ("." if limit is None else f"; dashed: the limit, {limit:,.0f} N·s/m."),
         LIMITS.figure_height,
     )
     heights += [] if limit is None else [limit]
     axes = Axes.from_data([day.at_d for day in days], heights, _BOX)
     shown = days[:: max(1, len(days) // 4)]
-    axes.draw(
-        picture, "day (UTC)", "friction in N·s/m", [(d.at_d, format_day(d.at_d)[5:]) for d in shown]
+    axes.draw_grid_and_labels(
+        picture,
+        "day (UTC)",
+        "friction in N·s/m",
+        [(d.at_d, format_day_number(d.at_d)[5:]) for d in shown],
     )
     if limit is not None:
         _, y = axes.convert_to_drawing_units(axes.x[0], limit)
@@ -277,6 +294,9 @@ def _draw_friction_picture(
         x, bottom = axes.convert_to_drawing_units(day.at_d, low)
         _, top = axes.convert_to_drawing_units(day.at_d, high)
         picture.draw_line(x, bottom, x, top, "axis")
-        tip = f"{format_day(day.at_d)}: {day.friction_N_s_m:,.0f} ± {K * day.std_N_s_m:,.0f} N·s/m"
+        tip = (
+            f"{format_day_number(day.at_d)}: {day.friction_N_s_m:,.0f} ± {K * day.std_N_s_m:,.0f} "
+            "N·s/m"
+        )
         picture.draw_dot(*axes.convert_to_drawing_units(day.at_d, day.friction_N_s_m), "point", tip)
     return picture

@@ -12,7 +12,7 @@ from analysis.cycles.shift_totals import sum_counted_cycles
 from analysis.model.physical_units import NS
 from estimators.errors import ReviewError
 from recordings.review.review_state import ReviewState, read_review_state
-from recordings.review.reviewer_verdicts import assign_verdicts_to_rows, read_verdicts
+from recordings.review.reviewer_verdicts import assign_verdicts_to_rows, read_verdict_file
 from recordings.review.shift_ledger import PARQUET, make_cycles_frame
 
 #: Of a second, in ns.
@@ -82,7 +82,7 @@ class WeekTotal(NamedTuple):
     kWh_per_t_u: float | None
 
 
-def read_week(folders: Sequence[Path]) -> list[WeekPart]:
+def read_counted_loads_of_reviews(review_folders: Sequence[Path]) -> list[WeekPart]:
     """Counted loads of reviews, with the present `verdicts.toml`, without a replay.
 
     A load belongs to the day on which it ends, by the clock of its machine.
@@ -92,7 +92,7 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
     """
     owners: dict[tuple[str, int], Path] = {}
     found: list[WeekPart] = []
-    for folder in folders:
+    for folder in review_folders:
         state = read_review_state(folder)
         if state is None or not (folder / PARQUET).is_file():
             raise ReviewError(
@@ -118,7 +118,7 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
                     f"{folder}: contains loads that are also in {other}; give only one of them"
                 )
         owners |= {(machine, ends_ns): folder for ends_ns in rows["end_unix_ns"]}
-        found += _sum_loads_by_part(rows, cycles, state, folder)
+        found += _sum_loads_by_material_and_day(rows, cycles, state, folder)
     return found
 
 
@@ -127,15 +127,15 @@ def format_machine_title(state: ReviewState) -> str:
     return f"{state.machine} {state.serial}".strip()
 
 
-def _sum_loads_by_part(
-    rows: pl.DataFrame, cycles: pl.DataFrame, state: ReviewState, folder: Path
+def _sum_loads_by_material_and_day(
+    ledger_rows: pl.DataFrame, cycles: pl.DataFrame, state: ReviewState, folder: Path
 ) -> list[WeekPart]:
-    verdicts = read_verdicts(folder)
-    by_row = assign_verdicts_to_rows(verdicts, rows["id"], folder)
-    rejected = [int(rows["cycle"][row]) for row, each in by_row.items() if each.reject]
+    verdicts = read_verdict_file(folder)
+    by_row = assign_verdicts_to_rows(verdicts, ledger_rows["id"], folder)
+    rejected = [int(ledger_rows["cycle"][row]) for row, each in by_row.items() if each.reject]
     clock = state.clock
     groups: dict[tuple[str, str], list[int]] = defaultdict(list)
-    for row, ends_ns in enumerate(rows["end_unix_ns"]):
+    for row, ends_ns in enumerate(ledger_rows["end_unix_ns"]):
         own = by_row[row].product if row in by_row else ""
         local = (
             clock.to_local_datetime((ends_ns - state.t0_unix_ns) / NS) if clock.has_date else None
@@ -159,18 +159,18 @@ def _sum_loads_by_part(
                 noted=sum(not by_row[row].reject for row in given),
                 scale_known=not (members_counted["scale_from"] == "").any(),
                 review=str(folder),
-                **_sum_energy(rows[members], cycles[members], rejected),
+                **_sum_energy_of_counted_loads(ledger_rows[members], cycles[members], rejected),
             )
         )
     return parts
 
 
-def _sum_energy(
-    rows: pl.DataFrame, cycles: pl.DataFrame, rejected: Sequence[int]
+def _sum_energy_of_counted_loads(
+    ledger_rows: pl.DataFrame, cycles: pl.DataFrame, rejected_rows: Sequence[int]
 ) -> dict[str, float]:
     """Energy of the counted loads with known energy; its errors are common to all of them."""
-    known = rows.with_columns(counted=cycles["counted"]).filter(
-        pl.col("counted"), ~pl.col("cycle").is_in(rejected), pl.col("energy_kWh").is_not_null()
+    known = ledger_rows.with_columns(counted=cycles["counted"]).filter(
+        pl.col("counted"), ~pl.col("cycle").is_in(rejected_rows), pl.col("energy_kWh").is_not_null()
     )
     return {
         "energy_kWh": float(known["energy_kWh"].sum()),
@@ -179,52 +179,61 @@ def _sum_energy(
     }
 
 
-def sum_by_group(parts: Sequence[WeekPart], group: str) -> list[WeekTotal]:
+def sum_week_parts_by_group(week_parts: Sequence[WeekPart], group_name: str) -> list[WeekTotal]:
     """Totals by one of `GROUPS`, in its order.
 
     Errors common to the loads of a machine are common to all its shifts and add linearly; machines
     are independent.
 
     Args:
-        parts: parts of the week.
-        group: group, or `BY_REVIEW`.
+        week_parts: parts of the week.
+        group_name: group, or `BY_REVIEW`.
     """
     members: dict[str, list[WeekPart]] = defaultdict(list)
-    for part in parts:
-        members[getattr(part, group)].append(part)
+    for part in week_parts:
+        members[getattr(part, group_name)].append(part)
     return [_sum_week_parts(name, members[name]) for name in sorted(members)]
 
 
-def sum_week(parts: Sequence[WeekPart]) -> WeekTotal:
+def sum_whole_week(week_parts: Sequence[WeekPart]) -> WeekTotal:
     """Totals of the whole week."""
-    return _sum_week_parts("all", parts)
+    return _sum_week_parts("all", week_parts)
 
 
-def _sum_week_parts(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
+def _sum_week_parts(total_name: str, week_parts: Sequence[WeekPart]) -> WeekTotal:
     """Total of several parts; common errors add up within a machine."""
     common_kg: dict[str, float] = defaultdict(float)
-    for part in parts:
+    for part in week_parts:
         common_kg[part.machine] += part.common_u_kg
-    u_kg = math.hypot(*(part.random_u_kg for part in parts), *common_kg.values())
-    mass_kg = math.fsum(part.payload_kg for part in parts)
+    u_kg = math.hypot(*(part.random_u_kg for part in week_parts), *common_kg.values())
+    mass_kg = math.fsum(part.payload_kg for part in week_parts)
     loads, rejected, noted = (
-        sum(getattr(part, count) for part in parts) for count in ("loads", "rejected", "noted")
+        sum(getattr(part, count) for part in week_parts) for count in ("loads", "rejected", "noted")
     )
-    per_t, per_t_u = compute_week_energy_per_tonne(parts, mass_kg, u_kg)
-    return WeekTotal(name, loads, mass_kg, u_kg, rejected, noted, per_t, per_t_u)
+    per_t, per_t_u = compute_week_energy_per_tonne(week_parts, mass_kg, u_kg)
+    return WeekTotal(total_name, loads, mass_kg, u_kg, rejected, noted, per_t, per_t_u)
+
+
+class EnergyPerTonne(NamedTuple):
+    """Energy per tonne with its standard uncertainty; None if unknown."""
+
+    kWh_per_t: float | None
+    u_kWh_per_t: float | None
 
 
 def compute_week_energy_per_tonne(
-    parts: Sequence[WeekPart], mass_kg: float, u_kg: float
-) -> tuple[float | None, float | None]:
+    week_parts: Sequence[WeekPart], mass_kg: float, mass_u_kg: float
+) -> EnergyPerTonne:
     """Energy per tonne and its standard uncertainty; None if no load has both."""
     energy_kWh, tonnes = (
-        math.fsum(getattr(part, name) for part in parts) for name in ("energy_kWh", "energy_t")
+        math.fsum(getattr(part, name) for part in week_parts) for name in ("energy_kWh", "energy_t")
     )
     if tonnes <= 0.0 or mass_kg <= 0.0:
-        return None, None
+        return EnergyPerTonne(None, None)
     own_kWh: dict[str, float] = defaultdict(float)
-    for part in parts:
+    for part in week_parts:
         own_kWh[part.machine] += part.energy_u_kWh
     per_t = energy_kWh / tonnes
-    return per_t, math.hypot(math.hypot(*own_kWh.values()) / tonnes, per_t * u_kg / mass_kg)
+    return EnergyPerTonne(
+        per_t, math.hypot(math.hypot(*own_kWh.values()) / tonnes, per_t * mass_u_kg / mass_kg)
+    )

@@ -8,19 +8,19 @@ import polars as pl
 
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.report.finding_text import read_findings
+from recordings.report.finding_text import read_findings_of_run
 from recordings.rrd.display_frames import (
     ROOT,
     DisplayColumn,
-    choose_axis_range,
-    find_grid_span_ns,
+    choose_axis_range_without_outliers,
+    find_time_span_of_grid_ns,
     list_displayed_columns,
 )
 from recordings.rrd.plane_pictures import PlanePicture
 from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.recording_views import MethodLayout, Tab, View, ViewKind
-from recordings.rrd.stored_frames import entity_path
+from recordings.rrd.stored_frames import make_entity_path
 from recordings.rrd.stored_names import TIME, make_component_name
 
 if TYPE_CHECKING:
@@ -83,12 +83,12 @@ class Page:
     """Name and title of each, below the panels."""
 
     @property
-    def rows(self) -> list[Row]:
+    def panel_rows(self) -> list[Row]:
         """Panels row by row."""
         return [each if isinstance(each, tuple) else (each,) for each in self.panels]
 
 
-def lay_out_run(
+def lay_out_run_in_tabs(
     run: Run,
     display_frames: Mapping[str, pl.DataFrame],
     texts: Collection[str],
@@ -107,21 +107,21 @@ def lay_out_run(
     pages = [
         Page(
             tab.name,
-            make_tab_panels(tab, run, display_frames),
+            make_panels_of_tab(tab, run, display_frames),
             tuple(name for name in tab.texts if name in texts),
-            events=tab.events and bool(read_findings(run)),
+            events=tab.events and bool(read_findings_of_run(run)),
             pictures=tuple(
                 (name, pictures[name].title) for name in tab.pictures if name in pictures
             ),
         )
         for tab in TABS
         # what is not there needs no signals beside it
-        if not tab.events or read_findings(run)
+        if not tab.events or read_findings_of_run(run)
     ]
-    return lay_out_tabs(pages, find_grid_unix_span_ns(run), parent_entity)
+    return lay_out_pages_as_tabs(pages, find_unix_span_of_grid_ns(run), parent_entity)
 
 
-def make_tab_panels(
+def make_panels_of_tab(
     tab: Tab, run: Run, display_frames: Mapping[str, pl.DataFrame]
 ) -> tuple[Panel | Row, ...]:
     """Views of a tab for which this run has data, by its `display_frames`.
@@ -130,7 +130,9 @@ def make_tab_panels(
         Panels, or rows of panels; none if only the tab's context has data.
     """
     found = [
-        (view, panel) for view in tab.views if (panel := _make_panel(view, run, display_frames))
+        (view, panel)
+        for view in tab.views
+        if (panel := _make_panel_of_view(view, run, display_frames))
     ]
     if all(view in tab.context for view, _ in found):
         return ()
@@ -143,9 +145,15 @@ def make_tab_panels(
     return tuple(panels.get(_LEADING_METHOD, next(iter(panels.values()))) for panels in by_method)
 
 
-def _make_panel(view: View, run: Run, display_frames: Mapping[str, pl.DataFrame]) -> Panel | None:
+def _make_panel_of_view(
+    view: View, run: Run, display_frames: Mapping[str, pl.DataFrame]
+) -> Panel | None:
     drawn = list_displayed_columns(view, run, display_frames)
-    return Panel(view.title, view.kind, drawn, choose_axis_range(view, run)) if drawn else None
+    return (
+        Panel(view.title, view.kind, drawn, choose_axis_range_without_outliers(view, run))
+        if drawn
+        else None
+    )
 
 
 def _split_panel_by_method(panel: Panel) -> dict[str, Panel]:
@@ -163,34 +171,40 @@ def _split_panel_by_method(panel: Panel) -> dict[str, Panel]:
     }
 
 
-def find_grid_unix_span_ns(run: Run) -> tuple[int, int] | None:
+def find_unix_span_of_grid_ns(run: Run) -> tuple[int, int] | None:
     """First and last Unix time of a run's grid; None without one."""
-    span, t0_ns = find_grid_span_ns(run), run.provenance.t0_unix_ns
+    span, t0_ns = find_time_span_of_grid_ns(run), run.provenance.t0_unix_ns
     return None if span is None else (span[0] + t0_ns, span[1] + t0_ns)
 
 
-def lay_out_tabs(
+def lay_out_pages_as_tabs(
     pages: Sequence[Page],
-    span: tuple[int, int] | None,
+    span_ns: tuple[int, int] | None,
     parent_entity: str = "",
     *,
-    grows: bool = False,
+    is_growing: bool = False,
 ) -> "rrb.Blueprint":
     """Lay out pages as tabs, the first one open; empty pages are left out.
 
     Args:
         pages: the pages.
-        span: visible Unix times in ns; None for all.
+        span_ns: visible Unix times in ns; None for all.
         parent_entity: parent entity; empty for none.
-        grows: whether the time cursor stays at the newest row.
+        is_growing: whether the time cursor stays at the newest row.
     """
     import rerun.blueprint as rrb
 
-    tabs = [tab for page in pages if (tab := _make_tab(page, span, parent_entity)) is not None]
+    tabs = [
+        tab
+        for page in pages
+        if (tab := _make_tab_of_page(page, span_ns, parent_entity)) is not None
+    ]
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0, name="payscope"),
         rrb.TimePanel(
-            state="collapsed", timeline=TIME, play_state="following" if grows else "paused"
+            state="collapsed",
+            timeline=TIME,
+            play_state="following" if is_growing else "paused",
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
@@ -201,34 +215,34 @@ def lay_out_tabs(
 
 def make_text_entity_path(name: str, parent_entity: str = "") -> str:
     """Entity path of a text."""
-    return entity_path(f"{ROOT}/text/{name}", parent_entity)
+    return make_entity_path(f"{ROOT}/text/{name}", parent_entity)
 
 
 def make_picture_entity_path(name: str, parent_entity: str = "") -> str:
     """Entity path of a picture."""
-    return entity_path(f"{ROOT}/picture/{name}", parent_entity)
+    return make_entity_path(f"{ROOT}/picture/{name}", parent_entity)
 
 
 def make_events_entity_path(parent_entity: str = "") -> str:
     """Entity path of the events."""
-    return entity_path(f"{ROOT}/events", parent_entity)
+    return make_entity_path(f"{ROOT}/events", parent_entity)
 
 
-def _make_tab(
-    page: Page, span: tuple[int, int] | None, parent_entity: str
+def _make_tab_of_page(
+    page: Page, span_ns: tuple[int, int] | None, parent_entity: str
 ) -> "rrb.Container | None":
     import rerun.blueprint as rrb
 
-    has_legend = any(panel.has_legend for row in page.rows for panel in row)
+    has_legend = any(panel.has_legend for row in page.panel_rows for panel in row)
     axis = _make_time_axis(
-        span,
+        span_ns,
         (LIMITS.narrow_legend_room_fraction if page.texts else LIMITS.legend_room_fraction)
         if has_legend
         else 0.0,
     )
     plots = [
-        _place_side_by_side([_make_view(panel, axis, parent_entity) for panel in row])
-        for row in page.rows
+        _lay_out_views_side_by_side([_make_rerun_view(panel, axis, parent_entity) for panel in row])
+        for row in page.panel_rows
     ]
     if page.events:
         plots.append(rrb.TextLogView(origin=make_events_entity_path(parent_entity), name="Events"))
@@ -259,7 +273,7 @@ def _make_tab(
     return rrb.Horizontal(*documents, name=page.name) if documents else None
 
 
-def _place_side_by_side(views: "list[rrb.View]") -> "rrb.View | rrb.Container":
+def _lay_out_views_side_by_side(views: "list[rrb.View]") -> "rrb.View | rrb.Container":
     import rerun.blueprint as rrb
 
     return views[0] if len(views) == 1 else rrb.Horizontal(*views)
@@ -271,18 +285,18 @@ def compute_relative_panel_heights(page: Page) -> list[float]:
     Lanes get the height they need; the other panels are equal, except for tall legends.
     """
     others = page.events + len(page.pictures)
-    lanes = [max(panel.lanes_height_fraction for panel in row) for row in page.rows] + [
+    lanes = [max(panel.lanes_height_fraction for panel in row) for row in page.panel_rows] + [
         0.0
     ] * others
     shrunk = min(1.0, LIMITS.lanes_max_fraction / (sum(lanes) or 1.0))
-    least = [max(panel.plot_height_fraction for panel in row) for row in page.rows]
+    least = [max(panel.plot_height_fraction for panel in row) for row in page.panel_rows]
     least += [LIMITS.plot_margin / LIMITS.page_height] * others
     plots = [needed for needed, lane in zip(least, lanes, strict=True) if lane == 0.0]
-    heights = iter(divide_height(plots, 1.0 - shrunk * sum(lanes)))
+    heights = iter(divide_height_with_minimums(plots, 1.0 - shrunk * sum(lanes)))
     return [shrunk * lane or next(heights) for lane in lanes]
 
 
-def divide_height(min_heights: Sequence[float], total_height: float) -> list[float]:
+def divide_height_with_minimums(min_heights: Sequence[float], total_height: float) -> list[float]:
     """Share room equally, but with a minimum for each; all shrink if it is too little."""
     if sum(min_heights) >= total_height:
         return [total_height * each / sum(min_heights) for each in min_heights]
@@ -294,15 +308,15 @@ def divide_height(min_heights: Sequence[float], total_height: float) -> list[flo
     return [max(each, level) for each in min_heights]
 
 
-def _make_time_axis(span: tuple[int, int] | None, legend_fraction: float) -> "rrb.TimeAxis":
+def _make_time_axis(span_ns: tuple[int, int] | None, legend_fraction: float) -> "rrb.TimeAxis":
     """Time axis of the whole log, plus a fraction `legend_fraction` for legends."""
     import rerun.blueprint as rrb
     from rerun.encodings import TimeRange, TimeRangeBoundary
 
-    if span is None or not legend_fraction:
+    if span_ns is None or not legend_fraction:
         ends = TimeRangeBoundary.infinite(), TimeRangeBoundary.infinite()
     else:
-        begin, end = span
+        begin, end = span_ns
         ends = (
             TimeRangeBoundary.absolute(nanos=begin),
             TimeRangeBoundary.absolute(nanos=end + round(legend_fraction * (end - begin))),
@@ -310,48 +324,55 @@ def _make_time_axis(span: tuple[int, int] | None, legend_fraction: float) -> "rr
     return rrb.TimeAxis(view_range=TimeRange(start=ends[0], end=ends[1]))
 
 
-def _make_view(panel: Panel, axis: "rrb.TimeAxis", parent_entity: str) -> "rrb.View":
+def _make_rerun_view(panel: Panel, time_axis: "rrb.TimeAxis", parent_entity: str) -> "rrb.View":
     import rerun.blueprint as rrb
 
     overrides: dict[EntityPathLike, list[Visualizer]] = {}
     for each in panel.drawn:
-        overrides.setdefault(entity_path(each.frame, parent_entity), []).extend(
-            _iter_view_visualizers(panel.kind, each)
+        overrides.setdefault(make_entity_path(each.frame, parent_entity), []).extend(
+            _iter_visualizers_of_column(panel.kind, each)
         )
     contents = [str(entity) for entity in overrides]
     if panel.kind is ViewKind.STATES:
         return rrb.StateTimelineView(
-            name=panel.title, contents=contents, overrides=overrides, time_view=axis
+            name=panel.title, contents=contents, overrides=overrides, time_view=time_axis
         )
     return rrb.TimeSeriesView(
         name=panel.title,
         contents=contents,
         overrides=overrides,
-        axis_x=axis,
+        axis_x=time_axis,
         axis_y=rrb.ScalarAxis(range=panel.bulk) if panel.bulk is not None else None,
         plot_legend=rrb.PlotLegend("RightTop", visible=panel.has_legend),
     )
 
 
-def _iter_view_visualizers(kind: ViewKind, display_column: DisplayColumn) -> "Iterator[Visualizer]":
+def _iter_visualizers_of_column(
+    drawing_type: ViewKind, display_column: DisplayColumn
+) -> "Iterator[Visualizer]":
     import rerun as rr
 
-    if kind is ViewKind.STATES:
+    if drawing_type is ViewKind.STATES:
         looks = rr.StateConfiguration(
-            values=list(colours.make_state_colours()),
-            labels=[state.replace("_", " ") for state in colours.make_state_colours()],
-            colors=[colours.pack_rgba(colour) for colour in colours.make_state_colours().values()],
+            values=list(colours.make_colour_by_state()),
+            labels=[state.replace("_", " ") for state in colours.make_colour_by_state()],
+            colors=[
+                colours.pack_colour_as_rgba(colour)
+                for colour in colours.make_colour_by_state().values()
+            ],
         )
         yield looks.visualizer(
-            mappings=[_make_column_mapping("StateChange:state", display_column.column)]
+            mappings=[_map_component_to_column("StateChange:state", display_column.column)]
         )
         return
-    colour = colours.pack_rgba(display_column.colour, "60" if display_column.faint else "ff")
-    scalars = _make_column_mapping("Scalars:scalars", display_column.column)
+    colour = colours.pack_colour_as_rgba(
+        display_column.colour, "60" if display_column.faint else "ff"
+    )
+    scalars = _map_component_to_column("Scalars:scalars", display_column.column)
     if display_column.variance is not None:
         band = rr.Measurements.from_fields(names=display_column.label, colors=colour)
-        values = _make_column_mapping("Measurements:values", display_column.column)
-        variances = _make_column_mapping("Measurements:variances", display_column.variance)
+        values = _map_component_to_column("Measurements:values", display_column.column)
+        variances = _map_component_to_column("Measurements:variances", display_column.variance)
         yield band.visualizer(mappings=[values, variances])
     else:
         width = 0.7 if display_column.faint else 3.5 if display_column.wide else 1.5
@@ -367,9 +388,9 @@ def _iter_view_visualizers(kind: ViewKind, display_column: DisplayColumn) -> "It
         yield dots.visualizer(mappings=[scalars])
 
 
-def _make_column_mapping(target: str, column: str) -> "VisualizerComponentMapping":
+def _map_component_to_column(component: str, column: str) -> "VisualizerComponentMapping":
     from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
     return VisualizerComponentMapping(
-        target, ComponentSourceKind.SourceComponent, source_component=make_component_name(column)
+        component, ComponentSourceKind.SourceComponent, source_component=make_component_name(column)
     )

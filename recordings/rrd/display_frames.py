@@ -20,7 +20,7 @@ from recordings.report.number_text import format_unit_suffix
 from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.recording_table import TABS, list_frames_of_series
 from recordings.rrd.recording_views import View, ViewKind, ViewSeries
-from recordings.rrd.stored_names import STATE, split_entity_path
+from recordings.rrd.stored_names import STATE, split_frame_name_to_path
 
 ROOT: Final = "display"
 LANES: Final = f"{ROOT}/states"
@@ -49,7 +49,7 @@ class DisplayColumn:
     """Whether another line lies over it."""
 
 
-def find_grid_span_ns(run: Run) -> tuple[int, int] | None:
+def find_time_span_of_grid_ns(run: Run) -> tuple[int, int] | None:
     """First and last `t_ns` of a run's grid; None if no frame has times."""
     for name in ("aligned", "excitation", "gate"):
         if name in run.frames and run.frames[name].height:
@@ -60,7 +60,7 @@ def find_grid_span_ns(run: Run) -> tuple[int, int] | None:
 
 def is_run_drawn_decimated(run: Run) -> bool:
     """Whether this run is drawn decimated."""
-    span = find_grid_span_ns(run)
+    span = find_time_span_of_grid_ns(run)
     return span is not None and span[1] - span[0] > LONG_NS
 
 
@@ -68,11 +68,11 @@ def iter_view_series(view: View, run: Run) -> Iterator[tuple[ViewSeries, str]]:
     """Series of a view for which this run has data, each with the name of its frame."""
     for series in view.series:
         for name in list_frames_of_series(series, run.frames):
-            if _has_numbers_to_draw(series, select_arcs(run.frames[name])):
+            if _has_frame_numbers_of_series(series, select_rows_of_arcs(run.frames[name])):
                 yield series, name
 
 
-def _has_numbers_to_draw(series: ViewSeries, frame: pl.DataFrame) -> bool:
+def _has_frame_numbers_of_series(series: ViewSeries, frame: pl.DataFrame) -> bool:
     """Whether the frame has values for the series."""
     if series.column not in frame.columns:
         return False
@@ -100,14 +100,16 @@ def list_displayed_columns(
         if view.kind is ViewKind.STATES:
             drawn.append(DisplayColumn(_make_lane_entity_path(series), STATE, series.label))
             continue
-        method = split_entity_path(name)[1] if series.frame == "estimates" else None
+        method = split_frame_name_to_path(name)[1] if series.frame == "estimates" else None
         label = " ".join(filter(None, (method, series.label)))
         colour = (
             colours.choose_method_colour(method) if method else colours.choose_line_colour(number)
         )
         frame = _make_display_column_name(name)
         variance = _make_variance_column_name(series.std_column) if series.std_column else None
-        dotted = series.frame in _SHORT or is_drawn_as_points(display_frames[frame][series.column])
+        dotted = series.frame in _SHORT or should_draw_as_points(
+            display_frames[frame][series.column]
+        )
         extremes = (
             view.kind is ViewKind.LINES
             and _make_extreme_column_name(series.column, "min") in display_frames[frame].columns
@@ -118,7 +120,7 @@ def list_displayed_columns(
         ends = [_make_extreme_column_name(series.column, end) for end in _ENDS if extremes]
         drawn += [DisplayColumn(frame, end, label, colour, faint=True) for end in ends]
     if drawn and view.threshold is not None:
-        value = f"{_read_view_threshold(run, view):g}{format_unit_suffix(view.unit)}"
+        value = f"{_read_threshold_setting_of_view(run, view):g}{format_unit_suffix(view.unit)}"
         label = f"threshold {value}"
         drawn.append(DisplayColumn(_make_threshold_frame_name(view), "threshold", label, "#d55e00"))
     return tuple(drawn)
@@ -135,9 +137,9 @@ def make_display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.Data
     asked: dict[str, dict[str, pl.Expr]] = {}
     for view in dict.fromkeys(view for tab in TABS for view in tab.views):
         for series, name in iter_view_series(view, run):
-            frame = select_arcs(run.frames[name])
+            frame = select_rows_of_arcs(run.frames[name])
             if series.frame == "findings":
-                frame = resolve_overlapping_findings(frame, find_grid_span_ns(run))
+                frame = keep_shortest_of_overlapping_findings(frame, find_time_span_of_grid_ns(run))
             if view.kind is ViewKind.STATES:
                 frames[_make_lane_entity_path(series)] = select_state_changes(
                     series, frame, find_grid_period_ns(run)
@@ -148,26 +150,26 @@ def make_display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.Data
                 )
             else:
                 asked.setdefault(name, {}).update(make_bin_expressions(view.kind, series))
-            if view.threshold is not None and (span := find_grid_span_ns(run)) is not None:
-                level = [_read_view_threshold(run, view)] * 2
+            if view.threshold is not None and (span := find_time_span_of_grid_ns(run)) is not None:
+                level = [_read_threshold_setting_of_view(run, view)] * 2
                 frames[_make_threshold_frame_name(view)] = pl.DataFrame(
                     {"t_ns": span, "threshold": level}
                 )
     for name, wanted in asked.items():
         if decimate and is_run_drawn_decimated(run):
-            frames[_make_display_column_name(name)] = _decimate_frame(
+            frames[_make_display_column_name(name)] = _bin_frame_of_run(
                 run, name, list(wanted.values())
             )
         else:
             numbers = select_numbers_to_draw(name, run.frames[name])
-            sparse = split_entity_path(name)[0] == "estimates"
+            sparse = split_frame_name_to_path(name)[0] == "estimates"
             frames[_make_display_column_name(name)] = (
-                insert_breaks_at_gaps(numbers, find_grid_period_ns(run)) if sparse else numbers
+                insert_empty_rows_at_gaps(numbers, find_grid_period_ns(run)) if sparse else numbers
             )
     return frames
 
 
-def choose_axis_range(view: View, run: Run) -> tuple[float, float] | None:
+def choose_axis_range_without_outliers(view: View, run: Run) -> tuple[float, float] | None:
     """Range of most values of a view with outliers; None to show all."""
     if not view.clips_outliers:
         return None
@@ -204,15 +206,15 @@ def _make_variance_column_name(std: str) -> str:
     return f"{std}_squared"
 
 
-def _make_extreme_column_name(column: str, end: str) -> str:
-    return f"{column}_{end}"
+def _make_extreme_column_name(column: str, extreme: str) -> str:
+    return f"{column}_{extreme}"
 
 
-def _read_view_threshold(run: Run, view: View) -> float:
+def _read_threshold_setting_of_view(run: Run, view: View) -> float:
     return float(run.provenance.settings.value(str(view.threshold)))
 
 
-def is_drawn_as_points(numbers: pl.Series) -> bool:
+def should_draw_as_points(numbers: pl.Series) -> bool:
     """Whether most values are isolated, or in many short lines."""
     there = numbers.is_not_null().to_numpy()
     edges = np.diff(there, prepend=False, append=False)
@@ -229,7 +231,7 @@ def find_grid_period_ns(run: Run) -> int:
 
 def select_numbers_to_draw(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     """Numbers of a frame that a view draws, by time or start time, with variances."""
-    family = split_entity_path(name)[0]
+    family = split_frame_name_to_path(name)[0]
     shown = [s for tab in TABS for view in tab.views for s in view.series if s.frame == family]
     columns = dict.fromkeys(s.column for s in shown if s.column in frame.columns)
     numeric = [c for c in columns if frame.schema[c].is_float()]
@@ -244,19 +246,19 @@ def select_numbers_to_draw(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def insert_breaks_at_gaps(numbers: pl.DataFrame, period_ns: int) -> pl.DataFrame:
+def insert_empty_rows_at_gaps(numbers: pl.DataFrame, period_ns: int) -> pl.DataFrame:
     """Insert an empty row after each stretch of consecutive rows."""
     step = pl.col("t_ns").shift(-1) - pl.col("t_ns")
     ends = numbers.filter((step > 1.5 * period_ns).fill_null(True)).select(pl.col("t_ns") + 1)
     return pl.concat([numbers, ends], how="diagonal").sort("t_ns")
 
 
-def select_arcs(frame: pl.DataFrame) -> pl.DataFrame:
+def select_rows_of_arcs(planar_frame: pl.DataFrame) -> pl.DataFrame:
     """Arcs among planar fits, in order of time; the fit of all motion if there are none."""
-    if "kind" not in frame.columns:
-        return frame
-    arcs = frame.filter(pl.col("kind") == "arc")
-    return frame.tail(1) if arcs.is_empty() else arcs
+    if "kind" not in planar_frame.columns:
+        return planar_frame
+    arcs = planar_frame.filter(pl.col("kind") == "arc")
+    return planar_frame.tail(1) if arcs.is_empty() else arcs
 
 
 def _repeat_rows_at_span_end(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.DataFrame:
@@ -266,7 +268,7 @@ def _repeat_rows_at_span_end(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.Dat
     return pl.concat([numbers, ends, breaks], how="diagonal").sort("t_ns", maintain_order=True)
 
 
-def resolve_overlapping_findings(
+def keep_shortest_of_overlapping_findings(
     findings: pl.DataFrame, span: tuple[int, int] | None
 ) -> pl.DataFrame:
     """Findings in order of time; where several overlap, the shortest one.
@@ -312,19 +314,19 @@ def select_state_changes(series: ViewSeries, frame: pl.DataFrame, period_ns: int
     return states.filter(changed | (pl.int_range(pl.len()) == 0))
 
 
-def _decimate_frame(run: Run, name: str, expressions: list[pl.Expr]) -> pl.DataFrame:
-    span = find_grid_span_ns(run)
+def _bin_frame_of_run(run: Run, name: str, bin_expressions: list[pl.Expr]) -> pl.DataFrame:
+    span = find_time_span_of_grid_ns(run)
     assert span is not None
     width_ns = min(max(-(-(span[1] - span[0]) // (LIMITS.screen_bins * NS)), 1), 10) * NS
     # narrower than the grid's step most bins were empty, and no line would be drawn
     width_ns = max(width_ns, find_grid_period_ns(run))
-    return bin_frame_rows(run.frames[name], expressions, span, width_ns)
+    return bin_frame_rows(run.frames[name], bin_expressions, span, width_ns)
 
 
-def make_bin_expressions(kind: ViewKind, series: ViewSeries) -> dict[str, pl.Expr]:
+def make_bin_expressions(drawing_type: ViewKind, series: ViewSeries) -> dict[str, pl.Expr]:
     """Expressions for the binned columns of a series."""
     numbers = pl.col(series.column)
-    if kind is ViewKind.BANDS:
+    if drawing_type is ViewKind.BANDS:
         mean = {series.column: numbers.mean()}
         if series.std_column is None:
             return mean
@@ -339,12 +341,12 @@ def make_bin_expressions(kind: ViewKind, series: ViewSeries) -> dict[str, pl.Exp
 
 
 def bin_frame_rows(
-    frame: pl.DataFrame, expressions: list[pl.Expr], span: tuple[int, int], width_ns: int
+    frame: pl.DataFrame, expressions: list[pl.Expr], span: tuple[int, int], bin_width_ns: int
 ) -> pl.DataFrame:
     """A row per bin at its middle; bins without rows are empty, so that no line crosses them."""
     start, end = span
-    number = ((pl.col("t_ns") - start) // width_ns).alias("bin")
-    bins = pl.select(pl.int_range((end - start) // width_ns + 1, dtype=pl.Int64).alias("bin"))
+    number = ((pl.col("t_ns") - start) // bin_width_ns).alias("bin")
+    bins = pl.select(pl.int_range((end - start) // bin_width_ns + 1, dtype=pl.Int64).alias("bin"))
     binned = bins.join(frame.group_by(number).agg(expressions), on="bin", how="left").sort("bin")
-    middle = (start + pl.col("bin") * width_ns + width_ns // 2).alias("t_ns")
+    middle = (start + pl.col("bin") * bin_width_ns + bin_width_ns // 2).alias("t_ns")
     return binned.select(middle, pl.exclude("bin"))

@@ -8,14 +8,14 @@ import numpy as np
 import polars as pl
 
 from recordings.rrd.recording_limits import LIMITS
-from recordings.rrd.stored_frames import entity_path
+from recordings.rrd.stored_frames import make_entity_path
 from recordings.rrd.stored_names import SINCE_START, TIME, make_component_name
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 
-def iter_drawn_batches(
+def iter_record_batches_to_draw(
     name: str,
     frame: pl.DataFrame,
     t0_unix_ns: int,
@@ -33,7 +33,7 @@ def iter_drawn_batches(
     """
     import pyarrow as pa
 
-    entity = entity_path(name, parent_entity)
+    entity = make_entity_path(name, parent_entity)
     for part in frame.iter_slices(LIMITS.drawn_chunk_rows):
         since_start = part["t_ns"]
         arrays: dict[str, pa.Array] = {

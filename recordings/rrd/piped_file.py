@@ -31,11 +31,11 @@ class PipedFile:
             file = path.open("wb", buffering=0)
             read, self._write = os.pipe()
             self.name = str(_DESCRIPTORS / str(self._write))
-            self._thread = Thread(target=self._drain, args=(read, file), daemon=True)
+            self._thread = Thread(target=self._copy_pipe_to_file, args=(read, file), daemon=True)
             self._thread.start()
 
     @property
-    def size(self) -> int:
+    def written_bytes(self) -> int:
         """Bytes written to the file so far."""
         return self._path.stat().st_size if self._path.exists() else 0
 
@@ -45,7 +45,7 @@ class PipedFile:
             os.close(self._write)
             self._write = -1
 
-    def wait(self) -> None:
+    def wait_until_file_is_complete(self) -> None:
         """Wait until everything is written to the file.
 
         Raises:
@@ -54,9 +54,9 @@ class PipedFile:
         self.close_writing_end()
         if self._thread is not None:
             self._thread.join()
-        self.check()
+        self.raise_write_error()
 
-    def check(self) -> None:
+    def raise_write_error(self) -> None:
         """Raise the error of the file, if there is one.
 
         Raises:
@@ -65,10 +65,10 @@ class PipedFile:
         if self.fault is not None:
             raise self.fault
 
-    def _drain(self, read: int, file: BinaryIO) -> None:
+    def _copy_pipe_to_file(self, pipe_descriptor: int, file: BinaryIO) -> None:
         """Copy the pipe to the file; after an error, read on without writing."""
         # a library that has to stop in the middle of its queue may wait for ever: it never has to
-        with open(read, "rb", buffering=0) as source:
+        with open(pipe_descriptor, "rb", buffering=0) as source:
             try:
                 with file:
                     while block := source.read(LIMITS.copied_block_bytes):
@@ -93,4 +93,4 @@ def open_piped_file(path: Path) -> Generator[PipedFile]:
         yield piped
     finally:
         piped.close_writing_end()
-    piped.wait()
+    piped.wait_until_file_is_complete()

@@ -6,7 +6,7 @@ each under a separate path, which can be hidden in the viewer.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -20,7 +20,7 @@ from recordings.report.force_acceleration import (
     FORCE,
     select_force_acceleration_data,
 )
-from recordings.report.svg_shapes import Axes, choose_round_ticks
+from recordings.report.svg_shapes import Axes, choose_round_axis_ticks
 from recordings.rrd.recording_limits import LIMITS
 
 if TYPE_CHECKING:
@@ -70,12 +70,14 @@ def make_plane_pictures(run: Run) -> dict[str, PlanePicture]:
     return {name: picture for name, picture in drawn.items() if picture is not None}
 
 
-def send_picture(recording: "RecordingStream", entity: str, picture: PlanePicture) -> None:
+def send_plane_picture(
+    recording: "RecordingStream", entity_path: str, picture: PlanePicture
+) -> None:
     """Send a picture that is visible at all times.
 
     Args:
         recording: stream of the recording.
-        entity: parent entity.
+        entity_path: parent entity.
         picture: the picture.
     """
     import rerun as rr
@@ -88,31 +90,40 @@ def send_picture(recording: "RecordingStream", entity: str, picture: PlanePictur
     )
     grid = [
         [axes.convert_to_drawing_units(a, b), axes.convert_to_drawing_units(c, d)]
-        for a, b, c, d in _make_grid_lines(axes)
+        for a, b, c, d in _iter_grid_line_ends(axes)
     ]
-    ink = colours.pack_rgba(_GRID)
+    ink = colours.pack_colour_as_rgba(_GRID)
     frame = rr.LineStrips2D(grid, colors=ink, radii=thin, draw_order=0.0)
-    recording.log(f"{entity}/grid", frame, static=True)
+    recording.log(f"{entity_path}/grid", frame, static=True)
     places, texts, inks = zip(*iter_axis_labels(axes, picture), strict=True)
     written = rr.Points2D(places, labels=texts, colors=inks, radii=0.0, show_labels=True)
-    recording.log(f"{entity}/text", written, static=True)
+    recording.log(f"{entity_path}/text", written, static=True)
     for number, each in enumerate(picture.series):
         corners = [axes.convert_to_drawing_units(a, b) for a, b in zip(each.x, each.y, strict=True)]
-        ink, order = colours.pack_rgba(each.colour), 10.0 + number
+        ink, order = colours.pack_colour_as_rgba(each.colour), 10.0 + number
         shape = (
             rr.LineStrips2D([corners], colors=ink, radii=width, draw_order=order)
             if each.joined
             else rr.Points2D(corners, colors=ink, radii=dot, draw_order=order)
         )
-        recording.log(f"{entity}/series/{number}", shape, static=True)
+        recording.log(f"{entity_path}/series/{number}", shape, static=True)
 
 
-def _make_grid_lines(axes: Axes) -> Iterator[tuple[float, float, float, float]]:
+class _LineEnds(NamedTuple):
+    """Ends of a line, in the units of the axes."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+
+def _iter_grid_line_ends(axes: Axes) -> Iterator[_LineEnds]:
     """Ends of each grid line, in the units of the axes."""
-    for value, _ in choose_round_ticks(*axes.x):
-        yield value, axes.y[0], value, axes.y[1]
-    for value, _ in choose_round_ticks(*axes.y):
-        yield axes.x[0], value, axes.x[1], value
+    for value, _ in choose_round_axis_ticks(*axes.x):
+        yield _LineEnds(value, axes.y[0], value, axes.y[1])
+    for value, _ in choose_round_axis_ticks(*axes.y):
+        yield _LineEnds(axes.x[0], value, axes.x[1], value)
 
 
 def iter_axis_labels(
@@ -120,8 +131,8 @@ def iter_axis_labels(
 ) -> Iterator[tuple[tuple[float, float], str, int]]:
     """Position, text and colour of numbers, labels and legend."""
     left, top, right, bottom = LIMITS.plane_box
-    ink = colours.pack_rgba(_INK)
-    for value, text in choose_round_ticks(*axes.x):
+    ink = colours.pack_colour_as_rgba(_INK)
+    for value, text in choose_round_axis_ticks(*axes.x):
         yield (
             (
                 axes.convert_to_drawing_units(value, axes.y[0])[0],
@@ -130,7 +141,7 @@ def iter_axis_labels(
             text,
             ink,
         )
-    for value, text in choose_round_ticks(*axes.y):
+    for value, text in choose_round_axis_ticks(*axes.y):
         yield (
             (
                 left - 3.0 * LIMITS.plane_numbers_distance,
@@ -152,7 +163,7 @@ def iter_axis_labels(
     named = [each for each in picture.series if each.label]
     for line, each in enumerate(named):
         place = (right + LIMITS.plane_legend_distance, top + LIMITS.plane_legend_line * line)
-        yield place, each.label, colours.pack_rgba(each.colour)
+        yield place, each.label, colours.pack_colour_as_rgba(each.colour)
 
 
 def _make_force_acceleration_picture(run: Run) -> PlanePicture | None:
@@ -177,7 +188,7 @@ def _make_force_acceleration_picture(run: Run) -> PlanePicture | None:
 def make_calibration_line_picture(run: Run) -> PlanePicture | None:
     """Picture of a calibration's points and line, by method; None without data."""
     series: list[PlaneSeries] = []
-    for name, colour, points in iter_calibrated_methods(run):
+    for name, colour, points in iter_points_of_calibrated_methods(run):
         estimate, reference = points["estimate_kg"].to_numpy(), points["reference_kg"].to_numpy()
         series.append(PlaneSeries(name, colour, estimate, reference - estimate))
         alpha, beta = points["alpha_1"][0], points["beta_kg"][0]
@@ -194,12 +205,12 @@ def make_calibration_line_picture(run: Run) -> PlanePicture | None:
 def make_load_errors_picture(run: Run) -> PlanePicture | None:
     """Picture of each load's residual and leave-one-out error; None without data."""
     series: list[PlaneSeries] = []
-    methods = list(iter_calibrated_methods(run))
+    methods = list(iter_points_of_calibrated_methods(run))
     for number, (name, colour, points) in enumerate(methods):
         # methods of one load beside each other
         aside_1 = (number - (len(methods) - 1) / 2.0) * LIMITS.method_distance_fraction
         for column, label, look in (
-            ("error_left_out_kg", "", colours.lighten_colour(colour)),
+            ("error_left_out_kg", "", colours.mix_colour_with_white(colour)),
             ("error_kg", name, colour),
         ):
             known = points.drop_nulls(column)
@@ -212,7 +223,7 @@ def make_load_errors_picture(run: Run) -> PlanePicture | None:
     ends = np.array([ends.min(), ends.max()])
     series += [
         PlaneSeries(label, _INK, ends, np.full(2, level_kg), joined=True)
-        for label, level_kg in make_error_limit_lines(run)
+        for label, level_kg in make_lines_of_error_limits(run)
     ]
     return PlanePicture(
         "Errors of the calibration (paler: with that load excluded from the line)",
@@ -222,17 +233,36 @@ def make_load_errors_picture(run: Run) -> PlanePicture | None:
     )
 
 
-def make_error_limit_lines(run: Run) -> list[tuple[str, float]]:
+class ErrorLimitLine(NamedTuple):
+    """Horizontal line of a picture of errors."""
+
+    label: str
+    error_kg: float
+
+
+def make_lines_of_error_limits(run: Run) -> list[ErrorLimitLine]:
     """Lines at zero error, and at the interval of a later mass if there is evidence."""
     line = run.frames.get("line", pl.DataFrame())
     if line.is_empty():
-        return [("", 0.0)]
+        return [ErrorLimitLine("", 0.0)]
     interval_kg = float(line["line_u_kg"][0] * line["coverage_k_1"][0])
     later = f"± {interval_kg:.1f} kg, of a later mass"
-    return [("", 0.0), (later, interval_kg), ("", -interval_kg)]
+    return [
+        ErrorLimitLine("", 0.0),
+        ErrorLimitLine(later, interval_kg),
+        ErrorLimitLine("", -interval_kg),
+    ]
 
 
-def iter_calibrated_methods(run: Run) -> Iterator[tuple[str, str, pl.DataFrame]]:
+class MethodPoints(NamedTuple):
+    """Calibration points of a method, and how they are drawn."""
+
+    name: str
+    colour: str
+    points: pl.DataFrame
+
+
+def iter_points_of_calibrated_methods(run: Run) -> Iterator[MethodPoints]:
     """Name, colour and points of each calibrated method; evidence has one."""
     evidence, line = (run.frames.get(name, pl.DataFrame()) for name in ("points", "line"))
     if evidence.height and line.height:
@@ -250,4 +280,4 @@ def iter_calibrated_methods(run: Run) -> Iterator[tuple[str, str, pl.DataFrame]]
     for name, colour, group in groups:
         estimated = group.drop_nulls("estimate_kg")
         if estimated.height:
-            yield name, colour, estimated
+            yield MethodPoints(name, colour, estimated)

@@ -50,7 +50,7 @@ def format_provenance_markdown(run: Run) -> str:
             f"First aligned sample: {format_local_time(about)} "
             f"({about.t0_unix_ns} ns since 1970-01-01 UTC)",
             "# Fingerprint",
-            _format_fingerprint(about),
+            _format_fingerprint_digests(about),
             "# Stamps",
             format_markdown_table(("topic", "placed by"), about.stamps.items()),
             "# Losses",
@@ -68,7 +68,7 @@ def format_provenance_markdown(run: Run) -> str:
     )
 
 
-def _format_fingerprint(provenance: Provenance) -> str:
+def _format_fingerprint_digests(provenance: Provenance) -> str:
     """Digests in full, including those of the frames."""
     taken = provenance.fingerprint
     if taken is None:
@@ -78,7 +78,7 @@ def _format_fingerprint(provenance: Provenance) -> str:
     return format_markdown_table(("SHA-256 of", "digest"), digests)
 
 
-def read_machine_table(provenance: Provenance) -> dict[str, Any]:
+def read_machine_section(provenance: Provenance) -> dict[str, Any]:
     """Table `machine` of the machine file."""
     body = provenance.machine.get("machine", {})
     return body if isinstance(body, dict) else {}
@@ -86,4 +86,4 @@ def read_machine_table(provenance: Provenance) -> dict[str, Any]:
 
 def read_timezone_name(provenance: Provenance) -> str:
     """Time zone of the machine file."""
-    return str(read_machine_table(provenance).get("timezone", "UTC"))
+    return str(read_machine_section(provenance).get("timezone", "UTC"))

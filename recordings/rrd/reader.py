@@ -45,12 +45,12 @@ def read_recording(path: str | Path, *, stored_names: bool = False) -> Run:
     """
     with open_recording(path, stored_names=stored_names) as held:
         manifest, provenance = held.manifest, held.provenance
-        frames = {frame.name: held.read(frame.name) for frame in manifest.frames}
+        frames = {frame.name: held.read_frame(frame.name) for frame in manifest.frames}
     heights = {name: frame.height for name, frame in frames.items()}
-    return Run(frames, note_missing_rows(path, manifest, provenance, heights))
+    return Run(frames, add_losses_of_missing_rows(path, manifest, provenance, heights))
 
 
-def note_missing_rows(
+def add_losses_of_missing_rows(
     path: str | Path, manifest: Manifest, provenance: Provenance, row_counts: Mapping[str, int]
 ) -> Provenance:
     """Provenance with a loss for each incomplete frame.
@@ -73,14 +73,16 @@ def note_missing_rows(
     return provenance.model_copy(update={"losses": (*provenance.losses, *lost)})
 
 
-def read_frame(path: str | Path, name: str, columns: Sequence[str] | None = None) -> pl.DataFrame:
+def read_frame(
+    path: str | Path, frame_name: str, columns: Sequence[str] | None = None
+) -> pl.DataFrame:
     """Read one frame, or some of its columns, without reading the others.
 
     Raises:
         RecordingError: as `read_recording`, or if the frame or column does not exist.
     """
     with open_recording(path) as held:
-        return held.read(name, columns)
+        return held.read_frame(frame_name, columns)
 
 
 def read_provenance(path: str | Path) -> Provenance:
@@ -100,7 +102,7 @@ def list_columns_by_frame(path: str | Path) -> dict[str, tuple[str, ...]]:
         RecordingError: as `read_recording`.
     """
     with open_recording(path) as held:
-        return held.stages
+        return held.columns_by_frame
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,7 @@ class OpenRecording:
     stored_names: bool = False
 
     @property
-    def stages(self) -> dict[str, tuple[str, ...]]:
+    def columns_by_frame(self) -> dict[str, tuple[str, ...]]:
         """Columns of each frame, by name, in pipeline order."""
         return {each.name: tuple(c.name for c in each.columns) for each in self.manifest.frames}
 
@@ -139,27 +141,29 @@ class OpenRecording:
                 "give a recording of `payscope run`"
             )
 
-    def read(self, name: str, columns: Sequence[str] | None = None) -> pl.DataFrame:
+    def read_frame(self, frame_name: str, columns: Sequence[str] | None = None) -> pl.DataFrame:
         """Read a frame, or some of its columns.
 
         Raises:
             RecordingError: the frame or column does not exist, or the file is damaged.
         """
-        stored = self.manifest.frame_by_name(name)
+        stored = self.manifest.frame_by_name(frame_name)
         if stored is None:
             raise RecordingError(
-                f"{self.path}: no frame '{name}'; {suggest_choice(name, self.stages)}"
+                f"{self.path}: no frame '{frame_name}'; "
+                f"{suggest_choice(frame_name, self.columns_by_frame)}"
             )
-        known = self.stages[name]
+        known = self.columns_by_frame[frame_name]
         for column in columns or ():
             if column not in known:
                 raise RecordingError(
-                    f"{self.path}: '{name}' has no '{column}'; {suggest_choice(column, known)}"
+                    f"{self.path}: '{frame_name}' has no '{column}'; "
+                    f"{suggest_choice(column, known)}"
                 )
-        wanted = stored.columns if columns is None else stored.select(columns)
+        wanted = stored.columns if columns is None else stored.select_columns(columns)
         with _convert_errors_to_one_line(self.path):
-            frame = _read_frame(self.store, stored, wanted)
-        return frame if self.stored_names else rename_stored_checks(name, frame)
+            frame = _read_stored_frame(self.store, stored, wanted)
+        return frame if self.stored_names else rename_stored_checks(frame_name, frame)
 
 
 @contextmanager
@@ -205,10 +209,12 @@ def _convert_errors_to_one_line(path: Path) -> Generator[None]:
         ) from error
 
 
-def _read_manifest_and_provenance(path: Path, store: "LazyStore") -> tuple[Manifest, Provenance]:
+def _read_manifest_and_provenance(
+    path: Path, chunk_store: "LazyStore"
+) -> tuple[Manifest, Provenance]:
     """Read what describes the recording; an error if another wrote it."""
     found: dict[str, Any] = {}
-    for chunk in store.stream().filter(content=f"/__properties/{PROPERTY}"):
+    for chunk in chunk_store.stream().filter(content=f"/__properties/{PROPERTY}"):
         batch = chunk.to_record_batch()
         found |= {name: batch.column(name)[0].as_py()[0] for name in batch.schema.names[1:]}
     if "manifest" not in found or "provenance" not in found:
@@ -240,12 +246,14 @@ def _read_manifest_and_provenance(path: Path, store: "LazyStore") -> tuple[Manif
         ) from error
 
 
-def _read_frame(
-    store: "LazyStore", stored: StoredFrame, columns: Sequence[StoredColumn]
+def _read_stored_frame(
+    store: "LazyStore", stored_frame: StoredFrame, columns: Sequence[StoredColumn]
 ) -> pl.DataFrame:
     """Read columns of a frame, with rows in the order of writing."""
     wanted = [make_component_name(column.name) for column in columns]
     # Rerun trims an expression, and an entity may end in a space: ask for what is below it as well
-    below = store.stream().filter(content=f"{stored.entity}/**", components=wanted)
-    chunks = (chunk for chunk in below if chunk.entity_path == stored.entity)
-    return stored.from_batches([chunk.to_record_batch() for chunk in chunks], columns)
+    below = store.stream().filter(content=f"{stored_frame.entity_path_text}/**", components=wanted)
+    chunks = (chunk for chunk in below if chunk.entity_path == stored_frame.entity_path_text)
+    return stored_frame.rebuild_frame_from_blocks(
+        [chunk.to_record_batch() for chunk in chunks], columns
+    )

@@ -14,7 +14,7 @@ from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
-from recordings.report.finding_text import format_finding, read_findings
+from recordings.report.finding_text import format_finding, read_findings_of_run
 from recordings.report.worth_text import COVERAGE
 
 ANSWER: Final = "answer"
@@ -35,13 +35,13 @@ def make_recording_properties(run: Run) -> dict[str, Value]:
     """
     about, said = run.provenance, answer(run)
     body: Mapping[str, Any] = about.machine.get("machine", {})
-    findings = read_findings(run)
+    findings = read_findings_of_run(run)
     found: dict[str, Value | None] = {
         "machine": str(body.get("name", "")),
         "serial": str(body.get("id") or ""),
         "day": _format_recording_day(about),
         "logs": ", ".join(each.name for each in about.inputs),
-        "verdict": _summarise_verdict(said.verdict),
+        "verdict": _summarise_weighing_verdict(said.verdict),
         "can_weigh": said.verdict.can_weigh if said.verdict.checks else None,
         "loads": len(said.loads),
         "first_finding": format_finding(findings[0]) if findings else "",
@@ -56,22 +56,28 @@ def make_recording_properties(run: Run) -> dict[str, Value]:
         cycles, kg = said.shift["cycles_counted"], said.shift["payload_kg"]
         found["cycles"] = cycles
         found |= _make_quantity_property(
-            "tonnes", "t", kg, said.shift["payload_u_kg"], per_unit=1e3
+            "tonnes", "t", kg, said.shift["payload_u_kg"], units_per_display_unit=1e3
         )
     return {name: value for name, value in found.items() if value is not None}
 
 
 def _make_quantity_property(
-    name: str, unit: str, value: float | None, u: float | None, per_unit: float = 1.0
+    name: str,
+    unit: str,
+    value: float | None,
+    standard_u: float | None,
+    units_per_display_unit: float = 1.0,
 ) -> dict[str, float | None]:
     """A quantity and its expanded uncertainty."""
     return {
-        f"{name}_{unit}": None if value is None else value / per_unit,
-        f"{name}_U_{unit}": None if value is None or u is None else COVERAGE * u / per_unit,
+        f"{name}_{unit}": None if value is None else value / units_per_display_unit,
+        f"{name}_U_{unit}": None
+        if value is None or standard_u is None
+        else COVERAGE * standard_u / units_per_display_unit,
     }
 
 
-def _summarise_verdict(verdict: Verdict) -> str:
+def _summarise_weighing_verdict(verdict: Verdict) -> str:
     if not verdict.checks:
         return "not judged"
     failed = [check.check for check in verdict.withholding_checks("mass")]

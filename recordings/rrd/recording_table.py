@@ -17,7 +17,7 @@ from recordings.rrd.recording_views import (
     line_view,
     states_view,
 )
-from recordings.rrd.stored_names import split_entity_path
+from recordings.rrd.stored_names import split_frame_name_to_path
 
 _FORCE = line_view("Force", "excitation", force_x_N="driving force")
 _ACCELERATION = line_view(
@@ -116,10 +116,7 @@ TABS: Final = (
         (
             _INDEX,
             line_view(
-                "Correlation of acceleration and force",
-                "gate",
-                corr_x_1="along",
-                corr_z_1="yaw",
+                "Correlation of acceleration and force", "gate", corr_x_1="along", corr_z_1="yaw"
             ),
             line_view(
                 "Share of noise in the variance that the acceleration explains",
@@ -378,12 +375,12 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
 
 def list_frames_of_series(series: ViewSeries, frames: Iterable[str]) -> tuple[str, ...]:
     """Frames of a run that a series is drawn from, in the run's order."""
-    return tuple(name for name in frames if split_entity_path(name)[0] == series.frame)
+    return tuple(name for name in frames if split_frame_name_to_path(name)[0] == series.frame)
 
 
-def list_drawn_columns(frame: str, columns: Iterable[str]) -> tuple[str, ...]:
+def list_columns_needed_for_drawing(frame: str, columns: Iterable[str]) -> tuple[str, ...]:
     """Columns of a frame that a view draws, and those that order its rows."""
-    family = split_entity_path(frame)[0]
+    family = split_frame_name_to_path(frame)[0]
     wanted = {"t_ns", "start_t_ns", "end_t_ns", "axis", "kind", "rank"} | {
         name
         for tab in TABS

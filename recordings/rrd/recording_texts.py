@@ -14,7 +14,7 @@ from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import (
     format_finding,
     format_findings_markdown,
-    read_findings,
+    read_findings_of_run,
 )
 from recordings.report.number_text import (
     SCALE_NOT_KNOWN,
@@ -27,19 +27,19 @@ from recordings.report.number_text import (
 from recordings.report.planar_text import describe_planar_fits, format_planar_markdown
 from recordings.report.shift_text import describe_shift_payload
 from recordings.report.worth_text import (
-    describe_answer,
-    describe_loads,
-    find_best_known_load,
+    describe_answer_as_lines,
+    describe_loads_as_lines,
+    find_load_with_most_manoeuvres,
     make_budget_table_rows,
     make_load_table_heads,
     make_load_table_rows,
 )
-from recordings.rrd.display_frames import find_grid_span_ns
+from recordings.rrd.display_frames import find_time_span_of_grid_ns
 from recordings.rrd.provenance_texts import (
     format_local_time,
     format_provenance_markdown,
     format_settings_markdown,
-    read_machine_table,
+    read_machine_section,
     read_timezone_name,
 )
 from recordings.rrd.recording_limits import LIMITS
@@ -60,7 +60,7 @@ _MASS_COLUMNS: Final = (
 )
 
 
-def make_all_texts(run: Run) -> dict[str, str]:
+def make_texts_of_run(run: Run) -> dict[str, str]:
     """All texts for which this run has content, by name."""
     written: dict[str, Callable[[Run], str]] = {
         "answer": format_answer_markdown,
@@ -81,7 +81,7 @@ def make_recording_name(provenance: Provenance) -> str:
 
 def read_machine_name(provenance: Provenance) -> str:
     """Name in the machine file; empty without one."""
-    return str(read_machine_table(provenance).get("name", ""))
+    return str(read_machine_section(provenance).get("name", ""))
 
 
 #: What the times on the axes of the viewer are.
@@ -100,7 +100,7 @@ def format_answer_headline(answer: Answer) -> str:
         return (
             describe_shift_payload(answer.shift)
             if has_payload_total(answer)
-            else _describe_several_loads(answer)
+            else _describe_loads_in_sentence(answer)
         )
     for load in answer.loads:
         if load["mass_kg"] is not None:
@@ -124,7 +124,7 @@ def has_payload_total(answer: Answer) -> bool:
     return bool(answer.shift.get("cycles_counted"))
 
 
-def _describe_several_loads(answer: Answer) -> str:
+def _describe_loads_in_sentence(answer: Answer) -> str:
     """Sentence on the loads of a log."""
     known = [load for load in answer.loads if load["payload_kg"] is not None]
     count = f"{len(answer.loads)} loads"
@@ -136,16 +136,16 @@ def _describe_several_loads(answer: Answer) -> str:
     )
 
 
-def format_summary(run: Run) -> str:
+def format_answer_summary(run: Run) -> str:
     """The answer in plain lines, headline first."""
     about, said = run.provenance, answer(run)
     lines = [
         format_answer_headline(said),
         f"{make_recording_name(about)} · {format_local_time(about)}",
     ]
-    lines += describe_answer(said)[1:]
+    lines += describe_answer_as_lines(said)[1:]
     if len(said.loads) > 1:
-        lines += describe_loads(said, LIMITS.max_load_lines)
+        lines += describe_loads_as_lines(said, LIMITS.max_load_lines)
     lines += [""]
     for row in said.rows if len(said.loads) <= 1 else ():
         for method in row.methods:
@@ -160,7 +160,7 @@ def format_summary(run: Run) -> str:
             )
             lines.append(f"{method:<8} {mass}{turns}")
     lines += describe_planar_fits(said.planar, said.planar_budget)
-    for each in read_findings(run)[: LIMITS.max_findings]:
+    for each in read_findings_of_run(run)[: LIMITS.max_findings]:
         lines.append(f"finding  {each.rank}. {format_finding(each)}")
     quiet: dict[str, list[str]] = {"passed": [], "n/a": []}
     for check in said.verdict.checks:
@@ -180,7 +180,7 @@ def format_answer_markdown(run: Run) -> str:
     """Masses, verdict with every check, and notes for the reader."""
     if "points" in run.frames:
         return ""  # of evidence, which is about many logs
-    about, span, said = run.provenance, find_grid_span_ns(run), answer(run)
+    about, span, said = run.provenance, find_time_span_of_grid_ns(run), answer(run)
     duration = f", {(span[1] - span[0]) / NS:,.1f} s" if span else ""
     parts = [
         f"# {format_answer_headline(said)}",
@@ -199,7 +199,7 @@ def format_answer_markdown(run: Run) -> str:
                 for check in failed
             )
         )
-    if found := read_findings(run):
+    if found := read_findings_of_run(run):
         parts.append("## Findings in this log")
         parts.append(
             "\n".join(
@@ -210,10 +210,10 @@ def format_answer_markdown(run: Run) -> str:
     if len(said.loads) > 1:
         parts.append("The paper's methods give one mass per log, and are not shown.")
     else:
-        parts += [each for row in said.rows for each in _make_mass_cells(row)]
+        parts += [each for row in said.rows for each in _make_mass_cells_of_load(row)]
     if lines := describe_planar_fits(said.planar, said.planar_budget):
         parts.append("\n".join(f"- {line}" for line in lines))
-    parts += _make_verdict_lines(said.verdict) + _describe_acceptance(run)
+    parts += _make_lines_of_verdict(said.verdict) + _describe_acceptance_of_masses(run)
     parts += [f"- {note}" for note in said.notes]
     parts += [f"- lost: {each}" for each in said.losses]
     return "\n\n".join(parts)
@@ -221,7 +221,7 @@ def format_answer_markdown(run: Run) -> str:
 
 def format_calibration_markdown(run: Run) -> str:
     """Calibration points and line of each method, and the evidence; empty without any."""
-    parts = ["# Calibration", *_describe_evidence(run)]
+    parts = ["# Calibration", *_describe_calibration_evidence(run)]
     points = run.frames.get("calibration")
     if points is None or points.is_empty():
         return "\n\n".join(parts) if len(parts) > 1 else ""
@@ -247,7 +247,7 @@ def format_calibration_markdown(run: Run) -> str:
     return "\n\n".join([*parts, format_markdown_table(heads, rows)])
 
 
-def _describe_evidence(run: Run) -> list[str]:
+def _describe_calibration_evidence(run: Run) -> list[str]:
     """Lines on the evidence: its line, points, and recordings of runs."""
     if "points" not in run.frames:
         return []
@@ -266,8 +266,8 @@ def _describe_evidence(run: Run) -> list[str]:
     heads = ("run", "load", "reference kg", "estimate kg (readings)", *_ERRORS)
     fitted = [
         f"reference = {format_number(row['alpha_1'])} · estimate {row['beta_kg']:+.4g} kg, from "
-        f"{format_number(row['valid_from_kg'])} to {format_number(row['valid_to_kg'])} kg; a later "
-        f"mass ± {format_number(row['line_u_kg'])} kg (k = 1), interval with "
+        f"{format_number(row['valid_from_kg'])} to {format_number(row['valid_to_kg'])} "
+        f"kg; a later mass ± {format_number(row['line_u_kg'])} kg (k = 1), interval with "
         f"k = {format_number(row['coverage_k_1'])}"
         for row in line.iter_rows(named=True)
     ]
@@ -289,7 +289,7 @@ def _format_value_of_method(row: AnswerRow, method: str, value: str, std: str | 
     return format_plus_minus(row.value(value, method), row.value(std, method) if std else None)
 
 
-def _make_mass_cells(row: AnswerRow) -> list[str]:
+def _make_mass_cells_of_load(row: AnswerRow) -> list[str]:
     if not row.methods:
         return []
     shown = [each for each in _MASS_COLUMNS if row.has_quantity(each[1])]
@@ -320,14 +320,14 @@ def _describe_reliability(answer: Answer, cycles: list[str]) -> list[str]:
     """
     if not any(load["mass_kg"] is not None for load in answer.loads):
         return []
-    parts = ["\n".join(f"- {line}" for line in describe_answer(answer))]
+    parts = ["\n".join(f"- {line}" for line in describe_answer_as_lines(answer))]
     which = ""
     if len(answer.loads) > 1:
         parts += cycles or [
             "## Loads",
             format_markdown_table(make_load_table_heads(answer), make_load_table_rows(answer)),
         ]
-        which = f" (mass of load {find_best_known_load(answer)})"
+        which = f" (mass of load {find_load_with_most_manoeuvres(answer)})"
     parts += [
         f"## Where the uncertainty comes from{which}",
         "\n".join(
@@ -349,7 +349,7 @@ def _describe_reliability(answer: Answer, cycles: list[str]) -> list[str]:
 
 def _make_cycle_lines(run: Run) -> list[str]:
     """Lines of a shift's cycles, with the local time of each dump."""
-    about, span = run.provenance, find_grid_span_ns(run)
+    about, span = run.provenance, find_time_span_of_grid_ns(run)
     duration_s = 0.0 if span is None else (span[1] - span[0]) / NS
     clock = ShiftClock(read_timezone_name(about), about.t0_unix_ns, duration_s)
     rows = [
@@ -367,12 +367,13 @@ def _make_cycle_lines(run: Run) -> list[str]:
     ]
 
 
-def _make_verdict_lines(verdict: Verdict) -> list[str]:
+def _make_lines_of_verdict(verdict: Verdict) -> list[str]:
     if not verdict.checks:
         return []
     words = {"passed": "passed", "failed": "**failed**", "absent": "does not apply"}
     checks = [
-        f"- {format_check_outcome(check, **words)}: **{check.check}** {format_number(check.value)} "
+        f"- {format_check_outcome(check, **words)}: **{check.check}** "
+        f"{format_number(check.value)} "
         f"({check.limit}), {check.meaning}"
         for check in verdict.checks
     ]
@@ -385,7 +386,7 @@ def _make_verdict_lines(verdict: Verdict) -> list[str]:
     return parts
 
 
-def _describe_acceptance(run: Run) -> list[str]:
+def _describe_acceptance_of_masses(run: Run) -> list[str]:
     gate = run.frames.get("gate")
     if gate is None or gate.is_empty() or "accepted_x" not in gate.columns:
         return []

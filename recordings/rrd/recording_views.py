@@ -88,15 +88,18 @@ def line_view(name: str, frame: str, threshold: str | None = None, /, **series: 
     return View(name, ViewKind.LINES, drawn, threshold)
 
 
-def clipped_line_view(name: str, frame: str, column: str, label: str = "") -> View:
+def clipped_line_view(name: str, frame: str, column: str, line_label: str = "") -> View:
     """View of a column as a line, on an axis that leaves its outliers out."""
-    return View(name, ViewKind.LINES, (ViewSeries(frame, column, label),), clips_outliers=True)
+    return View(name, ViewKind.LINES, (ViewSeries(frame, column, line_label),), clips_outliers=True)
 
 
-def band_view(name: str, frame: str, column: str, std_column: str, label: str = "") -> View:
+def band_view(name: str, frame: str, column: str, std_column: str, line_label: str = "") -> View:
     """View of a column with a band of its standard deviation."""
     return View(
-        name, ViewKind.BANDS, (ViewSeries(frame, column, label, std_column),), clips_outliers=True
+        name,
+        ViewKind.BANDS,
+        (ViewSeries(frame, column, line_label, std_column),),
+        clips_outliers=True,
     )
 
 

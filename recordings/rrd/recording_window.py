@@ -8,12 +8,12 @@ import polars as pl
 from analysis.model.physical_units import NS
 from analysis.model.run_record import Run
 from estimators.errors import RecordingError
-from recordings.rrd.reader import note_missing_rows, open_recording, read_recording
+from recordings.rrd.reader import add_losses_of_missing_rows, open_recording, read_recording
 from recordings.rrd.recording_limits import LIMITS
 
 
-def read_window(
-    path: str | Path, from_s: float | None, to_s: float | None, *, raw: bool = True
+def read_run_of_time_range(
+    path: str | Path, from_s: float | None, to_s: float | None, *, are_raw_frames_read: bool = True
 ) -> Run:
     """Read the rows of a time range, and whole frames without times.
 
@@ -23,17 +23,17 @@ def read_window(
         path: the recording.
         from_s: begin in seconds since the start; None for the begin.
         to_s: end in seconds since the start; None for the end.
-        raw: whether to read the channels of the log as well.
+        are_raw_frames_read: whether to read the channels of the log as well.
 
     Raises:
         RecordingError: as `read_recording`; the range is invalid or contains nothing; or the
             recording has no frames.
     """
     whole_run = from_s is None and to_s is None
-    if whole_run and raw:
+    if whole_run and are_raw_frames_read:
         return read_recording(path)
     refuse_invalid_time_range(path, from_s, to_s)
-    stretch = _describe_ends(from_s, to_s)
+    stretch = _describe_ends_of_range(from_s, to_s)
     begin, end = (
         None if each is None else round(min(max(each, -LIMITS.latest_s), LIMITS.latest_s) * NS)
         for each in (from_s, to_s)
@@ -43,17 +43,19 @@ def read_window(
     with open_recording(path) as held:
         held.refuse_without_frames()
         for stored in held.manifest.frames:
-            if not raw and stored.name.startswith("raw/"):
+            if not are_raw_frames_read and stored.name.startswith("raw/"):
                 heights[stored.name] = stored.rows
                 continue
-            whole = held.read(stored.name)
+            whole = held.read_frame(stored.name)
             heights[stored.name] = whole.height
-            frames[stored.name] = _select_rows_inside(whole, begin, end, held.provenance.t0_unix_ns)
+            frames[stored.name] = _select_rows_of_time_range(
+                whole, begin, end, held.provenance.t0_unix_ns
+            )
             if stored.name == "aligned" and frames["aligned"].is_empty() and not whole_run:
                 raise RecordingError(
-                    f"{path}: has no data {stretch}; it has {_describe_span(whole)}"
+                    f"{path}: has no data {stretch}; it has {_describe_span_of_grid(whole)}"
                 )
-    about = note_missing_rows(path, held.manifest, held.provenance, heights)
+    about = add_losses_of_missing_rows(path, held.manifest, held.provenance, heights)
     if whole_run:
         return Run(frames, about)
     note = f"a stretch of {Path(path).name}, {stretch}"
@@ -74,20 +76,21 @@ def refuse_invalid_time_range(path: str | Path, from_s: float | None, to_s: floa
     ends = [-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s]
     if not all(map(math.isfinite, filter(None, (from_s, to_s)))) or ends[0] > ends[1]:
         raise RecordingError(
-            f"{path}: {_describe_ends(from_s, to_s)} is not a time span; use seconds since the "
+            f"{path}: {_describe_ends_of_range(from_s, to_s)} is not a time span; use seconds "
+            "since the "
             "start, "
             "the earlier first"
         )
 
 
-def _describe_span(aligned: pl.DataFrame) -> str:
-    if aligned.is_empty():
+def _describe_span_of_grid(aligned_frame: pl.DataFrame) -> str:
+    if aligned_frame.is_empty():
         return "no samples"
-    first, last = (round(float(aligned["t_ns"][place]) / NS, 1) for place in (0, -1))
+    first, last = (round(float(aligned_frame["t_ns"][place]) / NS, 1) for place in (0, -1))
     return f"{first:g} to {last:g} s"
 
 
-def _select_rows_inside(
+def _select_rows_of_time_range(
     frame: pl.DataFrame, begin: int | None, end: int | None, t0_ns: int
 ) -> pl.DataFrame:
     has = frame.columns
@@ -109,6 +112,6 @@ def _select_rows_inside(
     return frame.filter(pl.all_horizontal(wanted))
 
 
-def _describe_ends(from_s: float | None, to_s: float | None) -> str:
+def _describe_ends_of_range(from_s: float | None, to_s: float | None) -> str:
     begin = "the start" if from_s is None else f"{from_s:g} s"
     return f"from {begin} to {'the end' if to_s is None else f'{to_s:g} s'}"

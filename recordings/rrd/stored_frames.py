@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict
 
 from estimators.errors import OutputError
 from recordings.rrd.recording_limits import LIMITS
-from recordings.rrd.stored_names import ROW, make_component_name, split_entity_path
+from recordings.rrd.stored_names import ROW, make_component_name, split_frame_name_to_path
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -68,11 +68,11 @@ class StoredColumn(BaseModel):
         """Dtype in polars."""
         return pl.Enum(self.categories) if self.dtype == _ENUM else _DTYPES[self.dtype]()
 
-    def encode(self, series: pl.Series) -> pl.Series:
+    def encode_series(self, series: pl.Series) -> pl.Series:
         """Convert `series` to its stored form: an enum to the numbers of its categories."""
         return series.to_physical() if self.dtype == _ENUM else series
 
-    def decode(self, series: pl.Series) -> pl.Series:
+    def decode_series(self, series: pl.Series) -> pl.Series:
         """Undo `encode`."""
         if self.dtype != _ENUM:
             return series.cast(self.polars_dtype)
@@ -100,16 +100,16 @@ class StoredFrame(BaseModel):
         return cls(name=name, rows=frame.height, columns=columns)
 
     @property
-    def entity(self) -> str:
+    def entity_path_text(self) -> str:
         """Entity path."""
-        return entity_path(self.name)
+        return make_entity_path(self.name)
 
-    def select(self, columns: Sequence[str]) -> tuple[StoredColumn, ...]:
+    def select_columns(self, columns: Sequence[str]) -> tuple[StoredColumn, ...]:
         """Some of its columns, in the given order."""
         by_name = {column.name: column for column in self.columns}
         return tuple(by_name[name] for name in columns)
 
-    def to_batches(self, frame: pl.DataFrame) -> "Iterator[pa.RecordBatch]":
+    def iter_blocks_of_frame(self, frame: pl.DataFrame) -> "Iterator[pa.RecordBatch]":
         """Blocks of the frame, each a record batch of one row at the time of its first row."""
         import pyarrow as pa
 
@@ -118,16 +118,16 @@ class StoredFrame(BaseModel):
             fields = [pa.field(ROW, arrays[0].type)]
             whole = pa.array(np.array([0, part.height], dtype=np.int32))
             for column in self.columns:
-                values = column.encode(part[column.name]).to_arrow()
+                values = column.encode_series(part[column.name]).to_arrow()
                 if pa.types.is_large_string(values.type):
                     values = values.cast(pa.string())
                 name = make_component_name(column.name)
                 arrays.append(pa.ListArray.from_arrays(whole, values))
-                metadata = {"rerun:entity_path": self.entity, "rerun:component": name}
+                metadata = {"rerun:entity_path": self.entity_path_text, "rerun:component": name}
                 fields.append(pa.field(name, arrays[-1].type, metadata=metadata))
             yield pa.record_batch(arrays, schema=pa.schema(fields))
 
-    def from_batches(
+    def rebuild_frame_from_blocks(
         self, batches: "Sequence[pa.RecordBatch]", columns: Sequence[StoredColumn]
     ) -> pl.DataFrame:
         """Rebuild columns of the frame from its blocks, in any order.
@@ -139,7 +139,8 @@ class StoredFrame(BaseModel):
         import pyarrow as pa
 
         found = [
-            _group_block_values(batches, make_component_name(column.name)) for column in columns
+            _group_column_values_by_block(batches, make_component_name(column.name))
+            for column in columns
         ]
         # of a damaged recording some blocks may have lost a column: only whole rows are rows
         whole = sorted(set.intersection(*(set(each) for each in found))) if found else []
@@ -147,22 +148,24 @@ class StoredFrame(BaseModel):
         for column, blocks in zip(columns, found, strict=True):
             if whole:
                 parts = pa.chunked_array([blocks[first] for first in whole])
-                series.append(column.decode(pl.Series(column.name, pl.from_arrow(parts))))
+                series.append(column.decode_series(pl.Series(column.name, pl.from_arrow(parts))))
             else:
                 series.append(pl.Series(column.name, dtype=column.polars_dtype))
         return pl.DataFrame(series)
 
 
-def _group_block_values(batches: "Sequence[pa.RecordBatch]", name: str) -> "dict[int, pa.Array]":
+def _group_column_values_by_block(
+    block_batches: "Sequence[pa.RecordBatch]", column_name: str
+) -> "dict[int, pa.Array]":
     """Values of a column by the first row of their block.
 
     `rerun rrd optimize` stores thin columns apart from thick ones, so each batch may lack columns.
     """
     found: dict[int, pa.Array] = {}
-    for batch in batches:
-        if name not in batch.schema.names:
+    for batch in block_batches:
+        if column_name not in batch.schema.names:
             continue
-        values = batch.column(name)
+        values = batch.column(column_name)
         there = values.is_valid().to_pylist()
         for row, first in enumerate(batch.column(ROW).to_pylist()):
             if there[row]:
@@ -182,10 +185,10 @@ class Manifest(BaseModel):
         return next((frame for frame in self.frames if frame.name == name), None)
 
 
-def entity_path(frame: str, parent_entity: str = "") -> str:
+def make_entity_path(frame_name: str, parent_entity: str = "") -> str:
     """Entity path of a frame in Rerun's spelling, below an existing path."""
     import rerun as rr
 
     prefix = parent_entity.strip("/")
-    path = rr.new_entity_path(list(split_entity_path(frame)))
+    path = rr.new_entity_path(list(split_frame_name_to_path(frame_name)))
     return f"/{prefix}{path}" if prefix else path

@@ -10,12 +10,12 @@ COMPONENT_PREFIX: Final = "payscope:"
 STATE: Final = "StateChange:state"
 
 
-def split_entity_path(frame: str) -> tuple[str, ...]:
+def split_frame_name_to_path(frame_name: str) -> tuple[str, ...]:
     """Parts of a frame's entity path; a topic is one part, including its slashes."""
-    family, _, rest = frame.partition("/")
-    return (family, rest) if family == "raw" else tuple(frame.split("/"))
+    family, _, rest = frame_name.partition("/")
+    return (family, rest) if family == "raw" else tuple(frame_name.split("/"))
 
 
-def make_component_name(column: str) -> str:
+def make_component_name(column_name: str) -> str:
     """Component that holds a column."""
-    return column if column == STATE else COMPONENT_PREFIX + column
+    return column_name if column_name == STATE else COMPONENT_PREFIX + column_name

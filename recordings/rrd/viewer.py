@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Final
+from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -38,7 +38,9 @@ class Screenshot:
     errors: tuple[str, ...]
 
 
-def open_viewer(path: str | Path, at_s: float | None = None) -> subprocess.Popen[bytes]:
+def open_recording_in_viewer(
+    path: str | Path, at_s: float | None = None
+) -> subprocess.Popen[bytes]:
     """Open a recording in the viewer, which stays open when this process ends.
 
     Args:
@@ -51,7 +53,7 @@ def open_viewer(path: str | Path, at_s: float | None = None) -> subprocess.Popen
     t0_ns = read_provenance(path).t0_unix_ns
     with tempfile.TemporaryFile() as log:
         process, port = start_viewer_process(Path(path), log)
-        client = wait_for_viewer_client(
+        client = wait_for_client_of_viewer(
             process, port, log, "a screen; without one, use `payscope plot`"
         )
     if at_s is not None:
@@ -59,7 +61,7 @@ def open_viewer(path: str | Path, at_s: float | None = None) -> subprocess.Popen
     return process
 
 
-def start_viewer() -> str:
+def start_waiting_viewer() -> str:
     """Start a viewer that waits for a recording, and stays open after this process.
 
     Returns:
@@ -70,36 +72,36 @@ def start_viewer() -> str:
     """
     with tempfile.TemporaryFile() as log:
         process, port = start_viewer_process(None, log)
-        wait_for_viewer_client(
+        wait_for_client_of_viewer(
             process, port, log, "a screen; without one, leave out --live", waits_for_recording=True
         )
     return _make_viewer_address(port)
 
 
-def list_shown_recordings(address: str) -> tuple[str, ...]:
+def list_ids_of_shown_recordings(viewer_address: str) -> tuple[str, ...]:
     """Ids of the recordings in a viewer; empty if no viewer answers."""
     from rerun.experimental import ViewerClient
 
     try:
-        state = ViewerClient.connect(address).get_state()
+        state = ViewerClient.connect(viewer_address).get_state()
     except (ConnectionError, RuntimeError):
         return ()
     return tuple(each.store_id for each in state.recordings)
 
 
-def replace_recording(address: str, earlier_ids: Sequence[str]) -> None:
+def replace_recording_in_viewer(viewer_address: str, earlier_ids: Sequence[str]) -> None:
     """Put the newest recording in place of the previous one, and close older ones.
 
     A viewer that was closed is ignored.
 
     Args:
-        address: address of the viewer.
-        earlier_ids: ids in the viewer before the newest came (`list_shown_recordings`).
+        viewer_address: address of the viewer.
+        earlier_ids: ids in the viewer before the newest came (`list_ids_of_shown_recordings`).
     """
     from rerun.experimental import ViewerClient
 
     try:
-        client = ViewerClient.connect(address)
+        client = ViewerClient.connect(viewer_address)
         held = {each.store_id: each for each in client.get_state().recordings}
         new = [each for each in held if each not in earlier_ids]
         old = [each for each in earlier_ids if each in held]
@@ -116,7 +118,7 @@ def replace_recording(address: str, earlier_ids: Sequence[str]) -> None:
 
 
 def take_screenshots_of_recording(
-    path: str | Path, folder: str | Path, tab: str | None = None, at_s: float | None = None
+    path: str | Path, folder: str | Path, tab_title: str | None = None, at_s: float | None = None
 ) -> list[Screenshot]:
     """Take screenshots of a recording's tabs in the viewer, without a display.
 
@@ -125,7 +127,7 @@ def take_screenshots_of_recording(
     Args:
         path: the recording.
         folder: existing folder for `NN-tab.png`.
-        tab: name of a tab; None for all.
+        tab_title: name of a tab; None for all.
         at_s: position of the time cursor, in seconds since the start.
 
     Raises:
@@ -138,19 +140,19 @@ def take_screenshots_of_recording(
         raise OutputError(f"{folder}: no such folder; create it first")
     t0_ns = read_provenance(path).t0_unix_ns
     return take_screenshots_of_file(
-        path, folder, tab, None if at_s is None else t0_ns + round(at_s * 1e9)
+        path, folder, tab_title, None if at_s is None else t0_ns + round(at_s * 1e9)
     )
 
 
 def take_screenshots_of_file(
-    path: str | Path, folder: Path, tab: str | None = None, at_unix_ns: int | None = None
+    path: str | Path, folder: Path, tab_title: str | None = None, at_unix_ns: int | None = None
 ) -> list[Screenshot]:
     """Take screenshots like `take_screenshots_of_recording`, of any file that the viewer opens.
 
     Args:
         path: a recording, or a log with an importer.
         folder: existing folder for `NN-tab.png`.
-        tab: name of a tab; None for all.
+        tab_title: name of a tab; None for all.
         at_unix_ns: position of the time cursor.
 
     Raises:
@@ -162,10 +164,12 @@ def take_screenshots_of_file(
             _set_time_cursor(client, at_unix_ns)
         whole = client.get_blueprint("recording").blueprint
         tabs = _find_tabs_container(whole)
-        names = [_read_tab_title(whole, entity) for entity in _list_children(tabs)]
-        if tab is not None and tab.casefold() not in map(str.casefold, names):
-            raise RecordingError(f"{path}: shows no tab '{tab}'; {suggest_choice(tab, names)}")
-        return list(_take_pictures_of_tabs(client, folder, whole, tabs, tab))
+        names = [_read_tab_title(whole, entity) for entity in _list_child_entities(tabs)]
+        if tab_title is not None and tab_title.casefold() not in map(str.casefold, names):
+            raise RecordingError(
+                f"{path}: shows no tab '{tab_title}'; {suggest_choice(tab_title, names)}"
+            )
+        return list(_take_pictures_of_tabs(client, folder, whole, tabs, tab_title))
 
 
 def _find_tabs_container(blueprint: dict[str, Any]) -> dict[str, Any]:
@@ -190,12 +194,12 @@ def _take_pictures_of_tabs(
     folder: Path,
     blueprint: dict[str, Any],
     tabs: dict[str, Any],
-    tab: str | None,
+    tab_title: str | None,
 ) -> Iterator[Screenshot]:
     """Open the tabs one after the other, and take a picture of each."""
-    for number, entity in enumerate(_list_children(tabs)):
+    for number, entity in enumerate(_list_child_entities(tabs)):
         name = _read_tab_title(blueprint, entity)
-        if tab is not None and tab.casefold() != name.casefold():
+        if tab_title is not None and tab_title.casefold() != name.casefold():
             continue
         tabs["active_tab"] = entity
         client.set_blueprint(blueprint, "recording")
@@ -224,7 +228,7 @@ def _wait_for_still_picture(client: "ViewerClient") -> bytes:
     return before
 
 
-def _list_children(container: dict[str, Any]) -> list[str]:
+def _list_child_entities(container: dict[str, Any]) -> list[str]:
     contents = container["contents"]
     return [contents] if isinstance(contents, str) else contents
 
@@ -235,12 +239,19 @@ def _iter_view_ids(blueprint: dict[str, Any], entity: str) -> Iterator[str]:
     if kind == "view":
         yield identifier
         return
-    for child in _list_children(blueprint[f"/{entity}"]["ContainerBlueprint"]):
+    for child in _list_child_entities(blueprint[f"/{entity}"]["ContainerBlueprint"]):
         yield from _iter_view_ids(blueprint, child)
 
 
+class HeadlessViewer(NamedTuple):
+    """Client of a viewer without a display, and the viewer's address."""
+
+    client: "ViewerClient"
+    address: str
+
+
 @contextmanager
-def run_headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str]]":
+def run_headless_viewer(path: Path | None) -> "Generator[HeadlessViewer]":
     """Context with a viewer without a display: its client and address."""
     # "CI" keeps Rerun's usage statistics at home: nobody sees this viewer to be asked
     with tempfile.TemporaryFile() as log:
@@ -249,34 +260,41 @@ def run_headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str
         )
         needs = "a Vulkan driver, like Debian's mesa-vulkan-drivers"
         try:
-            client = wait_for_viewer_client(
+            client = wait_for_client_of_viewer(
                 process, port, log, needs, waits_for_recording=path is None
             )
-            yield client, _make_viewer_address(port)
+            yield HeadlessViewer(client, _make_viewer_address(port))
         finally:
             process.terminate()
             process.wait()
 
 
+class ViewerProcess(NamedTuple):
+    """Running viewer, and the port that it listens on."""
+
+    process: subprocess.Popen[bytes]
+    port: int
+
+
 def start_viewer_process(
-    path: Path | None, log: IO[bytes], *options: str, **environment: str
-) -> tuple[subprocess.Popen[bytes], int]:
+    path: Path | None, log_file: IO[bytes], *command_options: str, **environment: str
+) -> ViewerProcess:
     """Start the viewer with or without a recording, listening on this machine only."""
     with socket.socket() as free:
         free.bind((_HOST, 0))
         port = int(free.getsockname()[1])
-    command = [find_viewer_executable(), "--bind", _HOST, "--port", str(port), *options]
+    command = [find_viewer_executable(), "--bind", _HOST, "--port", str(port), *command_options]
     if path is not None:
         command.append(path.resolve())
     process = subprocess.Popen(
         command,
         stdin=subprocess.DEVNULL,
-        stdout=log,
-        stderr=log,
+        stdout=log_file,
+        stderr=log_file,
         env={**os.environ, **environment},
         start_new_session=True,
     )
-    return process, port
+    return ViewerProcess(process, port)
 
 
 def _make_viewer_address(port: int) -> str:
@@ -293,11 +311,11 @@ def find_viewer_executable() -> Path:
     return bundled if bundled.exists() else folder / ("rerun.exe" if os.name == "nt" else "rerun")
 
 
-def wait_for_viewer_client(
+def wait_for_client_of_viewer(
     process: subprocess.Popen[bytes],
     port: int,
-    log: IO[bytes],
-    requirement: str,
+    log_file: IO[bytes],
+    timeout_message: str,
     *,
     waits_for_recording: bool = False,
 ) -> "ViewerClient":
@@ -316,6 +334,6 @@ def wait_for_viewer_client(
             return client
     process.terminate()
     process.wait()
-    log.seek(0)
-    said = log.read().decode(errors="replace").strip().splitlines() or ["no message"]
-    raise RecordingError(f"the viewer did not start; it needs {requirement} ({said[-1]})")
+    log_file.seek(0)
+    said = log_file.read().decode(errors="replace").strip().splitlines() or ["no message"]
+    raise RecordingError(f"the viewer did not start; it needs {timeout_message} ({said[-1]})")

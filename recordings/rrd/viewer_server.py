@@ -39,7 +39,7 @@ class ViewerServer:
 
 
 @contextmanager
-def serve_viewer() -> Generator[ViewerServer]:
+def serve_viewer_to_browsers() -> Generator[ViewerServer]:
     """Context that serves the viewer to browsers on this machine.
 
     Raises:
@@ -56,10 +56,10 @@ def serve_viewer() -> Generator[ViewerServer]:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,  # ctrl-C is for the follower, which ends the server last
-        preexec_fn=_end_when_parent_ends if sys.platform == "linux" else None,
+        preexec_fn=_set_end_with_parent_process if sys.platform == "linux" else None,
     )
     try:
-        _wait_for_page(process, page)
+        _wait_until_page_is_served(process, page)
         yield ViewerServer(address, f"{page}?url={quote(address, safe='')}")
     finally:
         process.terminate()
@@ -72,15 +72,15 @@ def _find_free_port() -> int:
         return int(free.getsockname()[1])
 
 
-def _end_when_parent_ends() -> None:
+def _set_end_with_parent_process() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
-def _wait_for_page(process: "subprocess.Popen[bytes]", page: str) -> None:
+def _wait_until_page_is_served(process: "subprocess.Popen[bytes]", page_address: str) -> None:
     deadline = time.monotonic() + LIMITS.server_start_s
     while time.monotonic() < deadline and process.poll() is None:
         try:
-            with urllib.request.urlopen(page, timeout=LIMITS.server_start_s):  # noqa: S310 our own page
+            with urllib.request.urlopen(page_address, timeout=LIMITS.server_start_s):  # noqa: S310 our own page
                 return
         except (urllib.error.URLError, OSError):
             time.sleep(LIMITS.server_look_s)

@@ -14,13 +14,18 @@ import polars as pl
 
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.rrd.blueprint import Page, Panel, lay_out_tabs
-from recordings.rrd.display_frames import DisplayColumn, bin_frame_rows, is_drawn_as_points
-from recordings.rrd.drawn_rows import iter_drawn_batches
+from recordings.rrd.blueprint import Page, Panel, lay_out_pages_as_tabs
+from recordings.rrd.display_frames import DisplayColumn, bin_frame_rows, should_draw_as_points
+from recordings.rrd.drawn_rows import iter_record_batches_to_draw
 from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.recording_views import ViewKind
 from recordings.rrd.stored_names import SINCE_START, TIME
-from recordings.rrd.writer import Scene, make_scene, send_events, send_texts
+from recordings.rrd.writer import (
+    Scene,
+    make_scene_of_run,
+    send_events_of_scene,
+    send_texts_and_pictures,
+)
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -57,41 +62,56 @@ class ViewerRequest:
 
 def stream_run_to_stdout(run: Run, request: ViewerRequest) -> None:
     """Write the drawn data of a run to standard output, for the viewer."""
-    _send_scene(make_scene(run, request.under), request, run.provenance.t0_unix_ns)
+    _send_scene_to_stdout(make_scene_of_run(run, request.under), request, run.provenance.t0_unix_ns)
 
 
 def stream_topics_to_stdout(
-    topics: Mapping[str, pl.DataFrame], text: str, name: str, request: ViewerRequest
+    frame_by_topic: Mapping[str, pl.DataFrame],
+    description: str,
+    recording_name: str,
+    request: ViewerRequest,
 ) -> None:
     """Write the numeric columns of a log to standard output, with a tab per topic.
 
     Args:
-        topics: frames by topic, with unix_ns and fields; fields without numbers are left out.
-        text: description of the log, in Markdown.
-        name: name of the log.
+        frame_by_topic: frames by topic, with unix_ns and fields; fields without numbers are left
+            out.
+        description: description of the log, in Markdown.
+        recording_name: name of the log.
         request: request of the viewer.
     """
-    stamps = [frame["unix_ns"] for frame in topics.values() if frame.height]
+    stamps = [frame["unix_ns"] for frame in frame_by_topic.values() if frame.height]
     t0_ns = min((int(each[0]) for each in stamps), default=0)
     end_ns = max((int(each[-1]) for each in stamps), default=0)
     shown: dict[str, pl.DataFrame] = {}
     pages = [Page("Log", texts=(_TEXT,))]
-    for topic, frame in topics.items():
+    for topic, frame in frame_by_topic.items():
         columns = [c for c, kind in frame.schema.items() if kind.is_numeric() or kind == pl.Boolean]
         fields = [column for column in columns if column != "unix_ns"]
         if not (fields and frame.height):
             continue
         entity = topic.strip("/") or "log"
-        shown[entity] = _decimate_fields(frame, fields, t0_ns)
+        shown[entity] = _decimate_fields_of_topic(frame, fields, t0_ns)
         if len(pages) <= LIMITS.max_tabs:
-            pages.append(Page(topic, tuple(_make_panels(entity, fields, shown[entity]))))
+            pages.append(
+                Page(topic, tuple(_make_panels_of_message_parts(entity, fields, shown[entity])))
+            )
     span = (t0_ns, end_ns) if stamps else None
-    _send_scene(
-        Scene(name, shown, lay_out_tabs(pages, span, request.under), {_TEXT: text}), request, t0_ns
+    _send_scene_to_stdout(
+        Scene(
+            recording_name,
+            shown,
+            lay_out_pages_as_tabs(pages, span, request.under),
+            {_TEXT: description},
+        ),
+        request,
+        t0_ns,
     )
 
 
-def _decimate_fields(frame: pl.DataFrame, fields: Sequence[str], t0_ns: int) -> pl.DataFrame:
+def _decimate_fields_of_topic(
+    frame: pl.DataFrame, fields: Sequence[str], t0_ns: int
+) -> pl.DataFrame:
     numbers = [pl.col(field).cast(pl.Float64) for field in fields]
     placed = frame.select((pl.col("unix_ns") - t0_ns).alias("t_ns"), *numbers)
     if placed.height <= LIMITS.stream_max_rows:
@@ -109,7 +129,9 @@ def _decimate_fields(frame: pl.DataFrame, fields: Sequence[str], t0_ns: int) -> 
     return bin_frame_rows(placed, wanted, ends, max((ends[1] - ends[0]) // LIMITS.stream_bins, 1))
 
 
-def _make_panels(entity: str, fields: Sequence[str], displayed_fields: pl.DataFrame) -> list[Panel]:
+def _make_panels_of_message_parts(
+    entity_path: str, fields: Sequence[str], displayed_fields: pl.DataFrame
+) -> list[Panel]:
     """Panels for the fields of each message part: `linear_acceleration.x`, `.y`, `.z` together."""
     parts: dict[str, list[str]] = {}
     for field in fields:
@@ -122,17 +144,17 @@ def _make_panels(entity: str, fields: Sequence[str], displayed_fields: pl.DataFr
             colour = colours.choose_line_colour(number)
             label = field.removeprefix(name).strip(".[]") or field
             drawn += [
-                DisplayColumn(entity, f"{field} {end}", f"{label}, {end}", colour, faint=True)
+                DisplayColumn(entity_path, f"{field} {end}", f"{label}, {end}", colour, faint=True)
                 for end in ("min", "max")
                 if f"{field} {end}" in displayed_fields.columns
             ]
-            alone = is_drawn_as_points(displayed_fields[field])
-            drawn.append(DisplayColumn(entity, field, label, colour, dotted=alone))
+            alone = should_draw_as_points(displayed_fields[field])
+            drawn.append(DisplayColumn(entity_path, field, label, colour, dotted=alone))
         panels.append(Panel(name, ViewKind.LINES, tuple(drawn)))
     return panels
 
 
-def _send_scene(scene: Scene, request: ViewerRequest, t0_unix_ns: int) -> None:
+def _send_scene_to_stdout(scene: Scene, request: ViewerRequest, t0_unix_ns: int) -> None:
     # whatever Rerun would log stays out of the viewer's own log
     os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
@@ -144,17 +166,17 @@ def _send_scene(scene: Scene, request: ViewerRequest, t0_unix_ns: int) -> None:
     if not request.under:
         recording.send_recording_name(scene.name)
         recording.send_recording_start_time_nanos(t0_unix_ns)
-    send_texts(recording, scene, request.under)
-    at = make_extra_timelines(request)
-    send_events(recording, scene, t0_unix_ns, request.under, at)
+    send_texts_and_pictures(recording, scene, request.under)
+    at = make_requested_timelines(request)
+    send_events_of_scene(recording, scene, t0_unix_ns, request.under, at)
     for name, frame in scene.frames.items():
-        for batch in iter_drawn_batches(name, frame, t0_unix_ns, request.under, at):
+        for batch in iter_record_batches_to_draw(name, frame, t0_unix_ns, request.under, at):
             recording.send_record_batch(batch, index=[TIME, SINCE_START, *at])
     recording.flush()
     recording.disconnect()
 
 
-def make_extra_timelines(request: ViewerRequest) -> "dict[str, pa.Scalar]":
+def make_requested_timelines(request: ViewerRequest) -> "dict[str, pa.Scalar]":
     """Additional timelines of every row, except those that rows have anyway."""
     import pyarrow as pa
 

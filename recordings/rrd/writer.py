@@ -13,23 +13,23 @@ import polars as pl
 from analysis.model.run_record import Run
 from analysis.model.schema import FRAMES
 from estimators.errors import OutputError, RecordingError
-from recordings.report.atomic_output import atomic_file, require_writable_output
-from recordings.report.finding_text import format_finding, read_findings
+from recordings.report.atomic_output import require_writable_output, stage_output_file
+from recordings.report.finding_text import format_finding, read_findings_of_run
 from recordings.rrd.blueprint import (
-    lay_out_run,
+    lay_out_run_in_tabs,
     make_events_entity_path,
     make_picture_entity_path,
     make_text_entity_path,
 )
-from recordings.rrd.display_frames import find_grid_span_ns, make_display_frames
-from recordings.rrd.drawn_rows import iter_drawn_batches
+from recordings.rrd.display_frames import find_time_span_of_grid_ns, make_display_frames
+from recordings.rrd.drawn_rows import iter_record_batches_to_draw
 from recordings.rrd.piped_file import PipedFile, open_piped_file
-from recordings.rrd.plane_pictures import PlanePicture, make_plane_pictures, send_picture
+from recordings.rrd.plane_pictures import PlanePicture, make_plane_pictures, send_plane_picture
 from recordings.rrd.reader import FORMAT, PROPERTY, open_recording
 from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.recording_properties import ANSWER, make_recording_properties
-from recordings.rrd.recording_texts import make_all_texts, make_recording_name
-from recordings.rrd.stored_frames import Manifest, StoredFrame, entity_path
+from recordings.rrd.recording_texts import make_recording_name, make_texts_of_run
+from recordings.rrd.stored_frames import Manifest, StoredFrame, make_entity_path
 from recordings.rrd.stored_names import ROW, SINCE_START, TIME, make_component_name
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class LiveView:
     """A viewer that shows a recording while it is written.
 
     Attributes:
-        address: address of the viewer (`start_viewer`).
+        address: address of the viewer (`start_waiting_viewer`).
         laid_out: whether it keeps the layout of an earlier recording, with the user's changes.
     """
 
@@ -72,7 +72,7 @@ def write_recording(
         path: the `.rrd` file to write; its folder must exist.
         force: whether to replace an existing file.
         viewer: viewer that shows the recording while it is written, or its address
-            (`start_viewer`).
+            (`start_waiting_viewer`).
 
     Returns:
         The path of the recording.
@@ -81,7 +81,7 @@ def write_recording(
         OutputError: the name does not end in .rrd, the file exists, its folder is missing or not
             writable, the disk is full, a column cannot be stored, or what was read back differs.
     """
-    return write_recording_with_scene(run, make_scene, path, force=force, viewer=viewer)
+    return write_recording_with_scene(run, make_scene_of_run, path, force=force, live_viewer=viewer)
 
 
 @dataclass(frozen=True)
@@ -104,51 +104,51 @@ class Scene:
     pictures: Mapping[str, PlanePicture] = field(default_factory=dict)
 
 
-def make_scene(run: Run, parent_entity: str = "") -> Scene:
+def make_scene_of_run(run: Run, parent_entity: str = "") -> Scene:
     """Scene of a run by the table of views, below an entity."""
     shown = make_display_frames(run)
     name = make_recording_name(run.provenance)
-    begin = (find_grid_span_ns(run) or (0, 0))[0]
+    begin = (find_time_span_of_grid_ns(run) or (0, 0))[0]
     events = sorted(
         (
             begin if each.start_s is None else round(each.start_s * 1e9),
             format_finding(each),
             each.severity != "tell",
         )
-        for each in read_findings(run)
+        for each in read_findings_of_run(run)
     )
-    written, pictures = make_all_texts(run), make_plane_pictures(run)
-    layout = lay_out_run(run, shown, written, pictures, parent_entity)
+    written, pictures = make_texts_of_run(run), make_plane_pictures(run)
+    layout = lay_out_run_in_tabs(run, shown, written, pictures, parent_entity)
     return Scene(name, shown, layout, written, tuple(events), pictures)
 
 
 def write_recording_with_scene(
     run: Run,
-    scene_of: Callable[[Run], Scene],
+    make_scene: Callable[[Run], Scene],
     path: str | Path,
     *,
     force: bool = False,
-    viewer: str | LiveView | None = None,
+    live_viewer: str | LiveView | None = None,
 ) -> Path:
     """Write the whole recording of a run like `write_recording`, with a scene of its own.
 
     Args:
         run: run to store.
-        scene_of: makes the scene; called once the output is known to be writable.
+        make_scene: makes the scene; called once the output is known to be writable.
         path: the `.rrd` file to write.
         force: whether to replace an existing file.
-        viewer: viewer that shows the recording while it is written, or its address.
+        live_viewer: viewer that shows the recording while it is written, or its address.
 
     Raises:
         OutputError: as `write_recording`.
     """
     path = Path(path)
-    viewer = LiveView(viewer) if isinstance(viewer, str) else viewer
+    live_viewer = LiveView(live_viewer) if isinstance(live_viewer, str) else live_viewer
     require_writable_recording(path, force=force)
-    with atomic_file(path, force=force) as partial:
+    with stage_output_file(path, force=force) as partial:
         with open_piped_file(partial) as piped:
-            _send_run_through_pipe(run, scene_of, piped, path, viewer)
-        compare_written_with_run(run, partial, path)
+            _send_run_through_pipe(run, make_scene, piped, path, live_viewer)
+        refuse_recording_unlike_run(run, partial, path)
     return path
 
 
@@ -167,50 +167,52 @@ def require_writable_recording(path: Path, *, force: bool) -> None:
 
 def _send_run_through_pipe(
     run: Run,
-    scene_of: Callable[[Run], Scene],
-    piped: PipedFile,
+    make_scene: Callable[[Run], Scene],
+    piped_file: PipedFile,
     path: Path,
-    viewer: LiveView | None,
+    live_viewer: LiveView | None,
 ) -> None:
     # what Rerun would log of a viewer that went away is said in our own line
     os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 
     stored = tuple(StoredFrame.from_frame(name, frame) for name, frame in run.frames.items())
-    scene = scene_of(run)
+    scene = make_scene(run)
     description = rr.AnyValues(
         format=FORMAT,
         manifest=Manifest(frames=stored).model_dump_json(),
         provenance=json.dumps(run.provenance.model_dump(mode="json")),
     )
     recording = rr.RecordingStream(APPLICATION, recording_id=uuid4())
-    watching = [rr.GrpcSink(viewer.address)] if viewer else []
-    recording.set_sinks(rr.FileSink(piped.name), *watching)
-    piped.close_writing_end()
-    first = viewer is None or not viewer.laid_out
+    watching = [rr.GrpcSink(live_viewer.address)] if live_viewer else []
+    recording.set_sinks(rr.FileSink(piped_file.name), *watching)
+    piped_file.close_writing_end()
+    first = live_viewer is None or not live_viewer.laid_out
     recording.send_blueprint(scene.layout, make_active=first, make_default=True)
     recording.send_property(PROPERTY, description)
     said: dict[str, Any] = {**make_recording_properties(run)}
     recording.send_property(ANSWER, rr.AnyValues(**said))
     recording.send_recording_name(scene.name)
     recording.send_recording_start_time_nanos(run.provenance.t0_unix_ns)
-    send_texts(recording, scene)
-    send_events(recording, scene, run.provenance.t0_unix_ns)
+    send_texts_and_pictures(recording, scene)
+    send_events_of_scene(recording, scene, run.provenance.t0_unix_ns)
     wait_until_written(
-        recording, piped, path
+        recording, piped_file, path
     )  # what describes the frames first, or a cut file is past help
     waiting = 0
-    for index, batch in iter_indexed_batches(run, scene.frames):
+    for index, batch in iter_batches_of_run_with_index(run, scene.frames):
         recording.send_record_batch(batch, index=index)
         waiting += batch.nbytes
         if waiting > LIMITS.waiting_bytes:  # or the queue of chunks grows to the whole run
-            wait_until_written(recording, piped, path)
+            wait_until_written(recording, piped_file, path)
             waiting = 0
-    wait_until_written(recording, piped, path)
+    wait_until_written(recording, piped_file, path)
     recording.disconnect()
 
 
-def send_texts(recording: "RecordingStream", scene: Scene, parent_entity: str = "") -> None:
+def send_texts_and_pictures(
+    recording: "RecordingStream", scene: Scene, parent_entity: str = ""
+) -> None:
     """Send the static parts of a scene below an entity: texts and pictures."""
     import rerun as rr
 
@@ -218,10 +220,10 @@ def send_texts(recording: "RecordingStream", scene: Scene, parent_entity: str = 
         document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
         recording.log(make_text_entity_path(name, parent_entity), document, static=True)
     for name, picture in scene.pictures.items():
-        send_picture(recording, make_picture_entity_path(name, parent_entity), picture)
+        send_plane_picture(recording, make_picture_entity_path(name, parent_entity), picture)
 
 
-def send_events(
+def send_events_of_scene(
     recording: "RecordingStream",
     scene: Scene,
     t0_unix_ns: int,
@@ -251,53 +253,55 @@ def send_events(
     )
 
 
-def make_constant_timeline(name: str, constant_time: "pa.Scalar", rows: int) -> "TimeColumn":
+def make_constant_timeline(
+    timeline_name: str, constant_time: "pa.Scalar", row_count: int
+) -> "TimeColumn":
     """Timeline with one time for all rows."""
     import numpy as np
     import pyarrow as pa
     import rerun as rr
 
-    values = np.full(rows, constant_time.cast(pa.int64()).as_py(), np.int64)
+    values = np.full(row_count, constant_time.cast(pa.int64()).as_py(), np.int64)
     if pa.types.is_duration(constant_time.type):
-        return rr.TimeColumn(name, duration=values.view("timedelta64[ns]"))
+        return rr.TimeColumn(timeline_name, duration=values.view("timedelta64[ns]"))
     if pa.types.is_timestamp(constant_time.type):
-        return rr.TimeColumn(name, timestamp=values.view("datetime64[ns]"))
-    return rr.TimeColumn(name, sequence=values)
+        return rr.TimeColumn(timeline_name, timestamp=values.view("datetime64[ns]"))
+    return rr.TimeColumn(timeline_name, sequence=values)
 
 
-def wait_until_written(recording: "RecordingStream", piped: PipedFile, path: Path) -> None:
+def wait_until_written(recording: "RecordingStream", piped_file: PipedFile, path: Path) -> None:
     """Wait until everything sent is in the file, as long as the file grows."""
     size = -1
     while True:
-        piped.check()
+        piped_file.raise_write_error()
         try:
             recording.flush(timeout_sec=LIMITS.stuck_s)
         except RuntimeError as error:
-            if piped.size == size:
+            if piped_file.written_bytes == size:
                 raise OutputError(
                     f"{path}: the file stopped growing at {size} bytes; check for a full disk or a "
                     "stuck viewer"
                 ) from error
-            size = piped.size
+            size = piped_file.written_bytes
         else:
             return
 
 
-def iter_indexed_batches(
+def iter_batches_of_run_with_index(
     run: Run, display_frames: Mapping[str, pl.DataFrame]
 ) -> "Iterator[tuple[list[str], pa.RecordBatch]]":
     """Record batches with their index: drawn frames first, in order of time, then all others."""
     for name, frame in display_frames.items():
-        for batch in iter_drawn_batches(name, frame, run.provenance.t0_unix_ns):
+        for batch in iter_record_batches_to_draw(name, frame, run.provenance.t0_unix_ns):
             yield [TIME, SINCE_START], batch
-    for batch in iter_timed_batches(run.frames, run.provenance.t0_unix_ns):
+    for batch in iter_batches_of_frames(run.frames, run.provenance.t0_unix_ns):
         yield [TIME, SINCE_START], batch
     for name, frame in run.frames.items():
-        for batch in StoredFrame.from_frame(name, frame).to_batches(frame):
+        for batch in StoredFrame.from_frame(name, frame).iter_blocks_of_frame(frame):
             yield [ROW], batch
 
 
-def compare_written_with_run(run: Run, partial_path: Path, path: Path) -> None:
+def refuse_recording_unlike_run(run: Run, partial_path: Path, path: Path) -> None:
     """Read every frame back, and compare it with the run."""
     try:
         with open_recording(partial_path, stored_names=True) as held:
@@ -306,7 +310,7 @@ def compare_written_with_run(run: Run, partial_path: Path, path: Path) -> None:
                     f"{path}: the provenance read back differs; only plain JSON is supported"
                 )
             for name, frame in run.frames.items():
-                back = held.read(name)
+                back = held.read_frame(name)
                 if back.schema != frame.schema or not back.equals(frame):
                     raise OutputError(
                         f"{path}: '{name}' read back differs, so the file was removed; try again"
@@ -317,7 +321,7 @@ def compare_written_with_run(run: Run, partial_path: Path, path: Path) -> None:
         ) from error
 
 
-def iter_timed_batches(
+def iter_batches_of_frames(
     frames: Mapping[str, pl.DataFrame], t0_unix_ns: int
 ) -> "Iterator[pa.RecordBatch]":
     """Record batch of each frame with rows; rows of the whole run are at its start.
@@ -348,7 +352,7 @@ def iter_timed_batches(
             cells = [[] if value is None else [value] for value in values.to_pylist()]
             arrays[stored] = pa.array(cells, pa.list_(values.type))
             metadata = {
-                "rerun:entity_path": entity_path(name, ROWS),
+                "rerun:entity_path": make_entity_path(name, ROWS),
                 "rerun:component": stored,
             }
             fields.append(pa.field(stored, arrays[stored].type, metadata=metadata))

@@ -29,41 +29,41 @@ def encode_canonical_json(value: Any) -> bytes:
         raise EvidenceError(f"cannot be written as canonical JSON: {error}") from None
 
 
-def parse_canonical_json(data: bytes, source: str) -> Any:
+def parse_canonical_json(json_bytes: bytes, source: str) -> Any:
     """Parse untrusted canonical JSON.
 
     Args:
-        data: bytes to parse.
+        json_bytes: bytes to parse.
         source: name of the data, for the error.
 
     Raises:
         EvidenceError: too long, too deep, a number too long or too large, a name that comes twice,
             no JSON, or not in canonical form.
     """
-    if len(data) > LIMITS.document_bytes:
+    if len(json_bytes) > LIMITS.document_bytes:
         raise EvidenceError(
-            f"{source}: {len(data)} bytes are more than the {LIMITS.document_bytes} allowed"
+            f"{source}: {len(json_bytes)} bytes are more than the {LIMITS.document_bytes} allowed"
         )
-    _refuse_deep_nesting(data, source)
+    _refuse_deep_nesting(json_bytes, source)
     try:
         value = json.loads(
-            data.decode("utf-8"),
-            parse_int=_parse_integer,
-            parse_float=_parse_float,
-            parse_constant=_refuse_constant,
+            json_bytes.decode("utf-8"),
+            parse_int=_parse_json_integer,
+            parse_float=_parse_json_float,
+            parse_constant=_refuse_json_constant,
             object_pairs_hook=_make_object_of_unique_names,
         )
     except (ValueError, RecursionError) as error:
         raise EvidenceError(f"{source}: is not valid JSON for evidence: {error}") from None
-    if encode_canonical_json(value) != data:
+    if encode_canonical_json(value) != json_bytes:
         raise EvidenceError(f"{source}: is not in the canonical form of RFC 8785")
     return value
 
 
-def _refuse_deep_nesting(data: bytes, source: str) -> None:
+def _refuse_deep_nesting(json_bytes: bytes, source: str) -> None:
     """Refuse data nested too deeply, by counting brackets outside of texts."""
     depth, quoted, escaped = 0, False, False
-    for byte in data:
+    for byte in json_bytes:
         if quoted:
             if escaped:
                 escaped = False
@@ -81,7 +81,7 @@ def _refuse_deep_nesting(data: bytes, source: str) -> None:
             depth -= 1
 
 
-def _parse_integer(text: str) -> int | float:
+def _parse_json_integer(text: str) -> int | float:
     if len(text) > LIMITS.number_characters:
         raise ValueError(
             f"it contains a number of {len(text)} digits; {LIMITS.number_characters} are allowed"
@@ -91,7 +91,7 @@ def _parse_integer(text: str) -> int | float:
     return value if abs(value) <= _LARGEST_EXACT else float(value)
 
 
-def _parse_float(text: str) -> float:
+def _parse_json_float(text: str) -> float:
     if len(text) > LIMITS.number_characters:
         raise ValueError(
             f"it contains a number of {len(text)} characters; {LIMITS.number_characters} are "
@@ -103,13 +103,13 @@ def _parse_float(text: str) -> float:
     return value
 
 
-def _refuse_constant(text: str) -> float:
+def _refuse_json_constant(text: str) -> float:
     raise ValueError(f"the number {text}")
 
 
-def _make_object_of_unique_names(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _make_object_of_unique_names(name_value_pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """JSON object; an error if it repeats a name."""
-    found = dict(pairs)
-    if len(found) != len(pairs):
+    found = dict(name_value_pairs)
+    if len(found) != len(name_value_pairs):
         raise ValueError("a name appears twice in one object")
     return found

@@ -45,9 +45,9 @@ class KnownKey(BaseModel):
     because: Annotated[str, StringConstraints(max_length=200)] = ""
 
     @model_validator(mode="after")
-    def _validate_key(self) -> Self:
+    def _validate_key_and_dates(self) -> Self:
         try:
-            self.public  # noqa: B018  reading it refuses a weak key
+            self.public_key  # noqa: B018  reading it refuses a weak key
         except EvidenceError as fault:
             raise ValueError(str(fault)) from None
         if self.valid_from and self.valid_to and self.valid_to < self.valid_from:
@@ -55,11 +55,11 @@ class KnownKey(BaseModel):
         return self
 
     @property
-    def public(self) -> PublicKey:
+    def public_key(self) -> PublicKey:
         """Public key itself."""
-        return PublicKey.from_text(self.key)
+        return PublicKey.from_base64_text(self.key)
 
-    def distrust_reason(self, signature_day: dt.date, proven_day: dt.date | None) -> str:
+    def explain_distrust(self, signature_day: dt.date, proven_day: dt.date | None) -> str:
         """Why a signature of that day does not count; "" if it does.
 
         Args:
@@ -92,9 +92,9 @@ class Keyring:
     path: Path
     keys: tuple[KnownKey, ...] = ()
 
-    def find_key(self, key_id: str) -> KnownKey | None:
+    def find_key_by_id_or_prefix(self, key_id: str) -> KnownKey | None:
         """Key with that id, or the only one whose id begins so; None otherwise."""
-        found = [each for each in self.keys if each.public.key_id.startswith(key_id)]
+        found = [each for each in self.keys if each.public_key.key_id.startswith(key_id)]
         return found[0] if key_id and len(found) == 1 else None
 
 
@@ -136,14 +136,14 @@ def load_keyring(path: Path | None = None) -> Keyring:
     rows = content.pop("keys", [])
     if content or not isinstance(rows, list):
         raise EvidenceError(f"{path}: is not a keyring, which contains only [[keys]] tables")
-    keys = tuple(_parse_key(path, number, row) for number, row in enumerate(rows, start=1))
-    ids = [each.public.key_id for each in keys]
+    keys = tuple(_parse_keyring_row(path, number, row) for number, row in enumerate(rows, start=1))
+    ids = [each.public_key.key_id for each in keys]
     if len(set(ids)) < len(ids):
         raise EvidenceError(f"{path}: lists the same key twice; remove one entry")
     return Keyring(path, keys)
 
 
-def save_keyring(path: Path, keys: Sequence[KnownKey]) -> Keyring:
+def save_keyring(keyring_path: Path, keys: Sequence[KnownKey]) -> Keyring:
     """Write a keyring, whole or not at all, writable only by its owner.
 
     Raises:
@@ -157,44 +157,45 @@ def save_keyring(path: Path, keys: Sequence[KnownKey]) -> Keyring:
         table.update(each.model_dump(exclude_defaults=True))
         tables.append(table)
     text = _HEAD + ("\n" + tomlkit.dumps({"keys": tables}) if keys else "")
-    partial = path.with_name(f".{path.name}.{os.getpid()}")
+    partial = keyring_path.with_name(f".{keyring_path.name}.{os.getpid()}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        keyring_path.parent.mkdir(parents=True, exist_ok=True)
         try:
             partial.touch(mode=0o600, exist_ok=False)
             partial.write_text(text, encoding="utf-8")
-            partial.replace(path)
+            partial.replace(keyring_path)
         finally:
             with suppress(OSError):
                 partial.unlink()
     except OSError as error:
-        raise EvidenceError(f"{path}: cannot be written ({error.strerror})") from None
-    return Keyring(path, tuple(keys))
+        raise EvidenceError(f"{keyring_path}: cannot be written ({error.strerror})") from None
+    return Keyring(keyring_path, tuple(keys))
 
 
-def add_key(keyring: Keyring, key: KnownKey) -> Keyring:
+def add_key_to_keyring(keyring: Keyring, known_key: KnownKey) -> Keyring:
     """Add a key, and write the keyring.
 
     Raises:
         EvidenceError: the key is there already, or the file cannot be written.
     """
-    same = keyring.find_key(key.public.key_id)
+    same = keyring.find_key_by_id_or_prefix(known_key.public_key.key_id)
     if same is not None:
         raise EvidenceError(
-            f"{keyring.path}: already contains key {key.public.key_id[:12]}…, of {same.owner}"
+            f"{keyring.path}: already contains key {known_key.public_key.key_id[:12]}…, of "
+            f"{same.owner}"
         )
-    return save_keyring(keyring.path, (*keyring.keys, key))
+    return save_keyring(keyring.path, (*keyring.keys, known_key))
 
 
-def revoke_key(keyring: Keyring, key_id: str, day: dt.date, reason: str) -> Keyring:
+def revoke_key_in_keyring(keyring: Keyring, key_id: str, day: dt.date, reason: str) -> Keyring:
     """Mark a key as revoked, and write the keyring.
 
     Raises:
         EvidenceError: no such key, or the file cannot be written.
     """
-    known = keyring.find_key(key_id)
+    known = keyring.find_key_by_id_or_prefix(key_id)
     if known is None:
-        ids = [each.public.key_id for each in keyring.keys]
+        ids = [each.public_key.key_id for each in keyring.keys]
         alike = [each for each in ids if key_id and each.startswith(key_id)]
         have = ", ".join(each[:12] for each in alike or ids) or "none"
         fault = f"several keys begin with '{key_id}'" if alike else f"no key '{key_id}'"
@@ -205,7 +206,7 @@ def revoke_key(keyring: Keyring, key_id: str, day: dt.date, reason: str) -> Keyr
     )
 
 
-def _parse_key(path: Path, key_number: int, row: object) -> KnownKey:
+def _parse_keyring_row(path: Path, key_number: int, row: object) -> KnownKey:
     try:
         return KnownKey.model_validate(row)
     except ValidationError as error:

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from estimators.errors import EvidenceError
 from recordings.signatures.canonical_json import encode_canonical_json, parse_canonical_json
@@ -72,23 +72,23 @@ class PublicKey:
         return hashlib.sha256(self.raw).hexdigest()
 
     @property
-    def text(self) -> str:
+    def base64_text(self) -> str:
         """The raw key in base64."""
         return base64.b64encode(self.raw).decode()
 
     @classmethod
-    def from_text(cls, text: str) -> "PublicKey":
+    def from_base64_text(cls, text: str) -> "PublicKey":
         """Parse a key in base64, as `text` returns it.
 
         Raises:
             EvidenceError: it is not base64 of 32 bytes, or the key is weak.
         """
-        raw = _decode_base64(text, "a public key")
+        raw = _decode_base64_or_refuse(text, "a public key")
         if len(raw) != 32:
             raise EvidenceError(f"a public key of Ed25519 has 32 bytes, this one {len(raw)}")
-        return cls(raw).require_no_weakness()
+        return cls(raw).refuse_weak_key()
 
-    def require_no_weakness(self) -> "PublicKey":
+    def refuse_weak_key(self) -> "PublicKey":
         """Return the key if its signatures can be relied on.
 
         Raises:
@@ -99,7 +99,7 @@ class PublicKey:
             raise EvidenceError(f"weak key {self.key_id[:12]}…: it {fault}; `{_MAKE}` makes one")
         return self
 
-    def has_signed(self, signature: bytes, message: bytes) -> bool:
+    def does_verify_signature(self, signature: bytes, message: bytes) -> bool:
         """Whether this key made this signature of this message."""
         from cryptography.exceptions import InvalidSignature
         from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
@@ -118,25 +118,32 @@ class SigningKey:
     private: "Ed25519PrivateKey"
 
     @property
-    def public(self) -> PublicKey:
+    def public_key(self) -> PublicKey:
         """Public key that verifies its signatures."""
-        return _derive_public_key(self.private.public_key())
+        return _convert_library_key(self.private.public_key())
 
-    def require_unpublished(self, source: str) -> "SigningKey":
+    def refuse_published_key(self, source: str) -> "SigningKey":
         """Return the key unless it is a published one.
 
         Raises:
             EvidenceError: it is published.
         """
-        _require_sound_key(self.public, source)
+        _refuse_weak_key_of_source(self.public_key, source)
         return self
 
-    def sign(self, message: bytes) -> bytes:
+    def sign_message(self, message: bytes) -> bytes:
         """Signature of a message, 64 bytes."""
         return self.private.sign(message)
 
 
-def make_key_pair_pem() -> tuple[bytes, bytes]:
+class KeyPairPem(NamedTuple):
+    """Both halves of a key in PEM."""
+
+    private_pem: bytes
+    public_pem: bytes
+
+
+def generate_key_pair_pem() -> KeyPairPem:
     """Generate a key: private and public half in PEM."""
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import (
@@ -148,10 +155,10 @@ def make_key_pair_pem() -> tuple[bytes, bytes]:
 
     key = Ed25519PrivateKey.generate()
     public = key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
-    return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()), public
+    return KeyPairPem(key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()), public)
 
 
-def read_signing_key(path: Path | None) -> SigningKey | None:
+def read_signing_key_or_none(path: Path | None) -> SigningKey | None:
     """Private key from the file, or else from the environment variable; None without either.
 
     Raises:
@@ -173,10 +180,10 @@ def read_signing_key(path: Path | None) -> SigningKey | None:
         raise EvidenceError(f"{where}: holds no private key in PEM; `{_MAKE}` makes one") from None
     if not isinstance(key, Ed25519PrivateKey):
         raise EvidenceError(f"{where}: is not an Ed25519 key; `{_MAKE}` makes one")
-    return SigningKey(key).require_unpublished(where)
+    return SigningKey(key).refuse_published_key(where)
 
 
-def read_public_key(path: Path) -> PublicKey:
+def read_public_key_file(path: Path) -> PublicKey:
     """Public key from a file.
 
     Raises:
@@ -195,16 +202,16 @@ def read_public_key(path: Path) -> PublicKey:
         raise EvidenceError(f"{path}: holds no public key in PEM; `{_PUBLISH}` writes it") from None
     if not isinstance(key, Ed25519PublicKey):
         raise EvidenceError(f"{path}: is not an Ed25519 key, which evidence requires")
-    return _require_sound_key(_derive_public_key(key), str(path))
+    return _refuse_weak_key_of_source(_convert_library_key(key), str(path))
 
 
-def encode_for_signature(payload_type: str, payload: bytes) -> bytes:
+def encode_payload_for_signature(payload_type: str, payload: bytes) -> bytes:
     """Bytes to be signed: DSSE's pre-authentication encoding (protocol.md)."""
     kind = payload_type.encode()
     return b"DSSEv1 %d %b %d %b" % (len(kind), kind, len(payload), payload)
 
 
-def make_statement_bytes(digests: Mapping[str, str], predicate: Mapping[str, Any]) -> bytes:
+def encode_in_toto_statement(digests: Mapping[str, str], predicate: Mapping[str, Any]) -> bytes:
     """In-toto statement on files: their SHA-256 by name, and a predicate."""
     return encode_canonical_json(
         {
@@ -218,15 +225,18 @@ def make_statement_bytes(digests: Mapping[str, str], predicate: Mapping[str, Any
     )
 
 
-def make_signed_envelope_bytes(payload: bytes, key: SigningKey) -> bytes:
+def encode_signed_envelope(payload: bytes, signing_key: SigningKey) -> bytes:
     """Signed DSSE envelope with a statement."""
-    signature = key.sign(encode_for_signature(PAYLOAD_TYPE, payload))
+    signature = signing_key.sign_message(encode_payload_for_signature(PAYLOAD_TYPE, payload))
     return encode_canonical_json(
         {
             "payloadType": PAYLOAD_TYPE,
             "payload": base64.b64encode(payload).decode(),
             "signatures": [
-                {"keyid": key.public.key_id, "sig": base64.b64encode(signature).decode()}
+                {
+                    "keyid": signing_key.public_key.key_id,
+                    "sig": base64.b64encode(signature).decode(),
+                }
             ],
         }
     )
@@ -248,24 +258,26 @@ class EnvelopeContent:
     signature: bytes
     key_id: str
 
-    def is_signed_by(self, key: PublicKey) -> bool:
+    def is_signed_by(self, public_key: PublicKey) -> bool:
         """Whether this key signed the statement."""
-        return key.has_signed(self.signature, encode_for_signature(PAYLOAD_TYPE, self.payload))
+        return public_key.does_verify_signature(
+            self.signature, encode_payload_for_signature(PAYLOAD_TYPE, self.payload)
+        )
 
 
-def parse_envelope(data: bytes, source: str) -> EnvelopeContent:
+def parse_untrusted_envelope(envelope_bytes: bytes, source: str) -> EnvelopeContent:
     """Read an envelope of a stranger; trust its contents only after `is_signed_by` holds.
 
     Raises:
-        EvidenceError: it is not an envelope as written by `make_signed_envelope_bytes`.
+        EvidenceError: it is not an envelope as written by `encode_signed_envelope`.
     """
-    held = parse_canonical_json(data, source)
+    held = parse_canonical_json(envelope_bytes, source)
     try:
         (signature,) = held["signatures"]
         fits = set(held) == {"payloadType", "payload", "signatures"}
         fits = fits and set(signature) == {"keyid", "sig"} and held["payloadType"] == PAYLOAD_TYPE
-        payload = _decode_base64(held["payload"], f"{source}: its payload")
-        signed = _decode_base64(signature["sig"], f"{source}: its signature")
+        payload = _decode_base64_or_refuse(held["payload"], f"{source}: its payload")
+        signed = _decode_base64_or_refuse(signature["sig"], f"{source}: its signature")
         key_id = signature["keyid"]
     except (TypeError, KeyError, ValueError, AttributeError):
         raise EvidenceError(f"{source}: is not a DSSE envelope with one signature") from None
@@ -275,7 +287,7 @@ def parse_envelope(data: bytes, source: str) -> EnvelopeContent:
     return EnvelopeContent(payload, inside, signed, key_id)
 
 
-def _decode_base64(text: str, source: str) -> bytes:
+def _decode_base64_or_refuse(text: str, source: str) -> bytes:
     try:
         data = base64.b64decode(text, validate=True)
     except (binascii.Error, ValueError, TypeError):
@@ -299,38 +311,40 @@ def _read_key_file(path: Path) -> bytes:
     return data
 
 
-def _require_sound_key(key: PublicKey, source: str) -> PublicKey:
+def _refuse_weak_key_of_source(public_key: PublicKey, source: str) -> PublicKey:
     try:
-        return key.require_no_weakness()
+        return public_key.refuse_weak_key()
     except EvidenceError as fault:
         raise EvidenceError(f"{source}: {fault}") from None
 
 
-def _derive_public_key(key: "Ed25519PublicKey") -> PublicKey:
-    return PublicKey(key.public_bytes_raw())
+def _convert_library_key(library_key: "Ed25519PublicKey") -> PublicKey:
+    return PublicKey(library_key.public_bytes_raw())
 
 
-def describe_key_weakness(raw: bytes) -> str:
+def describe_key_weakness(raw_key: bytes) -> str:
     """Why signatures by this key cannot be relied on; "" if nothing is known against it.
 
     Args:
-        raw: 32 bytes of a public key.
+        raw_key: 32 bytes of a public key.
     """
-    y = int.from_bytes(raw, "little") & ((1 << 255) - 1)
+    y = int.from_bytes(raw_key, "little") & ((1 << 255) - 1)
     if y >= _P:
         return "is not in canonical form"
     if y in _SMALL_ORDER:
         return "has small order: anyone can forge its signatures"
-    if not _is_on_curve(y):
+    if not _is_y_on_curve(y):
         return "is not a point of the curve"
-    if raw in _load_published_keys():
+    if raw_key in _load_published_keys():
         return "has a private half that is published: anyone can sign for it"
     return ""
 
 
-def _is_on_curve(y: int) -> bool:
+def _is_y_on_curve(y_coordinate: int) -> bool:
     """Whether x² = (y² - 1) / (d y² + 1) has a solution (Euler's criterion)."""
-    square = (y * y - 1) * pow(_D * y * y + 1, -1, _P) % _P
+    square = (
+        (y_coordinate * y_coordinate - 1) * pow(_D * y_coordinate * y_coordinate + 1, -1, _P) % _P
+    )
     return square == 0 or pow(square, (_P - 1) // 2, _P) == 1
 
 

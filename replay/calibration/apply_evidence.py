@@ -27,12 +27,12 @@ from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import select_mass_defining_settings
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.signatures.canonical_json import encode_canonical_json
-from recordings.signatures.keyring import Keyring, KnownKey, add_key, load_keyring
+from recordings.signatures.keyring import Keyring, KnownKey, add_key_to_keyring, load_keyring
 from recordings.signatures.signed_by import SignedBy
-from recordings.signatures.signing import read_public_key
-from replay.calibration.campaign_file import apply_campaign_empty_mass
+from recordings.signatures.signing import read_public_key_file
+from replay.calibration.campaign_file import with_empty_mass_of_campaign
 from replay.calibration.campaign_limits import LIMITS
-from replay.inputs.machine_identity import find_common_machine_id
+from replay.inputs.machine_identity import find_machine_id_common_to_logs
 from replay.logs import Log
 
 
@@ -74,24 +74,24 @@ class MachineCalibration:
         """Serial number of the calibrated machine."""
         return self.document.campaign.machine.id
 
-    def describe(self, logged_id: str) -> str:
+    def describe_calibration_in_sentence(self, logged_machine_id: str) -> str:
         """One sentence about the calibration.
 
         Args:
-            logged_id: machine named by the logs; "" if they name none.
+            logged_machine_id: machine named by the logs; "" if they name none.
         """
         document = self.document
-        of = "" if logged_id else ", which the log does not name"
+        of = "" if logged_machine_id else ", which the log does not name"
         return (
             f"calibrated: {document.estimator.name} by evidence {document.id} of machine "
             f"{self.machine_id}{of}, {self.signed_by}, valid to {document.expires}; "
             f"intervals of {self.calibration.confidence_1:.0%}"
         )
 
-    def weighing_machine(self, machine: Machine) -> Machine:
+    def make_weighing_machine(self, machine: Machine) -> Machine:
         """The machine with the calibration's empty mass and priors."""
         document = self.document
-        machine = apply_campaign_empty_mass(document.campaign, machine)
+        machine = with_empty_mass_of_campaign(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
         weighing = apply_learnt_priors_to_machine(machine, terms)
         if self.calibration.responses:
@@ -99,27 +99,28 @@ class MachineCalibration:
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
         return Machine.model_validate_json(encode_canonical_json(weighing.model_dump(mode="json")))
 
-    def differing_settings_text(self, weighing: Machine) -> str:
+    def list_differing_settings_as_text(self, weighing_machine: Machine) -> str:
         """Settings that differ from the calibration's; "" if none.
 
         Serial number, channels, settings and priors are compared, since they define the mass; the
         name is compared if there is no serial number.
         """
-        mine_id = weighing.machine.id
+        mine_id = weighing_machine.machine.id
         if mine_id not in (None, self.machine_id):
             return f"belongs to machine '{self.machine_id}', not to '{mine_id}'"
         kept = dict(
-            _flatten_settings(
-                select_mass_defining_settings(self.weighing_machine(self.document.machine))
+            _iter_settings_by_dotted_name(
+                select_mass_defining_settings(self.make_weighing_machine(self.document.machine))
             )
         )
-        mine = dict(_flatten_settings(select_mass_defining_settings(weighing)))
+        mine = dict(_iter_settings_by_dotted_name(select_mass_defining_settings(weighing_machine)))
         name = "machine.name"
         if mine_id is None and kept[name] != mine[name]:
             return f"belongs to machine '{kept[name]}', not to '{mine[name]}'"
         names = {*kept, *mine} - {name}
         differ = [
-            f"{each} = {_format_value(kept.get(each))} there and {_format_value(mine.get(each))} "
+            f"{each} = {_format_setting_value(kept.get(each))} there and "
+            f"{_format_setting_value(mine.get(each))} "
             "here"
             for each in sorted(names)
             if kept.get(each) != mine.get(each)
@@ -127,26 +128,26 @@ class MachineCalibration:
         named = list_some(differ, LIMITS.max_settings)
         return f"was made with other settings: {named}" if differ else ""
 
-    def require_calibrated_machine(self, weighing: Machine, source: object) -> Machine:
+    def require_calibrated_machine(self, weighing_machine: Machine, source: object) -> Machine:
         """Return the machine with its serial number if it is the calibrated one.
 
         Logs that name another machine are rejected from then on.
 
         Args:
-            weighing: machine from `weighing_machine`, or from a recording.
+            weighing_machine: machine from `weighing_machine`, or from a recording.
             source: file that the machine comes from, for the error message.
 
         Raises:
             EvidenceError: another machine, or other settings.
         """
-        other = self.differing_settings_text(weighing)
+        other = self.list_differing_settings_as_text(weighing_machine)
         if other:
             raise EvidenceError(
                 f"{self.folder}: {other} ({source}); calibrate again with these settings, or "
                 "replay with those of the calibration"
             )
-        body = weighing.machine.model_copy(update={"id": self.machine_id})
-        return weighing.model_copy(update={"machine": body})
+        body = weighing_machine.machine.model_copy(update={"id": self.machine_id})
+        return weighing_machine.model_copy(update={"machine": body})
 
     def refuse_after_expiry(self, start_ns: int | None, subject: object) -> None:
         """Raise an error for a log after the evidence expired; an undated log counts as today's.
@@ -170,7 +171,7 @@ class MachineCalibration:
                 f"{self.folder}: expired on {self.document.expires}, {of}; calibrate again"
             )
 
-    def require_logs_of_machine(self, logs: Sequence[Log]) -> str:
+    def refuse_logs_of_other_machine(self, logs: Sequence[Log]) -> str:
         """Raise an error for logs of another machine, or after the evidence expired.
 
         Returns:
@@ -180,7 +181,7 @@ class MachineCalibration:
             EvidenceError: the evidence expired.
             LogError: a log is of another machine.
         """
-        logged = find_common_machine_id(logs, self.machine_id)
+        logged = find_machine_id_common_to_logs(logs, self.machine_id)
         starts = [log.topics()["start_ns"].min() for log in logs]
         known = [start for start in starts if isinstance(start, int)]
         self.refuse_after_expiry(
@@ -188,7 +189,7 @@ class MachineCalibration:
         )
         return logged
 
-    def calibrate_loads_frame(
+    def calibrate_masses_of_loads_frame(
         self, frames: Mapping[str, pl.DataFrame], differing_settings: str = ""
     ) -> pl.DataFrame:
         """The frame `loads` with calibrated masses, or without any if the log contradicts it.
@@ -197,27 +198,27 @@ class MachineCalibration:
             frames: `FRAMES` of a replay by `weighing_machine`.
             differing_settings: differences of that machine from the calibration.
         """
-        body = self.weighing_machine(self.document.machine).machine
+        body = self.make_weighing_machine(self.document.machine).machine
         log = describe_later_log(
             frames, body, f"the calibration {differing_settings}" if differing_settings else ""
         )
         return calibrate_loads(frames["loads"], self.calibration, log)
 
-    def calibrate_run(self, run: Run, differing_settings: str = "") -> Run:
+    def calibrate_masses_of_run(self, run: Run, differing_settings: str = "") -> Run:
         """The run with calibrated masses and a note about the evidence.
 
         Args:
             run: a replay by `weighing_machine`.
             differing_settings: differences of that machine from the calibration.
         """
-        loads = self.calibrate_loads_frame(run.frames, differing_settings)
-        said = self.describe(run.provenance.logged_machine_id)
+        loads = self.calibrate_masses_of_loads_frame(run.frames, differing_settings)
+        said = self.describe_calibration_in_sentence(run.provenance.logged_machine_id)
         about = run.provenance.model_copy(update={"notes": (*run.provenance.notes, said)})
         frames = {**run.frames, "loads": loads}
         return replace(run, frames=frames, provenance=about).with_fingerprint()
 
 
-def load_calibration(request: CalibrationRequest) -> MachineCalibration:
+def load_and_verify_calibration(request: CalibrationRequest) -> MachineCalibration:
     """Read evidence and verify it like `payscope verify`.
 
     Raises:
@@ -225,7 +226,7 @@ def load_calibration(request: CalibrationRequest) -> MachineCalibration:
             signature is missing or by an unknown key, or the calibrated mass is not in `loads`.
     """
     folder = request.folder
-    key = None if request.key_file is None else read_public_key(request.key_file)
+    key = None if request.key_file is None else read_public_key_file(request.key_file)
     keyring = load_keyring()
     found = check_bundle(folder, key, None, keyring)
     document = found.document
@@ -237,7 +238,7 @@ def load_calibration(request: CalibrationRequest) -> MachineCalibration:
             f"{folder}: cannot be used to calibrate: {first}{more}; `payscope verify` lists all"
         )
     by = (
-        accept_signature_if_key_known(request, found.signed_by, keyring)
+        accept_signature_of_known_key(request, found.signed_by, keyring)
         if request.signed
         else found.signed_by
     )
@@ -255,7 +256,7 @@ def load_calibration(request: CalibrationRequest) -> MachineCalibration:
     return MachineCalibration(folder, document, document.calibration, by)
 
 
-def accept_signature_if_key_known(
+def accept_signature_of_known_key(
     request: CalibrationRequest, signature: SignedBy, keyring: Keyring
 ) -> SignedBy:
     """Return the signature if its key is known; a key trusted on first use is kept.
@@ -275,11 +276,11 @@ def accept_signature_if_key_known(
             f"{request.folder}: is {signature}; get the key from the signer, and give it with "
             f"--key KEY or keep it: {signature.add_key_command}"
         )
-    add_key(keyring, KnownKey(key=signature.public_key, owner=owner))
+    add_key_to_keyring(keyring, KnownKey(key=signature.public_key, owner=owner))
     return replace(signature, how="known", owner=owner)
 
 
-def calibrate_recorded_loads(
+def calibrate_loads_of_recording(
     frames: Mapping[str, pl.DataFrame],
     provenance: Provenance,
     request: CalibrationRequest,
@@ -294,18 +295,18 @@ def calibrate_recorded_loads(
         recording: path of the recording.
 
     Raises:
-        EvidenceError: as `load_calibration`, or if the recording has other settings or priors than
-            the calibration, or is later than its expiry.
+        EvidenceError: as `load_and_verify_calibration`, or if the recording has other settings or
+            priors than the calibration, or is later than its expiry.
     """
-    by = load_calibration(request)
-    other = by.differing_settings_text(read_machine_from_provenance(provenance))
+    by = load_and_verify_calibration(request)
+    other = by.list_differing_settings_as_text(read_machine_from_provenance(provenance))
     if other:
         raise EvidenceError(
             f"{by.folder}: {other} ({recording}); record it with `payscope run --calibration "
             f"{by.folder}`"
         )
     by.refuse_after_expiry(provenance.t0_unix_ns, recording)
-    return by.calibrate_loads_frame(frames)
+    return by.calibrate_masses_of_loads_frame(frames)
 
 
 def read_machine_from_provenance(provenance: Provenance) -> Machine:
@@ -314,13 +315,15 @@ def read_machine_from_provenance(provenance: Provenance) -> Machine:
     return Machine.model_validate(content)
 
 
-def _flatten_settings(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def _iter_settings_by_dotted_name(
+    values: Mapping[str, Any], prefix: str = ""
+) -> Iterator[tuple[str, Any]]:
     for name, value in values.items():
         if isinstance(value, Mapping) and value:
-            yield from _flatten_settings(value, f"{prefix}{name}.")
+            yield from _iter_settings_by_dotted_name(value, f"{prefix}{name}.")
         else:
             yield prefix + name, value
 
 
-def _format_value(value: Any) -> str:
+def _format_setting_value(value: Any) -> str:
     return "nothing" if value is None else f"{value}"

@@ -25,10 +25,10 @@ from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
 from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.bundle_folder import STATEMENT
-from recordings.calibration.calibration_recording import write_calibration
+from recordings.calibration.calibration_recording import write_calibration_recording
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.derived_values import (
-    evaluate_previous_line,
+    evaluate_previous_line_as_found,
     make_estimator_with_digest,
     make_reference_loads_and_covariance,
 )
@@ -42,32 +42,32 @@ from recordings.calibration.evidence_document import (
     Link,
     Signer,
 )
-from recordings.calibration.timestamp import make_timestamp_request, refuse_without_rfc3161
-from recordings.calibration.write_bundle import encode_tables, write_bundle
+from recordings.calibration.timestamp import encode_timestamp_request, require_timestamp_library
+from recordings.calibration.write_bundle import encode_evidence_tables, write_bundle
 from recordings.report.atomic_output import (
-    atomic_file,
-    atomic_files,
     require_writable_folder,
     require_writable_output,
+    stage_output_file,
+    stage_output_files,
 )
 from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import load_keyring
-from recordings.signatures.signing import SigningKey, read_signing_key
-from replay.calibration.campaign_file import load_campaign
+from recordings.signatures.signing import SigningKey, read_signing_key_or_none
+from replay.calibration.campaign_file import load_campaign_and_machine
 from replay.calibration.campaign_limits import LIMITS
 from replay.calibration.campaign_runs import (
     CampaignReplay,
     collect_software_versions,
-    format_current_time,
-    generate_evidence_id,
+    format_current_utc_time,
+    generate_random_evidence_id,
     replay_campaign_logs,
 )
 from replay.calibration.dcc_output import DccOutput, require_dcc_inputs, write_and_verify_dcc
 from replay.calibration.refuse_campaign import (
-    load_notary_stretch,
-    refuse_contradicted_days,
-    refuse_contradicted_machine,
-    refuse_unaccounted_logs,
+    load_range_of_notary_list,
+    refuse_machine_unlike_logs,
+    refuse_run_days_unlike_logs,
+    refuse_unaccounted_logs_of_list,
 )
 
 
@@ -90,7 +90,7 @@ class CalibrationOutcome:
     remarks: tuple[str, ...]
 
     @property
-    def rejected(self) -> pl.DataFrame:
+    def rejected_readings(self) -> pl.DataFrame:
         """Readings that are not used, with their reasons."""
         return self.readings.filter(~pl.col("used"))
 
@@ -109,7 +109,7 @@ class CalibrationOutcome:
             "folder": str(self.folder),
             "evidence": self.document.model_dump(mode="json"),
             "points": self.points.to_dicts(),
-            "rejected": self.rejected.to_dicts(),
+            "rejected": self.rejected_readings.to_dicts(),
             "signed": self.document.signer is not None,
             "remarks": list(self.remarks),
         }
@@ -168,19 +168,19 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     Raises:
         PayscopeError: the input is wrong; nothing has been written then.
     """
-    campaign, machine = load_campaign(campaign_file)
+    campaign, machine = load_campaign_and_machine(campaign_file)
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
     machine = Machine.model_validate_json(encode_canonical_json(machine.model_dump(mode="json")))
-    key = read_signing_key(key_file)
+    key = read_signing_key_or_none(key_file)
     xml_key = None if dcc is None else require_dcc_inputs(campaign_file, campaign, dcc, force=force)
     before = (
         None if previous is None else read_previous_evidence(previous, campaign.machine.id, key)
     )
     require_writable_folder(folder, force=force)
-    stretch = load_notary_stretch(campaign_file, campaign)
+    stretch = load_range_of_notary_list(campaign_file, campaign)
     if timestamp_request_file is not None:
         refuse_timestamp_request_early(timestamp_request_file, key, force=force)
-    with atomic_files([folder], force=force) as stage:
+    with stage_output_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
 
@@ -191,18 +191,18 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         if campaign.does_learn_priors and len(campaign.logs) >= USE_LIMITS.min_logs:
             # under the machine's own priors: what they say of the nuisances together
             first = replay_campaign_logs(campaign, machine, path_of_log, None, on_log)
-            refuse_contradicted_days(campaign_file, campaign, first, machine)
-            refuse_unaccounted_logs(campaign_file, campaign, first, stretch)
-            learnt = first.pool_learnt_priors
+            refuse_run_days_unlike_logs(campaign_file, campaign, first, machine)
+            refuse_unaccounted_logs_of_list(campaign_file, campaign, first, stretch)
+            learnt = first.pool_priors_learnt_from_logs
         weighing = (
             machine if learnt is None else apply_learnt_priors_to_machine(machine, learnt.terms)
         )
         replayed = replay_campaign_logs(
             campaign, weighing, path_of_log, made if recordings else None, on_log
         )
-        refuse_contradicted_days(campaign_file, campaign, replayed, machine)
-        refuse_contradicted_machine(campaign_file, campaign, replayed, machine)
-        refuse_unaccounted_logs(campaign_file, campaign, replayed, stretch)
+        refuse_run_days_unlike_logs(campaign_file, campaign, replayed, machine)
+        refuse_machine_unlike_logs(campaign_file, campaign, replayed, machine)
+        refuse_unaccounted_logs_of_list(campaign_file, campaign, replayed, stretch)
         if learnt is not None:
             learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")
@@ -233,14 +233,14 @@ def refuse_timestamp_request_early(file: Path, key: SigningKey | None, *, force:
     """
     if key is None:
         raise EvidenceError("--timestamp-request needs a signature; give --key")
-    refuse_without_rfc3161()
+    require_timestamp_library()
     require_writable_output(file, force=force)
 
 
-def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:
+def write_timestamp_request(bundle_folder: Path, file: Path, *, force: bool) -> None:
     """Write the time-stamp query for the signature of a bundle."""
-    query = make_timestamp_request((folder / STATEMENT).read_bytes())
-    with atomic_file(file, force=force) as partial:
+    query = encode_timestamp_request((bundle_folder / STATEMENT).read_bytes())
+    with stage_output_file(file, force=force) as partial:
         partial.write_bytes(query)
 
 
@@ -259,7 +259,7 @@ def read_previous_evidence(
             is neither this one nor in the user's keyring.
     """
     checked = check_bundle(previous, None, None, load_keyring())
-    wrong = checked.faults
+    wrong = checked.evidence_faults
     if wrong or checked.document is None:
         first = str(wrong[0]) if wrong else "no evidence"
         raise EvidenceError(f"{previous}: cannot be used as --previous: {first}")
@@ -275,7 +275,7 @@ def read_previous_evidence(
             f"{previous}: is unsigned, and signed evidence cannot follow unsigned evidence; leave "
             "out --previous to start a signed chain, or --key to continue the unsigned one"
         )
-    own = key is not None and by.key_id == key.public.key_id
+    own = key is not None and by.key_id == key.public_key.key_id
     if by.how == "unknown" and not own:
         raise EvidenceError(
             f"{previous}: is {by}, so its signature cannot be verified; if the signer gave you "
@@ -286,23 +286,23 @@ def read_previous_evidence(
 
 def write_verified_evidence(
     evidence: EvidenceParts,
-    staging: Path,
-    folder: Path,
+    staging_folder: Path,
+    final_folder: Path,
     key: SigningKey | None,
     earlier_bundle: CheckedBundle | None,
     previous: Path | None,
-    stretch: bytes | None = None,
+    list_range: bytes | None = None,
 ) -> CalibrationOutcome:
     """Write the evidence, verify it, and move it to its final folder.
 
     Args:
         evidence: parts of the evidence.
-        staging: temporary folder, which already contains the recordings.
-        folder: final folder.
+        staging_folder: temporary folder, which already contains the recordings.
+        final_folder: final folder.
         key: signing key; None leaves it unsigned.
         earlier_bundle: the machine's previous evidence.
         previous: folder of that evidence.
-        stretch: part of the recorder's notary list, if the campaign names one.
+        list_range: part of the recorder's notary list, if the campaign names one.
 
     Raises:
         CampaignError: no run gave a reading.
@@ -314,18 +314,18 @@ def write_verified_evidence(
             f"{', '.join(evidence.campaign.logs)}: no run yielded a reading; run `payscope run` "
             "on each log to see why"
         )
-    tables, digests = encode_tables(readings, points)
+    tables, digests = encode_evidence_tables(readings, points)
     document = _make_evidence_document(evidence, digests, key, earlier_bundle)
-    write_calibration(staging, document, readings, points)
-    remarks = write_bundle(staging, document, readings, points, tables, key, stretch)
-    checked = check_bundle(staging, None if key is None else key.public, previous)
-    wrong = [str(each) for each in checked.faults]
+    write_calibration_recording(staging_folder, document, readings, points)
+    remarks = write_bundle(staging_folder, document, readings, points, tables, key, list_range)
+    checked = check_bundle(staging_folder, None if key is None else key.public_key, previous)
+    wrong = [str(each) for each in checked.evidence_faults]
     if wrong:
         raise OutputError(
-            f"{folder}: the written evidence failed verification, so it was removed: "
+            f"{final_folder}: the written evidence failed verification, so it was removed: "
             + "; ".join(wrong[: LIMITS.max_faults])
         )
-    return CalibrationOutcome(folder, document, readings, points, tuple(remarks))
+    return CalibrationOutcome(final_folder, document, readings, points, tuple(remarks))
 
 
 def _make_evidence_document(
@@ -343,8 +343,8 @@ def _make_evidence_document(
     document = EvidenceDocument(
         format=FORMAT,
         kind=evidence.kind,
-        id=generate_evidence_id(),
-        made=format_current_time(),
+        id=generate_random_evidence_id(),
+        made=format_current_utc_time(),
         notice=NOTICE,
         campaign=campaign,
         # a check does not prolong what it checks
@@ -361,31 +361,31 @@ def _make_evidence_document(
         no_fit=fitted.no_fit,
         limits=fitted.limits,
         drift=evidence.drift,
-        as_found=evaluate_previous_line(
-            last, recompute_estimator_digest(last), estimator, fitted.frame
+        as_found=evaluate_previous_line_as_found(
+            last, recompute_estimator_of_previous(last), estimator, fitted.frame
         ),
         replay_tolerance_kg=LIMITS.replay_tolerance_kg,
         procedure=last.procedure if last and evidence.kind == "check" else PRESENT_NUMBER,
-        chain=_make_chain_link(previous),
-        signer=None if key is None else _make_signer(campaign, key),
+        chain=_make_link_to_previous_evidence(previous),
+        signer=None if key is None else _make_signer_of_campaign(campaign, key),
         software=collect_software_versions(),
     )
     return document.with_all_settings
 
 
-def recompute_estimator_digest(previous: EvidenceDocument | None) -> Estimator | None:
+def recompute_estimator_of_previous(previous: EvidenceDocument | None) -> Estimator | None:
     """Estimator of the previous evidence, with its digest by this version."""
     if previous is None:
         return None
     return make_estimator_with_digest(previous.campaign, previous.weighing_machine)
 
 
-def _make_signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
+def _make_signer_of_campaign(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
     name = campaign.campaign.signer
-    return Signer(name=name, key_id=key.public.key_id, public_key=key.public.text)
+    return Signer(name=name, key_id=key.public_key.key_id, public_key=key.public_key.base64_text)
 
 
-def _make_chain_link(previous: CheckedBundle | None) -> Chain:
+def _make_link_to_previous_evidence(previous: CheckedBundle | None) -> Chain:
     """Place of new evidence in the machine's chain."""
     if previous is None or previous.document is None:
         return Chain(counter=1, previous=None)

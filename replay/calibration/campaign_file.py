@@ -4,7 +4,7 @@ import hashlib
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from analysis.calibration.campaign.campaign_fit import (
     make_decision_rule,
@@ -16,7 +16,7 @@ from estimators.errors import CampaignError, DataError, EvidenceError
 from recordings.dcc.dcc_limits import LIMITS as DCC_LIMITS
 from replay.machines.machine_file import find_machine_file, load_machine
 from replay.machines.toml_file import (
-    read_toml,
+    read_toml_file,
     refuse_other_kind_of_file,
     validate_toml_content,
 )
@@ -27,7 +27,14 @@ _READ: Final = ("value_kg", "u_kg", "certificate", "certificate_sha256", "certif
 _TODO: Final = re.compile(r"TODO\b")
 
 
-def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
+class CampaignAndMachine(NamedTuple):
+    """A campaign, and the machine that it calibrates."""
+
+    campaign: CalibrationCampaign
+    machine: Machine
+
+
+def load_campaign_and_machine(path: Path) -> CampaignAndMachine:
     """Read a campaign file and the machine file that it names.
 
     Args:
@@ -43,11 +50,11 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
             f"{path}: no such campaign file; `payscope init --campaign FOLDER -o {path}` drafts "
             "one from a folder of logs"
         )
-    content = read_toml(path, CampaignError)
+    content = read_toml_file(path, CampaignError)
     refuse_other_kind_of_file(path, content, "campaign file", CampaignError)
-    for place, text in find_todo_entries(content):
+    for place, text in iter_unfilled_draft_entries(content):
         raise CampaignError(f"{path}: {place}: is not filled in yet ('{text}')")
-    content = add_certified_masses(path, content)
+    content = with_masses_of_certificates(path, content)
     campaign = validate_toml_content(path, content, CalibrationCampaign, CampaignError)
     if campaign.laboratory is not None and campaign.missing_certificate_keys:
         raise CampaignError(
@@ -58,8 +65,8 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     beside = path.parent / campaign.machine.file
     shipped = find_machine_file(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
-    machine = set_serial_number(
-        apply_campaign_empty_mass(campaign, machine), campaign.machine.id, path
+    machine = with_serial_number(
+        with_empty_mass_of_campaign(campaign, machine), campaign.machine.id, path
     )
     try:
         known, _ = make_references_and_covariance(campaign, machine.machine)
@@ -78,16 +85,16 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
                 f"{path}: no log '{log}' in {path.parent}; paths of logs are relative to the "
                 "campaign file"
             )
-    return campaign, machine
+    return CampaignAndMachine(campaign, machine)
 
 
-def set_serial_number(machine: Machine, serial_number: str, source: object) -> Machine:
+def with_serial_number(machine: Machine, serial_number: str, found_in: object) -> Machine:
     """The machine with the given serial number.
 
     Args:
         machine: machine as read from its file.
         serial_number: serial number.
-        source: file that gives it, for the error message.
+        found_in: file that gives it, for the error message.
 
     Raises:
         CampaignError: the machine file is that of another machine.
@@ -95,7 +102,7 @@ def set_serial_number(machine: Machine, serial_number: str, source: object) -> M
     named = machine.machine.id
     if named not in (None, serial_number):
         raise CampaignError(
-            f"{source}: is for machine '{serial_number}', but its machine file is for '{named}'; "
+            f"{found_in}: is for machine '{serial_number}', but its machine file is for '{named}'; "
             "give the "
             f"machine file of '{serial_number}', or correct machine.id"
         )
@@ -104,19 +111,28 @@ def set_serial_number(machine: Machine, serial_number: str, source: object) -> M
     )
 
 
-def find_todo_entries(content: Any, path_prefix: str = "") -> Iterator[tuple[str, str]]:
+class DraftEntry(NamedTuple):
+    """Entry of a draft that still begins with TODO."""
+
+    path: str
+    text: str
+
+
+def iter_unfilled_draft_entries(content: Any, path_prefix: str = "") -> Iterator[DraftEntry]:
     """Places and texts in a draft that still begin with TODO."""
     if isinstance(content, dict):
         for name, value in content.items():
-            yield from find_todo_entries(value, f"{path_prefix}.{name}" if path_prefix else name)
+            yield from iter_unfilled_draft_entries(
+                value, f"{path_prefix}.{name}" if path_prefix else name
+            )
     elif isinstance(content, list):
         for number, value in enumerate(content, start=1):
-            yield from find_todo_entries(value, f"{path_prefix}[{number}]")
+            yield from iter_unfilled_draft_entries(value, f"{path_prefix}[{number}]")
     elif isinstance(content, str) and _TODO.match(content):
-        yield path_prefix, content
+        yield DraftEntry(path_prefix, content)
 
 
-def apply_campaign_empty_mass(campaign: CalibrationCampaign, machine: Machine) -> Machine:
+def with_empty_mass_of_campaign(campaign: CalibrationCampaign, machine: Machine) -> Machine:
     """The machine with the empty mass of the campaign file, if that gives one."""
     about = campaign.machine
     given = {"empty_mass_kg": about.empty_mass_kg, "empty_mass_u_kg": about.empty_mass_u_kg}
@@ -125,91 +141,104 @@ def apply_campaign_empty_mass(campaign: CalibrationCampaign, machine: Machine) -
     return machine.model_copy(update={"machine": body})
 
 
-def add_certified_masses(source: Path, content: dict[str, Any]) -> dict[str, Any]:
+def with_masses_of_certificates(
+    campaign_path: Path, campaign_content: dict[str, Any]
+) -> dict[str, Any]:
     """Complete a campaign file's content with masses from its certificates.
 
     `masses = "cert.xml#item"` (or a list) takes all data of a mass from the certificate; a block
     `[[masses]]` with `dcc = "cert.xml#item"` may add id, last day and shared part.
 
     Args:
-        source: campaign file; paths of certificates are relative to its folder.
-        content: content of the campaign file.
+        campaign_path: campaign file; paths of certificates are relative to its folder.
+        campaign_content: content of the campaign file.
 
     Raises:
         CampaignError: a certificate cannot be read, or a block repeats data of its certificate.
     """
-    masses = content.get("masses", [])
+    masses = campaign_content.get("masses", [])
     blocks = [masses] if isinstance(masses, str) else masses
     if not isinstance(blocks, list):
-        return content
+        return campaign_content
     found: list[Any] = []
     keys: list[str] | None = None
     for block in blocks:
         block = {"dcc": block} if isinstance(block, str) else block
         if isinstance(block, dict) and "certificate_signature" in block:
             raise CampaignError(
-                f"{source}: masses: certificate_signature is written by payscope; leave it out"
+                f"{campaign_path}: masses: certificate_signature is written by payscope; leave it "
+                "out"
             )
         if not isinstance(block, dict) or not isinstance(block.get("dcc"), str):
             found.append(block)
             continue
-        keys = _trusted_certificate_keys(source, content) if keys is None else keys
-        found += _read_mass_tables(source, block, keys)
-    return content if keys is None else {**content, "masses": found}
+        keys = (
+            _read_trusted_certificate_key_ids(campaign_path, campaign_content)
+            if keys is None
+            else keys
+        )
+        found += _read_masses_of_certificate(campaign_path, block, keys)
+    return campaign_content if keys is None else {**campaign_content, "masses": found}
 
 
-def _trusted_certificate_keys(source: Path, content: dict[str, Any]) -> list[str]:
+def _read_trusted_certificate_key_ids(
+    campaign_path: Path, campaign_content: dict[str, Any]
+) -> list[str]:
     """Ids of the keys that the campaign file trusts for certificates."""
-    from recordings.dcc.dcc_signature import read_trusted_key_id
+    from recordings.dcc.dcc_signature import read_key_id_from_pem_file
 
-    named = content.get("dcc_keys", [])
+    named = campaign_content.get("dcc_keys", [])
     if not isinstance(named, list) or not all(isinstance(each, str) for each in named):
-        raise CampaignError(f"{source}: dcc_keys: must be a list of files with keys in PEM")
+        raise CampaignError(f"{campaign_path}: dcc_keys: must be a list of files with keys in PEM")
     try:
-        return [read_trusted_key_id(source.parent / each) for each in named]
+        return [read_key_id_from_pem_file(campaign_path.parent / each) for each in named]
     except EvidenceError as fault:
-        raise CampaignError(f"{source}: dcc_keys: {fault}") from None
+        raise CampaignError(f"{campaign_path}: dcc_keys: {fault}") from None
 
 
-def _read_mass_tables(source: Path, block: dict[str, Any], keys: list[str]) -> list[dict[str, Any]]:
+def _read_masses_of_certificate(
+    campaign_path: Path, masses_table: dict[str, Any], trusted_key_ids: list[str]
+) -> list[dict[str, Any]]:
     """Masses of one [[masses]] table that names a digital certificate."""
-    from recordings.dcc.dcc_document import parse_dcc
+    from recordings.dcc.dcc_document import parse_untrusted_dcc
     from recordings.dcc.dcc_masses import read_certified_masses
-    from recordings.dcc.dcc_signature import check_signature
+    from recordings.dcc.dcc_signature import check_dcc_signature
 
-    stated = [name for name in _READ if name in block]
+    stated = [name for name in _READ if name in masses_table]
     if stated:
         raise CampaignError(
-            f"{source}: masses: {', '.join(stated)} of '{block['dcc']}' is read from the "
+            f"{campaign_path}: masses: {', '.join(stated)} of '{masses_table['dcc']}' is read from "
+            "the "
             "certificate; leave it out, or leave dcc out"
         )
-    name, _, item = block["dcc"].partition("#")
-    path = source.parent / name
+    name, _, item = masses_table["dcc"].partition("#")
+    path = campaign_path.parent / name
     try:
         with path.open("rb") as file:
             data = file.read(DCC_LIMITS.certificate_bytes + 1)
-        signed = check_signature(parse_dcc(data, str(path)), str(path))
+        signed = check_dcc_signature(parse_untrusted_dcc(data, str(path)), str(path))
         masses = read_certified_masses(signed.root, item, str(path))
     except OSError as error:
         raise CampaignError(f"{path}: cannot be read ({error.strerror})") from None
     except EvidenceError as fault:
         raise CampaignError(str(fault)) from None
-    if len(masses) > 1 and "id" in block:
+    if len(masses) > 1 and "id" in masses_table:
         raise CampaignError(
-            f"{path}: has {len(masses)} items, but '{block['id']}' names a single mass; leave out "
+            f"{path}: has {len(masses)} items, but '{masses_table['id']}' names a single mass; "
+            "leave out "
             "its id"
         )
     return [
         {
             "id": re.sub(r"[^A-Za-z0-9._-]", "-", mass.item_id).lstrip("._-")[:64],
-            **block,
+            **masses_table,
             "dcc": f"{name}#{mass.item_id}",
             "value_kg": mass.value_kg,
             "u_kg": mass.u_kg,
             "certificate": mass.certificate[:200],
             "certificate_issuer": mass.issuer[:200],
             "certificate_sha256": hashlib.sha256(data).hexdigest(),
-            "certificate_signature": signed.describe_signature(keys),
+            "certificate_signature": signed.describe_signature(trusted_key_ids),
         }
         for mass in masses
     ]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 from uuid import uuid4
 
 import polars as pl
@@ -67,7 +67,7 @@ class CampaignReplay:
     responses: tuple[RunResponse, ...]
 
     @property
-    def pool_learnt_priors(self) -> LearntPriors | None:
+    def pool_priors_learnt_from_logs(self) -> LearntPriors | None:
         """Priors learnt from all logs; None if there are too few."""
         terms = pool_terms_over_logs(self.terms)
         return LearntPriors(terms=terms, logs=self.terms) if terms else None
@@ -131,13 +131,13 @@ def collect_software_versions() -> Software:
     """Versions of payscope, its libraries and the platform."""
     return Software(
         payscope=version("payscope"),
-        distributions=_installed_requirements(),
+        distributions=_list_installed_requirement_versions(),
         python=platform.python_version(),
         platform=platform.platform(),
     )
 
 
-def _installed_requirements() -> dict[str, str]:
+def _list_installed_requirement_versions() -> dict[str, str]:
     """Versions of all installed direct and indirect requirements of payscope."""
     found: dict[str, str] = {}
     waiting = ["payscope"]
@@ -153,12 +153,12 @@ def _installed_requirements() -> dict[str, str]:
     return dict(sorted(found.items()))
 
 
-def format_current_time() -> str:
+def format_current_utc_time() -> str:
     """Format the current time for evidence."""
     return f"{dt.datetime.now(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
-def generate_evidence_id() -> str:
+def generate_random_evidence_id() -> str:
     """Random unique id for evidence."""
     return str(uuid4())
 
@@ -184,9 +184,9 @@ def make_evidence_log_record(
             LoggedTopic(topic=topic, messages=messages.get(topic, 0), stamped_by=stamped)
             for topic, stamped in sorted(about.stamps.items())
         ),
-        begins=_format_begin(about.t0_unix_ns),
+        begins=_format_begin_as_iso_time(about.t0_unix_ns),
         duration_s=float(t_ns[-1] - t_ns[0]) / 1e9 if t_ns.len() else 0.0,
-        speed_range_m_s=None if speed.is_empty() else _min_and_max(speed),
+        speed_range_m_s=None if speed.is_empty() else _find_min_and_max(speed),
         losses=tuple(str(loss)[: LIMITS.loss_characters] for loss in about.losses),
         notes=tuple(note[: LIMITS.loss_characters] for note in about.notes),
         can_weigh=said.verdict.can_weigh,
@@ -198,12 +198,19 @@ def make_evidence_log_record(
     )
 
 
-def _min_and_max(values: pl.Series) -> tuple[float, float]:
+class _ValueRange(NamedTuple):
+    """Smallest and largest value."""
+
+    low: float
+    high: float
+
+
+def _find_min_and_max(values: pl.Series) -> _ValueRange:
     numbers = values.to_numpy()
-    return float(numbers.min()), float(numbers.max())
+    return _ValueRange(float(numbers.min()), float(numbers.max()))
 
 
-def _format_begin(t0_unix_ns: int) -> str:
+def _format_begin_as_iso_time(t0_unix_ns: int) -> str:
     if t0_unix_ns < FIRST_DATE_NS:
         return f"{t0_unix_ns / 1e9:.3f} s of the log's own clock"
     stamp = dt.datetime.fromtimestamp(t0_unix_ns // 10**9, dt.UTC)

@@ -12,8 +12,8 @@ from analysis.calibration.campaign.campaign_subjects import Conditions, Referenc
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.report.atomic_output import atomic_files, require_writable_folder
-from recordings.signatures.signing import read_signing_key
+from recordings.report.atomic_output import require_writable_folder, stage_output_files
+from recordings.signatures.signing import read_signing_key_or_none
 from replay.calibration.calibrate_campaign import (
     CalibrationOutcome,
     EvidenceParts,
@@ -21,7 +21,10 @@ from replay.calibration.calibrate_campaign import (
     write_verified_evidence,
 )
 from replay.calibration.campaign_runs import replay_campaign_logs
-from replay.calibration.refuse_campaign import refuse_contradicted_days, refuse_contradicted_machine
+from replay.calibration.refuse_campaign import (
+    refuse_machine_unlike_logs,
+    refuse_run_days_unlike_logs,
+)
 from replay.logs import open_log
 from replay.machines.machine_file import find_time_axis_of_machine
 
@@ -45,10 +48,10 @@ class KnownMassOnBoard:
     day: str | None
 
 
-def check_mass(
+def write_evidence_of_mass_check(
     log: Path,
     mass_on_board: KnownMassOnBoard,
-    folder: Path,
+    evidence_folder: Path,
     *,
     previous: Path,
     key_file: Path | None = None,
@@ -62,30 +65,30 @@ def check_mass(
     Args:
         log: log with the known mass on board throughout.
         mass_on_board: the mass.
-        folder: bundle to write.
+        evidence_folder: bundle to write.
         previous: evidence of the calibration, or of an earlier check.
         key_file: private key; without it PAYSCOPE_SIGNING_KEY may hold one.
-        force: whether evidence in `folder` may be replaced.
+        force: whether evidence in `evidence_folder` may be replaced.
         on_log: called with the log's name when its replay begins.
 
     Raises:
         PayscopeError: the input is wrong; nothing has been written then.
     """
-    key = read_signing_key(key_file)
+    key = read_signing_key_or_none(key_file)
     before = read_previous_evidence(previous, None, key)
     last = before.document
     if last is None or last.calibration is None:
         raise EvidenceError(f"{previous}: has no calibration line to check; calibrate first")
-    campaign = _make_single_run_campaign(last, log, mass_on_board)
-    require_writable_folder(folder, force=force)
-    with atomic_files([folder], force=force) as stage:
-        made = stage / folder.name
+    campaign = _make_campaign_of_single_run(last, log, mass_on_board)
+    require_writable_folder(evidence_folder, force=force)
+    with stage_output_files([evidence_folder], force=force) as stage:
+        made = stage / evidence_folder.name
         made.mkdir()
         replayed = replay_campaign_logs(
             campaign, last.weighing_machine, lambda _: log, None, on_log, last.procedure_rules
         )
-        refuse_contradicted_machine(previous, campaign, replayed, last.machine)
-        refuse_contradicted_days(
+        refuse_machine_unlike_logs(previous, campaign, replayed, last.machine)
+        refuse_run_days_unlike_logs(
             Path(f"--day {mass_on_board.day}"), campaign, replayed, last.machine
         )
         on_log("evidence")
@@ -95,10 +98,10 @@ def check_mass(
         evidence = EvidenceParts(
             "check", campaign, last.machine, last.learnt, replayed, last.options, fitted, drift
         )
-        return write_verified_evidence(evidence, made, folder, key, before, previous)
+        return write_verified_evidence(evidence, made, evidence_folder, key, before, previous)
 
 
-def _make_single_run_campaign(
+def _make_campaign_of_single_run(
     calibration: EvidenceDocument, log: Path, mass_on_board: KnownMassOnBoard
 ) -> CalibrationCampaign:
     """Make a campaign with a single run."""
@@ -117,7 +120,7 @@ def _make_single_run_campaign(
             "id": "check",
             "log": log.name,
             "loads": (_MASS,) if mass_on_board.value_kg else (),
-            "day": _choose_date(calibration, log, mass_on_board.day),
+            "day": _choose_date_of_check(calibration, log, mass_on_board.day),
         }
     )
     return calibration.campaign.model_copy(
@@ -131,13 +134,17 @@ def _make_single_run_campaign(
     )
 
 
-def _choose_date(calibration: EvidenceDocument, log: Path, day: str | None) -> dt.date:
+def _choose_date_of_check(
+    calibration: EvidenceDocument, log: Path, given_day: str | None
+) -> dt.date:
     """Given day, else the log's date in the machine's time zone."""
-    if day is not None:
+    if given_day is not None:
         try:
-            return dt.date.fromisoformat(day)
+            return dt.date.fromisoformat(given_day)
         except ValueError:
-            raise CampaignError(f"--day {day}: is not a date; write it as 2026-05-31") from None
+            raise CampaignError(
+                f"--day {given_day}: is not a date; write it as 2026-05-31"
+            ) from None
     with open_log(log, time=find_time_axis_of_machine(calibration.machine)) as opened:
         start_ns = opened.topics()["start_ns"].min()
     if not isinstance(start_ns, int) or start_ns < FIRST_DATE_NS:

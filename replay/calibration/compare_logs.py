@@ -37,13 +37,18 @@ _TEXTS: Final = ("run_id", "load_id", "day", "log", "reading", "used", "reason")
 
 
 def replay_and_compare_logs(
-    bundle: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, folder: Path
+    checked_bundle: CheckedBundle,
+    document: EvidenceDocument,
+    stored_readings: pl.DataFrame,
+    log_folder: Path,
 ) -> None:
     """Replay every log and compare each reading with the evidence."""
     paths: dict[str, Path] = {}
-    found = _find_files_by_name(folder, {file.name for log in document.logs for file in log.files})
+    found = _find_files_below_folder_by_name(
+        log_folder, {file.name for log in document.logs for file in log.files}
+    )
     for log in document.logs:
-        path = find_log_path(bundle, log, found)
+        path = find_log_path(checked_bundle, log, found)
         if path is not None:
             paths[log.log] = path
     if len(paths) < len(document.logs):
@@ -55,7 +60,7 @@ def replay_and_compare_logs(
     try:
         if document.learnt is not None and document.kind == "calibration":
             before = replay_campaign_logs(campaign, document.machine, lambda log: paths[log])
-            _check_learnt_terms(bundle, document.learnt.logs, before.terms)
+            _compare_learnt_terms(checked_bundle, document.learnt.logs, before.terms)
         replayed = replay_campaign_logs(
             campaign,
             document.weighing_machine,
@@ -63,60 +68,67 @@ def replay_and_compare_logs(
             procedure=document.procedure_rules,
         )
     except PayscopeError as fault:
-        bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, "logs", str(fault))
+        checked_bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, "logs", str(fault))
         return
-    compare_readings(bundle, document, stored, replayed.readings)
+    compare_readings_with_evidence(checked_bundle, document, stored_readings, replayed.readings)
     for kept, anew in zip(document.logs, replayed.logs, strict=True):
-        _compare_replayed_log(bundle, document, kept, anew)
+        _compare_replayed_log(checked_bundle, document, kept, anew)
 
 
 def _compare_replayed_log(
-    bundle: CheckedBundle,
+    checked_bundle: CheckedBundle,
     document: EvidenceDocument,
     evidence_log: EvidenceLog,
-    replayed: EvidenceLog,
+    replayed_log: EvidenceLog,
 ) -> None:
     """Compare everything that evidence records about a log."""
     item = f"{EVIDENCE}: logs: {evidence_log.log}"
     failed_checks = tuple(map(replace_former_check_names, evidence_log.failed_checks))
-    if (evidence_log.can_weigh, failed_checks) != (replayed.can_weigh, replayed.failed_checks):
-        bundle.add_finding(
+    if (evidence_log.can_weigh, failed_checks) != (
+        replayed_log.can_weigh,
+        replayed_log.failed_checks,
+    ):
+        checked_bundle.add_finding(
             BundleOutcome.IRREPRODUCIBLE, item, "its replay gives a different verdict"
         )
     if any(name.startswith("machine.") for name in document.settings_at_default):
-        bundle.notes.append(
+        checked_bundle.notes.append(
             f"{evidence_log.log}: settings and frames are compared by value only, not by "
             "digest: this version has settings that the evidence lacks"
         )
-    elif evidence_log.settings_fingerprint != replayed.settings_fingerprint:
-        bundle.add_finding(
+    elif evidence_log.settings_fingerprint != replayed_log.settings_fingerprint:
+        checked_bundle.add_finding(
             BundleOutcome.IRREPRODUCIBLE, item, "was replayed with different settings"
         )
-    elif evidence_log.results_fingerprint != replayed.results_fingerprint:
-        bundle.notes.append(
+    elif evidence_log.results_fingerprint != replayed_log.results_fingerprint:
+        checked_bundle.notes.append(
             f"{evidence_log.log}: the frames of its replay differ in their last bits, as happens "
             "with other processors and libraries"
         )
     for name, what in _OF_THE_LOG.items():
         if name == "machine_id" and name not in evidence_log.model_fields_set:
             continue  # earlier formats do not have it
-        there, here = getattr(evidence_log, name), getattr(replayed, name)
-        if are_equal_values(there, here):
+        there, here = getattr(evidence_log, name), getattr(replayed_log, name)
+        if are_values_equal_but_for_rounding(there, here):
             continue
-        words = name in _IN_WORDS and document.other_version_text
+        words = name in _IN_WORDS and document.other_payscope_version
         outcome = BundleOutcome.OTHER_VERSION if words else BundleOutcome.IRREPRODUCIBLE
         stored, found = _format_compared_value(there), _format_compared_value(here)
         said = f"{what}: {stored} in the evidence, {found} in the replay"
-        bundle.add_finding(outcome, f"{item}: {name}", said)
+        checked_bundle.add_finding(outcome, f"{item}: {name}", said)
 
 
-def are_equal_values(stored: object, replayed: object) -> bool:
+def are_values_equal_but_for_rounding(stored_value: object, replayed_value: object) -> bool:
     """Whether two values are equal; seconds and speeds may differ in their last bits."""
-    if isinstance(stored, float) and isinstance(replayed, float):
-        return abs(stored - replayed) <= LIMITS.last_bits_1 * max(abs(stored), abs(replayed))
-    if isinstance(stored, tuple) and isinstance(replayed, tuple):
-        return len(stored) == len(replayed) and all(map(are_equal_values, stored, replayed))
-    return stored == replayed
+    if isinstance(stored_value, float) and isinstance(replayed_value, float):
+        return abs(stored_value - replayed_value) <= LIMITS.last_bits_1 * max(
+            abs(stored_value), abs(replayed_value)
+        )
+    if isinstance(stored_value, tuple) and isinstance(replayed_value, tuple):
+        return len(stored_value) == len(replayed_value) and all(
+            map(are_values_equal_but_for_rounding, stored_value, replayed_value)
+        )
+    return stored_value == replayed_value
 
 
 def _format_compared_value(value: object) -> str:
@@ -126,24 +138,26 @@ def _format_compared_value(value: object) -> str:
     return text if len(text) <= LIMITS.quoted_characters else f"{text[: LIMITS.quoted_characters]}…"
 
 
-def _check_learnt_terms(
-    bundle: CheckedBundle, stored: tuple[TermOfLog, ...], replayed: tuple[TermOfLog, ...]
+def _compare_learnt_terms(
+    checked_bundle: CheckedBundle,
+    stored_terms: tuple[TermOfLog, ...],
+    replayed_terms: tuple[TermOfLog, ...],
 ) -> None:
     """Compare each log's nuisance estimates under the machine's own priors."""
-    by_name = {(each.log, each.term): each for each in replayed}
+    by_name = {(each.log, each.term): each for each in replayed_terms}
     wrong = [
         each
-        for each in stored
+        for each in stored_terms
         if not is_learnt_term_reproduced(each, by_name.get((each.log, each.term)))
     ]
     for each in wrong[: LIMITS.max_logs]:
         item = f"{EVIDENCE}: learnt: {each.log}, {each.term}"
-        bundle.add_finding(
+        checked_bundle.add_finding(
             BundleOutcome.IRREPRODUCIBLE, item, "its replay gives different estimates"
         )
-    if not wrong and len(stored) != len(replayed):
+    if not wrong and len(stored_terms) != len(replayed_terms):
         item = f"{EVIDENCE}: learnt"
-        bundle.add_finding(
+        checked_bundle.add_finding(
             BundleOutcome.IRREPRODUCIBLE, item, "its logs determine more terms than it lists"
         )
 
@@ -160,43 +174,55 @@ def is_learnt_term_reproduced(evidence_term: TermOfLog, replayed_term: TermOfLog
     )
 
 
-def compare_readings(
-    bundle: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, replayed: pl.DataFrame
+def compare_readings_with_evidence(
+    checked_bundle: CheckedBundle,
+    document: EvidenceDocument,
+    stored_readings: pl.DataFrame,
+    replayed_readings: pl.DataFrame,
 ) -> None:
     """Compare reading by reading, within the declared tolerance."""
-    if stored.height != replayed.height:
-        what = f"has {stored.height} readings, but the replay gives {replayed.height}"
-        bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, READINGS, what)
+    if stored_readings.height != replayed_readings.height:
+        what = (
+            f"has {stored_readings.height} readings, but the replay gives "
+            f"{replayed_readings.height}"
+        )
+        checked_bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, READINGS, what)
         return
     tolerance = document.replay_tolerance_kg
     wrong = 0
-    for kept, now in zip(stored.iter_rows(named=True), replayed.iter_rows(named=True), strict=True):
+    for kept, now in zip(
+        stored_readings.iter_rows(named=True), replayed_readings.iter_rows(named=True), strict=True
+    ):
         reason = kept["reason"] and replace_former_check_names(kept["reason"])
         present = {**kept, "reason": reason}
         differing = [name for name in _TEXTS if present[name] != now[name]]
         differing += [
-            name for name in _NUMBERS if not _is_within_tolerance(kept[name], now[name], tolerance)
+            name
+            for name in _NUMBERS
+            if not _is_reading_within_tolerance(kept[name], now[name], tolerance)
         ]
         if differing:
             wrong += 1
             if wrong <= LIMITS.max_logs:
                 item = f"{READINGS}: run '{kept['run_id']}', reading {kept['reading']}"
                 what = f"the replay gives a different {', '.join(differing)}"
-                bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, item, what)
+                checked_bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, item, what)
     if wrong > LIMITS.max_logs:
-        bundle.add_finding(
+        checked_bundle.add_finding(
             BundleOutcome.IRREPRODUCIBLE, READINGS, f"and {wrong - LIMITS.max_logs} more readings"
         )
 
 
-def _is_within_tolerance(stored: float | None, replayed: float | None, tolerance: float) -> bool:
-    if stored is None or replayed is None:
-        return stored is replayed
-    return abs(stored - replayed) <= tolerance
+def _is_reading_within_tolerance(
+    stored_value: float | None, replayed_value: float | None, tolerance: float
+) -> bool:
+    if stored_value is None or replayed_value is None:
+        return stored_value is replayed_value
+    return abs(stored_value - replayed_value) <= tolerance
 
 
 def find_log_path(
-    bundle: CheckedBundle, log: EvidenceLog, paths_by_name: dict[str, list[Path]]
+    checked_bundle: CheckedBundle, log: EvidenceLog, paths_by_name: dict[str, list[Path]]
 ) -> Path | None:
     """Path of a log whose files match by name and digest, all in one folder; None if absent."""
     item = f"logs: {log.log}"
@@ -207,14 +233,14 @@ def find_log_path(
         if not same:
             if named:
                 what = f"'{file.name}' differs from the file in the evidence"
-                bundle.add_finding(BundleOutcome.TAMPERED, item, what)
+                checked_bundle.add_finding(BundleOutcome.TAMPERED, item, what)
             else:
                 what = f"'{file.name}' is not in the folder of logs"
-                bundle.add_finding(BundleOutcome.INCOMPLETE, item, what)
+                checked_bundle.add_finding(BundleOutcome.INCOMPLETE, item, what)
             return None
         places = same if places is None else [place for place in places if place in same]
     if not places:
-        bundle.add_finding(
+        checked_bundle.add_finding(
             BundleOutcome.INCOMPLETE, item, "its files are not together in one folder"
         )
         return None
@@ -224,10 +250,10 @@ def find_log_path(
     return places[0] / name if is_file else places[0]
 
 
-def _find_files_by_name(folder: Path, names: set[str]) -> dict[str, list[Path]]:
+def _find_files_below_folder_by_name(folder: Path, names: set[str]) -> dict[str, list[Path]]:
     """Regular files with these names in a folder tree; links are not followed."""
     found: dict[str, list[Path]] = {}
-    for number, entry in enumerate(_iter_folder_tree(folder, 0)):
+    for number, entry in enumerate(_iter_entries_of_folder_tree(folder, 0)):
         if number >= LIMITS.searched_files:
             raise EvidenceError(
                 f"{folder}: more than {LIMITS.searched_files} entries; give a smaller one"
@@ -237,9 +263,9 @@ def _find_files_by_name(folder: Path, names: set[str]) -> dict[str, list[Path]]:
     return found
 
 
-def _iter_folder_tree(folder: Path, depth: int) -> "Iterator[os.DirEntry[str]]":
+def _iter_entries_of_folder_tree(folder: Path, depth: int) -> "Iterator[os.DirEntry[str]]":
     with os.scandir(folder) as entries:
         for entry in sorted(entries, key=lambda each: each.name):
             yield entry
             if depth < LIMITS.searched_depth and entry.is_dir(follow_symlinks=False):
-                yield from _iter_folder_tree(Path(entry.path), depth + 1)
+                yield from _iter_entries_of_folder_tree(Path(entry.path), depth + 1)

@@ -9,7 +9,7 @@ from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_folder import SUMS
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.report.atomic_output import atomic_file, require_writable_output
+from recordings.report.atomic_output import require_writable_output, stage_output_file
 
 if TYPE_CHECKING:
     from recordings.dcc.dcc_signature import DccKey
@@ -43,9 +43,9 @@ def require_dcc_inputs(
         OutputError: the file cannot be written.
     """
     from recordings.dcc.dcc_signature import read_dcc_signing_key
-    from recordings.dcc.write_dcc import refuse_incomplete_campaign
+    from recordings.dcc.write_dcc import refuse_campaign_incomplete_for_dcc
 
-    refuse_incomplete_campaign(campaign, source)
+    refuse_campaign_incomplete_for_dcc(campaign, source)
     require_writable_output(dcc.file, force=force)
     if dcc.key_file is None and dcc.certificate_file is not None:
         raise EvidenceError("--dcc-certificate and --dcc-key belong together; give both")
@@ -55,7 +55,12 @@ def require_dcc_inputs(
 
 
 def write_and_verify_dcc(
-    folder: Path, document: EvidenceDocument, dcc: DccOutput, key: "DccKey | None", *, force: bool
+    bundle_folder: Path,
+    document: EvidenceDocument,
+    dcc_output: DccOutput,
+    dcc_key: "DccKey | None",
+    *,
+    force: bool,
 ) -> str:
     """Write the certificate of a bundle, and verify it.
 
@@ -65,18 +70,21 @@ def write_and_verify_dcc(
     Raises:
         EvidenceError: there is no line to certify, or the certificate fails verification.
     """
-    from recordings.dcc.dcc_document import parse_dcc, serialise_dcc
-    from recordings.dcc.dcc_signature import check_signature, sign_dcc
+    from recordings.dcc.dcc_document import parse_untrusted_dcc, serialise_dcc_to_xml
+    from recordings.dcc.dcc_signature import check_dcc_signature, sign_dcc
     from recordings.dcc.write_dcc import make_unsigned_dcc
 
     if document.calibration is None:
-        return f"no {dcc.file}: there is no calibration line to certify"
-    root = make_unsigned_dcc(document, hashlib.sha256((folder / SUMS).read_bytes()).hexdigest())
-    signed = root if key is None else sign_dcc(root, key)
-    data = serialise_dcc(signed)
-    checked = check_signature(parse_dcc(data, str(dcc.file)), str(dcc.file))
-    with atomic_file(dcc.file, force=force) as partial:
+        return f"no {dcc_output.file}: there is no calibration line to certify"
+    root = make_unsigned_dcc(
+        document, hashlib.sha256((bundle_folder / SUMS).read_bytes()).hexdigest()
+    )
+    signed = root if dcc_key is None else sign_dcc(root, dcc_key)
+    data = serialise_dcc_to_xml(signed)
+    name = str(dcc_output.file)
+    checked = check_dcc_signature(parse_untrusted_dcc(data, name), name)
+    with stage_output_file(dcc_output.file, force=force) as partial:
         partial.write_bytes(data)
     if not checked.key_id:
-        return f"{dcc.file} is unsigned; sign it with --dcc-key KEY.pem (ECDSA or RSA)"
-    return f"{dcc.file} is signed by the key {checked.key_id[:12]}…"
+        return f"{dcc_output.file} is unsigned; sign it with --dcc-key KEY.pem (ECDSA or RSA)"
+    return f"{dcc_output.file} is signed by the key {checked.key_id[:12]}…"

@@ -6,50 +6,63 @@ from pathlib import Path
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError
-from recordings.calibration.campaign_faults import find_day_faults, find_machine_faults
-from recordings.calibration.notary_stretch import cut_notary_stretch, find_unaccounted_logs
-from recordings.notary.notary_check import check_notary_list
+from recordings.calibration.campaign_faults import (
+    iter_contradicted_run_days,
+    iter_contradictions_to_machine,
+)
+from recordings.calibration.notary_stretch import cut_range_from_notary_list, iter_unaccounted_logs
+from recordings.notary.notary_check import check_untrusted_notary_list
 from replay.calibration.campaign_runs import CampaignReplay
 
 
-def refuse_contradicted_days(
-    source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, machine: Machine
+def refuse_run_days_unlike_logs(
+    campaign_path: Path,
+    campaign: CalibrationCampaign,
+    replayed_logs: CampaignReplay,
+    machine: Machine,
 ) -> None:
     """Raise an error if a run's day contradicts its log.
 
     Args:
-        source: file that gives the days, for the error message.
+        campaign_path: file that gives the days, for the error message.
         campaign: the campaign.
-        replayed: replays of its logs.
+        replayed_logs: replays of its logs.
         machine: machine file, whose time zone applies to the days.
 
     Raises:
         CampaignError: a run's log is of another day.
     """
-    faults = find_day_faults(campaign, replayed.logs, machine.machine.zone, dt.datetime.now(dt.UTC))
+    faults = iter_contradicted_run_days(
+        campaign, replayed_logs.logs, machine.machine.zone, dt.datetime.now(dt.UTC)
+    )
     fault = next(faults, None)
     if fault is not None:
-        raise CampaignError(f"{source}: {fault}; correct its day, or machine.timezone")
+        raise CampaignError(f"{campaign_path}: {fault}; correct its day, or machine.timezone")
 
 
-def refuse_contradicted_machine(
-    source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, machine: Machine
+def refuse_machine_unlike_logs(
+    campaign_path: Path,
+    campaign: CalibrationCampaign,
+    replayed_logs: CampaignReplay,
+    machine: Machine,
 ) -> None:
     """Raise an error if logs or machine file name another machine than the campaign.
 
     Raises:
         CampaignError: another machine is named.
     """
-    fault = next(find_machine_faults(campaign.machine.id, machine, replayed.logs), None)
+    fault = next(
+        iter_contradictions_to_machine(campaign.machine.id, machine, replayed_logs.logs), None
+    )
     if fault is not None:
-        raise CampaignError(f"{source}: {fault}; name logs and machine file of one machine")
+        raise CampaignError(f"{campaign_path}: {fault}; name logs and machine file of one machine")
 
 
-def load_notary_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
+def load_range_of_notary_list(campaign_path: Path, campaign: CalibrationCampaign) -> bytes | None:
     """Read and verify the part of a notary list that a campaign names; None if it names none.
 
     Args:
-        source: campaign file; the list's path is relative to its folder.
+        campaign_path: campaign file; the list's path is relative to its folder.
         campaign: the campaign.
 
     Raises:
@@ -58,14 +71,14 @@ def load_notary_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | 
     stretch = campaign.notary
     if stretch is None:
         return None
-    path = source.parent / stretch.list
+    path = campaign_path.parent / stretch.list
     try:
         data = path.read_bytes()
     except OSError as error:
         raise CampaignError(f"{path}: cannot be read ({error.strerror})") from None
     # a notary may be writing it: what is behind the last whole line is none of the stretch
-    kept = check_notary_list(data[: data.rfind(b"\n") + 1], dt.datetime.now(dt.UTC))
-    last = kept.entries[-1].counter if kept.entries else 0
+    kept = check_untrusted_notary_list(data[: data.rfind(b"\n") + 1], dt.datetime.now(dt.UTC))
+    last = kept.log_entries[-1].counter if kept.log_entries else 0
     faults = [
         each.what
         for each in kept.faults
@@ -82,7 +95,7 @@ def load_notary_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | 
         )
     if last < stretch.last:
         raise CampaignError(
-            f"{source}: notary.last is {stretch.last}, but {path} ends at number {last}; "
+            f"{campaign_path}: notary.last is {stretch.last}, but {path} ends at number {last}; "
             "`payscope notarise` continues the list"
         )
     wanted = campaign.machine.id
@@ -91,23 +104,27 @@ def load_notary_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | 
             f"{path}: is the notary list of machine '{kept.head.machine_id}', but the campaign is "
             f"for '{wanted}'; give the list of that machine's recorder"
         )
-    return cut_notary_stretch(data, stretch)
+    return cut_range_from_notary_list(data, stretch)
 
 
-def refuse_unaccounted_logs(
-    source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, stretch: bytes | None
+def refuse_unaccounted_logs_of_list(
+    campaign_path: Path,
+    campaign: CalibrationCampaign,
+    replayed_logs: CampaignReplay,
+    list_range: bytes | None,
 ) -> None:
     """Raise an error if a campaign omits a log of its part of the list without a reason.
 
     Raises:
         CampaignError: a log is omitted, or a log of the campaign is not in the list.
     """
-    if campaign.notary is None or stretch is None:
+    if campaign.notary is None or list_range is None:
         return
-    kept = check_notary_list(stretch, dt.datetime.now(dt.UTC), campaign.notary.first)
-    fault = next(find_unaccounted_logs(campaign.notary, replayed.logs, kept.entries), None)
+    kept = check_untrusted_notary_list(list_range, dt.datetime.now(dt.UTC), campaign.notary.first)
+    fault = next(iter_unaccounted_logs(campaign.notary, replayed_logs.logs, kept.log_entries), None)
     if fault is not None:
         raise CampaignError(
-            f"{source}: notary: {fault}; add a run for that log, or give the reason for leaving it "
+            f"{campaign_path}: notary: {fault}; add a run for that log, or give the reason for "
+            "leaving it "
             "out in notary.left_out"
         )

@@ -17,26 +17,26 @@ from recordings.calibration.bundle_folder import (
     STATEMENT,
     parse_sha256sums,
 )
-from recordings.calibration.calibration_recording import make_calibration_run
+from recordings.calibration.calibration_recording import make_run_of_calibration
 from recordings.calibration.calibration_report import render_report_html
 from recordings.calibration.calibration_text import describe_undetectable_faults
 from recordings.calibration.check_outcomes import (
     BundleFinding,
     BundleOutcome,
     find_most_severe_outcome,
-    format_verdict,
+    format_bundle_verdict,
 )
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
 from recordings.calibration.strange_files import (
     RecordingDigests,
-    compare_pdf_with_html,
+    compare_words_of_pdf_with_html,
     digest_bundle_recordings,
 )
 from recordings.calibration.timestamp import read_authority_certificates
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy
-from recordings.signatures.signing import read_public_key
+from recordings.signatures.signing import read_public_key_file
 from replay.calibration.compare_logs import replay_and_compare_logs
 
 #: What the viewer draws of a recording is made of its frames when it is written.
@@ -76,7 +76,7 @@ class Verification:
     @property
     def verdict(self) -> str:
         """The outcome in a sentence."""
-        return format_verdict(self.folder, self.findings, f"verified; {self.signed_by}")
+        return format_bundle_verdict(self.folder, self.findings, f"verified; {self.signed_by}")
 
     def to_dict(self) -> dict[str, Any]:
         """The fields as JSON-compatible values."""
@@ -96,38 +96,48 @@ class Verification:
 def verify_bundle(
     folder: Path,
     *,
-    logs: Path | None = None,
+    log_folder: Path | None = None,
     key_file: Path | None = None,
     previous: Path | None = None,
-    signed: bool = False,
-    on: dt.date | None = None,
-    tsa: Path | None = None,
+    is_signature_required: bool = False,
+    verification_day: dt.date | None = None,
+    authority_certificates: Path | None = None,
 ) -> Verification:
     """Verify a bundle.
 
     Args:
         folder: the bundle; no file in it is executed and no link followed.
-        logs: folder of its logs; they are found by their digests, replayed and compared.
+        log_folder: folder of its logs; they are found by their digests, replayed and compared.
         key_file: public key of the required signer.
         previous: the machine's previous evidence.
-        signed: whether a signature by `key_file` or a key in the user's keyring is required.
-        on: day on which it must be valid; None for today in the machine's time zone.
+        is_signature_required: whether a signature by `key_file` or a key in the user's keyring is
+            required.
+        verification_day: day on which it must be valid; None for today in the machine's time zone.
 
-        tsa: root certificates of trusted time-stamp authorities, in PEM.
+        authority_certificates: root certificates of trusted time-stamp authorities, in PEM.
 
     Raises:
         EvidenceError: the folder does not exist, or a key or certificate cannot be read.
     """
-    key = None if key_file is None else read_public_key(key_file)
-    authorities = () if tsa is None else read_authority_certificates(tsa)
-    if logs is not None and not logs.is_dir():
-        raise EvidenceError(f"{logs}: no such folder; give the folder with the logs")
+    key = None if key_file is None else read_public_key_file(key_file)
+    authorities = (
+        ()
+        if authority_certificates is None
+        else read_authority_certificates(authority_certificates)
+    )
+    if log_folder is not None and not log_folder.is_dir():
+        raise EvidenceError(f"{log_folder}: no such folder; give the folder with the logs")
     bundle = check_bundle(folder, key, previous, load_keyring(), authorities)
-    if signed and not bundle.signed_by.is_trusted and not bundle.faults:
+    if is_signature_required and not bundle.signed_by.is_trusted and not bundle.evidence_faults:
         what = f"{bundle.signed_by}, but a signature by a known key is required"
         bundle.add_finding(BundleOutcome.INCOMPLETE, STATEMENT, what)
     keeper = bundle.notarised_by
-    if signed and keeper is not None and not keeper.is_trusted and not bundle.faults:
+    if (
+        is_signature_required
+        and keeper is not None
+        and not keeper.is_trusted
+        and not bundle.evidence_faults
+    ):
         what = f"is {keeper}, but a signature by a key of the keyring is required"
         bundle.add_finding(BundleOutcome.INCOMPLETE, NOTARY, what)
     document = bundle.document
@@ -135,10 +145,10 @@ def verify_bundle(
     files = FilesCheck()
     if document is not None:
         files = compare_recordings_with_fingerprints(
-            bundle, document, folder, compare_calibration_too=logs is not None
+            bundle, document, folder, is_calibration_compared=log_folder is not None
         )
-    if logs is not None and document is not None and bundle.readings is not None:
-        replay_and_compare_logs(bundle, document, bundle.readings, logs)
+    if log_folder is not None and document is not None and bundle.readings is not None:
+        replay_and_compare_logs(bundle, document, bundle.readings, log_folder)
         done.append(
             f"{counted(len(document.logs), 'log')} replayed: every reading, and begin, duration, "
             "topics, counts, stamps, losses, notes, speeds and verdict of each log compared"
@@ -149,7 +159,7 @@ def verify_bundle(
         )
     done += files.done
     if document is not None:
-        _check_expiry(bundle, document, on)
+        _add_expiry_finding(bundle, document, verification_day)
     return Verification(
         folder,
         tuple(bundle.findings),
@@ -160,14 +170,14 @@ def verify_bundle(
         else (
             *describe_undetectable_faults(document),
             *files.unseen,
-            *iter_unverifiable_statements(document),
+            *iter_statements_nobody_can_verify(document),
         ),
         bundle.signed_by,
         bundle,
     )
 
 
-def iter_unverifiable_statements(document: EvidenceDocument) -> Iterator[str]:
+def iter_statements_nobody_can_verify(document: EvidenceDocument) -> Iterator[str]:
     """Claims that `verify` cannot check, whatever files it has."""
     yield (
         "Whether what the campaign file states about people, place, conditions, sensors and "
@@ -178,33 +188,39 @@ def iter_unverifiable_statements(document: EvidenceDocument) -> Iterator[str]:
         yield "Who made this evidence: it is unsigned."
 
 
-def _check_expiry(bundle: CheckedBundle, document: EvidenceDocument, on: dt.date | None) -> None:
+def _add_expiry_finding(
+    checked_bundle: CheckedBundle, document: EvidenceDocument, verification_day: dt.date | None
+) -> None:
     """Check that the evidence is valid on the day, by default today in the machine's time zone."""
     zone = document.machine.machine.zone
-    day = on or dt.datetime.now(zone).date()
+    day = verification_day or dt.datetime.now(zone).date()
     if document.expires < day:
         what = (
             f"on {document.expires}: it calibrates no log of a later day, such as {day}; "
             "--on DATE verifies it as of another day"
         )
-        bundle.add_finding(BundleOutcome.EXPIRED, f"{EVIDENCE}: expires", what)
+        checked_bundle.add_finding(BundleOutcome.EXPIRED, f"{EVIDENCE}: expires", what)
 
 
-def describe_checks_done(bundle: CheckedBundle, is_chain_checked: bool) -> list[str]:
+def describe_checks_done(checked_bundle: CheckedBundle, is_chain_checked: bool) -> list[str]:
     """Checks of the folder itself that were made, in words."""
     done = ["names and digests of every file; nothing in the folder was run"]
-    if bundle.document is not None:
+    if checked_bundle.document is not None:
         done.append("the schema of evidence.json")
-        done += [f"the signature: {bundle.signed_by}"] if bundle.signed_by.is_trusted else []
+        done += (
+            [f"the signature: {checked_bundle.signed_by}"]
+            if checked_bundle.signed_by.is_trusted
+            else []
+        )
         done += ["the chain, to the evidence before"] if is_chain_checked else []
-    if bundle.notarised_by is not None and bundle.document is not None:
-        stretch = bundle.document.campaign.notary
+    if checked_bundle.notarised_by is not None and checked_bundle.document is not None:
+        stretch = checked_bundle.document.campaign.notary
         assert stretch is not None
         done.append(
             f"the recorder's list, number {stretch.first} to {stretch.last}: signatures, chain, "
-            f"and each log in the campaign or left out with a reason; {bundle.notarised_by}"
+            f"and each log in the campaign or left out with a reason; {checked_bundle.notarised_by}"
         )
-    if bundle.readings is not None:
+    if checked_bundle.readings is not None:
         done.append("fit, budget, limits, points, report and each reason, recomputed")
     return done
 
@@ -223,22 +239,22 @@ class FilesCheck:
 
 
 def compare_recordings_with_fingerprints(
-    bundle: CheckedBundle,
+    checked_bundle: CheckedBundle,
     document: EvidenceDocument,
     folder: Path,
     *,
-    compare_calibration_too: bool,
+    is_calibration_compared: bool,
 ) -> FilesCheck:
     """Compare recordings of runs with their fingerprints, and optionally slower items.
 
     Args:
-        bundle: the bundle, which receives the findings.
+        checked_bundle: the bundle, which receives the findings.
         document: evidence of the bundle.
         folder: folder of the bundle.
-        compare_calibration_too: whether to compare the calibration's recording and the PDF as well.
+        is_calibration_compared: whether to compare the calibration's recording and the PDF as well.
     """
     try:
-        sums = parse_sha256sums(bundle.sums)
+        sums = parse_sha256sums(checked_bundle.sums)
     except EvidenceError:
         return FilesCheck()  # which is a finding already
     done: list[str] = []
@@ -246,88 +262,105 @@ def compare_recordings_with_fingerprints(
     runs = [log for log in document.logs if log.recording in sums]
     names = [
         *(log.recording for log in runs),
-        *([RECORDING] if compare_calibration_too and RECORDING in sums else []),
+        *([RECORDING] if is_calibration_compared and RECORDING in sums else []),
     ]
     found = digest_bundle_recordings(folder, {name: sums[name] for name in names})
     for log in runs:
-        _compare_run_recording(bundle, log, found[log.recording])
+        _compare_recording_of_run(checked_bundle, log, found[log.recording])
     if runs:
         done.append("the frames of each run's recording, by their fingerprint")
-    if compare_calibration_too and RECORDING in sums:
-        _compare_calibration_recording(bundle, document, found[RECORDING])
+    if is_calibration_compared and RECORDING in sums:
+        _compare_recording_of_calibration(checked_bundle, document, found[RECORDING])
         done.append(f"the frames of {RECORDING}, recomputed")
-    elif not compare_calibration_too:
+    elif not is_calibration_compared:
         unseen.append(
             f"Whether {RECORDING} and {PDF} show the same as {REPORT}: --logs compares them."
         )
-    if compare_calibration_too and PDF in sums:
-        why = _compare_pdf(bundle, document, folder, sums)
+    if is_calibration_compared and PDF in sums:
+        why = _compare_pdf_or_explain_why_not(checked_bundle, document, folder, sums)
         if why:
             unseen.append(f"Whether {PDF} has the same words as {REPORT}: {why}.")
         else:
             done.append(f"the words of {PDF}, compared with those of {REPORT}")
-    if runs or compare_calibration_too:
+    if runs or is_calibration_compared:
         unseen.append(_DRAWN)
     return FilesCheck(tuple(done), tuple(unseen))
 
 
-def _compare_run_recording(
-    bundle: CheckedBundle, log: EvidenceLog, digests: RecordingDigests | str
+def _compare_recording_of_run(
+    checked_bundle: CheckedBundle,
+    evidence_log: EvidenceLog,
+    recording_digests: RecordingDigests | str,
 ) -> None:
     """Check that a recording matches the replay's fingerprint in the evidence."""
-    if isinstance(digests, str):
-        bundle.add_finding(BundleOutcome.TAMPERED, log.recording, digests)
+    if isinstance(recording_digests, str):
+        checked_bundle.add_finding(
+            BundleOutcome.TAMPERED, evidence_log.recording, recording_digests
+        )
         return
     wanted = {
-        "files": (sorted(file.sha256 for file in log.files), sorted(digests.inputs)),
-        "settings": (log.settings_fingerprint, digests.settings),
-        "frames": (log.results_fingerprint, digests.results),
+        "files": (
+            sorted(file.sha256 for file in evidence_log.files),
+            sorted(recording_digests.inputs),
+        ),
+        "settings": (evidence_log.settings_fingerprint, recording_digests.settings),
+        "frames": (evidence_log.results_fingerprint, recording_digests.results),
     }
     for what, (there, here) in wanted.items():
         if there != here:
-            bundle.add_finding(
+            checked_bundle.add_finding(
                 BundleOutcome.TAMPERED,
-                log.recording,
-                f"differs in its {what} from the replay of {log.log} with the fingerprint in the "
+                evidence_log.recording,
+                f"differs in its {what} from the replay of {evidence_log.log} with the fingerprint "
+                "in the "
                 "evidence",
             )
 
 
-def _compare_calibration_recording(
-    bundle: CheckedBundle, document: EvidenceDocument, digests: RecordingDigests | str
+def _compare_recording_of_calibration(
+    checked_bundle: CheckedBundle,
+    document: EvidenceDocument,
+    recording_digests: RecordingDigests | str,
 ) -> None:
     """Check that the bundle's recording contains the frames of the evidence."""
-    if isinstance(digests, str):
-        bundle.add_finding(BundleOutcome.TAMPERED, RECORDING, digests)
+    if isinstance(recording_digests, str):
+        checked_bundle.add_finding(BundleOutcome.TAMPERED, RECORDING, recording_digests)
         return
-    if bundle.readings is None or bundle.points is None:
+    if checked_bundle.readings is None or checked_bundle.points is None:
         return
-    made = make_calibration_run(document, bundle.readings, bundle.points).provenance
+    made = make_run_of_calibration(
+        document, checked_bundle.readings, checked_bundle.points
+    ).provenance
     taken = made.fingerprint
     assert taken is not None
     other = sorted(
         name
-        for name in {*taken.frames, *digests.frames}
-        if taken.frames.get(name) != digests.frames.get(name)
+        for name in {*taken.frames, *recording_digests.frames}
+        if taken.frames.get(name) != recording_digests.frames.get(name)
     )
-    same_words = document.other_version_text or made.notes == digests.notes
+    same_words = document.other_payscope_version or made.notes == recording_digests.notes
     if not other and same_words:
         return
     what = f"frames {', '.join(other)}" if other else "words"
-    outcome = BundleOutcome.OTHER_VERSION if document.other_version_text else BundleOutcome.TAMPERED
-    bundle.add_finding(outcome, RECORDING, f"differs in its {what} from the evidence")
+    outcome = (
+        BundleOutcome.OTHER_VERSION if document.other_payscope_version else BundleOutcome.TAMPERED
+    )
+    checked_bundle.add_finding(outcome, RECORDING, f"differs in its {what} from the evidence")
 
 
-def _compare_pdf(
-    bundle: CheckedBundle, document: EvidenceDocument, folder: Path, sums: Mapping[str, str]
+def _compare_pdf_or_explain_why_not(
+    checked_bundle: CheckedBundle,
+    document: EvidenceDocument,
+    folder: Path,
+    expected_digests: Mapping[str, str],
 ) -> str:
     """Compare the PDF; returns why that was not possible, or ""."""
-    if document.other_version_text:
-        return f"its page was made by {document.other_version_text}"
-    if bundle.readings is None or bundle.points is None:
+    if document.other_payscope_version:
+        return f"its page was made by {document.other_payscope_version}"
+    if checked_bundle.readings is None or checked_bundle.points is None:
         return "its page could not be recomputed"
-    html = render_report_html(document, bundle.readings, bundle.points)
-    fault, why = compare_pdf_with_html(folder, sums[PDF], html)
+    html = render_report_html(document, checked_bundle.readings, checked_bundle.points)
+    fault, why = compare_words_of_pdf_with_html(folder, expected_digests[PDF], html)
     if fault:
-        bundle.add_finding(BundleOutcome.TAMPERED, PDF, fault)
+        checked_bundle.add_finding(BundleOutcome.TAMPERED, PDF, fault)
     return why

@@ -39,7 +39,7 @@ class VerifiedChain:
         )
 
     @property
-    def verdict(self) -> str:
+    def chain_verdict(self) -> str:
         """The outcome in a sentence."""
         these = counted(len(self.bundles), "bundle")
         if self.outcome is None:
@@ -63,14 +63,14 @@ class VerifiedChain:
         }
 
 
-def verify_chain(
+def verify_bundles_and_chains(
     folders: Sequence[Path],
     *,
-    logs: Path | None = None,
+    log_folder: Path | None = None,
     key_file: Path | None = None,
-    signed: bool = False,
-    on: dt.date | None = None,
-    tsa: Path | None = None,
+    is_signature_required: bool = False,
+    verification_day: dt.date | None = None,
+    authority_certificates: Path | None = None,
 ) -> VerifiedChain:
     """Verify several bundles, and that each machine's bundles form one chain.
 
@@ -78,17 +78,24 @@ def verify_chain(
 
     Args:
         folders: the bundles, in any order.
-        logs: as in `verify_bundle`, for each bundle.
+        log_folder: as in `verify_bundle`, for each bundle.
         key_file: as in `verify_bundle`.
-        signed: as in `verify_bundle`.
-        on: day on which the latest evidence of each machine must be valid.
-        tsa: as in `verify_bundle`.
+        is_signature_required: as in `verify_bundle`.
+        verification_day: day on which the latest evidence of each machine must be valid.
+        authority_certificates: as in `verify_bundle`.
 
     Raises:
         EvidenceError: a folder does not exist, or a key or certificate cannot be read.
     """
     made = [
-        verify_bundle(folder, logs=logs, key_file=key_file, signed=signed, on=on, tsa=tsa)
+        verify_bundle(
+            folder,
+            log_folder=log_folder,
+            key_file=key_file,
+            is_signature_required=is_signature_required,
+            verification_day=verification_day,
+            authority_certificates=authority_certificates,
+        )
         for folder in folders
     ]
     by_machine: dict[str, list[CheckedBundle]] = {}
@@ -107,24 +114,30 @@ def verify_chain(
     }
     return VerifiedChain(
         tuple(
-            each if _is_latest_bundle(each, last) else _drop_expiry_finding(each) for each in made
+            each if _is_latest_bundle_of_machine(each, last) else _without_expiry_finding(each)
+            for each in made
         ),
         tuple(findings),
         tuple(notes),
     )
 
 
-def _read_chain_counter(bundle: CheckedBundle) -> int:
-    return 0 if bundle.document is None else bundle.document.chain.counter
+def _read_chain_counter(checked_bundle: CheckedBundle) -> int:
+    return 0 if checked_bundle.document is None else checked_bundle.document.chain.counter
 
 
-def _is_latest_bundle(verification: Verification, last: Mapping[str, int]) -> bool:
+def _is_latest_bundle_of_machine(
+    verification: Verification, latest_by_machine: Mapping[str, int]
+) -> bool:
     """Whether a bundle is its machine's latest, or names no machine."""
     document = verification.checked.document
-    return document is None or document.chain.counter == last[document.campaign.machine.id]
+    return (
+        document is None
+        or document.chain.counter == latest_by_machine[document.campaign.machine.id]
+    )
 
 
-def _drop_expiry_finding(verification: Verification) -> Verification:
+def _without_expiry_finding(verification: Verification) -> Verification:
     """The verification without its finding on expiry."""
     kept = tuple(
         each for each in verification.findings if each.outcome is not BundleOutcome.EXPIRED

@@ -66,7 +66,7 @@ def command(
     Exit status 1 if there is no line, a limit is exceeded, or a check finds drift.
     """
     from replay.calibration.calibrate_campaign import calibrate_from_campaign
-    from replay.calibration.check_mass import KnownMassOnBoard, check_mass
+    from replay.calibration.check_mass import KnownMassOnBoard, write_evidence_of_mass_check
     from replay.calibration.dcc_output import DccOutput
     from replay.commands.print_tables import make_stdout_console, print_json
     from replay.commands.progress_bar import StageProgress
@@ -84,7 +84,9 @@ def command(
     with StageProgress(1) as stages:
         if check is not None and previous is not None:
             known = KnownMassOnBoard(check, check_u, certificate, day)
-            made = check_mass(source, known, output, previous=previous, key_file=key, force=force)
+            made = write_evidence_of_mass_check(
+                source, known, output, previous=previous, key_file=key, force=force
+            )
         else:
             made = calibrate_from_campaign(
                 source,
@@ -95,30 +97,32 @@ def command(
                 force=force,
                 timestamp_request_file=timestamp_request,
                 dcc=None if dcc is None else DccOutput(dcc, dcc_key, dcc_certificate),
-                on_log=stages.begin,
+                on_log=stages.begin_stage,
             )
     if as_json:
         print_json(made.to_dict())
     else:
-        _print_evidence(make_stdout_console(), made)
+        _print_calibration_evidence(make_stdout_console(), made)
     if not made.is_within_limits:
         raise typer.Exit(1)
 
 
-def _print_evidence(screen: "Console", outcome: "CalibrationOutcome") -> None:
+def _print_calibration_evidence(
+    screen: "Console", calibration_outcome: "CalibrationOutcome"
+) -> None:
     from recordings.calibration.calibration_report import (
         format_kilograms_or_dash,
-        list_report_facts,
+        list_report_names_and_values,
     )
     from recordings.calibration.calibration_text import write_report_paragraphs
     from recordings.calibration.certificate_text import make_traceability_warnings
-    from replay.commands.print_tables import make_plain_table, print_line, print_table
+    from replay.commands.print_tables import make_plain_table, print_line, print_table_uncut
 
     table = make_plain_table(
         *("run", "load", "reference kg", "readings", "estimate kg", "calibrated kg", "error kg"),
         "left out kg",
     )
-    for row in outcome.points.iter_rows(named=True):
+    for row in calibration_outcome.points.iter_rows(named=True):
         numbers = ("mean_kg", "calibrated_kg", "error_kg", "error_left_out_kg")
         table.add_row(
             row["run_id"],
@@ -127,21 +131,23 @@ def _print_evidence(screen: "Console", outcome: "CalibrationOutcome") -> None:
             str(row["readings"]),
             *(format_kilograms_or_dash(row[name]) for name in numbers),
         )
-    print_table(screen, table)
-    for row in outcome.rejected.iter_rows(named=True):
+    print_table_uncut(screen, table)
+    for row in calibration_outcome.rejected_readings.iter_rows(named=True):
         print_line(screen, f"left out: {row['run_id']}, reading {row['reading']}: {row['reason']}")
     screen.print()
-    for name, value in list_report_facts(outcome.document):
+    for name, value in list_report_names_and_values(calibration_outcome.document):
         if name != "made":
             print_line(screen, f"{name}: {value}")
     screen.print()
-    for sentence in make_traceability_warnings(outcome.document):
+    for sentence in make_traceability_warnings(calibration_outcome.document):
         print_line(screen, sentence, "[bold red]!![/] ")
-    for sentence in write_report_paragraphs(outcome.document, outcome.readings, outcome.points):
+    for sentence in write_report_paragraphs(
+        calibration_outcome.document, calibration_outcome.readings, calibration_outcome.points
+    ):
         print_line(screen, sentence)
-    for remark in outcome.remarks:
+    for remark in calibration_outcome.remarks:
         print_line(screen, f"note: {remark}")
-    signer = outcome.document.signer
+    signer = calibration_outcome.document.signer
     if signer is None:
         print_line(
             screen,
@@ -150,8 +156,8 @@ def _print_evidence(screen: "Console", outcome: "CalibrationOutcome") -> None:
         )
     else:
         print_line(screen, f"signed as {signer.name or 'no name'}, key {signer.key_id[:12]}…")
-    if outcome.document.chain.previous is None:
+    if calibration_outcome.document.chain.previous is None:
         print_line(
             screen, "first evidence of this machine; --previous chains it to earlier evidence"
         )
-    print_line(screen, f"evidence: {outcome.folder}")
+    print_line(screen, f"evidence: {calibration_outcome.folder}")

@@ -77,7 +77,7 @@ app.add_typer(
 )
 
 
-def _join_help_lines(commands: typer.Typer) -> None:
+def _join_lines_of_help_paragraphs(commands: typer.Typer) -> None:
     """Join the lines of each paragraph of help, which the terminal wraps at its own width."""
     for each in commands.registered_commands:
         paragraphs = (inspect.getdoc(each.callback) or "").split("\n\n")
@@ -85,55 +85,57 @@ def _join_help_lines(commands: typer.Typer) -> None:
 
 
 for _app in (app, fleet.app, keys.app):
-    _join_help_lines(_app)
+    _join_lines_of_help_paragraphs(_app)
 
 
 @app.callback(invoke_without_command=True)
-def _print_version(
-    version: bool = typer.Option(False, "--version", help="Show the version and exit."),
+def _print_version_and_exit(
+    is_requested: bool = typer.Option(False, "--version", help="Show the version and exit."),
 ) -> None:
-    if version:
+    if is_requested:
         from importlib.metadata import version as version_of
 
-        from recordings.calibration.page.verifier_page import verifier_page_sha256
+        from recordings.calibration.page.verifier_page import compute_verifier_page_sha256
 
         typer.echo(f"payscope {version_of('payscope')}")
-        typer.echo(f"verifier page: SHA-256 {verifier_page_sha256()}")
+        typer.echo(f"verifier page: SHA-256 {compute_verifier_page_sha256()}")
         raise typer.Exit
 
 
 def main() -> None:
     """Run the command line and exit with its status."""
-    _open_closed_streams()
-    received = _convert_signals_to_exceptions()
+    _reopen_closed_standard_streams()
+    received = _install_signals_as_exceptions()
     try:
-        with _warn_of_old_keys():
+        with _warn_of_old_keys_on_exit():
             status = app(standalone_mode=False)
         sys.stdout.flush()
     except PayscopeError as error:
-        status = _print_error(str(error))
+        status = _print_error_and_get_exit_status(str(error))
     except typer.TyperException as error:
-        status = _print_error(describe_usage_error(error))
+        status = _print_error_and_get_exit_status(format_usage_error(error))
     except (KeyboardInterrupt, typer.Abort):
         status = 130
     except BrokenPipeError:
-        _close_stdout()
+        _discard_buffered_stdout()
         status = 0
     except SystemExit as leaving:
         # typer and rich leave with 1 when whoever read our output has closed it (`| head`)
         if not isinstance(leaving.__context__, BrokenPipeError):
             raise
-        _close_stdout()
+        _discard_buffered_stdout()
         status = 0
     except (UnpicklingError, EOFError) as error:
-        status = _print_error(discard_unreadable_cache(error))
+        status = _print_error_and_get_exit_status(remove_unreadable_compile_cache(error))
     except OSError as error:
-        _close_stdout()
+        _discard_buffered_stdout()
         # a file that was being closed when the signal came may have been closed twice
         status = (
             128 + received[0]
             if received
-            else _print_error(f"{error.filename or 'stdout'}: {error.strerror or error}")
+            else _print_error_and_get_exit_status(
+                f"{error.filename or 'stdout'}: {error.strerror or error}"
+            )
         )
     sys.exit(status or 0)
 
@@ -145,7 +147,7 @@ _MISSING: Final = {
 }
 
 
-def describe_usage_error(error: typer.TyperException) -> str:
+def format_usage_error(error: typer.TyperException) -> str:
     """Message for a wrong command line; it says how to obtain a missing argument."""
     said = error.format_message() or "see payscope --help"
     if said.startswith("Missing "):
@@ -158,7 +160,7 @@ def describe_usage_error(error: typer.TyperException) -> str:
     return said.replace(": Input should", ": input should")
 
 
-def _open_closed_streams() -> None:
+def _reopen_closed_standard_streams() -> None:
     """Reopen standard streams that were closed (`>&-`), or the next file gets their number."""
     for name, flag, mode in (
         ("stdin", os.O_RDONLY, "r"),
@@ -169,7 +171,7 @@ def _open_closed_streams() -> None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, flag), mode, encoding="utf-8"))
 
 
-def _convert_signals_to_exceptions() -> list[int]:
+def _install_signals_as_exceptions() -> list[int]:
     """Turn signals into exceptions, so that partial outputs are removed on exit.
 
     Returns:
@@ -189,7 +191,7 @@ def _convert_signals_to_exceptions() -> list[int]:
 
 
 @contextmanager
-def _warn_of_old_keys() -> Generator[None]:
+def _warn_of_old_keys_on_exit() -> Generator[None]:
     """Warn once on stderr if a file uses old names of keys."""
     from replay.machines.old_names import OldNameWarning
 
@@ -208,12 +210,12 @@ def _warn_of_old_keys() -> Generator[None]:
         yield
 
 
-def _close_stdout() -> None:
+def _discard_buffered_stdout() -> None:
     """Discard buffered output, so that the flush at exit cannot fail again."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def discard_unreadable_cache(error: Exception) -> str:
+def remove_unreadable_compile_cache(error: Exception) -> str:
     """Remove compiled code that cannot be read; returns a message, and raises other errors again.
 
     Two processes may have written it at once, or the disk was full.
@@ -226,7 +228,7 @@ def discard_unreadable_cache(error: Exception) -> str:
     return f"{folders}: compiled code kept there cannot be read and was removed; run it again"
 
 
-def _print_error(line: str) -> int:
+def _print_error_and_get_exit_status(error_text: str) -> int:
     """Print an error in one line on stderr; returns the exit status."""
-    typer.echo(f"payscope: {' '.join(line.split())}", err=True)
+    typer.echo(f"payscope: {' '.join(error_text.split())}", err=True)
     return 2

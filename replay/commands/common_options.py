@@ -61,20 +61,22 @@ FrictionLimit = Annotated[
 
 
 def make_calibration_request(
-    folder: Path | None, key: Path | None, *, signed: bool
+    evidence_folder: Path | None, key_file: Path | None, *, is_signature_required: bool
 ) -> "CalibrationRequest | None":
     """Calibration request from these options; None without a calibration.
 
     Raises:
         BadParameter: an option needs --calibration.
     """
-    if folder is None:
-        if key is not None or signed:
+    if evidence_folder is None:
+        if key_file is not None or is_signature_required:
             raise typer.BadParameter("--key and --require-signed need --calibration")
         return None
     from replay.calibration.apply_evidence import CalibrationRequest
 
-    return CalibrationRequest(folder, key, signed, make_owner_prompt())
+    return CalibrationRequest(
+        evidence_folder, key_file, is_signature_required, make_key_owner_prompt_or_none()
+    )
 
 
 #: What a person says of a table where there is no machine file yet.
@@ -90,45 +92,45 @@ _UNITS = ("s", "ms", "us", "ns")
 
 
 def make_time_axis_from_options(
-    column: str | None, unit: str | None, keys: list[str] | None = None
+    time_column: str | None, time_unit: str | None, table_keys: list[str] | None = None
 ) -> "TimeAxis | None":
     """Time column and format of a table from these options; None to detect them.
 
     Raises:
         BadParameter: unknown unit or key.
     """
-    if column is None and unit is None and not keys:
+    if time_column is None and time_unit is None and not table_keys:
         return None
     from analysis.model.machine import LogSection
     from estimators.errors import MachineError
     from replay.machines.machine_file import find_time_axis_of_section
-    from replay.machines.toml_file import set_dotted_key, validate_toml_content
+    from replay.machines.toml_file import set_dotted_key_in_content, validate_toml_content
 
-    if unit is not None and unit not in _UNITS:
-        raise typer.BadParameter(f"no unit of time '{unit}'; use {', '.join(_UNITS)}")
+    if time_unit is not None and time_unit not in _UNITS:
+        raise typer.BadParameter(f"no unit of time '{time_unit}'; use {', '.join(_UNITS)}")
     content: dict[str, dict[str, str]] = {"log": {}}
-    if column is not None:
-        content["log"]["time"] = column
-    if unit is not None:
-        content["log"]["time_unit"] = unit
-    for key in keys or ():
+    if time_column is not None:
+        content["log"]["time"] = time_column
+    if time_unit is not None:
+        content["log"]["time_unit"] = time_unit
+    for key in table_keys or ():
         if not key.startswith("log."):
             raise typer.BadParameter(
                 f"--set {key}: takes only keys of [log] here, such as log.separator=;"
             )
-        set_dotted_key(content, key, MachineError)
+        set_dotted_key_in_content(content, key, MachineError)
     return find_time_axis_of_section(
         validate_toml_content(Path("--set log"), content["log"], LogSection, MachineError)
     )
 
 
-def make_owner_prompt() -> "Callable[[SignedBy], str] | None":
+def make_key_owner_prompt_or_none() -> "Callable[[SignedBy], str] | None":
     """Function that asks the user about an unknown key; None without a terminal."""
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty()
-    return ask_for_key_owner if at_terminal else None
+    return prompt_for_key_owner if at_terminal else None
 
 
-def ask_for_key_owner(signature: "SignedBy") -> str:
+def prompt_for_key_owner(signature: "SignedBy") -> str:
     """Ask for the owner of a key; "" if the key is not trusted."""
     from estimators.errors import one_line
 

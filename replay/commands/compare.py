@@ -59,22 +59,30 @@ def command(
         a,
         b,
         OverlayOutput(output, force),
-        rtol=rtol,
+        relative_tolerance=rtol,
         other_logs=other_logs,
-        calibration=make_calibration_request(calibration, key, signed=require_signed),
+        calibration=make_calibration_request(
+            calibration, key, is_signature_required=require_signed
+        ),
     )
     if as_json:
         print_json({"a": str(a), "b": str(b), **found.to_dict()})
     else:
-        _print_differences(found, a, b, rtol)
+        _print_recording_differences(found, a, b, rtol)
     if not found.equal:
         raise typer.Exit(1)
 
 
-def _print_differences(comparison: "Comparison", a: Path, b: Path, rtol: float) -> None:
+def _print_recording_differences(
+    comparison: "Comparison", recording_a: Path, recording_b: Path, relative_tolerance: float
+) -> None:
     """Print the differences, those of the answer first; equal items are not printed."""
     from estimators.errors import counted
-    from replay.commands.print_tables import make_stdout_console, print_line, print_table
+    from replay.commands.print_tables import (
+        make_stdout_console,
+        print_line,
+        print_table_uncut,
+    )
 
     screen = make_stdout_console()
 
@@ -82,12 +90,12 @@ def _print_differences(comparison: "Comparison", a: Path, b: Path, rtol: float) 
         screen.print(f"\n{title}", markup=False)
         for column in table.columns:
             column.no_wrap = column.overflow != "fold"
-        print_table(screen, table, LIMITS.compared_width)
+        print_table_uncut(screen, table, LIMITS.compared_width)
         if rows > LIMITS.compared_rows:
             screen.print(f"… and {rows - LIMITS.compared_rows} more: --json gives all")
 
-    print_line(screen, f"A  {a}")
-    print_line(screen, f"B  {b}")
+    print_line(screen, f"A  {recording_a}")
+    print_line(screen, f"B  {recording_b}")
     for title, changes in (
         ("settings", comparison.settings),
         ("checks passed", comparison.checks),
@@ -100,12 +108,16 @@ def _print_differences(comparison: "Comparison", a: Path, b: Path, rtol: float) 
     if comparison.estimates:
         title = "estimates over the whole log, those that moved most first:"
         print_part(
-            title, _estimate_table("method", comparison.estimates), len(comparison.estimates)
+            title,
+            _make_estimate_change_table("method", comparison.estimates),
+            len(comparison.estimates),
         )
     if comparison.manoeuvres:
         title = "manoeuvres, those that moved most first:"
         print_part(
-            title, _estimate_table("manoeuvre", comparison.manoeuvres), len(comparison.manoeuvres)
+            title,
+            _make_estimate_change_table("manoeuvre", comparison.manoeuvres),
+            len(comparison.manoeuvres),
         )
     for name, only in (("A", comparison.only_a), ("B", comparison.only_b)):
         if only:
@@ -119,12 +131,16 @@ def _print_differences(comparison: "Comparison", a: Path, b: Path, rtol: float) 
         )
         print_part(title, _make_column_change_table(comparison), 0)
     whole = counted(comparison.columns, "column")
-    exact = f"within a relative difference of {rtol:g}" if rtol else "bit for bit"
+    exact = (
+        f"within a relative difference of {relative_tolerance:g}"
+        if relative_tolerance
+        else "bit for bit"
+    )
     said = f"Equal: {whole}, {exact}." if comparison.equal else f"They differ, compared {exact}."
     screen.print(f"\n{said}", markup=False)
 
 
-def _make_value_change_table(changes: Iterable["ValueChange"]) -> "Table":
+def _make_value_change_table(value_changes: Iterable["ValueChange"]) -> "Table":
     from rich.markup import escape
 
     from replay.commands.print_tables import format_setting_value, make_plain_table
@@ -132,7 +148,7 @@ def _make_value_change_table(changes: Iterable["ValueChange"]) -> "Table":
     table = make_plain_table("", "A", "B")
     for column in table.columns[1:]:
         column.justify, column.overflow = "left", "fold"
-    for change in list(changes)[: LIMITS.compared_rows]:
+    for change in list(value_changes)[: LIMITS.compared_rows]:
         table.add_row(
             *(
                 escape(text)
@@ -155,12 +171,14 @@ _UNITS: Final = {
 }
 
 
-def _estimate_table(row_heading: str, changes: Iterable["EstimateChange"]) -> "Table":
+def _make_estimate_change_table(
+    row_heading: str, estimate_changes: Iterable["EstimateChange"]
+) -> "Table":
     from replay.commands.print_tables import make_plain_table
 
     table = make_plain_table(row_heading, "", "A", "B", "change", "in std")
     table.columns[1].justify = "left"
-    for each in list(changes)[: LIMITS.compared_rows]:
+    for each in list(estimate_changes)[: LIMITS.compared_rows]:
         table.add_row(
             each.about,
             _UNITS.get(each.quantity, each.quantity),
@@ -178,13 +196,15 @@ def _format_estimate(value: float | None, std: float | None) -> str:
     return f"{value:,.2f}" + ("" if std is None else f" ± {std:,.2f}")
 
 
-def _format_signed_change(change: float | None) -> str:
-    if change is None:
+def _format_signed_change(estimate_change: float | None) -> str:
+    if estimate_change is None:
         return ""
-    return f"{change:+,.2f}" if abs(change) >= 0.005 else f"{change:+.1e}"
+    return (
+        f"{estimate_change:+,.2f}" if abs(estimate_change) >= 0.005 else f"{estimate_change:+.1e}"
+    )
 
 
-def _make_column_change_table(comparison: "Comparison") -> "Table":
+def _make_column_change_table(recording_comparison: "Comparison") -> "Table":
     from rich.markup import escape
 
     from estimators.errors import counted
@@ -194,7 +214,7 @@ def _make_column_change_table(comparison: "Comparison") -> "Table":
         "stage", "column", "rows that differ", "largest change", "relative", "at s"
     )
     table.columns[1].justify = "left"
-    for stage in comparison.stages:
+    for stage in recording_comparison.stages:
         about = stage.name
         if stage.rows_a != stage.rows_b or stage.common != stage.rows_a:
             rows = (
@@ -213,7 +233,7 @@ def _make_column_change_table(comparison: "Comparison") -> "Table":
         )
         for column in by_change[: LIMITS.compared_columns]:
             table.add_row(
-                escape(about), escape(column.name), *_column_change_cells(column, stage.common)
+                escape(about), escape(column.name), *_make_column_change_cells(column, stage.common)
             )
             about = ""
         if len(by_change) > LIMITS.compared_columns:
@@ -221,13 +241,13 @@ def _make_column_change_table(comparison: "Comparison") -> "Table":
     return table
 
 
-def _column_change_cells(column: "ColumnChange", prefix_length: int) -> tuple[str, ...]:
-    if column.fault:
-        return (column.fault,)
-    rows = f"{column.rows:,} ({column.rows / prefix_length:.1%})"
+def _make_column_change_cells(column_change: "ColumnChange", prefix_length: int) -> tuple[str, ...]:
+    if column_change.fault:
+        return (column_change.fault,)
+    rows = f"{column_change.rows:,} ({column_change.rows / prefix_length:.1%})"
     return (
         rows,
-        "" if column.largest is None else f"{column.largest:+.3g}",
-        "" if column.largest_relative is None else f"{column.largest_relative:.1e}",
-        "" if column.at_s is None else f"{column.at_s:,.2f}",
+        "" if column_change.largest is None else f"{column_change.largest:+.3g}",
+        "" if column_change.largest_relative is None else f"{column_change.largest_relative:.1e}",
+        "" if column_change.at_s is None else f"{column_change.at_s:,.2f}",
     )

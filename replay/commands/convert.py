@@ -42,34 +42,34 @@ def command(
         open_log(log, time=make_time_axis_from_options(time, time_unit, keys)) as opened,
         StageProgress(1) as stages,
     ):
-        made = convert_log(opened, output, topics, force=force, on_span=stages.begin)
+        made = convert_log(opened, output, topics, force=force, on_span=stages.begin_stage)
     if as_json:
         print_json(made.to_dict())
     else:
         _print_conversion(made, make_stdout_console())
 
 
-def _print_conversion(conversion: "Conversion", screen: "Console") -> None:
+def _print_conversion(conversion: "Conversion", console: "Console") -> None:
     from rich.markup import escape
 
     from estimators.errors import one_line
-    from replay.commands.print_tables import make_plain_table, print_line, print_table
+    from replay.commands.print_tables import make_plain_table, print_line, print_table_uncut
 
     table = make_plain_table("topic", "rows", "MB", "files")
     for topic in conversion.to_dict()["topics"]:
         files = f"{topic['folder']}/*.parquet" if topic["folder"] else one_line(topic["fault"])
         size = f"{topic['size_bytes'] / 1e6:,.3f}"
         table.add_row(escape(one_line(topic["topic"])), f"{topic['rows']:,}", size, escape(files))
-    print_table(screen, table)
+    print_table_uncut(console, table)
     taken = (
         f", {conversion.resumed_spans} of {conversion.spans} spans already converted"
         if conversion.resumed_spans
         else ""
     )
     print_line(
-        screen,
-        f"{conversion.folder}: {conversion.rows:,} rows, "
+        console,
+        f"{conversion.folder}: {conversion.row_count:,} rows, "
         f"{conversion.size_bytes / 1e6:,.3f} MB{taken}",
     )
     for loss in conversion.losses:
-        print_line(screen, f"lost: {loss}")
+        print_line(console, f"lost: {loss}")

@@ -57,26 +57,26 @@ def command(
     from analysis.excitation import design_excitation
     from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
     from replay.commands.print_tables import make_stdout_console, print_json
-    from replay.simulation.scenario_file import load_scenario, write_scenario
+    from replay.simulation.scenario_file import load_scenario_file, write_scenario_file
 
-    wanted = _parse_fraction(accuracy)
+    wanted = _parse_percent_or_fraction(accuracy)
     if output:
         refuse_input_as_output(output, [scenario] if scenario else [])
         require_writable_output(output, force=force)
-    base = load_scenario(scenario, overrides or [])
+    base = load_scenario_file(scenario, overrides or [])
     made = design_excitation(base, motion, wanted, window, yard)
     if as_json:
         print_json(made.to_dict())
     else:
-        make_stdout_console().print(_render_design(made))
+        make_stdout_console().print(_render_excitation_design(made))
     if output and made.best:
-        write_scenario(made.to_scenario(base), output, force=force)
+        write_scenario_file(made.to_scenario(base), output, force=force)
         typer.echo(str(output), err=as_json)
     if not made.is_reached:
         raise typer.Exit(1)
 
 
-def _parse_fraction(text: str) -> float:
+def _parse_percent_or_fraction(text: str) -> float:
     """Parse `1%` or `0.01` as 0.01."""
     number, percent, rest = text.strip().partition("%")
     try:
@@ -88,18 +88,18 @@ def _parse_fraction(text: str) -> float:
     return value
 
 
-def _render_design(design: ExcitationDesign) -> RenderableType:
+def _render_excitation_design(excitation_design: ExcitationDesign) -> RenderableType:
     """Table and notes of a design for the terminal."""
     from rich.console import Group
 
     from replay.commands.print_tables import make_plain_table
 
-    names = list(design.scores[0].predictions)
+    names = list(excitation_design.scores[0].predictions)
     titles = [text for name in names for text in (f"± {_TITLES[name]}", "bias")]
     table = make_plain_table(
         "waveform", *titles, "error", "rank", "condition", "SNR", "needs", "peak m/s", "reach m", ""
     )
-    for score in design.scores:
+    for score in excitation_design.scores:
         numbers = [
             f"{value:.{_DIGITS[name]}f}"
             for name, each in score.predictions.items()
@@ -115,29 +115,35 @@ def _render_design(design: ExcitationDesign) -> RenderableType:
             "–" if score.snr_needed is None else f"{score.snr_needed:.1f}",
             f"{score.peak_speed_m_s:.2f}",
             f"{score.reach_m:.1f}",
-            "best" if score is design.best else "",
+            "best" if score is excitation_design.best else "",
         )
-    return Group(*_describe_timing(design), "", table, "", _describe_verdict(design))
+    return Group(
+        *_describe_design_timing(excitation_design),
+        "",
+        table,
+        "",
+        _describe_design_verdict(excitation_design),
+    )
 
 
-def _describe_timing(design: ExcitationDesign) -> list[str]:
+def _describe_design_timing(excitation_design: ExcitationDesign) -> list[str]:
     periods = {
-        "force": design.scores[0].manoeuvre.force,
-        "torque": design.scores[0].manoeuvre.torque,
+        "force": excitation_design.scores[0].manoeuvre.force,
+        "torque": excitation_design.scores[0].manoeuvre.torque,
     }
     lines = [
         f"{axis}: response time T = {seconds:.2f} s, period {wave.period_s:.2f} s"
-        for axis, seconds in design.response_s.items()
+        for axis, seconds in excitation_design.response_s.items()
         if (wave := periods[axis]) is not None
     ]
-    return [*lines, f"window {design.window_s:.2f} s"]
+    return [*lines, f"window {excitation_design.window_s:.2f} s"]
 
 
-def _describe_verdict(design: ExcitationDesign) -> str:
-    best, wanted = design.best, f"{design.accuracy:.3g}"
+def _describe_design_verdict(excitation_design: ExcitationDesign) -> str:
+    best, wanted = excitation_design.best, f"{excitation_design.accuracy:.3g}"
     if best is None:
         return "No waveform stays within the yard; give a longer --yard."
     name, error = f"{best.waveform}, {best.ways}", f"{best.relative_error:.2g}"
-    if design.is_reached:
+    if excitation_design.is_reached:
         return f"The accuracy of {wanted} is reached: {name}, has {error}."
     return f"No waveform reaches the accuracy of {wanted}: the best, {name}, has {error}."

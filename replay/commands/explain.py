@@ -1,7 +1,7 @@
 """`payscope explain`: why an estimate is bad, and what would correct it."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -56,18 +56,22 @@ def command(
     """
     from replay.commands.print_tables import print_json
     from replay.commands.progress_bar import StageProgress
-    from replay.explain.explain_run import ExplainRequest, explain_run
+    from replay.explain.explain_run import ExplainRequest, explain_run_and_correct_machine
 
-    picture, corrected_file = split_outputs_by_suffix(output or [], apply=apply)
+    picture, corrected_file = split_into_picture_and_machine_file(
+        output or [], is_machine_file_wanted=apply
+    )
     if overrides and machine is None:
         raise typer.BadParameter("--set changes a machine file; give the file with -m")
     asked = ExplainRequest(
         recording, machine, tuple(overrides or ()), at_s, picture, corrected_file, force=force
     )
     with StageProgress(LIMITS.replay_stages) as stages:
-        explained, corrected = explain_run(asked, stages.begin)
+        explained, corrected = explain_run_and_correct_machine(asked, stages.begin_stage)
     if as_json:
-        told = {} if corrected is None else {"mended": _corrected_machine_as_dict(corrected)}
+        told = (
+            {} if corrected is None else {"mended": _convert_corrected_machine_to_dict(corrected)}
+        )
         print_json({**explained.to_dict(), **told})
     else:
         _print_explanation(explained, corrected, asked.picture)
@@ -75,7 +79,16 @@ def command(
         raise typer.Exit(1)
 
 
-def split_outputs_by_suffix(paths: list[Path], *, apply: bool) -> tuple[Path | None, Path | None]:
+class ExplainOutputs(NamedTuple):
+    """Files that an explanation is written to."""
+
+    picture: Path | None
+    machine_file: Path | None
+
+
+def split_into_picture_and_machine_file(
+    paths: list[Path], *, is_machine_file_wanted: bool
+) -> ExplainOutputs:
     """Split the outputs into picture and machine file.
 
     Raises:
@@ -86,38 +99,40 @@ def split_outputs_by_suffix(paths: list[Path], *, apply: bool) -> tuple[Path | N
     pictures = [path for path in paths if path.suffix != ".toml"]
     if len(files) > 1 or len(pictures) > 1:
         raise typer.BadParameter("-o takes one picture, and with --apply one .toml")
-    if apply and not files:
+    if is_machine_file_wanted and not files:
         raise typer.BadParameter(
             "--apply writes a machine file; name it, for example -o mended.toml"
         )
-    if files and not apply:
+    if files and not is_machine_file_wanted:
         raise typer.BadParameter(f"{files[0]}: a machine file is only written with --apply")
-    return (pictures[0] if pictures else None), (files[0] if files else None)
+    return ExplainOutputs(pictures[0] if pictures else None, files[0] if files else None)
 
 
-def _corrected_machine_as_dict(corrected: "CorrectedMachine") -> dict[str, Any]:
+def _convert_corrected_machine_to_dict(corrected_machine: "CorrectedMachine") -> dict[str, Any]:
     from dataclasses import asdict
 
     return {
-        "path": None if corrected.path is None else str(corrected.path),
-        "changes": [asdict(each) for each in corrected.changes],
-        "taken_back": [asdict(each) for each in corrected.rejected],
-        "can_weigh": corrected.after.verdict.can_weigh,
-        "loads_before": [dict(row) for row in corrected.before.loads],
-        "loads": [dict(row) for row in corrected.after.loads],
-        "findings_left": [asdict(each) for each in corrected.remaining],
+        "path": None if corrected_machine.path is None else str(corrected_machine.path),
+        "changes": [asdict(each) for each in corrected_machine.changes],
+        "taken_back": [asdict(each) for each in corrected_machine.rejected],
+        "can_weigh": corrected_machine.after.verdict.can_weigh,
+        "loads_before": [dict(row) for row in corrected_machine.before.loads],
+        "loads": [dict(row) for row in corrected_machine.after.loads],
+        "findings_left": [asdict(each) for each in corrected_machine.remaining],
     }
 
 
 def _print_explanation(
-    explanation: "Explanation", corrected: "CorrectedMachine | None", picture: Path | None
+    explanation: "Explanation",
+    corrected_machine: "CorrectedMachine | None",
+    picture_path: Path | None,
 ) -> None:
     from recordings.explain.explanation_view import (
-        describe_answer_and_cause,
-        describe_manoeuvre,
-        iter_determined_parameter_lines,
-        iter_finding_lines,
-        iter_gate_lines,
+        describe_answer_and_likeliest_cause,
+        describe_mass_of_manoeuvre,
+        iter_lines_of_determined_parameters,
+        iter_lines_of_findings,
+        iter_lines_of_gate_reasons,
     )
     from replay.commands.print_checks import print_failed_checks
     from replay.commands.print_tables import make_stdout_console, print_line
@@ -131,29 +146,30 @@ def _print_explanation(
         for line in listed:
             print_line(screen, line)
 
-    if corrected is not None and corrected.path is None:
+    if corrected_machine is not None and corrected_machine.path is None:
         print_line(screen, "no proposal improves the mass, so no machine file was written")
-    print_line(screen, describe_answer_and_cause(explanation))
+    print_line(screen, describe_answer_and_likeliest_cause(explanation))
     failed = explanation.answer.verdict.withholding_checks("mass")
     if failed:
         screen.print("\nfailed checks:", markup=False)
         print_failed_checks(screen, failed)
-    print_part("causes, the likeliest first:", iter_finding_lines(explanation))
+    print_part("causes, the likeliest first:", iter_lines_of_findings(explanation))
     if explanation.manoeuvre is not None:
-        print_part("its manoeuvre:", [describe_manoeuvre(explanation.manoeuvre)])
+        print_part("its manoeuvre:", [describe_mass_of_manoeuvre(explanation.manoeuvre)])
     print_part(
-        _format_worst_manoeuvres_title(explanation), map(describe_manoeuvre, explanation.worst)
+        _format_worst_manoeuvres_title(explanation),
+        map(describe_mass_of_manoeuvre, explanation.worst),
     )
     around = (
         "the gate around it:" if explanation.at_s is not None else "the gate, by share of time:"
     )
-    print_part(around, iter_gate_lines(explanation))
-    print_part("the motion:", iter_determined_parameter_lines(explanation.determined))
-    if corrected is not None:
-        _print_corrected_machine(screen, corrected)
-    if picture is not None:
+    print_part(around, iter_lines_of_gate_reasons(explanation))
+    print_part("the motion:", iter_lines_of_determined_parameters(explanation.determined))
+    if corrected_machine is not None:
+        _print_corrected_machine(screen, corrected_machine)
+    if picture_path is not None:
         screen.print()
-        print_line(screen, f"picture: {picture}")
+        print_line(screen, f"picture: {picture_path}")
 
 
 def _format_worst_manoeuvres_title(explanation: "Explanation") -> str:
@@ -164,33 +180,36 @@ def _format_worst_manoeuvres_title(explanation: "Explanation") -> str:
     return "longest manoeuvres without a mass:"
 
 
-def _print_corrected_machine(screen: "Console", corrected: "CorrectedMachine") -> None:
-    from recordings.report.finding_text import find_cause_name
+def _print_corrected_machine(console: "Console", corrected_machine: "CorrectedMachine") -> None:
+    from recordings.report.finding_text import find_readable_cause_name
     from replay.commands.print_tables import format_setting_value, print_line
 
-    screen.print("\nproposed corrections, each tested by a replay:", markup=False)
-    for each in corrected.changes:
+    console.print("\nproposed corrections, each tested by a replay:", markup=False)
+    for each in corrected_machine.changes:
         claim = ""
         if each.change_kg is not None:
             claim = f", claimed {each.change_kg:+,.2f} ± {each.change_u_kg or 0.0:,.2f} kg"
         said = (
             f"{each.key} = {format_setting_value(each.value)} "
-            f"({find_cause_name(each.cause)}{claim})"
+            f"({find_readable_cause_name(each.cause)}{claim})"
         )
-        print_line(screen, said)
-    for tried in corrected.rejected:
-        key, cause = tried.proposal.key, find_cause_name(tried.proposal.cause)
-        print_line(screen, f"not {key} ({cause}): {tried.why}")
-    if corrected.path is None:
+        print_line(console, said)
+    for tried in corrected_machine.rejected:
+        key, cause = tried.proposal.key, find_readable_cause_name(tried.proposal.cause)
+        print_line(console, f"not {key} ({cause}): {tried.why}")
+    if corrected_machine.path is None:
         return
     before, after = (
-        _format_mass_of_heaviest_load(corrected.before),
-        _format_mass_of_heaviest_load(corrected.after),
+        _format_mass_of_heaviest_load(corrected_machine.before),
+        _format_mass_of_heaviest_load(corrected_machine.after),
     )
-    print_line(screen, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed")
-    left = ", ".join(find_cause_name(each.cause) for each in corrected.remaining) or "no cause"
-    print_line(screen, f"remaining findings: {left}")
-    print_line(screen, f"machine file: {corrected.path}")
+    print_line(console, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed")
+    left = (
+        ", ".join(find_readable_cause_name(each.cause) for each in corrected_machine.remaining)
+        or "no cause"
+    )
+    print_line(console, f"remaining findings: {left}")
+    print_line(console, f"machine file: {corrected_machine.path}")
 
 
 def _format_mass_of_heaviest_load(answer: "Answer") -> str:

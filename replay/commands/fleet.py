@@ -48,9 +48,9 @@ Last = Annotated[str | None, typer.Option("--to", metavar="DAY", help="Last day.
 def require_fleet_libraries(context: typer.Context) -> None:
     """Raise an error if the libraries of the extra `fleet` are missing."""
     from estimators.errors import FleetError
-    from replay.fleet.ray_engine import missing_library_or_none
+    from replay.fleet.ray_engine import find_missing_fleet_library
 
-    name = missing_library_or_none()
+    name = find_missing_fleet_library()
     if name is not None:
         raise FleetError(f"fleet: {name} is not installed; pip install 'payscope[fleet]'")
     if context.invoked_subcommand is None:
@@ -86,27 +86,27 @@ def run_command(
     """
     from replay.commands.fleet_progress import FleetProgress
     from replay.commands.print_tables import print_json
-    from replay.fleet.log_sources import list_fleet_logs
+    from replay.fleet.log_sources import list_logs_of_sources
     from replay.fleet.machine_setups import load_fleet
-    from replay.fleet.run_fleet import replay_fleet
+    from replay.fleet.run_fleet import replay_logs_of_fleet
 
     fleet = load_fleet(machines, tuple(overrides or ()))
     with FleetProgress() as shown:
-        logs = list_fleet_logs(sources)
+        logs = list_logs_of_sources(sources)
         shown.begin_bar(logs)
-        did = replay_fleet(
+        did = replay_logs_of_fleet(
             logs,
             fleet,
             output,
-            _make_engine(address, workers),
-            shown.mark_done,
+            _make_task_engine_factory(address, workers),
+            shown.count_finished_log,
             shown.note_engine_slots,
             recordings=recordings,
         )
     if as_json:
         print_json(did.to_dict())
     else:
-        _print_run(did)
+        _print_fleet_run(did)
     if did.failed:
         raise typer.Exit(1)
 
@@ -124,20 +124,20 @@ def query_command(
     from replay.commands.frame_output import (
         choose_output_format,
         format_frame_as_table,
-        print_frame,
+        print_frame_as_table,
         print_or_write_frame,
     )
-    from replay.fleet.gathered_tables import open_fleet_results, query_fleet_tables
+    from replay.fleet.gathered_tables import open_results_of_fleet, query_fleet_tables
 
     chosen = choose_output_format(output_format and output_format.value, output)
     if output is not None:
         require_writable_output(output, force=force)
-    rows = query_fleet_tables(open_fleet_results(destination), sql)
+    rows = query_fleet_tables(open_results_of_fleet(destination), sql)
     if chosen == "table" and output is None:
-        print_frame(rows)
+        print_frame_as_table(rows)
         return
     print_or_write_frame(
-        rows, chosen, output, force=force, table=lambda: format_frame_as_table(rows, rows.height)
+        rows, chosen, output, force=force, render=lambda: format_frame_as_table(rows, rows.height)
     )
 
 
@@ -152,10 +152,10 @@ def report_command(
     """Write one page over machines and weeks: tonnes, drift, what needs a look."""
     from recordings.fleet.fleet_page import summarise_fleet
     from replay.commands.print_tables import make_stdout_console, print_json, print_line
-    from replay.fleet.gathered_tables import open_fleet_results
+    from replay.fleet.gathered_tables import open_results_of_fleet
     from replay.fleet.write_fleet_page import write_fleet_report
 
-    results = open_fleet_results(destination)
+    results = open_results_of_fleet(destination)
     made = write_fleet_report(
         results,
         destination,
@@ -216,20 +216,20 @@ def compare_command(
     """
     from replay.commands.print_tables import print_json
     from replay.fleet.compare_results import compare_fleets
-    from replay.fleet.gathered_tables import open_fleet_results
+    from replay.fleet.gathered_tables import open_results_of_fleet
 
     if (b is None) == (not overrides):
         raise typer.BadParameter(
             "give either other results (B) or other settings (--set), but not both"
         )
-    days = _parse_days(first, last)
-    results = open_fleet_results(a)
+    days = _parse_day_range(first, last)
+    results = open_results_of_fleet(a)
     if b is None:
-        other = _replay_with_other_settings(
-            results, overrides or [], days, _make_engine(address, workers)
+        other = _replay_fleet_with_other_settings(
+            results, overrides or [], days, _make_task_engine_factory(address, workers)
         )
     else:
-        other = open_fleet_results(b)
+        other = open_results_of_fleet(b)
     found = compare_fleets(results, other, days)
     if as_json:
         print_json(
@@ -263,37 +263,37 @@ def open_command(
     """Open a recording in the viewer; one that was not kept is replayed from its log."""
     import shutil
 
-    from recordings.report.atomic_output import atomic_file
-    from replay.fleet.gathered_tables import open_fleet_results
-    from replay.fleet.recording_task import recording_of_result
+    from recordings.report.atomic_output import stage_output_file
+    from replay.fleet.gathered_tables import open_results_of_fleet
+    from replay.fleet.recording_task import open_recording_of_result
     from replay.recording.view_recording import view_recording
 
-    with recording_of_result(open_fleet_results(destination), key) as recording:
+    with open_recording_of_result(open_results_of_fleet(destination), key) as recording:
         if output is None:
             view_recording(recording, at_s=at_s)
             return
-        with atomic_file(output, force=force) as written:
+        with stage_output_file(output, force=force) as written:
             shutil.copyfile(recording, written)
     typer.echo(output)
 
 
-def _make_engine(
-    address: str | None, workers: int | None
+def _make_task_engine_factory(
+    cluster_address: str | None, worker_count: int | None
 ) -> "Callable[[], AbstractContextManager[TaskEngine]]":
-    from replay.fleet.ray_engine import ray_engine
+    from replay.fleet.ray_engine import start_ray_engine
 
-    if address is not None and workers is not None:
+    if cluster_address is not None and worker_count is not None:
         raise typer.BadParameter(
             "--workers applies to this machine only; leave it out with --address"
         )
-    return partial(ray_engine, address, workers)
+    return partial(start_ray_engine, cluster_address, worker_count)
 
 
-def _parse_days(first: str | None, last: str | None) -> "DayRange":
+def _parse_day_range(first_day: str | None, last_day: str | None) -> "DayRange":
     from replay.fleet.compare_results import DayRange
 
     found: list[dt.date | None] = []
-    for name, text in (("--from", first), ("--to", last)):
+    for name, text in (("--from", first_day), ("--to", last_day)):
         try:
             found.append(None if text is None else dt.date.fromisoformat(text))
         except ValueError:
@@ -303,7 +303,7 @@ def _parse_days(first: str | None, last: str | None) -> "DayRange":
     return DayRange(*found)
 
 
-def _replay_with_other_settings(
+def _replay_fleet_with_other_settings(
     results: "FleetResults",
     overrides: list[str],
     days: "DayRange",
@@ -313,7 +313,7 @@ def _replay_with_other_settings(
     from replay.fleet.compare_results import RunCallbacks, replay_fleet_with_settings
 
     with FleetProgress() as shown:
-        told = RunCallbacks(shown.begin_bar, shown.mark_done, shown.note_engine_slots)
+        told = RunCallbacks(shown.begin_bar, shown.count_finished_log, shown.note_engine_slots)
         other, did, gone = replay_fleet_with_settings(results, overrides, days, engine, told)
     if gone:
         typer.echo(f"{gone} logs are no longer at their old paths and were left out", err=True)
@@ -322,7 +322,7 @@ def _replay_with_other_settings(
     return other
 
 
-def _print_run(run: "FleetRun") -> None:
+def _print_fleet_run(run: "FleetRun") -> None:
     from estimators.errors import counted
     from replay.commands.print_tables import make_stdout_console, print_line
 
@@ -330,8 +330,9 @@ def _print_run(run: "FleetRun") -> None:
     total = run.replayed + run.up_to_date + len(run.refused) + len(run.failed)
     print_line(
         screen,
-        f"{counted(total, 'recording')}: {run.replayed:,} replayed, {run.up_to_date:,} up to date, "
-        f"{len(run.refused):,} refused, {len(run.failed):,} without a result",
+        f"{counted(total, 'recording')}: {run.replayed:,} replayed, "
+        f"{run.up_to_date:,} up to date, {len(run.refused):,} refused, "
+        f"{len(run.failed):,} without a result",
     )
     for source, why in sorted(run.refused.items()):
         print_line(screen, f"refused: {why if source in why else f'{source}: {why}'}")
@@ -340,12 +341,12 @@ def _print_run(run: "FleetRun") -> None:
     print_line(screen, f"results: {run.destination}")
 
 
-def _print_comparison(comparison: "FleetComparison", a: str, max_recordings: int) -> None:
+def _print_comparison(comparison: "FleetComparison", name_a: str, max_recordings: int) -> None:
     from replay.commands.print_tables import (
         make_plain_table,
         make_stdout_console,
         print_line,
-        print_table,
+        print_table_uncut,
     )
 
     screen = make_stdout_console()
@@ -353,7 +354,7 @@ def _print_comparison(comparison: "FleetComparison", a: str, max_recordings: int
     print_line(
         screen,
         f"{whole['payload_kg'] / 1e3:,.3f} t in A, {whole['payload_b_kg'] / 1e3:,.3f} t in B: "
-        f"{whole['change_kg'] / 1e3:+,.3f} t ({_format_relative_difference(whole)}), by "
+        f"{whole['change_kg'] / 1e3:+,.3f} t ({_format_relative_change_of_total(whole)}), by "
         f"{whole['changed']:,.0f} of {whole['logs']:,.0f} recordings",
     )
     if comparison.only_a or comparison.only_b:
@@ -364,8 +365,8 @@ def _print_comparison(comparison: "FleetComparison", a: str, max_recordings: int
         "machine", "recordings", "t in A", "t in B", "change t", "loads A", "B"
     )
     for row in comparison.machines.iter_rows(named=True):
-        table.add_row(row["machine"], f"{row['logs']:,}", *_make_change_cells(row))
-    print_table(screen, table)
+        table.add_row(row["machine"], f"{row['logs']:,}", *_make_mass_change_cells(row))
+    print_table_uncut(screen, table)
     listed = comparison.logs.head(max_recordings)
     changed = listed.filter(listed["change_kg"] != 0.0)
     if changed.is_empty():
@@ -376,22 +377,22 @@ def _print_comparison(comparison: "FleetComparison", a: str, max_recordings: int
         "machine", "day", "t in A", "t in B", "change t", "loads A", "B", "opens it"
     )
     for row in changed.iter_rows(named=True):
-        opens = f"payscope fleet open {a} {row['key'][:12]}"
-        table.add_row(row["machine"], row["day"], *_make_change_cells(row), opens)
-    print_table(screen, table)
+        opens = f"payscope fleet open {name_a} {row['key'][:12]}"
+        table.add_row(row["machine"], row["day"], *_make_mass_change_cells(row), opens)
+    print_table_uncut(screen, table)
 
 
-def _make_change_cells(row: dict[str, float]) -> tuple[str, ...]:
-    tonnes = (row["payload_kg"] / 1e3, row["payload_b_kg"] / 1e3)
+def _make_mass_change_cells(comparison_row: dict[str, float]) -> tuple[str, ...]:
+    tonnes = (comparison_row["payload_kg"] / 1e3, comparison_row["payload_b_kg"] / 1e3)
     return (
         *(f"{t:,.3f}" for t in tonnes),
-        f"{row['change_kg'] / 1e3:+,.3f}",
-        f"{row['loads']:,.0f}",
-        f"{row['loads_b']:,.0f}",
+        f"{comparison_row['change_kg'] / 1e3:+,.3f}",
+        f"{comparison_row['loads']:,.0f}",
+        f"{comparison_row['loads_b']:,.0f}",
     )
 
 
-def _format_relative_difference(totals: dict[str, float]) -> str:
+def _format_relative_change_of_total(totals: dict[str, float]) -> str:
     if not totals["payload_kg"]:
         return "no tonnes in A"
     return f"{totals['change_kg'] / totals['payload_kg']:+.2%}"

@@ -37,20 +37,22 @@ class FleetProgress:
         self._task = self._bar.add_task("recordings", total=None, left="")
         self._slots = 1
 
-    def begin_bar(self, logs: "Sequence[FleetLog]") -> None:
+    def begin_bar(self, fleet_logs: "Sequence[FleetLog]") -> None:
         """Start the bar with the known logs."""
-        self._left = TimeLeft([log.size_bytes for log in logs])
-        self._bar.update(self._task, total=len(logs))
+        self._left = TimeLeft([log.size_bytes for log in fleet_logs])
+        self._bar.update(self._task, total=len(fleet_logs))
 
     def note_engine_slots(self, engine: "TaskEngine") -> None:
         """Take the number of parallel slots from the opened engine."""
         self._slots = engine.slots()
 
-    def mark_done(self, log: "FleetLog", outcome: "TaskOutcome") -> None:
+    def count_finished_log(self, log: "FleetLog", outcome: "TaskOutcome") -> None:
         """Count a finished log."""
         took = outcome.seconds + outcome.overhead_s
-        self._left.add_recording(log.size_bytes, took if outcome.status == "made" else None)
-        left = time_left_text(self._left.interval_s(self._slots))
+        self._left.add_finished_recording(
+            log.size_bytes, took if outcome.status == "made" else None
+        )
+        left = format_time_left(self._left.estimate_time_left_interval_s(self._slots))
         self._bar.update(self._task, advance=1, left=left)
 
     def __enter__(self) -> Self:
@@ -70,20 +72,20 @@ class TimeLeft:
     """Estimate of the time left, from the seconds per size of finished recordings."""
 
     def __init__(self, sizes_bytes: list[int]) -> None:
-        self._left = sum(map(_progress_weight, sizes_bytes))
-        self._squares = sum(_progress_weight(size) ** 2 for size in sizes_bytes)
+        self._left = sum(map(_count_progress_units, sizes_bytes))
+        self._squares = sum(_count_progress_units(size) ** 2 for size in sizes_bytes)
         self._done: list[tuple[float, float]] = []
 
-    def add_recording(self, size_bytes: int, seconds: float | None) -> None:
+    def add_finished_recording(self, size_bytes: int, replay_s: float | None) -> None:
         """Add a finished recording and its seconds on the node; None if it already existed."""
-        weight = _progress_weight(size_bytes)
+        weight = _count_progress_units(size_bytes)
         self._left -= weight
         self._squares -= weight**2
-        if seconds is not None:
-            self._done.append((weight, seconds))
+        if replay_s is not None:
+            self._done.append((weight, replay_s))
 
-    def interval_s(self, slots: int) -> tuple[float, float] | None:
-        """Interval of the time left in s for `slots` in parallel; None if not yet known.
+    def estimate_time_left_interval_s(self, parallel_slots: int) -> tuple[float, float] | None:
+        """Interval of the time left in s for `parallel_slots` in parallel; None if not yet known.
 
         Seconds are a rate times a weight, with a scatter that grows with the weight.
         """
@@ -96,15 +98,15 @@ class TimeLeft:
         # of the rate, and of each that is left
         u = math.sqrt(apart * (self._left**2 / len(self._done) + max(self._squares, 0.0)))
         low, high = max(expected - _K * u, 0.0), expected + _K * u
-        return low / slots, high / slots
+        return low / parallel_slots, high / parallel_slots
 
 
-def _progress_weight(size_bytes: int) -> float:
+def _count_progress_units(size_bytes: int) -> float:
     """Weight of a recording in the progress: its size plus a constant."""
     return float(size_bytes + LIMITS.base_bytes)
 
 
-def time_left_text(interval_s: tuple[float, float] | None) -> str:
+def format_time_left(interval_s: tuple[float, float] | None) -> str:
     """Format the interval in a suitable unit."""
     if interval_s is None:
         return ""

@@ -85,7 +85,7 @@ def command(
 
     from analysis.online.follower import FollowedRow
     from recordings import read_recording
-    from recordings.rrd.viewer_server import serve_viewer
+    from recordings.rrd.viewer_server import serve_viewer_to_browsers
     from replay.commands.follow_panel import FollowPanel, ReportPrinter
     from replay.commands.progress_bar import COMPILING, warn_of_slow_compilation
     from replay.follow.agreement import FollowedDigests
@@ -94,7 +94,7 @@ def command(
         Following,
         MachineFileChange,
         follow_logs,
-        is_quick_end_requested,
+        must_following_end_quickly,
     )
     from replay.follow.followed_outputs import FollowedOutputs
     from replay.follow.interrupts import Interrupts
@@ -110,7 +110,7 @@ def command(
 
     with ExitStack() as opened:
         interrupts = opened.enter_context(Interrupts())
-        server = opened.enter_context(serve_viewer()) if live else None
+        server = opened.enter_context(serve_viewer_to_browsers()) if live else None
         if server is not None:
             print_message(f"open {server.page}")
         outputs = FollowedOutputs(
@@ -123,7 +123,7 @@ def command(
             server=server.address if server else None,
             force=force,
         )
-        opened.callback(outputs.close)
+        opened.callback(outputs.finish_files)
         opened.enter_context(warn_of_slow_compilation(lambda: typer.echo(COMPILING, err=True)))
         panel = opened.enter_context(FollowPanel())
         replays = opened.enter_context(
@@ -132,9 +132,9 @@ def command(
         printer = ReportPrinter(outputs, panel, replays, as_json=as_json)
 
         def show_new_rows(following: Following, rows: list[FollowedRow]) -> None:
-            digests.add(rows)
+            digests.add_followed_rows(rows)
             printer.print_row_reports(following, rows)
-            if change.has_changed():
+            if change.has_file_changed():
                 print_message(f"{machine}: has changed; what follow began with stays in use")
 
         following = follow_logs(
@@ -149,17 +149,17 @@ def command(
         )
         if not following.lost:
             printer.print_last_replay(
-                following, lambda: is_quick_end_requested(following, interrupts)
+                following, lambda: must_following_end_quickly(following, interrupts)
             )
-        replays.end_process()
+        replays.kill_replay_process()
         for loss in following.losses:
             print_message(str(loss))
-        typer.echo(_describe_end_of_log(following), err=True)
+        typer.echo(_explain_why_following_ended(following), err=True)
     if output is not None:
-        _record_causal_replay(logs, loaded, output, following, digests)
+        _record_and_compare_causal_replay(logs, loaded, output, following, digests)
 
 
-def _describe_end_of_log(following: "Following") -> str:
+def _explain_why_following_ended(following: "Following") -> str:
     from estimators.errors import counted
 
     follower = following.follower
@@ -170,12 +170,12 @@ def _describe_end_of_log(following: "Following") -> str:
     )
 
 
-def _record_causal_replay(
+def _record_and_compare_causal_replay(
     logs: list[Path],
     machine: "Machine",
     output: Path,
     following: "Following",
-    digests: "FollowedDigests",
+    followed_digests: "FollowedDigests",
 ) -> None:
     """Record the causal replay of the followed log; by ctrl-C what was followed stays."""
     from estimators.errors import LogError, PayscopeError
@@ -189,7 +189,7 @@ def _record_causal_replay(
         raise LogError(f"{why}{output} {how}")
     try:
         agreements = record_and_compare_followed_log(
-            logs, machine, output, digests, is_growing=is_growing
+            logs, machine, output, followed_digests, is_growing=is_growing
         )
     except KeyboardInterrupt:
         how = "as it was followed" if is_unfinished_recording(output) else "not compared"

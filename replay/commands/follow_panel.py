@@ -24,12 +24,12 @@ from replay.follow.background_replay import BackgroundReplays
 from replay.follow.follow_logs import Following
 from replay.follow.followed_outputs import FollowedOutputs
 from replay.follow.report_file import (
-    describe_event,
+    describe_finished_manoeuvre,
     describe_inertia_and_yaw_friction,
     describe_load_state,
-    describe_mass,
-    describe_progress,
-    describe_replay,
+    describe_mass_and_friction,
+    describe_progress_to_answer,
+    describe_replay_result,
     format_utc_time,
     iter_closed_load_lines,
 )
@@ -84,18 +84,18 @@ class FollowPanel:
             if report.event == "manoeuvre":
                 self._masses.append(report)
         if self._live is not None:
-            self._live.update(Group(*self._make_panel_parts(following)))
+            self._live.update(Group(*self._render_panel_parts(following)))
 
-    def _make_panel_parts(self, following: Following) -> list[Text | Table]:
-        parts: list[Text | Table] = [self._make_panel_head(following)]
+    def _render_panel_parts(self, following: Following) -> list[Text | Table]:
+        parts: list[Text | Table] = [self._render_panel_head(following)]
         if self._last is None:
-            waits = following.missing_excitation or following.follower.topics
+            waits = following.topics_without_messages or following.follower.topics
             parts.append(Text(f"waits for {', '.join(waits)}", style="yellow"))
-            if following.topics and following.remedy:
-                parts.append(Text(following.remedy.removeprefix("; "), style="dim"))
+            if following.topics and following.missing_topics_remedy:
+                parts.append(Text(following.missing_topics_remedy.removeprefix("; "), style="dim"))
             return parts
-        parts += [_format_motion(self._last), _format_answer(self._last)]
-        if progress := describe_progress(self._last):
+        parts += [_format_machine_motion(self._last), _format_current_answer(self._last)]
+        if progress := describe_progress_to_answer(self._last):
             parts.append(Text(f"online, statistical u: {progress}"))
         if spun := describe_inertia_and_yaw_friction(self._last):
             parts.append(Text(spun))
@@ -103,7 +103,7 @@ class FollowPanel:
         if self._masses:
             parts.append(_make_manoeuvre_table(list(self._masses)))
         if self._replay is not None:
-            parts += _format_replay(self._replay.at_time(self._last.unix_ns))
+            parts += _format_replayed_loads(self._replay.at_time(self._last.unix_ns))
         if following.losses:
             count = "1 loss" if len(following.losses) == 1 else f"{len(following.losses):,} losses"
             parts.append(Text(f"{count}: {following.losses[-1]}"))
@@ -112,7 +112,7 @@ class FollowPanel:
             parts.append(Text(f"{samples} arrived too late for the row", style="yellow"))
         return parts
 
-    def _make_panel_head(self, following: Following) -> Text:
+    def _render_panel_head(self, following: Following) -> Text:
         names = ", ".join(path.name for path in following.paths)
         rows = following.follower.rows_stepped
         state = following.ended or "ctrl-C ends"
@@ -148,63 +148,66 @@ class ReportPrinter:
 
     def print_row_reports(self, following: Following, rows: list[FollowedRow]) -> None:
         """Write and print the reports of new rows, and of a replay that is done."""
-        made = self._outputs.write_rows_and_new_reports(following, rows)
+        made = self._outputs.write_rows_and_return_new_reports(following, rows)
         for report in (report for row in rows for report in row.reports):
             self._newest = report
             if report.event in ("manoeuvre", "spin"):
-                self._replays.request()
+                self._replays.request_replay_of_log_so_far()
         for report in made:
             if self._as_json:
                 typer.echo(json.dumps(report.to_dict(), allow_nan=False))
-            elif text := describe_event(report):
+            elif text := describe_finished_manoeuvre(report):
                 typer.echo(f"{format_utc_time(report.unix_ns)}  {text}")
-        self.print_replay_result(self._replays.poll())
+        self.print_replay_result(self._replays.take_result_and_start_next())
         self._panel.show_followed_log(following, made)
 
-    def print_last_replay(self, following: Following, is_left_out: Callable[[], bool]) -> None:
+    def print_last_replay(self, following: Following, is_skipped: Callable[[], bool]) -> None:
         """Wait for the replay of the whole log and print it, unless it is left out."""
         self.print_replay_result(
-            self._replays.replay_whole_log(
+            self._replays.wait_for_replay_of_whole_log(
                 self._panel.show_waiting_for_replay,
-                is_left_out,
+                is_skipped,
                 is_growing=following.is_interrupted,
             )
         )
 
-    def print_replay_result(self, found: ReplayReport | None) -> None:
+    def print_replay_result(self, replay_report: ReplayReport | None) -> None:
         """Write and print the result of a replay."""
         newest = self._newest
-        if found is None or newest is None:
+        if replay_report is None or newest is None:
             return
-        if found.fault:
-            found = replace(found, unix_ns=newest.unix_ns, t_s=newest.t_s)
-        found = found.at_time(newest.unix_ns)
-        self._panel.show_replay_result(found)
-        if not self._outputs.write_new_replay(found, newest.unix_ns):
+        if replay_report.fault:
+            replay_report = replace(replay_report, unix_ns=newest.unix_ns, t_s=newest.t_s)
+        replay_report = replay_report.at_time(newest.unix_ns)
+        self._panel.show_replay_result(replay_report)
+        if not self._outputs.write_replay_report_if_new(replay_report, newest.unix_ns):
             return
         if self._as_json:
-            typer.echo(json.dumps(found.to_dict(), allow_nan=False))
+            typer.echo(json.dumps(replay_report.to_dict(), allow_nan=False))
         else:
-            for line in iter_closed_load_lines(found, self._replay):
+            for line in iter_closed_load_lines(replay_report, self._replay):
                 typer.echo(line)
-        if not found.fault:
-            self._replay = found
+        if not replay_report.fault:
+            self._replay = replay_report
 
 
-def _format_motion(report: OnlineReport) -> Text:
+def _format_machine_motion(online_report: OnlineReport) -> Text:
     text = Text(
-        f"{format_utc_time(report.unix_ns)} UTC, {report.t_s:,.1f} s  "
-        f"{report.phase or 'unknown'}  gate "
+        f"{format_utc_time(online_report.unix_ns)} UTC, {online_report.t_s:,.1f} s  "
+        f"{online_report.phase or 'unknown'}  gate "
     )
-    text.append(report.gate, style=_GATE_COLOURS.get(report.gate, "yellow"))
-    if report.index_nat is not None:
-        text.append(f" ({report.index_nat:.2f} nat)")
+    text.append(online_report.gate, style=_GATE_COLOURS.get(online_report.gate, "yellow"))
+    if online_report.index_nat is not None:
+        text.append(f" ({online_report.index_nat:.2f} nat)")
     return text
 
 
-def _format_answer(report: OnlineReport) -> Text:
-    age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
-    return Text(f"{describe_mass(report)}{age}", style="bold green" if report.mass_kg else "yellow")
+def _format_current_answer(online_report: OnlineReport) -> Text:
+    age = "" if online_report.age_s is None else f", {online_report.age_s:,.0f} s old"
+    return Text(
+        f"{describe_mass_and_friction(online_report)}{age}",
+        style="bold green" if online_report.mass_kg else "yellow",
+    )
 
 
 def _make_method_table(following: Following) -> Table:
@@ -222,15 +225,17 @@ def _make_manoeuvre_table(reports: list[OnlineReport]) -> Table:
     table = Table("manoeuvre", "until", "mass", box=None)
     for report in reports:
         table.add_row(
-            str(report.manoeuvres), format_utc_time(report.unix_ns), describe_mass(report)
+            str(report.manoeuvres),
+            format_utc_time(report.unix_ns),
+            describe_mass_and_friction(report),
         )
     return table
 
 
-def _format_replay(report: ReplayReport) -> list[Text]:
+def _format_replayed_loads(replay_report: ReplayReport) -> list[Text]:
     """The last load states of a replay."""
-    style = "bold green" if report.validity == "valid" else "yellow"
+    style = "bold green" if replay_report.validity == "valid" else "yellow"
     return [
-        Text(f"joint fit, u of all effects: {describe_replay(report)}", style=style),
-        *map(Text, map(describe_load_state, report.loads[-LIMITS.followed_manoeuvres :])),
+        Text(f"joint fit, u of all effects: {describe_replay_result(replay_report)}", style=style),
+        *map(Text, map(describe_load_state, replay_report.loads[-LIMITS.followed_manoeuvres :])),
     ]

@@ -12,8 +12,8 @@ import typer
 from rich.cells import cell_len
 
 from estimators.errors import OutputError
-from recordings.report.atomic_output import atomic_file
-from replay.commands.print_tables import format_json
+from recordings.report.atomic_output import stage_output_file
+from replay.commands.print_tables import format_value_as_json
 from replay.commands.screen_limits import LIMITS
 
 #: What `-o` may end in.
@@ -22,22 +22,24 @@ _WRITTEN: Final = ("csv", "json", "parquet", "arrow")
 _BINARY: Final = ("parquet", "arrow")
 
 
-def choose_output_format(requested: str | None, output: Path | None) -> str:
+def choose_output_format(requested_format: str | None, output_path: Path | None) -> str:
     """Requested format, else that of the output's suffix, else a table.
 
     Raises:
         OutputError: unknown suffix, or a binary format for a terminal.
     """
-    if requested is None and output is not None:
-        requested = output.suffix.removeprefix(".")
-        if requested not in _WRITTEN:
+    if requested_format is None and output_path is not None:
+        requested_format = output_path.suffix.removeprefix(".")
+        if requested_format not in _WRITTEN:
             raise OutputError(
-                f"{output}: no format '{output.suffix}'; use "
+                f"{output_path}: no format '{output_path.suffix}'; use "
                 f"{', '.join(f'.{x}' for x in _WRITTEN)}, or give --format"
             )
-    if requested in _BINARY and output is None:
-        raise OutputError(f"{requested.capitalize()} is a binary format; give a file with -o")
-    return requested or "table"
+    if requested_format in _BINARY and output_path is None:
+        raise OutputError(
+            f"{requested_format.capitalize()} is a binary format; give a file with -o"
+        )
+    return requested_format or "table"
 
 
 def print_or_write_frame(
@@ -46,8 +48,8 @@ def print_or_write_frame(
     output: Path | None,
     *,
     force: bool,
-    table: Callable[[], str],
-    records: Any = None,
+    render: Callable[[], str],
+    json_records: Any = None,
 ) -> None:
     """Print a frame, or write it to a file.
 
@@ -56,8 +58,8 @@ def print_or_write_frame(
         output_format: table, csv, json, parquet or arrow.
         output: file to write; None for stdout.
         force: whether to replace an existing file.
-        table: renders the frame as a table.
-        records: values for JSON instead of the rows.
+        render: renders the frame as a table.
+        json_records: values for JSON instead of the rows.
 
     Raises:
         OutputError: the output cannot be written.
@@ -67,8 +69,10 @@ def print_or_write_frame(
         match output_format:
             case "json":
                 return (
-                    format_json(
-                        _format_times_as_text(frame).to_dicts() if records is None else records
+                    format_value_as_json(
+                        _format_times_as_text(frame).to_dicts()
+                        if json_records is None
+                        else json_records
                     )
                     + "\n"
                 )
@@ -76,7 +80,7 @@ def print_or_write_frame(
                 # polars says of a closed pipe only that some writing failed
                 return frame.write_csv()
             case _:
-                return table()
+                return render()
 
     if output is None:
         if output_format == "csv":
@@ -84,7 +88,7 @@ def print_or_write_frame(
         else:
             typer.echo(frame_as_text(), nl=False)
         return
-    with atomic_file(output, force=force) as partial:
+    with stage_output_file(output, force=force) as partial:
         if output_format in _BINARY:
             # by way of memory: polars says of a full disk only that some computing failed
             written = BytesIO()
@@ -102,53 +106,54 @@ def _format_times_as_text(frame: pl.DataFrame) -> pl.DataFrame:
     return frame.with_columns(pl.col(pl.Datetime).dt.to_string("iso:strict"))
 
 
-def print_frame(frame: pl.DataFrame, choice: str = "") -> None:
+def print_frame_as_table(frame: pl.DataFrame, row_choice: str = "") -> None:
     """Print the ends of a frame as a table that fits the terminal, and how to get the others.
 
     Args:
         frame: the rows.
-        choice: options that choose rows, for the note on those that are not shown.
+        row_choice: options that choose rows, for the note on those that are not shown.
     """
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
     typer.echo(format_frame_as_table(frame, LIMITS.frame_rows, width), nl=False)
     if frame.height > LIMITS.frame_rows:
-        note = f"{frame.height} rows, {LIMITS.frame_rows} shown; {choice}--format csv gives all"
+        note = f"{frame.height} rows, {LIMITS.frame_rows} shown; {row_choice}--format csv gives all"
         typer.echo(note, err=True)
 
 
-def format_frame_as_table(frame: pl.DataFrame, rows: int, width: int | None = None) -> str:
+def format_frame_as_table(frame: pl.DataFrame, max_rows: int, max_width: int | None = None) -> str:
     """A frame as text, its cells whole: broken ones cannot be read.
 
     Args:
         frame: the rows.
-        rows: most rows to print.
-        width: columns of a screen; a wider frame stands there in parts, one below the other, each
-            behind the columns that say what its rows are. None for lines as long as they must be.
+        max_rows: most rows to print.
+        max_width: columns of a screen; a wider frame stands there in parts, one below the other,
+            each behind the columns that say what its rows are. None for lines as long as they must
+            be.
     """
-    if width is None:
-        return _render_frame(frame, rows)
+    if max_width is None:
+        return _render_frame_with_polars(frame, max_rows)
     wide = {
-        name: _longest_line_length(_render_frame(frame.select(name), rows))
+        name: _measure_longest_line(_render_frame_with_polars(frame.select(name), max_rows))
         for name in frame.columns
     }
     # local time and seconds say where a row is, or what stands first
     names = frame.columns[: 2 if frame.columns[1:2] == ["t_s"] else 1]
     parts: list[list[str]] = [names]
     for name in frame.columns[len(names) :]:
-        if parts[-1] != names and sum(wide[each] for each in [*parts[-1], name]) > width:
+        if parts[-1] != names and sum(wide[each] for each in [*parts[-1], name]) > max_width:
             parts.append([*names])
         parts[-1] = [*parts[-1], name]
-    return "\n".join(_render_frame(frame.select(part), rows) for part in parts)
+    return "\n".join(_render_frame_with_polars(frame.select(part), max_rows) for part in parts)
 
 
-def _longest_line_length(text: str) -> int:
+def _measure_longest_line(text: str) -> int:
     return max(map(cell_len, text.splitlines()), default=0)
 
 
-def _render_frame(frame: pl.DataFrame, rows: int) -> str:
+def _render_frame_with_polars(frame: pl.DataFrame, max_rows: int) -> str:
     text = StringIO()
     with pl.Config(
-        tbl_rows=rows,
+        tbl_rows=max_rows,
         tbl_cols=-1,
         tbl_width_chars=LIMITS.text_table_characters,
         fmt_str_lengths=80,

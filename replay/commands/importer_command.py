@@ -20,17 +20,17 @@ _LARGEST: Final = 1 << 63
 
 def main() -> None:
     """Import one file, and leave with the status that the viewer understands."""
-    asked, _ = _make_argument_parser().parse_known_args()  # newer viewers may ask for more
+    asked, _ = _make_viewer_argument_parser().parse_known_args()  # newer viewers may ask for more
     # the viewer starts every importer for every file: nothing heavy before the answer "not mine"
-    from replay.recording.importer_files import may_import_file
+    from replay.recording.importer_files import should_import_file
 
-    if not may_import_file(asked.path):
+    if not should_import_file(asked.path):
         sys.exit(NOT_MINE)
     from estimators.errors import PayscopeError, one_line
-    from replay.recording.import_log import import_log
+    from replay.recording.import_log import stream_log_to_viewer
 
     try:
-        fault = import_log(asked.path, parse_viewer_request(asked))
+        fault = stream_log_to_viewer(asked.path, parse_viewer_request(asked))
     except PayscopeError as error:
         sys.stderr.write(f"payscope: {one_line(str(error))}\n")
         sys.exit(2)
@@ -62,7 +62,7 @@ def parse_viewer_request(arguments: argparse.Namespace) -> "ViewerRequest":
     )
 
 
-def _make_argument_parser() -> argparse.ArgumentParser:
+def _make_viewer_argument_parser() -> argparse.ArgumentParser:
     # with abbreviations, an option of an older viewer (--time) would be one of several
     parser = argparse.ArgumentParser(
         allow_abbrev=False,

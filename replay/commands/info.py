@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
 from datetime import datetime, tzinfo
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 import typer
 
@@ -46,7 +46,7 @@ def command(
     from estimators.errors import LogError
     from replay.commands.common_options import make_time_axis_from_options
     from replay.commands.print_tables import make_stdout_console, print_json
-    from replay.init.describe_log import describe_log
+    from replay.init.describe_log import describe_log_by_index
     from replay.logs import open_log
 
     try:
@@ -61,8 +61,8 @@ def command(
     is_whole = True
     for path in logs:
         try:
-            with open_log(path, time=axis) as log, _show_progress(check=check):
-                shown = describe_log(log, check=check, fields=fields)
+            with open_log(path, time=axis) as log, _show_reading_progress(is_log_checked=check):
+                shown = describe_log_by_index(log, is_log_checked=check, are_fields_profiled=fields)
         except LogError as error:
             # the other logs are still worth describing
             faults.append(error)
@@ -83,74 +83,87 @@ def command(
         raise typer.Exit(1)
 
 
-def _show_progress(*, check: bool) -> AbstractContextManager[object]:
+def _show_reading_progress(*, is_log_checked: bool) -> AbstractContextManager[object]:
     """Progress of reading everything; an index alone is read before it is seen."""
-    if not check:
+    if not is_log_checked:
         return nullcontext()
     from replay.commands.progress_bar import StageProgress
 
     return StageProgress(1)
 
 
-def print_log_info(info: "LogInfo", zone: tzinfo, screen: "Console") -> None:
-    """Print a log's description, its start in local time of `zone`."""
-    from replay.commands.print_tables import print_line, print_rows, print_table
+def print_log_info(log_info: "LogInfo", time_zone: tzinfo, console: "Console") -> None:
+    """Print a log's description, its start in local time of `time_zone`."""
+    from replay.commands.print_tables import (
+        print_line,
+        print_rows_as_table,
+        print_table_uncut,
+    )
 
-    for line in _make_head_lines(info, zone):
-        print_line(screen, line)
-    print_table(screen, _make_topic_table(info))
-    if info.fields:
-        print_rows(_FIELD_TITLES, _make_field_rows(info), _LEFT)
-    for note in info.notes:
-        print_line(screen, f"note: {note}")
-    for mark, line in _make_verdict_lines(info):
-        print_line(screen, line, mark)
-    for line in _describe_problems(info):
-        print_line(screen, line, "[yellow]![/] ")
+    for line in _iter_log_head_lines(log_info, time_zone):
+        print_line(console, line)
+    print_table_uncut(console, _make_topic_table(log_info))
+    if log_info.fields:
+        print_rows_as_table(_FIELD_TITLES, _make_field_rows(log_info), _LEFT)
+    for note in log_info.notes:
+        print_line(console, f"note: {note}")
+    for mark, line in _iter_check_result_lines(log_info):
+        print_line(console, line, mark)
+    for line in _iter_log_problems(log_info):
+        print_line(console, line, "[yellow]![/] ")
 
 
-def _make_head_lines(info: "LogInfo", zone: tzinfo) -> Iterator[str]:
+def _iter_log_head_lines(log_info: "LogInfo", time_zone: tzinfo) -> Iterator[str]:
     from estimators.errors import counted
 
-    yield f"{info.path}: {info.format}, {info.size_bytes / 1e6:,.3f} MB"
-    if info.start_ns is None or info.duration_s is None:
+    yield f"{log_info.path}: {log_info.format}, {log_info.size_bytes / 1e6:,.3f} MB"
+    if log_info.start_ns is None or log_info.duration_s is None:
         yield "no messages"
         return
-    count = counted(info.messages, "message")
-    yield f"from {_format_log_time(info.start_ns, zone)}, {info.duration_s:,.3f} s, {count}"
+    count = counted(log_info.messages, "message")
+    start = _format_log_time(log_info.start_ns, time_zone)
+    yield f"from {start}, {log_info.duration_s:,.3f} s, {count}"
 
 
-def _make_verdict_lines(info: "LogInfo") -> Iterator[tuple[str, str]]:
+class _MarkedLine(NamedTuple):
+    """Line with the markup of its mark."""
+
+    mark: str
+    text: str
+
+
+def _iter_check_result_lines(log_info: "LogInfo") -> Iterator[_MarkedLine]:
     """Yield the outcome of --check as mark and text; nothing for a log that was not checked."""
     from estimators.errors import counted
 
-    if info.checked is None:
+    if log_info.checked is None:
         return
     found, done = (
         ("[green]checked, complete[/]", "decoded")
-        if info.is_whole
+        if log_info.is_whole
         else ("[red]checked, incomplete[/]", "read")
     )
-    agree = "agrees" if info.checked.crcs == 1 else "agree"
-    crcs = f"{counted(info.checked.crcs, 'CRC')} {agree}" if info.checked.crcs else _NO_CRC
-    yield (
+    agree = "agrees" if log_info.checked.crcs == 1 else "agree"
+    crcs = f"{counted(log_info.checked.crcs, 'CRC')} {agree}" if log_info.checked.crcs else _NO_CRC
+    yield _MarkedLine(
         found,
-        f": {counted(info.checked.messages, 'message')} "
-        f"({info.checked.message_bytes / 1e6:,.3f} MB) {done}, {crcs}, in {info.check_s:.2f} s",
+        f": {counted(log_info.checked.messages, 'message')} "
+        f"({log_info.checked.message_bytes / 1e6:,.3f} MB) {done}, {crcs}, "
+        f"in {log_info.check_s:.2f} s",
     )
 
 
-def _format_log_time(stamp_ns: int, zone: tzinfo) -> str:
+def _format_log_time(stamp_ns: int, time_zone: tzinfo) -> str:
     from analysis.stages.signals.timestamps import FIRST_DATE_NS
 
     seconds = f"{stamp_ns / 1e9:.3f} s"
     if stamp_ns < FIRST_DATE_NS:
         return f"{seconds} of the log's own clock"
-    local = datetime.fromtimestamp(stamp_ns // 10**9, zone)
+    local = datetime.fromtimestamp(stamp_ns // 10**9, time_zone)
     return f"{local:%Y-%m-%d %H:%M:%S %Z} ({seconds})"
 
 
-def _make_topic_table(info: "LogInfo") -> "Table":
+def _make_topic_table(log_info: "LogInfo") -> "Table":
     from rich.markup import escape
     from rich.table import Table
 
@@ -161,15 +174,15 @@ def _make_topic_table(info: "LogInfo") -> "Table":
     table.add_column("type", overflow="fold")
     for title in ("messages", "from s", "to s", "Hz", "longest gap s"):
         table.add_column(title, justify="right", no_wrap=True)
-    for row in info.topics.iter_rows(named=True):
+    for row in log_info.topics.iter_rows(named=True):
         table.add_row(
             escape(one_line(row["topic"])),
             escape(one_line(row["type"])),
             f"{row['messages']:,}",
-            _format_seconds(row["start_ns"], info.start_ns),
-            _format_seconds(row["end_ns"], info.start_ns),
-            _format_number(row["rate_hz"]),
-            _format_number(row["longest_gap_s"]),
+            _format_seconds_since_start(row["start_ns"], log_info.start_ns),
+            _format_seconds_since_start(row["end_ns"], log_info.start_ns),
+            _format_number_or_dash(row["rate_hz"]),
+            _format_number_or_dash(row["longest_gap_s"]),
         )
     return table
 
@@ -179,25 +192,27 @@ _FIELD_TITLES = ("field", "unit", "Hz", "min", "median", "max", "course")
 _LEFT = (0, 1, 6)
 
 
-def _make_field_rows(info: "LogInfo") -> list[tuple[str, ...]]:
+def _make_field_rows(log_info: "LogInfo") -> list[tuple[str, ...]]:
     from estimators.errors import one_line
 
-    several = len({each.topic for each in info.fields}) > 1
+    several = len({each.topic for each in log_info.fields}) > 1
     rows: list[tuple[str, ...]] = []
-    for each in info.fields:
+    for each in log_info.fields:
         name = f"{each.topic} {each.field}" if several else each.field
         numbers = (each.rate_hz, each.low, each.middle, each.high)
-        rows.append((one_line(name), each.unit or "–", *map(_format_number, numbers), each.course))
+        rows.append(
+            (one_line(name), each.unit or "–", *map(_format_number_or_dash, numbers), each.course)
+        )
     return rows
 
 
-def _describe_problems(info: "LogInfo") -> Iterator[str]:
-    told = {loss.topic for loss in info.losses}
-    for loss in info.losses:
+def _iter_log_problems(log_info: "LogInfo") -> Iterator[str]:
+    told = {loss.topic for loss in log_info.losses}
+    for loss in log_info.losses:
         # whose topic it is needs no saying but of a part of a log
-        is_of_log = bool(loss.topic) and loss.source == info.path.name
+        is_of_log = bool(loss.topic) and loss.source == log_info.path.name
         yield f"{loss.topic}: {loss.what}" if is_of_log else str(loss)
-    for row in info.topics.iter_rows(named=True):
+    for row in log_info.topics.iter_rows(named=True):
         if row["problem"] and row["topic"] not in told:
             yield f"{row['topic']} (no messages): {row['problem']}"
         if row["decoder"] == "rosbags":
@@ -207,11 +222,11 @@ def _describe_problems(info: "LogInfo") -> Iterator[str]:
             )
 
 
-def _format_seconds(stamp_ns: int | None, start_ns: int | None) -> str:
+def _format_seconds_since_start(stamp_ns: int | None, start_ns: int | None) -> str:
     if stamp_ns is None or start_ns is None:
         return "–"
     return f"{(stamp_ns - start_ns) / 1e9:.3f}"
 
 
-def _format_number(value: float | None) -> str:
+def _format_number_or_dash(value: float | None) -> str:
     return "–" if value is None else f"{value:.4g}"

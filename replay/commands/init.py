@@ -28,15 +28,15 @@ def command(
 ) -> None:
     """Draft a machine file from a log, or a campaign file, to be checked and completed by hand."""
     from recordings.report.atomic_output import (
-        atomic_file,
         refuse_input_as_output,
         require_writable_output,
+        stage_output_file,
     )
     from replay.commands.common_options import make_time_axis_from_options
     from replay.init.guess_by_replay import (
         BRAKING,
         drop_answered_brake_question,
-        propose_lines_from_replay,
+        propose_settings_by_replaying_draft,
     )
     from replay.init.guess_machine import draft_machine_file
     from replay.logs import open_log
@@ -45,10 +45,10 @@ def command(
         raise typer.BadParameter("give a LOG for a machine file, or --campaign DIR")
     axis = make_time_axis_from_options(time, time_unit, keys)
     if campaign is not None:
-        from replay.init.campaign_draft import draft_campaign
+        from replay.init.campaign_draft import draft_campaign_file
 
         require_writable_output(output, force=force)
-        text, lacking = draft_campaign(campaign, output, machine)
+        text, lacking = draft_campaign_file(campaign, output, machine)
     else:
         assert log is not None
         if machine is not None:
@@ -57,10 +57,10 @@ def command(
             refuse_input_as_output(output, opened.files)
             text, missing = draft_machine_file(opened, axis)
             lacking = [f"note: {note}" for note in opened.notes()]
-            found = [*BRAKING] if missing else propose_lines_from_replay(opened, text)
+            found = [*BRAKING] if missing else propose_settings_by_replaying_draft(opened, text)
             text = "\n".join([drop_answered_brake_question(text, found), *found])
         lacking += [f"still missing: {sentence}" for sentence in missing]
-    with atomic_file(output, force=force) as partial:
+    with stage_output_file(output, force=force) as partial:
         partial.write_text(text, encoding="utf-8")
     for sentence in lacking:
         typer.echo(sentence, err=True)

@@ -24,11 +24,11 @@ def list_keys(
         make_stdout_console,
         print_json,
         print_line,
-        print_table,
+        print_table_uncut,
     )
 
     keyring = load_keyring()
-    rows = [{"key_id": each.public.key_id, **each.model_dump()} for each in keyring.keys]
+    rows = [{"key_id": each.public_key.key_id, **each.model_dump()} for each in keyring.keys]
     if as_json:
         print_json(rows)
         return
@@ -37,7 +37,7 @@ def list_keys(
     for row in rows:
         days = (row["valid_from"], row["valid_to"], row["revoked"])
         table.add_row(f"{row['key_id'][:12]}…", row["owner"], *(str(d or "–") for d in days))
-    print_table(screen, table)
+    print_table_uncut(screen, table)
     print_line(screen, f"keyring: {keyring.path}")
 
 
@@ -54,20 +54,20 @@ def add(
 ) -> None:
     """Add a public key to the keyring."""
     from estimators.errors import EvidenceError
-    from recordings.signatures.keyring import KnownKey, add_key, load_keyring
+    from recordings.signatures.keyring import KnownKey, add_key_to_keyring, load_keyring
 
-    public = _read_public_key(key)
+    public = _read_public_key_or_key_file(key)
     if not owner.strip():
         raise EvidenceError("--owner is empty; give the name of the key's owner")
     if valid_from and valid_to and valid_to < valid_from:
         raise EvidenceError("--valid-to is before --valid-from")
     known = KnownKey(
-        key=public.text,
+        key=public.base64_text,
         owner=owner.strip(),
         valid_from=None if valid_from is None else valid_from.date(),
         valid_to=None if valid_to is None else valid_to.date(),
     )
-    keyring = add_key(load_keyring(), known)
+    keyring = add_key_to_keyring(load_keyring(), known)
     typer.echo(f"{keyring.path}: key {public.key_id[:12]}… of {known.owner} added")
 
 
@@ -83,24 +83,25 @@ def revoke(
     ] = "",
 ) -> None:
     """Revoke a key: its signatures no longer count, except those that a time stamp proves older."""
-    from recordings.signatures.keyring import load_keyring, revoke_key
+    from recordings.signatures.keyring import load_keyring, revoke_key_in_keyring
 
     is_id = all(digit in "0123456789abcdef" for digit in key) and key != ""
-    key_id = key if is_id else _read_public_key(key).key_id
+    key_id = key if is_id else _read_public_key_or_key_file(key).key_id
     since = dt.datetime.now(dt.UTC).date() if day is None else day.date()
-    keyring = revoke_key(load_keyring(), key_id, since, because)
+    keyring = revoke_key_in_keyring(load_keyring(), key_id, since, because)
     typer.echo(f"{keyring.path}: key {key_id[:12]}… revoked on {since}")
 
 
-def _read_public_key(key: str) -> "PublicKey":
+def _read_public_key_or_key_file(key_text_or_path: str) -> "PublicKey":
     from estimators.errors import EvidenceError
-    from recordings.signatures.signing import PublicKey, read_public_key
+    from recordings.signatures.signing import PublicKey, read_public_key_file
 
-    if Path(key).exists():
-        return read_public_key(Path(key))
+    if Path(key_text_or_path).exists():
+        return read_public_key_file(Path(key_text_or_path))
     try:
-        return PublicKey.from_text(key)
+        return PublicKey.from_base64_text(key_text_or_path)
     except EvidenceError as fault:
         raise EvidenceError(
-            f"{key}: no such file, and not a key in base64 ({fault}); give a public key in PEM"
+            f"{key_text_or_path}: no such file, and not a key in base64 ({fault}); "
+            "give a public key in PEM"
         ) from None

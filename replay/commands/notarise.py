@@ -59,14 +59,14 @@ def command(
         if as_json:
             print_json(made.to_dict())
         else:
-            _print_notarised_logs(made)
+            _print_notarised_folder(made)
         if every is None:
             return
         make_stdout_console().file.flush()
         time.sleep(every)
 
 
-def _print_notarised_logs(notarised_folder: "NotarisedFolder") -> None:
+def _print_notarised_folder(notarised_folder: "NotarisedFolder") -> None:
     from replay.commands.print_tables import make_stdout_console, print_line
 
     screen = make_stdout_console()

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from replay.commands.print_tables import make_plain_table, print_line, print_table
+from replay.commands.print_tables import make_plain_table, print_line, print_table_uncut
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from analysis.model.verdict import Check
 
 
-def make_check_table(checks: Sequence["Check"]) -> "Table":
+def make_table_of_checks(checks: Sequence["Check"]) -> "Table":
     """Table with one row per check: number, limit and consequence."""
     from recordings.report.number_text import format_check_outcome
 
@@ -27,17 +27,17 @@ def make_check_table(checks: Sequence["Check"]) -> "Table":
     return table
 
 
-def print_remedies_with_checks(screen: "Console", failed: Sequence["Check"]) -> None:
+def print_remedies_with_checks(console: "Console", failed_checks: Sequence["Check"]) -> None:
     """Print each remedy once, with the failed checks that it is for and that have a number."""
     names: dict[str, list[str]] = {}
-    for check in failed:
+    for check in failed_checks:
         if check.remedy and check.value is not None:
             names.setdefault(check.remedy, []).append(check.check)
     for remedy, checks in names.items():
-        print_line(screen, f"{', '.join(checks)}: {remedy}")
+        print_line(console, f"{', '.join(checks)}: {remedy}")
 
 
-def print_failed_checks(screen: "Console", failed: Sequence["Check"]) -> None:
+def print_failed_checks(console: "Console", failed_checks: Sequence["Check"]) -> None:
     """Print failed checks as a table, then their remedies."""
-    print_table(screen, make_check_table(failed))
-    print_remedies_with_checks(screen, failed)
+    print_table_uncut(console, make_table_of_checks(failed_checks))
+    print_remedies_with_checks(console, failed_checks)

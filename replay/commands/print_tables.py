@@ -22,45 +22,47 @@ def make_stdout_console() -> Console:
     return screen if screen.is_terminal else Console(highlight=False, width=LIMITS.piped_width)
 
 
-def make_plain_table(*titles: str) -> Table:
+def make_plain_table(*column_titles: str) -> Table:
     """A table without lines, its first column to the left and the others to the right."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for i, title in enumerate(titles):
+    for i, title in enumerate(column_titles):
         # what a row is about stays whole on a narrow screen
         table.add_column(title, justify="right" if i else "left", no_wrap=not i)
     return table
 
 
-def print_line(screen: Console, line: str, mark: str = "") -> None:
+def print_line(console: Console, line: str, prefix_markup: str = "") -> None:
     """Print one line behind a mark in markup: broken between words on a screen, whole in a pipe."""
-    text = Text.from_markup(mark) + Text(one_line(line))
-    screen.print(text, soft_wrap=not screen.is_terminal)
+    text = Text.from_markup(prefix_markup) + Text(one_line(line))
+    console.print(text, soft_wrap=not console.is_terminal)
 
 
-def print_table(screen: Console, table: Table, min_columns: int = LIMITS.narrowest_width) -> None:
-    """Print a table; rows wrap on a screen of less than `min_columns` columns, nothing is cut."""
-    roomy = screen.options.update(max_width=min_columns)
-    width = screen.width
-    screen.width = max(width, Measurement.get(screen, roomy, table).maximum)
+def print_table_uncut(
+    console: Console, table: Table, min_width: int = LIMITS.narrowest_width
+) -> None:
+    """Print a table; rows wrap on a screen of less than `min_width` columns, nothing is cut."""
+    roomy = console.options.update(max_width=min_width)
+    width = console.width
+    console.width = max(width, Measurement.get(console, roomy, table).maximum)
     try:
-        screen.print(table)
+        console.print(table)
     finally:
-        screen.width = width
+        console.width = width
 
 
-def print_rows(
-    titles: Sequence[str], rows: Sequence[Sequence[str]], left_aligned: Sequence[int]
+def print_rows_as_table(
+    column_titles: Sequence[str], rows: Sequence[Sequence[str]], left_aligned_columns: Sequence[int]
 ) -> None:
     """Print a table of any number of rows without rich, which takes a millisecond per row.
 
     Nothing is cut: a cell that is much longer than the others runs over its column.
 
     Args:
-        titles: titles of the columns.
+        column_titles: titles of the columns.
         rows: their cells, one line each.
-        left_aligned: columns that begin at the left; the others end at the right.
+        left_aligned_columns: columns that begin at the left; the others end at the right.
     """
-    lines = [tuple(titles), *map(tuple, rows)]
+    lines = [tuple(column_titles), *map(tuple, rows)]
     widths = [
         min(max(map(cell_len, column)), LIMITS.column_characters)
         for column in zip(*lines, strict=True)
@@ -68,7 +70,7 @@ def print_rows(
     for line in lines:
         blanks = [" " * (width - cell_len(cell)) for cell, width in zip(line, widths, strict=True)]
         cells = [
-            cell + blank if k in left_aligned else blank + cell
+            cell + blank if k in left_aligned_columns else blank + cell
             for k, (cell, blank) in enumerate(zip(line, blanks, strict=True))
         ]
         typer.echo("  ".join(cells).rstrip())
@@ -76,31 +78,35 @@ def print_rows(
 
 def print_json(value: Any) -> None:
     """Print a value as JSON on stdout."""
-    typer.echo(format_json(value))
+    typer.echo(format_value_as_json(value))
 
 
-def format_json(value: Any) -> str:
+def format_value_as_json(value: Any) -> str:
     """A value as JSON text; NaN and infinities become null."""
-    return json.dumps(_convert_to_json(value), indent=2, ensure_ascii=False, allow_nan=False)
+    return json.dumps(_convert_to_json_values(value), indent=2, ensure_ascii=False, allow_nan=False)
 
 
-def format_kilograms(value: float | None) -> str:
+def format_mass_kg_or_dash(mass_kg: float | None) -> str:
     """A mass to a tenth of a kilogram, or a dash."""
-    return "–" if value is None else f"{value:,.1f}"
+    return "–" if mass_kg is None else f"{mass_kg:,.1f}"
 
 
-def format_setting_value(value: Any) -> str:
+def format_setting_value(setting_value: Any) -> str:
     """A setting as a machine file writes it, on one line; a dash for none."""
-    if value is None:
+    if setting_value is None:
         return "–"
-    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    return (
+        setting_value
+        if isinstance(setting_value, str)
+        else json.dumps(setting_value, ensure_ascii=False)
+    )
 
 
-def _convert_to_json(value: Any) -> Any:
+def _convert_to_json_values(value: Any) -> Any:
     if isinstance(value, dict):
-        return {str(key): _convert_to_json(item) for key, item in value.items()}
+        return {str(key): _convert_to_json_values(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_convert_to_json(item) for item in value]
+        return [_convert_to_json_values(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

@@ -35,7 +35,7 @@ class StageProgress:
         self._task = self._bar.add_task("open", total=total)
         self._until_exit = ExitStack()
 
-    def begin(self, stage: str) -> None:
+    def begin_stage(self, stage: str) -> None:
         """Begin a stage, which ends the previous one.
 
         Args:
@@ -82,8 +82,8 @@ class StageProgress:
 
 
 @contextmanager
-def warn_of_slow_compilation(warn: Callable[[], None]) -> Generator[None]:
-    """Call `warn` once after numba has compiled for `LONG_S`; cached code does not count."""
+def warn_of_slow_compilation(print_warning: Callable[[], None]) -> Generator[None]:
+    """Print a warning once after numba has compiled for `LONG_S`; cached code does not count."""
     # numba is slow to import: whoever shows stages has loaded it already
     from numba.core import event
 
@@ -112,7 +112,7 @@ def warn_of_slow_compilation(warn: Callable[[], None]) -> Generator[None]:
         def _check(self) -> None:
             if not self._has_warned and self._took + time.perf_counter() - self._began > LONG_S:
                 self._has_warned = True
-                warn()
+                print_warning()
 
     listener = Compiling()
     event.register("numba:compile", listener)

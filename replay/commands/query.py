@@ -56,11 +56,11 @@ def command(
     from replay.commands.common_options import make_time_axis_from_options
     from replay.commands.frame_output import choose_output_format
     from replay.query.named_tables import open_named_tables
-    from replay.query.run_query import prepare_query
+    from replay.query.run_query import prepare_query_of_sources
 
     axis = make_time_axis_from_options(time, time_unit, keys)
     if tables:
-        _list_tables(open_named_tables(sources, axis), as_json=output_format == "json")
+        _print_available_tables(open_named_tables(sources, axis), as_json=output_format == "json")
         return
     if len(sources) == 1:
         raise typer.BadParameter(
@@ -68,42 +68,51 @@ def command(
             "--tables lists the tables"
         )
     chosen = choose_output_format(output_format and output_format.value, output)
-    asked = prepare_query(sources[:-1], sources[-1], axis)
+    asked = prepare_query_of_sources(sources[:-1], sources[-1], axis)
     try:
         if output is not None and join_within_s is None and chosen in _STREAMED:
-            asked.write(output, chosen, force=force)
+            asked.write_rows_to_file(output, chosen, force=force)
         else:
-            _print_rows(asked, join_within_s, chosen, output, force=force)
+            _print_or_write_query_rows(asked, join_within_s, chosen, output, force=force)
     finally:
         for loss in dict.fromkeys(map(str, asked.named.losses)):
             typer.echo(f"lost: {loss}", err=True)
 
 
-def _print_rows(
-    query: "Query", join_within_s: float | None, chosen: str, output: Path | None, *, force: bool
+def _print_or_write_query_rows(
+    query: "Query",
+    join_within_s: float | None,
+    output_format: str,
+    output_path: Path | None,
+    *,
+    force: bool,
 ) -> None:
     from recordings.report.atomic_output import require_writable_output
     from replay.commands.frame_output import (
         format_frame_as_table,
-        print_frame,
+        print_frame_as_table,
         print_or_write_frame,
     )
 
-    if output is not None:
-        require_writable_output(output, force=force)
-    rows = query.collect(join_within_s)
-    if chosen == "table" and output is None:
-        print_frame(rows)
-        opens = query.viewer_command_or_none(rows)
+    if output_path is not None:
+        require_writable_output(output_path, force=force)
+    rows = query.collect_rows(join_within_s)
+    if output_format == "table" and output_path is None:
+        print_frame_as_table(rows)
+        opens = query.format_viewer_command_of_rows(rows)
         if opens and join_within_s is None:
             typer.echo(f"the first row in the viewer: {opens}", err=True)
         return
     print_or_write_frame(
-        rows, chosen, output, force=force, table=lambda: format_frame_as_table(rows, rows.height)
+        rows,
+        output_format,
+        output_path,
+        force=force,
+        render=lambda: format_frame_as_table(rows, rows.height),
     )
 
 
-def _list_tables(named: "NamedTables", *, as_json: bool) -> None:
+def _print_available_tables(named_tables: "NamedTables", *, as_json: bool) -> None:
     from rich.markup import escape
 
     from estimators.errors import PayscopeError
@@ -111,12 +120,12 @@ def _list_tables(named: "NamedTables", *, as_json: bool) -> None:
         make_plain_table,
         make_stdout_console,
         print_json,
-        print_table,
+        print_table_uncut,
     )
 
     columns: dict[str, list[str]] = {}
-    for name, table in named.tables.items():
-        if name not in named.words.values() or name in named.words:
+    for name, table in named_tables.tables.items():
+        if name not in named_tables.words.values() or name in named_tables.words:
             try:
                 columns[name] = list(table().collect_schema())
             except PayscopeError as error:  # what cannot be decoded is none of the other tables
@@ -128,5 +137,5 @@ def _list_tables(named: "NamedTables", *, as_json: bool) -> None:
     shown.add_column("in a word", no_wrap=True)
     shown.add_column("columns", overflow="fold")
     for name, has in columns.items():
-        shown.add_row(escape(name), named.words.get(name, ""), escape(" ".join(has)))
-    print_table(make_stdout_console(), shown)
+        shown.add_row(escape(name), named_tables.words.get(name, ""), escape(" ".join(has)))
+    print_table_uncut(make_stdout_console(), shown)

@@ -49,7 +49,7 @@ def command(
     """
     from estimators.errors import OutputError, suggest_choice
     from recordings.paper.paper_items import ITEMS
-    from recordings.paper.paper_page import require_writable_reproduction, write_reproduction
+    from recordings.paper.paper_page import require_writable_reproduction_folder, write_reproduction
     from replay.commands.progress_bar import StageProgress
     from replay.paper.reproduce_paper import Reproduction
 
@@ -58,10 +58,10 @@ def command(
         if name not in names:
             raise OutputError(f"reproduce {name}: no such item; {suggest_choice(name, names)}")
     wanted = [item for item in ITEMS if item.name in (items or names)]
-    require_writable_reproduction(wanted, output, output_format, force=force)
+    require_writable_reproduction_folder(wanted, output, output_format, force=force)
     reproduction = Reproduction(wanted, windows=trials, campaigns=campaigns, seed=seed)
     with StageProgress(len(reproduction.repetitions)) as stages:
-        found = reproduction.compute_items(stages.begin)
+        found = reproduction.compute_paper_items(stages.begin_stage)
     about = (
         f"By `payscope reproduce --trials {trials} --campaigns {campaigns} --seed {seed}`: "
         "simulated with one machine model, replayed with the filter, gate and estimators that "

@@ -27,19 +27,19 @@ _VERDICT: Final = "Verdict"
 _WEEK_OPTIONS: Final = ("logs", "output", "week", "friction_limit", "as_json")
 
 
-def _make_payload_label_option(name: str) -> Any:
+def _make_payload_label_option(label_name: str) -> Any:
     return typer.Option(
-        f"--{name}",
-        help=f"The {name} of the named cycles, or of the whole shift.",
+        f"--{label_name}",
+        help=f"The {label_name} of the named cycles, or of the whole shift.",
         rich_help_panel=_VERDICT,
     )
 
 
-def _make_cycles_option(name: str, effect: str) -> Any:
+def _make_cycles_option(option_name: str, effect_text: str) -> Any:
     return typer.Option(
-        f"--{name}",
+        f"--{option_name}",
         metavar=_WHEN,
-        help=f"{effect}: a number (14), an id, or a local time (14:32:10).",
+        help=f"{effect_text}: a number (14), an id, or a local time (14:32:10).",
         rich_help_panel=_VERDICT,
     )
 
@@ -141,18 +141,22 @@ def command(
     Exit status 1 if no cycle counts; stderr and the page say why.
     """
     from estimators.errors import one_line
-    from recordings.review.shift_facts import summarise_shift
+    from recordings.review.shift_facts import summarise_shift_in_line
     from replay.commands.print_tables import make_stdout_console, print_json
     from replay.commands.progress_bar import StageProgress
     from replay.machines.machine_file import load_machine
     from replay.pipeline import STAGES
-    from replay.review.give_verdicts import GivenVerdicts, is_review_folder, recount_review
+    from replay.review.give_verdicts import (
+        GivenVerdicts,
+        is_review_folder,
+        recount_review_with_verdicts,
+    )
     from replay.review.label_spans import parse_label_channel, read_label_spans
     from replay.review.review_shift import ReviewOptions, review_shift
 
     if week:
-        _check_options_of_one_shift(context)
-        print_week(logs, output, friction_limit, as_json=as_json)
+        _refuse_shift_options_with_week(context)
+        print_week_of_reviews(logs, output, friction_limit, as_json=as_json)
         return
     if friction_limit is not None:
         raise typer.BadParameter("--friction-limit compares several days; add --week")
@@ -166,7 +170,7 @@ def command(
     given = GivenVerdicts(reject or (), accept or (), cycle or (), note, labels, author, begin, end)
     given.refuse_incomplete_verdicts()
     channels = [parse_label_channel(each) for each in label or ()]
-    asked = make_calibration_request(calibration, key, signed=require_signed)
+    asked = make_calibration_request(calibration, key, is_signature_required=require_signed)
     if machine is None and output is None and len(logs) == 1 and is_review_folder(logs[0]):
         needs_logs = (asked is not None, target is not None, overrides, full, decimal_comma, label)
         if any(needs_logs):
@@ -174,7 +178,7 @@ def command(
                 "--calibration, --target, --set, --full, --decimal-comma and --label need the "
                 "logs, to count the loads again; give them, with -m and -o"
             )
-        made = recount_review(logs[0], given)
+        made = recount_review_with_verdicts(logs[0], given)
     elif machine is None or output is None:
         raise typer.BadParameter(
             f"{logs[0]}: logs need a machine file (-m) and a folder to write (-o); only the folder "
@@ -186,21 +190,22 @@ def command(
             given = replace(given, spans=read_label_spans(logs, channels, settings))
         options = ReviewOptions(overrides or [], asked, target, full, decimal_comma)
         with StageProgress(len(STAGES) + 3, timing=timing) as stages:
-            made = review_shift(logs, machine, output, options, stages.begin)
+            made = review_shift(logs, machine, output, options, stages.begin_stage)
         if given:
-            made = recount_review(output, given)
+            made = recount_review_with_verdicts(output, given)
     if as_json:
         print_json(made.to_dict())
     else:
-        print_review(make_stdout_console(), made)
+        print_shift_review(make_stdout_console(), made)
     if made.missing_tonnes_reason:
         typer.echo(
-            one_line(summarise_shift(made.shift, made.missing_tonnes_reason, made.state)), err=True
+            one_line(summarise_shift_in_line(made.shift, made.missing_tonnes_reason, made.state)),
+            err=True,
         )
         raise typer.Exit(1)
 
 
-def _check_options_of_one_shift(context: typer.Context) -> None:
+def _refuse_shift_options_with_week(context: typer.Context) -> None:
     """Raise an error for options that --week would ignore."""
     for name in context.params:
         source = context.get_parameter_source(name)
@@ -211,14 +216,18 @@ def _check_options_of_one_shift(context: typer.Context) -> None:
         )
 
 
-def print_week(
-    folders: list[Path], page: Path | None, friction_limit: float | None, *, as_json: bool
+def print_week_of_reviews(
+    review_folders: list[Path],
+    page_path: Path | None,
+    friction_limit: float | None,
+    *,
+    as_json: bool,
 ) -> None:
     """Print the sums of reviews by day, machine and product, without a replay.
 
     Args:
-        folders: folders of the reviews.
-        page: HTML page to write, if any.
+        review_folders: folders of the reviews.
+        page_path: HTML page to write, if any.
         friction_limit: limit in N·s/m, if any.
         as_json: whether to print JSON.
     """
@@ -230,15 +239,27 @@ def print_week(
         read_shifts_of_reviews,
         write_week_page,
     )
-    from recordings.review.week_totals import GROUPS, read_week, sum_by_group, sum_week
-    from replay.commands.print_tables import make_stdout_console, print_json, print_line
+    from recordings.review.week_totals import (
+        GROUPS,
+        read_counted_loads_of_reviews,
+        sum_week_parts_by_group,
+        sum_whole_week,
+    )
+    from replay.commands.print_tables import (
+        make_stdout_console,
+        print_json,
+        print_line,
+    )
 
-    parts, shifts = read_week(folders), read_shifts_of_reviews(folders)
-    sums = {by: sum_by_group(parts, by) for by in GROUPS}
-    whole = sum_week(parts)
+    parts, shifts = (
+        read_counted_loads_of_reviews(review_folders),
+        read_shifts_of_reviews(review_folders),
+    )
+    sums = {by: sum_week_parts_by_group(parts, by) for by in GROUPS}
+    whole = sum_whole_week(parts)
     trends = {} if friction_limit is None else fit_friction_trends(shifts, friction_limit)
-    if page is not None:
-        write_week_page(parts, shifts, friction_limit, page)
+    if page_path is not None:
+        write_week_page(parts, shifts, friction_limit, page_path)
     if as_json:
         print_json(
             {by: [each._asdict() for each in totals] for by, totals in sums.items()}
@@ -260,11 +281,11 @@ def print_week(
         for sentence in shift.missing:
             print_line(screen, f"{shift.begins}: {sentence}")
     print_line(screen, "counted loads; loads in gaps and missing logs are on each review's page")
-    if page is not None:
-        print_line(screen, f"page: {page}")
+    if page_path is not None:
+        print_line(screen, f"page: {page_path}")
 
 
-def print_review(screen: "Console", review: "ShiftReview") -> None:
+def print_shift_review(console: "Console", review: "ShiftReview") -> None:
     """Print a review's sums, its problems and the path of its page.
 
     If there are no tonnes, the command prints the reason on stderr.
@@ -276,36 +297,38 @@ def print_review(screen: "Console", review: "ShiftReview") -> None:
         describe_missing_loads,
         describe_torn_logs,
         list_losses_besides_torn_ends,
-        list_shift_facts,
-        summarise_shift,
-        warn_of_two_machines,
+        list_shift_names_and_values,
+        make_warning_of_two_machines,
+        summarise_shift_in_line,
     )
     from replay.commands.print_tables import print_line
 
     state = review.state
     if not review.missing_tonnes_reason:
-        print_line(screen, summarise_shift(review.shift, "", state))
+        print_line(console, summarise_shift_in_line(review.shift, "", state))
     if state.mixed_machines:
-        print_line(screen, f"warning: {warn_of_two_machines(state)}")
+        print_line(console, f"warning: {make_warning_of_two_machines(state)}")
     holes = describe_long_gaps(review.shift, state)
     for sentence in (
         *filter(None, [holes]),
         *describe_missing_loads(review.shift),
         *describe_torn_logs(state),
     ):
-        print_line(screen, sentence)
-    for name, value in list_shift_facts(review.shift, review.ledger, state, review.target):
-        print_line(screen, f"{name}: {value}")
+        print_line(console, sentence)
+    for name, value in list_shift_names_and_values(
+        review.shift, review.ledger, state, review.target
+    ):
+        print_line(console, f"{name}: {value}")
     if review.calibration.against:
-        print_line(screen, f"{NOT_CALIBRATED}: {review.calibration.against}")
+        print_line(console, f"{NOT_CALIBRATED}: {review.calibration.against}")
     elif review.calibration.description:
-        print_line(screen, review.calibration.description)
-    if failed := [check.check for check in state.withholding_checks]:
-        print_line(screen, f"checks that failed: {', '.join(failed)}")
+        print_line(console, review.calibration.description)
+    if failed := [check.check for check in state.mass_withholding_checks]:
+        print_line(console, f"checks that failed: {', '.join(failed)}")
     if remarks := [f"{each.check} ({REMARKED[each.consequence]})" for each in state.remarks]:
-        print_line(screen, f"checks with a remark: {', '.join(remarks)}")
+        print_line(console, f"checks with a remark: {', '.join(remarks)}")
     for loss in list_losses_besides_torn_ends(state):
-        print_line(screen, f"lost: {loss}")
+        print_line(console, f"lost: {loss}")
     if not review.replayed:
-        print_line(screen, "not replayed: logs, machine and settings are those of the last review")
-    print_line(screen, f"page: {review.folder / PAGE}")
+        print_line(console, "not replayed: logs, machine and settings are those of the last review")
+    print_line(console, f"page: {review.folder / PAGE}")

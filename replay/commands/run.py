@@ -14,8 +14,8 @@ from replay.commands.common_options import (
     SignerKey,
     make_calibration_request,
 )
-from replay.commands.print_checks import make_check_table, print_remedies_with_checks
-from replay.commands.print_tables import make_plain_table, print_line, print_table
+from replay.commands.print_checks import make_table_of_checks, print_remedies_with_checks
+from replay.commands.print_tables import make_plain_table, print_line, print_table_uncut
 from replay.commands.screen_limits import LIMITS
 
 if TYPE_CHECKING:
@@ -96,25 +96,25 @@ def command(
     """
     from replay.commands.print_tables import print_json
     from replay.commands.progress_bar import StageProgress
-    from replay.runs.run_logs import STEPS, RecordTo, replay_logs
+    from replay.runs.run_logs import STEPS, RecordTo, replay_and_record_logs
 
     if live and output is None:
         raise typer.BadParameter("--live shows the recording while it is written; name it with -o")
     if goal is not None and as_json:
         raise typer.BadParameter("--goal prints text only; leave out --json")
     settings = [*(overrides or []), *_make_empty_span_overrides(empty)]
-    asked = make_calibration_request(calibration, key, signed=require_signed)
+    asked = make_calibration_request(calibration, key, is_signature_required=require_signed)
 
     def replay_to(to: RecordTo) -> "Answer":
         with StageProgress(len(STEPS), timing=timing) as stages:
-            return replay_logs(
+            return replay_and_record_logs(
                 logs,
                 machine,
                 to,
                 settings,
                 strict=strict,
                 calibration=asked,
-                on_stage=stages.begin,
+                on_stage=stages.begin_stage,
             )
 
     def show_answer(answer: "Answer") -> None:
@@ -125,7 +125,7 @@ def command(
 
     to = RecordTo(output, force, live)
     if watch:
-        _watch_machine_file(machine, to, settings, replay_to, show_answer)
+        _replay_on_machine_file_changes(machine, to, settings, replay_to, show_answer)
         return
     answer = replay_to(to)
     show_answer(answer)
@@ -133,12 +133,12 @@ def command(
         raise typer.Exit(1)
 
 
-def _watch_machine_file(
-    machine: Path,
-    output: "RecordTo",
-    settings: list[str],
-    replay: "Callable[[RecordTo], Answer]",
-    show: "Callable[[Answer], None]",
+def _replay_on_machine_file_changes(
+    machine_file: Path,
+    recording_path: "RecordTo",
+    overrides: list[str],
+    replay_logs: "Callable[[RecordTo], Answer]",
+    print_answer: "Callable[[Answer], None]",
 ) -> None:
     """Replay after each change of the machine file and print the change, until interrupted."""
     from estimators.errors import PayscopeError, one_line
@@ -151,123 +151,131 @@ def _watch_machine_file(
                 f"{each.name} {format_setting_value(each.a)} → {format_setting_value(each.b)}"
                 for each in changed
             )
-            typer.echo(one_line(f"{machine} changed: {said}"), err=True)
-        show(answer)
+            typer.echo(one_line(f"{machine_file} changed: {said}"), err=True)
+        print_answer(answer)
         sys.stdout.flush()
-        typer.echo(f"watching {machine}; ctrl-C ends", err=True)
+        typer.echo(f"watching {machine_file}; ctrl-C ends", err=True)
 
     def print_error(error: PayscopeError) -> None:
         typer.echo(f"payscope: {one_line(str(error))}", err=True)
 
     # interrupted is how it ends
     with suppress(KeyboardInterrupt):
-        watch_machine_file(machine, output, settings, replay, print_changed_answer, print_error)
+        watch_machine_file(
+            machine_file, recording_path, overrides, replay_logs, print_changed_answer, print_error
+        )
 
 
-def _make_empty_span_overrides(span: str | None) -> list[str]:
+def _make_empty_span_overrides(empty_span: str | None) -> list[str]:
     """Overrides for an empty span given as `FROM:TO`."""
-    if span is None:
+    if empty_span is None:
         return []
-    begin, colon, end = span.partition(":")
+    begin, colon, end = empty_span.partition(":")
     try:
         first, last = float(begin), float(end)
     except ValueError:
         first = last = 0.0
     if not colon or not first < last:
         raise typer.BadParameter(
-            f"'{span}' is not a time span; use FROM:TO in seconds from the start, such as 0:60",
+            f"'{empty_span}' is not a time span; use FROM:TO in seconds "
+            "from the start, such as 0:60",
             param_hint="--empty",
         )
     return [f"settings.loads.empty_from_s={first!r}", f"settings.loads.empty_to_s={last!r}"]
 
 
-def print_answer(answer: "Answer", goal_u_kg: float | None = None, verbose: int = 0) -> None:
+def print_answer(answer: "Answer", goal_u_kg: float | None = None, verbosity: int = 0) -> None:
     """Print the answer on stdout.
 
     Args:
         answer: answer of a run.
         goal_u_kg: standard uncertainty in kg; prints how many more starts would reach it.
-        verbose: 1 adds budget, methods and omitted lines; 2 adds every check.
+        verbosity: 1 adds budget, methods and omitted lines; 2 adds every check.
     """
     screen = print_tables.make_stdout_console()
     if answer.verdict.can_weigh:
-        _print_masses_with_uncertainty(screen, answer, verbose)
+        _print_masses_with_uncertainty(screen, answer, verbosity)
     else:
-        _print_verdict(screen, answer, verbose)
-    for line in iter_answer_notes(answer, goal_u_kg, verbose):
+        _print_weighing_verdict(screen, answer, verbosity)
+    for line in iter_answer_notes(answer, goal_u_kg, verbosity):
         print_line(screen, line)
-    if verbose:
-        _print_budget(screen, answer)
-        _print_methods(screen, answer)
+    if verbosity:
+        _print_uncertainty_budget(screen, answer)
+        _print_estimates_by_method(screen, answer)
     if answer.verdict.can_weigh:
-        _print_verdict(screen, answer, verbose)
-    if verbose and answer.fingerprint:
+        _print_weighing_verdict(screen, answer, verbosity)
+    if verbosity and answer.fingerprint:
         print_line(screen, f"fingerprint: {answer.fingerprint}")
     if answer.recording:
         print_line(screen, f"recording: {answer.recording}")
         print_line(screen, f"payscope explain {answer.recording} says why")
-    if not verbose:
+    if not verbosity:
         screen.print("-v: budget and methods; -vv: every check")
 
 
-def _print_masses_with_uncertainty(screen: "Console", answer: "Answer", verbose: int) -> None:
+def _print_masses_with_uncertainty(console: "Console", answer: "Answer", verbosity: int) -> None:
     """Print masses and payloads, and the largest part of their uncertainty."""
     from recordings.report.worth_text import (
         advise_to_reduce_uncertainty,
-        describe_answer,
+        describe_answer_as_lines,
         make_load_table_heads,
         make_load_table_rows,
     )
 
-    for line in describe_answer(answer, brief=not verbose):
-        print_line(screen, line)
+    for line in describe_answer_as_lines(answer, is_brief=not verbosity):
+        print_line(console, line)
     if len(answer.loads) > 1:
         heads = make_load_table_heads(answer)
         loads = make_plain_table(*heads[:-1])
         loads.add_column(heads[-1], overflow="fold")
         rows = make_load_table_rows(answer)
-        shown = rows if verbose else rows[: LIMITS.answer_loads]
+        shown = rows if verbosity else rows[: LIMITS.answer_loads]
         for load in shown:
             loads.add_row(*load)
-        print_table(screen, loads)
+        print_table_uncut(console, loads)
         for line in _iter_omitted_count_line(len(rows) - len(shown), "load", "loads"):
-            print_line(screen, line)
+            print_line(console, line)
     most = advise_to_reduce_uncertainty(answer)
     if most:
-        print_line(screen, most)
+        print_line(console, most)
 
 
-def iter_answer_notes(answer: "Answer", goal_u_kg: float | None, verbose: int) -> "Iterator[str]":
+def iter_answer_notes(answer: "Answer", goal_u_kg: float | None, verbosity: int) -> "Iterator[str]":
     """Further lines about the answer, the most important first."""
     from recordings.report.planar_text import describe_planar_fits
-    from recordings.report.worth_text import describe_shift_total, describe_starts_to_goal
+    from recordings.report.worth_text import (
+        describe_manoeuvres_needed_for_goal,
+        describe_shift_total,
+    )
 
     if goal_u_kg is not None:
-        yield from describe_starts_to_goal(answer, goal_u_kg)
-    if answer.verdict.can_estimate_inertia and not verbose:
-        yield from _iter_yaw_inertia_line(answer)
+        yield from describe_manoeuvres_needed_for_goal(answer, goal_u_kg)
+    if answer.verdict.can_estimate_inertia and not verbosity:
+        yield from _iter_yaw_inertia_lines(answer)
     yield from describe_shift_total(answer)
     yield from describe_planar_fits(answer.planar, answer.planar_budget)
-    most_lines = len(answer.losses) + len(answer.notes) if verbose else LIMITS.answer_lines
-    yield from limit_lines(
+    most_lines = len(answer.losses) + len(answer.notes) if verbosity else LIMITS.answer_lines
+    yield from iter_lines_up_to_limit(
         [f"lost: {loss}" for loss in answer.losses], most_lines, "loss", "losses"
     )
-    yield from limit_lines([f"note: {note}" for note in answer.notes], most_lines, "note", "notes")
-    yield from _describe_findings(answer, verbose)
+    yield from iter_lines_up_to_limit(
+        [f"note: {note}" for note in answer.notes], most_lines, "note", "notes"
+    )
+    yield from _iter_finding_lines(answer, verbosity)
 
 
-def _describe_findings(answer: "Answer", verbose: int) -> "Iterator[str]":
+def _iter_finding_lines(answer: "Answer", verbosity: int) -> "Iterator[str]":
     from recordings.report.finding_text import (
+        can_fixing_change_mass,
         format_finding,
-        make_findings,
-        may_change_mass,
+        make_findings_of_rows,
     )
 
-    found = make_findings(answer.findings)
+    found = make_findings_of_rows(answer.findings)
     shown = (
         found
-        if verbose
-        else [each for each in found if may_change_mass(each)][: LIMITS.answer_lines]
+        if verbosity
+        else [each for each in found if can_fixing_change_mass(each)][: LIMITS.answer_lines]
     )
     yield from (f"finding: {format_finding(each)}" for each in shown)
     left = len(found) - len(shown)
@@ -275,7 +283,7 @@ def _describe_findings(answer: "Answer", verbose: int) -> "Iterator[str]":
         yield f"{left} {'other finding' if left == 1 else 'other findings'} (-v)"
 
 
-def limit_lines(
+def iter_lines_up_to_limit(
     lines: "Sequence[str]", max_lines: int, singular: str, plural: str
 ) -> "Iterator[str]":
     """The first `max_lines` lines, and a line that counts the others."""
@@ -283,13 +291,13 @@ def limit_lines(
     yield from _iter_omitted_count_line(len(lines) - max_lines, singular, plural)
 
 
-def _iter_omitted_count_line(count: int, singular: str, plural: str) -> "Iterator[str]":
+def _iter_omitted_count_line(omitted_count: int, singular: str, plural: str) -> "Iterator[str]":
     """Yield one line with the number of lines that -v would add; nothing if it is 0."""
-    if count > 0:
-        yield f"{count} more {singular if count == 1 else plural} (-v)"
+    if omitted_count > 0:
+        yield f"{omitted_count} more {singular if omitted_count == 1 else plural} (-v)"
 
 
-def _iter_yaw_inertia_line(answer: "Answer") -> "Iterator[str]":
+def _iter_yaw_inertia_lines(answer: "Answer") -> "Iterator[str]":
     """Line with the yaw inertia of the joint fit, or else of the first method that has one."""
     from recordings.report.number_text import format_plus_minus
 
@@ -302,33 +310,37 @@ def _iter_yaw_inertia_line(answer: "Answer") -> "Iterator[str]":
                 break
 
 
-def _print_budget(screen: "Console", answer: "Answer") -> None:
+def _print_uncertainty_budget(console: "Console", answer: "Answer") -> None:
     """Print a row for each source of uncertainty."""
-    from recordings.report.worth_text import find_best_known_load, make_budget_table_rows
+    from recordings.report.worth_text import find_load_with_most_manoeuvres, make_budget_table_rows
 
     rows = make_budget_table_rows(answer) if answer.verdict.can_weigh else []
     if rows:
-        of = f" (mass of load {find_best_known_load(answer)})" if len(answer.loads) > 1 else ""
+        of = (
+            f" (mass of load {find_load_with_most_manoeuvres(answer)})"
+            if len(answer.loads) > 1
+            else ""
+        )
         table = make_plain_table(f"uncertainty from{of}", "kind", "u kg")
         table.add_column("fraction of the variance")
         table.add_column("to reduce", overflow="fold")
         for row in rows:
             table.add_row(*row)
-        print_table(screen, table)
+        print_table_uncut(console, table)
 
 
-def _print_methods(screen: "Console", answer: "Answer") -> None:
+def _print_estimates_by_method(console: "Console", answer: "Answer") -> None:
     """Print the estimate of each method for the whole log."""
     verdict = answer.verdict
     if len(answer.loads) > 1 and not verdict.can_estimate_inertia:
-        screen.print("Other methods: not shown, since they give one mass per log")
+        console.print("Other methods: not shown, since they give one mass per log")
     elif verdict.can_weigh or verdict.can_estimate_inertia:
-        screen.print("Other methods (statistical ± only; –: withheld)")
+        console.print("Other methods (statistical ± only; –: withheld)")
         for row in answer.rows:
-            print_table(screen, _make_method_table(row, verdict))
+            print_table_uncut(console, _make_table_of_method_estimates(row, verdict))
 
 
-def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
+def _print_weighing_verdict(console: "Console", answer: "Answer", verbosity: int) -> None:
     """Print whether the log can weigh: failed and near checks in full, the others counted."""
     verdict = answer.verdict
     failed = (*verdict.withholding_checks("mass"), *verdict.withholding_checks("inertia"))
@@ -336,34 +348,42 @@ def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
     if verdict.can_weigh:
         share = f"{answer.accepted_share:.0%}"
         of = "checks of the mass" if failed else "checks"
-        screen.print(f"Log usable: {passed} {of} passed; {share} of the samples used.")
+        console.print(f"Log usable: {passed} {of} passed; {share} of the samples used.")
     else:
-        screen.print("Log not usable for weighing: the mass is withheld. Failed checks:")
+        console.print("Log not usable for weighing: the mass is withheld. Failed checks:")
     near = verdict.near_checks if verdict.can_weigh else ()
     shown = (*failed, *verdict.remarks, *near) if verdict.can_weigh else failed
-    if shown or verbose > 1:
-        print_table(screen, make_check_table(verdict.checks if verbose > 1 else shown))
-    print_remedies_with_checks(screen, failed)
+    if shown or verbosity > 1:
+        print_table_uncut(console, make_table_of_checks(verdict.checks if verbosity > 1 else shown))
+    print_remedies_with_checks(console, failed)
     if verdict.has_spins and not verdict.can_estimate_inertia:
-        screen.print(
+        console.print(
             "No inertia estimate: the checks of the spins, or of the force's sign, failed."
         )
 
 
-def _make_method_table(row: "AnswerRow", verdict: "Verdict") -> "Table":
+def _make_table_of_method_estimates(answer_row: "AnswerRow", verdict: "Verdict") -> "Table":
     columns = {
         **(_OF_MASS if verdict.can_weigh else {}),
         **(_OF_INERTIA if verdict.can_estimate_inertia else {}),
     }
-    shown = {title: names for title, names in columns.items() if names[0] in row.quantities}
+    shown = {title: names for title, names in columns.items() if names[0] in answer_row.quantities}
     table = make_plain_table("method", *shown)
-    for method in row.methods:
-        table.add_row(method, *(_format_value(row, method, *names) for names in shown.values()))
+    for method in answer_row.methods:
+        table.add_row(
+            method,
+            *(_format_method_estimate(answer_row, method, *names) for names in shown.values()),
+        )
     return table
 
 
-def _format_value(row: "AnswerRow", method: str, name: str, std_name: str | None) -> str:
-    value, std = row.value(name, method), row.value(std_name, method) if std_name else None
+def _format_method_estimate(
+    answer_row: "AnswerRow", method: str, quantity: str, std_quantity: str | None
+) -> str:
+    value, std = (
+        answer_row.value(quantity, method),
+        answer_row.value(std_quantity, method) if std_quantity else None,
+    )
     if value is None:
         return "–"
     return f"{value:,.2f}" + ("" if std is None else f" ± {std:.2f}")

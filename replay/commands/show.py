@@ -46,13 +46,13 @@ def command(
     """Print a frame of a recording, or list its frames."""
     if frame is not None:
         wanted = output_format and output_format.value
-        asked = make_calibration_request(calibration, key, signed=require_signed)
+        asked = make_calibration_request(calibration, key, is_signature_required=require_signed)
         if at_s is not None and (start_s, end_s) != (None, None):
             raise typer.BadParameter(
                 "--at gives one time, --from and --to give a range; use one or the other"
             )
         seconds = (start_s, end_s) if at_s is None else at_s
-        _show_frame((recording, frame, asked), seconds, wanted, output, force=force)
+        _print_or_write_frame_rows((recording, frame, asked), seconds, wanted, output, force=force)
     elif calibration is not None:
         raise typer.BadParameter("--calibration applies to the frame 'loads' only; name that frame")
     elif (start_s, end_s, at_s, output) != (None, None, None, None):
@@ -62,10 +62,10 @@ def command(
             "the list of frames is printed as table or json; give a frame for other formats"
         )
     else:
-        _list_frames(recording, as_json=output_format is FrameFormat.json)
+        _print_list_of_frames(recording, as_json=output_format is FrameFormat.json)
 
 
-def _list_frames(recording: Path, *, as_json: bool) -> None:
+def _print_list_of_frames(recording: Path, *, as_json: bool) -> None:
     """Print the recording's frames with their columns, and its losses."""
     from rich.markup import escape
 
@@ -75,7 +75,7 @@ def _list_frames(recording: Path, *, as_json: bool) -> None:
         make_stdout_console,
         print_json,
         print_line,
-        print_table,
+        print_table_uncut,
     )
 
     held = list_columns_by_frame(recording)
@@ -88,7 +88,7 @@ def _list_frames(recording: Path, *, as_json: bool) -> None:
         # effort[left] is no markup
         table.add_row(escape(name), escape(" ".join(columns)))
     screen = make_stdout_console()
-    print_table(screen, table)
+    print_table_uncut(screen, table)
     provenance = read_provenance(recording)
     for loss in provenance.losses:
         print_line(screen, f"lost: {loss}")
@@ -96,9 +96,9 @@ def _list_frames(recording: Path, *, as_json: bool) -> None:
         print_line(screen, f"note: {note}")
 
 
-def _show_frame(
-    request: "tuple[Path, str, CalibrationRequest | None]",
-    seconds: tuple[float | None, float | None] | float,
+def _print_or_write_frame_rows(
+    frame_request: "tuple[Path, str, CalibrationRequest | None]",
+    time_span_s: tuple[float | None, float | None] | float,
     output_format: str | None,
     output: Path | None,
     *,
@@ -109,31 +109,33 @@ def _show_frame(
     from replay.commands.frame_output import (
         choose_output_format,
         format_frame_as_table,
-        print_frame,
+        print_frame_as_table,
         print_or_write_frame,
     )
     from replay.recording.read_stage import RecordedStage
 
-    recording, name, calibration = request
+    recording, name, calibration = frame_request
     output_format = choose_output_format(output_format, output)
     if output is not None:
         refuse_input_as_output(output, [recording])
         require_writable_output(output, force=force)
-    stage = RecordedStage.read(recording, name)
+    stage = RecordedStage.read_frame_as_stage(recording, name)
     if calibration is not None:
-        stage = stage.calibrate_loads(calibration)
+        stage = stage.calibrate_masses_of_loads(calibration)
     stage = (
-        stage.select_rows_between(*seconds)
-        if isinstance(seconds, tuple)
-        else stage.select_rows_at(seconds)
+        stage.select_rows_between(*time_span_s)
+        if isinstance(time_span_s, tuple)
+        else stage.select_rows_at_second(time_span_s)
     )
     if output is None and output_format == "table":
-        print_frame(stage.format_times_for_reading(), "--from and --to choose, ")
+        print_frame_as_table(stage.make_frame_with_readable_times(), "--from and --to choose, ")
         return
     print_or_write_frame(
         stage.rows,
         output_format,
         output,
         force=force,
-        table=lambda: format_frame_as_table(stage.format_times_for_reading(), stage.rows.height),
+        render=lambda: format_frame_as_table(
+            stage.make_frame_with_readable_times(), stage.rows.height
+        ),
     )

@@ -23,8 +23,10 @@ def command(
     force: Annotated[bool, typer.Option(help="Replace existing logs.")] = False,
 ) -> None:
     """Simulate a scenario as logs, one for each load, with its truth in LOG.truth.json."""
-    from replay.simulation.scenario_file import load_scenario
-    from replay.simulation.simulate_logs import simulate_scenario
+    from replay.simulation.scenario_file import load_scenario_file
+    from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
-    for path in simulate_scenario(load_scenario(scenario, overrides or []), output, force=force):
+    for path in simulate_scenario_to_logs(
+        load_scenario_file(scenario, overrides or []), output, force=force
+    ):
         typer.echo(str(path))

@@ -96,9 +96,11 @@ def command(
     weighs = _run_and_print_sweep(
         (logs, machine, overrides or [], over),
         reference_kg=reference_kg,
-        calibration=make_calibration_request(calibration, key, signed=require_signed),
+        calibration=make_calibration_request(
+            calibration, key, is_signature_required=require_signed
+        ),
         output_format=wanted and wanted.value,
-        outputs=(output, figure),
+        output_paths=(output, figure),
         force=force,
     )
     if not weighs:
@@ -107,12 +109,12 @@ def command(
 
 
 def _run_and_print_sweep(
-    inputs: tuple[list[Path], Path, list[str], list[str]],
+    sweep_inputs: tuple[list[Path], Path, list[str], list[str]],
     *,
     reference_kg: float | None,
     calibration: CalibrationRequest | None,
     output_format: str | None,
-    outputs: tuple[Path | None, Path | None],
+    output_paths: tuple[Path | None, Path | None],
     force: bool,
 ) -> bool:
     """Run the sweep; print, write and draw its rows.
@@ -126,10 +128,10 @@ def _run_and_print_sweep(
     from replay.commands.frame_output import choose_output_format, print_or_write_frame
     from replay.commands.print_tables import make_stdout_console
     from replay.commands.progress_bar import StageProgress
-    from replay.runs.sweep_settings import list_value_combinations, sweep_settings
+    from replay.runs.sweep_settings import list_value_combinations, sweep_setting_combinations
 
-    logs, machine_file, overrides, over = inputs
-    output, figure = outputs
+    logs, machine_file, overrides, over = sweep_inputs
+    output, figure = output_paths
     output_format = choose_output_format(output_format, output)
     if output is not None:
         refuse_input_as_output(output, [*logs, machine_file])
@@ -143,72 +145,74 @@ def _run_and_print_sweep(
             )
     grid = list_value_combinations(over)
     with StageProgress(len(grid)) as stages:
-        rows = sweep_settings(
+        rows = sweep_setting_combinations(
             logs,
             machine_file,
             overrides,
             grid,
             reference_kg=reference_kg,
             calibration=calibration,
-            on_stage=stages.begin,
+            on_stage=stages.begin_stage,
         )
     if output is None and output_format == "table":
-        make_stdout_console().print(render_sweep(rows))
+        make_stdout_console().print(render_sweep_tables(rows))
     else:
         print_or_write_frame(
-            _make_result_frame(rows),
+            _make_frame_of_results(rows),
             output_format,
             output,
             force=force,
-            table=lambda: _format_shown_value(render_sweep(rows)),
-            records=[_make_json_row(row) for row in rows],
+            render=lambda: _format_swept_setting_value(render_sweep_tables(rows)),
+            json_records=[_make_json_row(row) for row in rows],
         )
     if figure is not None:
         from recordings.plots.sweep_figure import plot_sweep
 
         drawn = plot_sweep(
-            [_make_swept_row(row) for row in rows], figure, reference_kg=reference_kg, force=force
+            [_make_figure_row(row) for row in rows], figure, reference_kg=reference_kg, force=force
         )
         typer.echo(f"figure: {drawn}", err=True)
     return any(row.answer.verdict.can_weigh for row in rows)
 
 
-def _make_swept_row(row: SweepRow) -> SweptRow:
+def _make_figure_row(sweep_row: SweepRow) -> SweptRow:
     """Row for the sweep's figure."""
     from recordings.plots.sweep_figure import SweptRow
 
-    names = find_shortest_distinct_names(row.over)
-    known = [load for load in row.answer.loads if load["payload_kg"] is not None]
-    several = len(row.answer.loads) > 1 and known
+    names = find_shortest_distinct_names(sweep_row.over)
+    known = [load for load in sweep_row.answer.loads if load["payload_kg"] is not None]
+    several = len(sweep_row.answer.loads) > 1 and known
     most = max(known, key=lambda load: load["payload_kg"]) if several else None
     return SweptRow(
-        over={names[key]: value for key, value in _parse_swept_values(row).items()},
-        mass_kg=_read_quantity_by_method(row, "mass_kg"),
-        mass_std_kg=_read_quantity_by_method(row, "mass_std_kg"),
+        over={names[key]: value for key, value in _parse_swept_setting_values(sweep_row).items()},
+        mass_kg=_read_quantity_by_method(sweep_row, "mass_kg"),
+        mass_std_kg=_read_quantity_by_method(sweep_row, "mass_std_kg"),
         payload_kg=None if most is None else (most["payload_kg"], most["payload_u_kg"] or 0.0),
-        errors={_DRAWN[name]: errors for name, errors in row.errors.items()},
-        accepted_share_1=row.answer.accepted_share,
-        can_weigh=row.answer.verdict.can_weigh,
+        errors={_DRAWN[name]: errors for name, errors in sweep_row.errors.items()},
+        accepted_share_1=sweep_row.answer.accepted_share,
+        can_weigh=sweep_row.answer.verdict.can_weigh,
     )
 
 
-def _make_json_row(row: SweepRow) -> dict[str, Any]:
+def _make_json_row(sweep_row: SweepRow) -> dict[str, Any]:
     """Row in the format of `run --json`, with the varied settings and the errors."""
     # logs that are replayed many times are not hashed
     left_out = ("losses", "notes", "recording", "fingerprint")
-    told = {name: value for name, value in row.answer.to_dict().items() if name not in left_out}
-    return {"over": _parse_swept_values(row), **told, **row.errors}
+    told = {
+        name: value for name, value in sweep_row.answer.to_dict().items() if name not in left_out
+    }
+    return {"over": _parse_swept_setting_values(sweep_row), **told, **sweep_row.errors}
 
 
-def _make_result_frame(rows: Sequence[SweepRow]) -> pl.DataFrame:
+def _make_frame_of_results(sweep_rows: Sequence[SweepRow]) -> pl.DataFrame:
     """Frame with a row per combination and a column per method and quantity."""
-    names = find_shortest_distinct_names(rows[0].over)
+    names = find_shortest_distinct_names(sweep_rows[0].over)
     flat = [
         {
             **{
                 # a column holds no lists and tables: they stay as written
                 names[key]: row.over[key] if isinstance(value, list | dict) else value
-                for key, value in _parse_swept_values(row).items()
+                for key, value in _parse_swept_setting_values(row).items()
             },
             **{
                 f"{method}_{name}": value
@@ -220,9 +224,9 @@ def _make_result_frame(rows: Sequence[SweepRow]) -> pl.DataFrame:
             **make_calibrated_mass_fields(row),
             "accepted_share_1": row.answer.accepted_share,
             "can_weigh": row.answer.verdict.can_weigh,
-            "failed": " ".join(_failed_check_names(row)),
+            "failed": " ".join(_list_failed_check_names(row)),
         }
-        for row in rows
+        for row in sweep_rows
     ]
     import polars as pl
 
@@ -230,35 +234,42 @@ def _make_result_frame(rows: Sequence[SweepRow]) -> pl.DataFrame:
     return pl.from_dicts(flat, infer_schema_length=None)
 
 
-def make_calibrated_mass_fields(row: SweepRow) -> dict[str, float | str | None]:
+def make_calibrated_mass_fields(sweep_row: SweepRow) -> dict[str, float | str | None]:
     """Fields of the calibrated mass, None for several loads; empty without a calibration."""
-    loads = row.answer.loads
+    loads = sweep_row.answer.loads
     if not loads or "calibrated_kg" not in loads[0]:
         return {}
     names = ("calibrated_kg", "calibrated_low_kg", "calibrated_high_kg", "calibrated_reason")
     return {name: loads[0][name] if len(loads) == 1 else None for name in names}
 
 
-def render_sweep(rows: Sequence[SweepRow]) -> RenderableType:
+def render_sweep_tables(sweep_rows: Sequence[SweepRow]) -> RenderableType:
     """Table of masses and verdicts, and a table of errors if the truth is known."""
     from rich.console import Group
 
-    from replay.commands.print_tables import format_kilograms
+    from replay.commands.print_tables import format_mass_kg_or_dash
 
-    masses = make_method_table(rows, _format_mass, ("used", "weighs"), _make_verdict_cells)
+    masses = make_table_of_combinations_by_method(
+        sweep_rows, _format_mass_of_method, ("used", "weighs"), _make_verdict_cells
+    )
     parts: list[RenderableType] = ["Mass ± standard deviation, kg", masses]
-    if make_calibrated_mass_fields(rows[0]):
-        parts += ["", "Calibrated mass and its interval, kg", make_calibrated_mass_table(rows)]
-    for name in rows[0].errors:
-        errors = make_method_table(
-            rows, lambda row, method, of=name: format_kilograms(row.errors[of].get(method))
+    if make_calibrated_mass_fields(sweep_rows[0]):
+        parts += [
+            "",
+            "Calibrated mass and its interval, kg",
+            make_calibrated_mass_table(sweep_rows),
+        ]
+    for name in sweep_rows[0].errors:
+        errors = make_table_of_combinations_by_method(
+            sweep_rows,
+            lambda row, method, of=name: format_mass_kg_or_dash(row.errors[of].get(method)),
         )
         parts += ["", _TITLES[name], errors]
     return Group(*parts)
 
 
-def make_method_table(
-    rows: Sequence[SweepRow],
+def make_table_of_combinations_by_method(
+    sweep_rows: Sequence[SweepRow],
     format_cell: Callable[[SweepRow, str], str],
     extra_titles: Sequence[str] = (),
     extra_cells: Callable[[SweepRow], Sequence[str]] = lambda _: (),
@@ -267,84 +278,86 @@ def make_method_table(
     from replay.commands.print_tables import make_plain_table
 
     methods = list(
-        dict.fromkeys(method for row in rows for method in _read_quantity_by_method(row, "mass_kg"))
+        dict.fromkeys(
+            method for row in sweep_rows for method in _read_quantity_by_method(row, "mass_kg")
+        )
     )
     table = make_plain_table(
-        *find_shortest_distinct_names(rows[0].over).values(), *methods, *extra_titles
+        *find_shortest_distinct_names(sweep_rows[0].over).values(), *methods, *extra_titles
     )
     if extra_titles:
         # the last is words
         table.columns[-1].justify = "left"
-    for row in rows:
+    for row in sweep_rows:
         table.add_row(
             *row.over.values(), *(format_cell(row, method) for method in methods), *extra_cells(row)
         )
     return table
 
 
-def make_calibrated_mass_table(rows: Sequence[SweepRow]) -> Table:
+def make_calibrated_mass_table(sweep_rows: Sequence[SweepRow]) -> Table:
     """Table with the calibrated mass of each combination, or why there is none."""
-    from replay.commands.print_tables import format_kilograms, make_plain_table
+    from replay.commands.print_tables import format_mass_kg_or_dash, make_plain_table
 
     table = make_plain_table(
-        *find_shortest_distinct_names(rows[0].over).values(), "calibrated", "from", "to"
+        *find_shortest_distinct_names(sweep_rows[0].over).values(), "calibrated", "from", "to"
     )
     table.add_column("", overflow="fold")
-    for row in rows:
+    for row in sweep_rows:
         mass, low, high, reason = make_calibrated_mass_fields(row).values()
         numbers = (value if isinstance(value, float) else None for value in (mass, low, high))
         why = reason if reason is not None else "several loads: --json has each"
-        table.add_row(*row.over.values(), *map(format_kilograms, numbers), str(why))
+        table.add_row(*row.over.values(), *map(format_mass_kg_or_dash, numbers), str(why))
     return table
 
 
-def _format_mass(row: SweepRow, method: str) -> str:
-    from replay.commands.print_tables import format_kilograms
+def _format_mass_of_method(sweep_row: SweepRow, method: str) -> str:
+    from replay.commands.print_tables import format_mass_kg_or_dash
 
     mass, std = (
-        _read_quantity_by_method(row, name).get(method) for name in ("mass_kg", "mass_std_kg")
+        _read_quantity_by_method(sweep_row, name).get(method) for name in ("mass_kg", "mass_std_kg")
     )
-    return format_kilograms(mass) + ("" if std is None else f" ± {std:.1f}")
+    return format_mass_kg_or_dash(mass) + ("" if std is None else f" ± {std:.1f}")
 
 
-def _make_verdict_cells(row: SweepRow) -> Sequence[str]:
-    failed = _failed_check_names(row)
-    loads = len(row.answer.loads)
-    known = [load for load in row.answer.loads if load["payload_kg"] is not None]
+def _make_verdict_cells(sweep_row: SweepRow) -> Sequence[str]:
+    failed = _list_failed_check_names(sweep_row)
+    loads = len(sweep_row.answer.loads)
+    known = [load for load in sweep_row.answer.loads if load["payload_kg"] is not None]
     most = max((load["payload_kg"] for load in known), default=None)
     carried = "" if most is None else f", payload up to {most:,.1f} kg"
     yes = f"yes, {loads} loads{carried}" if loads > 1 else "yes"
     weighs = f"no: {', '.join(failed)}" if failed else yes
-    return f"{row.answer.accepted_share:.0%}", weighs
+    return f"{sweep_row.answer.accepted_share:.0%}", weighs
 
 
-def _failed_check_names(row: SweepRow) -> list[str]:
-    verdict = row.answer.verdict
+def _list_failed_check_names(sweep_row: SweepRow) -> list[str]:
+    verdict = sweep_row.answer.verdict
     return [
         check.check
         for check in (*verdict.withholding_checks("mass"), *verdict.withholding_checks("inertia"))
     ]
 
 
-def _read_quantity_by_method(row: SweepRow, quantity: str) -> Mapping[str, float | None]:
+def _read_quantity_by_method(sweep_row: SweepRow, quantity: str) -> Mapping[str, float | None]:
     """A quantity of the answer by method; empty for a log without masses."""
-    return row.answer.rows[0].quantities[quantity] if row.answer.rows else {}
+    return sweep_row.answer.rows[0].quantities[quantity] if sweep_row.answer.rows else {}
 
 
-def _parse_swept_values(row: SweepRow) -> dict[str, Any]:
+def _parse_swept_setting_values(sweep_row: SweepRow) -> dict[str, Any]:
     from replay.machines.toml_file import parse_toml_value
 
-    return {key: parse_toml_value(text) for key, text in row.over.items()}
+    return {key: parse_toml_value(text) for key, text in sweep_row.over.items()}
 
 
-def find_shortest_distinct_names(keys: Iterable[str]) -> dict[str, str]:
+def find_shortest_distinct_names(dotted_keys: Iterable[str]) -> dict[str, str]:
     """Shortest distinct name of each dotted key: its last part, or the whole key."""
-    last = {key: key.rpartition(".")[2] for key in keys}
+    last = {key: key.rpartition(".")[2] for key in dotted_keys}
     shared = Counter(last.values())
     return {key: name if shared[name] == 1 else key for key, name in last.items()}
 
 
-def _format_shown_value(value: RenderableType) -> str:
+def _format_swept_setting_value(value: RenderableType) -> str:
     from io import StringIO
 
     from rich.console import Console

@@ -78,12 +78,12 @@ def command(
         )
         raise typer.BadParameter(what)
     from replay.calibration.verify_bundle import verify_bundle
-    from replay.calibration.verify_chain import VerifiedChain, verify_chain
+    from replay.calibration.verify_chain import VerifiedChain, verify_bundles_and_chains
     from replay.commands.print_tables import print_json
 
     first, *more = folders
     if not more and first.is_file():
-        _verify_notary_list(first, key, signed=require_signed, as_json=as_json)
+        _verify_notary_list(first, key, is_signature_required=require_signed, as_json=as_json)
         return
     if more and previous is not None:
         raise typer.BadParameter(
@@ -91,50 +91,60 @@ def command(
             "instead"
         )
     check = (
-        partial(verify_chain, folders) if more else partial(verify_bundle, first, previous=previous)
+        partial(verify_bundles_and_chains, folders)
+        if more
+        else partial(verify_bundle, first, previous=previous)
     )
     found = check(
-        logs=logs,
+        log_folder=logs,
         key_file=key,
-        signed=require_signed,
-        on=None if on is None else on.date(),
-        tsa=tsa,
+        is_signature_required=require_signed,
+        verification_day=None if on is None else on.date(),
+        authority_certificates=tsa,
     )
     if as_json:
         print_json(found.to_dict())
     elif isinstance(found, VerifiedChain):
-        _print_chain(found)
+        _print_verified_chain(found)
     else:
-        _print_findings(found)
+        _print_verification_findings(found)
     if found.outcome is not None:
         raise typer.Exit(int(found.outcome))
 
 
-def _write_verifier_page(folders: list[Path], output: Path | None, *, force: bool) -> None:
+def _write_verifier_page(given_folders: list[Path], page_path: Path | None, *, force: bool) -> None:
     """Write the page that checks evidence in a browser."""
-    if folders:
+    if given_folders:
         raise typer.BadParameter(
             "--page writes the same page for all evidence; leave out the folder"
         )
     from recordings.calibration.page.verifier_page import (
         NAME,
         build_verifier_page,
-        verifier_page_sha256,
+        compute_verifier_page_sha256,
     )
-    from recordings.report.atomic_output import atomic_file
+    from recordings.report.atomic_output import stage_output_file
 
-    target = output or Path(NAME)
-    with atomic_file(target, force=force) as written:
+    target = page_path or Path(NAME)
+    with stage_output_file(target, force=force) as written:
         written.write_bytes(build_verifier_page())
-    typer.echo(f"{target}: SHA-256 {verifier_page_sha256()}")
+    typer.echo(f"{target}: SHA-256 {compute_verifier_page_sha256()}")
 
 
-def _verify_notary_list(path: Path, key: Path | None, *, signed: bool, as_json: bool) -> None:
+def _verify_notary_list(
+    list_path: Path, key_file: Path | None, *, is_signature_required: bool, as_json: bool
+) -> None:
     """Verify a notary list and print the result."""
-    from replay.commands.print_tables import make_stdout_console, print_json, print_line
+    from replay.commands.print_tables import (
+        make_stdout_console,
+        print_json,
+        print_line,
+    )
     from replay.notary.list_file import UNSEEN, verify_notary_list
 
-    found = verify_notary_list(path, key_file=key, signed=signed)
+    found = verify_notary_list(
+        list_path, key_file=key_file, is_signature_required=is_signature_required
+    )
     if as_json:
         print_json(found.to_dict())
     else:
@@ -151,31 +161,31 @@ def _verify_notary_list(path: Path, key: Path | None, *, signed: bool, as_json: 
         raise typer.Exit(int(found.outcome))
 
 
-def _print_chain(found: "VerifiedChain") -> None:
+def _print_verified_chain(verified_chain: "VerifiedChain") -> None:
     from replay.commands.print_tables import make_stdout_console, print_line
 
     screen = make_stdout_console()
-    for made in found.bundles:
-        _print_findings(made)
+    for made in verified_chain.bundles:
+        _print_verification_findings(made)
         screen.print()
-    for finding in found.findings:
+    for finding in verified_chain.findings:
         print_line(screen, str(finding), "[bold red]!![/] ")
-    for note in found.notes:
+    for note in verified_chain.notes:
         print_line(screen, note)
-    print_line(screen, found.verdict)
+    print_line(screen, verified_chain.chain_verdict)
 
 
-def _print_findings(found: "Verification") -> None:
+def _print_verification_findings(verification: "Verification") -> None:
     from replay.commands.print_tables import make_stdout_console, print_line
 
     screen = make_stdout_console()
-    for finding in found.findings:
+    for finding in verification.findings:
         print_line(screen, str(finding), "[bold red]!![/] ")
-    for done in found.done:
+    for done in verification.done:
         print_line(screen, f"checked: {done}")
-    for note in found.notes:
+    for note in verification.notes:
         print_line(screen, f"note: {note}")
     print_line(screen, "no check can find:")
-    for sentence in found.unseen:
+    for sentence in verification.unseen:
         print_line(screen, f"- {sentence}")
-    print_line(screen, found.verdict)
+    print_line(screen, verification.verdict)

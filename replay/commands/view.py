@@ -33,8 +33,10 @@ def command(
     ] = None,
 ) -> None:
     """Open a recording in the Rerun viewer (listens on 127.0.0.1 only), or photograph it."""
-    from replay.recording.view_recording import parse_moment_s, view_recording
+    from replay.recording.view_recording import parse_moment_of_run_s, view_recording
 
-    at_s = None if at is None else parse_moment_s(recording, at)
-    for each in view_recording(recording, from_s, to_s, at_s=at_s, screenshot=screenshot, tab=tab):
+    at_s = None if at is None else parse_moment_of_run_s(recording, at)
+    for each in view_recording(
+        recording, from_s, to_s, at_s=at_s, screenshot=screenshot, tab_title=tab
+    ):
         typer.echo(str(each))

@@ -30,9 +30,9 @@ def command(
         )
     if force or not are_all_compiled():
         from replay.commands.progress_bar import StageProgress
-        from replay.warm_up.compile_loops import STEPS, compile_loops
+        from replay.warm_up.compile_loops import STEPS, compile_all_loops
 
         with StageProgress(len(STEPS), warns=False) as stages:
-            compile_loops(stages.begin)
+            compile_all_loops(stages.begin_stage)
         mark_all_compiled()
     typer.echo(f"everything is compiled: {folder}")

@@ -14,7 +14,7 @@ from estimators.file_digest import file_sha256
 from recordings import require_writable_recording
 from recordings.report.atomic_output import refuse_input_as_output
 from recordings.rrd.reader import OpenRecording, open_recording
-from recordings.rrd.recording_table import list_drawn_columns
+from recordings.rrd.recording_table import list_columns_needed_for_drawing
 
 if TYPE_CHECKING:
     from replay.calibration.apply_evidence import CalibrationRequest
@@ -38,27 +38,34 @@ class RecordedRun:
         self._held = recording
         self.path = recording.path
         self.provenance: Provenance = recording.provenance
-        self.stages: Mapping[str, Sequence[str]] = recording.stages
+        self.stages: Mapping[str, Sequence[str]] = recording.columns_by_frame
         self._loads: pl.DataFrame | None = None
         if request is not None and "loads" in self.stages:
             from analysis.calibration.use.apply_calibration import LATER_LOG_FRAMES
-            from replay.calibration.apply_evidence import calibrate_recorded_loads
+            from replay.calibration.apply_evidence import calibrate_loads_of_recording
 
             raw = {
-                stage: recording.read(stage) for stage in LATER_LOG_FRAMES if stage in self.stages
+                stage: recording.read_frame(stage)
+                for stage in LATER_LOG_FRAMES
+                if stage in self.stages
             }
-            self._loads = calibrate_recorded_loads(raw, self.provenance, request, recording.path)
+            self._loads = calibrate_loads_of_recording(
+                raw, self.provenance, request, recording.path
+            )
             self.stages = {**self.stages, "loads": self._loads.columns}
 
     def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
         """Read some columns of a frame from the recording."""
         if stage == "loads" and self._loads is not None:
             return self._loads.select(columns)
-        return self._held.read(stage, columns)
+        return self._held.read_frame(stage, columns)
 
-    def read_displayed_run(self) -> Run:
+    def read_run_with_displayed_columns(self) -> Run:
         """The columns that views draw."""
-        wanted = {stage: list_drawn_columns(stage, names) for stage, names in self.stages.items()}
+        wanted = {
+            stage: list_columns_needed_for_drawing(stage, names)
+            for stage, names in self.stages.items()
+        }
         frames = {stage: self.read(stage, names) for stage, names in wanted.items() if names}
         return Run(frames, self.provenance)
 
@@ -80,21 +87,21 @@ _NOWHERE: Final = OverlayOutput()
 
 
 def compare_recordings(
-    a: Path,
-    b: Path,
-    output: OverlayOutput = _NOWHERE,
+    path_a: Path,
+    path_b: Path,
+    overlay: OverlayOutput = _NOWHERE,
     *,
-    rtol: float = 0.0,
+    relative_tolerance: float = 0.0,
     other_logs: bool = False,
     calibration: "CalibrationRequest | None" = None,
 ) -> Comparison:
     """Compare two recordings, and optionally write both into one recording.
 
     Args:
-        a: baseline recording.
-        b: recording to compare with it.
-        output: recording of both to write.
-        rtol: relative tolerance of numbers.
+        path_a: baseline recording.
+        path_b: recording to compare with it.
+        overlay: recording of both to write.
+        relative_tolerance: relative tolerance of numbers.
         other_logs: whether they may be of different logs; then only settings, masses and verdict
             are compared.
         calibration: evidence that calibrates the masses of both.
@@ -103,54 +110,56 @@ def compare_recordings(
         RecordingError: one of them cannot be read, or their rows do not correspond.
         OutputError: the recording of both cannot be written.
     """
-    if output.path is not None:
-        refuse_input_as_output(output.path, [a, b])
-        require_writable_recording(output.path, force=output.force)
-    with open_recording(a) as first, open_recording(b) as second:
+    if overlay.path is not None:
+        refuse_input_as_output(overlay.path, [path_a, path_b])
+        require_writable_recording(overlay.path, force=overlay.force)
+    with open_recording(path_a) as first, open_recording(path_b) as second:
         mine, theirs = RecordedRun(first, calibration), RecordedRun(second, calibration)
         if not set(mine.stages) & set(theirs.stages):
             raise RecordingError(
-                f"{a} and {b}: have no stage in common ({', '.join(mine.stages) or 'none'} | "
+                f"{path_a} and {path_b}: have no stage in common "
+                f"({', '.join(mine.stages) or 'none'} | "
                 f"{', '.join(theirs.stages) or 'none'}); compare replays of one log"
             )
-        if not other_logs and not have_same_log(mine, theirs):
+        if not other_logs and not do_runs_replay_same_log(mine, theirs):
             names = [
                 ", ".join(each.name for each in replay.provenance.inputs) or "no file"
                 for replay in (mine, theirs)
             ]
             raise RecordingError(
-                f"{a} and {b}: are replays of different logs ({names[0]} | {names[1]}, by "
+                f"{path_a} and {path_b}: are replays of different logs ({names[0]} | {names[1]}, "
+                "by "
                 "SHA-256), so their rows cannot be compared; give --other-logs to compare "
                 "settings, masses and verdict only"
             )
-        found = compare_runs(mine, theirs, rtol=rtol, rows=not other_logs)
-        if output.path is not None:
+        found = compare_runs(mine, theirs, rtol=relative_tolerance, rows=not other_logs)
+        if overlay.path is not None:
             from recordings.compare.overlay_recording import (
                 format_comparison_markdown,
                 write_overlay_recording,
             )
 
             write_overlay_recording(
-                mine.read_displayed_run(),
-                theirs.read_displayed_run(),
-                output.path,
-                format_comparison_markdown(found, a.name, b.name),
-                one_log=not other_logs,
-                force=output.force,
+                mine.read_run_with_displayed_columns(),
+                theirs.read_run_with_displayed_columns(),
+                overlay.path,
+                format_comparison_markdown(found, path_a.name, path_b.name),
+                is_same_log=not other_logs,
+                force=overlay.force,
             )
         return found
 
 
-def have_same_log(provenance_a: RecordedRun, provenance_b: RecordedRun) -> bool:
+def do_runs_replay_same_log(provenance_a: RecordedRun, provenance_b: RecordedRun) -> bool:
     """Whether both replay the same bytes, or one is a replay of the other recording."""
     return (
         has_same_inputs(provenance_a.provenance, provenance_b.provenance)
-        or is_replay_of_recording(provenance_a.path, provenance_b.provenance)
-        or is_replay_of_recording(provenance_b.path, provenance_a.provenance)
+        or has_run_replayed_recording(provenance_a.path, provenance_b.provenance)
+        or has_run_replayed_recording(provenance_b.path, provenance_a.provenance)
     )
 
 
-def is_replay_of_recording(recording: Path, provenance: Provenance) -> bool:
+def has_run_replayed_recording(recording: Path, provenance: Provenance) -> bool:
     """Whether a run's input is this recording."""
     # a shift takes a second to read: most others are told by their size
     if [each.size_bytes for each in provenance.inputs] != [recording.stat().st_size]:

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from math import ceil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import polars as pl
 
@@ -21,8 +21,8 @@ from replay.convert.unfinished_folder import (
     ConversionPlan,
     PartWriter,
     UnfinishedFolder,
-    make_arrow_schema,
-    unfinished_folder,
+    make_arrow_schema_with_units,
+    open_unfinished_folder,
     write_file_atomically,
 )
 from replay.logs import Log
@@ -61,7 +61,7 @@ class Conversion:
     resumed_spans: int
 
     @property
-    def rows(self) -> int:
+    def row_count(self) -> int:
         """Number of rows written over all topics."""
         return sum(part.rows for topic in self.topics for part in topic.parts)
 
@@ -74,7 +74,7 @@ class Conversion:
         """The fields as JSON-compatible values."""
         return {
             "folder": str(self.folder),
-            "rows": self.rows,
+            "rows": self.row_count,
             "size_bytes": self.size_bytes,
             "spans": self.spans,
             "taken_up": self.resumed_spans,
@@ -123,19 +123,19 @@ def convert_log(
     require_writable_folder(target, force=force)
     making = RunningConversion(log, topics)
     try:
-        with unfinished_folder(target) as folder:
-            done, resumed_spans = making.convert_by_spans(folder, span_messages, on_span)
-            described = making.describe_converted_folder(folder, done)
+        with open_unfinished_folder(target) as folder:
+            done, resumed_spans = making.convert_by_time_spans(folder, span_messages, on_span)
+            described = making.describe_converted_log(folder, done)
             kept = {part.file for topic in described.topics for part in topic.parts}
             folder.remove_all_except(kept)
             write_file_atomically(folder.path / DESCRIPTION, described.model_dump_json(indent=1))
-            _move_finished_folder(folder.path, target)
+            _move_finished_folder_into_place(folder.path, target)
     except OSError as error:
         raise OutputError(f"{target}: cannot be written ({error.strerror or error})") from None
     return Conversion(target, described.topics, described.losses, len(done), resumed_spans)
 
 
-def _move_finished_folder(finished: Path, target: Path) -> None:
+def _move_finished_folder_into_place(finished: Path, target: Path) -> None:
     """Move the finished folder to its name; the old one is deleted afterwards."""
     before = finished / ".replaced"
     if target.exists():
@@ -145,6 +145,13 @@ def _move_finished_folder(finished: Path, target: Path) -> None:
 
 
 _Parts = Mapping[str, ConvertedPart]
+
+
+class ConvertedSpans(NamedTuple):
+    """Parts of each span, and how many were there already."""
+
+    parts_by_span: list[_Parts]
+    resumed_span_count: int
 
 
 class RunningConversion:
@@ -161,7 +168,7 @@ class RunningConversion:
         chosen = dict.fromkeys(topics or self._summaries)
         self._summaries = {t: row for t, row in self._summaries.items() if t in chosen}
         decoded = [t for t, row in self._summaries.items() if row["problem"] is None]
-        self._fields = {t: _list_converted_fields(log, t) for t in decoded}
+        self._fields = {t: _list_fields_to_convert(log, t) for t in decoded}
         self._folders = make_unique_folder_names(decoded)
         self._faults: dict[str, str] = {}
         self._files = tuple(
@@ -170,15 +177,15 @@ class RunningConversion:
         )
         self._schemas = {t: self._make_topic_schema(t) for t in decoded}
 
-    def convert_by_spans(
-        self, folder: UnfinishedFolder, span_messages: int, on_span: Callable[[str], None]
-    ) -> tuple[list[_Parts], int]:
+    def convert_by_time_spans(
+        self, working_folder: UnfinishedFolder, span_messages: int, on_span: Callable[[str], None]
+    ) -> ConvertedSpans:
         """Convert span by span, or in one pass if spans might give other rows.
 
         Returns:
             Parts of each span, and number of spans from an earlier conversion.
         """
-        borders = self._choose_span_borders_ns(span_messages)
+        borders = self._choose_span_boundaries_ns(span_messages)
         plan = ConversionPlan(
             payscope=version("payscope"),
             files=self._files,
@@ -186,26 +193,28 @@ class RunningConversion:
             borders_ns=borders,
         )
         before = set(self._log.losses())
-        done: list[_Parts] = [span.parts for span in folder.resume_or_restart(plan)]
+        done: list[_Parts] = [
+            span.parts for span in working_folder.resume_or_restart_conversion(plan)
+        ]
         resumed_spans = len(done)
         if borders and not before:
             for number in range(len(done), len(borders) + 1):
                 on_span(f"convert {number + 1} of {len(borders) + 1}")
                 first = borders[number - 1] if number else None
                 last = borders[number] - 1 if number < len(borders) else None
-                parts = self._convert_span(folder.path, number, first, last)
+                parts = self._convert_time_span(working_folder.path, number, first, last)
                 if self._faults or self._log.losses():
                     break
-                done.append(folder.add_finished_part(number, parts).parts)
+                done.append(working_folder.record_finished_span(number, parts).parts)
             else:
-                if self._has_all_indexed_messages(done):
-                    return done, resumed_spans
-        folder.clear()
+                if self._do_rows_match_index(done):
+                    return ConvertedSpans(done, resumed_spans)
+        working_folder.remove_all_content()
         self._faults.clear()
         on_span("convert 1 of 1")
-        return [self._convert_span(folder.path, 0, None, None)], 0
+        return ConvertedSpans([self._convert_time_span(working_folder.path, 0, None, None)], 0)
 
-    def _choose_span_borders_ns(self, span_messages: int) -> tuple[int, ...]:
+    def _choose_span_boundaries_ns(self, span_messages: int) -> tuple[int, ...]:
         """Log times that divide the log into spans of equal time."""
         rows = self._summaries.values()
         starts = [row["start_ns"] for row in rows if row["start_ns"] is not None]
@@ -218,8 +227,8 @@ class RunningConversion:
         found = {start + (end - start) * k // spans for k in range(1, spans)}
         return tuple(sorted(found - {start}))
 
-    def _convert_span(
-        self, folder: Path, span_number: int, first_ns: int | None, last_ns: int | None
+    def _convert_time_span(
+        self, working_folder: Path, span_number: int, first_ns: int | None, last_ns: int | None
     ) -> dict[str, ConvertedPart]:
         """Write the rows of a span: a part for each topic with rows."""
         with ExitStack() as open_files:
@@ -228,16 +237,18 @@ class RunningConversion:
             scanned = self._log.scan_many(names, self._faults, first_ns, last_ns)
             for topic, rows in scanned:
                 if topic not in writers:
-                    file = self._part_path(topic, span_number)
-                    writer = PartWriter(folder, file, self._schemas[topic])
+                    file = self._make_part_path(topic, span_number)
+                    writer = PartWriter(working_folder, file, self._schemas[topic])
                     writers[topic] = open_files.enter_context(writer)
-                writers[topic].write(rows)
-            return {topic: writer.close() for topic, writer in sorted(writers.items())}
+                writers[topic].append_rows(rows)
+            return {
+                topic: writer.close_and_describe_part() for topic, writer in sorted(writers.items())
+            }
 
-    def _part_path(self, topic: str, span_number: int) -> str:
+    def _make_part_path(self, topic: str, span_number: int) -> str:
         return f"{self._folders[topic]}/part-{span_number:05}.parquet"
 
-    def _has_all_indexed_messages(self, finished_spans: Sequence[_Parts]) -> bool:
+    def _do_rows_match_index(self, finished_spans: Sequence[_Parts]) -> bool:
         """Whether the rows written match the messages that the index lists."""
         rows = dict.fromkeys(self._fields, 0)
         for parts in finished_spans:
@@ -245,8 +256,8 @@ class RunningConversion:
                 rows[topic] += part.rows
         return all(self._summaries[topic]["messages"] == count for topic, count in rows.items())
 
-    def describe_converted_folder(
-        self, folder: UnfinishedFolder, finished_spans: Sequence[_Parts]
+    def describe_converted_log(
+        self, working_folder: UnfinishedFolder, finished_spans: Sequence[_Parts]
     ) -> ConvertedDescription:
         """Description of the folder; a topic without rows gets a part with its columns."""
         topics: list[ConvertedTopic] = []
@@ -256,8 +267,10 @@ class RunningConversion:
                 continue
             parts = [each[topic] for each in finished_spans if topic in each]
             if not parts:
-                writer = PartWriter(folder.path, self._part_path(topic, 0), self._schemas[topic])
-                parts = [writer.close()]
+                writer = PartWriter(
+                    working_folder.path, self._make_part_path(topic, 0), self._schemas[topic]
+                )
+                parts = [writer.close_and_describe_part()]
             topics.append(
                 ConvertedTopic(
                     summary=summary,
@@ -296,10 +309,10 @@ class RunningConversion:
             "version": version("payscope"),
         }
         named = {f"payscope.{key}": str(value) for key, value in about.items()}
-        return make_arrow_schema(schema, {LOG_TIME: "ns", _STAMP: "ns", **units}, named)
+        return make_arrow_schema_with_units(schema, {LOG_TIME: "ns", _STAMP: "ns", **units}, named)
 
 
-def _list_converted_fields(log: Log, topic: str) -> tuple[ConvertedField, ...]:
+def _list_fields_to_convert(log: Log, topic: str) -> tuple[ConvertedField, ...]:
     units = log.units(topic)
     return tuple(
         ConvertedField(

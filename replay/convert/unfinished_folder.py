@@ -53,15 +53,15 @@ class PartWriter:
         self._first: int | None = None
         self._last: int | None = None
 
-    def write(self, rows: pl.DataFrame) -> None:
+    def append_rows(self, new_rows: pl.DataFrame) -> None:
         """Append rows."""
-        self._waiting.append(rows)
-        self._waiting_rows += rows.height
-        self._waiting_bytes += int(rows.estimated_size())
+        self._waiting.append(new_rows)
+        self._waiting_rows += new_rows.height
+        self._waiting_bytes += int(new_rows.estimated_size())
         if self._waiting_rows >= LIMITS.group_rows or self._waiting_bytes >= LIMITS.group_bytes:
-            self._flush()
+            self._write_buffered_rows()
 
-    def _flush(self) -> None:
+    def _write_buffered_rows(self) -> None:
         if not self._waiting_rows:
             return
         rows = pl.concat(self._waiting)
@@ -73,9 +73,9 @@ class PartWriter:
         table = rows.to_arrow(compat_level=pl.CompatLevel.oldest()).cast(self._schema)
         self._writer.write_table(table, row_group_size=LIMITS.group_rows)
 
-    def close(self) -> ConvertedPart:
+    def close_and_describe_part(self) -> ConvertedPart:
         """Finish the file and describe its content."""
-        self._flush()
+        self._write_buffered_rows()
         self._writer.close()
         with self._partial.open("rb") as written:
             os.fsync(written.fileno())
@@ -132,32 +132,36 @@ class UnfinishedFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    def resume_or_restart(self, plan: ConversionPlan) -> list[DoneSpan]:
+    def resume_or_restart_conversion(self, conversion_plan: ConversionPlan) -> list[DoneSpan]:
         """Resume a conversion with the same plan; other content is removed.
 
         Returns:
             Completed spans, from the first.
         """
-        if load_json_or_none(self.path / _PLAN, ConversionPlan) != plan:
-            self.clear()
-            write_file_atomically(self.path / _PLAN, plan.model_dump_json(indent=1))
+        if load_json_model_or_none(self.path / _PLAN, ConversionPlan) != conversion_plan:
+            self.remove_all_content()
+            write_file_atomically(self.path / _PLAN, conversion_plan.model_dump_json(indent=1))
             return []
         done: list[DoneSpan] = []
-        while span := load_json_or_none(self.path / _span_file_name(len(done)), DoneSpan):
+        while span := load_json_model_or_none(
+            self.path / _make_span_file_name(len(done)), DoneSpan
+        ):
             if not all((self.path / part.file).is_file() for part in span.parts.values()):
                 break
             done.append(span)
         return done
 
-    def add_finished_part(self, span_number: int, parts: dict[str, ConvertedPart]) -> DoneSpan:
+    def record_finished_span(
+        self, span_number: int, parts_by_topic: dict[str, ConvertedPart]
+    ) -> DoneSpan:
         """Record that a span is complete."""
-        span = DoneSpan(parts=parts)
+        span = DoneSpan(parts=parts_by_topic)
         write_file_atomically(
-            self.path / _span_file_name(span_number), span.model_dump_json(indent=1)
+            self.path / _make_span_file_name(span_number), span.model_dump_json(indent=1)
         )
         return span
 
-    def clear(self) -> None:
+    def remove_all_content(self) -> None:
         """Remove everything in it."""
         for each in self.path.iterdir():
             if each.is_dir():
@@ -177,7 +181,7 @@ class UnfinishedFolder:
 
 
 @contextmanager
-def unfinished_folder(target: Path) -> Generator[UnfinishedFolder]:
+def open_unfinished_folder(target: Path) -> Generator[UnfinishedFolder]:
     """Context with the working folder for `target`, locked for this process.
 
     Raises:
@@ -206,11 +210,11 @@ def write_file_atomically(path: Path, text: str) -> None:
     partial.replace(path)
 
 
-def _span_file_name(span_number: int) -> str:
+def _make_span_file_name(span_number: int) -> str:
     return f"span-{span_number:05}.json"
 
 
-def load_json_or_none(path: Path, model: type[_Model]) -> _Model | None:
+def load_json_model_or_none(path: Path, model: type[_Model]) -> _Model | None:
     """Read a file of this model; None if it is missing or of another version."""
     try:
         return model.model_validate_json(path.read_bytes())
@@ -218,7 +222,7 @@ def load_json_or_none(path: Path, model: type[_Model]) -> _Model | None:
         return None
 
 
-def make_arrow_schema(
+def make_arrow_schema_with_units(
     schema: pl.Schema, units: dict[str, str], metadata: dict[str, str]
 ) -> pa.Schema:
     """Schema of a topic's files, with units of fields and metadata."""

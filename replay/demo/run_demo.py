@@ -25,11 +25,11 @@ from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.errors import OutputError
 from recordings import plot_run, write_recording
 from recordings.report.atomic_output import (
-    atomic_file,
     require_writable_folder,
     require_writable_output,
+    stage_output_file,
 )
-from recordings.signatures.signing import make_key_pair_pem
+from recordings.signatures.signing import generate_key_pair_pem
 from replay.calibration.apply_evidence import CalibrationRequest
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
@@ -39,8 +39,12 @@ from replay.pipeline import STAGES, run
 from replay.review.review_folder import refuse_unsuitable_review_folder
 from replay.review.review_shift import ReviewOptions, review_shift
 from replay.review.write_review import ShiftReview
-from replay.simulation.log_truth import make_truth_path, read_true_trials
-from replay.simulation.simulate_logs import make_log_paths, make_shift_truth_path, simulate_scenario
+from replay.simulation.log_truth import make_truth_path_of_log, read_true_trials_of_logs
+from replay.simulation.simulate_logs import (
+    make_paths_of_simulated_logs,
+    make_shift_truth_path,
+    simulate_scenario_to_logs,
+)
 
 _HEAD = """\
 # The demo's calibration: simulated logs. The certificates are examples and stand for none:
@@ -164,7 +168,7 @@ def run_demo(
     keys = folder / "key.pem", folder / "key.pub.pem"
     scenario = Scenario().with_seed(seed)
     hauling = scenario.model_copy(update={"shift": _SHIFT})
-    hauled, truth = make_log_paths(hauling, shift), make_shift_truth_path(shift)
+    hauled, truth = make_paths_of_simulated_logs(hauling, shift), make_shift_truth_path(shift)
     for output in (machine_file, campaign_file, *keys, recording, picture, *hauled, truth):
         require_writable_output(output, force=force)
     require_writable_folder(evidence, force=force)
@@ -172,29 +176,31 @@ def run_demo(
         refuse_unsuitable_review_folder(page)
     else:
         require_writable_folder(page, force=force)
-    with atomic_file(machine_file, force=force) as partial:
+    with stage_output_file(machine_file, force=force) as partial:
         shutil.copyfile(find_machine_file(_MACHINE), partial)
     on_stage("simulate")
-    logs = simulate_scenario(scenario, folder / "campaign.bag", force=force)
-    with atomic_file(campaign_file, force=force) as partial:
+    logs = simulate_scenario_to_logs(scenario, folder / "campaign.bag", force=force)
+    with stage_output_file(campaign_file, force=force) as partial:
         partial.write_text(
-            make_demo_campaign_text(scenario, logs, machine_file.name), encoding="utf-8"
+            format_demo_campaign_file(scenario, logs, machine_file.name), encoding="utf-8"
         )
-    for path, half in zip(keys, make_key_pair_pem(), strict=True):
-        with atomic_file(path, force=force) as partial:
+    for path, half in zip(keys, generate_key_pair_pem(), strict=True):
+        with stage_output_file(path, force=force) as partial:
             partial.touch(mode=0o600)
             partial.write_bytes(half)
     on_stage("calibrate")
     calibrated = calibrate_from_campaign(campaign_file, evidence, key_file=keys[0], force=force)
     on_stage("verify")
-    verified = verify_bundle(evidence, key_file=keys[1], on=calibrated.document.expires)
-    replayed = replay_campaign(logs, load_machine(machine_file), on_stage)
+    verified = verify_bundle(
+        evidence, key_file=keys[1], verification_day=calibrated.document.expires
+    )
+    replayed = replay_simulated_campaign(logs, load_machine(machine_file), on_stage)
     replayed = add_evidence_calibration_line(replayed, calibrated, scenario.machine.mass_kg)
     on_stage("record")
     write_recording(replayed, recording, force=force)
     plot_run(replayed, picture, force=force)
     on_stage("review")
-    simulate_scenario(hauling, shift, force=force)
+    simulate_scenario_to_logs(hauling, shift, force=force)
     by = CalibrationRequest(evidence, keys[1], signed=True)
     asked = ReviewOptions(calibration=by, target_kg=_TARGET_KG)
     reviewed = review_shift(hauled, machine_file, page, asked)
@@ -206,26 +212,36 @@ def run_demo(
         answer(replayed, str(recording)),
         reviewed,
         (
-            *(*logs, *map(make_truth_path, logs), machine_file, campaign_file, *keys),
-            *(evidence, recording, picture, *hauled, *map(make_truth_path, hauled), truth, page),
+            *(*logs, *map(make_truth_path_of_log, logs), machine_file, campaign_file, *keys),
+            *(
+                evidence,
+                recording,
+                picture,
+                *hauled,
+                *map(make_truth_path_of_log, hauled),
+                truth,
+                page,
+            ),
         ),
     )
 
 
 def add_evidence_calibration_line(
-    replayed: Run, calibrated: CalibrationOutcome, empty_kg: float
+    replayed_run: Run, calibration_outcome: CalibrationOutcome, empty_kg: float
 ) -> Run:
     """The run with the evidence's line before those of the methods."""
-    document = calibrated.document
+    document = calibration_outcome.document
     points = () if document.calibration is None else document.calibration.points
     first = make_calibration_frame(
         make_method_rows(JOINT, points, document.calibration, lambda at: at.reference_kg - empty_kg)
     )
-    both = pl.concat([first, replayed.frames["calibration"]])
-    return replace(replayed, frames={**replayed.frames, "calibration": both}).with_fingerprint()
+    both = pl.concat([first, replayed_run.frames["calibration"]])
+    return replace(
+        replayed_run, frames={**replayed_run.frames, "calibration": both}
+    ).with_fingerprint()
 
 
-def replay_campaign(
+def replay_simulated_campaign(
     logs: Sequence[Path], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
 ) -> Run:
     """Replay simulated logs on one time line; each method is calibrated against the true masses."""
@@ -236,13 +252,13 @@ def replay_campaign(
         ]
         replayed = run(opened, machine, on_stage)
     calibration = calibrate_methods(
-        average_masses_by_method_and_run(replayed, read_true_trials(logs))
+        average_masses_by_method_and_run(replayed, read_true_trials_of_logs(logs))
     )
     frames = {**replayed.frames, "calibration": calibration}
     return replace(replayed, frames=frames).with_fingerprint()
 
 
-def make_demo_campaign_text(scenario: Scenario, logs: Sequence[Path], machine: str) -> str:
+def format_demo_campaign_file(scenario: Scenario, logs: Sequence[Path], machine: str) -> str:
     """Text of the campaign file for simulated logs with ascending masses.
 
     Args:
@@ -256,7 +272,7 @@ def make_demo_campaign_text(scenario: Scenario, logs: Sequence[Path], machine: s
     text = _HEAD.format(machine=machine, empty_kg=scenario.machine.mass_kg)
     text += "".join(_MASS.format(id=name, value_kg=high - low) for name, (low, high) in steps)
     for number, log in enumerate(logs):
-        start_ns = read_true_trials([log])["start_ns"][0]
+        start_ns = read_true_trials_of_logs([log])["start_ns"][0]
         day = dt.datetime.fromtimestamp(start_ns // 10**9, dt.UTC).date()
         on_board = ", ".join(f'"{name}"' for name in names[:number])
         text += _RUN.format(log=log.name, loads=on_board, day=day)

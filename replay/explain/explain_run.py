@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from analysis.compare.run_comparison import list_changed_settings_and_keys
 from analysis.explain import Explanation, explain
@@ -16,7 +16,7 @@ from estimators.errors import DataError, MachineError, RecordingError
 from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
 from recordings.report.picture import require_writable_picture
 from recordings.rrd.reader import OpenRecording, open_recording
-from recordings.rrd.recording_table import list_drawn_columns
+from recordings.rrd.recording_table import list_columns_needed_for_drawing
 from recordings.rrd.writer import SUFFIX
 from replay.logs import open_log
 from replay.machines.machine_file import find_time_axis_of_machine, load_machine
@@ -51,13 +51,20 @@ class ExplainRequest:
     force: bool = False
 
 
-def explain_run(
-    request: ExplainRequest, on_stage: Callable[[str], None] = lambda _: None
-) -> "tuple[Explanation, CorrectedMachine | None]":
+class ExplainedRun(NamedTuple):
+    """Explanation of a run, and the corrected machine file if one was requested."""
+
+    explanation: "Explanation"
+    corrected_machine: "CorrectedMachine | None"
+
+
+def explain_run_and_correct_machine(
+    explain_request: ExplainRequest, on_stage: Callable[[str], None] = lambda _: None
+) -> "ExplainedRun":
     """Explain a recording or a log; optionally draw it and write a corrected machine file.
 
     Args:
-        request: the request.
+        explain_request: the request.
         on_stage: called with each stage of the replays when it begins.
 
     Returns:
@@ -67,95 +74,117 @@ def explain_run(
     Raises:
         PayscopeError: the input is wrong; nothing has been written then.
     """
-    _check_request(request)
-    whole = load_run_to_explain(request, on_stage)
-    _check_time_of_interest(request, whole)
-    explained = explain(whole, request.at_s)
-    if request.picture is not None:
+    _refuse_contradictory_request(explain_request)
+    whole = load_run_to_explain(explain_request, on_stage)
+    _refuse_time_outside_run(explain_request, whole)
+    explained = explain(whole, explain_request.at_s)
+    if explain_request.picture is not None:
         from recordings.explain.explanation_view import plot_explanation
 
-        plot_explanation(whole, explained, request.picture, force=request.force)
-    if request.corrected_file is None or request.machine_file is None:
-        return explained, None
+        plot_explanation(whole, explained, explain_request.picture, force=explain_request.force)
+    if explain_request.corrected_file is None or explain_request.machine_file is None:
+        return ExplainedRun(explained, None)
     from replay.explain.try_proposals import MachineText, write_corrected_machine_file
 
-    source = MachineText(request.machine_file, request.overrides)
-    output = (request.corrected_file, request.force)
-    return explained, write_corrected_machine_file(request.path, source, whole, output, on_stage)
+    source = MachineText(explain_request.machine_file, explain_request.overrides)
+    output = (explain_request.corrected_file, explain_request.force)
+    return ExplainedRun(
+        explained,
+        write_corrected_machine_file(explain_request.path, source, whole, output, on_stage),
+    )
 
 
-def _check_request(request: ExplainRequest) -> None:
-    if request.at_s is not None and not math.isfinite(request.at_s):
-        raise RecordingError(f"--at {request.at_s}: is not a time; name seconds since the start")
-    if request.machine_file is None and request.path.suffix != SUFFIX:
+def _refuse_contradictory_request(explain_request: ExplainRequest) -> None:
+    if explain_request.at_s is not None and not math.isfinite(explain_request.at_s):
+        raise RecordingError(
+            f"--at {explain_request.at_s}: is not a time; name seconds since the start"
+        )
+    if explain_request.machine_file is None and explain_request.path.suffix != SUFFIX:
         raise MachineError(
-            f"{request.path}: is not a recording ({SUFFIX}); to replay a log, name its machine "
+            f"{explain_request.path}: is not a recording ({SUFFIX}); to replay a log, name its "
+            "machine "
             "file with -m"
         )
-    inputs = [request.path, *([request.machine_file] if request.machine_file else [])]
-    if request.picture is not None:
-        refuse_input_as_output(request.picture, inputs)
-        require_writable_picture(request.picture, force=request.force)
-    if request.corrected_file is not None:
-        if request.machine_file is None:
+    inputs = [
+        explain_request.path,
+        *([explain_request.machine_file] if explain_request.machine_file else []),
+    ]
+    if explain_request.picture is not None:
+        refuse_input_as_output(explain_request.picture, inputs)
+        require_writable_picture(explain_request.picture, force=explain_request.force)
+    if explain_request.corrected_file is not None:
+        if explain_request.machine_file is None:
             raise MachineError(
-                f"{request.corrected_file}: --apply corrects a machine file; name that file with -m"
+                f"{explain_request.corrected_file}: --apply corrects a machine file; name that "
+                "file with -m"
             )
-        refuse_input_as_output(request.corrected_file, inputs)
-        require_writable_output(request.corrected_file, force=request.force)
+        refuse_input_as_output(explain_request.corrected_file, inputs)
+        require_writable_output(explain_request.corrected_file, force=explain_request.force)
 
 
-def _check_time_of_interest(request: ExplainRequest, run: Run) -> None:
+def _refuse_time_outside_run(explain_request: ExplainRequest, run: Run) -> None:
     gate = run.frames.get("gate")
-    if request.at_s is None or gate is None or gate.is_empty():
+    if explain_request.at_s is None or gate is None or gate.is_empty():
         return
     first_s, last_s = (round(int(gate["t_ns"][place]) / 1e9, 1) for place in (0, -1))
-    if not first_s <= round(request.at_s, 1) <= last_s:
+    if not first_s <= round(explain_request.at_s, 1) <= last_s:
         raise RecordingError(
-            f"{request.path}: has no data at {request.at_s:g} s; it has {first_s:g} to {last_s:g} s"
+            f"{explain_request.path}: has no data at {explain_request.at_s:g} s; it has "
+            f"{first_s:g} to {last_s:g} s"
         )
 
 
-def load_run_to_explain(request: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
+def load_run_to_explain(explain_request: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
     """The frames to explain, from the recording or from a replay."""
-    if request.machine_file is None:
-        with open_recording(request.path) as held:
-            return read_frames_for_explanation(held, pictured=request.picture is not None)
-    machine = load_machine(request.machine_file, request.overrides)
-    if request.path.suffix == SUFFIX and request.path.is_file():
-        with open_recording(request.path) as held:
-            if "findings" in held.stages and not _differs_from_recorded_machine(held, machine):
-                return read_frames_for_explanation(held, pictured=request.picture is not None)
+    if explain_request.machine_file is None:
+        with open_recording(explain_request.path) as held:
+            return read_frames_for_explanation(
+                held, is_picture_drawn=explain_request.picture is not None
+            )
+    machine = load_machine(explain_request.machine_file, explain_request.overrides)
+    if explain_request.path.suffix == SUFFIX and explain_request.path.is_file():
+        with open_recording(explain_request.path) as held:
+            if "findings" in held.columns_by_frame and not _does_machine_differ_from_recorded(
+                held, machine
+            ):
+                return read_frames_for_explanation(
+                    held, is_picture_drawn=explain_request.picture is not None
+                )
     # a recording is explained without what replays a log
     from replay.pipeline import run
 
-    with open_log(request.path, time=find_time_axis_of_machine(machine)) as log:
+    with open_log(explain_request.path, time=find_time_axis_of_machine(machine)) as log:
         try:
             return run(log, machine, on_stage)
         except DataError as error:
-            raise DataError(f"{request.path} with {request.machine_file}: {error}") from None
+            raise DataError(
+                f"{explain_request.path} with {explain_request.machine_file}: {error}"
+            ) from None
 
 
-def _differs_from_recorded_machine(recording: OpenRecording, machine: Machine) -> bool:
+def _does_machine_differ_from_recorded(recording: OpenRecording, machine: Machine) -> bool:
     """Whether the machine file differs from that of the recording."""
     about = recording.provenance
     recorded = Machine.model_validate({**about.machine, "settings": about.settings})
     return bool(list_changed_settings_and_keys(recorded, machine))
 
 
-def read_frames_for_explanation(recording: OpenRecording, *, pictured: bool) -> Run:
+def read_frames_for_explanation(recording: OpenRecording, *, is_picture_drawn: bool) -> Run:
     """Read the frames needed for an explanation or a picture."""
     recording.refuse_without_frames()
     wanted: dict[str, Sequence[str]] = {}
-    for name, columns in recording.stages.items():
+    for name, columns in recording.columns_by_frame.items():
         if name in SMALL:
             wanted[name] = columns
         elif name in COLUMNS:
-            kept = {*COLUMNS[name], *(list_drawn_columns(name, columns) if pictured else ())}
+            kept = {
+                *COLUMNS[name],
+                *(list_columns_needed_for_drawing(name, columns) if is_picture_drawn else ()),
+            }
             wanted[name] = [column for column in columns if column in kept]
-        elif pictured and name in _RECURSIVE:
+        elif is_picture_drawn and name in _RECURSIVE:
             wanted[name] = [column for column in columns if column in _SETTLING]
-    frames = {name: recording.read(name, columns) for name, columns in wanted.items()}
+    frames = {name: recording.read_frame(name, columns) for name, columns in wanted.items()}
     # what a recovered recording has lost must not pass for what its log does not show
     lost = [each for each in recording.manifest.frames if each.name in frames]
     lost = [each for each in lost if frames[each.name].height != each.rows]

@@ -7,6 +7,7 @@ first half, and tested on the second half.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +16,8 @@ from analysis.model.answer import Answer, answer
 from analysis.model.run_record import Run
 from analysis.model.schema import column_values
 from estimators.errors import DataError, MachineError
-from recordings.report.finding_text import read_findings
-from replay.explain.proposal_edits import Proposal, split_finding_into_proposals
+from recordings.report.finding_text import read_findings_of_run
+from replay.explain.proposal_edits import Proposal, split_finding_to_proposal_per_key
 from replay.explain.proposal_limits import LIMITS
 
 #: First and last log time of a stretch; None: the log's own.
@@ -38,36 +39,41 @@ class ProposalTrial:
     before: Run
     after: Run
 
-    def describe_objection(self) -> str:
+    def explain_why_trial_is_not_better(self) -> str:
         """Why the replay with the proposal is not better; empty if it is."""
         was, now = answer(self.before), answer(self.after)
         open_before = was.verdict.can_weigh
         if open_before and not now.verdict.can_weigh:
             return "the log could no longer weigh"
-        still = find_same_finding(self.finding, self.after)
-        claimed = is_mass_change_as_claimed(was, now, self.finding)
-        if still is not None and not is_cause_reduced(
+        still = find_finding_of_same_cause_and_keys(self.finding, self.after)
+        claimed = did_mass_change_as_claimed(was, now, self.finding)
+        if still is not None and not is_cause_reduced_by_proposal(
             still, self.finding, is_change_claimed=claimed
         ):
             return "the log still shows the finding"
-        by_mass = self._describe_empty_mass_objection(was, now)
+        by_mass = self._explain_empty_mass_contradiction(was, now)
         if by_mass:
             return by_mass
         if not open_before:
             return ""
-        worse = sorted(list_failed_mass_checks(now) - list_failed_mass_checks(was))
+        worse = sorted(
+            list_failed_checks_with_consequence(now) - list_failed_checks_with_consequence(was)
+        )
         if worse:
             return f"the log would fail {', '.join(worse)}"
-        if self.finding.severity == "tell" and _smallest_load_u_kg(
+        if self.finding.severity == "tell" and _find_smallest_load_u_kg(
             now
-        ) > LIMITS.max_u_growth * _smallest_load_u_kg(was):
+        ) > LIMITS.max_u_growth * _find_smallest_load_u_kg(was):
             return "the uncertainty would grow"
         return ""
 
-    def _describe_empty_mass_objection(self, answer_before: Answer, answer_after: Answer) -> str:
+    def _explain_empty_mass_contradiction(self, answer_before: Answer, answer_after: Answer) -> str:
         """Objection by the empty mass or by gravity at rest; empty if there is none."""
         empty_kg = self.before.provenance.machine["machine"].get("empty_mass_kg")
-        one, other = _find_lightest_load(answer_before), _find_lightest_load(answer_after)
+        one, other = (
+            _find_lightest_load_mass_and_u_kg(answer_before),
+            _find_lightest_load_mass_and_u_kg(answer_after),
+        )
         nearer = False
         if empty_kg and one is not None and other is not None:
             off, now_off = abs(one[0] - empty_kg), abs(other[0] - empty_kg)
@@ -84,7 +90,10 @@ class ProposalTrial:
                 return "the machine would weigh less than when empty: the wrong factor is elsewhere"
         if self.finding.cause != "wheel_radius" or nearer:
             return ""
-        if _reads_gravity(self.after) and "imu_loose" not in self.finding.alternatives:
+        if (
+            _does_accelerometer_read_gravity(self.after)
+            and "imu_loose" not in self.finding.alternatives
+        ):
             return ""
         return (
             "the accelerometer's scale may be off as well: gravity along z at rest, or the mass "
@@ -92,7 +101,7 @@ class ProposalTrial:
         )
 
 
-def describe_held_out_objection(
+def explain_failure_on_held_out_half(
     finding: Finding, run_without_proposal: Run, span_ns: tuple[int, int], replay: Replay
 ) -> str:
     """Why the proposal fails on a held-out half of the log; empty if it holds.
@@ -106,39 +115,39 @@ def describe_held_out_objection(
     Returns:
         Empty where it holds.
     """
-    middle_ns = find_time_between_middle_starts_ns(run_without_proposal, *span_ns)
+    middle_ns = find_time_halving_starts_ns(run_without_proposal, *span_ns)
     if middle_ns is None:
         return "the log is too short to test the correction on stretches that it was not fitted to"
     first, second = (None, middle_ns), (middle_ns + 1, None)
     try:
-        fitted = find_same_finding(finding, replay((), first))
+        fitted = find_finding_of_same_cause_and_keys(finding, replay((), first))
         if fitted is None:
             return "the first half of the log does not show the finding"
         unchanged = replay((), second)
-        seen = find_same_finding(finding, unchanged)
+        seen = find_finding_of_same_cause_and_keys(finding, unchanged)
         if seen is None:
             return "the second half of the log does not show the finding"
-        changed = replay(split_finding_into_proposals(fitted), second)
+        changed = replay(split_finding_to_proposal_per_key(fitted), second)
     except (DataError, MachineError):
         return "half of the log is too short to test the correction"
     was, now = answer(unchanged), answer(changed)
-    left = find_same_finding(finding, changed)
-    claimed = is_mass_change_as_claimed(was, now, seen)
-    if left is not None and not is_cause_reduced(left, seen, is_change_claimed=claimed):
+    left = find_finding_of_same_cause_and_keys(finding, changed)
+    claimed = did_mass_change_as_claimed(was, now, seen)
+    if left is not None and not is_cause_reduced_by_proposal(left, seen, is_change_claimed=claimed):
         return "the correction from the first half of the log does not improve the second"
     if was.verdict.can_weigh and not now.verdict.can_weigh:
         return "the correction from the first half of the log worsens the second"
     return ""
 
 
-def find_same_finding(finding: Finding, run: Run) -> Finding | None:
+def find_finding_of_same_cause_and_keys(finding: Finding, run: Run) -> Finding | None:
     """Finding of the same cause with a proposal for the same keys; None if absent."""
     keys = finding.setting
-    shown = (each for each in read_findings(run) if each.cause == finding.cause)
+    shown = (each for each in read_findings_of_run(run) if each.cause == finding.cause)
     return next((each for each in shown if each.setting == keys), None)
 
 
-def find_time_between_middle_starts_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
+def find_time_halving_starts_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
     """Log time half-way between the two middle starts, in ns.
 
     The middle of the log if it has no starts; None if it has too few of them.
@@ -154,7 +163,7 @@ def find_time_between_middle_starts_ns(run: Run, begin_ns: int, end_ns: int) -> 
     return begin_ns + round(middle * (end_ns - begin_ns))
 
 
-def list_failed_mass_checks(answer: Answer) -> set[str]:
+def list_failed_checks_with_consequence(answer: Answer) -> set[str]:
     """Failed checks of the mass that have a consequence."""
     costs = ("withhold", "widen")
     return {
@@ -164,12 +173,20 @@ def list_failed_mass_checks(answer: Answer) -> set[str]:
     }
 
 
-def _find_lightest_load(answer: Answer) -> tuple[float, float] | None:
-    known = [(row["mass_kg"], row["u_kg"]) for row in answer.loads if row["mass_kg"] is not None]
+class _LoadMass(NamedTuple):
+    """Mass of a load with its standard uncertainty."""
+
+    mass_kg: float
+    u_kg: float
+
+
+def _find_lightest_load_mass_and_u_kg(answer: Answer) -> _LoadMass | None:
+    weighed = (row for row in answer.loads if row["mass_kg"] is not None)
+    known = [_LoadMass(row["mass_kg"], row["u_kg"]) for row in weighed]
     return min(known, default=None)
 
 
-def _reads_gravity(run: Run) -> bool:
+def _does_accelerometer_read_gravity(run: Run) -> bool:
     """Whether the z axis reads gravity at rest, so that the accelerometer's scale is right."""
     frame = run.frames["excitation"]
     if "specific_force_z_m_s2" not in frame.columns:
@@ -180,13 +197,15 @@ def _reads_gravity(run: Run) -> bool:
     return bool(z.size) and abs(float(np.nanmedian(z)) / pull - 1.0) < LIMITS.gravity_tolerance_1
 
 
-def is_cause_reduced(remaining: Finding, finding: Finding, *, is_change_claimed: bool) -> bool:
+def is_cause_reduced_by_proposal(
+    remaining_finding: Finding, finding: Finding, *, is_change_claimed: bool
+) -> bool:
     """Whether a cause has nearly vanished, or is weaker and the mass changed as claimed."""
-    left = remaining.strength_1 / finding.strength_1
+    left = remaining_finding.strength_1 / finding.strength_1
     return left < LIMITS.remaining_strength or (left < 1.0 and is_change_claimed)
 
 
-def is_mass_change_as_claimed(
+def did_mass_change_as_claimed(
     answer_before: Answer, answer_after: Answer, finding: Finding
 ) -> bool:
     """Whether the masses changed significantly and as the finding claims."""
@@ -203,7 +222,7 @@ def is_mass_change_as_claimed(
     return bool(moved) and abs(sum(moved) / len(moved) - claimed) <= LIMITS.coverage_factor * u_kg
 
 
-def _smallest_load_u_kg(answer: Answer) -> float:
+def _find_smallest_load_u_kg(answer: Answer) -> float:
     """Standard uncertainty of the best-known load."""
     return min(
         (load["u_kg"] for load in answer.loads if load["u_kg"] is not None), default=math.inf

@@ -8,7 +8,7 @@ from typing import Any
 
 from analysis.explain import Finding
 from estimators.errors import MachineError, one_line
-from recordings.report.finding_text import describe_mass_change_if_fixed, find_cause_name
+from recordings.report.finding_text import describe_mass_change_if_fixed, find_readable_cause_name
 from replay.machines.old_names import BothNamesError, migrate_toml_text
 
 
@@ -33,7 +33,7 @@ class Proposal:
     change_u_kg: float | None = None
 
 
-def split_finding_into_proposals(finding: Finding) -> tuple[Proposal, ...]:
+def split_finding_to_proposal_per_key(finding: Finding) -> tuple[Proposal, ...]:
     """Proposals of a finding, one per key; empty if there are none."""
     if not finding.has_proposal:
         return ()
@@ -45,7 +45,7 @@ def split_finding_into_proposals(finding: Finding) -> tuple[Proposal, ...]:
         filter(
             None,
             (
-                find_cause_name(finding.cause),
+                find_readable_cause_name(finding.cause),
                 finding.evidence,
                 describe_mass_change_if_fixed(finding),
             ),
@@ -72,15 +72,17 @@ def parse_comma_separated_toml(text: str) -> list[Any]:
         return []
 
 
-def insert_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
+def insert_proposals_into_machine_file(
+    machine_text: str, changes: Sequence[Proposal], machine_path: Path
+) -> str:
     """Insert proposals into a machine file, each with a comment after the user's own.
 
     Old names of keys are replaced first, so that no proposal duplicates an old name.
 
     Args:
-        text: text of the machine file.
+        machine_text: text of the machine file.
         changes: the proposals.
-        path: path of the file, for error messages.
+        machine_path: path of the file, for error messages.
 
     Raises:
         MachineError: invalid TOML, a key leads through a value, or an old name needs a decision.
@@ -91,7 +93,7 @@ def insert_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
     from tomlkit.items import InlineTable, Table
 
     try:
-        document = tomlkit.parse(migrate_toml_text(text)[0])
+        document = tomlkit.parse(migrate_toml_text(machine_text)[0])
         for change in changes:
             *sections, name = change.key.split(".")
             place: Any = document
@@ -100,7 +102,9 @@ def insert_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
                     place[section] = tomlkit.table()
                 place = place[section]
                 if not isinstance(place, Table | InlineTable | OutOfOrderTableProxy):
-                    raise MachineError(f"{path}: '{section}' of {change.key} is not a table")
+                    raise MachineError(
+                        f"{machine_path}: '{section}' of {change.key} is not a table"
+                    )
             new = tomlkit.item(change.value)
             # within braces, TOML has no comments
             if not isinstance(place, InlineTable):
@@ -108,19 +112,21 @@ def insert_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
             place[name] = new
         return tomlkit.dumps(document)
     except BothNamesError as error:
-        raise MachineError(f"{path}: {error}") from None
+        raise MachineError(f"{machine_path}: {error}") from None
     except (TOMLKitError, tomllib.TOMLDecodeError) as error:
-        raise MachineError(f"{path}: is not TOML: {one_line(str(error))}") from None
+        raise MachineError(f"{machine_path}: is not TOML: {one_line(str(error))}") from None
 
 
-def _format_change_comment(place: Any, name: str, reason: str) -> str:
+def _format_change_comment(table: Any, key_name: str, reason: str) -> str:
     """Comment of a changed key: the user's comment, the reason, and the old value."""
     import tomlkit
     from tomlkit.items import Table
 
-    if name not in place:
+    if key_name not in table:
         return f"payscope: {reason}"
     # a boolean would come out of a table as it is, without its comment
-    was: Any = place.value.item(name) if isinstance(place, Table) else tomlkit.item(place[name])
+    was: Any = (
+        table.value.item(key_name) if isinstance(table, Table) else tomlkit.item(table[key_name])
+    )
     theirs = was.trivia.comment.lstrip("# ")
     return "; ".join(filter(None, (theirs, f"payscope: {reason}; it was {was.as_string()}")))

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import polars as pl
 
@@ -22,10 +22,14 @@ from analysis.model.answer import Answer, answer
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
-from recordings.report.atomic_output import atomic_file
-from recordings.report.finding_text import find_cause_name, read_findings
-from replay.explain.judge_proposal import ProposalTrial, Stretch, describe_held_out_objection
-from replay.explain.proposal_edits import Proposal, insert_proposals, split_finding_into_proposals
+from recordings.report.atomic_output import stage_output_file
+from recordings.report.finding_text import find_readable_cause_name, read_findings_of_run
+from replay.explain.judge_proposal import ProposalTrial, Stretch, explain_failure_on_held_out_half
+from replay.explain.proposal_edits import (
+    Proposal,
+    insert_proposals_into_machine_file,
+    split_finding_to_proposal_per_key,
+)
 from replay.explain.proposal_limits import LIMITS
 from replay.inputs.channel_inputs import list_channel_fields
 from replay.inputs.derived_logs import CachedLog, LogPart
@@ -101,8 +105,8 @@ class ProposalReplays:
     path: Path
     on_stage: Callable[[str], None] = lambda _: None
 
-    def replay_with_changes(
-        self, changes: Sequence[Proposal], stretch: Stretch = (None, None)
+    def replay_log_with_proposals(
+        self, proposals: Sequence[Proposal], span_ns: Stretch = (None, None)
     ) -> Run:
         """Replay the log, or a part of it, with proposals in its machine file.
 
@@ -111,13 +115,14 @@ class ProposalReplays:
             MachineError: the proposals give an invalid machine file.
         """
         machine = self.load(
-            insert_proposals(self.text, changes, self.path), [each.key for each in changes]
+            insert_proposals_into_machine_file(self.text, proposals, self.path),
+            [each.key for each in proposals],
         )
-        whole = stretch == (None, None)
-        return run(self.log if whole else LogPart(self.log, *stretch), machine, self.on_stage)
+        whole = span_ns == (None, None)
+        return run(self.log if whole else LogPart(self.log, *span_ns), machine, self.on_stage)
 
     @cached_property
-    def span_ns(self) -> tuple[int, int]:
+    def log_span_ns(self) -> tuple[int, int]:
         """First and last log time of the topics that the machine file uses."""
         topics = self.log.topics().filter(
             pl.col("topic").is_in(list(list_channel_fields(self.load(self.text, ()))))
@@ -146,8 +151,8 @@ class ProposalProgress:
 
 
 def write_corrected_machine_file(
-    path: Path,
-    source: MachineText,
+    log_path: Path,
+    machine_text: MachineText,
     run_without_proposals: Run,
     output: tuple[Path, bool],
     on_stage: Callable[[str], None] = lambda _: None,
@@ -155,8 +160,8 @@ def write_corrected_machine_file(
     """Write a machine file with the proposals that help.
 
     Args:
-        path: log, or recording of it.
-        source: machine file of the replay.
+        log_path: log, or recording of it.
+        machine_text: machine file of the replay.
         run_without_proposals: replay without proposals.
         output: file to write, and whether to replace an existing one.
         on_stage: called with each stage of a replay when it begins.
@@ -164,35 +169,39 @@ def write_corrected_machine_file(
     Raises:
         PayscopeError: the machine file cannot be read, or the output cannot be written.
     """
-    file = find_machine_file(source.path)
-    text = _read_machine_text(file)
-    machine = load_machine(source.path, source.overrides)
+    file = find_machine_file(machine_text.path)
+    text = _read_text_of_machine_file(file)
+    machine = load_machine(machine_text.path, machine_text.overrides)
     with (
-        open_log(path, time=find_time_axis_of_machine(machine)) as opened,
+        open_log(log_path, time=find_time_axis_of_machine(machine)) as opened,
         tempfile.TemporaryDirectory(prefix="payscope-") as folder,
     ):
         trial = Path(folder) / file.name
 
         def load_trial_machine(text: str, keys: Sequence[str]) -> Machine:
             trial.write_text(text, encoding="utf-8")
-            others = [o for o in source.overrides if o.partition("=")[0].strip() not in keys]
+            others = [o for o in machine_text.overrides if o.partition("=")[0].strip() not in keys]
             try:
                 return load_machine(trial, others)
             except MachineError as error:
                 raise MachineError(str(error).removeprefix(f"{trial}: ")) from None
 
-        progress = try_all_proposals(
+        progress = try_proposals_one_by_one(
             run_without_proposals,
             ProposalReplays(CachedLog(opened), text, load_trial_machine, file, on_stage),
         )
     if not progress.changes:
         return _make_corrected_machine(None, progress, run_without_proposals)
-    with atomic_file(output[0], force=output[1]) as partial:
-        partial.write_text(insert_proposals(text, progress.changes, file), encoding="utf-8")
+    with stage_output_file(output[0], force=output[1]) as partial:
+        partial.write_text(
+            insert_proposals_into_machine_file(text, progress.changes, file), encoding="utf-8"
+        )
     return _make_corrected_machine(output[0], progress, run_without_proposals)
 
 
-def try_all_proposals(run_without_proposals: Run, replays: ProposalReplays) -> ProposalProgress:
+def try_proposals_one_by_one(
+    run_without_proposals: Run, replays: ProposalReplays
+) -> ProposalProgress:
     """Try the proposals one by one, and accept those that help.
 
     Args:
@@ -201,15 +210,16 @@ def try_all_proposals(run_without_proposals: Run, replays: ProposalReplays) -> P
     """
     tried = ProposalProgress(run_without_proposals)
     for _ in range(LIMITS.max_proposals):
-        finding = _find_next_proposal(tried)
+        finding = _find_next_finding_to_try(tried)
         if finding is None:
             break
-        try_proposal(tried, finding, replays)
-    behind = find_masked_causes(tried)
+        try_proposal_of_finding(tried, finding, replays)
+    behind = find_causes_explained_by_others(tried)
     tried.rejected += [
         RejectedProposal(
-            split_finding_into_proposals(each)[0],
-            f"{find_cause_name(behind[each.cause])} explains this finding and is still present",
+            split_finding_to_proposal_per_key(each)[0],
+            f"{find_readable_cause_name(behind[each.cause])} explains this finding and is still "
+            "present",
         )
         for each in list_untried_findings(tried)
         if each.cause in behind
@@ -217,27 +227,29 @@ def try_all_proposals(run_without_proposals: Run, replays: ProposalReplays) -> P
     if tried.changes and not answer(tried.run).verdict.can_weigh:
         tried.rejected += [
             RejectedProposal(each, "the mass remains withheld")
-            for each in _first_proposals_by_cause(tried.changes)
+            for each in _select_first_proposal_of_causes(tried.changes)
         ]
         return ProposalProgress(run_without_proposals, rejected=tried.rejected)
-    reject_unneeded_proposals(tried, replays)
+    reject_unneeded_accepted_proposals(tried, replays)
     return tried
 
 
-def _first_proposals_by_cause(changes: Sequence[Proposal]) -> list[Proposal]:
+def _select_first_proposal_of_causes(proposals: Sequence[Proposal]) -> list[Proposal]:
     """Proposal for the first key of each cause."""
-    return list({each.cause: each for each in reversed(changes)}.values())[::-1]
+    return list({each.cause: each for each in reversed(proposals)}.values())[::-1]
 
 
-def reject_unneeded_proposals(progress: ProposalProgress, replays: ProposalReplays) -> None:
+def reject_unneeded_accepted_proposals(
+    progress: ProposalProgress, replays: ProposalReplays
+) -> None:
     """Reject proposals accepted while the mass was withheld that turn out unnecessary."""
     for finding in progress.while_withheld[:-1]:
         others = [each for each in progress.changes if each.cause != finding.cause]
         try:
-            without = replays.replay_with_changes(others)
+            without = replays.replay_log_with_proposals(others)
         except (DataError, MachineError):
             continue
-        shown = {each.cause for each in read_findings(without)}
+        shown = {each.cause for each in read_findings_of_run(without)}
         if answer(without).verdict.can_weigh and finding.cause not in shown:
             own = next(each for each in progress.changes if each.cause == finding.cause)
             progress.rejected.append(
@@ -246,20 +258,20 @@ def reject_unneeded_proposals(progress: ProposalProgress, replays: ProposalRepla
             progress.changes, progress.run = others, without
 
 
-def _read_machine_text(file: Path) -> str:
+def _read_text_of_machine_file(machine_path: Path) -> str:
     try:
-        return file.read_text(encoding="utf-8")
+        return machine_path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise MachineError(f"{file}: cannot be read ({error})") from None
+        raise MachineError(f"{machine_path}: cannot be read ({error})") from None
 
 
-def _find_next_proposal(progress: ProposalProgress) -> Finding | None:
+def _find_next_finding_to_try(progress: ProposalProgress) -> Finding | None:
     """Most likely untried cause with a proposal that no remaining cause explains."""
     return next(
         (
             each
             for each in list_untried_findings(progress)
-            if each.cause not in find_masked_causes(progress)
+            if each.cause not in find_causes_explained_by_others(progress)
         ),
         None,
     )
@@ -267,15 +279,16 @@ def _find_next_proposal(progress: ProposalProgress) -> Finding | None:
 
 def list_untried_findings(progress: ProposalProgress) -> list[Finding]:
     """Findings with a proposal that was not tried."""
-    shown = read_findings(progress.run)
+    shown = read_findings_of_run(progress.run)
     return [
         each
         for each in shown
-        if _make_finding_key(each) not in progress.tried and split_finding_into_proposals(each)
+        if _make_key_of_finding(each) not in progress.tried
+        and split_finding_to_proposal_per_key(each)
     ]
 
 
-def find_masked_causes(progress: ProposalProgress) -> dict[str, str]:
+def find_causes_explained_by_others(progress: ProposalProgress) -> dict[str, str]:
     """Causes that a remaining cause may explain, with that cause.
 
     Causes that invalidate the mass are left out, since trying them loses nothing.
@@ -283,9 +296,9 @@ def find_masked_causes(progress: ProposalProgress) -> dict[str, str]:
     # the table brings all that looks for causes
     from analysis.findings import CAUSES
 
-    shown = read_findings(progress.run)
-    untried = {_make_finding_key(each) for each in list_untried_findings(progress)}
-    stays = {each.cause for each in shown if _make_finding_key(each) not in untried}
+    shown = read_findings_of_run(progress.run)
+    untried = {_make_key_of_finding(each) for each in list_untried_findings(progress)}
+    stays = {each.cause for each in shown if _make_key_of_finding(each) not in untried}
     ranks = {each.cause: each.rank for each in reversed(shown)}
     grave = {each.cause for each in shown if each.severity == "withhold"}
     return {
@@ -300,23 +313,34 @@ def find_masked_causes(progress: ProposalProgress) -> dict[str, str]:
     }
 
 
-def _make_finding_key(finding: Finding) -> tuple[str, str | None]:
-    return finding.cause, finding.channel
+class _FindingKey(NamedTuple):
+    """What tells findings apart: the cause and the channel."""
+
+    cause: str
+    channel: str | None
 
 
-def try_proposal(progress: ProposalProgress, finding: Finding, replays: ProposalReplays) -> None:
+def _make_key_of_finding(finding: Finding) -> _FindingKey:
+    return _FindingKey(finding.cause, finding.channel)
+
+
+def try_proposal_of_finding(
+    progress: ProposalProgress, finding: Finding, replays: ProposalReplays
+) -> None:
     """Replay with a proposal, and accept or reject it."""
-    progress.tried.add(_make_finding_key(finding))
-    changes = list(split_finding_into_proposals(finding))
+    progress.tried.add(_make_key_of_finding(finding))
+    changes = list(split_finding_to_proposal_per_key(finding))
     try:
-        replayed = replays.replay_with_changes([*progress.changes, *changes])
+        replayed = replays.replay_log_with_proposals([*progress.changes, *changes])
         why = ProposalTrial(
             finding, progress.run, replayed
-        ).describe_objection() or describe_held_out_objection(
+        ).explain_why_trial_is_not_better() or explain_failure_on_held_out_half(
             finding,
             progress.run,
-            replays.span_ns,
-            lambda more, stretch: replays.replay_with_changes([*progress.changes, *more], stretch),
+            replays.log_span_ns,
+            lambda more, stretch: replays.replay_log_with_proposals(
+                [*progress.changes, *more], stretch
+            ),
         )
     except (DataError, MachineError) as error:
         why = str(error)
@@ -331,13 +355,13 @@ def try_proposal(progress: ProposalProgress, finding: Finding, replays: Proposal
 
 
 def _make_corrected_machine(
-    path: Path | None, progress: ProposalProgress, run_without_proposals: Run
+    output_path: Path | None, progress: ProposalProgress, run_without_proposals: Run
 ) -> CorrectedMachine:
     return CorrectedMachine(
-        path,
+        output_path,
         tuple(progress.changes),
         tuple(progress.rejected),
         answer(run_without_proposals),
         answer(progress.run),
-        read_findings(progress.run),
+        read_findings_of_run(progress.run),
     )

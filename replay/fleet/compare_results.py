@@ -13,11 +13,11 @@ import polars as pl
 from analysis.fleet.daily_figures import UNDATED
 from analysis.fleet.results_comparison import FleetComparison, compare_results
 from estimators.errors import FleetError
-from replay.fleet.gathered_tables import FleetResults, open_fleet_results
+from replay.fleet.gathered_tables import FleetResults, open_results_of_fleet
 from replay.fleet.last_run import LastRun, NamedFiles, TaskLimits
-from replay.fleet.log_sources import FleetLog, list_fleet_logs
-from replay.fleet.machine_setups import MachineSetup, make_machine_setups
-from replay.fleet.run_fleet import FleetRun, OnDone, replay_fleet
+from replay.fleet.log_sources import FleetLog, list_logs_of_sources
+from replay.fleet.machine_setups import MachineSetup, make_setups_of_machine
+from replay.fleet.run_fleet import FleetRun, OnDone, replay_logs_of_fleet
 from replay.fleet.task_engine import TaskEngine
 
 WHAT_IF: Final = "what-if"
@@ -32,7 +32,7 @@ class DayRange:
     first: dt.date | None = None
     last: dt.date | None = None
 
-    def select_results(self, results: pl.DataFrame) -> pl.DataFrame:
+    def select_results_in_range(self, results: pl.DataFrame) -> pl.DataFrame:
         """Results within the range."""
         if self.first is None and self.last is None:
             return results
@@ -81,7 +81,7 @@ class OtherSettings:
         """Resource limits of one recording."""
         return self.last.limits
 
-    def setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:
+    def list_setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:
         """Replay setups of a log; evidence that does not fit the settings is skipped."""
         machine = self.machines[log]
         if machine not in self.last.machines:
@@ -96,19 +96,24 @@ class OtherSettings:
 @cache
 def _make_setups_with_fitting_evidence(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
     """Setups of a machine, read once; evidence made with other settings is skipped."""
-    return make_machine_setups(machine, files, lenient=True)
+    return make_setups_of_machine(machine, files, is_unfit_evidence_skipped=True)
 
 
-def compare_fleets(a: FleetResults, b: FleetResults, days: DayRange) -> FleetComparison:
+def compare_fleets(
+    fleet_a: FleetResults, fleet_b: FleetResults, day_range: DayRange
+) -> FleetComparison:
     """Compare the results in a range of days.
 
     Raises:
         FleetError: the two have no log in common.
     """
-    found = compare_results(days.select_results(a.results), days.select_results(b.results))
+    found = compare_results(
+        day_range.select_results_in_range(fleet_a.selected_results),
+        day_range.select_results_in_range(fleet_b.selected_results),
+    )
     if found.logs.is_empty():
         raise FleetError(
-            f"{a.store.place} and {b.store.place}: have no log in common on these days"
+            f"{fleet_a.store.place} and {fleet_b.store.place}: have no log in common on these days"
         )
     return found
 
@@ -116,7 +121,7 @@ def compare_fleets(a: FleetResults, b: FleetResults, days: DayRange) -> FleetCom
 def replay_fleet_with_settings(
     results: FleetResults,
     overrides: Sequence[str],
-    days: DayRange,
+    day_range: DayRange,
     engine: Callable[[], AbstractContextManager[TaskEngine]],
     callbacks: RunCallbacks,
 ) -> tuple[FleetResults, FleetRun, int]:
@@ -125,7 +130,7 @@ def replay_fleet_with_settings(
     Args:
         results: results with the logs and machine files.
         overrides: `key=value` for every machine file.
-        days: range of days of the logs.
+        day_range: range of days of the logs.
         engine: opens an engine.
         callbacks: callbacks of the run.
 
@@ -135,13 +140,13 @@ def replay_fleet_with_settings(
     Raises:
         FleetError: none of the logs exists any more.
     """
-    rows = days.select_results(results.results).select("source", "machine")
+    rows = day_range.select_results_in_range(results.selected_results).select("source", "machine")
     machines: dict[str, str] = dict(rows.iter_rows())
     logs: list[FleetLog] = []
     gone = 0
     for source in machines:
         try:
-            logs += list_fleet_logs([source])
+            logs += list_logs_of_sources([source])
         except FleetError:
             gone += 1
     if not logs:
@@ -151,7 +156,7 @@ def replay_fleet_with_settings(
         )
     plan = OtherSettings(results.last_run, tuple(overrides), machines)
     digest = hashlib.sha256("\n".join(overrides).encode()).hexdigest()[:_DIGITS]
-    place = results.store.full_name(f"{WHAT_IF}/{digest}")
+    place = results.store.make_full_object_name(f"{WHAT_IF}/{digest}")
     callbacks.logs(logs)
-    did = replay_fleet(logs, plan, place, engine, callbacks.done, callbacks.engine)
-    return open_fleet_results(place), did, gone
+    did = replay_logs_of_fleet(logs, plan, place, engine, callbacks.done, callbacks.engine)
+    return open_results_of_fleet(place), did, gone

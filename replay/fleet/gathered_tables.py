@@ -24,8 +24,17 @@ from analysis.model.check_names import rename_stored_checks
 from estimators.errors import FleetError, OutputError
 from replay.fleet.last_run import CALIBRATIONS, CURRENT, FAILED, LastRun
 from replay.fleet.object_store import ObjectStore
-from replay.fleet.results_layout import MARK, ResultName, parquet_bytes, parse_result_name
-from replay.frames.select_statement import Tables, explain_query_error, run_select_in_stable_order
+from replay.fleet.results_layout import (
+    MARK,
+    ResultName,
+    encode_table_as_parquet_bytes,
+    parse_result_name,
+)
+from replay.frames.select_statement import (
+    Tables,
+    convert_to_query_error,
+    run_select_in_stable_order,
+)
 
 _GATHERED: Final = "gathered"
 #: Hexadecimal digits of a digest that tell sets of results apart.
@@ -44,7 +53,7 @@ class FleetResults:
     store: ObjectStore
 
     @cached_property
-    def names(self) -> Mapping[str, Sequence[ResultName]]:
+    def result_names_by_machine(self) -> Mapping[str, Sequence[ResultName]]:
         """Existing results of every machine, by day and key."""
         found: dict[str, list[ResultName]] = {}
         for each in self.store.list_names(MARK):
@@ -62,12 +71,12 @@ class FleetResults:
             if name == f"{MARK}.parquet":  # written last
                 there.setdefault(folder.rpartition("/")[0], []).append(folder)
         found: dict[str, str] = {}
-        for machine, names in self.names.items():
+        for machine, names in self.result_names_by_machine.items():
             home = f"{_GATHERED}/machine={quote(machine, safe='')}"
             wanted = f"{home}/{_digest_result_names(names)}"
             old = there.get(home, [])
             if wanted not in old:
-                self._gather_machine(wanted, names, old)
+                self._gather_tables_of_machine(wanted, names, old)
             found[machine] = wanted
         return found
 
@@ -75,7 +84,7 @@ class FleetResults:
         """Update the gathered tables."""
         _ = self._gathered_folder_by_machine
 
-    def _gather_machine(
+    def _gather_tables_of_machine(
         self, folder: str, names: Sequence[ResultName], old_names: Sequence[str]
     ) -> None:
         """Gather the results of one machine."""
@@ -83,42 +92,52 @@ class FleetResults:
         known: set[str] = set()
         base = ""
         for each in old_names:
-            held = set(self._read_table(f"{each}/{MARK}.parquet")["key"])
+            held = set(self._read_gathered_table(f"{each}/{MARK}.parquet")["key"])
             if held <= keys and len(held) >= len(known):
                 base, known = each, held
         new = [name for name in names if name.key not in known]
         for table in TABLES:
-            parts = self.store.read_existing_or_none(name.table_object_name(table) for name in new)
+            parts = self.store.iter_object_contents_or_none(
+                name.make_object_name_of_table(table) for name in new
+            )
             frames = [pl.read_parquet(io.BytesIO(part)) for part in parts if part is not None]
             if base:
-                frames.insert(0, self._read_table(f"{base}/{table}.parquet"))
+                frames.insert(0, self._read_gathered_table(f"{base}/{table}.parquet"))
             # rows of one result keep their order
             whole = pl.concat([pl.DataFrame(schema=make_table_schema(table)), *frames])
             ordered = whole.sort(_ORDER, maintain_order=True, nulls_last=True)
-            self.store.write(f"{folder}/{table}.parquet", parquet_bytes(ordered))
-        self.store.delete([f"{each}/{table}.parquet" for each in old_names for table in TABLES])
+            self.store.write_object(
+                f"{folder}/{table}.parquet", encode_table_as_parquet_bytes(ordered)
+            )
+        self.store.delete_objects(
+            [f"{each}/{table}.parquet" for each in old_names for table in TABLES]
+        )
 
-    def _read_table(self, name: str) -> pl.DataFrame:
-        return pl.read_parquet(io.BytesIO(self.store.read(name)))
+    def _read_gathered_table(self, name: str) -> pl.DataFrame:
+        return pl.read_parquet(io.BytesIO(self.store.read_object(name)))
 
-    def scan_all_rows(self, name: str) -> pl.LazyFrame:
+    def scan_rows_of_all_settings(self, table_name: str) -> pl.LazyFrame:
         """Table of all results under any settings, ordered by machine and log."""
-        files = [f"{folder}/{name}.parquet" for folder in self._gathered_folder_by_machine.values()]
+        files = [
+            f"{folder}/{table_name}.parquet" for folder in self._gathered_folder_by_machine.values()
+        ]
         if not files:
-            return pl.LazyFrame(schema=make_table_schema(name))
+            return pl.LazyFrame(schema=make_table_schema(table_name))
         if self.store.folder is not None:
             rows = pl.scan_parquet([Path(self.store.folder, each) for each in files])
-            return rename_stored_checks(name, rows)
+            return rename_stored_checks(table_name, rows)
         # by whole objects: not every server answers for a part of one
-        parts = [pl.read_parquet(io.BytesIO(part)) for part in self.store.read_all(files)]
-        return rename_stored_checks(name, pl.concat(parts).lazy())
+        parts = [
+            pl.read_parquet(io.BytesIO(part)) for part in self.store.iter_object_contents(files)
+        ]
+        return rename_stored_checks(table_name, pl.concat(parts).lazy())
 
     @cached_property
-    def results(self) -> pl.DataFrame:
+    def selected_results(self) -> pl.DataFrame:
         """One row per log and machine: of the last run's settings, else the most recent."""
         bases = [basis for each in self.last_run.machines.values() for basis in each.bases]
         return (
-            self.scan_all_rows(MARK)
+            self.scan_rows_of_all_settings(MARK)
             .with_columns(pl.col("basis").is_in(bases).alias("current"))
             .sort("current", "made_unix_ns", "key", descending=True)
             .unique(["machine", "log_sha256"], keep="first", maintain_order=True)
@@ -126,14 +145,14 @@ class FleetResults:
             .collect()
         )
 
-    def scan(self, name: str) -> pl.LazyFrame:
+    def scan_rows_of_selected_results(self, table_name: str) -> pl.LazyFrame:
         """Table with the rows of the selected results; see `results`."""
-        if name == MARK:
-            return self.results.lazy()
-        rows = self.scan_all_rows(name)
-        if self.results.height == sum(map(len, self.names.values())):
+        if table_name == MARK:
+            return self.selected_results.lazy()
+        rows = self.scan_rows_of_all_settings(table_name)
+        if self.selected_results.height == sum(map(len, self.result_names_by_machine.values())):
             return rows
-        return rows.join(self.results.lazy().select("key"), on="key", how="semi")
+        return rows.join(self.selected_results.lazy().select("key"), on="key", how="semi")
 
     @cached_property
     def last_run(self) -> LastRun:
@@ -141,37 +160,37 @@ class FleetResults:
         try:
             return LastRun.model_validate_json(self._read_object_or_default(CURRENT, b"{}"))
         except ValidationError:
-            place = self.store.full_name(CURRENT)
+            place = self.store.make_full_object_name(CURRENT)
             raise FleetError(
                 f"{place}: was changed after payscope wrote it; run the fleet again"
             ) from None
 
     @cached_property
-    def failed(self) -> dict[str, str]:
+    def failure_reason_by_source(self) -> dict[str, str]:
         """Recordings without a result, with the reason, by source."""
         return json.loads(self._read_object_or_default(FAILED, b"{}"))
 
     @cached_property
-    def calibrations(self) -> list[FleetCalibration]:
+    def calibrations_in_use(self) -> list[FleetCalibration]:
         """Calibrations used for the results."""
         kept = json.loads(self._read_object_or_default(CALIBRATIONS, b"[]"))
         return [FleetCalibration.model_validate(each) for each in kept]
 
-    def _read_object_or_default(self, name: str, default: bytes) -> bytes:
+    def _read_object_or_default(self, object_name: str, default: bytes) -> bytes:
         try:
-            return self.store.read(name)
+            return self.store.read_object(object_name)
         except FileNotFoundError:
             return default
 
-    def set_last_run(self, run: LastRun) -> None:
+    def store_last_run(self, last_run: LastRun) -> None:
         """Select the setups that count from now on; other machines keep theirs."""
-        machines = {**self.last_run.machines, **run.machines}
-        now = run.model_copy(update={"machines": dict(sorted(machines.items()))})
+        machines = {**self.last_run.machines, **last_run.machines}
+        now = last_run.model_copy(update={"machines": dict(sorted(machines.items()))})
         if now != self.last_run:
-            self.store.write(CURRENT, now.model_dump_json(indent=1).encode())
+            self.store.write_object(CURRENT, now.model_dump_json(indent=1).encode())
 
 
-def open_fleet_results(destination: str) -> FleetResults:
+def open_results_of_fleet(destination: str) -> FleetResults:
     """Open the results at a destination.
 
     Raises:
@@ -181,7 +200,7 @@ def open_fleet_results(destination: str) -> FleetResults:
     if store.folder is not None and not store.folder.is_dir():
         raise FleetError(f"{destination}: no such folder; `payscope fleet run` makes one")
     found = FleetResults(store)
-    if not found.names:
+    if not found.result_names_by_machine:
         raise FleetError(
             f"{destination}: has no results of a fleet; `payscope fleet run` makes them"
         )
@@ -198,9 +217,9 @@ def _digest_result_names(names: Sequence[ResultName]) -> str:
     return hashlib.sha256(f"{tables}\n{keys}".encode()).hexdigest()[:_DIGITS]
 
 
-def make_fleet_tables(results: FleetResults) -> Tables:
+def make_tables_of_fleet(results: FleetResults) -> Tables:
     """Tables of a fleet's results, by name."""
-    return {name: partial(results.scan, name) for name in TABLES}
+    return {name: partial(results.scan_rows_of_selected_results, name) for name in TABLES}
 
 
 def query_fleet_tables(results: FleetResults, sql: str) -> pl.DataFrame:
@@ -213,8 +232,8 @@ def query_fleet_tables(results: FleetResults, sql: str) -> pl.DataFrame:
     Raises:
         QueryError: unknown table or column, or not a SELECT.
     """
-    tables = make_fleet_tables(results)
+    tables = make_tables_of_fleet(results)
     try:
-        return run_select_in_stable_order(sql, tables, always_ordered=True).collect()
+        return run_select_in_stable_order(sql, tables, is_always_ordered=True).collect()
     except pl.exceptions.PolarsError as error:
-        raise explain_query_error(error, tables) from None
+        raise convert_to_query_error(error, tables) from None

@@ -32,7 +32,7 @@ class FleetLog:
     stamp: str
 
 
-def list_fleet_logs(sources: Sequence[str]) -> list[FleetLog]:
+def list_logs_of_sources(sources: Sequence[str]) -> list[FleetLog]:
     """Every log in the sources, without duplicates, by name.
 
     Args:
@@ -59,10 +59,12 @@ def _list_logs_of_folder(source: str) -> list[FleetLog]:
     if any(each in source for each in _MAGIC) and not Path(source).exists():
         named = sorted(glob.glob(source, recursive=True))  # noqa: PTH207 - an absolute pattern
     paths = [Path(name).absolute() for name in named if Path(name).exists()]
-    return [_make_fleet_log_of_path(path) for path in expand_log_folders(paths) if _is_log(path)]
+    return [
+        _make_fleet_log_of_path(path) for path in expand_log_folders(paths) if _is_path_a_log(path)
+    ]
 
 
-def _is_log(path: Path) -> bool:
+def _is_path_a_log(path: Path) -> bool:
     """Whether a path is a log: a file, or a folder with a metadata.yaml."""
     return not path.is_dir() or (path / "metadata.yaml").is_file()
 
@@ -97,10 +99,12 @@ def _list_logs_of_bucket(source: str) -> list[FleetLog]:
     ]
 
 
-def _make_fleet_log_of_objects(place: str, log: str, objects: list[StoredObject]) -> FleetLog:
+def _make_fleet_log_of_objects(
+    bucket_address: str, log_name: str, objects: list[StoredObject]
+) -> FleetLog:
     return FleetLog(
-        f"{place}/{log}",
-        place,
+        f"{bucket_address}/{log_name}",
+        bucket_address,
         tuple(each.name for each in objects),
         sum(each.size_bytes for each in objects),
         ",".join(each.stamp for each in objects),

@@ -25,12 +25,15 @@ from estimators.errors import EvidenceError, FleetError
 from replay.calibration.apply_evidence import (
     CalibrationRequest,
     MachineCalibration,
-    load_calibration,
+    load_and_verify_calibration,
 )
 from replay.fleet.last_run import NamedFiles, TaskLimits
-from replay.inputs.channel_inputs import collect_package_versions, machine_without_settings_as_dict
+from replay.inputs.channel_inputs import (
+    collect_versions_of_packages,
+    machine_without_settings_as_dict,
+)
 from replay.machines.machine_file import load_machine
-from replay.machines.toml_file import read_toml, validate_toml_content
+from replay.machines.toml_file import read_toml_file, validate_toml_content
 
 #: Raised whenever results that are there have to be made anew.
 FORMAT: Final = 1
@@ -69,7 +72,7 @@ class MachineSetup:
     first: dt.date
     basis: str
 
-    def applies_on_day(self, day: dt.date | None) -> bool:
+    def does_apply_on_day(self, day: dt.date | None) -> bool:
         """Whether it applies to logs of a day; None for an unknown day."""
         if self.by is None:
             return True
@@ -91,13 +94,15 @@ class MachineSetup:
         return fit_fleet_calibration(self.name, document.id, days, self.by.calibration)
 
 
-def make_machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[MachineSetup, ...]:
+def make_setups_of_machine(
+    name: str, files: NamedFiles, *, is_unfit_evidence_skipped: bool
+) -> tuple[MachineSetup, ...]:
     """One setup for each calibration, the latest first, and one without calibration.
 
     Args:
         name: name of the machine.
         files: machine file and evidence; evidence of single-mass checks is skipped.
-        lenient: whether to skip evidence with other settings.
+        is_unfit_evidence_skipped: whether to skip evidence with other settings.
 
     Raises:
         PayscopeError: the machine file is wrong, or evidence is wrong, of another machine, or
@@ -108,7 +113,7 @@ def make_machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple
     for folder in map(Path, files.calibrations):
         if is_mass_check_evidence(folder):
             continue
-        by = load_calibration(CalibrationRequest(folder))
+        by = load_and_verify_calibration(CalibrationRequest(folder))
         if by.signed_by.how == "unknown":
             # nobody sits beside a fleet to be asked
             raise EvidenceError(
@@ -116,23 +121,25 @@ def make_machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple
                 f"with {by.signed_by.add_key_command}"
             )
         try:
-            weighing = by.require_calibrated_machine(by.weighing_machine(machine), files.file)
+            weighing = by.require_calibrated_machine(by.make_weighing_machine(machine), files.file)
         except EvidenceError:
-            if not lenient:
+            if not is_unfit_evidence_skipped:
                 raise
             continue
         calibrations.append((by, weighing))
-    calibrations.sort(key=lambda each: last_campaign_day(each[0]), reverse=True)
-    calibrated = [_make_setup(name, files, weighing, by) for by, weighing in calibrations]
-    return (*calibrated, _make_setup(name, files, machine, None))
+    calibrations.sort(key=lambda each: find_last_day_of_campaign(each[0]), reverse=True)
+    calibrated = [
+        _make_setup_with_digest(name, files, weighing, by) for by, weighing in calibrations
+    ]
+    return (*calibrated, _make_setup_with_digest(name, files, machine, None))
 
 
-def choose_setup_for_day(setups: Sequence[MachineSetup], day: dt.date | None) -> MachineSetup:
+def choose_setup_valid_on_day(setups: Sequence[MachineSetup], day: dt.date | None) -> MachineSetup:
     """Setup for logs of a day: with the latest calibration valid then, or without one."""
-    return next(each for each in setups if each.applies_on_day(day))
+    return next(each for each in setups if each.does_apply_on_day(day))
 
 
-def _make_setup(
+def _make_setup_with_digest(
     name: str, files: NamedFiles, machine: Machine, calibration: MachineCalibration | None
 ) -> MachineSetup:
     whole = {
@@ -142,22 +149,22 @@ def _make_setup(
         "machine": machine_without_settings_as_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "calibration": "" if calibration is None else calibration.document.id,
-        "versions": collect_package_versions(),
+        "versions": collect_versions_of_packages(),
     }
     basis = hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
-    first = dt.date.min if calibration is None else last_campaign_day(calibration)
+    first = dt.date.min if calibration is None else find_last_day_of_campaign(calibration)
     return MachineSetup(name, files, machine, calibration, first, basis)
 
 
-def last_campaign_day(calibration: MachineCalibration) -> dt.date:
+def find_last_day_of_campaign(calibration: MachineCalibration) -> dt.date:
     """Last day of the campaign, from which its line applies."""
     return max(run.day for run in calibration.document.campaign.runs)
 
 
-def is_mass_check_evidence(folder: Path) -> bool:
+def is_mass_check_evidence(evidence_folder: Path) -> bool:
     """Whether a folder contains the check of a single mass."""
     try:
-        content = json.loads((folder / "evidence.json").read_bytes())
+        content = json.loads((evidence_folder / "evidence.json").read_bytes())
     except (OSError, ValueError):
         return False
     return isinstance(content, dict) and content.get("kind") == "check"
@@ -191,9 +198,9 @@ class MachineRule(BaseModel):
     )
     overrides: tuple[str, ...] = Field((), description="`key=value`, of the machine file")
 
-    def match_machine_of_log(self, log: str) -> str | None:
+    def find_machine_of_log(self, log: str) -> str | None:
         """Machine of a log; None if the rule does not match."""
-        found = compile_path_pattern(self.logs).search(log)
+        found = compile_path_end_pattern(self.logs).search(log)
         if found is None:
             return None
         return found.groupdict().get("machine") or self.name
@@ -233,7 +240,7 @@ class Fleet:
         """Resource limits of one recording."""
         return self.rules.limits
 
-    def setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:
+    def list_setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:
         """Replay setups of a log: one per calibration of the machine, or one without.
 
         Raises:
@@ -241,15 +248,15 @@ class Fleet:
             PayscopeError: the machine file or evidence of the rule is wrong.
         """
         for rule in self.rules.machines:
-            name = rule.match_machine_of_log(log)
+            name = rule.find_machine_of_log(log)
             if name is not None:
-                return self._make_setups_of_machine(rule, name)
+                return self._read_setups_of_machine_by_rule(rule, name)
         patterns = ", ".join(rule.logs for rule in self.rules.machines)
         raise FleetError(
             f"{log}: no rule in {self.path} matches this log; the rules are {patterns}"
         )
 
-    def _make_setups_of_machine(
+    def _read_setups_of_machine_by_rule(
         self, rule: MachineRule, machine_name: str
     ) -> tuple[MachineSetup, ...]:
         file = rule.file.replace(NAME, machine_name)
@@ -268,50 +275,52 @@ class Fleet:
 
 @cache
 def _read_machine_setups(name: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
-    return make_machine_setups(name, files, lenient=False)
+    return make_setups_of_machine(name, files, is_unfit_evidence_skipped=False)
 
 
 @cache
-def compile_path_pattern(text: str) -> re.Pattern[str]:
+def compile_path_end_pattern(pattern_text: str) -> re.Pattern[str]:
     """Compile a pattern for the end of a path, anchored at a slash or at its begin."""
     end = 0
     found: list[str] = []
-    for part in _PART.finditer(text):
-        found += [re.escape(text[end : part.start()]), _PARTS[part[0]]]
+    for part in _PART.finditer(pattern_text):
+        found += [re.escape(pattern_text[end : part.start()]), _PARTS[part[0]]]
         end = part.end()
-    return re.compile(rf"(?:^|/){''.join(found)}{re.escape(text[end:])}\Z")
+    return re.compile(rf"(?:^|/){''.join(found)}{re.escape(pattern_text[end:])}\Z")
 
 
-def load_fleet(path: Path, overrides: tuple[str, ...] = ()) -> Fleet:
+def load_fleet(fleet_path: Path, overrides: tuple[str, ...] = ()) -> Fleet:
     """Read a fleet file.
 
     Args:
-        path: a TOML file.
+        fleet_path: a TOML file.
         overrides: `key=value` for every machine file.
 
     Raises:
         FleetError: one line with the file, the fault, the choices and the remedy.
     """
-    if not path.exists():
-        raise FleetError(f"{path}: no such fleet file; docs/fleet.md has an example")
-    content = read_toml(path, FleetError)
+    if not fleet_path.exists():
+        raise FleetError(f"{fleet_path}: no such fleet file; docs/fleet.md has an example")
+    content = read_toml_file(fleet_path, FleetError)
     if "channels" in content and "machines" not in content:
         raise FleetError(
-            f"{path}: is a machine file; a fleet file names it: [[machines]] with logs = "
-            f'"**/*.mcap", name = "one" and file = "{path.name}"'
+            f"{fleet_path}: is a machine file; a fleet file names it: [[machines]] with logs = "
+            f'"**/*.mcap", name = "one" and file = "{fleet_path.name}"'
         )
-    rules = validate_toml_content(path, content, FleetRules, FleetError)
+    rules = validate_toml_content(fleet_path, content, FleetRules, FleetError)
     for number, rule in enumerate(rules.machines, start=1):
         if (NAME in rule.logs) == (rule.name is not None):
             raise FleetError(
-                f"{path}: machines[{number}]: give either name or {NAME} in logs, by which the "
+                f"{fleet_path}: machines[{number}]: give either name or {NAME} in logs, by which "
+                "the "
                 "machine is known"
             )
         if rule.logs.count(NAME) > 1:
-            raise FleetError(f"{path}: machines[{number}]: logs has {NAME} more than once")
+            raise FleetError(f"{fleet_path}: machines[{number}]: logs has {NAME} more than once")
         if "/" not in rule.logs.partition(NAME)[0] and "**/" in rule.logs.partition(NAME)[2]:
             raise FleetError(
-                f"{path}: machines[{number}]: any folder of a path may be {NAME} in '{rule.logs}'; "
+                f"{fleet_path}: machines[{number}]: any folder of a path may be {NAME} in "
+                f"'{rule.logs}'; "
                 f"give the folder before {NAME}"
             )
-    return Fleet(path, rules, overrides)
+    return Fleet(fleet_path, rules, overrides)

@@ -42,7 +42,7 @@ class ObjectStore:
         self._made: Any = None
 
     @property
-    def _opened_store(self) -> Any:
+    def _store_client(self) -> Any:
         if self._made is None:
             self._made = _open_store(self.place, self.folder)
         return self._made
@@ -51,7 +51,7 @@ class ObjectStore:
         """Pickle the place only, since a connection belongs to a process."""
         return ObjectStore, (self.place,)
 
-    def full_name(self, name: str) -> str:
+    def make_full_object_name(self, name: str) -> str:
         """Full path or address of an object."""
         return f"{self.place}/{name}"
 
@@ -59,7 +59,9 @@ class ObjectStore:
         """All objects below a prefix, by name, without unfinished ones."""
         if self.folder is not None and not (self.folder / prefix).is_dir():
             return []
-        batches = self._run_operation(prefix, lambda: list(self._opened_store.list(prefix or None)))
+        batches = self._run_storage_operation(
+            prefix, lambda: list(self._store_client.list(prefix or None))
+        )
         found = (_make_stored_object(each) for batch in batches for each in batch)
         return sorted(found, key=lambda each: each.name)
 
@@ -83,70 +85,74 @@ class ObjectStore:
         """Object of this name; None if it does not exist."""
         try:
             return _make_stored_object(
-                self._run_operation(name, lambda: self._opened_store.head(name))
+                self._run_storage_operation(name, lambda: self._store_client.head(name))
             )
         except FileNotFoundError:
             return None
 
-    def read(self, name: str) -> bytes:
+    def read_object(self, name: str) -> bytes:
         """Content of an object.
 
         Raises:
             FileNotFoundError: the object does not exist.
         """
-        return bytes(self._run_operation(name, lambda: self._opened_store.get(name).bytes()))
+        return bytes(
+            self._run_storage_operation(name, lambda: self._store_client.get(name).bytes())
+        )
 
-    def read_all(self, names: Iterable[str]) -> Iterator[bytes]:
+    def iter_object_contents(self, names: Iterable[str]) -> Iterator[bytes]:
         """Contents of several objects, in order."""
         with ThreadPoolExecutor(LIMITS.objects_at_once) as pool:
-            yield from pool.map(self.read, names)
+            yield from pool.map(self.read_object, names)
 
-    def read_existing_or_none(self, names: Iterable[str]) -> Iterator[bytes | None]:
+    def iter_object_contents_or_none(self, names: Iterable[str]) -> Iterator[bytes | None]:
         """Contents of several objects, in order; None for each that does not exist."""
 
         def read_if_present(name: str) -> bytes | None:
             try:
-                return self.read(name)
+                return self.read_object(name)
             except FileNotFoundError:
                 return None
 
         with ThreadPoolExecutor(LIMITS.objects_at_once) as pool:
             yield from pool.map(read_if_present, names)
 
-    def write(self, name: str, data: bytes) -> None:
+    def write_object(self, name: str, data: bytes) -> None:
         """Write an object atomically, replacing an existing one."""
-        self._run_operation(name, lambda: self._opened_store.put(name, data))
+        self._run_storage_operation(name, lambda: self._store_client.put(name, data))
 
-    def write_file(self, name: str, path: Path) -> None:
+    def upload_file(self, name: str, path: Path) -> None:
         """Write a file's content as an object."""
-        self._run_operation(name, lambda: self._opened_store.put(name, path))
+        self._run_storage_operation(name, lambda: self._store_client.put(name, path))
 
-    def fetch(self, name: str, target: Path) -> None:
+    def download_object_to_file(self, name: str, target: Path) -> None:
         """Copy an object to a file in parts."""
 
         def copy_parts() -> None:
             with target.open("wb") as file:
-                for part in self._opened_store.get(name).stream(min_chunk_size=LIMITS.chunk_bytes):
+                for part in self._store_client.get(name).stream(min_chunk_size=LIMITS.chunk_bytes):
                     file.write(part)
 
-        self._run_operation(name, copy_parts)
+        self._run_storage_operation(name, copy_parts)
 
-    def delete(self, names: list[str]) -> None:
+    def delete_objects(self, names: list[str]) -> None:
         """Remove objects."""
         if names:
-            self._run_operation(names[0], lambda: self._opened_store.delete(names))
+            self._run_storage_operation(names[0], lambda: self._store_client.delete(names))
 
-    def _run_operation(self, name: str, work: Any) -> Any:
+    def _run_storage_operation(self, name: str, operation: Any) -> Any:
         """Run an operation, and raise its error as a message of one line."""
         from obstore.exceptions import BaseError
 
         try:
-            return work()
+            return operation()
         except FileNotFoundError as error:
-            raise FileNotFoundError(f"{self.full_name(name)}: there is no such object") from error
+            raise FileNotFoundError(
+                f"{self.make_full_object_name(name)}: there is no such object"
+            ) from error
         except (BaseError, OSError) as error:
             first = str(error).strip().partition("\n")[0]
-            raise OutputError(f"{self.full_name(name)}: {first}") from None
+            raise OutputError(f"{self.make_full_object_name(name)}: {first}") from None
 
 
 def _make_stored_object(metadata: Mapping[str, Any]) -> StoredObject:
@@ -155,12 +161,12 @@ def _make_stored_object(metadata: Mapping[str, Any]) -> StoredObject:
 
 
 @cache
-def open_store_once(place: str) -> ObjectStore:
+def open_store_once(store_address: str) -> ObjectStore:
     """Open a store, or return the one already open in this process."""
-    return ObjectStore(place)
+    return ObjectStore(store_address)
 
 
-def _open_store(place: str, folder: Path | None) -> Any:
+def _open_store(store_address: str, folder: Path | None) -> Any:
     from obstore.store import LocalStore, from_url
 
     try:
@@ -168,7 +174,7 @@ def _open_store(place: str, folder: Path | None) -> Any:
             return LocalStore(folder.absolute(), mkdir=True)
         endpoint = next((os.environ[name] for name in _ENDPOINTS if name in os.environ), "")
         return from_url(
-            place,
+            store_address,
             client_options={"allow_http": endpoint.startswith("http://"), "timeout": _AWAY},
             retry_config={
                 "max_retries": 60,
@@ -184,4 +190,4 @@ def _open_store(place: str, folder: Path | None) -> Any:
         if isinstance(error, PayscopeError):
             raise
         first = str(error).strip().partition("\n")[0]
-        raise OutputError(f"{place}: cannot be opened ({first})") from None
+        raise OutputError(f"{store_address}: cannot be opened ({first})") from None

@@ -32,7 +32,7 @@ _LOOPBACK: Final = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
 
 
 @contextmanager
-def ray_engine(address: str | None, workers: int | None) -> Generator["RayEngine"]:
+def start_ray_engine(address: str | None, workers: int | None) -> Generator["RayEngine"]:
     """Context with an engine on a cluster, or on this machine.
 
     Args:
@@ -44,7 +44,7 @@ def ray_engine(address: str | None, workers: int | None) -> Generator["RayEngine
         FleetError: the cluster does not exist.
     """
     if address:
-        refuse_dead_address(address)
+        refuse_address_without_listener(address)
     here = {} if address else _LOOPBACK
     for name, value in {**_QUIET, **here}.items():
         os.environ.setdefault(name, value)
@@ -84,7 +84,7 @@ def ray_engine(address: str | None, workers: int | None) -> Generator["RayEngine
             ray.shutdown()
 
 
-def refuse_dead_address(address: str) -> None:
+def refuse_address_without_listener(address: str) -> None:
     """Raise an error if nothing listens at an address; Ray would retry for minutes."""
     host, _, port = address.rpartition("://")[2].rpartition(":")
     if not host or not port.isdigit():
@@ -134,7 +134,7 @@ class RayEngine:
                 most = (1 + LIMITS.tasks_ahead) * self.slots()
                 while waiting and len(running) < most:
                     each = waiting.popleft()
-                    too_large = self._find_memory_error(each.memory_bytes)
+                    too_large = self._describe_unsatisfiable_memory(each.memory_bytes)
                     if too_large:
                         yield each.task, too_large
                         continue
@@ -143,12 +143,12 @@ class RayEngine:
                 if running:
                     ready, _ = self._ray.wait(list(running), timeout=LIMITS.wait_s)
                     for reference in ready:
-                        yield running.pop(reference).task, self._fetch_result(reference)
+                        yield running.pop(reference).task, self._fetch_result_of_task(reference)
         finally:
             for reference in running:
                 self._ray.cancel(reference, force=True)
 
-    def _find_memory_error(self, memory_bytes: int) -> LostTask | None:
+    def _describe_unsatisfiable_memory(self, memory_bytes: int) -> LostTask | None:
         """Error for a task that fits no node and would wait for ever; None if it fits."""
         nodes = [node for node in self._ray.nodes() if node["Alive"]]
         largest = max((node["Resources"].get("memory", 0.0) for node in nodes), default=0.0)
@@ -159,12 +159,12 @@ class RayEngine:
             f"{largest / _GIB:.1f} GiB; lower the memory in [limits] of the fleet file"
         )
 
-    def _fetch_result(self, reference: Any) -> Any:
+    def _fetch_result_of_task(self, result_reference: Any) -> Any:
         """Result of a task, or the reason why Ray lost it."""
         from ray import exceptions
 
         try:
-            return self._ray.get(reference)
+            return self._ray.get(result_reference)
         except exceptions.OutOfMemoryError:
             return LostTask("its node ran out of memory, and Ray ended it")
         except (exceptions.WorkerCrashedError, exceptions.NodeDiedError):
@@ -180,7 +180,7 @@ class RayEngine:
             return LostTask(f"Ray: {str(error).strip().partition(chr(10))[0]}")
 
 
-def missing_library_or_none() -> str | None:
+def find_missing_fleet_library() -> str | None:
     """Name of a missing library of the extra; None if all are installed."""
     return next(
         (name for name in ("ray", "obstore") if importlib.util.find_spec(name) is None), None

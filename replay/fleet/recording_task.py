@@ -35,11 +35,15 @@ from recordings import write_recording
 from recordings.review.review_state import collect_review_state
 from replay.fleet.engine_limits import LIMITS
 from replay.fleet.gathered_tables import FleetResults
-from replay.fleet.log_sources import FleetLog, list_fleet_logs
-from replay.fleet.machine_setups import MachineSetup, choose_setup_for_day, make_machine_setups
+from replay.fleet.log_sources import FleetLog, list_logs_of_sources
+from replay.fleet.machine_setups import (
+    MachineSetup,
+    choose_setup_valid_on_day,
+    make_setups_of_machine,
+)
 from replay.fleet.object_store import ObjectStore, open_store_once
-from replay.fleet.results_layout import MARK, ResultName, digest_result_key, write_result
-from replay.inputs.channel_inputs import collect_package_versions
+from replay.fleet.results_layout import MARK, ResultName, digest_result_key, write_result_tables
+from replay.inputs.channel_inputs import collect_versions_of_packages
 from replay.logs import Log, open_log
 from replay.machines.machine_file import find_time_axis_of_machine
 from replay.pipeline import run
@@ -63,7 +67,7 @@ class _LimitWatch(threading.Thread):
         self._watched = threading.get_ident()
         self._end = time.monotonic() + seconds
         self._seconds, self._memory_bytes = seconds, memory_bytes
-        self._held = resident_bytes()
+        self._held = read_resident_memory_bytes()
         self._reason = ""
 
     def run(self) -> None:
@@ -77,7 +81,7 @@ class _LimitWatch(threading.Thread):
         if not self.done.wait(LIMITS.grace_s):
             os._exit(1)
 
-    def interrupt(self, _number: int, _frame: FrameType | None) -> None:
+    def raise_exceeded_limit(self, _number: int, _frame: FrameType | None) -> None:
         """Signal handler that raises in the watched thread."""
         if self._reason and not self.done.is_set():
             raise LimitError(self._reason)
@@ -86,7 +90,7 @@ class _LimitWatch(threading.Thread):
         """Limit of time or memory that is exceeded, in words; empty if none."""
         if time.monotonic() > self._end:
             return f"took longer than {self._seconds:g} s, its limit"
-        used = resident_bytes() - self._held
+        used = read_resident_memory_bytes() - self._held
         if used > self._memory_bytes:
             return (
                 f"needed more than {self._memory_bytes / _GIB:.2f} GiB of memory, twice what it "
@@ -137,19 +141,19 @@ class TaskOutcome:
     processor_s: float = 0.0
 
 
-def run_replay_task(task: ReplayTask) -> TaskOutcome:
+def replay_and_store_result(task: ReplayTask) -> TaskOutcome:
     """Replay a recording within its limits and write its result, unless it already exists."""
     began, processor = time.perf_counter(), time.process_time()
-    here = collect_package_versions()
+    here = collect_versions_of_packages()
     other = [f"{n} {here[n]} for {v}" for n, v in task.versions.items() if here[n] != v]
     if other:
         return TaskOutcome("failed", f"its node has {', '.join(other)}")
     try:
         with (
             interrupt_over_limits(task.seconds, 2 * task.memory_bytes),
-            fetch_log(task.log) as path,
+            download_log(task.log) as path,
         ):
-            made = _make_outcome(task, path)
+            made = _make_outcome_of_task(task, path)
     except LimitError as error:
         return TaskOutcome("failed", str(error))
     except MemoryError:
@@ -166,28 +170,28 @@ def run_replay_task(task: ReplayTask) -> TaskOutcome:
     )
 
 
-def _make_outcome(task: ReplayTask, path: Path) -> TaskOutcome:
+def _make_outcome_of_task(task: ReplayTask, log_path: Path) -> TaskOutcome:
     setup, day = task.setups[-1], None
     store = open_store_once(task.destination)
     try:
-        with open_log(path, time=find_time_axis_of_machine(setup.machine)) as log:
+        with open_log(log_path, time=find_time_axis_of_machine(setup.machine)) as log:
             first = log.topics()["start_ns"].min()
             day = setup.convert_to_local_day(first if isinstance(first, int) else None)
-            setup = choose_setup_for_day(task.setups, day)
+            setup = choose_setup_valid_on_day(task.setups, day)
             result = _ResultInTransit(task, setup, log.digests, day)
-            if result.is_complete_in_store(store):
+            if result.is_result_complete_in_store(store):
                 return TaskOutcome("there")
             began = time.perf_counter()
             made = replay_log_with_setup(log, setup, task.log.source)
             took_s = time.perf_counter() - began
     except (LogError, DataError) as error:
         # of this log alone: made anew, it would be refused again
-        said = str(error).replace(str(path), task.log.source)
-        result = _ResultInTransit(task, setup, digest_log_files(path), day)
-        if not result.is_complete_in_store(store):
-            result.write(store, None, {"status": "refused", "reason": said})
+        said = str(error).replace(str(log_path), task.log.source)
+        result = _ResultInTransit(task, setup, digest_log_files(log_path), day)
+        if not result.is_result_complete_in_store(store):
+            result.write_result_to_store(store, None, {"status": "refused", "reason": said})
         return TaskOutcome("refused", said)
-    result.write(store, made, {})
+    result.write_result_to_store(store, made, {})
     return TaskOutcome("made", seconds=took_s)
 
 
@@ -201,12 +205,14 @@ class _ResultInTransit:
         shown = UNDATED if day is None else str(day)
         self._name = ResultName(setup.name, shown, digest_result_key(setup.basis, digests))
 
-    def is_complete_in_store(self, store: ObjectStore) -> bool:
+    def is_result_complete_in_store(self, store: ObjectStore) -> bool:
         """Whether the result is already complete in the store."""
-        recorded = not self._task.recording or store.has_object(self._name.recording)
-        return recorded and store.has_object(self._name.table_object_name(MARK))
+        recorded = not self._task.recording or store.has_object(self._name.recording_object_name)
+        return recorded and store.has_object(self._name.make_object_name_of_table(MARK))
 
-    def write(self, store: ObjectStore, run: Run | None, row: dict[str, object]) -> None:
+    def write_result_to_store(
+        self, store: ObjectStore, run: Run | None, results_row: dict[str, object]
+    ) -> None:
         """Write the result; `run` is None for a refused log."""
         log, setup = self._task.log, self._setup
         whole: dict[str, object] = {
@@ -218,19 +224,19 @@ class _ResultInTransit:
             "payscope": self._task.versions["payscope"],
             "calibration": "" if setup.by is None else setup.by.document.id,
             "made_unix_ns": time.time_ns(),
-            **row,
+            **results_row,
         }
         if run is None:
-            write_result(store, self._name, None, {}, whole)
+            write_result_tables(store, self._name, None, {}, whole)
             return
         if self._task.recording:
             with tempfile.TemporaryDirectory(prefix="payscope-") as folder:
                 recording = Path(folder) / "recording.rrd"
                 write_recording(run, recording)
-                store.write_file(self._name.recording, recording)
-        frames, said = tables_of_replay(run, setup)
+                store.upload_file(self._name.recording_object_name, recording)
+        frames, said = make_tables_and_results_row(run, setup)
         t0_unix_ns = run.provenance.t0_unix_ns
-        write_result(store, self._name, t0_unix_ns, frames, {**whole, **said})
+        write_result_tables(store, self._name, t0_unix_ns, frames, {**whole, **said})
 
 
 def replay_log_with_setup(log: Log, setup: MachineSetup, source: str) -> Run:
@@ -251,10 +257,10 @@ def replay_log_with_setup(log: Log, setup: MachineSetup, source: str) -> Run:
         shared_errors = SharedErrors.from_frames(frames)
         frames["cycles"] = calibrate_cycles(frames["cycles"], setup.by.calibration, shared_errors)
         frames["shift"] = recompute_shift_totals(frames["shift"], frames["cycles"])
-    return setup.by.calibrate_run(Run(frames, made.provenance))
+    return setup.by.calibrate_masses_of_run(Run(frames, made.provenance))
 
 
-def tables_of_replay(
+def make_tables_and_results_row(
     run: Run, setup: MachineSetup
 ) -> tuple[dict[str, pl.DataFrame], dict[str, object]]:
     """Tables of a run, and its row of `results`."""
@@ -278,7 +284,7 @@ def tables_of_replay(
 
 
 @contextmanager
-def fetch_log(log: FleetLog) -> Generator[Path]:
+def download_log(log: FleetLog) -> Generator[Path]:
     """Context with the log as a file or folder; copies from object storage are removed again."""
     if not log.place:
         yield Path(log.source)
@@ -288,7 +294,7 @@ def fetch_log(log: FleetLog) -> Generator[Path]:
         for name in log.names:
             to = Path(folder, root.name, PurePosixPath(name).relative_to(root))
             to.parent.mkdir(parents=True, exist_ok=True)
-            open_store_once(log.place).fetch(name, to)
+            open_store_once(log.place).download_object_to_file(name, to)
         yield Path(folder, root.name)
 
 
@@ -310,8 +316,8 @@ def interrupt_over_limits(seconds: float, memory_bytes: int) -> Generator[None]:
         LimitError: a limit is exceeded.
     """
     watch = _LimitWatch(seconds, memory_bytes)
-    before = signal.signal(signal.SIGALRM, watch.interrupt)
-    if sys.stderr is not None and _has_file_descriptor(sys.stderr):
+    before = signal.signal(signal.SIGALRM, watch.raise_exceeded_limit)
+    if sys.stderr is not None and _has_stream_file_descriptor(sys.stderr):
         # also where the interpreter's lock is held for ever
         faulthandler.dump_traceback_later(seconds + 2 * LIMITS.grace_s, exit=True)
     watch.start()
@@ -324,7 +330,7 @@ def interrupt_over_limits(seconds: float, memory_bytes: int) -> Generator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def resident_bytes() -> int:
+def read_resident_memory_bytes() -> int:
     """Resident memory of this process; 0 if the system does not report it."""
     try:
         pages = int(_STATM.read_text(encoding="ascii").split()[1])
@@ -333,7 +339,7 @@ def resident_bytes() -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
-def _has_file_descriptor(stream: object) -> bool:
+def _has_stream_file_descriptor(stream: object) -> bool:
     try:
         return stream.fileno() >= 0  # pyright: ignore[reportAttributeAccessIssue] asked for right here
     except (AttributeError, OSError, ValueError):
@@ -341,45 +347,49 @@ def _has_file_descriptor(stream: object) -> bool:
 
 
 @contextmanager
-def recording_of_result(results: FleetResults, key: str) -> Generator[Path]:
+def open_recording_of_result(results: FleetResults, result_key: str) -> Generator[Path]:
     """Context with the recording of a result, replayed from its log if it was not kept.
 
     Args:
         results: results of a fleet.
-        key: key of the result, or its first characters.
+        result_key: key of the result, or its first characters.
 
     Raises:
         FleetError: no result or several match the key, or the log no longer exists.
         PayscopeError: the log cannot be replayed.
     """
-    found = results.results.filter(pl.col("key").str.starts_with(key))
+    found = results.selected_results.filter(pl.col("key").str.starts_with(result_key))
     if found.height != 1:
         said = "several results begin" if found.height else "no result begins"
-        raise FleetError(f"{results.store.place}: {said} with '{key}'; keys are in table results")
+        raise FleetError(
+            f"{results.store.place}: {said} with '{result_key}'; keys are in table results"
+        )
     row = found.row(0, named=True)
     name = ResultName(row["machine"], row["day"], row["key"])
     store = results.store
     with tempfile.TemporaryDirectory(prefix="payscope-") as folder:
         recording = Path(folder) / f"{name.key}.rrd"
-        if store.has_object(name.recording):
-            store.fetch(name.recording, recording)
+        if store.has_object(name.recording_object_name):
+            store.download_object_to_file(name.recording_object_name, recording)
         else:
-            _find_recording(results, row["source"], name.machine, recording)
+            _replay_recording_of_result(results, row["source"], name.machine, recording)
         yield recording
 
 
-def _find_recording(results: FleetResults, source: str, machine: str, recording: Path) -> None:
+def _replay_recording_of_result(
+    results: FleetResults, source: str, machine: str, recording: Path
+) -> None:
     known = results.last_run.machines.get(machine)
     if known is None:
         raise FleetError(f"{source}: the last run has no machine '{machine}'; run the fleet again")
-    (log,) = list_fleet_logs([source])
-    setups = make_machine_setups(machine, known.files, lenient=True)
+    (log,) = list_logs_of_sources([source])
+    setups = make_setups_of_machine(machine, known.files, is_unfit_evidence_skipped=True)
     with (
-        fetch_log(log) as path,
+        download_log(log) as path,
         open_log(path, time=find_time_axis_of_machine(setups[-1].machine)) as opened,
     ):
         first = opened.topics()["start_ns"].min()
         day = setups[-1].convert_to_local_day(first if isinstance(first, int) else None)
         write_recording(
-            replay_log_with_setup(opened, choose_setup_for_day(setups, day), source), recording
+            replay_log_with_setup(opened, choose_setup_valid_on_day(setups, day), source), recording
         )

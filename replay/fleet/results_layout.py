@@ -26,20 +26,22 @@ class ResultName(NamedTuple):
     day: str
     key: str
 
-    def table_object_name(self, name: str) -> str:
+    def make_object_name_of_table(self, table_name: str) -> str:
         """Object name of one of its tables."""
-        return f"{name}/machine={quote(self.machine, safe='')}/day={self.day}/{self.key}.parquet"
+        return (
+            f"{table_name}/machine={quote(self.machine, safe='')}/day={self.day}/{self.key}.parquet"
+        )
 
     @property
-    def recording(self) -> str:
+    def recording_object_name(self) -> str:
         """Object name of its recording."""
         machine = quote(self.machine, safe="")
         return f"{RECORDINGS}/machine={machine}/day={self.day}/{self.key}.rrd"
 
 
-def parse_result_name(stored: str) -> ResultName | None:
+def parse_result_name(stored_object: str) -> ResultName | None:
     """Result that an object belongs to; None for other objects."""
-    parts = stored.split("/")
+    parts = stored_object.split("/")
     if len(parts) != 4 or not parts[1].startswith("machine=") or not parts[2].startswith("day="):
         return None
     return ResultName(
@@ -49,41 +51,44 @@ def parse_result_name(stored: str) -> ResultName | None:
     )
 
 
-def digest_result_key(basis: str, digests: Sequence[str]) -> str:
+def digest_result_key(setup_digest: str, log_digests: Sequence[str]) -> str:
     """Key of a result: digest of its log's content and everything else it depends on."""
-    whole = json.dumps([basis, sorted(digests)])
+    whole = json.dumps([setup_digest, sorted(log_digests)])
     return hashlib.sha256(whole.encode()).hexdigest()[:_DIGITS]
 
 
-def write_result(
+def write_result_tables(
     store: ObjectStore,
-    name: ResultName,
+    result_name: ResultName,
     t0_unix_ns: int | None,
     frames: Mapping[str, pl.DataFrame],
-    row: Mapping[str, object],
+    results_row: Mapping[str, object],
 ) -> None:
     """Write a result; the row of `results` is written last and makes it valid.
 
     Args:
         store: store of the results.
-        name: name of the result.
+        result_name: name of the result.
         t0_unix_ns: Unix time of its first sample.
         frames: tables by name, without `results`.
-        row: row of the table `results`.
+        results_row: row of the table `results`.
     """
-    of = {**name._asdict(), "t0_unix_ns": t0_unix_ns}
+    of = {**result_name._asdict(), "t0_unix_ns": t0_unix_ns}
     for each, frame in frames.items():
-        store.write(
-            name.table_object_name(each), parquet_bytes(convert_rows_for_table(each, frame, of))
+        store.write_object(
+            result_name.make_object_name_of_table(each),
+            encode_table_as_parquet_bytes(convert_rows_for_table(each, frame, of)),
         )
-    columns = {c.name: pl.Series([row.get(c.name)], dtype=c.dtype) for c in TABLES[MARK].columns}
-    store.write(
-        name.table_object_name(MARK),
-        parquet_bytes(convert_rows_for_table(MARK, pl.DataFrame(columns), of)),
+    columns = {
+        c.name: pl.Series([results_row.get(c.name)], dtype=c.dtype) for c in TABLES[MARK].columns
+    }
+    store.write_object(
+        result_name.make_object_name_of_table(MARK),
+        encode_table_as_parquet_bytes(convert_rows_for_table(MARK, pl.DataFrame(columns), of)),
     )
 
 
-def parquet_bytes(frame: pl.DataFrame) -> bytes:
+def encode_table_as_parquet_bytes(frame: pl.DataFrame) -> bytes:
     """Parquet file of a table."""
     written = io.BytesIO()
     frame.write_parquet(written, compression="zstd", statistics=True)

@@ -6,19 +6,19 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from analysis.fleet.daily_figures import UNDATED
 from estimators.errors import PayscopeError
 from replay.fleet.gathered_tables import FleetResults
 from replay.fleet.last_run import CALIBRATIONS, FAILED, CurrentMachine, LastRun, TaskLimits
 from replay.fleet.log_sources import FleetLog
-from replay.fleet.machine_setups import MachineSetup, choose_setup_for_day
+from replay.fleet.machine_setups import MachineSetup, choose_setup_valid_on_day
 from replay.fleet.object_store import S3, ObjectStore
-from replay.fleet.recording_task import ReplayTask, TaskOutcome, run_replay_task
+from replay.fleet.recording_task import ReplayTask, TaskOutcome, replay_and_store_result
 from replay.fleet.results_layout import MARK, RECORDINGS, parse_result_name
 from replay.fleet.task_engine import LostTask, TaskEngine, TaskWork
-from replay.inputs.channel_inputs import collect_package_versions
+from replay.inputs.channel_inputs import collect_versions_of_packages
 
 
 class FleetPlan(Protocol):
@@ -34,7 +34,7 @@ class FleetPlan(Protocol):
         """Resource limits of one recording."""
         ...
 
-    def setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:
+    def list_setups_of_log(self, log: str) -> tuple[MachineSetup, ...]:
         """Replay setups of a log; the first that applies on its day is used."""
         ...
 
@@ -65,7 +65,7 @@ class FleetRun:
     seconds: float = 0.0
     overhead_s: float = 0.0
 
-    def count_outcome(self, source: str, outcome: TaskOutcome) -> None:
+    def count_outcome_of_recording(self, source: str, outcome: TaskOutcome) -> None:
         """Count the outcome of a recording."""
         self.seconds += outcome.seconds
         self.overhead_s += outcome.overhead_s
@@ -90,7 +90,7 @@ class FleetRun:
         }
 
 
-def replay_fleet(
+def replay_logs_of_fleet(
     logs: Sequence[FleetLog],
     plan: FleetPlan,
     destination: str,
@@ -105,7 +105,7 @@ def replay_fleet(
     A log that fails is listed and does not affect others. Results before an interruption are kept.
 
     Args:
-        logs: logs from `list_fleet_logs`.
+        logs: logs from `list_logs_of_sources`.
         plan: replay setups of each log.
         destination: a folder, or `s3://bucket/prefix`.
         recordings: whether to keep every recording's `.rrd`.
@@ -116,7 +116,7 @@ def replay_fleet(
     place = destination if destination.startswith(S3) else str(Path(destination).absolute())
     results = FleetResults(ObjectStore(place))
     did = FleetRun(destination)
-    tasks, setups = _plan_tasks(logs, plan, place, did, recordings=recordings)
+    tasks, setups = _plan_replay_tasks(logs, plan, place, did, recordings=recordings)
     for log in logs:
         if log.source in did.failed:
             on_done(log, TaskOutcome("failed", did.failed[log.source]))
@@ -126,11 +126,11 @@ def replay_fleet(
         )
         for machine, each in setups.items()
     }
-    results.set_last_run(LastRun(fleet=plan.name, limits=plan.task_limits, machines=machines))
+    results.store_last_run(LastRun(fleet=plan.name, limits=plan.task_limits, machines=machines))
     _store_calibrations_in_use(results, setups)
-    left, there = _split_finished_tasks(tasks, results)
+    left, there = _split_tasks_to_do_and_finished(tasks, results)
     for task, outcome in there:
-        did.count_outcome(task.log.source, outcome)
+        did.count_outcome_of_recording(task.log.source, outcome)
         on_done(task.log, outcome)
     try:
         if left:
@@ -139,14 +139,14 @@ def replay_fleet(
                 # the largest first, so that none of them is left alone at the end
                 left.sort(key=lambda task: (-task.log.size_bytes, task.log.source))
                 for task, result in opened.run(
-                    run_replay_task, [TaskWork(task, task.memory_bytes) for task in left]
+                    replay_and_store_result, [TaskWork(task, task.memory_bytes) for task in left]
                 ):
                     outcome = (
                         TaskOutcome("failed", result.reason)
                         if isinstance(result, LostTask)
                         else result
                     )
-                    did.count_outcome(task.log.source, outcome)
+                    did.count_outcome_of_recording(task.log.source, outcome)
                     on_done(task.log, outcome)
     finally:
         update_failed_logs(results, did, {log.source for log in logs})
@@ -154,39 +154,53 @@ def replay_fleet(
     return did
 
 
-def _plan_tasks(
-    logs: Sequence[FleetLog], plan: FleetPlan, place: str, run: FleetRun, *, recordings: bool
+def _plan_replay_tasks(
+    logs: Sequence[FleetLog],
+    plan: FleetPlan,
+    store_address: str,
+    fleet_run: FleetRun,
+    *,
+    recordings: bool,
 ) -> tuple[list[ReplayTask], dict[str, tuple[MachineSetup, ...]]]:
     """Tasks, one per log, and the setups of all machines."""
     tasks: list[ReplayTask] = []
     by_machine: dict[str, tuple[MachineSetup, ...]] = {}
-    versions = collect_package_versions()
+    versions = collect_versions_of_packages()
     for log in logs:
         try:
-            setups = plan.setups_of_log(log.source)
+            setups = plan.list_setups_of_log(log.source)
         except PayscopeError as error:
-            run.failed[log.source] = str(error)
+            fleet_run.failed[log.source] = str(error)
             continue
         by_machine[setups[0].name] = setups
         memory = plan.task_limits.memory_bytes_for_log(log.size_bytes)
         seconds = plan.task_limits.seconds
-        tasks.append(ReplayTask(log, setups, place, recordings, seconds, memory, versions))
+        tasks.append(ReplayTask(log, setups, store_address, recordings, seconds, memory, versions))
     return tasks, by_machine
 
 
-def _split_finished_tasks(
+class _SplitTasks(NamedTuple):
+    """Tasks to do, and those that have a result with it."""
+
+    to_do: list[ReplayTask]
+    finished: list[tuple[ReplayTask, TaskOutcome]]
+
+
+def _split_tasks_to_do_and_finished(
     tasks: Sequence[ReplayTask], results: FleetResults
-) -> tuple[list[ReplayTask], list[tuple[ReplayTask, TaskOutcome]]]:
+) -> _SplitTasks:
     """Tasks to do, and those whose log has not changed since its result was made.
 
     By size and time of change of the log's files; where these have changed, the task itself
     compares the contents.
     """
-    if not results.names:
-        return list(tasks), []
+    if not results.result_names_by_machine:
+        return _SplitTasks(list(tasks), [])
     columns = ("source", "stamp", "basis", "day", "key", "status", "reason")
     by_log: dict[tuple[str, str], list[tuple[str, ...]]] = {}
-    for source, stamp, *row in results.scan_all_rows(MARK).select(columns).collect().iter_rows():
+    for source, stamp, *row in (
+        results.scan_rows_of_all_settings(MARK).select(columns).collect().iter_rows()
+    ):
         by_log.setdefault((source, stamp), []).append(tuple(row))
     names = map(parse_result_name, results.store.list_names(RECORDINGS))
     recorded = {name.key for name in names if name is not None}
@@ -195,7 +209,7 @@ def _split_finished_tasks(
     for task in tasks:
         for basis, day, key, status, reason in by_log.get((task.log.source, task.log.stamp), ()):
             # a calibration may have come since
-            asked = choose_setup_for_day(
+            asked = choose_setup_valid_on_day(
                 task.setups, None if day == UNDATED else dt.date.fromisoformat(day)
             )
             refused = status == "refused"
@@ -206,31 +220,37 @@ def _split_finished_tasks(
                 break
         else:
             left.append(task)
-    return left, there
+    return _SplitTasks(left, there)
 
 
 def _store_calibrations_in_use(
-    results: FleetResults, setups: Mapping[str, tuple[MachineSetup, ...]]
+    results: FleetResults, setups_by_machine: Mapping[str, tuple[MachineSetup, ...]]
 ) -> None:
     """Keep the fitted values of the calibrations in use, for the report."""
-    now = [each.calibration for machine in sorted(setups) for each in setups[machine]]
+    now = [
+        each.calibration
+        for machine in sorted(setups_by_machine)
+        for each in setups_by_machine[machine]
+    ]
     used = [each for each in now if each is not None]
-    before = results.calibrations
+    before = results.calibrations_in_use
     kept = {(each.machine, each.id): each for each in [*before, *used]}
     if list(kept.values()) != before:
         plain = [each.model_dump(mode="json") for each in kept.values()]
-        results.store.write(CALIBRATIONS, json.dumps(plain, indent=1).encode())
+        results.store.write_object(CALIBRATIONS, json.dumps(plain, indent=1).encode())
 
 
-def update_failed_logs(results: FleetResults, run: FleetRun, sources: set[str]) -> None:
+def update_failed_logs(results: FleetResults, fleet_run: FleetRun, sources: set[str]) -> None:
     """Add the failed tasks of a run to the list for the report, and remove the completed ones.
 
     Args:
         results: results with the list.
-        run: the run.
+        fleet_run: the run.
         sources: sources of all logs that the run was to replay.
     """
-    before = results.failed
-    now = {source: why for source, why in before.items() if source not in sources} | run.failed
+    before = results.failure_reason_by_source
+    now = {
+        source: why for source, why in before.items() if source not in sources
+    } | fleet_run.failed
     if now != before:
-        results.store.write(FAILED, json.dumps(dict(sorted(now.items())), indent=1).encode())
+        results.store.write_object(FAILED, json.dumps(dict(sorted(now.items())), indent=1).encode())

@@ -21,7 +21,7 @@ from analysis.fleet.daily_figures import (
 )
 from analysis.fleet.machine_drifts import MachineChart, make_machine_charts
 from recordings.fleet.fleet_page import FleetPage, render_fleet_html
-from recordings.report.atomic_output import atomic_file
+from recordings.report.atomic_output import stage_output_file
 from recordings.review.week_page import describe_friction_trends
 from replay.fleet.engine_limits import LIMITS
 from replay.fleet.gathered_tables import FleetResults
@@ -64,8 +64,8 @@ class FleetReport:
 def write_fleet_report(
     results: FleetResults,
     destination: str,
-    name: str,
-    page: Path,
+    fleet_name: str,
+    page_path: Path,
     *,
     force: bool = False,
     friction_limit_N_s_m: float | None = None,
@@ -75,45 +75,48 @@ def write_fleet_report(
     Args:
         results: results of the fleet.
         destination: where they are, as commands on the page name it.
-        name: name of the fleet.
-        page: the file to write.
+        fleet_name: name of the fleet.
+        page_path: the file to write.
         force: whether a page that is there may be replaced.
         friction_limit_N_s_m: viscous friction whose day is asked for.
 
     Raises:
         OutputError: the page is there already, or cannot be written.
     """
-    with atomic_file(page, force=force) as written:
-        shown = make_fleet_page(results, destination, name)
+    with stage_output_file(page_path, force=force) as written:
+        shown = make_fleet_page(results, destination, fleet_name)
         trends: dict[str, FrictionTrend] = {}
         if friction_limit_N_s_m is not None:
             trends = estimate_fleet_friction_trends(shown.results, friction_limit_N_s_m)
             shown = replace(shown, friction=describe_friction_trends(trends))
         written.write_text(render_fleet_html(shown), encoding="utf-8")
-    return FleetReport(shown, page, trends)
+    return FleetReport(shown, page_path, trends)
 
 
-def make_fleet_page(results: FleetResults, destination: str, name: str) -> FleetPage:
+def make_fleet_page(results: FleetResults, destination: str, fleet_name: str) -> FleetPage:
     """Contents of the page of a fleet."""
-    rows, cycles = results.results, results.scan("cycles")
+    rows, cycles = results.selected_results, results.scan_rows_of_selected_results("cycles")
     days = make_daily_figures(rows, cycles)
-    calibrations = results.calibrations
+    calibrations = results.calibrations_in_use
     last = days["day"].max()
     return FleetPage(
-        name=name,
+        name=fleet_name,
         results=rows,
         days=days,
         weeks=sum_weekly_tonnes(rows),
         charts=make_machine_charts(days),
         calibrations=calibrations,
         changes=find_line_changes(calibrations),
-        looks=add_open_commands(rank_concerns(rows, cycles, results.scan("findings")), destination),
-        failed=results.failed,
+        looks=add_commands_to_open_recordings(
+            rank_concerns(rows, cycles, results.scan_rows_of_selected_results("findings")),
+            destination,
+        ),
+        failed=results.failure_reason_by_source,
         today=last if isinstance(last, dt.date) else None,
     )
 
 
-def add_open_commands(recordings: pl.DataFrame, destination: str) -> pl.DataFrame:
+def add_commands_to_open_recordings(recordings: pl.DataFrame, destination: str) -> pl.DataFrame:
     """With the command that opens each recording at its place."""
     where = shlex.quote(destination)
     commands = [
@@ -123,19 +126,19 @@ def add_open_commands(recordings: pl.DataFrame, destination: str) -> pl.DataFram
     return recordings.with_columns(pl.Series("command", commands, dtype=pl.String))
 
 
-def _convert_drift_to_dict(chart: MachineChart) -> dict[str, Any]:
+def _convert_drift_to_dict(drift_chart: MachineChart) -> dict[str, Any]:
     """Flagged change of a chart as JSON-compatible values."""
-    found = chart.chart
+    found = drift_chart.chart
     assert found.flagged is not None
     assert found.since is not None
     return {
-        "machine": chart.machine,
-        "of": chart.signal.name,
-        "change": chart.change,
-        "change_std": chart.change_std,
-        "unit": chart.signal.unit,
-        "since": str(chart.days[found.since]),
-        "flagged": str(chart.days[found.flagged]),
+        "machine": drift_chart.machine,
+        "of": drift_chart.signal.name,
+        "change": drift_chart.change,
+        "change_std": drift_chart.change_std,
+        "unit": drift_chart.signal.unit,
+        "since": str(drift_chart.days[found.since]),
+        "flagged": str(drift_chart.days[found.flagged]),
     }
 
 

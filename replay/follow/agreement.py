@@ -30,7 +30,7 @@ from analysis.stages.noise.column_noise import collect_axis_noise
 from estimators.errors import DataError
 from recordings import read_recording, write_recording
 from recordings.report.atomic_output import refuse_input_as_output
-from replay.follow.background_replay import find_current_log_name, run_log_so_far
+from replay.follow.background_replay import find_current_log_path, replay_log_so_far
 from replay.follow.follow_limits import LIMITS
 
 GATE: Final = "gate"
@@ -73,18 +73,21 @@ class _MinuteDigest:
     rows: int = 0
     sums: tuple[float, ...] = ()
 
-    def add_row(self, t_ns: int, numbers: NDArray[np.float64]) -> "_MinuteDigest":
+    def digest_with_row(self, time_ns: int, row_numbers: NDArray[np.float64]) -> "_MinuteDigest":
         # each digest is of the row and of the digest before, so that none has to be kept open
-        row = np.int64(t_ns).tobytes() + np.where(np.isnan(numbers), np.nan, numbers).tobytes()
-        known = np.nan_to_num(numbers)
+        row = (
+            np.int64(time_ns).tobytes()
+            + np.where(np.isnan(row_numbers), np.nan, row_numbers).tobytes()
+        )
+        known = np.nan_to_num(row_numbers)
         sums = known + self.sums if self.sums else known
         digest = hashlib.sha256(self.digest + row).digest()
         return _MinuteDigest(digest, self.rows + 1, tuple(sums.tolist()))
 
-    def is_near(self, other: "_MinuteDigest") -> bool:
+    def has_nearly_equal_means(self, other_digest: "_MinuteDigest") -> bool:
         """Whether both have as many rows with nearly equal means."""
-        return self.rows == other.rows and np.allclose(
-            self.sums, other.sums, LIMITS.same_sum_1, 0.0
+        return self.rows == other_digest.rows and np.allclose(
+            self.sums, other_digest.sums, LIMITS.same_sum_1, 0.0
         )
 
 
@@ -95,20 +98,29 @@ class _MinuteDigests:
     rows: int = 0
     minutes: dict[int, _MinuteDigest] = field(default_factory=dict)
 
-    def add(self, t_ns: int, numbers: NDArray[np.float64]) -> None:
-        minute = t_ns // _MINUTE_NS
-        self.minutes[minute] = self.minutes.get(minute, _MinuteDigest()).add_row(t_ns, numbers)
+    def add_row_to_minute(self, time_ns: int, row_numbers: NDArray[np.float64]) -> None:
+        minute = time_ns // _MINUTE_NS
+        self.minutes[minute] = self.minutes.get(minute, _MinuteDigest()).digest_with_row(
+            time_ns, row_numbers
+        )
         self.rows += 1
 
-    def compare_with_replay(self, name: str, replayed: "_MinuteDigests") -> Agreement:
-        every = sorted(self.minutes.keys() | replayed.minutes.keys())
-        pairs = [(m, self.minutes.get(m, _MinuteDigest()), replayed.minutes.get(m)) for m in every]
+    def compare_with_replayed_digests(
+        self, frame_name: str, replayed_digests: "_MinuteDigests"
+    ) -> Agreement:
+        every = sorted(self.minutes.keys() | replayed_digests.minutes.keys())
+        pairs = [
+            (m, self.minutes.get(m, _MinuteDigest()), replayed_digests.minutes.get(m))
+            for m in every
+        ]
         differing = [minute for minute, mine, theirs in pairs if mine != theirs]
-        near = all(theirs is not None and mine.is_near(theirs) for _, mine, theirs in pairs)
+        near = all(
+            theirs is not None and mine.has_nearly_equal_means(theirs) for _, mine, theirs in pairs
+        )
         return Agreement(
-            name,
+            frame_name,
             self.rows,
-            replayed.rows,
+            replayed_digests.rows,
             differing[0] * _MINUTE_NS / 1e9 if differing else None,
             near,
         )
@@ -120,60 +132,64 @@ class FollowedDigests:
     def __init__(self) -> None:
         self._minutes: dict[str, _MinuteDigests] = {}
 
-    def add(self, rows: Iterable[FollowedRow]) -> None:
+    def add_followed_rows(self, online_rows: Iterable[FollowedRow]) -> None:
         """Add the next rows."""
-        for row in rows:
+        for row in online_rows:
             for axis, gate, estimates in (
                 (X, row.gate, row.estimates),
                 (Z, row.spin_gate, row.spin_estimates),
             ):
                 if gate is not None:
                     code = np.array([_REASONS[gate.reason]], np.float64)
-                    self._digests_by_name(_name_of_followed_column(GATE, axis)).add(row.t_ns, code)
+                    self._get_or_make_digests(_make_digest_name(GATE, axis)).add_row_to_minute(
+                        row.t_ns, code
+                    )
                 for method, (t_ns, estimate) in estimates.items():
-                    self._digests_by_name(_name_of_followed_column(method, axis)).add(
+                    self._get_or_make_digests(_make_digest_name(method, axis)).add_row_to_minute(
                         t_ns, estimate.theta
                     )
 
-    def compare(self, frames: Mapping[str, pl.DataFrame]) -> list[Agreement]:
+    def compare_with_replayed_frames(
+        self, replayed_frames: Mapping[str, pl.DataFrame]
+    ) -> list[Agreement]:
         """Compare with the frames of a replay."""
         return [
-            self._minutes.get(name, _MinuteDigests()).compare_with_replay(name, replayed)
-            for name, replayed in _digest_replayed_frames(frames).items()
+            self._minutes.get(name, _MinuteDigests()).compare_with_replayed_digests(name, replayed)
+            for name, replayed in _digest_replayed_frames(replayed_frames).items()
         ]
 
-    def _digests_by_name(self, name: str) -> _MinuteDigests:
+    def _get_or_make_digests(self, name: str) -> _MinuteDigests:
         return self._minutes.setdefault(name, _MinuteDigests())
 
 
-def _digest_replayed_frames(frames: Mapping[str, pl.DataFrame]) -> dict[str, _MinuteDigests]:
+def _digest_replayed_frames(
+    replayed_frames: Mapping[str, pl.DataFrame],
+) -> dict[str, _MinuteDigests]:
     found: dict[str, _MinuteDigests] = {}
-    for axis in list_available_axes(frames["excitation"]):
-        gate = frames["gate"]
+    for axis in list_available_axes(replayed_frames["excitation"]):
+        gate = replayed_frames["gate"]
         codes = gate[f"reason_{axis.letter}"].cast(pl.String)
         codes = codes.replace_strict(_REASONS, return_dtype=pl.Float64)
-        found[_name_of_followed_column(GATE, axis)] = _digest_rows_by_minute(
+        found[_make_digest_name(GATE, axis)] = _digest_rows_by_minute(
             gate["t_ns"], codes.to_numpy()[:, None]
         )
-        for name, frame in frames.items():
+        for name, frame in replayed_frames.items():
             method = name.removeprefix("estimates/")
             if method != name and axis.parameters[0][0] in frame.columns:
                 rows = select_rows_of_axis(axis, frame).drop_nulls("t_ns")
                 theta, _ = read_parameters_and_stds(axis, rows)
-                found[_name_of_followed_column(method, axis)] = _digest_rows_by_minute(
-                    rows["t_ns"], theta
-                )
+                found[_make_digest_name(method, axis)] = _digest_rows_by_minute(rows["t_ns"], theta)
     return found
 
 
-def _name_of_followed_column(name: str, axis: Axis) -> str:
+def _make_digest_name(name: str, axis: Axis) -> str:
     return name if axis is X else f"{name}{_OF_SPINS}"
 
 
 def _digest_rows_by_minute(t_ns: pl.Series, numbers: NDArray[np.float64]) -> _MinuteDigests:
     minutes = _MinuteDigests()
     for t, row in zip(t_ns.to_list(), np.ascontiguousarray(numbers), strict=True):
-        minutes.add(t, row)
+        minutes.add_row_to_minute(t, row)
     return minutes
 
 
@@ -181,7 +197,7 @@ def record_and_compare_followed_log(
     paths: Sequence[Path],
     machine: Machine,
     output: Path,
-    followed: FollowedDigests,
+    followed_digests: FollowedDigests,
     *,
     is_growing: bool,
 ) -> list[Agreement]:
@@ -191,22 +207,22 @@ def record_and_compare_followed_log(
         paths: paths of the log; a `.bag.active` is found under its final name.
         machine: the machine that was followed with; its filters are causal here.
         output: recording to write, or to replace.
-        followed: digests of the followed decisions and estimates.
+        followed_digests: digests of the followed decisions and estimates.
         is_growing: whether the log may still be recorded: tables are read up to their last line.
 
     Raises:
         PayscopeError: the log is invalid or gone, or there is too little data.
     """
-    closed = [find_current_log_name(path) for path in paths]
+    closed = [find_current_log_path(path) for path in paths]
     settings = machine.settings.with_changes({"filter.causal": True})
     causal = machine.model_copy(update={"settings": settings})
     refuse_input_as_output(output, (path for path in closed if path.exists()))
     try:
-        result = run_log_so_far(closed, causal, is_copied=is_growing)
+        result = replay_log_so_far(closed, causal, is_copied=is_growing)
     except DataError as error:
         raise DataError(f"{', '.join(map(str, closed))}: {error}") from None
     write_recording(result, output, force=True)
-    return followed.compare(read_recording(output).frames)
+    return followed_digests.compare_with_replayed_frames(read_recording(output).frames)
 
 
 def iter_agreement_lines(
@@ -232,7 +248,7 @@ def iter_agreement_lines(
                 f"{rows}, {each.replayed:,} in the replay, which goes on with what was not "
                 f"followed; they differ from {each.differs_from_s:,.0f} s onwards"
             )
-        elif not is_noise_stated(settings, Z if each.name.endswith(_OF_SPINS) else X):
+        elif not does_machine_file_state_noise(settings, Z if each.name.endswith(_OF_SPINS) else X):
             expected.setdefault(_NOISE, []).append(each)
         elif is_growing:
             expected.setdefault(_GOES_ON, []).append(each)
@@ -251,6 +267,6 @@ def iter_agreement_lines(
         )
 
 
-def is_noise_stated(settings: Settings, axis: Axis) -> bool:
+def does_machine_file_state_noise(settings: Settings, axis: Axis) -> bool:
     """Whether the settings give the noise of each column of an axis."""
     return collect_axis_noise(axis, settings).mean is not None

@@ -85,11 +85,11 @@ class BackgroundReplays:
     def __enter__(self) -> Self:
         """Begin with what is recorded already, which is sooner replayed than followed."""
         if (
-            sum(size for size, _ in read_log_signature(self._logs).values())
+            sum(size for size, _ in read_log_sizes_and_change_times(self._logs).values())
             >= LIMITS.worth_replaying_bytes
         ):
-            self.request()
-            self.poll()
+            self.request_replay_of_log_so_far()
+            self.take_result_and_start_next()
         return self
 
     def __exit__(
@@ -98,31 +98,34 @@ class BackgroundReplays:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self.end_process()
+        self.kill_replay_process()
 
     @property
     def process_id(self) -> int | None:
         """Number of the process; None before the first replay."""
         return self._process.pid if self._process else None
 
-    def request(self) -> None:
+    def request_replay_of_log_so_far(self) -> None:
         """Ask for a replay of what is recorded by now, as soon as the share allows it."""
         self._is_wanted = True
 
-    def poll(self) -> ReplayReport | None:
+    def take_result_and_start_next(self) -> ReplayReport | None:
         """Take the result of a replay, or None; start the next if it is due. Never waits."""
-        report = self._take_result() if self._is_underway else None
+        report = self._take_result_of_process() if self._is_underway else None
         is_due = self._is_wanted and self._share > 0.0 and time.monotonic() >= self._next_s
         if is_due and not self._is_underway and self._ended < LIMITS.max_ended_processes:
             self._is_wanted = False
-            if self._signature != read_log_signature(self._logs) or not self._signature:
+            if (
+                self._signature != read_log_sizes_and_change_times(self._logs)
+                or not self._signature
+            ):
                 self._begin_replay(is_last=False)
         return report
 
-    def replay_whole_log(
+    def wait_for_replay_of_whole_log(
         self,
         on_wait: Callable[[], None],
-        is_left_out: Callable[[], bool] = lambda: False,
+        is_skipped: Callable[[], bool] = lambda: False,
         *,
         is_growing: bool = False,
     ) -> ReplayReport | None:
@@ -133,23 +136,23 @@ class BackgroundReplays:
 
         Args:
             on_wait: called once if the result takes a while.
-            is_left_out: asked again and again while it is awaited.
+            is_skipped: asked again and again while it is awaited.
             is_growing: whether it may still be recorded: tables are read up to their last line.
         """
-        if self._share <= 0.0 or is_left_out():
+        if self._share <= 0.0 or is_skipped():
             return None
-        now = read_log_signature(self._logs)
+        now = read_log_sizes_and_change_times(self._logs)
         if self._signature != now or not now:
             self._newest = None
             if self._is_underway:
-                self.end_process()  # half of it would have to be done again
+                self.kill_replay_process()  # half of it would have to be done again
         began, is_told = time.monotonic(), False
         for _ in range(LIMITS.max_last_replays):
             if not self._is_underway and self._newest is None:
                 self._begin_replay(is_last=True, is_growing=is_growing)
             while self._is_underway:
-                self._take_result()
-                if is_left_out():
+                self._take_result_of_process()
+                if is_skipped():
                     return None
                 time.sleep(_LOOK_S)
                 if not is_told and time.monotonic() - began > _PATIENCE_S:
@@ -159,7 +162,7 @@ class BackgroundReplays:
                 return replace(self._newest, is_whole=True)
         return None
 
-    def end_process(self) -> None:
+    def kill_replay_process(self) -> None:
         """End the process, whatever it does."""
         if self._process is not None:
             self._process.kill()
@@ -171,13 +174,13 @@ class BackgroundReplays:
         self._is_wanted, self._is_last, self._newest = False, is_last, None
         self._began_s = time.monotonic()
         try:
-            process = self._process or start_process()
+            process = self._process or start_replay_process()
         except OSError as error:  # no memory or no more processes
-            self._tell_of_end(f"could not be started: {error.strerror}")
+            self._warn_of_unexpected_end(f"could not be started: {error.strerror}")
             return
         self._process, self._output, self._is_underway = process, bytearray(), True
         # a table that grows is copied up to its last line, so that no number of it is torn
-        names = [find_current_log_name(path) for path in self._logs]
+        names = [find_current_log_path(path) for path in self._logs]
         is_copied = is_growing and any(is_text_table(path) for path in names)
         asked = {
             "logs": [str(path) for path in names],
@@ -185,13 +188,13 @@ class BackgroundReplays:
             "machine": self._machine.model_dump(mode="json", exclude_unset=True),
             "is_copied": is_copied,
         }
-        self._signature = {} if is_copied else read_log_signature(self._logs)
+        self._signature = {} if is_copied else read_log_sizes_and_change_times(self._logs)
         assert process.stdin is not None
         with contextlib.suppress(BrokenPipeError):  # that it has ended is seen where it is read
             process.stdin.write(json.dumps(asked).encode() + b"\n")
             process.stdin.flush()
 
-    def _take_result(self) -> ReplayReport | None:
+    def _take_result_of_process(self) -> ReplayReport | None:
         process = self._process
         assert process is not None
         assert process.stdout is not None
@@ -199,27 +202,29 @@ class BackgroundReplays:
             while part := os.read(process.stdout.fileno(), LIMITS.read_bytes):
                 self._output += part
                 if part.endswith(b"\n"):
-                    return self._finish_replay(ReplayReport.from_dict(json.loads(self._output)))
+                    return self._note_finished_replay(
+                        ReplayReport.from_dict(json.loads(self._output))
+                    )
             self._report_ended_process(process)
         return None
 
-    def _finish_replay(self, report: ReplayReport) -> ReplayReport:
+    def _note_finished_replay(self, report: ReplayReport) -> ReplayReport:
         self._ended = 0
-        self._record_processor_time(report.processor_s)
+        self._note_processor_time(report.processor_s)
         self._newest = report
         return report
 
     def _report_ended_process(self, process: "subprocess.Popen[bytes]") -> None:
         """Note a process that has ended without a result."""
         status = process.wait()
-        self.end_process()
+        self.kill_replay_process()
         how = f"by signal {-status}" if status < 0 else f"with status {status}"
-        self._tell_of_end(f"has ended {how}")
+        self._warn_of_unexpected_end(f"has ended {how}")
 
-    def _tell_of_end(self, exit_text: str) -> None:
+    def _warn_of_unexpected_end(self, exit_text: str) -> None:
         self._ended += 1
         self._is_wanted, self._signature = True, {}
-        self._record_processor_time(time.monotonic() - self._began_s)
+        self._note_processor_time(time.monotonic() - self._began_s)
         if self._is_last:
             self._tell(f"the process of the last replay {exit_text}")
             return
@@ -230,14 +235,14 @@ class BackgroundReplays:
         )
         self._tell(f"the process of the replay {exit_text}; following goes on, {more}")
 
-    def _record_processor_time(self, processor_s: float) -> None:
+    def _note_processor_time(self, processor_s: float) -> None:
         self.processor_s += processor_s
         self._is_underway = False
         if self._share > 0.0:
             self._next_s = self._began_s + processor_s / self._share
 
 
-def start_process() -> "subprocess.Popen[bytes]":
+def start_replay_process() -> "subprocess.Popen[bytes]":
     """Start the process that replays; its output is read without waiting."""
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", "replay.follow.background_replay"],
@@ -252,7 +257,7 @@ def start_process() -> "subprocess.Popen[bytes]":
     return process
 
 
-def find_current_log_name(path: Path) -> Path:
+def find_current_log_path(path: Path) -> Path:
     """Name of a log by now: a bag loses its suffix `.active` when its recorder closes it."""
     inner = path.with_suffix("")
     return inner if path.suffix == ACTIVE and not path.exists() and inner.exists() else path
@@ -263,10 +268,10 @@ def is_text_table(path: Path) -> bool:
     return path.is_file() and path.suffix.lower() not in (ACTIVE, ".bag", ".mcap", ".db3")
 
 
-def read_log_signature(logs: Sequence[Path]) -> _Signature:
+def read_log_sizes_and_change_times(logs: Sequence[Path]) -> _Signature:
     """Size and time of change of each file of a log, by its final name."""
     found: _Signature = {}
-    for log in map(find_current_log_name, logs):
+    for log in map(find_current_log_path, logs):
         files = [log, log.with_name(f"{log.name}{_NEWEST_ROWS}")]
         with contextlib.suppress(FileNotFoundError):
             files = sorted(log.iterdir()) if log.is_dir() else files
@@ -278,7 +283,7 @@ def read_log_signature(logs: Sequence[Path]) -> _Signature:
     return found
 
 
-def run_log_so_far(logs: Sequence[Path], machine: Machine, *, is_copied: bool) -> Run:
+def replay_log_so_far(logs: Sequence[Path], machine: Machine, *, is_copied: bool) -> Run:
     """Replay a log as it is on disk, as `run` does.
 
     Args:
@@ -335,26 +340,26 @@ def serve_replay_requests() -> None:
         sys.stdout.flush()
 
 
-def serve_replay_request(request: Mapping[str, Any]) -> ReplayReport:
+def serve_replay_request(request_json: Mapping[str, Any]) -> ReplayReport:
     """Replay as asked; the report of a replay that fails says why."""
     try:
-        result = run_log_so_far(
-            [Path(path) for path in request["logs"]],
-            Machine.model_validate_json(json.dumps(request["machine"])),
-            is_copied=request["is_copied"],
+        result = replay_log_so_far(
+            [Path(path) for path in request_json["logs"]],
+            Machine.model_validate_json(json.dumps(request_json["machine"])),
+            is_copied=request_json["is_copied"],
         )
         return report_replay(result)
     except DataError as error:
-        return make_fault_report(str(error), "none_yet")
+        return make_report_of_failed_replay(str(error), "none_yet")
     except (PayscopeError, OSError) as error:
-        return make_fault_report(str(error), "failed")
+        return make_report_of_failed_replay(str(error), "failed")
     except Exception as error:  # noqa: BLE001  whoever follows sees no traceback of this process
-        return make_fault_report(f"{type(error).__name__}: {error}", "failed")
+        return make_report_of_failed_replay(f"{type(error).__name__}: {error}", "failed")
 
 
-def make_fault_report(fault: str, validity: ReplayValidity) -> ReplayReport:
+def make_report_of_failed_replay(fault_text: str, validity: ReplayValidity) -> ReplayReport:
     """Report of a replay without a result."""
-    return ReplayReport("replay", 0, 0.0, 0.0, False, validity, fault=one_line(fault))
+    return ReplayReport("replay", 0, 0.0, 0.0, False, validity, fault=one_line(fault_text))
 
 
 if __name__ == "__main__":

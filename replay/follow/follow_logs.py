@@ -19,15 +19,15 @@ from analysis.online.rehearsal import rehearse
 from estimators.errors import DataError, LogError
 from estimators.interpreted import force_compilation
 from estimators.threads import limit_blas_to_one_thread
-from replay.follow.background_replay import find_current_log_name, is_text_table
+from replay.follow.background_replay import find_current_log_path, is_text_table
 from replay.follow.follow_limits import LIMITS
 from replay.follow.interrupts import Interrupts
 from replay.inputs.channel_inputs import list_channel_fields
-from replay.logs import GrowingLogFile, follow_log
+from replay.logs import GrowingLogFile, open_growing_log
 from replay.machines.machine_file import (
     find_machine_file,
     find_time_axis_of_machine,
-    read_file_signature,
+    read_file_time_size_and_inode,
 )
 
 _INTERRUPTED: Final = "interrupted"
@@ -60,14 +60,14 @@ class Following:
     lost: str = ""
 
     @property
-    def missing_excitation(self) -> list[str]:
+    def topics_without_messages(self) -> list[str]:
         """Topics of the machine file without any message so far."""
         return [topic for topic in self.follower.topics if topic not in self.topics]
 
     @property
-    def remedy(self) -> str:
+    def missing_topics_remedy(self) -> str:
         """Remedy for missing topics; empty if none is missing."""
-        if not self.missing_excitation:
+        if not self.topics_without_messages:
             return ""
         has = f"it has {', '.join(self.topics)}" if self.topics else "it has no topic yet"
         return f"; {has}. Set the topic of the channel in the machine file"
@@ -91,7 +91,7 @@ def follow_logs(
     to `on_rows`.
 
     Args:
-        paths: as in `follow_log`.
+        paths: as in `open_growing_log`.
         machine: channels and settings.
         on_rows: called with the rows of each poll, empty if there is nothing new.
         noise: as in `Follower`.
@@ -110,7 +110,7 @@ def follow_logs(
     with ExitStack() as opened:
         noted = interrupts or opened.enter_context(Interrupts())
         log = opened.enter_context(
-            closing(follow_log(paths, fields, find_time_axis_of_machine(machine)))
+            closing(open_growing_log(paths, fields, find_time_axis_of_machine(machine)))
         )
         opened.enter_context(force_compilation())
         rehearse(follower.log.machine.settings, noise)
@@ -122,28 +122,30 @@ def follow_logs(
             opened.callback(gc.unfreeze)
         noted.is_raised = False
         try:
-            following.ended = follow_until_end(log, following, on_rows, idle_s, noted)
+            following.ended = poll_log_until_end(log, following, on_rows, idle_s, noted)
         except KeyboardInterrupt:  # by `on_rows`
             following.ended = _INTERRUPTED
         following.is_interrupted = following.ended == _INTERRUPTED
-        following.lost = describe_lost_log(paths, following.sizes)
+        following.lost = describe_lost_log_file(paths, following.sizes)
         if following.lost and not following.is_interrupted:
             following.ended = following.lost
         try:
-            if not (following.is_interrupted and is_quick_end_requested(following, noted)):
-                poll_log(log, following, on_rows, noted, is_last=True)
+            if not (following.is_interrupted and must_following_end_quickly(following, noted)):
+                process_new_log_data(log, following, on_rows, noted, is_last=True)
         except DataError as error:
-            raise LogError(f"{paths[0]}: {following.ended}: {error}{following.remedy}") from error
+            raise LogError(
+                f"{paths[0]}: {following.ended}: {error}{following.missing_topics_remedy}"
+            ) from error
     return following
 
 
-def is_quick_end_requested(following: Following, interrupts: Interrupts) -> bool:
+def must_following_end_quickly(following: Following, interrupts: Interrupts) -> bool:
     """Whether ctrl-C asks for the end of what is left to do when following has ended, or must."""
     return interrupts.count > (following.is_interrupted or not following.ended)
 
 
-def follow_until_end(
-    log: GrowingLogFile,
+def poll_log_until_end(
+    growing_log: GrowingLogFile,
     following: Following,
     on_rows: Callable[[Following, list[FollowedRow]], None],
     idle_s: float,
@@ -156,10 +158,10 @@ def follow_until_end(
         if interrupts.count:
             return _INTERRUPTED
         sizes = read_file_sizes(following.paths)
-        if poll_log(log, following, on_rows, interrupts):
+        if process_new_log_data(growing_log, following, on_rows, interrupts):
             grew = time.monotonic()
             following.sizes = sizes
-        elif log.is_finished:
+        elif growing_log.is_finished:
             return "the recorder has closed the log"
         elif began - grew > idle_s:
             return f"the log has not grown for {idle_s:g} s"
@@ -175,7 +177,7 @@ def read_file_sizes(paths: Sequence[Path]) -> dict[Path, int]:
     return sizes
 
 
-def describe_lost_log(paths: Sequence[Path], sizes_before: Mapping[Path, int]) -> str:
+def describe_lost_log_file(paths: Sequence[Path], sizes_before: Mapping[Path, int]) -> str:
     """Name a file of the log that is gone, or a table that shrank; empty without one.
 
     Args:
@@ -184,15 +186,15 @@ def describe_lost_log(paths: Sequence[Path], sizes_before: Mapping[Path, int]) -
     """
     sizes = read_file_sizes(paths)
     for path in paths:
-        if not find_current_log_name(path).exists():
+        if not find_current_log_path(path).exists():
             return f"{path} is no longer there"
         if is_text_table(path) and sizes.get(path, 0) < sizes_before.get(path, 0):
             return f"{path} has shrunk from {sizes_before[path]:,} to {sizes.get(path, 0):,} bytes"
     return ""
 
 
-def poll_log(
-    log: GrowingLogFile,
+def process_new_log_data(
+    growing_log: GrowingLogFile,
     following: Following,
     on_rows: Callable[[Following, list[FollowedRow]], None],
     interrupts: Interrupts,
@@ -202,7 +204,7 @@ def poll_log(
     """Process new data of the log; returns whether there was any.
 
     Args:
-        log: the log.
+        growing_log: the log.
         following: its state.
         on_rows: called with the rows, all that were stepped.
         interrupts: in haste (ctrl-C again), the rows that are not stepped yet are left out.
@@ -210,15 +212,15 @@ def poll_log(
     """
     began = time.monotonic()
     # one that is still recorded ends within a line, which would be half a row
-    frames = log.poll(is_whole=is_last and not following.is_interrupted)
-    following.topics, following.losses = log.topics, [*log.losses]
+    frames = growing_log.poll(is_whole=is_last and not following.is_interrupted)
+    following.topics, following.losses = growing_log.topics, [*growing_log.losses]
     for topic, frame in frames.items():
         following.follower.take(topic, frame)
     rows: list[FollowedRow] = []
     if frames or is_last:
         for row in following.follower.iter_rows(is_whole=is_last):
             rows.append(row)
-            if is_quick_end_requested(following, interrupts):
+            if must_following_end_quickly(following, interrupts):
                 break
         following.look_s = time.monotonic() - began
     on_rows(following, rows)
@@ -231,19 +233,19 @@ class MachineFileChange:
     def __init__(self, path: Path) -> None:
         """Read it; one that is missing or no file is for those to refuse who load it."""
         self._path = find_machine_file(path)
-        self._signature = read_file_signature(self._path)
-        self._text = self._read()
+        self._signature = read_file_time_size_and_inode(self._path)
+        self._text = self._read_file_or_empty()
 
-    def has_changed(self) -> bool:
+    def has_file_changed(self) -> bool:
         """Whether it has another text since the last question. One that is gone has none."""
-        signature = read_file_signature(self._path)
+        signature = read_file_time_size_and_inode(self._path)
         if signature in (None, self._signature):
             return False
         self._signature, before = signature, self._text
-        self._text = self._read()
+        self._text = self._read_file_or_empty()
         return self._text != before
 
-    def _read(self) -> bytes:
+    def _read_file_or_empty(self) -> bytes:
         try:
             return self._path.read_bytes()
         except OSError:

@@ -21,7 +21,7 @@ from recordings.follow.growing_recording import (
     FollowedLog,
     GrowingRecording,
     RecordingEnd,
-    read_recording_end,
+    read_end_of_recording,
 )
 from recordings.report.atomic_output import AppendedFile, refuse_input_as_output
 from replay.follow.follow_logs import Following
@@ -84,14 +84,16 @@ class FollowedOutputs:
             OutputError: an output exists and is of something else.
         """
         self._output, self._server, self._tell = output, server, tell
-        self._identity = compute_input_identity(paths, machine, noise)
+        self._identity = digest_input_identity(paths, machine, noise)
         self._name = f"{machine.machine.name}: {', '.join(path.name for path in paths)}"
         self._recording: GrowingRecording | None = None
         self._file: AppendedFile | None = None
         self._begins = output is not None or server is not None
         self._from = None
         if output is not None:
-            self._from = find_resume_point(output, paths, self._identity, machine, force=force)
+            self._from = find_recording_resume_point(
+                output, paths, self._identity, machine, force=force
+            )
         self._replay: ReplayReport | None = None
         self._topic: ReportFile | None = None
         if reports is not None:
@@ -105,13 +107,13 @@ class FollowedOutputs:
                 "on disc"
             )
 
-    def write_rows_and_new_reports(
-        self, following: Following, rows: Sequence[FollowedRow]
+    def write_rows_and_return_new_reports(
+        self, following: Following, online_rows: Sequence[FollowedRow]
     ) -> list[OnlineReport]:
         """Write rows, and return the reports that were not emitted before."""
         told: list[OnlineReport] = []
         waiting: list[FollowedRow] = []
-        for row in rows:
+        for row in online_rows:
             waiting.append(row)
             if row.reports:
                 text = format_reports_markdown(row.reports[-1])
@@ -119,62 +121,68 @@ class FollowedOutputs:
                     replay = self._replay.at_time(row.reports[-1].unix_ns)
                     text += f"\n{format_replay_markdown(replay)}\n"
                 self._record_rows(following, waiting, text)
-                self._write_to_topic(partial(ReportFile.write, reports=row.reports))
+                self._write_report_or_stop(
+                    partial(ReportFile.append_new_reports, reports=row.reports)
+                )
                 told += [each for each in row.reports if each.unix_ns > self._until_ns]
                 waiting = []
         self._record_rows(following, waiting, None)
         return told
 
-    def write_new_replay(self, report: ReplayReport, unix_ns: int) -> bool:
+    def write_replay_report_if_new(self, report: ReplayReport, unix_ns: int) -> bool:
         """Write the report of a replay, made at `unix_ns` of the log; whether it is a new one."""
         self._replay = report
         if (report.unix_ns, report.is_whole) <= self._replayed:
             return False
         if self._topic is not None:
-            self._write_to_topic(lambda topic: topic.write_replay(report, unix_ns))
+            self._write_report_or_stop(
+                lambda topic: topic.append_replay_report_if_new(report, unix_ns)
+            )
         return True
 
-    def close(self) -> None:
+    def finish_files(self) -> None:
         """Finish the files."""
         if self._recording is not None:
-            self._recording.close()
+            self._recording.close_complete_file()
         if self._topic is not None:
             try:
-                self._topic.close()
+                self._topic.close_with_index()
             except OSError as error:
-                self._tell(f"{self._topic.path}: {_describe_write_error(error)}")
+                self._tell(f"{self._topic.path}: {_describe_output_write_error(error)}")
 
-    def _write_to_topic(self, write_report: Callable[[ReportFile], None]) -> None:
+    def _write_report_or_stop(self, write_report: Callable[[ReportFile], None]) -> None:
         if self._topic is None:
             return
         try:
             write_report(self._topic)
         except OSError as error:
-            self._tell(f"{self._topic.path}: {_describe_write_error(error)}")
+            self._tell(f"{self._topic.path}: {_describe_output_write_error(error)}")
             self._topic.close_without_index()
             self._topic = None
 
     def _record_rows(
-        self, following: Following, rows: Sequence[FollowedRow], text: str | None
+        self, following: Following, online_rows: Sequence[FollowedRow], answer_markdown: str | None
     ) -> None:
         """Record rows; with a text, the file is flushed before anyone is notified."""
-        if not rows or not self._begins:
+        if not online_rows or not self._begins:
             return
         try:
-            recording = self._recording or self._begin_recording(following)
-            t0_ns = self._first_row_unix_ns(following)
+            recording = self._recording or self._open_recording_at_first_row(following)
+            t0_ns = self._compute_first_row_unix_ns(following)
             recorded_ns = self._recorded_ns if self._from is None or self._from.end else 0
-            recording.add([row for row in rows if row.t_ns + t0_ns > recorded_ns])
-            if text is not None:
-                recording.flush(text)
-            self._replace_shorter_recording(rows[-1].t_ns + t0_ns)
+            recording.add_rows_to_write(
+                [row for row in online_rows if row.t_ns + t0_ns > recorded_ns]
+            )
+            if answer_markdown is not None:
+                recording.write_added_rows(answer_markdown)
+            self._replace_shorter_recording(online_rows[-1].t_ns + t0_ns)
         except OSError as error:
-            self._tell(f"{self._output}: {_describe_write_error(error)}")
+            self._tell(f"{self._output}: {_describe_output_write_error(error)}")
             if self._recording is not None:
                 self._recording.stop_writing_file()
             self._begins = self._server is not None and self._recording is not None
 
-    def _begin_recording(self, following: Following) -> GrowingRecording:
+    def _open_recording_at_first_row(self, following: Following) -> GrowingRecording:
         basis = following.follower.log.basis
         assert basis is not None, "there are rows"
         end = self._from.end if self._from else None
@@ -203,27 +211,27 @@ class FollowedOutputs:
         if unix_ns > self._recorded_ns:
             self._file.rename(self._output)
 
-    def _first_row_unix_ns(self, following: Following) -> int:
+    def _compute_first_row_unix_ns(self, following: Following) -> int:
         basis = following.follower.log.basis
         assert basis is not None, "there are rows"
         return basis.t0_unix_ns
 
 
-def _describe_write_error(error: OSError) -> str:
+def _describe_output_write_error(error: OSError) -> str:
     return f"not continued ({error.strerror}); it is complete up to here, and following continues"
 
 
-def compute_input_identity(
+def digest_input_identity(
     paths: Sequence[Path], machine: Machine, noise: pl.DataFrame | None
 ) -> str:
     """Identity of the inputs: names of logs, and a digest of machine file and noise."""
     digest = hashlib.sha256(make_causal_machine(machine).model_dump_json().encode())
     digest.update(b"" if noise is None else noise.write_json().encode())
-    return f"{', '.join(map(_name_of_closed_log, paths))}; {digest.hexdigest()}"
+    return f"{', '.join(map(_make_name_of_closed_log, paths))}; {digest.hexdigest()}"
 
 
-def find_resume_point(
-    output: Path, paths: Sequence[Path], identity: str, machine: Machine, *, force: bool
+def find_recording_resume_point(
+    output: Path, paths: Sequence[Path], input_identity: str, machine: Machine, *, force: bool
 ) -> ResumePoint | None:
     """Find the point from which a recording continues; None if it is new.
 
@@ -236,10 +244,10 @@ def find_resume_point(
         require_writable_recording(output, force=force or output.is_file())
         return None
     if is_unfinished_recording(output):
-        end = read_recording_end(output)
+        end = read_end_of_recording(output)
         if end is None:
             return None
-        if end.about.identity != identity:
+        if end.about.identity != input_identity:
             raise OutputError(
                 f"{output}: follows {end.about.identity.partition(';')[0]} with another machine "
                 "file, settings or noise; give another output, or give --force"
@@ -258,7 +266,7 @@ def has_log_grown(output: Path, paths: Sequence[Path], machine: Machine) -> bool
     inner = [
         each for path in paths for each in (sorted(path.iterdir()) if path.is_dir() else [path])
     ]
-    sizes = {_name_of_closed_log(path): path.stat().st_size for path in inner if path.exists()}
+    sizes = {_make_name_of_closed_log(path): path.stat().st_size for path in inner if path.exists()}
     then = {each.name.removesuffix(ACTIVE): each.size_bytes for each in about.inputs}
     return (
         about.settings.filter.causal
@@ -268,5 +276,5 @@ def has_log_grown(output: Path, paths: Sequence[Path], machine: Machine) -> bool
     )
 
 
-def _name_of_closed_log(path: Path) -> str:
+def _make_name_of_closed_log(path: Path) -> str:
     return path.name.removesuffix(ACTIVE)

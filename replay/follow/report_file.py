@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Metadata
@@ -60,7 +60,7 @@ class ReportFile:
         size = 0
         is_empty = path.is_file() and path.stat().st_size == 0
         if path.is_file() and not force:
-            reported, size = _read_reports(path, identity)
+            reported, size = _read_complete_reports(path, identity)
         require_writable_output(path, force=force or is_empty or size > 0)
         self.path = path
         self.until_unix_ns, self.replayed = 0, (0, False)
@@ -70,10 +70,10 @@ class ReportFile:
         self._writer.start("", "payscope")
         #: numbers by topic; that of replays is there from the first one on
         self._channels: dict[str, int] = {}
-        self._add_channel(TOPIC, make_report_schema())
+        self._append_channel_with_schema(TOPIC, make_report_schema())
         self._writer.add_metadata(_FOLLOWED, {"identity": identity})
         for topic, each in reported:
-            self._add_message(topic, each.log_time, each.publish_time, each.data)
+            self._append_json_message(topic, each.log_time, each.publish_time, each.data)
             if topic == TOPIC:
                 self.until_unix_ns = max(self.until_unix_ns, each.log_time)
             else:
@@ -81,7 +81,7 @@ class ReportFile:
                 self.replayed = max(self.replayed, (found["unix_ns"], found["is_whole"]))
         self._stream.flush()
 
-    def write(self, reports: Iterable[OnlineReport]) -> None:
+    def append_new_reports(self, reports: Iterable[OnlineReport]) -> None:
         """Append the reports that are new.
 
         Raises:
@@ -89,20 +89,20 @@ class ReportFile:
         """
         for report in reports:
             if report.unix_ns > self.until_unix_ns:
-                self._add_report(TOPIC, report.unix_ns, report)
+                self._append_report_message(TOPIC, report.unix_ns, report)
         self._stream.flush()
 
-    def write_replay(self, report: ReplayReport, unix_ns: int) -> None:
+    def append_replay_report_if_new(self, replay_report: ReplayReport, unix_ns: int) -> None:
         """Append the report of a replay, made at `unix_ns` of the log, unless it is there.
 
         Raises:
             OSError: it does not fit on the disk.
         """
-        if (report.unix_ns, report.is_whole) > self.replayed:
-            self._add_report(REPLAY_TOPIC, unix_ns, report)
+        if (replay_report.unix_ns, replay_report.is_whole) > self.replayed:
+            self._append_report_message(REPLAY_TOPIC, unix_ns, replay_report)
             self._stream.flush()
 
-    def close(self) -> None:
+    def close_with_index(self) -> None:
         """Write the index.
 
         Raises:
@@ -118,21 +118,23 @@ class ReportFile:
         """Close the file without an index."""
         self._stream.close()
 
-    def _add_report(
+    def _append_report_message(
         self, topic: str, log_time_ns: int, report: OnlineReport | ReplayReport
     ) -> None:
         data = json.dumps(report.to_dict(), allow_nan=False).encode()
-        self._add_message(topic, log_time_ns, report.unix_ns, data)
+        self._append_json_message(topic, log_time_ns, report.unix_ns, data)
 
-    def _add_message(self, topic: str, log_time_ns: int, time_ns: int, data: bytes) -> None:
+    def _append_json_message(
+        self, topic: str, log_time_ns: int, time_ns: int, json_bytes: bytes
+    ) -> None:
         # registered where the first one stands: the bytes of a file that is continued are the same
         if topic not in self._channels:
-            self._add_channel(topic, make_replay_report_schema())
-        self._writer.add_message(self._channels[topic], log_time_ns, data, time_ns)
+            self._append_channel_with_schema(topic, make_replay_report_schema())
+        self._writer.add_message(self._channels[topic], log_time_ns, json_bytes, time_ns)
 
-    def _add_channel(self, topic: str, schema: dict[str, Any]) -> None:
+    def _append_channel_with_schema(self, topic: str, json_schema: dict[str, Any]) -> None:
         number = self._writer.register_schema(
-            str(schema["title"]), "jsonschema", json.dumps(schema).encode()
+            str(json_schema["title"]), "jsonschema", json.dumps(json_schema).encode()
         )
         self._channels[topic] = self._writer.register_channel(topic, "json", number)
 
@@ -156,14 +158,21 @@ class _Stream(BytesIO):
 
     def flush(self) -> None:
         new, self._new = bytes(self._new), bytearray()
-        self._file.append(new)
+        self._file.append_record(new)
 
     def close(self) -> None:
         self._file.close()
         super().close()
 
 
-def _read_reports(path: Path, identity: str) -> tuple[list[tuple[str, Message]], int]:
+class _StoredReports(NamedTuple):
+    """Complete reports with their topics, and the bytes that hold them."""
+
+    messages: list[tuple[str, Message]]
+    complete_bytes: int
+
+
+def _read_complete_reports(path: Path, input_identity: str) -> _StoredReports:
     """Complete reports of a file of the same log by topic, and their length; else none, 0."""
     data = path.read_bytes()
     size = _count_complete_bytes(data)
@@ -173,14 +182,14 @@ def _read_reports(path: Path, identity: str) -> tuple[list[tuple[str, Message]],
     try:
         for record in StreamReader(BytesIO(data[:size])).records:
             if isinstance(record, Metadata) and record.name == _FOLLOWED:
-                is_of_same = record.metadata.get("identity") == identity
+                is_of_same = record.metadata.get("identity") == input_identity
             elif isinstance(record, Channel):
                 topics[record.id] = record.topic
             elif isinstance(record, Message):
                 found.append((topics[record.channel_id], record))
     except (McapError, struct.error):
         pass  # it ends without an end, or is no MCAP file
-    return (found, size) if is_of_same else ([], 0)
+    return _StoredReports(found, size) if is_of_same else _StoredReports([], 0)
 
 
 def _count_complete_bytes(data: bytes) -> int:
@@ -200,7 +209,7 @@ def format_utc_time(unix_ns: int) -> str:
     return f"{at:%H:%M:%S}.{unix_ns % 10**9 // 10**8}"
 
 
-def describe_mass(report: OnlineReport) -> str:
+def describe_mass_and_friction(report: OnlineReport) -> str:
     """Mass and friction with uncertainties, or why there is no mass."""
     if report.mass_kg is None:
         return report.validity.replace("_", " ")
@@ -223,18 +232,18 @@ def describe_inertia_and_yaw_friction(report: OnlineReport) -> str:
     )
 
 
-def describe_event(report: OnlineReport) -> str:
+def describe_finished_manoeuvre(report: OnlineReport) -> str:
     """Result of a manoeuvre or spin; empty for other events."""
     match report.event:
         case "manoeuvre":
-            return describe_mass(report)
+            return describe_mass_and_friction(report)
         case "spin":
             return describe_inertia_and_yaw_friction(report)
         case _:
             return ""
 
 
-def describe_progress(report: OnlineReport) -> str:
+def describe_progress_to_answer(report: OnlineReport) -> str:
     """Progress towards an answer and the missing inputs; empty without a target uncertainty."""
     if report.until_u_kg is None or report.percent is None:
         return ""
@@ -263,38 +272,45 @@ def describe_load_state(load: LoadReport) -> str:
     return f"{head}{mass}, payload {format_plus_minus(load.payload_kg, load.payload_u_kg)} kg"
 
 
-def describe_replay(report: ReplayReport) -> str:
+def describe_replay_result(replay_report: ReplayReport) -> str:
     """Result of a replay in a line: how many loads it has, up to when, or why there is none."""
-    if report.fault:
-        return f"not replayed: {report.fault}"
-    until = f"replayed up to {format_utc_time(report.unix_ns)}"
-    when = "the whole log replayed" if report.is_whole else f"{until}, {report.age_s:,.0f} s ago"
-    loads = counted(len(report.loads), "load")
-    if report.inertia_z_kg_m2 is not None:
-        turning = format_plus_minus(report.inertia_z_kg_m2, report.inertia_u_kg_m2)
+    if replay_report.fault:
+        return f"not replayed: {replay_report.fault}"
+    until = f"replayed up to {format_utc_time(replay_report.unix_ns)}"
+    when = (
+        "the whole log replayed"
+        if replay_report.is_whole
+        else f"{until}, {replay_report.age_s:,.0f} s ago"
+    )
+    loads = counted(len(replay_report.loads), "load")
+    if replay_report.inertia_z_kg_m2 is not None:
+        turning = format_plus_minus(replay_report.inertia_z_kg_m2, replay_report.inertia_u_kg_m2)
         loads += f", yaw inertia {turning} kg·m²"
-    if report.withheld_by:
-        return f"{when}: no mass, withheld by {', '.join(report.withheld_by)}"
+    if replay_report.withheld_by:
+        return f"{when}: no mass, withheld by {', '.join(replay_report.withheld_by)}"
     return f"{when}: {loads}"
 
 
 def iter_closed_load_lines(
-    report: ReplayReport, earlier_report: ReplayReport | None
+    replay_report: ReplayReport, earlier_report: ReplayReport | None
 ) -> Iterator[str]:
     """Yield a line per load that has closed since an earlier replay; of the whole log, per load."""
-    if report.is_whole:
-        yield describe_replay(report)
-    known = [] if report.is_whole or earlier_report is None else earlier_report.closed_loads
+    if replay_report.is_whole:
+        yield describe_replay_result(replay_report)
+    known = [] if replay_report.is_whole or earlier_report is None else earlier_report.closed_loads
     spans = {(load.start_unix_ns, load.end_unix_ns) for load in known}
-    for load in report.closed_loads:
+    for load in replay_report.closed_loads:
         if (load.start_unix_ns, load.end_unix_ns) not in spans:
             yield describe_load_state(load)
 
 
-def format_replay_markdown(report: ReplayReport) -> str:
+def format_replay_markdown(replay_report: ReplayReport) -> str:
     """The newest replay in Markdown, for the page next to the plots."""
     return "\n".join(
-        [f"## {describe_replay(report)}\n", *(f"- {describe_load_state(e)}" for e in report.loads)]
+        [
+            f"## {describe_replay_result(replay_report)}\n",
+            *(f"- {describe_load_state(e)}" for e in replay_report.loads),
+        ]
     )
 
 
@@ -302,8 +318,10 @@ def format_reports_markdown(report: OnlineReport) -> str:
     """Reports in Markdown, for the page next to the plots."""
     age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
     return (
-        f"# {describe_mass(report)}\n\nLast manoeuvre{age}; {report.manoeuvres:,} gave a mass so "
-        f"far.\n\n{describe_progress(report)}\n\n{describe_inertia_and_yaw_friction(report)}\n\n"
+        f"# {describe_mass_and_friction(report)}\n\nLast manoeuvre{age}; {report.manoeuvres:,} "
+        "gave a mass "
+        f"so far.\n\n{describe_progress_to_answer(report)}\n\n"
+        f"{describe_inertia_and_yaw_friction(report)}\n\n"
         f"{format_utc_time(report.unix_ns)} UTC: {report.phase or 'unknown'}, "
         f"gate {report.gate.replace('_', ' ')}.\n\nRecorded while following: random "
         "uncertainties, but for load states. When the log ends, its causal replay replaces this "

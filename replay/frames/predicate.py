@@ -9,7 +9,7 @@ import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, floor, isfinite
-from typing import Final
+from typing import Final, NamedTuple
 
 import polars as pl
 
@@ -55,20 +55,23 @@ class TimeRange:
         return TimeRange(min(self.first_ns, other.first_ns), max(self.last_ns, other.last_ns))
 
 
-def bound_time_range(predicate: pl.Expr, column: str) -> TimeRange:
+def bound_log_times_by_predicate(predicate: pl.Expr, time_column: str) -> TimeRange:
     """Bound the log times of rows that a predicate may keep.
 
     Args:
         predicate: any expression; rows outside the range are false for it, rows inside may be.
-        column: name of the log-time column: ns as Int64, or a Datetime.
+        time_column: name of the log-time column: ns as Int64, or a Datetime.
     """
     parts = list(reversed(predicate.meta.pop()))
     if len(parts) == 2:
         left, right = parts
         for combine in (operator.and_, operator.or_):
             if combine(left, right).meta.eq(predicate):
-                return combine(bound_time_range(left, column), bound_time_range(right, column))
-        return _range_of_comparison(predicate, left, right, column)
+                return combine(
+                    bound_log_times_by_predicate(left, time_column),
+                    bound_log_times_by_predicate(right, time_column),
+                )
+        return _bound_times_by_comparison(predicate, left, right, time_column)
     if len(parts) == 3:
         values, low, high = parts
         for closed in _CLOSED:
@@ -76,31 +79,34 @@ def bound_time_range(predicate: pl.Expr, column: str) -> TimeRange:
                 above = operator.ge if closed in ("both", "left") else operator.gt
                 below = operator.le if closed in ("both", "right") else operator.lt
                 return bound_times_by_constant(
-                    values, above, low, column
-                ) & bound_times_by_constant(values, below, high, column)
+                    values, above, low, time_column
+                ) & bound_times_by_constant(values, below, high, time_column)
     return TimeRange()
 
 
-def _range_of_comparison(
-    predicate: pl.Expr, left: pl.Expr, right: pl.Expr, column: str
+def _bound_times_by_comparison(
+    predicate: pl.Expr, left: pl.Expr, right: pl.Expr, time_column: str
 ) -> TimeRange:
     """Range of log times that a comparison allows."""
     for compare, mirrored in _MIRRORED.items():
         if compare(left, right).meta.eq(predicate):
             if right.meta.root_names():
-                return bound_times_by_constant(right, mirrored, left, column)
-            return bound_times_by_constant(left, compare, right, column)
+                return bound_times_by_constant(right, mirrored, left, time_column)
+            return bound_times_by_constant(left, compare, right, time_column)
     return TimeRange()
 
 
 def bound_times_by_constant(
-    values: pl.Expr, comparison: Callable[..., pl.Expr], constant: pl.Expr, column: str
+    time_expression: pl.Expr,
+    comparison: Callable[..., pl.Expr],
+    constant: pl.Expr,
+    time_column: str,
 ) -> TimeRange:
     """Bound times by a comparison with a constant; unbounded for other expressions."""
-    slack = find_time_rounding_ns(values, column)
+    slack = find_time_rounding_ns(time_expression, time_column)
     if slack is None or constant.meta.root_names():
         return TimeRange()
-    limit_ns = round_constant_outwards_ns(constant)
+    limit_ns = find_integers_around_constant_ns(constant)
     if limit_ns is None:
         return TimeRange()
     low, high = limit_ns
@@ -112,9 +118,9 @@ def bound_times_by_constant(
     return TimeRange(max(first, FIRST_NS), min(last, LAST_NS))
 
 
-def find_time_rounding_ns(expression: pl.Expr, column: str) -> int | None:
+def find_time_rounding_ns(expression: pl.Expr, time_column: str) -> int | None:
     """Largest rounding of an expression's times in ns; None if it is not the column."""
-    times = pl.col(column)
+    times = pl.col(time_column)
     if expression.meta.eq(times):
         return 0
     for dtype, slack in _CASTS:
@@ -124,7 +130,14 @@ def find_time_rounding_ns(expression: pl.Expr, column: str) -> int | None:
     return None
 
 
-def round_constant_outwards_ns(constant: pl.Expr) -> tuple[int, int] | None:
+class EnclosingIntegers(NamedTuple):
+    """Integers just below and above a constant."""
+
+    below_ns: int
+    above_ns: int
+
+
+def find_integers_around_constant_ns(constant: pl.Expr) -> EnclosingIntegers | None:
     """Integers just below and above a constant in ns; None if it is not a number."""
     try:
         value = pl.select(constant).to_series()
@@ -141,4 +154,4 @@ def round_constant_outwards_ns(constant: pl.Expr) -> tuple[int, int] | None:
     if isinstance(number, bool) or not isinstance(number, int | float) or not isfinite(number):
         return None
     low, high = floor(number) * ns_per_unit, ceil(number) * ns_per_unit
-    return (low, high) if low > FIRST_NS and high < LAST_NS else None
+    return EnclosingIntegers(low, high) if low > FIRST_NS and high < LAST_NS else None

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from datetime import timedelta
 from glob import glob, has_magic
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import polars as pl
 from polars.io.plugins import register_io_source
@@ -58,8 +58,8 @@ def scan_log(  # noqa: PLR0913 - each names one choice
             cannot be decoded.
     """
     options = FrameOptions(nested, arrays, enums, times)
-    return make_lazy_frame(
-        make_topic_source(logs, topic, options, fields=fields, time=time, losses=losses)
+    return make_lazy_frame_of_topic(
+        make_row_source_of_topic(logs, topic, options, fields=fields, time=time, losses=losses)
     )
 
 
@@ -73,31 +73,31 @@ class _OpenReaders:
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._open, self._reading, self._ends = 0, 0, False
-        atexit.register(self._wait_for_readers)
+        atexit.register(self._end_and_wait_for_readers)
 
-    def read(self, batches: Iterator[pl.DataFrame]) -> Iterator[pl.DataFrame]:
+    def iter_batches_until_exit(self, batches: Iterator[pl.DataFrame]) -> Iterator[pl.DataFrame]:
         """Yield the batches, and stop when the interpreter ends."""
-        self._count_readers(opened=1)
+        self._add_to_reader_counts(opened_change=1)
         try:
             while not self._ends:
-                self._count_readers(reading=1)
+                self._add_to_reader_counts(reading_change=1)
                 try:
                     batch = next(batches, None)
                 finally:
-                    self._count_readers(reading=-1)
+                    self._add_to_reader_counts(reading_change=-1)
                 if batch is None:
                     break
                 yield batch
         finally:
-            self._count_readers(opened=-1)
+            self._add_to_reader_counts(opened_change=-1)
 
-    def _count_readers(self, opened: int = 0, reading: int = 0) -> None:
+    def _add_to_reader_counts(self, opened_change: int = 0, reading_change: int = 0) -> None:
         with self._changed:
-            self._open += opened
-            self._reading += reading
+            self._open += opened_change
+            self._reading += reading_change
             self._changed.notify_all()
 
-    def _wait_for_readers(self) -> None:
+    def _end_and_wait_for_readers(self) -> None:
         with self._changed:
             self._ends = True
             if self._changed.wait_for(lambda: not self._reading, LIMITS.scan_read_s):
@@ -111,7 +111,7 @@ _READERS: Final = _OpenReaders()
 Batches = Callable[[list[str] | None, pl.Expr | None, int | None], Iterator[pl.DataFrame]]
 
 
-def make_lazy_frame_of_batches(batches: Batches, schema: pl.Schema, name: str) -> pl.LazyFrame:
+def make_lazy_frame_of_batches(batches: Batches, schema: pl.Schema, topic: str) -> pl.LazyFrame:
     """Lazy frame of batches, which a process may abandon half-read."""
 
     def iter_requested_rows(
@@ -121,14 +121,16 @@ def make_lazy_frame_of_batches(batches: Batches, schema: pl.Schema, name: str) -
         batch_size: int | None,
     ) -> Iterator[pl.DataFrame]:
         del batch_size  # a hint; the size of a batch is the file's
-        return _READERS.read(batches(columns, predicate, n_rows))
+        return _READERS.iter_batches_until_exit(batches(columns, predicate, n_rows))
 
-    return register_io_source(iter_requested_rows, schema=schema, explain_name=name)
+    return register_io_source(iter_requested_rows, schema=schema, explain_name=topic)
 
 
-def make_lazy_frame(source: TopicSource) -> pl.LazyFrame:
+def make_lazy_frame_of_topic(topic_source: TopicSource) -> pl.LazyFrame:
     """Lazy frame that reads the batches of a topic when it is collected."""
-    return make_lazy_frame_of_batches(source.iter_batches, source.schema, f"log {source.topic}")
+    return make_lazy_frame_of_batches(
+        topic_source.iter_row_batches, topic_source.schema, f"log {topic_source.topic}"
+    )
 
 
 class LogStream:
@@ -156,7 +158,7 @@ class LogStream:
         self.losses = source.losses
 
     def __iter__(self) -> Iterator[pl.DataFrame]:
-        return self._source.iter_batches(self._columns, self._predicate)
+        return self._source.iter_row_batches(self._columns, self._predicate)
 
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
         import pyarrow as pa  # slow to import
@@ -197,7 +199,7 @@ def stream_log(
     Raises:
         LogError: the log, topic, field or column does not exist.
     """
-    source = make_topic_source(logs, topic, options, fields=fields, time=time, losses=losses)
+    source = make_row_source_of_topic(logs, topic, options, fields=fields, time=time, losses=losses)
     return LogStream(source, columns, where)
 
 
@@ -236,7 +238,14 @@ def join_topics(
     )
 
 
-def expand_log_paths(logs: Logs) -> tuple[list[Path], bool]:
+class ExpandedLogs(NamedTuple):
+    """Paths of logs, and whether the name allows several."""
+
+    paths: list[Path]
+    can_be_several: bool
+
+
+def expand_log_paths_and_tell_if_many(logs: Logs) -> ExpandedLogs:
     """Paths of the named logs, and whether the name allows several.
 
     Raises:
@@ -255,10 +264,10 @@ def expand_log_paths(logs: Logs) -> tuple[list[Path], bool]:
     if not found:
         raise LogError("no log is named")
     paths = expand_log_folders(found)
-    return paths, not isinstance(logs, str | Path) or paths != [Path(logs)]
+    return ExpandedLogs(paths, not isinstance(logs, str | Path) or paths != [Path(logs)])
 
 
-def make_topic_source(
+def make_row_source_of_topic(
     logs: Logs,
     topic: str,
     options: FrameOptions = FrameOptions(),  # noqa: B008 - it is frozen
@@ -280,7 +289,7 @@ def make_topic_source(
     Raises:
         LogError: the log, topic or field does not exist.
     """
-    paths, is_several = expand_log_paths(logs)
+    paths, is_several = expand_log_paths_and_tell_if_many(logs)
     return TopicSource(
         paths, topic, options, fields=fields, with_source=is_several, time=time, losses=losses
     )

@@ -27,7 +27,7 @@ _UNSORTABLE: Final = pl.Object, pl.Struct, pl.List, pl.Array
 
 
 def run_select_in_stable_order(
-    sql: str, tables: Tables, *, always_ordered: bool = False
+    sql: str, tables: Tables, *, is_always_ordered: bool = False
 ) -> pl.LazyFrame:
     """Run a SELECT lazily, with a reproducible order of rows.
 
@@ -37,27 +37,27 @@ def run_select_in_stable_order(
     Args:
         sql: one statement in the dialect of polars.
         tables: tables by name; only those in the statement are created.
-        always_ordered: whether to order rows even if they keep their table's order.
+        is_always_ordered: whether to order rows even if they keep their table's order.
 
     Raises:
         QueryError: unknown table or column, invalid SQL, or a statement that does more than read.
     """
     query = strip_statement_terminator(sql)
-    frames = {name: tables[name]() for name in _names_of_used_tables(query, tables)}
+    frames = {name: tables[name]() for name in _list_used_table_names(query, tables)}
     with pl.SQLContext(frames=frames, eager=False) as context:
         try:
             found = context.execute(query)
             columns = found.collect_schema()
-            words = {token.upper() for token in _tokenise(query)}
-            if words.isdisjoint(_REORDERING) and not always_ordered:
+            words = {token.upper() for token in _tokenise_sql(query)}
+            if words.isdisjoint(_REORDERING) and not is_always_ordered:
                 return found
             by = [f'"{n}"' for n, dtype in columns.items() if not isinstance(dtype, _UNSORTABLE)]
             return context.execute(add_order_by_all_columns(query, by))
         except pl.exceptions.PolarsError as error:
-            raise explain_query_error(error, tables) from None
+            raise convert_to_query_error(error, tables) from None
 
 
-def explain_query_error(error: pl.exceptions.PolarsError, tables: Tables) -> QueryError:
+def convert_to_query_error(error: pl.exceptions.PolarsError, tables: Tables) -> QueryError:
     """Convert a polars error in a SQL statement to an error of one line."""
     said = str(error).strip().partition("\n")[0]
     unknown = re.search(r"relation '(.*)' was not found", said)
@@ -75,7 +75,7 @@ def strip_statement_terminator(sql: str) -> str:
         QueryError: it is not a statement that only reads tables.
     """
     query = sql.strip().rstrip(";").strip()
-    first = next(iter(_tokenise(query)), "")
+    first = next(iter(_tokenise_sql(query)), "")
     if first.upper() not in _READING:
         fault = f"'{first}' is not a SELECT; a query only reads tables" if first else "it is empty"
         raise QueryError(f'query: {fault}; write "SELECT … FROM …"')  # noqa: S608 - a message
@@ -90,23 +90,25 @@ def strip_statement_terminator(sql: str) -> str:
 
 def find_quoted_names(sql: str) -> list[str]:
     """Names in double quotes."""
-    return [t[1:-1].replace('""', '"') for t in _tokenise(sql) if t.startswith('"') and len(t) > 2]
+    return [
+        t[1:-1].replace('""', '"') for t in _tokenise_sql(sql) if t.startswith('"') and len(t) > 2
+    ]
 
 
-def _tokenise(query: str) -> list[str]:
-    found = [token[0] for token in _TOKEN.finditer(query)]
+def _tokenise_sql(sql: str) -> list[str]:
+    found = [token[0] for token in _TOKEN.finditer(sql)]
     return [token for token in found if not token.startswith(_COMMENTS)]
 
 
-def _names_of_used_tables(query: str, tables: Tables) -> list[str]:
+def _list_used_table_names(sql: str, tables: Tables) -> list[str]:
     """Names of the tables that occur in a query; the others are not created."""
-    tokens = _tokenise(query)
+    tokens = _tokenise_sql(sql)
     words = {token.strip('"`').replace('""', '"') for token in tokens}
     named = [name for name in tables if name in words]
     if not named:
         upper = [token.upper() for token in tokens]
         if "FROM" not in upper[:-1]:
-            raise QueryError(f"query: names no table; tables: {_list_tables(tables)}")
+            raise QueryError(f"query: names no table; tables: {_format_list_of_tables(tables)}")
         unknown = tokens[upper.index("FROM") + 1].strip('"`')
         raise QueryError(
             f"query: no table '{unknown}'; {describe_available_tables(unknown, tables)}"
@@ -114,39 +116,39 @@ def _names_of_used_tables(query: str, tables: Tables) -> list[str]:
     return named
 
 
-def describe_available_tables(name: str, tables: Tables) -> str:
+def describe_available_tables(missing_name: str, tables: Tables) -> str:
     """Text with the nearest table name, if any, and the list of tables."""
-    meant = suggest_choice(name, tables)
-    listed = f"tables: {_list_tables(tables)}"
+    meant = suggest_choice(missing_name, tables)
+    listed = f"tables: {_format_list_of_tables(tables)}"
     return f"{meant} {listed}" if meant.endswith("?") else listed
 
 
-def _list_tables(tables: Tables) -> str:
+def _format_list_of_tables(tables: Tables) -> str:
     return list_some(list(tables), LIMITS.max_names)
 
 
-def add_order_by_all_columns(query: str, columns: Sequence[str]) -> str:
+def add_order_by_all_columns(sql: str, columns: Sequence[str]) -> str:
     """The query with every column appended to its order.
 
     Args:
-        query: a SELECT.
+        sql: a SELECT.
         columns: column names of its result, in SQL.
     """
-    depth, order, end = 0, False, len(query)
+    depth, order, end = 0, False, len(sql)
     before = ""
-    for token in _TOKEN.finditer(query):
+    for token in _TOKEN.finditer(sql):
         word = token[0].upper()
         if word.startswith(_COMMENTS):
             continue
         depth += {"(": 1, ")": -1}.get(word, 0)
         if depth == 0 and word == "BY" and before == "ORDER":
-            order, end = True, len(query)
-        elif depth == 0 and word in _AFTER_ORDER and end == len(query):
+            order, end = True, len(sql)
+        elif depth == 0 and word in _AFTER_ORDER and end == len(sql):
             end = token.start()
         before = word
     if not columns:
-        return query
-    head, tail = query[:end].rstrip(), query[end:]
+        return sql
+    head, tail = sql[:end].rstrip(), sql[end:]
     # behind a comment that ends with the line an order would be part of it
     gap = "\n" if "--" in head else ""
     return f"{head}{gap}{',' if order else ' ORDER BY'} {', '.join(columns)} {tail}".strip()

@@ -66,76 +66,94 @@ class TopicShape:
         )
         for name, node in self._tree.items():
             # a field that is named like a column of every topic gives way to it
-            schema.setdefault(name, self._dtype_of_node(node, 0))
+            schema.setdefault(name, self._make_dtype_of_node(node, 0))
         self.schema = pl.Schema(schema)
 
-    def list_fields_of_columns(self, columns: Sequence[str]) -> list[str]:
+    def list_fields_needed_for_columns(self, columns: Sequence[str]) -> list[str]:
         """Fields to read for the given columns."""
         wanted = [name for name in columns if name not in self._own]
-        return [leaf.name for name in wanted for leaf in _leaves_below(self._tree[name])]
+        return [leaf.name for name in wanted for leaf in _iter_leaves_below(self._tree[name])]
 
-    def make_frame(self, read: pl.DataFrame, columns: Sequence[str]) -> pl.DataFrame:
+    def make_frame_of_columns(
+        self, field_frame: pl.DataFrame, columns: Sequence[str]
+    ) -> pl.DataFrame:
         """Build columns from a frame of their fields."""
-        values = read.to_dict()
+        values = field_frame.to_dict()
         made = [
             values[self._own[name]].cast(self.schema[name]).alias(name)
             if name in self._own
-            else self._make_column(self._tree[name], values, 0).alias(name)
+            else self._make_column_of_node(self._tree[name], values, 0).alias(name)
             for name in columns
         ]
         return pl.DataFrame(made)
 
-    def _dtype_of_node(self, node: FieldBranch | LeafField, depth: int) -> pl.DataType:
-        """Type of a node inside `depth` lists."""
-        if isinstance(node, LeafField):
-            return self._leaf_dtype(node, depth)
-        inside = depth + node.is_list
+    def _make_dtype_of_node(
+        self, field_node: FieldBranch | LeafField, list_depth: int
+    ) -> pl.DataType:
+        """Type of a node inside `list_depth` lists."""
+        if isinstance(field_node, LeafField):
+            return self._make_dtype_of_leaf(field_node, list_depth)
+        inside = list_depth + field_node.is_list
         record = pl.Struct(
-            {name: self._dtype_of_node(below, inside) for name, below in node.below.items()}
+            {
+                name: self._make_dtype_of_node(below, inside)
+                for name, below in field_node.below.items()
+            }
         )
-        return self._list_type(record, node.length) if node.is_list else record
+        return (
+            self._make_list_or_array_dtype(record, field_node.length)
+            if field_node.is_list
+            else record
+        )
 
-    def _leaf_dtype(self, leaf: LeafField, depth: int) -> pl.DataType:
+    def _make_dtype_of_leaf(self, leaf: LeafField, list_depth: int) -> pl.DataType:
         dtype, lists = leaf.dtype, 0
         while isinstance(dtype, pl.List):
             dtype, lists = cast("pl.DataType", dtype.inner), lists + 1
-        if self._is_shown_by_name(leaf):
+        if self._are_values_shown_by_name(leaf):
             dtype = pl.String()
         elif leaf.is_stamp and self._options.times == "datetime":
             dtype = DATETIME
-        for length in reversed((leaf.lengths or (None,) * lists)[depth:]):
-            dtype = self._list_type(dtype, length)
+        for length in reversed((leaf.lengths or (None,) * lists)[list_depth:]):
+            dtype = self._make_list_or_array_dtype(dtype, length)
         return dtype
 
-    def _list_type(self, dtype: pl.DataType, length: int | None) -> pl.DataType:
+    def _make_list_or_array_dtype(self, dtype: pl.DataType, length: int | None) -> pl.DataType:
         is_array = length is not None and self._options.arrays == "array"
         return pl.Array(dtype, length) if is_array else pl.List(dtype)
 
-    def _is_shown_by_name(self, leaf: LeafField) -> bool:
+    def _are_values_shown_by_name(self, leaf: LeafField) -> bool:
         """Whether enumerated values of a leaf are shown by name."""
         return bool(leaf.value_names) and self._options.enums == "name"
 
-    def _make_column(
-        self, node: FieldBranch | LeafField, values: Mapping[str, pl.Series], depth: int
+    def _make_column_of_node(
+        self,
+        field_node: FieldBranch | LeafField,
+        values_by_field: Mapping[str, pl.Series],
+        list_depth: int,
     ) -> pl.Series:
-        """Column of a node from the values of its leaves, inside `depth` lists."""
-        if isinstance(node, LeafField):
-            found = values[node.name]
-            if self._is_shown_by_name(node):
-                found = replace_values_by_names(found, node.value_names)
-            dtype = self._leaf_dtype(node, depth)
+        """Column of a node from the values of its leaves, inside `list_depth` lists."""
+        if isinstance(field_node, LeafField):
+            found = values_by_field[field_node.name]
+            if self._are_values_shown_by_name(field_node):
+                found = replace_enumerated_values_by_names(found, field_node.value_names)
+            dtype = self._make_dtype_of_leaf(field_node, list_depth)
             return found if found.dtype == dtype else found.cast(dtype)
-        if not node.is_list:
+        if not field_node.is_list:
             columns = [
-                self._make_column(below, values, depth).alias(name)
-                for name, below in node.below.items()
+                self._make_column_of_node(below, values_by_field, list_depth).alias(name)
+                for name, below in field_node.below.items()
             ]
             return pl.DataFrame(columns).to_struct()
-        leaves = [leaf.name for leaf in _leaves_below(node)]
-        counts = values[leaves[0]].list.len()
-        flat = {name: concatenate_list_elements(values[name]) for name in leaves}
-        record = self._make_column(FieldBranch(False, None, node.below), flat, depth + 1)
-        return split_into_lists(record, counts).cast(self._dtype_of_node(node, depth))
+        leaves = [leaf.name for leaf in _iter_leaves_below(field_node)]
+        counts = values_by_field[leaves[0]].list.len()
+        flat = {name: concatenate_list_elements(values_by_field[name]) for name in leaves}
+        record = self._make_column_of_node(
+            FieldBranch(False, None, field_node.below), flat, list_depth + 1
+        )
+        return split_into_lists(record, counts).cast(
+            self._make_dtype_of_node(field_node, list_depth)
+        )
 
 
 def _make_field_tree(leaves: Sequence[LeafField]) -> dict[str, FieldBranch | LeafField]:
@@ -157,12 +175,12 @@ def _make_field_tree(leaves: Sequence[LeafField]) -> dict[str, FieldBranch | Lea
     return tree
 
 
-def _leaves_below(node: FieldBranch | LeafField) -> Iterator[LeafField]:
+def _iter_leaves_below(node: FieldBranch | LeafField) -> Iterator[LeafField]:
     if isinstance(node, LeafField):
         yield node
     else:
         for below in node.below.values():
-            yield from _leaves_below(below)
+            yield from _iter_leaves_below(below)
 
 
 def concatenate_list_elements(lists: pl.Series) -> pl.Series:
@@ -181,10 +199,10 @@ def split_into_lists(elements: pl.Series, counts: pl.Series) -> pl.Series:
     return pl.Series(elements.name, lists)
 
 
-def replace_values_by_names(values: pl.Series, names: ValueNames) -> pl.Series:
+def replace_enumerated_values_by_names(values: pl.Series, value_names: ValueNames) -> pl.Series:
     """Names of enumerated values; the digits of values without a name."""
     number: pl.Expr = pl.element() if isinstance(values.dtype, pl.List) else pl.col(values.name)
-    numbers, texts = zip(*names, strict=True)
+    numbers, texts = zip(*value_names, strict=True)
     named = number.replace_strict(
         numbers, texts, default=number.cast(pl.String), return_dtype=pl.String
     )

@@ -17,7 +17,7 @@ import polars as pl
 from analysis.model.loss import Loss
 from estimators.errors import LogError, PayscopeError, suggest_choice
 from replay.frames.frame_limits import LIMITS
-from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, bound_time_range
+from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, bound_log_times_by_predicate
 from replay.frames.shape import FrameOptions, TopicShape
 from replay.logs import Log, TimeAxis, open_log
 from replay.logs.messages.message_types import LeafField
@@ -71,7 +71,7 @@ class TopicSource:
         self.topic, self._paths, self._options = topic, tuple(paths), options
         self._time, self._field_names = time, fields
         self._source = SOURCE if with_source else None
-        self._shape = self._find_first_shape()
+        self._shape = self._find_shape_of_first_log()
 
     @cached_property
     def schema(self) -> pl.Schema:
@@ -80,50 +80,52 @@ class TopicSource:
         return pl.Schema({**mine, **self._shape.schema})
 
     @property
-    def time(self) -> str:
+    def time_column(self) -> str:
         """Name of the log-time column."""
         return self._shape.time
 
-    def iter_batches(
+    def iter_row_batches(
         self,
         columns: Sequence[str] | None = None,
         predicate: pl.Expr | None = None,
-        n_rows: int | None = None,
+        max_rows: int | None = None,
     ) -> Iterator[pl.DataFrame]:
         """Iterate over rows log by log, in log-time order within each.
 
         Args:
             columns: selected columns; None for all.
             predicate: filter; its range of time and source limits the rows that are read.
-            n_rows: maximum number of rows, counted before the predicate.
+            max_rows: maximum number of rows, counted before the predicate.
         """
         try:
-            yield from self._iter_batches(list(columns or self.schema), predicate, n_rows)
+            yield from self._iter_filtered_row_batches(
+                list(columns or self.schema), predicate, max_rows
+            )
         except PayscopeError as error:
             self.failure = error
             raise
 
-    def _iter_batches(
-        self, columns: list[str], predicate: pl.Expr | None, n_rows: int | None
+    def _iter_filtered_row_batches(
+        self, columns: list[str], predicate: pl.Expr | None, max_rows: int | None
     ) -> Iterator[pl.DataFrame]:
         within, needed = TimeRange(), list(columns)
         if predicate is not None:
             needed += [c for c in predicate.meta.root_names() if c not in needed]
-            if n_rows is None:  # a range would change which rows are the first
-                within = bound_time_range(predicate, self.time)
-        left = LAST_NS if n_rows is None else n_rows
+            if max_rows is None:  # a range would change which rows are the first
+                within = bound_log_times_by_predicate(predicate, self.time_column)
+        left = LAST_NS if max_rows is None else max_rows
         for path in self._paths:
             if left <= 0 or within.first_ns > within.last_ns:
                 return
             if not self._may_log_contain_rows(path, predicate):
                 continue
-            for frame in self._frames_of_log(path, needed, within):
+            for frame in self._iter_frames_of_log_file(path, needed, within):
                 rows = frame[:left] if frame.height > left else frame
                 left -= rows.height
                 if predicate is not None:
                     rows = rows.filter(predicate)
                 if rows.height:
-                    yield _select_columns(rows, columns)
+                    yield _select_columns_of_frame(rows, columns)
                 if left <= 0:
                     break
 
@@ -139,30 +141,30 @@ class TopicSource:
                         return False
         return True
 
-    def _frames_of_log(
-        self, path: Path, needed: list[str], time_range: TimeRange
+    def _iter_frames_of_log_file(
+        self, path: Path, needed_columns: list[str], time_range: TimeRange
     ) -> Iterator[pl.DataFrame]:
         log = open_or_reuse_log(path, self._time)
         told = len(self.losses)
         try:
-            yield from self._iter_rows_of_log(log, needed, time_range)
+            yield from self._iter_frames_of_open_log(log, needed_columns, time_range)
         finally:
             self.losses += [loss for loss in log.losses() if loss not in self.losses]
             # that another topic cannot be decoded is no news to who reads this one
             mine = [each for each in self.losses[told:] if each.topic in ("", self.topic)]
-            _warn_of_losses(path, mine)
+            _warn_of_losses_of_log(path, mine)
 
-    def _iter_rows_of_log(
-        self, log: Log, needed: list[str], time_range: TimeRange
+    def _iter_frames_of_open_log(
+        self, log: Log, needed_columns: list[str], time_range: TimeRange
     ) -> Iterator[pl.DataFrame]:
-        shape, own = self._shape, [name for name in needed if name != self._source]
-        if not self._has_topic(log):
+        shape, own = self._shape, [name for name in needed_columns if name != self._source]
+        if not self._has_log_the_topic(log):
             return
-        fields = shape.list_fields_of_columns(own)
-        known = {leaf.name: leaf for leaf in self._list_leaf_fields(log)}
+        fields = shape.list_fields_needed_for_columns(own)
+        known = {leaf.name: leaf for leaf in self._list_requested_leaf_fields(log)}
         missing = [name for name in fields if name not in known]
         for name in missing:
-            self._note_loss(log, f"its messages have no field '{name}', which is null here")
+            self._note_loss_of_log(log, f"its messages have no field '{name}', which is null here")
         for name in known.keys() & fields:
             is_same = known[name].dtype == shape.leaves[name].dtype
             if not is_same:
@@ -178,8 +180,8 @@ class TopicSource:
         there = [name for name in fields if name in known]
         for read in log.scan(self.topic, there, *bounds):
             nulls = [pl.lit(None, shape.leaves[name].dtype).alias(name) for name in missing]
-            frame = shape.make_frame(read.with_columns(nulls) if nulls else read, own)
-            if self._source in needed:
+            frame = shape.make_frame_of_columns(read.with_columns(nulls) if nulls else read, own)
+            if self._source in needed_columns:
                 # a frame without columns has no height either
                 height = pl.repeat(str(log.path), read.height, dtype=pl.String, eager=True)
                 frame = (
@@ -187,35 +189,35 @@ class TopicSource:
                     if own
                     else pl.DataFrame({SOURCE: height})
                 )
-            yield _select_columns(frame, needed)
+            yield _select_columns_of_frame(frame, needed_columns)
 
-    def _has_topic(self, log: Log) -> bool:
+    def _has_log_the_topic(self, log: Log) -> bool:
         if self.topic in log.topic_names():
             return True
-        self._note_loss(log, "this log does not have the topic")
+        self._note_loss_of_log(log, "this log does not have the topic")
         return False
 
-    def _note_loss(self, log: Log, loss_text: str) -> None:
+    def _note_loss_of_log(self, log: Log, loss_text: str) -> None:
         loss = Loss(source=log.path.name, topic=self.topic, what=loss_text)
         if loss not in self.losses:
             self.losses.append(loss)
 
-    def _find_first_shape(self) -> TopicShape:
+    def _find_shape_of_first_log(self) -> TopicShape:
         named: dict[str, None] = {}
         for path in self._paths:
             log = open_or_reuse_log(path, self._time)
             topics = log.topic_names()
             if self.topic in topics:
-                return TopicShape(self._list_leaf_fields(log), self._options)
+                return TopicShape(self._list_requested_leaf_fields(log), self._options)
             named |= dict.fromkeys(topics)
         logs = ", ".join(map(str, self._paths[:3])) + (" …" if len(self._paths) > 3 else "")
         raise LogError(f"{logs}: no topic '{self.topic}'; {suggest_choice(self.topic, named)}")
 
-    def _list_leaf_fields(self, log: Log) -> tuple[LeafField, ...]:
+    def _list_requested_leaf_fields(self, log: Log) -> tuple[LeafField, ...]:
         return log.leaf_fields(self.topic, self._field_names)
 
 
-def _select_columns(frame: pl.DataFrame, columns: list[str]) -> pl.DataFrame:
+def _select_columns_of_frame(frame: pl.DataFrame, columns: list[str]) -> pl.DataFrame:
     """Select columns; a frame with exactly these is returned unchanged."""
     return frame if frame.columns == columns else frame.select(columns)
 
@@ -230,7 +232,7 @@ def split_predicate_at_and(predicate: pl.Expr) -> Iterator[pl.Expr]:
         yield predicate
 
 
-def _warn_of_losses(path: Path, losses: Sequence[Loss]) -> None:
+def _warn_of_losses_of_log(path: Path, losses: Sequence[Loss]) -> None:
     if losses:
         more = f" (and {len(losses) - 1} more)" if len(losses) > 1 else ""
         warnings.warn(f"{path}: {losses[0]}{more}", LossWarning, stacklevel=2)
@@ -247,7 +249,7 @@ def open_or_reuse_log(path: Path, time: TimeAxis | None = None) -> Log:
         LogError: as `open_log`.
     """
     with _one_at_a_time:
-        key = (str(path.absolute()), read_file_sizes_and_times(path), time)
+        key = (str(path.absolute()), read_names_sizes_and_times(path), time)
         log = _opened.pop(key, None)
         if log is None:
             log = open_log(path, time=time)
@@ -258,7 +260,7 @@ def open_or_reuse_log(path: Path, time: TimeAxis | None = None) -> Log:
         return log
 
 
-def read_file_sizes_and_times(path: Path) -> tuple[tuple[str, int, int], ...]:
+def read_names_sizes_and_times(path: Path) -> tuple[tuple[str, int, int], ...]:
     """Name, size in bytes and modification time in ns of a file, or of a directory's files."""
     try:
         files = sorted(path.iterdir()) if path.is_dir() else [path]

@@ -5,7 +5,7 @@ import os
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import polars as pl
 
@@ -100,12 +100,21 @@ estimator = "joint_mass"       # or joint_payload, or a method of the paper such
 _SUFFIXES: Final = (".bag", ".mcap", ".db3", ".csv", ".parquet")
 
 
-def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tuple[str, list[str]]:
+class CampaignDraft(NamedTuple):
+    """Text of a draft, and what must be completed by hand."""
+
+    text: str
+    open_items: list[str]
+
+
+def draft_campaign_file(
+    log_folder: Path, campaign_path: Path, machine_file: Path | None
+) -> CampaignDraft:
     """Draft a campaign file for the logs of a folder.
 
     Args:
-        folder: folder with the logs.
-        output: campaign file; paths of logs are relative to its folder.
+        log_folder: folder with the logs.
+        campaign_path: campaign file; paths of logs are relative to its folder.
         machine_file: machine file; with it every log is replayed, and one with several load states
             gives several runs.
 
@@ -115,39 +124,45 @@ def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tup
     Raises:
         CampaignError: the folder does not exist or has no log, or the file would not be above it.
     """
-    if not folder.is_dir():
-        raise CampaignError(f"{folder}: no such folder; give one with logs")
+    if not log_folder.is_dir():
+        raise CampaignError(f"{log_folder}: no such folder; give one with logs")
     machine = None if machine_file is None else load_machine(machine_file)
     blocks: list[str] = []
     said: list[str] = []
-    for path in sorted(folder.iterdir()):
-        if path.name.startswith(".") or path == output:
+    for path in sorted(log_folder.iterdir()):
+        if path.name.startswith(".") or path == campaign_path:
             continue
         try:
             with open_log(
                 path, time=find_time_axis_of_machine(machine) if machine else None
             ) as log:
-                blocks += _make_run_blocks(log, _relative_path(output.parent, path), machine)
+                blocks += _iter_campaign_run_blocks(
+                    log, _make_relative_path(campaign_path.parent, path), machine
+                )
         except PayscopeError as fault:
             if (path / "metadata.yaml").exists() or path.suffix in _SUFFIXES:
                 said.append(f"left out: {fault}")
     if not blocks:
-        raise CampaignError(f"{folder}: contains no readable log")
-    file = "machine.toml" if machine_file is None else _relative_path(output.parent, machine_file)
+        raise CampaignError(f"{log_folder}: contains no readable log")
+    file = (
+        "machine.toml"
+        if machine_file is None
+        else _make_relative_path(campaign_path.parent, machine_file)
+    )
     named = None if machine is None else machine.machine.id or machine.machine.name
     name = named or "machine-1"
     ids = "".join(c if c.isascii() and c.isalnum() else "-" for c in name).strip("-")[:60]
     count = f"{len(blocks)} run{'' if len(blocks) == 1 else 's'}"
     head = _HEAD.format(
         count=count,
-        name=format_toml(output.name)[1:-1],
+        name=format_toml(campaign_path.name)[1:-1],
         machine=format_toml(file),
         id=format_toml(ids or "machine-1"),
     )
-    return "\n".join([head, *blocks]), said
+    return CampaignDraft("\n".join([head, *blocks]), said)
 
 
-def _make_run_blocks(log: Log, name: str, machine: Machine | None) -> Iterator[str]:
+def _iter_campaign_run_blocks(log: Log, log_name: str, machine: Machine | None) -> Iterator[str]:
     """A block for each run: the whole log, or a load state."""
     topics = log.topics()
     start_ns = topics["start_ns"].min()
@@ -158,10 +173,10 @@ def _make_run_blocks(log: Log, name: str, machine: Machine | None) -> Iterator[s
         if dated and isinstance(start_ns, int)
         else '"TODO"                    # this log has no date'
     )
-    for stretch, said in _find_stretches_of_load_states(log, machine):
+    for stretch, said in _iter_load_state_runs(log, machine):
         lines = [
             "[[runs]]",
-            f"log = {format_toml(name)}",
+            f"log = {format_toml(log_name)}",
             *stretch,
             f'loads = ["TODO"]               # ids of the masses on board; [] without load{said}',
             f"day = {day}",
@@ -171,15 +186,20 @@ def _make_run_blocks(log: Log, name: str, machine: Machine | None) -> Iterator[s
         yield "\n".join(lines)
 
 
-def _find_stretches_of_load_states(
-    log: Log, machine: Machine | None
-) -> Iterator[tuple[list[str], str]]:
+class _LoadStateRun(NamedTuple):
+    """Lines of a run that holds one load state, and its mass as text."""
+
+    lines: list[str]
+    mass_text: str
+
+
+def _iter_load_state_runs(log: Log, machine: Machine | None) -> Iterator[_LoadStateRun]:
     """Lines with begin and end of each load state, and its estimated mass."""
     loads = pl.DataFrame() if machine is None else run(log, machine).frames["loads"]
     rows = loads.to_dicts()
     if len(rows) < 2:
         seen = f"; {rows[0]['mass_kg']:.0f} kg uncalibrated" if rows and rows[0]["mass_kg"] else ""
-        yield [], seen
+        yield _LoadStateRun([], seen)
         return
     # a run ends midway between two loads, where the machine stood
     middles = [(before["end_t_ns"] + after["start_t_ns"]) / 2e9 for before, after in pairwise(rows)]
@@ -188,9 +208,11 @@ def _find_stretches_of_load_states(
             *([] if begin is None else [f"from_s = {begin:.1f}"]),
             *([] if end is None else [f"to_s = {end:.1f}"]),
         ]
-        yield stretch, f"; {row['mass_kg']:.0f} kg uncalibrated" if row["mass_kg"] else ""
+        yield _LoadStateRun(
+            stretch, f"; {row['mass_kg']:.0f} kg uncalibrated" if row["mass_kg"] else ""
+        )
 
 
-def _relative_path(folder: Path, path: Path) -> str:
+def _make_relative_path(base_folder: Path, path: Path) -> str:
     """Path relative to a folder; never absolute, so that the file can be moved."""
-    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+    return Path(os.path.relpath(path.resolve(), base_folder.resolve())).as_posix()

@@ -61,27 +61,29 @@ class LogInfo:
         }
 
 
-def describe_log(log: Log, *, check: bool = False, fields: bool = False) -> LogInfo:
+def describe_log_by_index(
+    log: Log, *, is_log_checked: bool = False, are_fields_profiled: bool = False
+) -> LogInfo:
     """Describe a log by its index, without decoding its messages.
 
     Args:
         log: opened log.
-        check: whether to read and decode everything too (`Log.check`).
-        fields: whether to describe every field; those of a table always are.
+        is_log_checked: whether to read and decode everything too (`Log.check`).
+        are_fields_profiled: whether to describe every field; those of a table always are.
 
     Raises:
         LogError: a table's time column contains no times.
     """
     topics = log.topics()
     begun = time.perf_counter()
-    checked = log.check() if check else None
+    checked = log.check() if is_log_checked else None
     ends: dict[str, Any] = topics.select(
         pl.col("start_ns").min(), pl.col("end_ns").max(), pl.col("messages").sum()
     ).row(0, named=True)
     start, end = ends["start_ns"], ends["end_ns"]
     is_table = topics.height > 0 and str(topics["topic"][0]).partition("/")[0] == TABLE
     described: tuple[FieldProfile, ...] = ()
-    if fields or is_table:
+    if are_fields_profiled or is_table:
         from replay.recognise.profile import profile_fields  # imports machines, which is slow
 
         described = tuple(profile_fields(log))
@@ -98,5 +100,5 @@ def describe_log(log: Log, *, check: bool = False, fields: bool = False) -> LogI
         notes=(*log.notes(), *(f"its metadata name machine {each}" for each in log.machine_ids())),
         losses=log.losses(),
         checked=checked,
-        check_s=time.perf_counter() - begun if check else None,
+        check_s=time.perf_counter() - begun if is_log_checked else None,
     )

@@ -34,53 +34,53 @@ BRAKING: Final = (
 )
 
 
-def propose_lines_from_replay(log: Log, text: str) -> list[str]:
+def propose_settings_by_replaying_draft(log: Log, draft_text: str) -> list[str]:
     """Replay a log with its draft, to decide on braking and narrower priors.
 
     Args:
         log: an opened log.
-        text: text of its complete machine file.
+        draft_text: text of its complete machine file.
 
     Returns:
         Lines for the machine file. Braking is used if the force shows it and the log can weigh with
         it; priors are comments, empty if the log adds nothing to the defaults.
     """
-    replayed = _replay_draft(log, text)
-    braking = [] if replayed is None else _propose_braking_lines(replayed)
+    replayed = _replay_with_draft_machine(log, draft_text)
+    braking = [] if replayed is None else _propose_braking_settings(replayed)
     if braking:
-        tried = _replay_draft(log, "\n".join([text, *braking]))
+        tried = _replay_with_draft_machine(log, "\n".join([draft_text, *braking]))
         if tried is not None and _can_weigh_replayed_log(tried):
-            return [*braking, *_propose_prior_lines(tried)]
-    return [*BRAKING, *([] if replayed is None else _propose_prior_lines(replayed))]
+            return [*braking, *_propose_prior_settings(tried)]
+    return [*BRAKING, *([] if replayed is None else _propose_prior_settings(replayed))]
 
 
-def drop_answered_brake_question(text: str, lines: list[str]) -> str:
+def drop_answered_brake_question(draft_text: str, proposed_lines: list[str]) -> str:
     """Draft without the question about the brakes where the lines from its replay answer it."""
-    answered = any(line.startswith("exclude_braking") for line in lines)
-    return text.replace(f"# to answer: {BRAKES_QUESTION}\n", "") if answered else text
+    answered = any(line.startswith("exclude_braking") for line in proposed_lines)
+    return draft_text.replace(f"# to answer: {BRAKES_QUESTION}\n", "") if answered else draft_text
 
 
-def _replay_draft(log: Log, text: str) -> Run | None:
+def _replay_with_draft_machine(log: Log, draft_text: str) -> Run | None:
     try:
-        return run(log, Machine.model_validate(tomllib.loads(text)))
+        return run(log, Machine.model_validate(tomllib.loads(draft_text)))
     except (PayscopeError, ValueError):
         return None
 
 
-def _can_weigh_replayed_log(replayed: Run) -> bool:
-    return Verdict.from_frame(replayed.frames["verdict"]).can_weigh
+def _can_weigh_replayed_log(replayed_run: Run) -> bool:
+    return Verdict.from_frame(replayed_run.frames["verdict"]).can_weigh
 
 
-def _propose_braking_lines(replayed: Run) -> list[str]:
+def _propose_braking_settings(replayed_run: Run) -> list[str]:
     """Lines that keep samples with braking, if a finding shows that the force includes it."""
-    found = replayed.frames["findings"].filter(pl.col("setting") == _EXCLUDE)
+    found = replayed_run.frames["findings"].filter(pl.col("setting") == _EXCLUDE)
     if found.is_empty() or found["value"][0] != "false":
         return []
     return ["[settings.gate]", f"exclude_braking = false  # {found['evidence'][0]}", ""]
 
 
-def _propose_prior_lines(replayed: Run) -> list[str]:
-    lines = _format_prior_proposals(replayed) if _can_weigh_replayed_log(replayed) else []
+def _propose_prior_settings(replayed_run: Run) -> list[str]:
+    lines = _format_prior_proposals(replayed_run) if _can_weigh_replayed_log(replayed_run) else []
     if not lines:
         return []
     return [
@@ -91,11 +91,11 @@ def _propose_prior_lines(replayed: Run) -> list[str]:
     ]
 
 
-def _format_prior_proposals(replayed: Run) -> list[str]:
+def _format_prior_proposals(replayed_run: Run) -> list[str]:
     """A commented line for each term with its estimate and uncertainty."""
-    priors = replayed.provenance.settings.priors.model_dump()
+    priors = replayed_run.provenance.settings.priors.model_dump()
     lines: list[str] = []
-    for row in replayed.frames["nuisances"].iter_rows(named=True):
+    for row in replayed_run.frames["nuisances"].iter_rows(named=True):
         setting = _SETTINGS.get(row["term"])
         found = float((row["posterior"] ** 2 + row["posterior_std"] ** 2) ** 0.5)
         narrowed = found / row["prior_std"]

@@ -22,10 +22,10 @@ from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
 from replay.machines.toml_file import format_toml
 from replay.recognise.joints import recognise_joints_of_log
-from replay.recognise.profile import FieldProfile, ask_about_efforts, profile_fields
+from replay.recognise.profile import FieldProfile, ask_for_effort_units, profile_fields
 from replay.recognise.proposals import ChannelProposal, Recognition
 from replay.recognise.table import recognise_channels_of_table, recognise_fields_of_messages
-from replay.recognise.words import read_column_name
+from replay.recognise.words import interpret_column_name
 
 _COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
 
@@ -110,7 +110,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     kinematic = "specific_force_x_m_s2" not in found
     lacking = [
         *told.questions,
-        *_describe_missing_channels(found, told.questions, kinematic=kinematic),
+        *_describe_missing_channels(found, told.questions, is_kinematic=kinematic),
     ]
     lines = [
         f"# A first machine file for {_replace_unprintable(log.path.name)}: check every line.",
@@ -130,7 +130,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     sources = {guess.column: (guess.topic, guess.field) for guess in guesses}
     lines += make_imu_mounting_lines(log, sources)
     if is_table and time is not None:
-        lines += ["[log]", *_make_log_lines(time), ""]
+        lines += ["[log]", *_make_log_section_lines(time), ""]
     lines += [f"# {_replace_unprintable(note)}" for note in log.notes()]
     lines += [""] if log.notes() else []
     for guess in guesses:
@@ -152,7 +152,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
             "",
         ]
     for proposal in told.channels:
-        lines += _make_comment_lines(proposal) if proposal.is_comment else []
+        lines += _make_channel_comment_lines(proposal) if proposal.is_comment else []
     has_speed = "speed_x_m_s" in found
     if kinematic and not has_speed and "acc_x_m_s2" not in found:
         # ready for the speed that is asked for
@@ -165,7 +165,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     is_unsure = any(_comment_wheel_speed(guess) for guess in guesses)
     profiles = profile_fields(log)
     used = {(guess.topic or TABLE, guess.field) for guess in guesses}
-    to_answer = [*([_JOINT_UNIT] if is_unsure else []), *ask_about_efforts(used, profiles)]
+    to_answer = [*([_JOINT_UNIT] if is_unsure else []), *ask_for_effort_units(used, profiles)]
     lines += [f"# to answer: {sentence}" for sentence in (*to_answer, *_TO_ANSWER)]
     rest = [*_make_unused_column_comments(profiles, used), *iter_topic_notes(topics, guesses)]
     lines += ["", *rest, "", "[settings.forces]"]
@@ -173,7 +173,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     return "\n".join(lines) + "\n", lacking
 
 
-def _make_log_lines(time: TimeAxis) -> list[str]:
+def _make_log_section_lines(time: TimeAxis) -> list[str]:
     """Lines of `[log]` for the given time column."""
     keys: dict[str, object] = {"time": time.column, "time_unit": time.unit, **asdict(time.table)}
     return [f"{key} = {format_toml(value)}" for key, value in keys.items() if value is not None]
@@ -187,7 +187,7 @@ def _make_channel_guesses(recognition: Recognition) -> list[ChannelGuess]:
     ]
 
 
-def _make_comment_lines(proposal: ChannelProposal) -> list[str]:
+def _make_channel_comment_lines(proposal: ChannelProposal) -> list[str]:
     """Commented lines of a channel that the user must complete."""
     lines = [f"[channels.{proposal.column}]"]
     if proposal.topic:
@@ -211,15 +211,15 @@ def _make_unused_column_comments(
     return [
         "# Also in the log:",
         *(
-            f"#   {topic}{format_profile_comment(each)}{_format_quantity_comment(each)}"
+            f"#   {topic}{format_profile_comment(each)}{_format_unused_quantity_comment(each)}"
             for topic, each in zip(topics, rest, strict=True)
         ),
     ]
 
 
-def _format_quantity_comment(profile: FieldProfile) -> str:
+def _format_unused_quantity_comment(profile: FieldProfile) -> str:
     """Comment on the quantity of a column that no channel takes."""
-    quantity = read_column_name(profile.field).quantity
+    quantity = interpret_column_name(profile.field).quantity
     return f"  ({quantity})" if quantity in ("steering", "pressure", "power") else ""
 
 
@@ -249,13 +249,13 @@ def _recognise_fields(log: Log, topics: pl.DataFrame, by_type: list["ChannelGues
 
 def _choose_best_guesses(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
     taken: set[str] = set()
-    for guess in _iter_channel_guesses(topics):
+    for guess in _iter_guesses_by_message_type(topics):
         if guess.column not in taken:
             taken.add(guess.column)
             yield guess
 
 
-def _iter_channel_guesses(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
+def _iter_guesses_by_message_type(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
     for row in topics.sort("messages", descending=True).to_dicts():
         if row["problem"] or not row["messages"]:
             continue
@@ -289,7 +289,7 @@ def _derive_missing_channels(channels: set[str]) -> dict[str, str]:
 
 
 def _describe_missing_channels(
-    channels: set[str], questions: list[str], *, kinematic: bool
+    channels: set[str], questions: list[str], *, is_kinematic: bool
 ) -> list[str]:
     lacking: list[str] = []
     if "force_x_N" not in channels and not {"torque_left_N_m", "torque_right_N_m"} <= channels:
@@ -298,7 +298,7 @@ def _describe_missing_channels(
         lacking.append("machine.wheel_radius_m, which turns wheel torques into a force")
     if "speed_x_m_s" not in channels:
         lacking.append("a speed: channels.speed_x_m_s, if need be derived from a position")
-    if kinematic and "acc_x_m_s2" not in channels:
+    if is_kinematic and "acc_x_m_s2" not in channels:
         lacking.append("an acceleration: channels.specific_force_x_m_s2 or channels.acc_x_m_s2")
     return lacking
 
@@ -332,15 +332,15 @@ def make_imu_mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str
     if not set(_AXES) <= set(sources):
         return []
     try:
-        t_ns, force = read_synchronous_fields(log, [sources[name] for name in _AXES])
-        speed = read_machine_speed(log, sources)
+        t_ns, force = read_times_and_fields_of_topic(log, [sources[name] for name in _AXES])
+        speed = read_machine_speed_m_s(log, sources)
     except LogError:
         return []
     guess = guess_mounting(t_ns, force, speed) if t_ns.size else None
-    return [] if guess is None else _format_mounting_angles(guess)
+    return [] if guess is None else _format_mounting_angle_lines(guess)
 
 
-def _format_mounting_angles(guess: MountingGuess) -> list[str]:
+def _format_mounting_angle_lines(guess: MountingGuess) -> list[str]:
     """Lines of the mounting angles with their reasons; comments if a slope may explain them."""
     where = "at standstill" if guess.stood else "on average over the drive"
     found = f"# gravity lies {guess.tilt_deg:.0f}° off the IMU's z axis {where}"
@@ -366,16 +366,16 @@ def _format_mounting_angles(guess: MountingGuess) -> list[str]:
     return [*lines, ""]
 
 
-def read_machine_speed(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
+def read_machine_speed_m_s(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
     """Stamps and the machine's speed, or the mean of its sides'; None if neither is known."""
     names = ("speed_x_m_s",) if "speed_x_m_s" in sources else _SIDES
     if not set(names) <= set(sources) or len({sources[name][0] for name in names}) > 1:
         return None
-    t_ns, v = read_synchronous_fields(log, [sources[name] for name in names])
+    t_ns, v = read_times_and_fields_of_topic(log, [sources[name] for name in names])
     return (t_ns, v.mean(axis=1)) if t_ns.size > 1 else None
 
 
-def read_synchronous_fields(log: Log, sources: list[Source]) -> tuple[Ints, Floats]:
+def read_times_and_fields_of_topic(log: Log, sources: list[Source]) -> tuple[Ints, Floats]:
     """Stamps (n,) and fields (n, fields) of one topic, finite, one row per stamp.
 
     Raises:

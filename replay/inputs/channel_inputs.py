@@ -4,7 +4,7 @@ import platform
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import polars as pl
 
@@ -16,7 +16,7 @@ from analysis.model.schema import HINTS
 from analysis.stages.signals.derive import find_unit_in_name
 from estimators.errors import LogError, MachineError, suggest_choice
 from replay.inputs.input_limits import LIMITS
-from replay.inputs.time_line import compute_log_offsets_ns, shift_times
+from replay.inputs.time_line import compute_log_offsets_ns, shift_message_times
 from replay.logs import TABLE, Log
 
 _STAMP: Final = "same_ns"
@@ -26,9 +26,14 @@ _BY_NAME = re.compile(r"(?P<parent>(?:.*\.)?)[^.\[\]]+\[(?P<name>[^\[\]]*[^\[\]\
 _VERSIONS = ("payscope", "numpy", "scipy", "numba", "polars", "rosbags", "mcap", "rerun-sdk")
 
 
-def read_channels(
-    logs: Sequence[Log], machine: Machine
-) -> tuple[dict[str, pl.DataFrame], list[Loss]]:
+class ChannelInputs(NamedTuple):
+    """Frames by topic, and what the logs lost."""
+
+    frame_by_topic: dict[str, pl.DataFrame]
+    losses: list[Loss]
+
+
+def read_channel_fields_and_losses(logs: Sequence[Log], machine: Machine) -> ChannelInputs:
     """Read the fields that the channels name.
 
     Args:
@@ -48,10 +53,12 @@ def read_channels(
     losses: list[Loss] = []
     has = {log: set(log.topic_names()) for log in logs}
     # what no estimate needs must not stop one
-    hints = {topic for topic in wanted if HINTS.issuperset(list_channels_of_topic(topic, machine))}
+    hints = {
+        topic for topic in wanted if HINTS.issuperset(list_channels_reading_topic(topic, machine))
+    }
     for topic in list(wanted):
         if not any(topic in topics for topics in has.values()):
-            fault = _make_unknown_topic_message(topic, has, machine)
+            fault = _format_unknown_topic_message(topic, has, machine)
             if topic not in hints:
                 damage = [f" It is damaged: {loss}" for log in logs for loss in log.losses()]
                 names = ", ".join(str(log.path) for log in logs)
@@ -62,7 +69,7 @@ def read_channels(
         losses += [
             Loss(source=log.path.name, topic=topic, what="this log does not have the topic")
             for log in logs
-            if topic not in has[log] and _has_accompanying_topic(log, topic, has, wanted)
+            if topic not in has[log] and _has_log_accompanying_topic(log, topic, has, wanted)
         ]
     losses += [
         Loss(source=log.path.name, what="has no topic of the machine file: nothing is read from it")
@@ -79,7 +86,7 @@ def read_channels(
     raw: dict[str, pl.DataFrame] = {}
     for topic in wanted:
         parts = {
-            log: shift_times(frames.pop(topic), later[log])
+            log: shift_message_times(frames.pop(topic), later[log])
             for log, frames in read.items()
             if topic in frames
         }
@@ -97,10 +104,10 @@ def read_channels(
         raw[topic] = frame
     for log in logs:
         losses += log.losses()
-    return raw, losses
+    return ChannelInputs(raw, losses)
 
 
-def _has_accompanying_topic(
+def _has_log_accompanying_topic(
     log: Log,
     topic: str,
     topics_of_logs: Mapping[Log, set[str]],
@@ -143,7 +150,7 @@ def list_channel_fields(machine: Machine) -> dict[str, list[str]]:
     return wanted
 
 
-def list_channels_of_topic(topic: str, machine: Machine) -> list[str]:
+def list_channels_reading_topic(topic: str, machine: Machine) -> list[str]:
     """Channels that read from a topic."""
     return [
         name
@@ -152,14 +159,14 @@ def list_channels_of_topic(topic: str, machine: Machine) -> list[str]:
     ]
 
 
-def _make_unknown_topic_message(
+def _format_unknown_topic_message(
     topic: str, topics_of_logs: Mapping[Log, set[str]], machine: Machine
 ) -> str:
     """Error message with the unknown topic, the choices and the remedy."""
     meant = suggest_choice(topic, set().union(*topics_of_logs.values()))
     return (
         f"no topic '{topic}'; {meant}{'' if meant.endswith('?') else '.'} "
-        f"Set channels.{list_channels_of_topic(topic, machine)[0]}.topic in the machine file."
+        f"Set channels.{list_channels_reading_topic(topic, machine)[0]}.topic in the machine file."
     )
 
 
@@ -180,19 +187,19 @@ def _refuse_unknown_element_names(log: Log, topic: str, frame: pl.DataFrame) -> 
             )
 
 
-def rename_raw_frames(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
-    """Frames by their names in a run: `raw/imu/data` for topic `/imu/data`.
+def rename_raw_frames(raw_frames: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+    """Frames by their names in a run: `raw_frames/imu/data` for topic `/imu/data`.
 
     If there is a topic `imu/data` as well, it gets that name, and `/imu/data` keeps its slash:
-    `raw//imu/data`.
+    `raw_frames//imu/data`.
     """
     return {
-        f"raw/{topic if topic[1:] in raw else topic.removeprefix('/')}": frame
-        for topic, frame in raw.items()
+        f"raw/{topic if topic[1:] in raw_frames else topic.removeprefix('/')}": frame
+        for topic, frame in raw_frames.items()
     }
 
 
-def make_provenance(
+def make_provenance_of_inputs(
     logs: Iterable[Log],
     machine: Machine,
     t0_unix_ns: int,
@@ -206,7 +213,7 @@ def make_provenance(
         inputs=tuple(file for log in logs for file in list_input_files(log)),
         machine=machine_without_settings_as_dict(machine),
         settings=machine.settings,
-        versions=collect_package_versions(),
+        versions=collect_versions_of_packages(),
         t0_unix_ns=t0_unix_ns,
         stamps=stamps,
         losses=tuple(losses),
@@ -230,12 +237,12 @@ def machine_without_settings_as_dict(machine: Machine) -> dict[str, Any]:
     return plain
 
 
-def collect_package_versions() -> dict[str, str]:
+def collect_versions_of_packages() -> dict[str, str]:
     """Versions of all packages that may change a number or a recording."""
     return {"python": platform.python_version(), **{n: version(n) for n in _VERSIONS}}
 
 
-def merge_messages_of_logs(topic: str, parts: Mapping[Log, pl.DataFrame]) -> pl.DataFrame:
+def merge_messages_of_logs(topic: str, frames_of_logs: Mapping[Log, pl.DataFrame]) -> pl.DataFrame:
     """One frame in log-time order, without messages that two logs share.
 
     Messages are equal if their header stamps (log times without one) and fields are: two recorders
@@ -243,21 +250,26 @@ def merge_messages_of_logs(topic: str, parts: Mapping[Log, pl.DataFrame]) -> pl.
 
     Args:
         topic: name of the topic.
-        parts: frames by log, with `log_time_ns`, `header_stamp_ns` and fields, in log-time order.
+        frames_of_logs: frames by log, with `log_time_ns`, `header_stamp_ns` and fields, in log-time
+            order.
 
     Raises:
         LogError: two logs have different messages of the topic at the same time.
     """
     # a column of whole numbers in one table may have fractions in the next
-    schema = pl.concat([frame.clear() for frame in parts.values()], how="vertical_relaxed").schema
-    known = [(frame.cast(schema), log) for log, frame in parts.items() if frame.height]
+    schema = pl.concat(
+        [frame.clear() for frame in frames_of_logs.values()], how="vertical_relaxed"
+    ).schema
+    known = [(frame.cast(schema), log) for log, frame in frames_of_logs.items() if frame.height]
     if not known:
         return pl.DataFrame(schema=schema)
     known.sort(key=lambda part: (part[0]["log_time_ns"][0], str(part[1].path)))
     whole: list[pl.DataFrame] = []
     for frame, log in known:
         for before, earlier in known[: len(whole)]:
-            frame = drop_repeated_samples(before, frame, topic, str(earlier.path), str(log.path))
+            frame = drop_messages_of_earlier_log(
+                before, frame, topic, str(earlier.path), str(log.path)
+            )
         whole.append(frame)
     joint = pl.concat(whole, rechunk=False)
     # parts that follow each other stay where they are: of a shift they are a gigabyte
@@ -266,8 +278,8 @@ def merge_messages_of_logs(topic: str, parts: Mapping[Log, pl.DataFrame]) -> pl.
     return joint.sort("log_time_ns", maintain_order=True)
 
 
-def drop_repeated_samples(
-    earlier_frame: pl.DataFrame, frame: pl.DataFrame, topic: str, earlier: str, later: str
+def drop_messages_of_earlier_log(
+    earlier_frame: pl.DataFrame, frame: pl.DataFrame, topic: str, earlier_log: str, later_log: str
 ) -> pl.DataFrame:
     """Messages of a frame that an earlier log does not contain."""
     if not frame.height:
@@ -294,8 +306,8 @@ def drop_repeated_samples(
         and shared.height - new.height < LIMITS.repeated_min_fraction * inside
     ):
         raise LogError(
-            f"{later}: topic '{topic}' begins {(end - start) / 1e9:.3f} s before its end in "
-            f"{earlier}, with different messages; logs replayed together must not overlap, so "
+            f"{later_log}: topic '{topic}' begins {(end - start) / 1e9:.3f} s before its end in "
+            f"{earlier_log}, with different messages; logs replayed together must not overlap, so "
             "replay these separately"
         )
     return pl.concat([new.drop(_STAMP), frame.filter(time > end + LIMITS.overlap_ns)])

@@ -23,7 +23,7 @@ from analysis.model.loss import Loss
 from analysis.model.machine import Machine
 from estimators.errors import LogError, OutputError, PayscopeError
 from replay.inputs.channel_inputs import (
-    collect_package_versions,
+    collect_versions_of_packages,
     list_channel_fields,
     list_input_files,
 )
@@ -84,7 +84,7 @@ class DecodedLog(Log):
         """Topics of the log; see `Log.topics`."""
         return pl.read_ipc(self._kept / _TOPICS)
 
-    def _read_many(
+    def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
         known = self._about.fields
@@ -120,10 +120,10 @@ class DecodedLog(Log):
             return log.check()
 
 
-def decode_logs(
+def decode_logs_in_parallel(
     logs: Sequence[Log],
     machine: Machine,
-    folder: Path,
+    cache_folder: Path,
     on_log: Callable[[int], None] = lambda _: None,
 ) -> list[Log]:
     """Decode logs in parallel, using existing entries of the cache folder.
@@ -131,7 +131,7 @@ def decode_logs(
     Args:
         logs: opened logs.
         machine: machine with its channels.
-        folder: cache folder; entries of other logs are removed.
+        cache_folder: cache folder; entries of other logs are removed.
         on_log: called with the number of decoded logs.
 
     Raises:
@@ -140,17 +140,17 @@ def decode_logs(
     """
     time = find_time_axis_of_machine(machine)
     wanted = {log: _select_fields_of_log(log, list_channel_fields(machine)) for log in logs}
-    places = {log: folder / _compute_cache_key(log, wanted[log], time) for log in logs}
-    remove_unused_entries(folder, {place.name for place in places.values()})
+    places = {log: cache_folder / _digest_cache_key(log, wanted[log], time) for log in logs}
+    remove_unused_cache_entries(cache_folder, {place.name for place in places.values()})
     missing = [log for log in logs if not places[log].is_dir()]
     on_log(len(logs) - len(missing))
-    large = len(missing) > 1 and sum(map(_count_log_bytes, missing)) > _WORTH_A_PROCESS
+    large = len(missing) > 1 and sum(map(_count_bytes_of_log_files, missing)) > _WORTH_A_PROCESS
 
     def decode_missing(log: Log) -> None:
         if large:
-            _decode_by_process(log, wanted[log], places[log], time)
+            _decode_log_in_own_process(log, wanted[log], places[log], time)
         else:
-            decode_into_cache(log, wanted[log], places[log])
+            decode_log_into_cache(log, wanted[log], places[log])
 
     with ThreadPoolExecutor(min(os.cpu_count() or 1, len(missing)) if large else 1) as pool:
         for done, _ in enumerate(
@@ -160,20 +160,22 @@ def decode_logs(
     return [DecodedLog(log, places[log], time) for log in logs]
 
 
-def decode_into_cache(log: Log, fields: Mapping[str, Sequence[str]], folder: Path) -> None:
+def decode_log_into_cache(
+    log: Log, fields: Mapping[str, Sequence[str]], cache_folder: Path
+) -> None:
     """Decode fields of a log into a folder of the cache, atomically.
 
     Args:
         log: the opened log.
         fields: names of the fields to decode, by topic.
-        folder: folder to create.
+        cache_folder: folder to create.
 
     Raises:
         LogError: as `Log.read_many`.
         OutputError: the folder cannot be written.
     """
     frames = log.read_many(fields)
-    begun = folder.with_name(f"{_BEGUN}{folder.name}-{os.getpid()}")
+    begun = cache_folder.with_name(f"{_BEGUN}{cache_folder.name}-{os.getpid()}")
     try:
         begun.mkdir(parents=True)
         stages = {topic: f"{number}.arrow" for number, topic in enumerate(frames)}
@@ -188,23 +190,23 @@ def decode_into_cache(log: Log, fields: Mapping[str, Sequence[str]], folder: Pat
             notes=log.notes(),
         )
         (begun / _ABOUT).write_text(about.model_dump_json(), encoding="utf-8")
-        if not folder.is_dir():  # what another process made meanwhile is the same
-            begun.rename(folder)
+        if not cache_folder.is_dir():  # what another process made meanwhile is the same
+            begun.rename(cache_folder)
     except OSError as error:
-        raise OutputError(f"{folder.parent}: cannot be written ({error.strerror})") from None
+        raise OutputError(f"{cache_folder.parent}: cannot be written ({error.strerror})") from None
     finally:
         shutil.rmtree(begun, ignore_errors=True)
 
 
-def _decode_by_process(
-    log: Log, fields: Mapping[str, Sequence[str]], place: Path, time: TimeAxis | None
+def _decode_log_in_own_process(
+    log: Log, fields: Mapping[str, Sequence[str]], cache_entry: Path, time_axis: TimeAxis | None
 ) -> None:
     """Decode a log in a process of its own, which limits the memory in use."""
     asked = {
         "path": str(log.path),
-        "time": _time_axis_to_json(time),
+        "time": _convert_time_axis_to_json(time_axis),
         "fields": fields,
-        "place": str(place),
+        "place": str(cache_entry),
     }
     done = subprocess.run(
         [sys.executable, "-P", "-m", "replay.inputs.decode_cache"],
@@ -232,29 +234,33 @@ def _select_fields_of_log(
     return found
 
 
-def _compute_cache_key(log: Log, fields: Mapping[str, Sequence[str]], time: TimeAxis | None) -> str:
+def _digest_cache_key(
+    log: Log, fields: Mapping[str, Sequence[str]], time_axis: TimeAxis | None
+) -> str:
     """Digest of everything that the decoded log depends on."""
     whole: dict[str, Any] = {
         "files": [(each.name, each.sha256) for each in list_input_files(log)],
         "fields": fields,
-        "time": _time_axis_to_json(time),
-        "versions": collect_package_versions(),
+        "time": _convert_time_axis_to_json(time_axis),
+        "versions": collect_versions_of_packages(),
     }
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:32]
 
 
-def _time_axis_to_json(time: TimeAxis | None) -> list[Any] | None:
+def _convert_time_axis_to_json(time_axis: TimeAxis | None) -> list[Any] | None:
     """Time column and format of a table, for JSON."""
-    return None if time is None else [time.column, time.unit, asdict(time.table)]
+    return (
+        None if time_axis is None else [time_axis.column, time_axis.unit, asdict(time_axis.table)]
+    )
 
 
-def _count_log_bytes(log: Log) -> int:
+def _count_bytes_of_log_files(log: Log) -> int:
     return sum(path.stat().st_size for path in log.files)
 
 
-def remove_unused_entries(folder: Path, used_entries: set[str]) -> None:
+def remove_unused_cache_entries(cache_folder: Path, used_entries: set[str]) -> None:
     """Remove entries of other logs, and remains of killed processes."""
-    for each in folder.iterdir() if folder.is_dir() else ():
+    for each in cache_folder.iterdir() if cache_folder.is_dir() else ():
         if each.name not in used_entries:
             shutil.rmtree(each, ignore_errors=True)
 
@@ -268,7 +274,7 @@ def main() -> int:
         time = TimeAxis(column, unit, TableHints(**table))
     try:
         with open_log(asked["path"], time=time) as log:
-            decode_into_cache(log, asked["fields"], Path(asked["place"]))
+            decode_log_into_cache(log, asked["fields"], Path(asked["place"]))
     except PayscopeError as error:
         sys.stderr.write(f"{error}\n")
         return _SAID

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import polars as pl
 
@@ -70,7 +70,7 @@ class CachedLog(DerivedLog):
             self._topics = super().topics()
         return self._topics
 
-    def _read_many(
+    def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
         """Read topics in one pass, except those in the cache."""
@@ -104,7 +104,7 @@ class LogPart(DerivedLog):
         super().__init__(log)
         self._span = start_ns, end_ns
 
-    def _read_many(
+    def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
         """Read the log, which may be cached, and keep the part."""
@@ -139,7 +139,7 @@ class _NamedTable(DerivedLog):
         """The single topic; see `Log.topics`."""
         return self._log.topics().with_columns(topic=pl.lit(self._topic))
 
-    def _read_many(
+    def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
         return {t: self._log.read(TABLE, names, start_ns, end_ns) for t, names in fields.items()}
@@ -153,9 +153,14 @@ class _NamedTable(DerivedLog):
         return self._log.machine_ids()
 
 
-def separate_parallel_tables(
-    logs: Sequence[Log], machine: Machine
-) -> tuple[Sequence[Log], Machine]:
+class NamedTopics(NamedTuple):
+    """Logs with distinct topics, and the machine that reads them."""
+
+    logs: Sequence[Log]
+    machine: Machine
+
+
+def give_parallel_tables_own_topics(logs: Sequence[Log], machine: Machine) -> NamedTopics:
     """Give tables that share no column of the channels topics of their own.
 
     Args:
@@ -172,7 +177,7 @@ def separate_parallel_tables(
     wanted = {field for channel in machine.channels.values() for field in channel.fields}
     for log in logs:
         log.expect({TABLE: sorted(wanted)})
-    logs = _give_tables_own_topics(logs, wanted)
+    logs = _rename_topics_of_disjoint_tables(logs, wanted)
     columns = {
         topic: set[str](fields or [])
         for log in logs
@@ -181,7 +186,7 @@ def separate_parallel_tables(
     }
     # one table alone needs no name
     if not any(topic.startswith(_NAMED) for topic in columns):
-        return logs, machine
+        return NamedTopics(logs, machine)
     by_field = {field: topic for topic, fields in columns.items() for field in fields & wanted}
     channels = dict(machine.channels)
     for name, channel in machine.channels.items():
@@ -193,10 +198,12 @@ def separate_parallel_tables(
             choices = suggest_choice(field, set().union(*columns.values()))
             raise LogError(f"{paths}: no column '{field}'; {choices}")
         channels[name] = channel.model_copy(update={"topic": by_field[field]})
-    return logs, machine.model_copy(update={"channels": channels})
+    return NamedTopics(logs, machine.model_copy(update={"channels": channels}))
 
 
-def _give_tables_own_topics(logs: Sequence[Log], wanted_columns: set[str]) -> Sequence[Log]:
+def _rename_topics_of_disjoint_tables(
+    logs: Sequence[Log], wanted_columns: set[str]
+) -> Sequence[Log]:
     """Tables with topics of their own, unless two share wanted columns."""
     if len(logs) < 2 or len({log.digests for log in logs}) < len(logs):
         return logs
@@ -233,7 +240,7 @@ class MemoryLog(Log):
                 "topic": topic,
                 "type": _FORMAT,
                 "encoding": "columns",
-                **self._summarise_log_times(frame["log_time_ns"].to_numpy()),
+                **self._make_topic_row_of_log_times(frame["log_time_ns"].to_numpy()),
                 "fields": [name for name in frame.columns if name not in _STAMPS],
                 "problem": None,
                 "decoder": "columnar",
@@ -242,12 +249,14 @@ class MemoryLog(Log):
         ]
         return pl.DataFrame(rows, schema=self.TOPICS_SCHEMA)
 
-    def _read_many(
+    def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
-        return {t: self._read(t, names, start_ns, end_ns) for t, names in fields.items()}
+        return {
+            t: self._read_simulated_topic(t, names, start_ns, end_ns) for t, names in fields.items()
+        }
 
-    def _read(
+    def _read_simulated_topic(
         self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> pl.DataFrame:
         if topic not in self._frames:
@@ -276,11 +285,11 @@ class MemoryLog(Log):
         return ()
 
 
-def read_channels_from_memory(machine: Machine, simulated: "SimulatedLog") -> Machine:
+def with_channels_of_simulation(machine: Machine, simulated_log: "SimulatedLog") -> Machine:
     """The machine with its channels read from the topics of a simulation."""
     topic_of = {
         name: topic
-        for topic, frame in simulated.topics.items()
+        for topic, frame in simulated_log.topics.items()
         for name in frame.columns
         if name not in _STAMPS
     }

@@ -1,6 +1,7 @@
 """Identity of the machine, from the machine file and the logs' metadata."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -10,7 +11,14 @@ from estimators.errors import LogError
 from replay.logs import Log
 
 
-def identify_machine(logs: Sequence[Log], machine: Machine) -> tuple[Machine, str]:
+class MachineIdentity(NamedTuple):
+    """Machine with its serial number, and the number in the logs' metadata."""
+
+    machine: Machine
+    logged_machine_id: str
+
+
+def identify_machine_and_logged_id(logs: Sequence[Log], machine: Machine) -> MachineIdentity:
     """The machine with its serial number, and the serial number in the logs' metadata.
 
     Args:
@@ -23,14 +31,14 @@ def identify_machine(logs: Sequence[Log], machine: Machine) -> tuple[Machine, st
     Raises:
         LogError: a log is of another machine, or two logs are of different machines.
     """
-    told = find_common_machine_id(logs, machine.machine.id)
+    told = find_machine_id_common_to_logs(logs, machine.machine.id)
     if not told or machine.machine.id is not None or not is_serial_number(told):
-        return machine, told
+        return MachineIdentity(machine, told)
     body = machine.machine.model_copy(update={"id": told})
-    return machine.model_copy(update={"machine": body}), told
+    return MachineIdentity(machine.model_copy(update={"machine": body}), told)
 
 
-def find_common_machine_id(logs: Sequence[Log], expected_id: str | None) -> str:
+def find_machine_id_common_to_logs(logs: Sequence[Log], expected_id: str | None) -> str:
     """Serial number common to all logs that state one; "" if none does.
 
     Args:
@@ -38,7 +46,7 @@ def find_common_machine_id(logs: Sequence[Log], expected_id: str | None) -> str:
         expected_id: serial number in file or evidence. A log may state several names.
 
     Raises:
-        LogError: as `identify_machine`.
+        LogError: as `identify_machine_and_logged_id`.
     """
     common: list[str] = []
     first: Log | None = None

@@ -55,9 +55,9 @@ def compute_log_offsets_ns(
             "same channels, parallel logs with no common channel, or logs with times since 1970"
         )
     found: dict[Log, int] = {}
-    at_ns, lattice = 0, _SampleLattice.from_table(next(iter(tables.values())))
+    at_ns, lattice = 0, _SampleLattice.from_sample_times(next(iter(tables.values())))
     for log, table in tables.items():
-        found[log] = lattice.next_offset_on_lattice(at_ns, table)
+        found[log] = lattice.find_next_offset_on_lattice_ns(at_ns, table)
         slowest_s = LIMITS.between_logs_periods / float(
             table["rate_hz"].fill_null(1.0).to_numpy().min()
         )
@@ -78,13 +78,13 @@ class _SampleLattice(NamedTuple):
     period_ns: float
 
     @classmethod
-    def from_table(cls, table: pl.DataFrame) -> Self:
+    def from_sample_times(cls, table: pl.DataFrame) -> Self:
         slowest = table.sort("rate_hz", "topic", nulls_last=True).row(0, named=True)
         # six digits, as of the grid's own rate
         rate_hz = float(f"{slowest['rate_hz'] or 1.0:.6g}")
         return cls(slowest["topic"], int(slowest["start_ns"]), 1e9 / rate_hz)
 
-    def next_offset_on_lattice(self, min_offset_ns: int, table: pl.DataFrame) -> int:
+    def find_next_offset_on_lattice_ns(self, min_offset_ns: int, table: pl.DataFrame) -> int:
         """First offset from `min_offset_ns` on that puts a log's first stamp on the lattice."""
         (start_ns,) = table.filter(pl.col("topic") == self.topic)["start_ns"]
         between_ns = int(start_ns) - self.start_ns
@@ -114,23 +114,23 @@ def compute_log_begins_ns(
     return dict(sorted(found.items(), key=lambda each: each[1]))
 
 
-def shift_times(frame: pl.DataFrame, by_ns: int) -> pl.DataFrame:
+def shift_message_times(frame: pl.DataFrame, offset_ns: int) -> pl.DataFrame:
     """Shift the header stamps and log times of messages."""
-    if not by_ns:
+    if not offset_ns:
         return frame
     header = pl.col("header_stamp_ns")
     return frame.with_columns(
-        pl.col("log_time_ns") + by_ns,
+        pl.col("log_time_ns") + offset_ns,
         # 0 is no stamp
-        pl.when(header != 0).then(header + by_ns).otherwise(header).alias("header_stamp_ns"),
+        pl.when(header != 0).then(header + offset_ns).otherwise(header).alias("header_stamp_ns"),
     )
 
 
-def describe_log_order(offsets: Mapping[Log, int]) -> list[str]:
+def describe_log_order(offsets_ns: Mapping[Log, int]) -> list[str]:
     """Note on the order of the logs."""
-    if not any(offsets.values()):
+    if not any(offsets_ns.values()):
         return []
-    names = ", ".join(log.path.name for log in offsets)
+    names = ", ".join(log.path.name for log in offsets_ns)
     return [
         "the times of each log begin at 0: the logs are taken to follow one another as given "
         f"({names})"
@@ -138,11 +138,11 @@ def describe_log_order(offsets: Mapping[Log, int]) -> list[str]:
 
 
 def _find_topics_with_wanted_fields(
-    table: pl.DataFrame, wanted: Mapping[str, Sequence[str]]
+    topic_table: pl.DataFrame, wanted_fields: Mapping[str, Sequence[str]]
 ) -> _Has:
     """Topics of a log with the wanted fields; for a table, its columns."""
     return frozenset(
         (topic, field)
-        for topic, fields in table.select("topic", "fields").iter_rows()
-        for field in (set(wanted[topic]) & set(fields or []) if topic == TABLE else [""])
+        for topic, fields in topic_table.select("topic", "fields").iter_rows()
+        for field in (set(wanted_fields[topic]) & set(fields or []) if topic == TABLE else [""])
     )

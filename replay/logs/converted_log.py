@@ -70,7 +70,7 @@ class ConvertedTopics:
         picked = pl.DataFrame(schema=self.schema).select(self._make_field_expression(name))
         return LeafField(name, picked.dtypes[0])
 
-    def read(
+    def iter_frames_of_time_range(
         self, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> Iterator[pl.DataFrame]:
         """Rows of a range of log times, part by part.
@@ -82,7 +82,7 @@ class ConvertedTopics:
         empty = pl.DataFrame(schema=self.schema).select(*OWN_COLUMNS, *columns)
         is_first = True
         for part in self.topic.parts:
-            if not _may_part_overlap_span(part, start_ns, end_ns):
+            if not _can_part_overlap_time_span(part, start_ns, end_ns):
                 continue
             rows = pl.scan_parquet(self._folder / part.file)
             time = pl.col(LOG_TIME)
@@ -124,7 +124,7 @@ class ConvertedTopics:
                     self._make_element_index(name, elements, number), null_on_oob=True
                 )
         if not depth:
-            values = _widen(values, self.schema[whole])
+            values = _cast_numbers_to_64_bits(values, self.schema[whole])
         return values.alias(name)
 
     def _make_element_index(
@@ -134,7 +134,7 @@ class ConvertedTopics:
         element = elements[element_position]
         if element.isascii() and element.isdigit():
             index = int(element) if len(element) <= LIMITS.index_digits else 10**LIMITS.index_digits
-            length = self._fixed_list_length(name, element_position)
+            length = self._find_fixed_list_length(name, element_position)
             if length is not None and index >= length:
                 raise ConvertedFieldError(f"'{name}' is out of range; it has {length} elements")
             return pl.lit(index)
@@ -152,7 +152,7 @@ class ConvertedTopics:
         first = there.list.eval(pl.element() == element).list
         return pl.when(first.any()).then(first.arg_max())
 
-    def _fixed_list_length(self, name: str, element_position: int) -> int | None:
+    def _find_fixed_list_length(self, name: str, element_position: int) -> int | None:
         lengths = self.leaf_fields_by_name[_ELEMENT.sub("[]", name)].lengths
         return lengths[element_position] if element_position < len(lengths) else None
 
@@ -169,7 +169,7 @@ class ConvertedLog(Log):
         Raises:
             LogError: the folder was changed, or a part is missing.
         """
-        self._about = _describe_folder(path)
+        self._about = _read_description_of_folder(path)
         super().__init__(path, f"converted {self._about.log_format}")
         self._losses = LossList()
         self._columns = {
@@ -209,7 +209,7 @@ class ConvertedLog(Log):
 
     def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> tuple[LeafField, ...]:
         """Contents of the fields' columns; see `Log.leaf_fields`."""
-        self._check_open()
+        self._refuse_closed_log()
         columns = self._require_topic(topic)
         if fields is None:
             return tuple(columns.leaf_fields_by_name.values())
@@ -229,20 +229,20 @@ class ConvertedLog(Log):
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {fault}")
         return found
 
-    def _read_many(
+    def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
         return {
-            topic: pl.concat(self._scan(topic, names, start_ns, end_ns))
+            topic: pl.concat(self._iter_frames_of_topic(topic, names, start_ns, end_ns))
             for topic, names in fields.items()
         }
 
-    def _scan(
+    def _iter_frames_of_topic(
         self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> Iterator[pl.DataFrame]:
         columns = self._require_topic(topic)
         try:
-            yield from columns.read(fields, start_ns, end_ns)
+            yield from columns.iter_frames_of_time_range(fields, start_ns, end_ns)
         except ConvertedFieldError as error:
             raise LogError(f"{self.path}: topic '{topic}': {error}") from None
         except (pl.exceptions.PolarsError, OSError) as error:
@@ -257,25 +257,27 @@ class ConvertedLog(Log):
 
     def check(self) -> LogCheck:
         """Read every part, and compare its digest."""
-        self._check_open()
+        self._refuse_closed_log()
         messages = message_bytes = 0
         for topic, columns in self._columns.items():
             for part in columns.topic.parts:
                 if file_sha256(self.path / part.file) != part.sha256:
                     changed = f"'{part.file}' is not as it was converted: digests differ"
-                    self._losses.note(self.path, changed, topic)
+                    self._losses.add_loss(self.path, changed, topic)
             if not columns.topic.parts:
                 continue
             try:
-                for rows in self._scan(topic, list(columns.leaf_fields_by_name), None, None):
+                for rows in self._iter_frames_of_topic(
+                    topic, list(columns.leaf_fields_by_name), None, None
+                ):
                     messages += rows.height
                     message_bytes += int(rows.estimated_size())
             except LogError as error:
-                self._losses.note(self.path, str(error).removeprefix(f"{self.path}: "), topic)
+                self._losses.add_loss(self.path, str(error).removeprefix(f"{self.path}: "), topic)
         return LogCheck(messages, message_bytes, crcs=0)
 
 
-def _describe_folder(path: Path) -> ConvertedDescription:
+def _read_description_of_folder(path: Path) -> ConvertedDescription:
     try:
         about = ConvertedDescription.model_validate_json((path / DESCRIPTION).read_bytes())
     except ValidationError as error:
@@ -293,7 +295,7 @@ def _describe_folder(path: Path) -> ConvertedDescription:
     return about
 
 
-def _widen(values: pl.Expr, dtype: pl.DataType) -> pl.Expr:
+def _cast_numbers_to_64_bits(values: pl.Expr, dtype: pl.DataType) -> pl.Expr:
     """Cast a number that was a list element to 64 bits."""
     inner = dtype
     while isinstance(inner, pl.List):
@@ -303,10 +305,12 @@ def _widen(values: pl.Expr, dtype: pl.DataType) -> pl.Expr:
     return values.cast(pl.Int64) if inner.is_integer() and inner != pl.UInt64 else values
 
 
-def _may_part_overlap_span(part: ConvertedPart, start_ns: int | None, end_ns: int | None) -> bool:
-    if part.start_ns is None or part.end_ns is None:
+def _can_part_overlap_time_span(
+    converted_part: ConvertedPart, start_ns: int | None, end_ns: int | None
+) -> bool:
+    if converted_part.start_ns is None or converted_part.end_ns is None:
         return False
     return not (
-        (start_ns is not None and part.end_ns < start_ns)
-        or (end_ns is not None and part.start_ns > end_ns)
+        (start_ns is not None and converted_part.end_ns < start_ns)
+        or (end_ns is not None and converted_part.start_ns > end_ns)
     )

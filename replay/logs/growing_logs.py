@@ -52,35 +52,35 @@ class TailParts:
         """See `Tail.poll`."""
         # before the files are read: what is written afterwards belongs to the next call
         closed, files = self._is_closed(), self._files()
-        batches = self._poll_current_part() if self._tail else []
+        batches = self._read_new_batches_of_part() if self._tail else []
         while not batches:
-            following = [path for path in files if not _was_already_read(path, self.paths)]
+            following = [path for path in files if not _has_file_been_read(path, self.paths)]
             if not following:
                 self.is_finished = self._tail is not None and (closed or self._tail.is_finished)
                 break
-            self._open(following[0])
-            batches = self._poll_current_part()
+            self._open_part(following[0])
+            batches = self._read_new_batches_of_part()
         return batches
 
-    def end(self) -> None:
-        """See `Tail.end`."""
+    def note_incomplete_end(self) -> None:
+        """See `Tail.note_incomplete_end`."""
         if self._tail is not None:
-            self._tail.end()
+            self._tail.note_incomplete_end()
 
     def close(self) -> None:
         """Release the file."""
         if self._tail is not None:
             self._tail.close()
 
-    def _open(self, path: Path) -> None:
+    def _open_part(self, path: Path) -> None:
         if self._tail is not None:
-            self._tail.end()
+            self._tail.note_incomplete_end()
             self._losses += self._tail.losses
             self._tail.close()
         self.paths.append(path)
         self._tail = self._open_tail(path)
 
-    def _poll_current_part(self) -> list[RawBatch]:
+    def _read_new_batches_of_part(self) -> list[RawBatch]:
         assert self._tail is not None
         batches = self._tail.poll()
         part = len(self.paths)
@@ -157,7 +157,7 @@ class GrowingLogFile(Protocol):
         ...
 
 
-def follow_log(
+def open_growing_log(
     paths: Sequence[Path], fields: Mapping[str, Sequence[str]], time: TimeAxis | None = None
 ) -> GrowingLogFile:
     """Open one or several logs that are still being recorded.
@@ -175,7 +175,7 @@ def follow_log(
     for path in paths:
         if not path.exists():
             raise LogError(f"{path}: no such file or directory; start the recorder first")
-    suffixes = {format_suffix(path) for path in paths if not path.is_dir()}
+    suffixes = {find_format_suffix(path) for path in paths if not path.is_dir()}
     if any(path.is_dir() for path in paths) and len(paths) > 1:
         raise LogError(
             f"{first}: a folder cannot be followed together with other paths; give one folder, or "
@@ -200,35 +200,38 @@ def follow_log(
 
     if first.is_dir():
         parts = TailParts(
-            lambda: _list_recorder_files(first), _open_tail, (first / METADATA).exists
+            lambda: _list_parts_of_split_log(first), _open_tail, (first / METADATA).exists
         )
     else:
         parts = TailParts(lambda: paths, _open_tail, lambda: False)
     return MessageTail(first, parts, fields)
 
 
-def format_suffix(path: Path) -> str:
+def find_format_suffix(path: Path) -> str:
     """Suffix that identifies a growing file's format."""
     inner = path.with_suffix("") if path.suffix == ACTIVE else path
     return inner.suffix.lower()
 
 
 def _open_tail(path: Path) -> Tail:
-    return _TAILS[format_suffix(path)](path)
+    return _TAILS[find_format_suffix(path)](path)
 
 
-def _list_recorder_files(folder: Path) -> list[Path]:
+def _list_parts_of_split_log(folder: Path) -> list[Path]:
     """Files of a recorder that splits its log, ordered by the numbers in their names."""
-    found = [path for path in folder.iterdir() if format_suffix(path) in _TAILS]
+    found = [path for path in folder.iterdir() if find_format_suffix(path) in _TAILS]
     return sorted(
-        found, key=lambda path: [_natural_sort_key(part) for part in re.split(r"(\d+)", path.name)]
+        found,
+        key=lambda path: [
+            _make_sort_key_of_name_part(part) for part in re.split(r"(\d+)", path.name)
+        ],
     )
 
 
-def _natural_sort_key(part: str) -> tuple[int, str]:
-    return (int(part), "") if part.isdigit() else (-1, part)
+def _make_sort_key_of_name_part(name_part: str) -> tuple[int, str]:
+    return (int(name_part), "") if name_part.isdigit() else (-1, name_part)
 
 
-def _was_already_read(path: Path, read_files: Sequence[Path]) -> bool:
+def _has_file_been_read(path: Path, read_files: Sequence[Path]) -> bool:
     """Whether a file was already read, under this name or as `.active`."""
     return path in read_files or path.with_name(f"{path.name}.active") in read_files

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from replay.logs.log_limits import LIMITS
 from replay.logs.messages.broken_bytes import BrokenBytesError
-from replay.logs.messages.decoding_libraries import CONVERT, Library, require_int64
+from replay.logs.messages.decoding_libraries import CONVERT, Library, require_number_fits_int64
 from replay.logs.messages.message_types import FieldType, ListOf, MessageType, RecordType, Scalar
 
 _KINDS: Final = {
@@ -29,8 +29,8 @@ def make_message_type_from_json_schema(name: str, schema: str) -> MessageType:
     Raises:
         BrokenBytesError: it is not a JSON schema, describes no fields, or too many.
     """
-    root = _parse_schema(schema or "{}")
-    record = _Schema(root).type_of_value(root, 0)
+    root = _parse_json_schema(schema or "{}")
+    record = _Schema(root).make_type_of_value(root, 0)
     # an object without properties is a message of its time alone
     is_object = isinstance(root, dict) and root.get("type") == "object"
     is_empty = is_object and not root.get("properties")
@@ -41,10 +41,10 @@ def make_message_type_from_json_schema(name: str, schema: str) -> MessageType:
     )
 
 
-def _parse_schema(text: str | bytes) -> Any:
+def _parse_json_schema(text: str | bytes) -> Any:
     try:
         # numbers of thousands of digits are refused by Python itself, larger ones than 64 bits here
-        return json.loads(text, parse_int=lambda digits: require_int64(int(digits)))
+        return json.loads(text, parse_int=lambda digits: require_number_fits_int64(int(digits)))
     except (ValueError, RecursionError) as error:
         raise BrokenBytesError(error) from error
 
@@ -56,17 +56,17 @@ class _Schema:
         self._root = root
         self._left = LIMITS.json_fields
 
-    def type_of_value(self, schema: Any, depth: int) -> FieldType | None:
+    def make_type_of_value(self, schema: Any, depth: int) -> FieldType | None:
         """Type of a value; None for a value of several types, which is left out."""
-        schema = self._resolve_reference(schema)
+        schema = self._follow_schema_reference(schema)
         self._left -= 1
         if self._left < 0 or depth > LIMITS.json_depth:
             raise BrokenBytesError(
                 f"it has more than {LIMITS.json_fields} fields, or {LIMITS.json_depth} levels"
             )
-        kind = find_sole_type(schema)
+        kind = find_sole_type_of_schema(schema)
         if kind == "array":
-            element = self.type_of_value(schema.get("items", {}), depth + 1)
+            element = self.make_type_of_value(schema.get("items", {}), depth + 1)
             if element is None or isinstance(element, ListOf):
                 return None
             return ListOf(element, None)
@@ -78,7 +78,7 @@ class _Schema:
         if set(properties) in _STAMPS:
             return Scalar("stamp")
         fields = (
-            (require_encodable_text(name), self.type_of_value(inner, depth + 1))
+            (require_encodable_text(name), self.make_type_of_value(inner, depth + 1))
             for name, inner in properties.items()
         )
         return RecordType(
@@ -86,7 +86,7 @@ class _Schema:
             tuple((name, kind) for name, kind in fields if kind is not None),
         )
 
-    def _resolve_reference(self, schema: Any) -> dict[str, Any]:
+    def _follow_schema_reference(self, schema: Any) -> dict[str, Any]:
         for _ in range(LIMITS.json_depth):
             if not isinstance(schema, dict):
                 return {}
@@ -101,7 +101,7 @@ class _Schema:
         raise BrokenBytesError("its references form a loop")
 
 
-def find_sole_type(schema: dict[str, Any]) -> str | None:
+def find_sole_type_of_schema(schema: dict[str, Any]) -> str | None:
     """The single type that a schema allows besides null; None if there are several."""
     named = schema.get("type", "object" if "properties" in schema else [])
     allowed = named if isinstance(named, list) else [named]
@@ -122,39 +122,46 @@ def require_encodable_text(value: Any) -> str:
 
 
 def _decode_json_message(data: bytes) -> Any:
-    message = _parse_schema(data)
+    message = _parse_json_schema(data)
     if not isinstance(message, dict):
         raise BrokenBytesError("the message is not a JSON object")
     return message
 
 
-def _read_member(message: Any, name: str) -> Any:
+def _get_message_member(message: Any, name: str) -> Any:
     return message.get(name) if isinstance(message, dict) else None
 
 
-def _require_list(values: Any) -> Sequence[Any]:
+def _refuse_value_that_is_no_list(values: Any) -> Sequence[Any]:
     if not isinstance(values, list):
         raise BrokenBytesError(f"{type(values).__name__} in place of a list")
     return values
 
 
-def _convert_value(value: Any, kind: str) -> Any:
-    if kind == "string":
+def _convert_value_to_type(value: Any, field_type: str) -> Any:
+    if field_type == "string":
         return require_encodable_text(value)
     try:
-        number = CONVERT.get(kind, int)(value)
+        number = CONVERT.get(field_type, int)(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise BrokenBytesError(error) from error
-    return require_int64(number) if kind == "int64" else number
+    return require_number_fits_int64(number) if field_type == "int64" else number
 
 
-def _convert_stamp_to_ns(stamp: Any) -> int:
+def _convert_stamp_dict_to_ns(stamp: Any) -> int:
     if not isinstance(stamp, dict) or "sec" not in stamp:
         raise BrokenBytesError(f"{type(stamp).__name__} in place of a time")
     nanoseconds = stamp.get("nsec", stamp.get("nanosec", 0))
-    return require_int64(
-        _convert_value(stamp["sec"], "int64") * 10**9 + _convert_value(nanoseconds, "int64")
+    return require_number_fits_int64(
+        _convert_value_to_type(stamp["sec"], "int64") * 10**9
+        + _convert_value_to_type(nanoseconds, "int64")
     )
 
 
-JSON: Final = Library("json", _read_member, _convert_stamp_to_ns, _require_list, _convert_value)
+JSON: Final = Library(
+    "json",
+    _get_message_member,
+    _convert_stamp_dict_to_ns,
+    _refuse_value_that_is_no_list,
+    _convert_value_to_type,
+)

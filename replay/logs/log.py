@@ -152,8 +152,8 @@ class Log(ABC):
         Raises:
             LogError: as `read`.
         """
-        self._check_open()
-        return self._read_many(fields, start_ns, end_ns)
+        self._refuse_closed_log()
+        return self._read_frames_by_topic(fields, start_ns, end_ns)
 
     def scan(
         self,
@@ -171,14 +171,14 @@ class Log(ABC):
         Raises:
             LogError: as `read`.
         """
-        self._check_open()
-        return self._scan(topic, fields, start_ns, end_ns)
+        self._refuse_closed_log()
+        return self._iter_frames_of_topic(topic, fields, start_ns, end_ns)
 
-    def _scan(
+    def _iter_frames_of_topic(
         self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> Iterator[pl.DataFrame]:
         """Scan an open log; in one batch if the format has none."""
-        yield self._read_many({topic: fields}, start_ns, end_ns)[topic]
+        yield self._read_frames_by_topic({topic: fields}, start_ns, end_ns)[topic]
 
     def scan_many(
         self,
@@ -198,10 +198,10 @@ class Log(ABC):
         Raises:
             LogError: a topic or field does not exist.
         """
-        self._check_open()
-        return self._scan_many(fields, faults, start_ns, end_ns)
+        self._refuse_closed_log()
+        return self._iter_frames_of_topics(fields, faults, start_ns, end_ns)
 
-    def _scan_many(
+    def _iter_frames_of_topics(
         self,
         fields: Mapping[str, Sequence[str]],
         faults: dict[str, str],
@@ -211,7 +211,7 @@ class Log(ABC):
         """Scan an open log, topic by topic if the format has no common pass."""
         del faults  # what cannot be read is said when the log is opened
         for topic, names in fields.items():
-            for rows in self._scan(topic, names, start_ns, end_ns):
+            for rows in self._iter_frames_of_topic(topic, names, start_ns, end_ns):
                 yield topic, rows
 
     def definition(self, topic: str) -> str:  # noqa: ARG002
@@ -242,7 +242,7 @@ class Log(ABC):
         return tuple(LeafField(name, read.schema[name]) for name in dict.fromkeys(names))
 
     @abstractmethod
-    def _read_many(
+    def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
         """Read from an open log; see `read_many`."""
@@ -277,12 +277,12 @@ class Log(ABC):
         index compared with the content.
         """
 
-    def _check_open(self) -> None:
+    def _refuse_closed_log(self) -> None:
         if not self._close.alive:
             raise LogError(f"{self.path}: the log was closed; open it again")
 
     @staticmethod
-    def _summarise_log_times(log_times: NDArray[np.int64]) -> dict[str, Any]:
+    def _make_topic_row_of_log_times(log_times: NDArray[np.int64]) -> dict[str, Any]:
         """Columns of `topics()` computed from log times (n,) in ns, in any order."""
         # recorders write them nearly in order, which timsort makes use of
         times = np.sort(log_times, kind="stable")

@@ -57,7 +57,7 @@ def _open_directory(path: Path) -> Log:
     from replay.logs.rosbag2 import METADATA, Rosbag2Directory, list_storage_files
 
     if not (path / METADATA).exists() and not list_storage_files(path):
-        logs = sorted(each.name for each in path.iterdir() if may_be_log(each))
+        logs = sorted(each.name for each in path.iterdir() if is_path_named_like_log(each))
         if logs:
             named = list_some(logs, LIMITS.max_logs)
             raise LogError(f"{path}: is a folder of logs; give one of them: {named}")
@@ -68,7 +68,7 @@ def _open_directory(path: Path) -> Log:
     return MessageLog(path, "rosbag2 directory", Rosbag2Directory)
 
 
-def may_be_log(path: Path) -> bool:
+def is_path_named_like_log(path: Path) -> bool:
     """Whether a path has the name of a log, or is a directory that is one."""
     from replay.logs.rosbag2 import METADATA
 
@@ -149,20 +149,22 @@ def expand_log_folders(paths: Sequence[Path]) -> list[Path]:
         LogError: a folder cannot be read.
     """
     found = [
-        log for path in paths for log in (list_bags_or_tables(path) if _is_folder(path) else [path])
+        log
+        for path in paths
+        for log in (list_logs_below_folder(path) if _is_folder_without_log_format(path) else [path])
     ]
     return list({path.resolve(): path for path in found}.values())
 
 
-def group_objects_by_log(names: Sequence[str]) -> dict[str, list[str]]:
+def group_objects_by_log(object_names: Sequence[str]) -> dict[str, list[str]]:
     """Logs among the objects of a storage without folders, each with its objects.
 
     Logs are bags and directories with metadata; if there are none, tables.
 
     Args:
-        names: object names with slashes.
+        object_names: object names with slashes.
     """
-    paths = [PurePosixPath(name) for name in sorted(names)]
+    paths = [PurePosixPath(name) for name in sorted(object_names)]
     directories = {path.parent for path in paths if path.name == _METADATA}
     found: dict[str, list[str]] = {}
     tables: dict[str, list[str]] = {}
@@ -176,11 +178,11 @@ def group_objects_by_log(names: Sequence[str]) -> dict[str, list[str]]:
     return found or tables
 
 
-def _is_folder(path: Path) -> bool:
+def _is_folder_without_log_format(path: Path) -> bool:
     return path.is_dir() and not any((path / name).is_file() for name in _DESCRIBED)
 
 
-def list_bags_or_tables(folder: Path) -> list[Path]:
+def list_logs_below_folder(folder: Path) -> list[Path]:
     """Bags of a folder and its subfolders; if there are none, its tables."""
     inside = _list_logs_of_format_folder(folder)
     bags = [log for each in inside for log in list_bags(each)]
@@ -191,11 +193,11 @@ def list_bags_or_tables(folder: Path) -> list[Path]:
 
 def list_bags(path: Path) -> list[Path]:
     """A bag, or the bags of a folder without metadata, as after a power loss."""
-    if _is_folder(path):
+    if _is_folder_without_log_format(path):
         return [
             log
             for each in _list_logs_of_format_folder(path)
-            if not _is_folder(each)
+            if not _is_folder_without_log_format(each)
             for log in list_bags(each)
         ]
     return [path] if path.is_dir() or path.suffix.lower() in _BAGS else []

@@ -10,10 +10,10 @@ import polars as pl
 from analysis.model.loss import Loss
 from estimators.errors import LogError
 from replay.logs.decoding.decoder import Decoder, run_work_immediately
-from replay.logs.decoding.decoder_choice import make_decoder
+from replay.logs.decoding.decoder_choice import make_decoder_of_fields
 from replay.logs.log import TABLE, TimeAxis
 from replay.logs.log_limits import LIMITS
-from replay.logs.message_definitions import DefinitionError, compile_message_type
+from replay.logs.message_definitions import DefinitionError, make_message_type_of_connection
 from replay.logs.messages.message_fields import FieldError, resolve_message_field
 from replay.logs.storage import Connection, FileBytes, LossList, Tail
 from replay.logs.table_log import TableLog
@@ -53,7 +53,7 @@ class TableTail:
     def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:
         """Rows completed since the last poll; at the file's end also a row without a newline."""
         new = self._file.update_size() - self._at
-        data = self._file.read(self._at, min(new, LIMITS.poll_bytes))
+        data = self._file.read_bytes(self._at, min(new, LIMITS.poll_bytes))
         end = len(data) if is_whole and len(data) == new else data.rfind(b"\n") + 1
         self._at += end
         self._waiting += data[:end].splitlines(keepends=True)
@@ -61,7 +61,7 @@ class TableTail:
             return {}
         if self._head is None and len(self._waiting) < LIMITS.head_rows and not is_whole:
             return {}
-        frame = self._read(b"".join([self._head or b"", *self._before, *self._waiting]))
+        frame = self._parse_table_text(b"".join([self._head or b"", *self._before, *self._waiting]))
         if self._head is None:
             above = max(0, len(self._waiting) - frame.height)
             self._head = b"".join(self._waiting[:above])
@@ -80,14 +80,14 @@ class TableTail:
         self._file.close()
         self._scratch.cleanup()
 
-    def _read(self, text: bytes) -> pl.DataFrame:
+    def _parse_table_text(self, text: bytes) -> pl.DataFrame:
         part = Path(self._scratch.name) / self._path.name
         part.write_bytes(text)
         try:
             with TableLog(part, self._time) as table:
                 frame = table.read(TABLE, self._fields)
                 for loss in table.losses():
-                    self._losses.note(self._path, loss.what)
+                    self._losses.add_loss(self._path, loss.what)
         except LogError as error:
             raise LogError(str(error).replace(str(part), str(self._path))) from error
         return frame
@@ -132,35 +132,35 @@ class MessageTail:
         found: dict[str, list[pl.DataFrame]] = {}
         for batch in self._tail.poll():
             connection = self._tail.connections.get(batch.connection_id)
-            decoder = self._decoder_of_connection(connection) if connection else None
+            decoder = self._get_decoder_of_connection(connection) if connection else None
             if connection is None or decoder is None:
                 continue
-            decoded = decoder.begin(batch, run_work_immediately)()
+            decoded = decoder.begin_decoding(batch, run_work_immediately)()
             if decoded.undecodable:
                 what = f"messages cannot be decoded: {decoded.first_fault}"
-                self._losses.note(self._path, what, connection.topic)
+                self._losses.add_loss(self._path, what, connection.topic)
             found.setdefault(connection.topic, []).append(decoded.frame)
         if is_whole:
-            self._tail.end()
+            self._tail.note_incomplete_end()
         return {topic: pl.concat(frames) for topic, frames in found.items()}
 
     def close(self) -> None:
         """Release the file."""
         self._tail.close()
 
-    def _decoder_of_connection(self, connection: Connection) -> Decoder | None:
+    def _get_decoder_of_connection(self, connection: Connection) -> Decoder | None:
         """Decoder of a connection; None if none of its fields is requested."""
         if connection.topic not in self._fields:
             return None
         if connection.id not in self._decoders:
             about = f"{self._path}: topic '{connection.topic}'"
             try:
-                kind = compile_message_type(connection)
+                kind = make_message_type_of_connection(connection)
                 names = dict.fromkeys(self._fields[connection.topic])
                 picked = [resolve_message_field(name, kind.record) for name in names]
             except DefinitionError as error:
                 raise LogError(f"{about} cannot be read: {error}") from error
             except FieldError as error:
                 raise LogError(f"{about} ({connection.type}): {error}") from error
-            self._decoders[connection.id] = make_decoder(kind, picked)
+            self._decoders[connection.id] = make_decoder_of_fields(kind, picked)
         return self._decoders[connection.id]

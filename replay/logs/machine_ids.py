@@ -27,7 +27,7 @@ _ROSBAG2: Final = "rosbag2"
 _SERIALIZED: Final = "serialized_metadata"
 
 
-def iter_serial_numbers(texts: Mapping[str, str], record: str = "") -> Iterator[str]:
+def iter_serial_numbers_in_metadata(texts: Mapping[str, str], record: str = "") -> Iterator[str]:
     """Yield the serial numbers among named texts.
 
     Args:
@@ -41,15 +41,15 @@ def iter_serial_numbers(texts: Mapping[str, str], record: str = "") -> Iterator[
             yield said[: LIMITS.machine_id_characters]
 
 
-def iter_ids_in_preamble(lines: Iterable[str]) -> Iterator[str]:
+def iter_serial_numbers_in_preamble(lines: Iterable[str]) -> Iterator[str]:
     """Yield the serial numbers in the name-value lines above a text table."""
     for line in lines:
         named = _NAMED_LINE.match(line)
         if named is not None:
-            yield from iter_serial_numbers({named[1]: named[2].strip(' ,;\t"')})
+            yield from iter_serial_numbers_in_metadata({named[1]: named[2].strip(' ,;\t"')})
 
 
-def read_machine_ids(files: Iterable[Path]) -> tuple[str, ...]:
+def read_serial_numbers_of_files(files: Iterable[Path]) -> tuple[str, ...]:
     """Distinct serial numbers in the metadata of a log's files.
 
     MCAP has metadata records, and rosbag2 `custom_data`, which its SQLite storage repeats since ROS
@@ -58,31 +58,33 @@ def read_machine_ids(files: Iterable[Path]) -> tuple[str, ...]:
     found: list[str] = []
     for path in files:
         if path.suffix == ".mcap":
-            found += _iter_ids_in_mcap(path)
+            found += _iter_serial_numbers_in_mcap(path)
         elif path.suffix == ".db3":
-            found += _iter_ids_in_db3(path)
+            found += _iter_serial_numbers_in_db3(path)
         elif path.name == "metadata.yaml":
             from replay.logs.rosbag2 import parse_custom_data
 
-            found += iter_serial_numbers(parse_custom_data(path.read_bytes()))
+            found += iter_serial_numbers_in_metadata(parse_custom_data(path.read_bytes()))
     return tuple(dict.fromkeys(found))
 
 
-def _iter_ids_in_mcap(path: Path) -> Iterator[str]:
+def _iter_serial_numbers_in_mcap(path: Path) -> Iterator[str]:
     from replay.logs.mcap import read_metadata_records
 
     for name, texts in read_metadata_records(path):
         if name == _ROSBAG2 and _SERIALIZED in texts:
             from replay.logs.rosbag2 import parse_custom_data  # imports a reader of YAML
 
-            yield from iter_serial_numbers(parse_custom_data(texts[_SERIALIZED].encode()))
+            yield from iter_serial_numbers_in_metadata(
+                parse_custom_data(texts[_SERIALIZED].encode())
+            )
         else:
-            yield from iter_serial_numbers(texts, name)
+            yield from iter_serial_numbers_in_metadata(texts, name)
 
 
-def _iter_ids_in_db3(path: Path) -> Iterator[str]:
+def _iter_serial_numbers_in_db3(path: Path) -> Iterator[str]:
     from replay.logs.rosbag2 import parse_custom_data
     from replay.logs.sqlite import read_metadata_texts
 
     for text in read_metadata_texts(path):
-        yield from iter_serial_numbers(parse_custom_data(text.encode()))
+        yield from iter_serial_numbers_in_metadata(parse_custom_data(text.encode()))

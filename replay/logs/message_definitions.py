@@ -71,18 +71,18 @@ class DefinitionError(Exception):
         super().__init__(one_line(text))
 
 
-def compile_message_type(connection: Connection) -> MessageType:
+def make_message_type_of_connection(connection: Connection) -> MessageType:
     """Compile the message type of a connection.
 
     Raises:
         DefinitionError: its encoding has no decoder, or its definition cannot be used.
     """
-    return _compile_definition(replace(connection, id=0, topic=""))
+    return _make_type_from_ros_definition(replace(connection, id=0, topic=""))
 
 
 #: The logs of a fleet have the same types, and parsing takes milliseconds each.
 @lru_cache(maxsize=256)
-def _compile_definition(connection: Connection) -> MessageType:
+def _make_type_from_ros_definition(connection: Connection) -> MessageType:
     formats = _DECODABLE.get(connection.encoding)
     if formats is None or connection.definition_format not in formats:
         kind = shorten(connection.definition_format, 80) or "no"
@@ -91,26 +91,28 @@ def _compile_definition(connection: Connection) -> MessageType:
             "there is one for cdr (ros2msg, ros2idl), ros1 (ros1msg), json (jsonschema), protobuf"
         )
     if connection.encoding in ("json", "protobuf"):
-        return _compile_self_described(connection)
+        return _make_type_from_json_or_protobuf(connection)
     if _SERVICE_RULE in connection.definition.split("\n"):
         raise DefinitionError(
             f"the log holds the definition of a service in place of {connection.type}'s own, "
             "as rosbag2 does for service events"
         )
-    if _is_empty(connection):
+    if _is_empty_message_type(connection):
         return MessageType(RecordType(connection.type, ()), ros1=False, decode=lambda _: None)
-    store = _make_typestore(connection)
+    store = _make_typestore_of_connection(connection)
     record = _Records(store, ros1=connection.encoding == "ros1").make_record_type(connection.type)
-    return MessageType(record, connection.encoding == "ros1", _make_decoder(store, connection))
+    return MessageType(
+        record, connection.encoding == "ros1", _make_bytes_decoder(store, connection)
+    )
 
 
-def _is_empty(connection: Connection) -> bool:
+def _is_empty_message_type(connection: Connection) -> bool:
     """Whether the type is a package's own `Empty`, whose definition is an empty text."""
     is_named = connection.type.rpartition("/")[2] == "Empty" and connection.encoding == "cdr"
     return is_named and not connection.definition.strip()
 
 
-def _compile_self_described(connection: Connection) -> MessageType:
+def _make_type_from_json_or_protobuf(connection: Connection) -> MessageType:
     """Message type from a JSON schema or protobuf descriptors."""
     try:
         if connection.encoding == "json":
@@ -128,10 +130,10 @@ def _compile_self_described(connection: Connection) -> MessageType:
         ) from error
 
 
-def _make_typestore(connection: Connection) -> Typestore:
+def _make_typestore_of_connection(connection: Connection) -> Typestore:
     text = connection.definition
     if not text.strip() and connection.definition_format in ("", "ros2msg"):
-        return _typestore_with_type(connection.type)
+        return _find_typestore_with_type(connection.type)
     store = get_typestore(Stores.EMPTY)
     # rosbag2 joins IDL files with a rule and a line "IDL: name"
     is_idl = connection.definition_format == "ros2idl"
@@ -155,7 +157,7 @@ def _make_typestore(connection: Connection) -> Typestore:
     return store
 
 
-def _typestore_with_type(name: str) -> Typestore:
+def _find_typestore_with_type(name: str) -> Typestore:
     """Type store of the first ROS 2 release that knows a type."""
     for release in _RELEASES:
         store = get_typestore(release)
@@ -178,17 +180,20 @@ class _Records:
         self._left = LIMITS.definition_fields
 
     def make_record_type(
-        self, name: str, above: tuple[str, ...] = (), repeated: int = 1
+        self, name: str, enclosing_types: tuple[str, ...] = (), repetitions: int = 1
     ) -> RecordType:
-        if name in above:
+        if name in enclosing_types:
             raise DefinitionError(f"the definition of {name} contains itself")
         if name not in self._store.fielddefs:
-            raise DefinitionError(f"the definition of {above[0] if above else name} lacks {name}")
-        if len(above) == LIMITS.definition_depth:
             raise DefinitionError(
-                f"the definition of {above[0]} is deeper than {LIMITS.definition_depth} levels"
+                f"the definition of {enclosing_types[0] if enclosing_types else name} lacks {name}"
             )
-        within = (*above, name)
+        if len(enclosing_types) == LIMITS.definition_depth:
+            raise DefinitionError(
+                f"the definition of {enclosing_types[0]} is deeper than "
+                f"{LIMITS.definition_depth} levels"
+            )
+        within = (*enclosing_types, name)
         fields: list[tuple[str, FieldType]] = []
         for field, description in self._store.fielddefs[name][1]:
             self._left -= 1
@@ -197,37 +202,42 @@ class _Records:
                     f"{within[0]} has more than {LIMITS.definition_fields} fields"
                 )
             if field != _PLACEHOLDER:
-                fields.append((field, self._make_field(description, within, repeated)))
-        return RecordType(name, tuple(fields), enumerated_value_names(self._store.fielddefs[name]))
+                fields.append((field, self._make_type_of_field(description, within, repetitions)))
+        return RecordType(
+            name, tuple(fields), parse_enumerated_value_names(self._store.fielddefs[name])
+        )
 
-    def _make_field(self, description: Any, above: tuple[str, ...], repeated: int) -> FieldType:
+    def _make_type_of_field(
+        self, description: Any, enclosing_types: tuple[str, ...], repetitions: int
+    ) -> FieldType:
         node, detail = description
         if node == Nodetype.NAME:
             # rosbags refuses other definitions of these
             if detail in STAMP_TYPES:
                 return Scalar("stamp")
-            return self.make_record_type(detail, above, repeated)
+            return self.make_record_type(detail, enclosing_types, repetitions)
         if node == Nodetype.BASE:
             kind = detail[0]
             if kind not in COLUMN_DTYPES:
                 raise DefinitionError(
-                    f"{above[-1]} has a field of type {kind}, which is not supported"
+                    f"{enclosing_types[-1]} has a field of type {kind}, which is not supported"
                 )
             return self._byte if kind == "byte" else Scalar(kind)
         length = detail[1] if node == Nodetype.ARRAY else None
-        element = self._make_field(detail[0], above, repeated * (length or 1))
+        element = self._make_type_of_field(detail[0], enclosing_types, repetitions * (length or 1))
         assert not isinstance(element, ListOf), "ROS has no lists of lists"
         if length is not None:
             numbers = isinstance(element, Scalar) and element.kind != "string"
-            most = LIMITS.array_elements if numbers else LIMITS.object_array_elements // repeated
+            most = LIMITS.array_elements if numbers else LIMITS.object_array_elements // repetitions
             if length > most:
                 raise DefinitionError(
-                    f"{above[-1]} has an array of {length} elements, which is not supported"
+                    f"{enclosing_types[-1]} has an array of {length} elements, "
+                    "which is not supported"
                 )
         return ListOf(element, length)
 
 
-def enumerated_value_names(definition: Any) -> tuple[tuple[str, ValueNames], ...]:
+def parse_enumerated_value_names(definition: Any) -> tuple[tuple[str, ValueNames], ...]:
     """Enumerated fields of a definition, with the names of their values.
 
     ROS has constants and no enumerations. A constant belongs to the integer field whose name in
@@ -258,9 +268,9 @@ def enumerated_value_names(definition: Any) -> tuple[tuple[str, ValueNames], ...
     return tuple((name, tuple(values.items())) for name, values in found.items())
 
 
-def _make_decoder(store: Typestore, connection: Connection) -> Callable[[bytes], Any]:
+def _make_bytes_decoder(typestore: Typestore, connection: Connection) -> Callable[[bytes], Any]:
     ros1 = connection.encoding == "ros1"
-    deserialize = store.deserialize_ros1 if ros1 else store.deserialize_cdr
+    deserialize = typestore.deserialize_ros1 if ros1 else typestore.deserialize_cdr
 
     def decode_message(data: bytes) -> Any:
         try:

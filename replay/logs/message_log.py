@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from analysis.model.loss import Loss
 from estimators.errors import LogError, suggest_choice
 from replay.logs.decoding.decoder import DecodeTally, make_frame_schema
-from replay.logs.decoding.decoder_choice import choose_decoder_name, make_decoder
+from replay.logs.decoding.decoder_choice import choose_decoder_name_of_type, make_decoder_of_fields
 from replay.logs.log import Log, LogCheck
 from replay.logs.log_limits import LIMITS
-from replay.logs.machine_ids import read_machine_ids
-from replay.logs.message_definitions import DefinitionError, compile_message_type
+from replay.logs.machine_ids import read_serial_numbers_of_files
+from replay.logs.message_definitions import DefinitionError, make_message_type_of_connection
 from replay.logs.messages.message_fields import (
     OWN_COLUMNS,
     Field,
@@ -27,11 +27,11 @@ from replay.logs.messages.message_fields import (
 from replay.logs.messages.message_types import (
     LeafField,
     MessageType,
-    iter_leaf_fields,
-    iter_leaf_names,
+    iter_leaf_fields_of_message,
+    iter_leaf_names_of_message,
 )
 from replay.logs.messages.raw_batch import RawBatch
-from replay.logs.storage import Connection, Container, LossList, make_empty_times
+from replay.logs.storage import Connection, Container, LossList, make_empty_log_times
 
 if TYPE_CHECKING:
     from replay.logs.decoding.batch_stream import TopicStream
@@ -62,86 +62,95 @@ class MessageLog(Log):
 
     def topics(self) -> pl.DataFrame:
         """Topics of the log; see `Log.topics`."""
-        return self._topic_table
+        return self._topic_summaries
 
     def machine_ids(self) -> tuple[str, ...]:
         """Serial numbers in MCAP's metadata records, or in `custom_data`."""
-        return read_machine_ids(self.files)
+        return read_serial_numbers_of_files(self.files)
 
     @cached_property
     def _topics(self) -> dict[str, _Topic]:
-        self._check_open()
+        self._refuse_closed_log()
         by_name: dict[str, list[Connection]] = {}
         for connection in self._container.connections:
             by_name.setdefault(connection.topic, []).append(connection)
-        return {name: _merge_connections(tuple(by_name[name])) for name in sorted(by_name)}
+        return {
+            name: _merge_connections_into_topic(tuple(by_name[name])) for name in sorted(by_name)
+        }
 
     @cached_property
-    def _topic_table(self) -> pl.DataFrame:
+    def _topic_summaries(self) -> pl.DataFrame:
         rows = [
-            {"topic": name, **self._summarise_topic(topic)} for name, topic in self._topics.items()
+            {"topic": name, **self._make_topic_row(topic)} for name, topic in self._topics.items()
         ]
         return pl.DataFrame(rows, schema=self.TOPICS_SCHEMA)
 
-    def _summarise_topic(self, topic: _Topic) -> dict[str, object]:
+    def _make_topic_row(self, topic: _Topic) -> dict[str, object]:
         log_times = [self._container.log_times(c.id) for c in topic.connections]
         return {
             "type": ", ".join(dict.fromkeys(c.type for c in topic.connections)),
             "encoding": ", ".join(dict.fromkeys(c.encoding for c in topic.connections)),
-            **self._summarise_log_times(np.concatenate(log_times)),
-            "fields": list(iter_leaf_names(topic.kind.record)) if topic.kind else [],
+            **self._make_topic_row_of_log_times(np.concatenate(log_times)),
+            "fields": list(iter_leaf_names_of_message(topic.kind.record)) if topic.kind else [],
             "problem": topic.problem,
-            "decoder": choose_decoder_name(topic.kind) if topic.kind else None,
+            "decoder": choose_decoder_name_of_type(topic.kind) if topic.kind else None,
         }
 
-    def _read_many(
+    def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
-        readings = {topic: self._begin_reading(topic, names) for topic, names in fields.items()}
+        readings = {
+            topic: self._make_stream_of_topic(topic, names) for topic, names in fields.items()
+        }
         streams = {
             c.id: reading for t, reading in readings.items() for c in self._topics[t].connections
         }
         groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
-        self._feed_all_messages((group.batches for group in groups), streams)
-        return {topic: self._finish_reading(topic, reading) for topic, reading in readings.items()}
+        self._decode_all_batches_in_streams((group.batches for group in groups), streams)
+        return {
+            topic: self._drain_stream_and_note_losses(topic, reading)
+            for topic, reading in readings.items()
+        }
 
-    def _scan(
+    def _iter_frames_of_topic(
         self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> Iterator[pl.DataFrame]:
-        from replay.logs.decoding.batch_stream import feed_and_drain_streams
+        from replay.logs.decoding.batch_stream import iter_decoded_rows_of_streams
 
-        stream = self._begin_reading(topic, fields)
+        stream = self._make_stream_of_topic(topic, fields)
         streams = {connection.id: stream for connection in self._topics[topic].connections}
         groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
         try:
-            for _, rows in feed_and_drain_streams(groups, streams):
+            for _, rows in iter_decoded_rows_of_streams(groups, streams):
                 yield rows
         except GeneratorExit:  # the rest is not requested
-            self._note_losses(topic, stream.tally)
+            self._note_undecoded_messages(topic, stream.tally)
             raise
         self._note_decoding_failures(topic, stream.tally)
 
-    def _scan_many(
+    def _iter_frames_of_topics(
         self,
         fields: Mapping[str, Sequence[str]],
         faults: dict[str, str],
         start_ns: int | None,
         end_ns: int | None,
     ) -> Iterator[tuple[str, pl.DataFrame]]:
-        from replay.logs.decoding.batch_stream import feed_and_drain_streams
+        from replay.logs.decoding.batch_stream import iter_decoded_rows_of_streams
 
-        readings = {topic: self._begin_reading(topic, names) for topic, names in fields.items()}
+        readings = {
+            topic: self._make_stream_of_topic(topic, names) for topic, names in fields.items()
+        }
         topics = {stream: topic for topic, stream in readings.items()}
         streams = {c.id: s for t, s in readings.items() for c in self._topics[t].connections}
         groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
-        for stream, rows in feed_and_drain_streams(groups, streams):
+        for stream, rows in iter_decoded_rows_of_streams(groups, streams):
             yield topics[stream], rows
         for topic, stream in readings.items():
-            fault = self._describe_unreadable(topic, stream.tally)
+            fault = self._explain_why_topic_is_unreadable(topic, stream.tally)
             if fault:
                 faults[topic] = fault
             else:
-                self._note_losses(topic, stream.tally)
+                self._note_undecoded_messages(topic, stream.tally)
 
     def topic_names(self) -> list[str]:
         """The topics; see `Log.topic_names`."""
@@ -153,10 +162,10 @@ class MessageLog(Log):
 
     def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> tuple[LeafField, ...]:
         """Contents of the fields' columns; see `Log.leaf_fields`."""
-        self._check_open()
+        self._refuse_closed_log()
         kind = self._require_decodable_topic(topic).kind
         assert kind is not None, "it is usable"
-        leaves = {leaf.name: leaf for leaf in iter_leaf_fields(kind.record)}
+        leaves = {leaf.name: leaf for leaf in iter_leaf_fields_of_message(kind.record)}
         if fields is None:
             return tuple(leaf for name, leaf in leaves.items() if name not in OWN_COLUMNS)
         resolved = self._resolve_fields(topic, fields, kind)
@@ -173,42 +182,48 @@ class MessageLog(Log):
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {found.problem}")
         return found
 
-    def _begin_reading(self, topic: str, fields: Sequence[str]) -> "TopicStream":
+    def _make_stream_of_topic(self, topic: str, fields: Sequence[str]) -> "TopicStream":
         from replay.logs.decoding.batch_stream import TopicStream
 
         kind = self._require_decodable_topic(topic).kind
         assert kind is not None, "it is usable"
         picked = self._resolve_fields(topic, fields, kind)
-        return TopicStream(make_decoder(kind, picked), make_frame_schema(picked))
+        return TopicStream(make_decoder_of_fields(kind, picked), make_frame_schema(picked))
 
-    def _feed_all_messages(
+    def _decode_all_batches_in_streams(
         self, groups: Iterable[list[RawBatch]], streams: Mapping[int, "TopicStream"]
     ) -> None:
         # numba is slow to import, and a log can be described without it
-        from replay.logs.decoding.batch_stream import feed_batches_to_streams
+        from replay.logs.decoding.batch_stream import decode_batches_in_streams
 
-        feed_batches_to_streams(groups, streams)
+        decode_batches_in_streams(groups, streams)
 
-    def _finish_reading(self, topic: str, stream: "TopicStream") -> pl.DataFrame:
+    def _drain_stream_and_note_losses(self, topic: str, stream: "TopicStream") -> pl.DataFrame:
         frame = stream.drain_all_rows()
         self._note_decoding_failures(topic, stream.tally)
         return frame
 
-    def _resolve_fields(self, topic: str, fields: Sequence[str], kind: MessageType) -> list[Field]:
+    def _resolve_fields(
+        self, topic: str, fields: Sequence[str], message_type: MessageType
+    ) -> list[Field]:
         """Find the requested fields in the message type."""
         try:
-            return [resolve_message_field(name, kind.record) for name in dict.fromkeys(fields)]
+            return [
+                resolve_message_field(name, message_type.record) for name in dict.fromkeys(fields)
+            ]
         except FieldError as error:
-            raise LogError(f"{self.path}: topic '{topic}' ({kind.record.name}): {error}") from error
+            raise LogError(
+                f"{self.path}: topic '{topic}' ({message_type.record.name}): {error}"
+            ) from error
 
     def _note_decoding_failures(self, topic: str, tally: DecodeTally) -> None:
         """Raise an error if nothing was decoded, else note what was not."""
-        fault = self._describe_unreadable(topic, tally)
+        fault = self._explain_why_topic_is_unreadable(topic, tally)
         if fault:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {fault}")
-        self._note_losses(topic, tally)
+        self._note_undecoded_messages(topic, tally)
 
-    def _describe_unreadable(self, topic: str, tally: DecodeTally) -> str:
+    def _explain_why_topic_is_unreadable(self, topic: str, tally: DecodeTally) -> str:
         """Why nothing of a topic can be read; empty if something can."""
         kind = self._topics[topic].kind
         assert kind is not None, "it was read"
@@ -219,17 +234,17 @@ class MessageLog(Log):
             f"{kind.record.name}: {tally.first_fault}"
         )
 
-    def _note_losses(self, topic: str, tally: DecodeTally) -> None:
+    def _note_undecoded_messages(self, topic: str, tally: DecodeTally) -> None:
         if tally.undecodable:
             total = tally.rows + tally.undecodable
-            self._read_losses.note(
+            self._read_losses.add_loss(
                 self.path,
                 f"{tally.undecodable:,} of {total:,} messages cannot be decoded: "
                 f"{tally.first_fault}",
                 topic,
             )
         if tally.back_ns > LIMITS.clock_jump_ns:
-            self._read_losses.note(
+            self._read_losses.add_loss(
                 self.path,
                 f"log times jump back, by up to {tally.back_ns / 1e9:.3f} s: messages were sorted "
                 "by them, so that consecutive recordings may overlap",
@@ -238,11 +253,13 @@ class MessageLog(Log):
 
     def check(self) -> LogCheck:
         """Read and decode everything; see `Log.check`."""
-        self._check_open()
+        self._refuse_closed_log()
         # without a field to gather, a message is still walked to its end
-        streams = {t: self._begin_reading(t, ()) for t, topic in self._topics.items() if topic.kind}
+        streams = {
+            t: self._make_stream_of_topic(t, ()) for t, topic in self._topics.items() if topic.kind
+        }
         topics = {c.id: c.topic for c in self._container.connections}
-        times = {key: [make_empty_times()] for key in topics}
+        times = {key: [make_empty_log_times()] for key in topics}
         message_bytes = 0
 
         def count_messages() -> Iterator[list[RawBatch]]:
@@ -254,17 +271,19 @@ class MessageLog(Log):
                 yield [batch for batch in group if topics[batch.connection_id] in streams]
 
         group_by_key = {key: streams[t] for key, t in topics.items() if t in streams}
-        self._feed_all_messages(count_messages(), group_by_key)
+        self._decode_all_batches_in_streams(count_messages(), group_by_key)
         for topic, stream in streams.items():
             stream.drain_all_rows()
-            self._note_losses(topic, stream.tally)
-        crcs = self._container.check_and_count_crcs()
+            self._note_undecoded_messages(topic, stream.tally)
+        crcs = self._container.read_whole_file_and_count_valid_crcs()
         found = {key: np.concatenate(parts) for key, parts in times.items()}
         if not self._container.losses:  # which would be why they differ
-            self._compare_index(found)
+            self._note_times_that_differ_from_index(found)
         return LogCheck(sum(each.size for each in found.values()), message_bytes, crcs)
 
-    def _compare_index(self, times_by_connection: Mapping[int, NDArray[np.int64]]) -> None:
+    def _note_times_that_differ_from_index(
+        self, times_by_connection: Mapping[int, NDArray[np.int64]]
+    ) -> None:
         """Note where log times (n,) differ from those of the index, by connection."""
         for connection in self._container.connections:
             there, said = (
@@ -272,7 +291,7 @@ class MessageLog(Log):
                 self._container.log_times(connection.id),
             )
             if not np.array_equal(np.sort(there), np.sort(said)):
-                self._read_losses.note(
+                self._read_losses.add_loss(
                     self.path,
                     f"the index lists {said.size:,} messages and {there.size:,} were found; "
                     "their number or their log times differ",
@@ -294,11 +313,11 @@ class MessageLog(Log):
         return (*self._container.losses, *undecodable, *self._read_losses)
 
 
-def _merge_connections(connections: tuple[Connection, ...]) -> _Topic:
+def _merge_connections_into_topic(connections: tuple[Connection, ...]) -> _Topic:
     """Merge the connections of a topic, provided that their types are equal."""
     try:
         distinct = dict.fromkeys(replace(connection, id=0) for connection in connections)
-        kinds = [compile_message_type(connection) for connection in distinct]
+        kinds = [make_message_type_of_connection(connection) for connection in distinct]
     except DefinitionError as error:
         return _Topic(connections, None, str(error))
     encodings = {connection.encoding for connection in connections}

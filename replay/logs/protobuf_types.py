@@ -10,7 +10,7 @@ from google.protobuf.message_factory import GetMessageClass
 
 from replay.logs.log_limits import LIMITS
 from replay.logs.messages.broken_bytes import BrokenBytesError
-from replay.logs.messages.decoding_libraries import Library, require_int64
+from replay.logs.messages.decoding_libraries import Library, require_number_fits_int64
 from replay.logs.messages.message_types import FieldType, ListOf, MessageType, RecordType, Scalar
 
 _KINDS: Final = {
@@ -36,13 +36,13 @@ def make_message_type_from_protobuf(name: str, descriptors: bytes) -> MessageTyp
     try:
         files = FileDescriptorSet.FromString(descriptors)
     except DecodeError as error:
-        raise _make_unusable_error(error) from error
+        raise _make_unusable_descriptors_error(error) from error
     pool = _make_descriptor_pool(files)
     try:
         descriptor = pool.FindMessageTypeByName(name)
         read = GetMessageClass(descriptor).FromString
     except (KeyError, TypeError) as error:
-        raise _make_unusable_error(error) from error
+        raise _make_unusable_descriptors_error(error) from error
 
     def decode_message(data: bytes) -> Any:
         try:
@@ -54,7 +54,7 @@ def make_message_type_from_protobuf(name: str, descriptors: bytes) -> MessageTyp
     return MessageType(record, ros1=False, decode=decode_message, library=PROTOBUF)
 
 
-def _make_unusable_error(reason: object) -> BrokenBytesError:
+def _make_unusable_descriptors_error(reason: object) -> BrokenBytesError:
     return BrokenBytesError(f"its protobuf descriptors cannot be used: {reason}")
 
 
@@ -66,12 +66,14 @@ def _make_descriptor_pool(files: FileDescriptorSet) -> DescriptorPool:
     while waiting:
         ready = [file for file in waiting if added.issuperset(file.dependency)]
         if not ready:
-            raise _make_unusable_error(f"{waiting[0].name} depends on files that are not there")
+            raise _make_unusable_descriptors_error(
+                f"{waiting[0].name} depends on files that are not there"
+            )
         for file in ready:
             try:
                 pool.Add(file)
             except TypeError as error:
-                raise _make_unusable_error(error) from error
+                raise _make_unusable_descriptors_error(error) from error
             added.add(file.name)
         waiting = [file for file in waiting if file.name not in added]
     return pool
@@ -83,10 +85,14 @@ class _Types:
     def __init__(self) -> None:
         self._left = LIMITS.protobuf_fields
 
-    def make_record_type(self, descriptor: Descriptor, above: tuple[str, ...]) -> RecordType:
+    def make_record_type(
+        self, descriptor: Descriptor, enclosing_types: tuple[str, ...]
+    ) -> RecordType:
         """Message type, without maps and fields that contain the type itself."""
-        within = (*above, descriptor.full_name)
-        fields = ((field.name, self._make_field(field, within)) for field in descriptor.fields)
+        within = (*enclosing_types, descriptor.full_name)
+        fields = (
+            (field.name, self._make_type_of_field(field, within)) for field in descriptor.fields
+        )
         names = (
             (field.name, tuple((value.number, value.name) for value in field.enum_type.values))
             for field in descriptor.fields
@@ -98,7 +104,9 @@ class _Types:
             tuple(names),
         )
 
-    def _make_field(self, field: FieldDescriptor, above: tuple[str, ...]) -> FieldType | None:
+    def _make_type_of_field(
+        self, field: FieldDescriptor, enclosing_types: tuple[str, ...]
+    ) -> FieldType | None:
         self._left -= 1
         if self._left < 0:
             raise BrokenBytesError(f"it has more than {LIMITS.protobuf_fields} fields")
@@ -108,16 +116,16 @@ class _Types:
             if is_bytes and field.is_repeated:
                 return None
             kind = ListOf(Scalar("uint8"), None) if is_bytes else Scalar(_KINDS[field.cpp_type])
-        elif _is_stamp(inner):
+        elif _is_time_or_duration(inner):
             kind = Scalar("stamp")
-        elif inner.full_name in above or inner.GetOptions().map_entry:
+        elif inner.full_name in enclosing_types or inner.GetOptions().map_entry:
             return None
         else:
-            kind = self.make_record_type(inner, above)
+            kind = self.make_record_type(inner, enclosing_types)
         return ListOf(kind, None) if field.is_repeated and not isinstance(kind, ListOf) else kind
 
 
-def _is_stamp(descriptor: Descriptor) -> bool:
+def _is_time_or_duration(descriptor: Descriptor) -> bool:
     """Whether a descriptor is a time or duration, by name and fields."""
     kinds = {field.name: field.cpp_type for field in descriptor.fields if not field.is_repeated}
     return (
@@ -127,7 +135,7 @@ def _is_stamp(descriptor: Descriptor) -> bool:
     )
 
 
-def _read_member(message: Any, name: str) -> Any:
+def _get_message_member(message: Any, name: str) -> Any:
     field = message.DESCRIPTOR.fields_by_name[name]
     is_absent = field.has_presence and not message.HasField(name)
     if is_absent:
@@ -139,5 +147,7 @@ def _read_member(message: Any, name: str) -> Any:
 
 
 PROTOBUF: Final = Library(
-    "protobuf", _read_member, lambda stamp: require_int64(stamp.seconds * 10**9 + stamp.nanos)
+    "protobuf",
+    _get_message_member,
+    lambda stamp: require_number_fits_int64(stamp.seconds * 10**9 + stamp.nanos),
 )

@@ -32,14 +32,14 @@ class RecordingLog(Log):
         """
         super().__init__(path, _FORMAT)
         with open_recording(path) as held:
-            about, stages = held.provenance, held.stages
+            about, stages = held.provenance, held.columns_by_frame
         self._losses = about.losses
         self._machine_id = about.logged_machine_id
         self._missing: dict[str, Loss] = {}
         channels: Mapping[str, Any] = about.machine.get("channels", {})
         named = {channel.get("topic") for channel in channels.values()}
         self._stage = {
-            _name_topic_of_stage(stage.removeprefix(_RAW), named): stage
+            _make_topic_name_of_stage(stage.removeprefix(_RAW), named): stage
             for stage in stages
             if stage.startswith(_RAW)
         }
@@ -61,13 +61,13 @@ class RecordingLog(Log):
     def topics(self) -> pl.DataFrame:
         """Topics that the replay read; see `Log.topics`."""
         with open_recording(self.path) as held:
-            times = {t: held.read(s, _STAMPS[:1]) for t, s in self._stage.items()}
+            times = {t: held.read_frame(s, _STAMPS[:1]) for t, s in self._stage.items()}
         rows = [
             {
                 "topic": topic,
                 "type": _FORMAT,
                 "encoding": "columns",
-                **self._summarise_log_times(times[topic]["log_time_ns"].to_numpy()),
+                **self._make_topic_row_of_log_times(times[topic]["log_time_ns"].to_numpy()),
                 "fields": fields,
                 "problem": None,
                 "decoder": "columnar",
@@ -76,7 +76,7 @@ class RecordingLog(Log):
         ]
         return pl.DataFrame(rows, schema=self.TOPICS_SCHEMA)
 
-    def _read_many(
+    def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
         found: dict[str, pl.DataFrame] = {}
@@ -94,8 +94,8 @@ class RecordingLog(Log):
                     )
         with open_recording(self.path) as held:
             for topic, names in fields.items():
-                frame = held.read(self._stage[topic], [*_STAMPS, *names])
-                self._note_missing_rows(
+                frame = held.read_frame(self._stage[topic], [*_STAMPS, *names])
+                self._note_rows_missing_from_recording(
                     topic, held.manifest.frame_by_name(self._stage[topic]), frame.height
                 )
                 time = pl.col("log_time_ns")
@@ -119,12 +119,14 @@ class RecordingLog(Log):
         """Losses of the recorded log, and rows missing from a recovered recording."""
         return (*self._losses, *self._missing.values())
 
-    def _note_missing_rows(self, topic: str, stored: StoredFrame | None, height: int) -> None:
-        if stored is not None and height != stored.rows:
-            what = f"the recording has {height} of {stored.rows} rows"
+    def _note_rows_missing_from_recording(
+        self, topic: str, stored_frame: StoredFrame | None, read_row_count: int
+    ) -> None:
+        if stored_frame is not None and read_row_count != stored_frame.rows:
+            what = f"the recording has {read_row_count} of {stored_frame.rows} rows"
             self._missing[topic] = Loss(source=self.path.name, topic=topic, what=what)
 
 
-def _name_topic_of_stage(stage: str, named: set[str | None]) -> str:
+def _make_topic_name_of_stage(stage: str, topic_names: set[str | None]) -> str:
     """Topic of a stage, whose name lacks the usual leading slash."""
-    return f"/{stage}" if f"/{stage}" in named else stage
+    return f"/{stage}" if f"/{stage}" in topic_names else stage

@@ -12,7 +12,7 @@ from analysis.model.loss import Loss
 from estimators.errors import LogError, counted, list_some, suggest_choice
 from replay.logs.log import TABLE, Log, LogCheck, TimeAxis
 from replay.logs.log_limits import LIMITS
-from replay.logs.machine_ids import iter_ids_in_preamble, iter_serial_numbers
+from replay.logs.machine_ids import iter_serial_numbers_in_metadata, iter_serial_numbers_in_preamble
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.storage import LossList
 from replay.logs.tables import (
@@ -23,17 +23,13 @@ from replay.logs.tables import (
     TableTimes,
     TimeError,
     describe_contradicting_time_column,
-    find_time_columns,
+    find_time_columns_and_their_fields,
 )
 
 if TYPE_CHECKING:
     from replay.logs.tables.parquet_columns import ParquetColumns
 
-_FORMATS: Final = {
-    "parquet": "Parquet table",
-    "xlsx": "Excel table",
-    "csv": "CSV table",
-}
+_FORMATS: Final = {"parquet": "Parquet table", "xlsx": "Excel table", "csv": "CSV table"}
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 _TRUTHS: Final = ["true", "false"]
 _WHERE: Final = "in the machine file, or by --set log.KEY=VALUE"
@@ -53,13 +49,13 @@ class TableLog(Log):
         self._losses = LossList()
         self._hints = time.table if time else TableHints()
         try:
-            self._columns = self._open(copies)
+            self._columns = self._open_columns_of_table(copies)
         except BrokenBytesError as error:
             raise LogError(f"{path}: not a {self._suffix} table: {error}") from error
         except DialectError as error:
             raise LogError(f"{path}: {error} {_WHERE}") from error
         self._is_time_given = time is not None and not (time.column is None and time.unit is None)
-        found = self._find_times(time)
+        found = self._find_time_columns(time)
         names = [TABLE, *(f"{TABLE}/{number}" for number in range(2, len(found) + 1))]
         self._parts = dict(zip(names, found, strict=True))
         self._stamps: dict[str, pl.Series] = {}
@@ -83,9 +79,9 @@ class TableLog(Log):
         columns = self._columns
         text = isinstance(columns, CsvColumns)
         found = (
-            iter_ids_in_preamble(columns.preamble)
+            iter_serial_numbers_in_preamble(columns.preamble_lines)
             if text
-            else iter_serial_numbers(columns.metadata)
+            else iter_serial_numbers_in_metadata(columns.metadata)
         )
         return tuple(dict.fromkeys(found))
 
@@ -99,7 +95,7 @@ class TableLog(Log):
         # "Time (s) - Speed (m/s)": the unit behind is its channel's
         return found | ({axis.time: axis.unit} if axis.time and axis.unit else {})
 
-    def _open(self, copies: ExitStack) -> "CsvColumns | ParquetColumns":
+    def _open_columns_of_table(self, copies: ExitStack) -> "CsvColumns | ParquetColumns":
         if self._suffix in ("parquet", "arrow", "feather"):
             # pyarrow is slow to import
             from replay.logs.tables.parquet_columns import open_parquet_or_arrow
@@ -114,7 +110,7 @@ class TableLog(Log):
         copies.callback(columns.close)
         return columns
 
-    def _find_times(self, time_axis: TimeAxis | None) -> list[tuple[TableTimes, list[str]]]:
+    def _find_time_columns(self, time_axis: TimeAxis | None) -> list[tuple[TableTimes, list[str]]]:
         columns = self._columns.names
         if time_axis is not None and time_axis.unit not in (None, *NS_PER_UNIT):
             raise LogError(
@@ -131,8 +127,8 @@ class TableLog(Log):
                 f"{meant}{'' if meant.endswith('?') else '.'} Set [log] time in the machine file"
             )
         try:
-            found = find_time_columns(
-                self._columns.columns, self._columns.first_text_cells, time_axis
+            found = find_time_columns_and_their_fields(
+                self._columns.columns, self._columns.read_first_text_cells, time_axis
             )
         except DialectError as error:
             raise LogError(f"{self.path}: {error} {_WHERE}") from error
@@ -151,33 +147,35 @@ class TableLog(Log):
         asked = dict.fromkeys(name for names in fields.values() for name in names)
         self._expected = [name for name in asked if name in inside]
 
-    def _find_row_losses(self, fields: Sequence[str] = ()) -> None:
+    def _scan_rows_and_note_losses(self, fields: Sequence[str] = ()) -> None:
         """Scan all rows of a text once, reading its times and some fields."""
         if self._is_checked or not isinstance(self._columns, CsvColumns):
             return
         self._is_checked = True
-        times = [column for axis, _ in self._parts.values() for column in axis.columns]
+        times = [column for axis, _ in self._parts.values() for column in axis.time_columns]
         once, self._expected = [*self._expected, *fields], []
         try:
-            self._columns.find_ragged_rows(times, once, partial(self._losses.note, self.path))
+            self._columns.note_ragged_rows(times, once, partial(self._losses.add_loss, self.path))
         except BrokenBytesError as error:
             raise LogError(f"{self.path}: not a {self._suffix} table: {error}") from error
 
     def _log_times_of_topic(self, topic: str) -> pl.Series:
         """Log time of each row; null if it has none."""
         if topic not in self._stamps:
-            self._find_row_losses()
-            self._stamps[topic] = self._find_stamps(self._parts[topic][0])
+            self._scan_rows_and_note_losses()
+            self._stamps[topic] = self._compute_log_times_of_axis(self._parts[topic][0])
         return self._stamps[topic]
 
-    def _find_stamps(self, axis: TableTimes) -> pl.Series:
+    def _compute_log_times_of_axis(self, axis: TableTimes) -> pl.Series:
         try:
-            found = axis.log_times_of_rows(self._read_cells(axis.columns), self._columns.rows)
+            found = axis.compute_log_times_of_rows(
+                self._read_cells(axis.time_columns), self._columns.rows
+            )
         except TimeError as error:
             remedy = "" if "[log]" in str(error) else ". Set [log] time and time_unit"
             raise LogError(
-                f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {error}{remedy} "
-                f"{_WHERE}"
+                f"{self.path}: column '{axis.time_columns[-1]}' cannot be the time: "
+                f"{error}{remedy} {_WHERE}"
             ) from error
         times = found.stamps
         self._refuse_contradicting_time_column(axis, times)
@@ -187,7 +185,7 @@ class TableLog(Log):
         last = times.is_not_null().arg_true().max() if len(self._parts) > 1 else None
         missing = times.head(int(last) + 1).null_count() if last is not None else times.null_count()  # pyright: ignore[reportArgumentType] an index
         if missing:
-            self._losses.note(
+            self._losses.add_loss(
                 self.path, f"{missing} of {times.len()} rows have no time; they were dropped"
             )
         there = times.drop_nulls()
@@ -196,7 +194,7 @@ class TableLog(Log):
         self._refuse_repeated_times(axis, there, steps)
         if backwards:
             self._refuse_restarting_time(axis, there, backwards)
-            self._losses.note(
+            self._losses.add_loss(
                 self.path,
                 f"the time goes back at {counted(backwards, 'row')}; all rows were sorted by time",
                 TABLE,
@@ -209,13 +207,13 @@ class TableLog(Log):
         is_unambiguous = self._is_time_given or axis.time is None or len(self._parts) > 1
         if is_unambiguous or not isinstance(columns, CsvColumns):
             return
-        first = partial(columns.first_text_cells, count=LIMITS.compared_cells)
+        first = partial(columns.read_first_text_cells, count=LIMITS.compared_cells)
         said = describe_contradicting_time_column(
-            columns.columns, first, axis.columns[-1], times.head(columns.head_row_count)
+            columns.columns, first, axis.time_columns[-1], times.head(columns.head_row_count)
         )
         if said:
             raise LogError(
-                f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said} {_WHERE}"
+                f"{self.path}: column '{axis.time_columns[-1]}' cannot be the time: {said} {_WHERE}"
             )
 
     def _refuse_repeated_times(
@@ -236,7 +234,7 @@ class TableLog(Log):
                 "set another time column, [log] time, or the column of the fractions of a second, "
                 "[log] time_fraction, or set [log] rate_hz = rows per second"
             )
-        raise LogError(f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said}")
+        raise LogError(f"{self.path}: column '{axis.time_columns[-1]}' cannot be the time: {said}")
 
     def _refuse_restarting_time(
         self, axis: TableTimes, known_times: pl.Series, backwards: int
@@ -249,7 +247,7 @@ class TableLog(Log):
         row = int((before > known_times).arg_max() or 0)
         fall_s = (before[row] - known_times[row]) / 1e9
         raise LogError(
-            f"{self.path}: column '{axis.columns[-1]}' cannot be the time: it jumps back by "
+            f"{self.path}: column '{axis.time_columns[-1]}' cannot be the time: it jumps back by "
             f"{fall_s:.6g} s at row {row + 1:,} and goes on from there: a second record, or a "
             "counter that restarts. Split the file, set another column ([log] time), or set "
             "[log] rate_hz, or [log] sort_times = true if the rows belong together"
@@ -265,7 +263,7 @@ class TableLog(Log):
 
     def _read_cells(self, names: Sequence[str]) -> dict[str, pl.Series]:
         try:
-            return self._columns.read(names)
+            return self._columns.read_columns(names)
         except BrokenBytesError as error:
             columns = "', '".join(names)
             raise LogError(f"{self.path}: column '{columns}' cannot be read: {error}") from error
@@ -280,7 +278,7 @@ class TableLog(Log):
                 "topic": topic,
                 "type": TABLE,
                 "encoding": self._suffix,
-                **self._summarise_log_times(
+                **self._make_topic_row_of_log_times(
                     self._log_times_of_topic(topic).drop_nulls().to_numpy()
                 ),
                 "fields": self._list_fields_of_topic(topic),
@@ -291,12 +289,14 @@ class TableLog(Log):
         ]
         return pl.DataFrame(rows, schema=self.TOPICS_SCHEMA)
 
-    def _read_many(
+    def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
-        return {t: self._read(t, names, start_ns, end_ns) for t, names in fields.items()}
+        return {
+            t: self._read_frame_of_topic(t, names, start_ns, end_ns) for t, names in fields.items()
+        }
 
-    def _read(
+    def _read_frame_of_topic(
         self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> pl.DataFrame:
         if topic not in self._parts:
@@ -310,9 +310,9 @@ class TableLog(Log):
                 raise LogError(
                     f"{self.path}: no column '{field}'; {suggest_choice(field, choices)}"
                 )
-        self._find_row_losses(fields)
+        self._scan_rows_and_note_losses(fields)
         cells = self._read_cells(list(dict.fromkeys(fields)))
-        columns = [self._parse_cells(cells.pop(field)) for field in dict.fromkeys(fields)]
+        columns = [self._convert_cells(cells.pop(field)) for field in dict.fromkeys(fields)]
         times = self._log_times_of_topic(topic)
         no_stamps = pl.repeat(None, times.len(), dtype=pl.Int64, eager=True)
         frame = pl.DataFrame([times, no_stamps.alias("header_stamp_ns"), *columns])
@@ -325,23 +325,23 @@ class TableLog(Log):
             inside &= pl.col("log_time_ns") <= end_ns
         return frame.filter(inside).sort("log_time_ns", maintain_order=True)
 
-    def _parse_cells(self, values: pl.Series) -> pl.Series:
+    def _convert_cells(self, cells: pl.Series) -> pl.Series:
         """Cells as numbers, times in ns or text, whichever they are."""
         if isinstance(self._columns, CsvColumns):
-            return self._guess_type(values) if values.dtype == pl.String else values
-        if values.dtype.is_float() or values.dtype.is_decimal():
-            return values.cast(pl.Float64)
-        if values.dtype.is_integer() and values.dtype != pl.UInt64:
-            return values.cast(pl.Int64)
-        if values.dtype == pl.Duration:
-            return values.dt.total_nanoseconds()
-        if values.dtype.is_temporal():
-            since_midnight = values.dtype == pl.Time
-            return values.to_physical() if since_midnight else values.dt.timestamp("ns")
-        keeps = values.dtype.is_integer() or values.dtype == pl.Boolean
-        return values if keeps else values.cast(pl.String)
+            return self._convert_text_to_likely_type(cells) if cells.dtype == pl.String else cells
+        if cells.dtype.is_float() or cells.dtype.is_decimal():
+            return cells.cast(pl.Float64)
+        if cells.dtype.is_integer() and cells.dtype != pl.UInt64:
+            return cells.cast(pl.Int64)
+        if cells.dtype == pl.Duration:
+            return cells.dt.total_nanoseconds()
+        if cells.dtype.is_temporal():
+            since_midnight = cells.dtype == pl.Time
+            return cells.to_physical() if since_midnight else cells.dt.timestamp("ns")
+        keeps = cells.dtype.is_integer() or cells.dtype == pl.Boolean
+        return cells if keeps else cells.cast(pl.String)
 
-    def _guess_type(self, text: pl.Series) -> pl.Series:
+    def _convert_text_to_likely_type(self, text: pl.Series) -> pl.Series:
         """Integers, numbers, booleans or text: the first type that half of the cells have."""
         text = text.str.strip_chars()
         present = text.filter(text.is_not_null() & (text != ""))
@@ -355,7 +355,7 @@ class TableLog(Log):
             return text
         faults = text.filter(numbers.is_null() & text.is_not_null() & (text != ""))
         if faults.len():
-            self._losses.note(
+            self._losses.add_loss(
                 self.path,
                 f"{faults.len()} cells of column '{text.name}' are not numbers; the first is "
                 f"'{_shorten_text(faults[0])}'",
@@ -365,16 +365,16 @@ class TableLog(Log):
 
     def check(self) -> LogCheck:
         """Read every column; see `Log.check`."""
-        self._check_open()
-        self._find_row_losses()
+        self._refuse_closed_log()
+        self._scan_rows_and_note_losses()
         fields = {field for topic in self._parts for field in self._list_fields_of_topic(topic)}
         message_bytes = 0
         for name in self._columns.names:
             try:
                 column = self._read_cells([name])[name]
-                column = self._parse_cells(column) if name in fields else column
+                column = self._convert_cells(column) if name in fields else column
             except LogError as error:
-                self._losses.note(self.path, str(error).removeprefix(f"{self.path}: "), TABLE)
+                self._losses.add_loss(self.path, str(error).removeprefix(f"{self.path}: "), TABLE)
             else:
                 message_bytes += int(column.estimated_size())
         return LogCheck(

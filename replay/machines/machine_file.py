@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NamedTuple
 
 from analysis.model.machine import LogSection, Machine
 from analysis.model.physical_units import gain_and_offset_to_si
@@ -10,9 +11,9 @@ from analysis.stages.signals.derive import find_unit_in_name, parse_derivation_i
 from estimators.errors import MachineError
 from replay.logs import TableHints, TimeAxis
 from replay.machines.toml_file import (
-    read_toml,
+    read_toml_file,
     refuse_other_kind_of_file,
-    set_dotted_key,
+    set_dotted_key_in_content,
     validate_toml_content,
 )
 
@@ -39,11 +40,11 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
             f"{path}: no such machine file; shipped with payscope: {shipped}; "
             f"`payscope init LOG -o {path}` drafts one"
         )
-    content = read_toml(path, MachineError)
+    content = read_toml_file(path, MachineError)
     refuse_other_kind_of_file(path, content, "machine file", MachineError)
     for override in overrides:
         refuse_setting_without_prefix(override)
-        set_dotted_key(content, override, MachineError)
+        set_dotted_key_in_content(content, override, MachineError)
     machine = validate_toml_content(path, content, Machine, MachineError)
     for name, channel in machine.channels.items():
         try:
@@ -77,9 +78,9 @@ def find_time_axis_of_machine(machine: Machine) -> TimeAxis | None:
     return find_time_axis_of_section(machine.log)
 
 
-def find_time_axis_of_section(section: LogSection) -> TimeAxis | None:
+def find_time_axis_of_section(log_section: LogSection) -> TimeAxis | None:
     """Time column and dialect of tables by the keys of `[log]`; None if none is given."""
-    given = section.model_dump()
+    given = log_section.model_dump()
     time, unit = given.pop("time", None), given.pop("time_unit", None)
     if time is None and unit is None and not given:
         return None
@@ -92,10 +93,18 @@ def find_machine_file(path: Path) -> Path:
     return shipped if not path.exists() and path == Path(path.name) and shipped.exists() else path
 
 
-def read_file_signature(path: Path) -> tuple[int, int, int] | None:
+class FileSignature(NamedTuple):
+    """By what a changed or replaced file is recognised."""
+
+    modified_ns: int
+    size_bytes: int
+    inode: int
+
+
+def read_file_time_size_and_inode(path: Path) -> FileSignature | None:
     """Time, size and inode, by which a changed or replaced file is recognised; None if absent."""
     try:
         about = path.stat()
     except OSError:
         return None
-    return about.st_mtime_ns, about.st_size, about.st_ino
+    return FileSignature(about.st_mtime_ns, about.st_size, about.st_ino)

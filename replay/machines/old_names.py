@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from estimators.errors import MachineError
-from recordings.report.atomic_output import atomic_file
+from recordings.report.atomic_output import stage_output_file
 
 #: What a key is called now, by the name that it had. Both are dotted, of any TOML file of ours.
 OLD_NAMES: Final[Mapping[str, str]] = {
@@ -60,11 +60,11 @@ class BothNamesError(ValueError):
     """Error that a file has a key under both its former and its present name."""
 
 
-def rename_old_keys(content: dict[str, Any]) -> dict[str, str]:
+def rename_old_keys_in_content(file_content: dict[str, Any]) -> dict[str, str]:
     """Rename former keys to their present names.
 
     Args:
-        content: content of the file; changed in place.
+        file_content: content of the file; changed in place.
 
     Returns:
         Present name by former name.
@@ -75,13 +75,13 @@ def rename_old_keys(content: dict[str, Any]) -> dict[str, str]:
     taken: list[tuple[str, str, Any]] = []
     for old, new in OLD_NAMES.items():
         *sections, name = old.split(".")
-        table = _find_table(content, sections)
+        table = _find_table_of_content(file_content, sections)
         # a key that became a section is old where it is a value
         if table is not None and not isinstance(table.get(name, {}), dict):
             taken.append((old, new, table.pop(name)))
     for old, new, value in taken:
         *sections, name = new.split(".")
-        place: Any = content
+        place: Any = file_content
         for section in sections:
             place = place.setdefault(section, {})
             if not isinstance(place, dict):
@@ -94,14 +94,21 @@ def rename_old_keys(content: dict[str, Any]) -> dict[str, str]:
     return {old: new for old, new, _ in taken}
 
 
-def describe_renamed_keys(new_names: Mapping[str, str]) -> str:
+def describe_renamed_keys_in_line(new_names: Mapping[str, str]) -> str:
     """Say in one line which keys have which new names."""
     pairs = [f"'{old}' is now '{new}'" for old, new in new_names.items()]
     more = len(pairs) - _MOST_NAMED
     return ", ".join(pairs[:_MOST_NAMED]) + (f" (and {more} more)" if more > 0 else "")
 
 
-def migrate_toml_text(text: str) -> tuple[str, dict[str, str]]:
+class MigratedText(NamedTuple):
+    """Text of a TOML file with present keys, and the new name of each old key."""
+
+    text: str
+    new_name_by_old: dict[str, str]
+
+
+def migrate_toml_text(toml_text: str) -> MigratedText:
     """Replace former keys in the text of a TOML file; comments and order are kept.
 
     A key stays where it is, as `align.rate_hz` in `[settings]`. If the file has the table
@@ -111,15 +118,15 @@ def migrate_toml_text(text: str) -> tuple[str, dict[str, str]]:
         Text, and present name by former name.
 
     Raises:
-        BothNamesError: as `rename_old_keys`, or a key is written in a way that only a person can
-            rename, such as an inline table.
+        BothNamesError: as `rename_old_keys_in_content`, or a key is written in a way that only a
+            person can rename, such as an inline table.
         ValueError: it is not TOML.
     """
-    wanted = tomllib.loads(text)
-    renamed = rename_old_keys(wanted)
-    lines = text.splitlines(keepends=True)
+    wanted = tomllib.loads(toml_text)
+    renamed = rename_old_keys_in_content(wanted)
+    lines = toml_text.splitlines(keepends=True)
     for old, new in renamed.items():
-        _rename_in_lines(lines, old, new)
+        _rename_key_in_lines(lines, old, new)
     migrated = "".join(lines)
     try:
         is_equal = tomllib.loads(migrated) == wanted
@@ -127,9 +134,9 @@ def migrate_toml_text(text: str) -> tuple[str, dict[str, str]]:
         is_equal = False
     if not is_equal:
         raise BothNamesError(
-            f"{describe_renamed_keys(renamed)}: cannot be rewritten; rename it by hand"
+            f"{describe_renamed_keys_in_line(renamed)}: cannot be rewritten; rename it by hand"
         )
-    return migrated, renamed
+    return MigratedText(migrated, renamed)
 
 
 def migrate_toml_file(path: Path) -> dict[str, str]:
@@ -156,40 +163,42 @@ def migrate_toml_file(path: Path) -> dict[str, str]:
     if renamed:
         target = path.resolve()  # a link stays one
         mode = target.stat().st_mode
-        with atomic_file(target, force=True) as partial:
+        with stage_output_file(target, force=True) as partial:
             partial.write_bytes(text.encode("utf-8"))
             partial.chmod(mode)
     return renamed
 
 
-def _find_table(content: dict[str, Any], sections: list[str]) -> dict[str, Any] | None:
+def _find_table_of_content(content: dict[str, Any], sections: list[str]) -> dict[str, Any] | None:
     here: Any = content
     for section in sections:
         here = here.get(section) if isinstance(here, dict) else None
     return here if isinstance(here, dict) else None
 
 
-def _rename_in_lines(lines: list[str], old: str, new: str) -> None:
+def _rename_key_in_lines(lines: list[str], old_key: str, new_key: str) -> None:
     """Rename one key, or move it to the table of its new name; do nothing if it is absent."""
-    tables = list(_iter_tables(lines))
+    tables = list(_iter_tables_of_lines(lines))
     for table in tables:
         for at in range(table.first, table.last):
             key, equals, value = lines[at].partition("=")
-            if not equals or f"{table.prefix}{unquote_key(key)}" != old:
+            if not equals or f"{table.prefix}{unquote_dotted_key(key)}" != old_key:
                 continue
-            home = max((t for t in tables if new.startswith(t.prefix)), key=lambda t: len(t.prefix))
-            lines[at] = f"{key.replace(key.strip(), new.removeprefix(home.prefix))}={value}"
+            home = max(
+                (t for t in tables if new_key.startswith(t.prefix)), key=lambda t: len(t.prefix)
+            )
+            lines[at] = f"{key.replace(key.strip(), new_key.removeprefix(home.prefix))}={value}"
             if home is not table:
-                _move_key(lines, at, table, home)
+                _move_key_to_other_table(lines, at, table, home)
             return
 
 
-def _move_key(
-    lines: list[str], line_index: int, table: "_TableLines", new_table: "_TableLines"
+def _move_key_to_other_table(
+    lines: list[str], line_index: int, old_table: "_TableLines", new_table: "_TableLines"
 ) -> None:
     """Move a key, with the comment lines directly above it, to the top of another table."""
-    end = _find_end_of_value(lines, line_index, table.last)
-    while line_index > table.first and lines[line_index - 1].lstrip().startswith("#"):
+    end = _find_line_after_value(lines, line_index, old_table.last)
+    while line_index > old_table.first and lines[line_index - 1].lstrip().startswith("#"):
         line_index -= 1
     moved = lines[line_index:end]
     if not moved[-1].endswith("\n"):
@@ -207,15 +216,19 @@ class _TableLines(NamedTuple):
     last: int
 
 
-def _iter_tables(lines: list[str]) -> Iterator[_TableLines]:
-    heads = [at for at, line in enumerate(lines) if line.lstrip()[:1] == "[" and _is_header(line)]
+def _iter_tables_of_lines(lines: list[str]) -> Iterator[_TableLines]:
+    heads = [
+        at
+        for at, line in enumerate(lines)
+        if line.lstrip()[:1] == "[" and _is_table_header_line(line)
+    ]
     yield _TableLines("", 0, heads[0] if heads else len(lines))
     for at, end in pairwise([*heads, len(lines)]):
         name = lines[at].partition("]")[0].strip().strip("[")
-        yield _TableLines(f"{unquote_key(name)}.", at + 1, end)
+        yield _TableLines(f"{unquote_dotted_key(name)}.", at + 1, end)
 
 
-def _is_header(line: str) -> bool:
+def _is_table_header_line(line: str) -> bool:
     """Whether a line that begins with a bracket is a table header, not part of nested lists."""
     try:
         return bool(tomllib.loads(line))
@@ -223,9 +236,9 @@ def _is_header(line: str) -> bool:
         return False
 
 
-def _find_end_of_value(lines: list[str], line_index: int, last: int) -> int:
+def _find_line_after_value(lines: list[str], line_index: int, last_line: int) -> int:
     """Index of the line after a value, which may span several lines."""
-    for end in range(line_index + 1, last + 1):
+    for end in range(line_index + 1, last_line + 1):
         try:
             tomllib.loads("".join(lines[line_index:end]))
         except tomllib.TOMLDecodeError:
@@ -234,6 +247,6 @@ def _find_end_of_value(lines: list[str], line_index: int, last: int) -> int:
     return line_index + 1
 
 
-def unquote_key(key: str) -> str:
+def unquote_dotted_key(quoted_key: str) -> str:
     """Dotted key without quotes and blanks."""
-    return ".".join(part.strip().strip("\"'") for part in key.split("."))
+    return ".".join(part.strip().strip("\"'") for part in quoted_key.split("."))

@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, Final, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Final, NamedTuple, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -17,8 +17,8 @@ from replay.machines.old_names import (
     OLD_NAMES,
     BothNamesError,
     OldNameWarning,
-    describe_renamed_keys,
-    rename_old_keys,
+    describe_renamed_keys_in_line,
+    rename_old_keys_in_content,
 )
 
 _IN_TOML = {
@@ -40,55 +40,60 @@ _KINDS: Final = {
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
-def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
+def read_toml_file(path: Path, error_type: type[PayscopeError]) -> dict[str, Any]:
     """Read a TOML file, with former keys renamed to their present names.
 
     Warns:
         OldNameWarning: one had its old name.
 
     Raises:
-        PayscopeError: as `error`, in one line: there is no such file, it is not TOML, or has a key
-            under its old and its new name.
+        PayscopeError: as `error_type`, in one line: there is no such file, it is not TOML, or has a
+            key under its old and its new name.
     """
     text = ""
     try:
         text = path.read_text(encoding="utf-8")
         content = tomllib.loads(text)
     except OSError as fault:
-        raise error(f"{path}: cannot be read ({fault.strerror})") from None
+        raise error_type(f"{path}: cannot be read ({fault.strerror})") from None
     except UnicodeDecodeError:
-        raise error(f"{path}: is not TOML: not UTF-8") from None
+        raise error_type(f"{path}: is not TOML: not UTF-8") from None
     except ValueError as fault:  # a TOMLDecodeError, or a number of thousands of digits
         comma = _DECIMAL_COMMA.search(text)
         remedy = f"; write {comma[1]}.{comma[2]}, with a decimal point" if comma else ""
-        raise error(f"{path}: is not TOML: {fault}{remedy}") from None
+        raise error_type(f"{path}: is not TOML: {fault}{remedy}") from None
     try:
-        renamed = rename_old_keys(content)
+        renamed = rename_old_keys_in_content(content)
     except BothNamesError as fault:
-        raise error(f"{path}: {fault}") from None
+        raise error_type(f"{path}: {fault}") from None
     if renamed:
         remedy = f"`payscope migrate {path}` rewrites the file"
         warnings.warn(
-            f"{path}: {describe_renamed_keys(renamed)}; {remedy}", OldNameWarning, stacklevel=3
+            f"{path}: {describe_renamed_keys_in_line(renamed)}; {remedy}",
+            OldNameWarning,
+            stacklevel=3,
         )
     return content
 
 
 def refuse_other_kind_of_file(
-    path: Path, content: Mapping[str, Any], kind: str, error: type[PayscopeError]
+    path: Path, content: Mapping[str, Any], expected_kind: str, error_type: type[PayscopeError]
 ) -> None:
     """Refuse another kind of payscope file, such as a campaign file given as a machine file.
 
     Raises:
-        PayscopeError: of type `error`; it names the kind, and the machine file that it refers to.
+        PayscopeError: of type `error_type`; it names the kind, and the machine file that it refers
+            to.
     """
     found = next((k for k, tables in _KINDS.items() if any(each in content for each in tables)), "")
-    if not found or kind in found:
+    if not found or expected_kind in found:
         return
     body = content.get("machine")
-    named = body.get("file") if kind == "machine file" and isinstance(body, Mapping) else None
+    named = (
+        body.get("file") if expected_kind == "machine file" and isinstance(body, Mapping) else None
+    )
     remedy = f"; the machine file that it names is {named}" if isinstance(named, str) else ""
-    raise error(f"{path}: is {found}, no {kind}{remedy}")
+    raise error_type(f"{path}: is {found}, no {expected_kind}{remedy}")
 
 
 def parse_toml_value(text: str) -> Any:
@@ -107,20 +112,23 @@ def format_toml(value: object) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def set_dotted_key(content: dict[str, Any], override: str, error: type[PayscopeError]) -> None:
+def set_dotted_key_in_content(
+    content: dict[str, Any], override: str, error_type: type[PayscopeError]
+) -> None:
     """Set `key=value` in `content`: a dotted key, and a TOML value or a bare word.
 
     Raises:
-        PayscopeError: as `error`: it is not written like that, or the key leads through a value.
+        PayscopeError: as `error_type`: it is not written like that, or the key leads through a
+            value.
     """
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
-        raise error(f"--set {override}: write it as key=value, as settings.align.rate_hz=50")
+        raise error_type(f"--set {override}: write it as key=value, as settings.align.rate_hz=50")
     value = parse_toml_value(text)
     key = key.strip()
     if key in OLD_NAMES:
         warnings.warn(
-            f"--set {override}: {describe_renamed_keys({key: OLD_NAMES[key]})}",
+            f"--set {override}: {describe_renamed_keys_in_line({key: OLD_NAMES[key]})}",
             OldNameWarning,
             stacklevel=3,
         )
@@ -129,32 +137,32 @@ def set_dotted_key(content: dict[str, Any], override: str, error: type[PayscopeE
     for section in sections:
         place = place.setdefault(section, {})
         if not isinstance(place, dict):
-            raise error(f"--set {override}: '{section}' is a value there, not a section")
+            raise error_type(f"--set {override}: '{section}' is a value there, not a section")
     place[name] = value
 
 
 def validate_toml_content(
-    path: Path, values: Mapping[str, Any], model: type[_Model], error: type[PayscopeError]
+    path: Path, values: Mapping[str, Any], model: type[_Model], error_type: type[PayscopeError]
 ) -> _Model:
     """Validate the content of the file at `path` as `model`.
 
     Raises:
-        PayscopeError: as `error`, in one line: an unknown key (with the nearest known one), or a
-            value that does not fit.
+        PayscopeError: as `error_type`, in one line: an unknown key (with the nearest known one), or
+            a value that does not fit.
     """
     try:
         return model.model_validate(values)
     except ValidationError as fault:
-        raise error(f"{path}: {explain_validation_fault(fault, model)}") from None
+        raise error_type(f"{path}: {explain_validation_fault(fault, model)}") from None
 
 
-def explain_validation_fault(fault: ValidationError, model: type[BaseModel]) -> str:
+def explain_validation_fault(validation_fault: ValidationError, model: type[BaseModel]) -> str:
     """State in one line which value is wrong, where it is, and the probable intention."""
-    details = fault.errors(include_url=False)
+    details = validation_fault.errors(include_url=False)
     # a required key that is misspelt is missing as well
     first = next((each for each in details if each["type"] == "extra_forbidden"), details[0])
     location, kind, why = first["loc"], first["type"], first.get("ctx", {})
-    steps, table = find_keys_and_table(
+    steps, table = find_keys_and_model_of_location(
         model, location[:-1] if kind == "extra_forbidden" else location
     )
     key = ".".join(steps)
@@ -185,14 +193,21 @@ def explain_validation_fault(fault: ValidationError, model: type[BaseModel]) -> 
     )
 
 
-def find_keys_and_table(
+class LocatedKeys(NamedTuple):
+    """Keys of a location, and the model of their table."""
+
+    keys: list[str]
+    model: type[BaseModel] | None
+
+
+def find_keys_and_model_of_location(
     model: type[BaseModel], location: Sequence[int | str]
-) -> tuple[list[str], type[BaseModel] | None]:
+) -> LocatedKeys:
     """Keys of a location, without pydantic's union tags, and the model of that table."""
     here: Any = model
     keys: list[str] = []
     for part in location:
-        table = find_model_in_annotation(here, part)
+        table = find_tagged_model_in_annotation(here, part)
         if table is not None and part not in table.model_fields:
             here = table  # the tag that picked it
             continue
@@ -204,20 +219,22 @@ def find_keys_and_table(
             here = (
                 (arguments[-1] if get_origin(here) is dict else arguments[0]) if arguments else None
             )
-    return keys, find_model_in_annotation(here)
+    return LocatedKeys(keys, find_tagged_model_in_annotation(here))
 
 
-def find_model_in_annotation(
+def find_tagged_model_in_annotation(
     annotation: Any, tag: int | str | None = None
 ) -> type[BaseModel] | None:
     """Model in a type annotation; of a union, the one whose discriminator is `tag`; else None."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     if get_origin(annotation) is Annotated:
-        return find_model_in_annotation(get_args(annotation)[0], tag)
+        return find_tagged_model_in_annotation(get_args(annotation)[0], tag)
     if get_origin(annotation) not in (Union, UnionType):
         return None
-    tables = [table for table in map(find_model_in_annotation, get_args(annotation)) if table]
+    tables = [
+        table for table in map(find_tagged_model_in_annotation, get_args(annotation)) if table
+    ]
     if len(tables) == 1:
         return tables[0]
     tagged = [t for t in tables if any(f.default == tag for f in t.model_fields.values())]

@@ -20,21 +20,21 @@ from recordings.calibration.check_outcomes import (
     BundleFinding,
     BundleOutcome,
     find_most_severe_outcome,
-    format_verdict,
+    format_bundle_verdict,
 )
-from recordings.notary.notary_check import check_notary_list
+from recordings.notary.notary_check import check_untrusted_notary_list
 from recordings.notary.notary_limits import LIMITS as NOTARY_LIMITS
 from recordings.notary.notary_list import (
     NotaryEntry,
     NotaryHead,
     NotaryLine,
-    parse_line,
-    split_whole_lines,
+    parse_untrusted_line,
+    split_list_into_whole_lines_and_tail,
 )
 from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy
-from recordings.signatures.signing import read_public_key
+from recordings.signatures.signing import read_public_key_file
 
 #: The environment variable that names the folder of the second copy.
 STATE_VARIABLE: Final = "PAYSCOPE_NOTARY_STATE"
@@ -78,13 +78,13 @@ class OpenList:
     _file: int
     _size: int
 
-    def append(self, line: NotaryLine) -> None:
+    def append_line_durably(self, notary_line: NotaryLine) -> None:
         """Append a line and flush it to the disc, whole or not at all.
 
         Raises:
             OutputError: the disc is full, or the list cannot be written; it is as it was before.
         """
-        data = line.data + b"\n"
+        data = notary_line.data + b"\n"
         try:
             written = 0
             while written < len(data):
@@ -97,18 +97,18 @@ class OpenList:
                 f"number {len(self.lines) - 1}; free some space and run this again"
             ) from None
         self._size += len(data)
-        self.lines.append(line)
-        self._write_second_copy_of_end()
+        self.lines.append(notary_line)
+        self._write_second_copy_of_list_end()
 
-    def _write_second_copy_of_end(self) -> None:
+    def _write_second_copy_of_list_end(self) -> None:
         """Write the end of the list to the second place."""
         if self.second is None:
             return
         last = self.lines[-1]
         end = {
-            "head": self.lines[0].digest,
+            "head": self.lines[0].line_sha256,
             "counter": last.content.counter,
-            "digest": last.digest,
+            "digest": last.line_sha256,
             "list": str(self.path),
         }
         partial = self.second.with_suffix(f".{os.getpid()}")
@@ -124,7 +124,7 @@ class OpenList:
 
 
 @contextmanager
-def open_list(path: Path) -> Generator[OpenList]:
+def open_list_exclusively(path: Path) -> Generator[OpenList]:
     """Open a list for this process alone, and compare it with its end at the last time.
 
     The system releases the lock when the process ends, however it ends.
@@ -151,10 +151,14 @@ def open_list(path: Path) -> Generator[OpenList]:
             raise EvidenceError(
                 f"{path}: is larger than the {NOTARY_LIMITS.list_bytes} bytes of a list"
             )
-        whole, tail = split_whole_lines(_read_descriptor(number, size))
-        lines = [parse_line(line, f"{path}: line {k}") for k, line in enumerate(whole, start=1)]
-        second = find_second_copy_path(path)
-        refuse_altered_list(path, lines, read_kept_end(second))
+        whole, tail = split_list_into_whole_lines_and_tail(
+            _read_bytes_from_descriptor(number, size)
+        )
+        lines = [
+            parse_untrusted_line(line, f"{path}: line {k}") for k, line in enumerate(whole, start=1)
+        ]
+        second = find_path_of_second_copy(path)
+        refuse_altered_list(path, lines, read_kept_list_end(second))
         if tail:
             os.ftruncate(number, size - len(tail))
             os.fsync(number)
@@ -163,15 +167,15 @@ def open_list(path: Path) -> Generator[OpenList]:
         os.close(number)
 
 
-def _read_descriptor(descriptor: int, size: int) -> bytes:
+def _read_bytes_from_descriptor(descriptor: int, byte_count: int) -> bytes:
     parts: list[bytes] = []
-    while size > 0 and (part := os.read(descriptor, size)):
+    while byte_count > 0 and (part := os.read(descriptor, byte_count)):
         parts.append(part)
-        size -= len(part)
+        byte_count -= len(part)
     return b"".join(parts)
 
 
-def refuse_altered_list(path: Path, lines: list[NotaryLine], end: ListEnd | None) -> None:
+def refuse_altered_list(path: Path, lines: list[NotaryLine], kept_end: ListEnd | None) -> None:
     """Check that a list contains its former lines and that its chain is intact.
 
     Raises:
@@ -181,7 +185,7 @@ def refuse_altered_list(path: Path, lines: list[NotaryLine], end: ListEnd | None
         entry, fault = line.content, ""
         if before is None:
             fault = "" if isinstance(entry, NotaryHead) else "does not begin with its head"
-        elif not isinstance(entry, NotaryEntry) or entry.previous != before.digest:
+        elif not isinstance(entry, NotaryEntry) or entry.previous != before.line_sha256:
             fault = f"number {entry.counter} does not follow the line before"
         elif entry.counter != before.content.counter + 1:
             fault = f"number {entry.counter} follows number {before.content.counter}"
@@ -190,23 +194,24 @@ def refuse_altered_list(path: Path, lines: list[NotaryLine], end: ListEnd | None
                 f"{path}: {fault}; the list was changed; `payscope verify {path}` lists all "
                 "faults, and a changed list cannot be continued"
             )
-    if end is None:
+    if kept_end is None:
         return
     if not lines:
         raise EvidenceError(
-            f"{path}: is empty, but number {end.counter} was written before, so the list was "
+            f"{path}: is empty, but number {kept_end.counter} was written before, so the list was "
             "removed; restore it, or start another one elsewhere with --list"
         )
-    known = len(lines) > end.counter and lines[end.counter].digest == end.digest
-    if lines[0].digest != end.head or not known:
+    known = len(lines) > kept_end.counter and lines[kept_end.counter].line_sha256 == kept_end.digest
+    if lines[0].line_sha256 != kept_end.head or not known:
         raise EvidenceError(
             f"{path}: ends with number {len(lines) - 1}, but was written up to number "
-            f"{end.counter}, so it was truncated or replaced; restore it, or start another one "
+            f"{kept_end.counter}, so it was truncated or replaced; restore it, or start another "
+            "one "
             "elsewhere with --list"
         )
 
 
-def find_second_copy_path(path: Path) -> Path | None:
+def find_path_of_second_copy(path: Path) -> Path | None:
     """Path of the second copy of a list's end; None if it cannot be written."""
     named = os.environ.get(STATE_VARIABLE)
     base = os.environ.get("XDG_STATE_HOME")
@@ -220,7 +225,7 @@ def find_second_copy_path(path: Path) -> Path | None:
     return folder / f"{name}.json" if os.access(folder, os.W_OK) else None
 
 
-def read_kept_end(second_copy: Path | None) -> ListEnd | None:
+def read_kept_list_end(second_copy: Path | None) -> ListEnd | None:
     """Read the kept end of a list; None if there is none.
 
     Raises:
@@ -265,7 +270,7 @@ class VerifiedList:
     def verdict(self) -> str:
         """Outcome in one sentence."""
         holds = f"{counted(self.logs, 'log')} verified; {self.kept_by}"
-        return format_verdict(self.path, self.findings, holds)
+        return format_bundle_verdict(self.path, self.findings, holds)
 
     def to_dict(self) -> dict[str, Any]:
         """The fields as plain values."""
@@ -282,25 +287,26 @@ class VerifiedList:
 
 
 def verify_notary_list(
-    path: Path, *, key_file: Path | None = None, signed: bool = False
+    path: Path, *, key_file: Path | None = None, is_signature_required: bool = False
 ) -> VerifiedList:
     """Check a list on its own, without the logs.
 
     Args:
         path: path of the list.
         key_file: public key of the recorder.
-        signed: whether the list must be signed with that key, or one of the user's keyring.
+        is_signature_required: whether the list must be signed with that key, or one of the user's
+            keyring.
 
     Raises:
         EvidenceError: it, or the key, cannot be read.
     """
-    key = None if key_file is None else read_public_key(key_file)
+    key = None if key_file is None else read_public_key_file(key_file)
     try:
         with path.open("rb") as file:
             data = file.read(NOTARY_LIMITS.list_bytes + 1)
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
-    kept = check_notary_list(data, dt.datetime.now(dt.UTC))
+    kept = check_untrusted_notary_list(data, dt.datetime.now(dt.UTC))
     findings = [
         BundleFinding(
             BundleOutcome.TAMPERED if fault.forged else BundleOutcome.INCOMPLETE,
@@ -309,17 +315,23 @@ def verify_notary_list(
         )
         for fault in kept.faults
     ]
-    own = kept.key
+    own = kept.notary_public_key
     by = SignedBy("broken")
     if own is not None and not any(fault.forged for fault in kept.faults):
-        known = load_keyring().find_key(own.key_id)
+        known = load_keyring().find_key_by_id_or_prefix(own.key_id)
         how = "known" if known is not None else "unknown"
-        by = SignedBy(how, "", "" if known is None else known.owner, own.key_id, own.text)
+        by = SignedBy(how, "", "" if known is None else known.owner, own.key_id, own.base64_text)
         if key is not None and key.key_id == own.key_id:
-            by = SignedBy("given", "", by.owner, own.key_id, own.text)
+            by = SignedBy("given", "", by.owner, own.key_id, own.base64_text)
         elif known is not None:
-            last = kept.entries[-1].listed if kept.entries else kept.head.begun if kept.head else ""
-            fault = known.distrust_reason(dt.datetime.fromisoformat(last).date(), None)
+            last = (
+                kept.log_entries[-1].listed
+                if kept.log_entries
+                else kept.head.begun
+                if kept.head
+                else ""
+            )
+            fault = known.explain_distrust(dt.datetime.fromisoformat(last).date(), None)
             if fault:
                 what = f"the key of {known.owner}, {own.key_id[:12]}…, {fault}"
                 outcome = BundleOutcome.TAMPERED if known.revoked else BundleOutcome.INCOMPLETE
@@ -327,7 +339,7 @@ def verify_notary_list(
     if key is not None and own is not None and key.key_id != own.key_id:
         what = f"is not kept with the key {key.key_id[:12]}… given"
         findings.append(BundleFinding(BundleOutcome.TAMPERED, path.name, what))
-    elif signed and not by.is_trusted and not findings:
+    elif is_signature_required and not by.is_trusted and not findings:
         what = f"is {by}, but a signature by a known key is required"
         findings.append(BundleFinding(BundleOutcome.INCOMPLETE, path.name, what))
     return VerifiedList(path, tuple(findings), tuple(kept.notes), len(kept.lines), by)

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import EvidenceError, PayscopeError
@@ -19,11 +19,11 @@ from recordings.notary.notary_list import (
     NotaryEntry,
     NotaryFile,
     NotaryHead,
-    sign_line,
+    make_signed_line,
 )
-from recordings.signatures.signing import KEY_VARIABLE, SigningKey, read_signing_key
+from recordings.signatures.signing import KEY_VARIABLE, SigningKey, read_signing_key_or_none
 from replay.logs import open_log
-from replay.notary.list_file import OpenList, open_list
+from replay.notary.list_file import OpenList, open_list_exclusively
 
 #: The list, where no other place is named.
 LIST_NAME: Final = "notary.jsonl"
@@ -84,7 +84,7 @@ class FoundLog:
     files: Mapping[str, tuple[int, int]]
 
     @property
-    def written_s(self) -> float:
+    def modified_unix_s(self) -> float:
         """Time of the last modification."""
         return max(us for _, us in self.files.values()) / 1e6
 
@@ -114,12 +114,12 @@ def notarise_folder(
         raise EvidenceError(
             f"{folder}: no such folder; give the folder that the recorder writes to"
         )
-    key = read_signing_key(key_file)
+    key = read_signing_key_or_none(key_file)
     if key is None:
         raise EvidenceError(f"a notary needs a signing key; give --key KEY.pem, or {KEY_VARIABLE}")
     path = list_path or folder / LIST_NAME
-    with open_list(path) as held:
-        head = begin_list_or_check_signer_and_machine(held, key, machine_id)
+    with open_list_exclusively(path) as held:
+        head = begin_list_or_refuse_other_signer(held, key, machine_id)
         notes = [f"a torn tail of {held.cut_bytes} bytes was cut off"] if held.cut_bytes else []
         if held.second is None:
             notes.append(
@@ -128,26 +128,28 @@ def notarise_folder(
         known = {e.log: e for line in held.lines if isinstance(e := line.content, NotaryEntry)}
         added: list[NotaryEntry] = []
         waiting: list[str] = []
-        for log in sorted(find_logs(folder, path), key=lambda log: (log.written_s, log.name)):
+        for log in sorted(
+            iter_logs_below_folder(folder, path), key=lambda log: (log.modified_unix_s, log.name)
+        ):
             before = known.get(log.name)
-            if before is not None and _is_unchanged(before, log):
+            if before is not None and _is_log_unchanged_since_entry(before, log):
                 continue
-            age_s = time.time() - log.written_s  # a log of the future has a wrong clock
+            age_s = time.time() - log.modified_unix_s  # a log of the future has a wrong clock
             is_quiet = age_s >= quiet_s or age_s < -NOTARY_LIMITS.clock_difference_s
-            entry = make_entry_of_unchanging_log(held, log, before) if is_quiet else None
+            entry = make_list_entry_of_log(held, log, before) if is_quiet else None
             if entry is None:
                 waiting.append(log.name)
                 continue
-            notes += _iter_clock_notes(held, entry)
-            held.append(sign_line(entry, key))
+            notes += _iter_notes_on_wrong_clock(held, entry)
+            held.append_line_durably(make_signed_line(entry, key))
             added.append(entry)
         return NotarisedFolder(
             path, tuple(added), tuple(waiting), len(held.lines) - 1, (*notes, *head)
         )
 
 
-def begin_list_or_check_signer_and_machine(
-    open_list: OpenList, key: SigningKey, machine_id: str
+def begin_list_or_refuse_other_signer(
+    open_list: OpenList, signing_key: SigningKey, machine_id: str
 ) -> list[str]:
     """Begin a new list, or check that an existing one has this key and machine; return notes."""
     if not open_list.lines:
@@ -155,17 +157,18 @@ def begin_list_or_check_signer_and_machine(
             format=FORMAT,
             counter=0,
             machine_id=machine_id,
-            public_key=key.public.text,
+            public_key=signing_key.public_key.base64_text,
             nonce=secrets.token_hex(32),
-            begun=_format_now(),
+            begun=_format_current_time_as_list_time(),
         )
-        open_list.append(sign_line(head, key))
+        open_list.append_line_durably(make_signed_line(head, signing_key))
         return [] if machine_id else ["the list names no machine; name it with --machine-id"]
     head = open_list.lines[0].content
     assert isinstance(head, NotaryHead)
-    if head.public_key != key.public.text or not open_list.lines[-1].is_signed_by(key.public):
+    key, last = signing_key.public_key, open_list.lines[-1]
+    if head.public_key != key.base64_text or not last.is_signed_by(key):
         raise EvidenceError(
-            f"{open_list.path}: is signed with another key than {key.public.key_id[:12]}…; "
+            f"{open_list.path}: is signed with another key than {key.key_id[:12]}…; "
             "a list has one key: start another list with --list"
         )
     if machine_id and head.machine_id != machine_id:
@@ -176,14 +179,14 @@ def begin_list_or_check_signer_and_machine(
     return []
 
 
-def find_logs(folder: Path, path: Path) -> Iterator[FoundLog]:
+def iter_logs_below_folder(folder: Path, list_path: Path) -> Iterator[FoundLog]:
     """Yield the logs of a folder and its subfolders; links are not followed.
 
     Args:
         folder: folder of the recorder.
-        path: path of the list, which is not a log.
+        list_path: path of the list, which is not a log.
     """
-    own = path.resolve()
+    own = list_path.resolve()
     for number, (place, folders, names) in enumerate(os.walk(folder, followlinks=False)):
         if number >= _MOST_ENTRIES:
             raise EvidenceError(f"{folder}: more than {_MOST_ENTRIES} folders; give a smaller one")
@@ -192,7 +195,8 @@ def find_logs(folder: Path, path: Path) -> Iterator[FoundLog]:
         files = {
             name: about
             for name in sorted(names)
-            if not name.startswith(".") and (about := read_size_and_time(inside / name)) is not None
+            if not name.startswith(".")
+            and (about := read_size_and_modification_time(inside / name)) is not None
         }
         if _METADATA in files and inside != folder:
             folders.clear()
@@ -204,20 +208,29 @@ def find_logs(folder: Path, path: Path) -> Iterator[FoundLog]:
                 yield FoundLog(log.relative_to(folder).as_posix(), log, {name: about})
 
 
-def read_size_and_time(path: Path) -> tuple[int, int] | None:
+class SizeAndTime(NamedTuple):
+    """Size and modification time of a file."""
+
+    size_bytes: int
+    modified_us: int
+
+
+def read_size_and_modification_time(path: Path) -> SizeAndTime | None:
     """Size and modification time in µs of a regular file; None for anything else."""
     try:
         held = path.lstat()
     except OSError:
         return None
-    return (held.st_size, held.st_mtime_ns // _US) if stat.S_ISREG(held.st_mode) else None
+    return (
+        SizeAndTime(held.st_size, held.st_mtime_ns // _US) if stat.S_ISREG(held.st_mode) else None
+    )
 
 
-def _is_unchanged(entry: NotaryEntry, log: FoundLog) -> bool:
+def _is_log_unchanged_since_entry(entry: NotaryEntry, log: FoundLog) -> bool:
     return {f.name: (f.size_bytes, f.modified_us) for f in entry.files} == dict(log.files)
 
 
-def make_entry_of_unchanging_log(
+def make_list_entry_of_log(
     open_list: OpenList, log: FoundLog, previous_entry: NotaryEntry | None
 ) -> NotaryEntry | None:
     """Line of the list for a log; None if the log changes meanwhile."""
@@ -226,14 +239,16 @@ def make_entry_of_unchanging_log(
         digests = {name: file_sha256(inside / name) for name in log.files}
     except OSError:
         return None
-    begins, ends, machine = _read_log_span_and_machine(log.path)
-    if any(read_size_and_time(inside / name) != about for name, about in log.files.items()):
+    begins, ends, machine = _read_begin_end_and_machine_of_log(log.path)
+    if any(
+        read_size_and_modification_time(inside / name) != about for name, about in log.files.items()
+    ):
         return None
     last = open_list.lines[-1]
     return NotaryEntry(
         counter=last.content.counter + 1,
-        head=open_list.lines[0].digest,
-        previous=last.digest,
+        head=open_list.lines[0].line_sha256,
+        previous=last.line_sha256,
         log=log.name,
         files=tuple(
             NotaryFile(name=name, sha256=digests[name], size_bytes=size, modified_us=us)
@@ -241,38 +256,50 @@ def make_entry_of_unchanging_log(
         ),
         begins=begins,
         ends=ends,
-        listed=_format_now(),
+        listed=_format_current_time_as_list_time(),
         machine_id=machine,
         replaces=None if previous_entry is None else previous_entry.counter,
     )
 
 
-def _read_log_span_and_machine(path: Path) -> tuple[str, str, str]:
+class _LogSummary(NamedTuple):
+    """Begin, end and machine of a log as texts; "" for what is unknown."""
+
+    begin: str
+    end: str
+    machine_id: str
+
+
+def _read_begin_end_and_machine_of_log(log_path: Path) -> _LogSummary:
     """Begin, end and machine of a log; "" for what is unknown.
 
     A damaged log is listed as well.
     """
     try:
-        with open_log(path) as log:
+        with open_log(log_path) as log:
             topics = log.topics()
             machine = next(iter(log.machine_ids()), "")
     except PayscopeError:
-        return "", "", ""
+        return _LogSummary("", "", "")
     first, last = topics["start_ns"].min(), topics["end_ns"].max()
     if not isinstance(first, int) or not isinstance(last, int) or first < FIRST_DATE_NS:
-        return "", "", machine[:_LONGEST_ID]
-    return _format_stamp(first), _format_stamp(last), machine[:_LONGEST_ID]
+        return _LogSummary("", "", machine[:_LONGEST_ID])
+    return _LogSummary(
+        _format_unix_ns_as_list_time(first),
+        _format_unix_ns_as_list_time(last),
+        machine[:_LONGEST_ID],
+    )
 
 
-def _format_stamp(unix_ns: int) -> str:
+def _format_unix_ns_as_list_time(unix_ns: int) -> str:
     return f"{dt.datetime.fromtimestamp(unix_ns // 10**9, dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
-def _format_now() -> str:
-    return _format_stamp(time.time_ns())
+def _format_current_time_as_list_time() -> str:
+    return _format_unix_ns_as_list_time(time.time_ns())
 
 
-def _iter_clock_notes(open_list: OpenList, entry: NotaryEntry) -> Iterator[str]:
+def _iter_notes_on_wrong_clock(open_list: OpenList, entry: NotaryEntry) -> Iterator[str]:
     """Notes on a wrong clock; the log is listed anyway, and `verify` reports it."""
     last = open_list.lines[-1].content
     if isinstance(last, NotaryEntry) and entry.listed < last.listed:

@@ -15,8 +15,8 @@ from analysis.paper.simulated_sources import (
     set_paper_noise,
 )
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from recordings.paper.paper_items import Item, ItemResult, compute_item
-from replay.inputs.derived_logs import MemoryLog, read_channels_from_memory
+from recordings.paper.paper_items import Item, ItemResult, compute_paper_item
+from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 
@@ -41,7 +41,7 @@ class Reproduction:
             machine=set_paper_noise(load_machine("cat262c.toml")),
             windows=windows,
             campaigns=campaigns,
-            replay=replay_simulated,
+            replay=replay_simulated_campaign_in_memory,
         )
         needs = [extract for item in self._items for extract in item.needs]
         #: A simulation each: their number is the length of the progress.
@@ -49,7 +49,7 @@ class Reproduction:
             plan_repetitions(needs, study, self._digests)
         )
 
-    def compute_items(self, on_stage: Callable[[str], None]) -> list[ItemResult]:
+    def compute_paper_items(self, on_stage: Callable[[str], None]) -> list[ItemResult]:
         """Run all repetitions, then make the items.
 
         Args:
@@ -61,23 +61,23 @@ class Reproduction:
         for repetition in self.repetitions:
             on_stage(repetition.name)
             repetition.take()
-        return [compute_item(item, self._digests) for item in self._items]
+        return [compute_paper_item(item, self._digests) for item in self._items]
 
 
-def replay_simulated(
+def replay_simulated_campaign_in_memory(
     scenario: Scenario,
     machine: Machine,
-    chain: Callable[[SimulatedLog], SimulatedLog] = lambda log: log,
+    transform_log: Callable[[SimulatedLog], SimulatedLog] = lambda log: log,
 ) -> ReplayedCampaign:
     """Simulate a campaign and replay it from memory.
 
     Args:
         scenario: scenario to simulate.
         machine: settings and body; its channels are read from the simulation's topics.
-        chain: applied to the signals before they are recorded.
+        transform_log: applied to the signals before they are recorded.
     """
-    logs = [chain(log) for log in simulate_campaign(scenario)]
-    replayed = run([MemoryLog(log) for log in logs], read_channels_from_memory(machine, logs[0]))
+    logs = [transform_log(log) for log in simulate_campaign(scenario)]
+    replayed = run([MemoryLog(log) for log in logs], with_channels_of_simulation(machine, logs[0]))
     return ReplayedCampaign(
         scenario,
         replayed,

@@ -14,9 +14,13 @@ from analysis.model.check_names import rename_stored_checks
 from analysis.model.loss import Loss
 from estimators.errors import LogError, QueryError
 from recordings.review.shift_ledger import CSV, PARQUET
-from replay.fleet.gathered_tables import make_fleet_tables, open_fleet_results
+from replay.fleet.gathered_tables import make_tables_of_fleet, open_results_of_fleet
 from replay.fleet.results_layout import MARK
-from replay.frames.scan import expand_log_paths, make_lazy_frame, make_topic_source
+from replay.frames.scan import (
+    expand_log_paths_and_tell_if_many,
+    make_lazy_frame_of_topic,
+    make_row_source_of_topic,
+)
 from replay.frames.shape import LOG_TIME
 from replay.frames.topic_source import TopicSource, open_or_reuse_log
 from replay.logs import TABLE, Log, TimeAxis
@@ -47,7 +51,9 @@ class NamedTables:
     tables: dict[str, Callable[[], pl.LazyFrame]] = field(default_factory=dict)
     words: dict[str, str] = field(default_factory=dict)
 
-    def add(self, name: str, table: Callable[[], pl.LazyFrame], origin: str) -> None:
+    def add_table_of_unique_name(
+        self, name: str, table: Callable[[], pl.LazyFrame], origin: str
+    ) -> None:
         """Add a table under its name, which must be unique."""
         if name in self.tables:
             fault = f"query: two tables are named '{name}', one of {origin}; query them separately"
@@ -59,7 +65,7 @@ class NamedTables:
         else:
             self.tables[name] = table
 
-    def add_identifier_aliases(self) -> None:
+    def add_single_word_aliases(self) -> None:
         """Add single-word names of tables."""
         words: dict[str, list[str]] = {}
         for name in self.tables:
@@ -71,14 +77,14 @@ class NamedTables:
 
 
 def open_named_tables(
-    sources: Sequence[str], time: TimeAxis | None = None, columns: Sequence[str] = ()
+    sources: Sequence[str], time_axis: TimeAxis | None = None, columns: Sequence[str] = ()
 ) -> NamedTables:
     """Open the named files as tables; only indices are read.
 
     Args:
         sources: logs, folders and patterns of logs, recordings, reviews and ledgers, and the
             results of a fleet.
-        time: time axis of tables.
+        time_axis: time axis of tables.
         columns: columns named in the query; list elements among them (`effort[left]`) are read.
 
     Raises:
@@ -106,37 +112,41 @@ def open_named_tables(
             f"query: results of two fleets ({', '.join(fleets)}); query them separately"
         )
     found = NamedTables(tuple(dict.fromkeys(recordings)), fleets[0] if fleets else None)
-    t0_unix_ns = _add_recording_frames(found)
+    t0_unix_ns = _add_frames_of_recordings(found)
     if logs:
-        _add_topic_tables(found, logs, _TopicOptions(time, t0_unix_ns, tuple(columns)))
+        _add_tables_of_topics(found, logs, _TopicOptions(time_axis, t0_unix_ns, tuple(columns)))
     for ledger in ledgers:
-        found.add(ledger.stem, partial(_scan_ledger, ledger), str(ledger))
+        found.add_table_of_unique_name(
+            ledger.stem, partial(_scan_ledger_lazily, ledger), str(ledger)
+        )
     for fleet in fleets:
-        for name, table in make_fleet_tables(open_fleet_results(fleet)).items():
-            found.add(name, partial(add_fleet_open_second, table), fleet)
-    found.add_identifier_aliases()
+        for name, table in make_tables_of_fleet(open_results_of_fleet(fleet)).items():
+            found.add_table_of_unique_name(name, partial(add_second_for_fleet_open, table), fleet)
+    found.add_single_word_aliases()
     return found
 
 
-def _scan_ledger(ledger: Path) -> pl.LazyFrame:
+def _scan_ledger_lazily(ledger: Path) -> pl.LazyFrame:
     return rename_stored_checks("cycles", _PLAIN[ledger.name](ledger))
 
 
-def _add_recording_frames(tables: NamedTables) -> int | None:
+def _add_frames_of_recordings(tables: NamedTables) -> int | None:
     """Add the frames of all recordings; return the start of the run if there is only one."""
     by_name: dict[str, list[RecordingFrame]] = {}
     for path in tables.recordings:
         for name, frame in open_recording_frames(
-            path, with_source=len(tables.recordings) > 1
+            path, has_source_column=len(tables.recordings) > 1
         ).items():
             by_name.setdefault(name, []).append(frame)
     for name, frames in by_name.items():
-        tables.add(name, partial(_concatenate_lazily, frames), str(frames[0].recording))
+        tables.add_table_of_unique_name(
+            name, partial(_concatenate_lazy_frames, frames), str(frames[0].recording)
+        )
     starts = {frame.t0_unix_ns for frames in by_name.values() for frame in frames}
     return starts.pop() if len(tables.recordings) == 1 else None
 
 
-def _concatenate_lazily(frames: Sequence[RecordingFrame]) -> pl.LazyFrame:
+def _concatenate_lazy_frames(frames: Sequence[RecordingFrame]) -> pl.LazyFrame:
     if len(frames) == 1:
         return frames[0].lazy()
     return pl.concat([frame.lazy() for frame in frames], how="diagonal_relaxed")
@@ -156,7 +166,7 @@ class _TopicOptions:
     t0_unix_ns: int | None
     columns: tuple[str, ...]
 
-    def choose_fields(self, log: Log, topic: str) -> list[str] | None:
+    def choose_fields_of_topic(self, log: Log, topic: str) -> list[str] | None:
         """All fields and the named list elements; None if no element is named."""
         whole = [leaf.name for leaf in log.leaf_fields(topic)]
         picked: list[str] = []
@@ -167,9 +177,9 @@ class _TopicOptions:
         return [*whole, *picked] if picked else None
 
 
-def _add_topic_tables(tables: NamedTables, logs: Sequence[str], options: _TopicOptions) -> None:
+def _add_tables_of_topics(tables: NamedTables, logs: Sequence[str], options: _TopicOptions) -> None:
     named = logs[0] if len(logs) == 1 else logs
-    paths, _ = expand_log_paths(named)
+    paths, _ = expand_log_paths_and_tell_if_many(named)
     topics: dict[str, list[Path]] = {}
     for path in paths:
         for topic in open_or_reuse_log(path, options.time).topic_names():
@@ -180,28 +190,30 @@ def _add_topic_tables(tables: NamedTables, logs: Sequence[str], options: _TopicO
     def rows_of_topic(topic: str, of_logs: Sequence[Path]) -> pl.LazyFrame:
         chosen = named if len(paths) == 1 else of_logs
         first = open_or_reuse_log(of_logs[0], options.time)
-        source = make_topic_source(
+        source = make_row_source_of_topic(
             chosen,
             topic,
-            fields=options.choose_fields(first, topic),
+            fields=options.choose_fields_of_topic(first, topic),
             time=options.time,
             losses=tables.losses,
         )
         tables.sources.append(source)
-        rows = make_lazy_frame(source)
+        rows = make_lazy_frame_of_topic(source)
         if options.t0_unix_ns is None:
             return rows
         since_start = pl.col(LOG_TIME).cast(pl.Int64) - options.t0_unix_ns
         return rows.select((since_start / 1e9).alias(AT_S), pl.all())
 
     for topic, of_logs in topics.items():
-        tables.add(topic, partial(rows_of_topic, topic, of_logs), str(of_logs[0]))
+        tables.add_table_of_unique_name(
+            topic, partial(rows_of_topic, topic, of_logs), str(of_logs[0])
+        )
     for path in topics.get(TABLE, ()):
         # tables go by their own names as well, alike or not
-        tables.add(path.stem, partial(rows_of_topic, TABLE, [path]), str(path))
+        tables.add_table_of_unique_name(path.stem, partial(rows_of_topic, TABLE, [path]), str(path))
 
 
-def add_fleet_open_second(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
+def add_second_for_fleet_open(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
     """Add the second for `fleet open --at` to a fleet's table, if its rows have one."""
     rows = table()
     if _BEGIN not in rows.collect_schema():

@@ -59,24 +59,24 @@ class RecordingFrame:
         ) -> Iterator[pl.DataFrame]:
             wanted = list(self.schema) if columns is None else columns
             needed = [*wanted, *(predicate.meta.root_names() if predicate is not None else ())]
-            rows = self._read(dict.fromkeys(needed)).head(n_rows or self.stored.rows)
+            rows = self._read_needed_columns(dict.fromkeys(needed)).head(n_rows or self.stored.rows)
             yield (rows if predicate is None else rows.filter(predicate)).select(wanted)
 
         return make_lazy_frame_of_batches(
             iter_recorded_rows, self.schema, f"{self.recording} {self.stored.name}"
         )
 
-    def _read(self, needed: dict[str, None]) -> pl.DataFrame:
+    def _read_needed_columns(self, needed_columns: dict[str, None]) -> pl.DataFrame:
         own = [each.name for each in self.stored.columns]
-        read = [name for name in own if name in needed]
+        read = [name for name in own if name in needed_columns]
         time = self.time_column
-        if AT_S in needed and time is not None and time not in read:
+        if AT_S in needed_columns and time is not None and time not in read:
             read.append(time)
         if not read:  # rows are counted by some column
             read = own[:1]
         with open_recording(self.recording) as held:
-            rows = held.read(self.stored.name, read)
-        if time is not None and AT_S in needed and AT_S not in own:
+            rows = held.read_frame(self.stored.name, read)
+        if time is not None and AT_S in needed_columns and AT_S not in own:
             begin_ns = self.t0_unix_ns if time == "log_time_ns" else 0
             rows = rows.with_columns(((pl.col(time) - begin_ns) / 1e9).alias(AT_S))
         if self.with_source:
@@ -84,7 +84,7 @@ class RecordingFrame:
         return rows
 
 
-def open_recording_frames(path: Path, *, with_source: bool) -> dict[str, RecordingFrame]:
+def open_recording_frames(path: Path, *, has_source_column: bool) -> dict[str, RecordingFrame]:
     """Frames of a recording by name, in pipeline order.
 
     Raises:
@@ -93,4 +93,4 @@ def open_recording_frames(path: Path, *, with_source: bool) -> dict[str, Recordi
     with open_recording(path) as held:
         held.refuse_without_frames()
         t0_unix_ns, frames = held.provenance.t0_unix_ns, held.manifest.frames
-    return {each.name: RecordingFrame(path, each, t0_unix_ns, with_source) for each in frames}
+    return {each.name: RecordingFrame(path, each, t0_unix_ns, has_source_column) for each in frames}

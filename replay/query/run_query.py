@@ -13,12 +13,12 @@ import polars as pl
 
 from estimators.errors import OutputError, QueryError
 from recordings.report.atomic_output import (
-    atomic_file,
     refuse_input_as_output,
     require_writable_output,
+    stage_output_file,
 )
 from replay.frames.select_statement import (
-    explain_query_error,
+    convert_to_query_error,
     find_quoted_names,
     run_select_in_stable_order,
     strip_statement_terminator,
@@ -42,19 +42,19 @@ class Query:
     named: NamedTables
     rows: pl.LazyFrame
 
-    def collect(self, join_within_s: float | None = None) -> pl.DataFrame:
+    def collect_rows(self, join_within_s: float | None = None) -> pl.DataFrame:
         """Compute the rows; with `join_within_s`, group rows at most that far apart into moments.
 
         Raises:
             PayscopeError: a log cannot be read, or rows cannot be computed.
         """
-        with self._raise_query_errors():
+        with self._convert_to_query_errors():
             rows = self.rows.collect(engine="streaming")
         if join_within_s is None:
             return rows
         return group_rows_into_moments(rows, join_within_s, self.named.recordings, self.named.fleet)
 
-    def write(self, path: Path, file_format: str, *, force: bool) -> None:
+    def write_rows_to_file(self, path: Path, file_format: str, *, force: bool) -> None:
         """Write the rows to a file as they are computed, in bounded memory.
 
         Args:
@@ -73,7 +73,7 @@ class Query:
                 f"{path}: CSV cannot hold lists, and the columns {', '.join(listed)} are lists; "
                 "leave them out, or write .parquet or .arrow"
             )
-        with atomic_file(path, force=force) as partial, self._raise_query_errors():
+        with stage_output_file(path, force=force) as partial, self._convert_to_query_errors():
             match file_format:
                 case "csv":
                     self.rows.sink_csv(partial)
@@ -82,13 +82,13 @@ class Query:
                 case _:
                     self.rows.sink_parquet(partial)
 
-    def viewer_command_or_none(self, rows: pl.DataFrame) -> str | None:
+    def format_viewer_command_of_rows(self, rows: pl.DataFrame) -> str | None:
         """Command that opens the first row that the viewer can show; None if there is none."""
         first = rows.row(0, named=True) if rows.height else {}
-        return viewer_command_or_none(first, self.named.recordings, self.named.fleet)
+        return format_viewer_command_of_row(first, self.named.recordings, self.named.fleet)
 
     @contextmanager
-    def _raise_query_errors(self) -> Generator[None]:
+    def _convert_to_query_errors(self) -> Generator[None]:
         """Raise errors in computing rows as payscope errors."""
         try:
             with warnings.catch_warnings():
@@ -97,23 +97,25 @@ class Query:
         except pl.exceptions.PolarsError as error:
             failures = [each.failure for each in self.named.sources if each.failure]
             raise (
-                failures[0] if failures else explain_query_error(error, self.named.tables)
+                failures[0] if failures else convert_to_query_error(error, self.named.tables)
             ) from None
 
 
-def prepare_query(sources: Sequence[str], sql: str, time: TimeAxis | None = None) -> Query:
+def prepare_query_of_sources(
+    sources: Sequence[str], sql: str, time_axis: TimeAxis | None = None
+) -> Query:
     """Prepare a query; only indices of the sources are read.
 
     Args:
         sources: sources as for `named_tables`.
         sql: one SELECT statement.
-        time: time axis of tables.
+        time_axis: time axis of tables.
 
     Raises:
         PayscopeError: a source that cannot be opened, a statement that is not a SELECT over them.
     """
     strip_statement_terminator(sql)  # before logs are opened
-    named = open_named_tables(sources, time, find_quoted_names(sql))
+    named = open_named_tables(sources, time_axis, find_quoted_names(sql))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LossWarning)
         return Query(named, run_select_in_stable_order(sql, named.tables))
@@ -163,13 +165,15 @@ def group_rows_into_moments(
         )
         .drop("moment")
     )
-    opens = [viewer_command_or_none(row, recordings, fleet) for row in found.iter_rows(named=True)]
+    opens = [
+        format_viewer_command_of_row(row, recordings, fleet) for row in found.iter_rows(named=True)
+    ]
     if not any(opens):
         return found
     return found.with_columns(pl.Series(OPENS, opens, dtype=pl.String))
 
 
-def viewer_command_or_none(
+def format_viewer_command_of_row(
     row: dict[str, Any], recordings: Sequence[Path], fleet: str | None
 ) -> str | None:
     """Command that opens a row or moment; None if there is no recording of it."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -56,7 +56,7 @@ def find_accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
     return found if axes == sorted(_AXES) else []
 
 
-def find_accelerometer_units(
+def guess_accelerometer_units(
     log: Log, columns: Sequence[LogColumn]
 ) -> dict[LogColumn, tuple[str, str]]:
     """Units, with reasons, of an accelerometer without stated units, if one axis shows gravity.
@@ -67,18 +67,18 @@ def find_accelerometer_units(
     """
     axes = [column for column in find_accelerometer_axes(columns) if column.unit is None]
     for column in axes if len(axes) == len(_AXES) else ():
-        middle = abs(_median_of_column(log, column))
+        middle = abs(_compute_median_of_column(log, column))
         for unit, (low, high) in (
             ("m/s**2", LIMITS.gravity_m_s2),
             ("standard_gravity", LIMITS.gravity_g),
         ):
             if low <= middle <= high:
-                reason = f"gravity is on '{column.label}' ({middle:.2f}): in {unit}"
+                reason = f"gravity is on '{column.source_text}' ({middle:.2f}): in {unit}"
                 return dict.fromkeys(axes, (unit, reason))
     return {}
 
 
-def find_fields_without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[LogColumn]:
+def find_accelerations_without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[LogColumn]:
     """Columns of an accelerometer without gravity on any axis: some program removed it."""
     axes = [column for column in find_accelerometer_axes(columns) if column.unit is not None]
     if len(axes) != len(_AXES):
@@ -89,15 +89,17 @@ def find_fields_without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[L
         if not column.has_dimension_of_channel("acc_x_m_s2"):
             return set()
         total += (
-            _median_of_column(log, column) * gain_and_offset_to_si(column.unit, "m/s²")[0]
+            _compute_median_of_column(log, column) * gain_and_offset_to_si(column.unit, "m/s²")[0]
         ) ** 2
     return set(axes) if total < (LIMITS.gravity_m_s2[0] / 2) ** 2 else set()
 
 
-def are_same_readings(log: Log, column: LogColumn, other_column: LogColumn) -> bool:
+def do_columns_hold_same_readings(log: Log, column: LogColumn, other_column: LogColumn) -> bool:
     """Whether two columns hold the same readings: their difference is small."""
     try:
-        (t, x), (at, y) = (read_series(log, c.topic, c.field) for c in (column, other_column))
+        (t, x), (at, y) = (
+            read_times_and_readings(log, c.topic, c.field) for c in (column, other_column)
+        )
     except (LogError, pl.exceptions.PolarsError):
         return False
     if (
@@ -110,15 +112,15 @@ def are_same_readings(log: Log, column: LogColumn, other_column: LogColumn) -> b
     return float(np.std(x - np.interp(t, at, y))) < LIMITS.same_reading_fraction * float(np.std(x))
 
 
-def _median_of_column(log: Log, column: LogColumn) -> float:
+def _compute_median_of_column(log: Log, column: LogColumn) -> float:
     try:
-        _, x = read_series(log, column.topic, column.field)
+        _, x = read_times_and_readings(log, column.topic, column.field)
     except (LogError, pl.exceptions.PolarsError):
         return 0.0
     return float(np.median(x)) if x.size else 0.0
 
 
-def add_correlation_remarks(
+def add_correlations_with_slope_as_remarks(
     log: Log, columns: Sequence[LogColumn], recognition: Recognition
 ) -> Recognition:
     """Add how forces and accelerations go with the slope of speed, and speeds with position."""
@@ -132,72 +134,92 @@ def add_correlation_remarks(
         ),
         None,
     )
-    ask_about_mirrored_side(log, by_name, recognition)
+    ask_if_side_turns_backwards(log, by_name, recognition)
     channels: list[ChannelProposal] = []
     for each in recognition.channels:
         reason = each.reason
-        ask_about_wrapped_sign(log, each, recognition)
+        ask_if_integers_wrap_to_negative(log, each, recognition)
         is_force = each.column.startswith(("force", "torque", "motor_torque", "motor_current"))
         is_acceleration = each.column.startswith(("specific_force_x", "acc_x"))
         if each.field and speed is not None and (is_force or is_acceleration):
-            goes = correlate_with_slope(log, each, speed)
+            goes = correlate_column_with_slope(log, each, speed)
             if goes is not None:
-                reason += f"; correlates with the change of {speed.label}, {goes:.2f}"
+                reason += f"; correlates with the change of {speed.source_text}, {goes:.2f}"
                 if goes < -LIMITS.clear_correlation:
-                    recognition.ask_question("sign", _SIGN.format(f"'{each.label}'", goes))
+                    recognition.add_question_of_subject(
+                        "sign", _SIGN.format(f"'{each.source_text}'", goes)
+                    )
                 if is_force and abs(goes) < LIMITS.absent_correlation:
-                    recognition.ask_question("column", _APART.format(each.label, speed.label, goes))
+                    recognition.add_question_of_subject(
+                        "column",
+                        _APART.format(each.source_text, speed.source_text, goes),
+                    )
             if is_acceleration:
-                ask_about_units(log, each, speed, recognition)
+                ask_if_units_contradict_derivative(log, each, speed, recognition)
             if is_force:
-                _ask_about_unsigned_force(log, each, speed, recognition)
+                _ask_for_sign_of_nonnegative_force(log, each, speed, recognition)
         if each is speed and place is not None:
-            ask_about_units(log, each, place, recognition)
-            goes = correlate_with_slope(log, each, place)
+            ask_if_units_contradict_derivative(log, each, place, recognition)
+            goes = correlate_column_with_slope(log, each, place)
             if goes is not None and goes < -LIMITS.clear_correlation:
-                recognition.ask_question(
-                    "sign", _AGAINST_PLACE.format(each.label, place.label, goes)
+                recognition.add_question_of_subject(
+                    "sign",
+                    _AGAINST_PLACE.format(each.source_text, place.source_text, goes),
                 )
             if goes is not None and abs(goes) > LIMITS.clear_correlation:
-                reason += f"; correlates with the change of {place.label}, {goes:.2f}"
+                reason += f"; correlates with the change of {place.source_text}, {goes:.2f}"
         channels.append(replace(each, reason=reason))
     recognition.channels = channels
     return recognition
 
 
-def ask_about_mirrored_side(
-    log: Log, by_name: dict[str, ChannelProposal], recognition: Recognition
+def ask_if_side_turns_backwards(
+    log: Log, proposals_by_channel: dict[str, ChannelProposal], recognition: Recognition
 ) -> None:
     """Ask which side turns backwards if two speeds of one machine have opposite signs.
 
     A motor is often mounted mirrored; the mean of both sides would be zero.
     """
     for name in _OF_SIDES:
-        left, right = (by_name.get(name.format(side)) for side in ("left", "right"))
+        left, right = (proposals_by_channel.get(name.format(side)) for side in ("left", "right"))
         if left is None or right is None:
             continue
-        (t, x), (at, y) = read_series_of_proposal(log, left), read_series_of_proposal(log, right)
+        (t, x), (at, y) = (
+            read_times_and_readings_of_proposal(log, left),
+            read_times_and_readings_of_proposal(log, right),
+        )
         goes = (
             compute_correlation(x, np.interp(t, at, y))
             if min(t.size, at.size) >= LIMITS.correlation_min_rows
             else None
         )
         if goes is not None and goes < -LIMITS.clear_correlation:
-            recognition.ask_question("sign", _MIRRORED.format(left.label, right.label, goes))
+            recognition.add_question_of_subject(
+                "sign",
+                _MIRRORED.format(left.source_text, right.source_text, goes),
+            )
 
 
-def ask_about_units(
-    log: Log, rate: ChannelProposal, other: ChannelProposal, recognition: Recognition
+def ask_if_units_contradict_derivative(
+    log: Log,
+    rate_proposal: ChannelProposal,
+    integral_proposal: ChannelProposal,
+    recognition: Recognition,
 ) -> None:
     """Ask for the units of a column and its derivative if their magnitudes disagree."""
-    if "?" in (rate.unit, other.unit) or not (rate.column in _SI and other.column in _SI):
+    if "?" in (rate_proposal.unit, integral_proposal.unit) or not (
+        rate_proposal.column in _SI and integral_proposal.column in _SI
+    ):
         return
-    (t, x), (at, y) = read_series_of_proposal(log, rate), read_series_of_proposal(log, other)
+    (t, x), (at, y) = (
+        read_times_and_readings_of_proposal(log, rate_proposal),
+        read_times_and_readings_of_proposal(log, integral_proposal),
+    )
     if min(t.size, at.size) < LIMITS.correlation_min_rows:
         return
     gains = [
         gain_and_offset_to_si(each.unit, _SI[each.column])[0] if each.unit else 1.0
-        for each in (rate, other)
+        for each in (rate_proposal, integral_proposal)
     ]
     x, change = x * gains[0], compute_slope_at_times(t, at, y * gains[1]) / LIMITS.slope_span_s
     goes = compute_correlation(x, change)
@@ -205,7 +227,10 @@ def ask_about_units(
         return
     times = float(change.std() / x.std())
     if not LIMITS.unit_ratio_range[0] < times < LIMITS.unit_ratio_range[1]:
-        recognition.ask_question("unit", _UNITS_APART.format(rate.label, other.label, times))
+        recognition.add_question_of_subject(
+            "unit",
+            _UNITS_APART.format(rate_proposal.source_text, integral_proposal.source_text, times),
+        )
 
 
 #: Units of channels of which one is the change of another.
@@ -217,25 +242,33 @@ _SI: Final = {
 }
 
 
-def ask_about_wrapped_sign(log: Log, proposal: ChannelProposal, recognition: Recognition) -> None:
+def ask_if_integers_wrap_to_negative(
+    log: Log, proposal: ChannelProposal, recognition: Recognition
+) -> None:
     """Ask which values are negative if integers jump between the ends of their range."""
-    x = read_series_of_proposal(log, proposal)[1]
+    x = read_times_and_readings_of_proposal(log, proposal)[1]
     if x.size < LIMITS.correlation_min_rows or x.min() < 0 or (x != np.rint(x)).any():
         return
     largest, jump = float(x.max()), float(np.abs(np.diff(x)).max())
     for bits in LIMITS.wrapped_bits:
         half = 2 ** (bits - 1)
         if half < jump and half < largest < 2 * half:
-            recognition.ask_question(
-                "sign", _WRAPPED.format(proposal.label, bits, half - 1, 2 * half)
+            recognition.add_question_of_subject(
+                "sign", _WRAPPED.format(proposal.source_text, bits, half - 1, 2 * half)
             )
 
 
-def _ask_about_unsigned_force(
-    log: Log, proposal: ChannelProposal, speed: ChannelProposal, recognition: Recognition
+def _ask_for_sign_of_nonnegative_force(
+    log: Log,
+    force_proposal: ChannelProposal,
+    speed_proposal: ChannelProposal,
+    recognition: Recognition,
 ) -> None:
     """Ask for the sign of a force that is never negative although the machine brakes with it."""
-    (t, x), (at, y) = read_series_of_proposal(log, proposal), read_series_of_proposal(log, speed)
+    (t, x), (at, y) = (
+        read_times_and_readings_of_proposal(log, force_proposal),
+        read_times_and_readings_of_proposal(log, speed_proposal),
+    )
     if (
         min(t.size, at.size) < LIMITS.correlation_min_rows
         or x.min() < -LIMITS.unsigned_noise_fraction * x.max()
@@ -247,32 +280,43 @@ def _ask_about_unsigned_force(
         slope.min() < 0 < slope.max()
         and stops.mean() > LIMITS.unsigned_braking_fraction * starts.mean() > 0
     ):
-        recognition.ask_question("sign", _WITHOUT_SIGN.format(proposal.label))
+        recognition.add_question_of_subject(
+            "sign", _WITHOUT_SIGN.format(force_proposal.source_text)
+        )
 
 
-def read_series_of_proposal(log: Log, proposal: ChannelProposal) -> tuple[Floats, Floats]:
+class Readings(NamedTuple):
+    """Readings of a column at times."""
+
+    times_s: Floats
+    readings: Floats
+
+
+def read_times_and_readings_of_proposal(log: Log, proposal: ChannelProposal) -> Readings:
     """Times in seconds and readings of a proposal; empty if it has none."""
     if proposal.field is None:
-        return np.empty(0), np.empty(0)
+        return Readings(np.empty(0), np.empty(0))
     try:
-        return read_series(log, proposal.topic, proposal.field)
+        return read_times_and_readings(log, proposal.topic, proposal.field)
     except (LogError, pl.exceptions.PolarsError):
-        return np.empty(0), np.empty(0)
+        return Readings(np.empty(0), np.empty(0))
 
 
-def compute_slope_at_times(t: Floats, sample_times_s: Floats, y: Floats) -> Floats:
-    """Slope of `y`, sampled at `sample_times_s`, about each of the times `t`."""
+def compute_slope_at_times(times_s: Floats, sample_times_s: Floats, samples: Floats) -> Floats:
+    """Slope of `samples`, sampled at `sample_times_s`, about each of the times `times_s`."""
     half = LIMITS.slope_span_s / 2
-    return np.interp(t + half, sample_times_s, y) - np.interp(t - half, sample_times_s, y)
+    return np.interp(times_s + half, sample_times_s, samples) - np.interp(
+        times_s - half, sample_times_s, samples
+    )
 
 
-def correlate_with_slope(
+def correlate_column_with_slope(
     log: Log, proposal: ChannelProposal, sloped_column: ChannelProposal
 ) -> float | None:
     """Correlation of a column with the slope of another; None if undefined."""
     (t, x), (at, y) = (
-        read_series_of_proposal(log, proposal),
-        read_series_of_proposal(log, sloped_column),
+        read_times_and_readings_of_proposal(log, proposal),
+        read_times_and_readings_of_proposal(log, sloped_column),
     )
     return (
         compute_correlation(x, compute_slope_at_times(t, at, y))
@@ -281,19 +325,23 @@ def correlate_with_slope(
     )
 
 
-def compute_correlation(x: Floats, y: Floats) -> float | None:
+def compute_correlation(first_series: Floats, second_series: Floats) -> float | None:
     """Correlation of two series; None if one is constant or not finite."""
     # what has a square beyond a float64 is scaled to 1 first
-    x, y = (each / (float(np.abs(each).max()) or 1.0) for each in (x, y))
-    if not (np.isfinite(y).all() and x.std() > 0 and y.std() > 0):
+    first_series, second_series = (
+        each / (float(np.abs(each).max()) or 1.0) for each in (first_series, second_series)
+    )
+    if not (
+        np.isfinite(second_series).all() and first_series.std() > 0 and second_series.std() > 0
+    ):
         return None
-    return float(np.corrcoef(x, y)[0, 1])
+    return float(np.corrcoef(first_series, second_series)[0, 1])
 
 
-def read_series(log: Log, topic: str | None, name: str) -> tuple[Floats, Floats]:
+def read_times_and_readings(log: Log, topic: str | None, field: str) -> Readings:
     """Times in seconds from the first row, and numeric readings, of a column."""
-    frame = log.read(topic or TABLE, [name]).head(LIMITS.correlation_max_rows)
-    x = frame[name].cast(pl.Float64).to_numpy()
+    frame = log.read(topic or TABLE, [field]).head(LIMITS.correlation_max_rows)
+    x = frame[field].cast(pl.Float64).to_numpy()
     t = (frame["log_time_ns"] - frame["log_time_ns"].min()).to_numpy() / 1e9
     known = np.isfinite(x)
-    return t[known], x[known]
+    return Readings(t[known], x[known])

@@ -15,10 +15,13 @@ _SIDES: Final = ("left", "right")
 _TURNS: Final = ("rpm", "rad/s", "Hz")
 
 
-def propose_drives(columns: Sequence[LogColumn], recognition: Recognition) -> None:
+def propose_force_and_speed_of_drives(
+    columns: Sequence[LogColumn], recognition: Recognition
+) -> None:
     """Propose force and speed from motors and wheels if no column holds them."""
-    if "force_x_N" not in recognition.filled_or_proposed_channels and not _has_both_sides(
-        recognition, "torque_{}_N_m"
+    if (
+        "force_x_N" not in recognition.filled_or_proposed_channels
+        and not _has_left_and_right_channel(recognition, "torque_{}_N_m")
     ):
         sketches = (
             propose_force_of_unnamed_sides,
@@ -28,8 +31,9 @@ def propose_drives(columns: Sequence[LogColumn], recognition: Recognition) -> No
             _propose_force_of_power,
         )
         any(propose(columns, recognition) for propose in sketches)
-    if "speed_x_m_s" not in recognition.filled_or_proposed_channels and not _has_both_sides(
-        recognition, "speed_{}_m_s"
+    if (
+        "speed_x_m_s" not in recognition.filled_or_proposed_channels
+        and not _has_left_and_right_channel(recognition, "speed_{}_m_s")
     ):
         any(
             propose(columns, recognition)
@@ -37,8 +41,8 @@ def propose_drives(columns: Sequence[LogColumn], recognition: Recognition) -> No
         )
 
 
-def _has_both_sides(recognition: Recognition, name: str) -> bool:
-    return {name.format(side) for side in _SIDES} <= recognition.filled_or_proposed_channels
+def _has_left_and_right_channel(recognition: Recognition, channel: str) -> bool:
+    return {channel.format(side) for side in _SIDES} <= recognition.filled_or_proposed_channels
 
 
 def propose_force_of_unnamed_sides(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
@@ -57,16 +61,16 @@ def propose_force_of_unnamed_sides(columns: Sequence[LogColumn], recognition: Re
     ]
     if len(wheels) != 2 or len(torques) != 2:
         return False
-    names = " or ".join(f"'{column.label}'" for column in wheels)
+    names = " or ".join(f"'{column.source_text}'" for column in wheels)
     for side, column in zip(_SIDES, wheels, strict=True):
-        recognition.propose_source_channel(
+        recognition.propose_source_of_derived_channel(
             column,
             f"torque_{side}_N_m",
             column.unit,
-            f"{column.label}: one of two torques; its name has no side",
+            f"{column.source_text}: one of two torques; its name has no side",
         )
-    recognition.ask_question("radius", _RADIUS)
-    recognition.ask_question("side", f"which is the left one, {names}")
+    recognition.add_question_of_subject("radius", _RADIUS)
+    recognition.add_question_of_subject("side", f"which is the left one, {names}")
     return True
 
 
@@ -92,29 +96,33 @@ def propose_force_of_motor(columns: Sequence[LogColumn], recognition: Recognitio
             continue
         column = fitting[0]
         if quantity == "torque" and column.name_meaning.part == "wheel":
-            reason = f"{column.label}: at the wheels of both sides; needs their radius"
-            recognition.propose_source_channel(column, "wheel_torque_N_m", column.unit, reason)
-            recognition.propose_as_comment("force_x_N", "wheel_torque_N_m / wheel_radius_m", reason)
-            recognition.ask_question("radius", _RADIUS)
+            reason = f"{column.source_text}: at the wheels of both sides; needs their radius"
+            recognition.propose_source_of_derived_channel(
+                column, "wheel_torque_N_m", column.unit, reason
+            )
+            recognition.propose_derived_channel_as_comment(
+                "force_x_N", "wheel_torque_N_m / wheel_radius_m", reason
+            )
+            recognition.add_question_of_subject("radius", _RADIUS)
             return True
         motors = [c for c in fitting if c.name_meaning.part == column.name_meaning.part]
         if len(motors) > 1:
-            names = ", ".join(f"'{each.label}'" for each in motors)
-            recognition.ask_question(
+            names = ", ".join(f"'{each.source_text}'" for each in motors)
+            recognition.add_question_of_subject(
                 "column", f"which of {names} drive the machine: their torques are added"
             )
-        reason = f"{column.label}: measured at the motor; needs the gear ratio"
-        recognition.propose_source_channel(column, name, column.unit, reason)
-        recognition.propose_as_comment(
+        reason = f"{column.source_text}: measured at the motor; needs the gear ratio"
+        recognition.propose_source_of_derived_channel(column, name, column.unit, reason)
+        recognition.propose_derived_channel_as_comment(
             "force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason
         )
-        recognition.ask_question("gear", _GEAR.format("force_x_N"))
+        recognition.add_question_of_subject("gear", _GEAR.format("force_x_N"))
         if factor:
             word, _, of = factor.removeprefix(" * ").partition(" ")
-            recognition.ask_question(
+            recognition.add_question_of_subject(
                 "gear", f"the motor's {word} in {of.strip('[]')}, in the same line"
             )
-        recognition.ask_question("radius", _RADIUS)
+        recognition.add_question_of_subject("radius", _RADIUS)
         return True
     return False
 
@@ -127,15 +135,19 @@ def _propose_force_of_engine(columns: Sequence[LogColumn], recognition: Recognit
     if torque is None or turns is None:
         return False
     reason = (
-        f"{torque.label}, {turns.label}: the engine's power; over the speed it is a force, in any "
-        "gear; a converter that is open leaves little of it"
+        f"{torque.source_text}, {turns.source_text}: the engine's power; over the speed it is a "
+        "force, in any gear; a converter that is open leaves little of it"
     )
-    recognition.propose_source_channel(torque, "torque_percent", torque.unit, reason)
-    recognition.propose_source_channel(turns, "engine_rpm", turns.unit, reason)
+    recognition.propose_source_of_derived_channel(torque, "torque_percent", torque.unit, reason)
+    recognition.propose_source_of_derived_channel(turns, "engine_rpm", turns.unit, reason)
     watts = "torque_percent * REFERENCE_TORQUE [N*m] * engine_rpm"
-    recognition.propose_as_comment("force_x_N", _force_of_power(watts), reason)
-    recognition.ask_question("gear", _EFFICIENCY)
-    recognition.ask_question("gear", "the engine's REFERENCE_TORQUE in N*m, in the same line")
+    recognition.propose_derived_channel_as_comment(
+        "force_x_N", _make_force_of_power_formula(watts), reason
+    )
+    recognition.add_question_of_subject("gear", _EFFICIENCY)
+    recognition.add_question_of_subject(
+        "gear", "the engine's REFERENCE_TORQUE in N*m, in the same line"
+    )
     return True
 
 
@@ -148,22 +160,23 @@ def _propose_force_of_pressures(columns: Sequence[LogColumn], recognition: Recog
         return False
     names = ["pressure_high_bar", "pressure_low_bar"][: len(drive)]
     for name, column in zip(names, drive, strict=True):
-        reason = f"{column.label}: a pressure; needs the motor's displacement and the gear"
-        recognition.propose_source_channel(column, name, column.unit, reason)
+        reason = f"{column.source_text}: a pressure; needs the motor's displacement and the gear"
+        recognition.propose_source_of_derived_channel(column, name, column.unit, reason)
     torque = f"({' - '.join(names)})" if len(names) > 1 else names[0]
-    recognition.propose_as_comment(
+    recognition.propose_derived_channel_as_comment(
         "force_x_N",
         f"{torque} * DISPLACEMENT [m^3/turn] * GEAR / wheel_radius_m",
         "the drive's pressure times its displacement",
     )
-    recognition.ask_question("gear", _GEAR.format("force_x_N"))
-    recognition.ask_question(
+    recognition.add_question_of_subject("gear", _GEAR.format("force_x_N"))
+    recognition.add_question_of_subject(
         "gear", "the motor's DISPLACEMENT in m³ a revolution, in the same line"
     )
-    recognition.ask_question("radius", _RADIUS)
+    recognition.add_question_of_subject("radius", _RADIUS)
     if len(names) > 1:
-        recognition.ask_question(
-            "side", f"which pressure drives forwards, '{drive[0].label}' or '{drive[1].label}'"
+        recognition.add_question_of_subject(
+            "side",
+            f"which pressure drives forwards, '{drive[0].source_text}' or '{drive[1].source_text}'",
         )
     return True
 
@@ -177,8 +190,8 @@ def _find_pressure_port_pair(columns: Sequence[LogColumn]) -> list[LogColumn]:
     pairs = [
         [first, second]
         for first, second in pairwise(unnamed)
-        if len(first.label) == len(second.label)
-        and sum(a != b for a, b in zip(first.label, second.label, strict=True)) == 1
+        if len(first.source_text) == len(second.source_text)
+        and sum(a != b for a, b in zip(first.source_text, second.source_text, strict=True)) == 1
     ]
     return pairs[0] if len(pairs) == 1 else []
 
@@ -196,29 +209,33 @@ def _propose_force_of_power(columns: Sequence[LogColumn], recognition: Recogniti
     ]
     power = min(powers, key=lambda c: c.unit is None, default=None)
     if power is not None and not (power.unit is None and current and voltage):
-        reason = f"{power.label}: a power; over the speed it is a force; needs the efficiency"
-        recognition.propose_source_channel(power, "power_W", power.unit or "?", reason)
+        reason = f"{power.source_text}: a power; over the speed it is a force; needs the efficiency"
+        recognition.propose_source_of_derived_channel(power, "power_W", power.unit or "?", reason)
         if power.unit is None:
-            recognition.ask_question(
-                "unit", f"the unit of '{power.label}', in channels.power_W.unit"
+            recognition.add_question_of_subject(
+                "unit", f"the unit of '{power.source_text}', in channels.power_W.unit"
             )
         watts = "power_W"
     else:
         if current is None or voltage is None:
             return False
-        reason = f"{current.label}, {voltage.label}: a power; over the speed it is a force"
-        recognition.propose_source_channel(current, "supply_A", current.unit, reason)
-        recognition.propose_source_channel(voltage, "supply_V", voltage.unit, reason)
+        reason = (
+            f"{current.source_text}, {voltage.source_text}: a power; over the speed it is a force"
+        )
+        recognition.propose_source_of_derived_channel(current, "supply_A", current.unit, reason)
+        recognition.propose_source_of_derived_channel(voltage, "supply_V", voltage.unit, reason)
         watts = "supply_A * supply_V"
-    recognition.propose_as_comment("force_x_N", _force_of_power(watts), reason)
-    recognition.ask_question("gear", _EFFICIENCY)
+    recognition.propose_derived_channel_as_comment(
+        "force_x_N", _make_force_of_power_formula(watts), reason
+    )
+    recognition.add_question_of_subject("gear", _EFFICIENCY)
     return True
 
 
-def _force_of_power(watts: str) -> str:
+def _make_force_of_power_formula(power_formula: str) -> str:
     """Formula of the force of a power that reaches the wheels."""
     moving = f"abs(speed_x_m_s) > {LIMITS.power_min_speed_m_s} [m/s]"
-    return f"where({moving}, {watts} * EFFICIENCY / speed_x_m_s)"
+    return f"where({moving}, {power_formula} * EFFICIENCY / speed_x_m_s)"
 
 
 def propose_speed_of_wheels(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
@@ -241,10 +258,12 @@ def propose_speed_of_wheels(columns: Sequence[LogColumn], recognition: Recogniti
         return False
     for channel, column in zip(channels, wheels, strict=True):
         source = channel.replace("speed", "wheel").replace("m_s", "rpm")
-        reason = f"{column.label}: turns of a wheel; needs its radius"
-        recognition.propose_source_channel(column, source, column.unit, reason)
-        recognition.propose_as_comment(channel, f"{source} * wheel_radius_m", reason)
-    recognition.ask_question("radius", _RADIUS)
+        reason = f"{column.source_text}: turns of a wheel; needs its radius"
+        recognition.propose_source_of_derived_channel(column, source, column.unit, reason)
+        recognition.propose_derived_channel_as_comment(
+            channel, f"{source} * wheel_radius_m", reason
+        )
+    recognition.add_question_of_subject("radius", _RADIUS)
     return True
 
 
@@ -255,20 +274,21 @@ def _propose_speed_of_motor(columns: Sequence[LogColumn], recognition: Recogniti
     if turns is None:
         return False
     pairs = " / POLE_PAIRS" if turns.quantity == "erpm" else ""
-    reason = f"{turns.label}: revolutions; needs the gear ratio" + (
+    reason = f"{turns.source_text}: revolutions; needs the gear ratio" + (
         " and pole pairs" if pairs else ""
     )
     unit = None if turns.unit in (None, "rpm") else turns.unit
-    recognition.propose_source_channel(turns, "motor_rpm", unit, reason)
-    recognition.propose_as_comment(
+    recognition.propose_source_of_derived_channel(turns, "motor_rpm", unit, reason)
+    recognition.propose_derived_channel_as_comment(
         "speed_x_m_s", f"motor_rpm{pairs} / GEAR * wheel_radius_m", reason
     )
-    recognition.ask_question("gear", _GEAR.format("speed_x_m_s"))
+    recognition.add_question_of_subject("gear", _GEAR.format("speed_x_m_s"))
     if pairs:
-        recognition.ask_question("gear", "the motor's POLE_PAIRS, in the same line")
+        recognition.add_question_of_subject("gear", "the motor's POLE_PAIRS, in the same line")
     elif turns.field.lower() == "rpm":
-        recognition.ask_question(
-            "gear", f"whether '{turns.label}' counts electrical turns (VESC): / POLE_PAIRS"
+        recognition.add_question_of_subject(
+            "gear",
+            f"whether '{turns.source_text}' counts electrical turns (VESC): / POLE_PAIRS",
         )
-    recognition.ask_question("radius", _RADIUS)
+    recognition.add_question_of_subject("radius", _RADIUS)
     return True

@@ -6,27 +6,27 @@ machine's.
 """
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import polars as pl
 
 from replay.logs import Log
 from replay.recognise.proposals import ChannelProposal, Recognition
 from replay.recognise.recognise_limits import LIMITS
-from replay.recognise.words import ColumnMeaning, read_column_name
+from replay.recognise.words import ColumnMeaning, interpret_column_name
 
 _SIDES: Final = ("left", "right")
 
 
-def recognise_joints_of_log(log: Log, topics: pl.DataFrame) -> Recognition:
+def recognise_joints_of_log(log: Log, topic_rows: pl.DataFrame) -> Recognition:
     """Recognise the joints of all JointState topics.
 
     Args:
         log: an opened log.
-        topics: its topics.
+        topic_rows: its topics.
     """
     found = Recognition()
-    for row in topics.sort("messages", descending=True).iter_rows(named=True):
+    for row in topic_rows.sort("messages", descending=True).iter_rows(named=True):
         is_joints = row["type"].rpartition("/")[2] == "JointState"
         if is_joints and row["messages"] and not row["problem"]:
             recognise_joints(log, row["topic"], row["start_ns"], found)
@@ -48,7 +48,7 @@ def recognise_joints(log: Log, topic: str, start_ns: int, recognition: Recogniti
     names = list(
         dict.fromkeys(str(n) for n in read_first_message(log, topic, places, start_ns) if n)
     )
-    wheels, turns = find_wheel_joints(names)
+    wheels, turns = find_wheel_joints_by_side(names)
     if wheels:
         for side, joints in wheels.items():
             _propose_torque_and_speed_of_side(
@@ -56,8 +56,8 @@ def recognise_joints(log: Log, topic: str, start_ns: int, recognition: Recogniti
             )
     elif len(names) == 1:
         for column, array in (("position_x_m", "position"), ("force_x_N", "effort")):
-            for field in list_fields_with_values(log, topic, array, names, start_ns):
-                _propose_field(recognition, column, topic, field)
+            for field in list_joint_fields_having_values(log, topic, array, names, start_ns):
+                _fill_channel_with_joint_field(recognition, column, topic, field)
 
 
 def list_joint_fields_with_values(log: Log, topic: str, start_ns: int) -> list[str]:
@@ -70,13 +70,20 @@ def list_joint_fields_with_values(log: Log, topic: str, start_ns: int) -> list[s
     return [
         each
         for array in arrays
-        for each in list_fields_with_values(log, topic, array, names, start_ns)
+        for each in list_joint_fields_having_values(log, topic, array, names, start_ns)
     ]
 
 
-def find_wheel_joints(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
+class WheelJoints(NamedTuple):
+    """Joints of each side, and whether their names imply rotation."""
+
+    joints_by_side: dict[str, list[str]]
+    is_rotating: bool
+
+
+def find_wheel_joints_by_side(joint_names: Sequence[str]) -> WheelJoints:
     """Joints of each side, if both have equally many, and whether their names imply rotation."""
-    said: dict[str, ColumnMeaning] = {name: read_column_name(name) for name in names}
+    said: dict[str, ColumnMeaning] = {name: interpret_column_name(name) for name in joint_names}
     drives = {name: each for name, each in said.items() if each.side and not each.is_linkage}
     wheels = {name: each for name, each in drives.items() if each.part == "wheel"}
     chosen = wheels or drives
@@ -84,7 +91,7 @@ def find_wheel_joints(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]
     counts = {len(joints) for joints in by_side.values()}
     # of joints without a word for a wheel, one a side is a drive; more are a robot's limbs
     alike = len(counts) == 1 and (counts == {1} or (bool(wheels) and counts != {0}))
-    return (by_side if alike else {}), bool(wheels)
+    return WheelJoints(by_side if alike else {}, bool(wheels))
 
 
 def _propose_torque_and_speed_of_side(
@@ -98,28 +105,30 @@ def _propose_torque_and_speed_of_side(
     is_rotating: bool,
 ) -> None:
     """Fill torque and speed of one side from its joints."""
-    efforts = list_fields_with_values(log, topic, "effort", joints, start_ns)
+    efforts = list_joint_fields_having_values(log, topic, "effort", joints, start_ns)
     torque, speed = f"torque_{side}_N_m", f"speed_{side}_m_s"
     if torque not in recognition.filled_channels:
         parts = fill_channel_or_numbered_parts(recognition, topic, efforts, torque)
         if len(parts) > 1:
-            _propose_formula(recognition, torque, " + ".join(parts), f"the {side} wheels' torques")
-    velocities = list_fields_with_values(log, topic, "velocity", joints, start_ns)
+            _propose_formula_as_comment(
+                recognition, torque, " + ".join(parts), f"the {side} wheels' torques"
+            )
+    velocities = list_joint_fields_having_values(log, topic, "velocity", joints, start_ns)
     if speed in recognition.filled_channels or not velocities:
         return
     if not is_rotating:
-        _propose_field(recognition, speed, topic, velocities[0])
+        _fill_channel_with_joint_field(recognition, speed, topic, velocities[0])
         return
     source = f"wheel_{side}_rad_s"
     parts = fill_channel_or_numbered_parts(recognition, topic, velocities, source)
     mean = parts[0] if len(parts) == 1 else f"mean({', '.join(parts)})"
-    _propose_formula(
+    _propose_formula_as_comment(
         recognition, speed, f"{mean} * wheel_radius_m", "a wheel's angular speed; needs its radius"
     )
-    recognition.ask_question(
+    recognition.add_question_of_subject(
         "radius", "machine.wheel_radius_m, which turns wheels' torques and turns into drive"
     )
-    recognition.ask_question(
+    recognition.add_question_of_subject(
         "unit",
         f"whether velocity[…] of the wheels is in rad/s, as drafted; where it is in m/s, "
         f"channels.speed_*_m_s.derive without * wheel_radius_m ({topic})",
@@ -127,33 +136,39 @@ def _propose_torque_and_speed_of_side(
 
 
 def fill_channel_or_numbered_parts(
-    recognition: Recognition, topic: str, fields: Sequence[str], channel: str
+    recognition: Recognition, topic: str, joint_fields: Sequence[str], channel: str
 ) -> list[str]:
     """Fill a channel with one field, or numbered channels with several; return their names."""
     quantity, _, behind = channel.partition("_")
-    many = len(fields) > 1
-    names = [f"{quantity}_{k}_{behind}" if many else channel for k in range(1, len(fields) + 1)]
-    for name, field in zip(names, fields, strict=True):
-        _propose_field(recognition, name, topic, field)
+    many = len(joint_fields) > 1
+    names = [
+        f"{quantity}_{k}_{behind}" if many else channel for k in range(1, len(joint_fields) + 1)
+    ]
+    for name, field in zip(names, joint_fields, strict=True):
+        _fill_channel_with_joint_field(recognition, name, topic, field)
     return names
 
 
-def _propose_field(recognition: Recognition, column: str, topic: str, field: str) -> None:
-    if column not in recognition.filled_channels:
+def _fill_channel_with_joint_field(
+    recognition: Recognition, channel: str, topic: str, joint_field: str
+) -> None:
+    if channel not in recognition.filled_channels:
         recognition.channels.append(
-            ChannelProposal(column, topic, field, None, "the name of its joint")
+            ChannelProposal(channel, topic, joint_field, None, "the name of its joint")
         )
 
 
-def _propose_formula(recognition: Recognition, column: str, formula: str, reason: str) -> None:
-    recognition.channels.append(ChannelProposal(column, None, None, None, reason, formula))
+def _propose_formula_as_comment(
+    recognition: Recognition, channel: str, formula: str, reason: str
+) -> None:
+    recognition.channels.append(ChannelProposal(channel, None, None, None, reason, formula))
 
 
-def list_fields_with_values(
-    log: Log, topic: str, array: str, joints: Sequence[str], start_ns: int
+def list_joint_fields_having_values(
+    log: Log, topic: str, array_name: str, joints: Sequence[str], start_ns: int
 ) -> list[str]:
     """Fields of an array that have values in the first message."""
-    fields = [f"{array}[{joint}]" for joint in joints]
+    fields = [f"{array_name}[{joint}]" for joint in joints]
     values = read_first_message(log, topic, fields, start_ns)
     return [field for field, value in zip(fields, values, strict=False) if value is not None]
 

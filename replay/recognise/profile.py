@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -110,7 +110,16 @@ def _rate_hz(t_ns: NDArray[np.int64], count: int) -> float | None:
     return (count - 1) / span_s if count > 1 and span_s > 0 else None
 
 
-def profile_columns_without_gaps(values: Floats) -> list[tuple[float, float, float, str]]:
+class ColumnProfile(NamedTuple):
+    """Smallest, median and largest value of a column, and its sparkline."""
+
+    minimum: float
+    median: float
+    maximum: float
+    sparkline: str
+
+
+def profile_columns_without_gaps(values: Floats) -> list[ColumnProfile]:
     """Smallest, median and largest value and sparkline of columns (rows, columns) without gaps."""
     if not values.size:
         return []
@@ -122,7 +131,8 @@ def profile_columns_without_gaps(values: Floats) -> list[tuple[float, float, flo
         shares = np.where((width > 0) & np.isfinite(width), shares / width, 0.0)
         bars = np.nan_to_num(shares * len(_BARS)).clip(0, len(_BARS) - 1).astype(int)
     courses = ["".join(column) for column in np.array(list(_BARS))[bars].T.tolist()]
-    return list(zip(low.tolist(), middle.tolist(), high.tolist(), courses, strict=True))
+    columns = zip(low.tolist(), middle.tolist(), high.tolist(), courses, strict=True)
+    return [ColumnProfile(*column) for column in columns]
 
 
 def profile_column_with_gaps(
@@ -147,14 +157,14 @@ def profile_column_with_gaps(
         low,
         float(np.median(known)),
         high,
-        make_sparkline(x, low, high),
+        draw_sparkline_text(x, low, high),
     )
 
 
-def make_sparkline(values: Floats, low: float, high: float) -> str:
+def draw_sparkline_text(bin_means: Floats, low: float, high: float) -> str:
     """Sparkline: the mean of each sixteenth of the log as a bar between `low` and `high`."""
     drawn = ""
-    for part in np.array_split(values, min(LIMITS.sparkline_characters, values.size)):
+    for part in np.array_split(bin_means, min(LIMITS.sparkline_characters, bin_means.size)):
         known = part[np.isfinite(part)]
         if not known.size:
             drawn += " "
@@ -165,14 +175,14 @@ def make_sparkline(values: Floats, low: float, high: float) -> str:
     return drawn
 
 
-def ask_about_efforts(
-    used_fields: Collection[tuple[str, str]], profiles: Sequence[FieldProfile]
+def ask_for_effort_units(
+    used_fields: Collection[tuple[str, str]], field_profiles: Sequence[FieldProfile]
 ) -> list[str]:
     """Questions about units of joint efforts used as torques, and notes on efforts without sign.
 
     Args:
         used_fields: topic and field of each channel.
-        profiles: profiles of the log's fields.
+        field_profiles: profiles of the log's fields.
     """
     efforts = {each for each in used_fields if each[1].startswith("effort[")}
     if not efforts:
@@ -180,7 +190,7 @@ def ask_about_efforts(
     unsigned = [
         f"{each.field} lies between {each.low:.4g} and {each.high:.4g}, never below zero: a torque "
         "that brakes would be negative"
-        for each in profiles
+        for each in field_profiles
         if (each.topic, each.field) in efforts and each.low is not None and each.low >= 0.0
     ]
     return ["; ".join([_EFFORT_UNIT, *unsigned])]

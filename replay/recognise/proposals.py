@@ -27,9 +27,9 @@ class LogColumn:
     quantity: str | None
 
     @property
-    def label(self) -> str:
+    def source_text(self) -> str:
         """Field as text, with its topic if there are several."""
-        return format_source(self.topic, self.field)
+        return format_field_and_topic(self.topic, self.field)
 
     def has_dimension_of_channel(self, channel: str) -> bool:
         """Whether the unit has a channel's dimension; False without a unit."""
@@ -38,20 +38,20 @@ class LogColumn:
     def has_dimension_of_unit(self, unit: str) -> bool:
         """Whether the unit has the dimension of another; percent is not an angle."""
         is_alike = self.unit == unit or "percent" not in (self.unit, unit)
-        return self.unit is not None and is_alike and has_dimension_of(self.unit, unit)
+        return self.unit is not None and is_alike and has_same_dimension(self.unit, unit)
 
 
 @cache
-def has_dimension_of(unit: str, other: str) -> bool:
+def has_same_dimension(unit_a: str, unit_b: str) -> bool:
     """Whether a unit has the dimension of another."""
     try:
-        gain_and_offset_to_si(unit, other)
+        gain_and_offset_to_si(unit_a, unit_b)
     except MachineError:
         return False
     return True
 
 
-def format_source(topic: str | None, field: str) -> str:
+def format_field_and_topic(topic: str | None, field: str) -> str:
     """Field as text, with its topic if there are several."""
     return f"{topic} {field}" if topic else field
 
@@ -79,9 +79,9 @@ class ChannelProposal:
     is_comment: bool = False
 
     @property
-    def label(self) -> str:
+    def source_text(self) -> str:
         """Source field as text, with its topic if there are several."""
-        return format_source(self.topic, str(self.field))
+        return format_field_and_topic(self.topic, str(self.field))
 
 
 @dataclass(slots=True)
@@ -107,25 +107,27 @@ class Recognition:
         """Channels that are filled or proposed as comments."""
         return {each.column for each in self.channels}
 
-    def ask_question(self, kind: str, question: str) -> None:
+    def add_question_of_subject(self, subject: str, question: str) -> None:
         """Add a question of a kind in `ORDER`."""
-        self.kinds_and_questions.append((kind, question))
+        self.kinds_and_questions.append((subject, question))
 
-    def fill_channel(
+    def fill_channel_if_empty(
         self, column: LogColumn, channel: str, reason: str, unit: str | None = None
     ) -> None:
         """Fill a channel unless an earlier column has filled it."""
         if channel in self.filled_channels:
             return
-        stated = find_unit_if_not_si(unit or column.unit, channel)
+        stated = return_unit_unless_si(unit or column.unit, channel)
         self.channels.append(ChannelProposal(channel, column.topic, column.field, stated, reason))
 
-    def propose_as_comment(self, channel: str, derivation: str, reason: str) -> None:
+    def propose_derived_channel_as_comment(
+        self, channel: str, derivation: str, reason: str
+    ) -> None:
         """Propose a derived channel that needs an answer, as a comment."""
         proposal = ChannelProposal(channel, None, None, None, reason, derivation, is_comment=True)
         self.channels.append(proposal)
 
-    def propose_source_channel(
+    def propose_source_of_derived_channel(
         self, column: LogColumn, channel: str, unit: str | None, reason: str
     ) -> None:
         """Add the source channel of a proposed derivation."""
@@ -134,7 +136,7 @@ class Recognition:
         )
 
 
-def find_unit_if_not_si(unit: str | None, channel: str) -> str | None:
+def return_unit_unless_si(unit: str | None, channel: str) -> str | None:
     """Unit that a channel must state; None if it is SI."""
     if unit is None:
         return None

@@ -17,14 +17,14 @@ from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.signals.derive import find_unit_in_name
 from replay.logs import TABLE, Log
 from replay.recognise.correlations import (
-    add_correlation_remarks,
-    are_same_readings,
-    find_accelerometer_units,
-    find_fields_without_gravity,
+    add_correlations_with_slope_as_remarks,
+    do_columns_hold_same_readings,
+    find_accelerations_without_gravity,
+    guess_accelerometer_units,
 )
-from replay.recognise.drives import propose_drives
+from replay.recognise.drives import propose_force_and_speed_of_drives
 from replay.recognise.proposals import LogColumn, Recognition
-from replay.recognise.words import ColumnMeaning, is_side_prefix_real, read_column_name
+from replay.recognise.words import ColumnMeaning, interpret_column_name, is_side_prefix_confirmed
 
 #: A column that may fill a channel, why, and the unit that it is in.
 Claim = tuple[LogColumn, str, str | None]
@@ -93,15 +93,17 @@ def recognise_fields_of_messages(log: Log, recognition: Recognition) -> Recognit
     return _recognise_channels_by_name(log, recognition)
 
 
-def _recognise_channels_by_name(log: Log, found: Recognition) -> Recognition:
-    columns = _list_columns(log)
+def _recognise_channels_by_name(log: Log, recognition: Recognition) -> Recognition:
+    columns = _list_columns_of_log(log)
     known = Counter(column.field for column in columns if column.field in _KNOWN)
     for column in columns:
         # of several topics' forces, or of a command, words decide
         if known[column.field] == 1 and not column.name_meaning.is_no_reading:
-            found.fill_channel(column, column.field, "its name", find_unit_in_name(column.field))
-    by_gravity = find_accelerometer_units(log, columns)
-    kinematic = find_fields_without_gravity(log, columns)
+            recognition.fill_channel_if_empty(
+                column, column.field, "its name", find_unit_in_name(column.field)
+            )
+    by_gravity = guess_accelerometer_units(log, columns)
+    kinematic = find_accelerations_without_gravity(log, columns)
     claims: defaultdict[str, list[Claim]] = defaultdict(list)
     for quantity, channel_of in _CHANNEL_OF.items():
         for column in columns:
@@ -124,17 +126,17 @@ def _recognise_channels_by_name(log: Log, found: Recognition) -> Recognition:
             if all(column != claimed for claimed, *_ in claims[channel]):
                 claims[channel].append((column, reason, unit))
     for channel, each in claims.items():
-        fill_only_candidate_or_ask(log, channel, each, found)
-    _ask_more_torques(columns, found)
-    _ask_gear_ratios(columns, found)
-    propose_columns_by_unit(columns, found)
-    propose_columns_without_unit(columns, found)
-    propose_drives(columns, found)
-    return add_correlation_remarks(log, columns, found)
+        fill_only_candidate_or_ask(log, channel, each, recognition)
+    _ask_if_other_wheels_drive(columns, recognition)
+    _ask_gear_ratios(columns, recognition)
+    propose_columns_by_unit(columns, recognition)
+    propose_columns_without_unit(columns, recognition)
+    propose_force_and_speed_of_drives(columns, recognition)
+    return add_correlations_with_slope_as_remarks(log, columns, recognition)
 
 
 def fill_only_candidate_or_ask(
-    log: Log, channel: str, candidates: Sequence[Claim], recognition: Recognition
+    log: Log, channel: str, candidate_columns: Sequence[Claim], recognition: Recognition
 ) -> None:
     """Fill a channel with the only candidate column, or ask if there are several.
 
@@ -142,31 +144,33 @@ def fill_only_candidate_or_ask(
     """
     if channel in recognition.filled_channels:
         return
-    column, reason, unit = candidates[0]
+    column, reason, unit = candidate_columns[0]
     adds_up = channel.startswith(("force", "torque"))
-    others = [other for other, *_ in candidates[1:]]
-    if all(not adds_up and are_same_readings(log, column, other) for other in others):
-        recognition.fill_channel(column, channel, reason, unit)
+    others = [other for other, *_ in candidate_columns[1:]]
+    if all(not adds_up and do_columns_hold_same_readings(log, column, other) for other in others):
+        recognition.fill_channel_if_empty(column, channel, reason, unit)
         return
-    names = ", ".join(f"'{each.label}'" for each, *_ in candidates)
-    recognition.propose_source_channel(column, channel, unit, f"one of {names}")
+    names = ", ".join(f"'{each.source_text}'" for each, *_ in candidate_columns)
+    recognition.propose_source_of_derived_channel(column, channel, unit, f"one of {names}")
     together = "; if they act together, their sum" if adds_up else ""
-    recognition.ask_question("column", f"which of {names} is channels.{channel}{together}")
+    recognition.add_question_of_subject(
+        "column", f"which of {names} is channels.{channel}{together}"
+    )
 
 
 def _ask_gear_ratios(columns: Sequence[LogColumn], recognition: Recognition) -> None:
     """Ask for the ratio of each gear if a column has the number of the gear, but none its ratio."""
     gear = next((each for each in columns if each.name_meaning.quantity == "gear"), None)
     if gear is not None and "gear_ratio_1" not in recognition.filled_channels:
-        recognition.ask_question("column", _GEAR_RATIOS.format(gear.label))
+        recognition.add_question_of_subject("column", _GEAR_RATIOS.format(gear.source_text))
 
 
-def _ask_more_torques(columns: Sequence[LogColumn], recognition: Recognition) -> None:
+def _ask_if_other_wheels_drive(columns: Sequence[LogColumn], recognition: Recognition) -> None:
     """Ask whether other wheels drive too if a left and a right torque make the force."""
     if not {"torque_left_N_m", "torque_right_N_m"} <= recognition.filled_channels:
         return
     more = [
-        f"'{each.label}'"
+        f"'{each.source_text}'"
         for each in columns
         if each.quantity == "torque" and each.has_dimension_of_unit("N*m")
         if each.name_meaning.side is None
@@ -175,75 +179,79 @@ def _ask_more_torques(columns: Sequence[LogColumn], recognition: Recognition) ->
     ]
     if more:
         names = ", ".join(more)
-        recognition.ask_question(
+        recognition.add_question_of_subject(
             "column", f"whether {names} also drives the machine: torques of wheels add up"
         )
 
 
-def _list_columns(log: Log) -> list[LogColumn]:
+def _list_columns_of_log(log: Log) -> list[LogColumn]:
     found: list[LogColumn] = []
     for row in log.topics().iter_rows(named=True):
         units = log.units(row["topic"])
         topic = None if row["topic"] == TABLE else row["topic"]
         is_empty = not row["messages"] or row["problem"]
-        if topic and (is_empty or not _may_name_readings(row["type"])):
+        if topic and (is_empty or not _can_message_have_own_field_names(row["type"])):
             continue
         names = frozenset(row["fields"])
         for field in row["fields"]:
             if topic and _STAMPS_AND_LISTS.search(field):
                 continue
-            name = _name_behind_topic(topic, field)
+            name = _extract_name_of_field(topic, field)
             unit = (
                 units.get(field)
-                or _unit_of_known_name(name)
+                or _find_unit_of_standard_name(name)
                 or (topic and split_unit_from_name(name)[1])
                 or None
             )
-            said = _add_words_of_topic(read_column_name(strip_unit_from_name(name)), topic)
-            if said.side and not is_side_prefix_real(field, names):
+            said = _add_topic_meaning_to_field(
+                interpret_column_name(strip_unit_from_name(name)), topic
+            )
+            if said.side and not is_side_prefix_confirmed(field, names):
                 said = replace(said, side=None)
             if said.is_no_reading or said.is_elsewhere:
                 said = replace(said, quantity=None)
                 found.append(LogColumn(topic, field, unit, said, None))
                 continue
             # "Motor Amps": the unit is the only word that names the quantity
-            said = said if said.quantity or unit is None else read_column_name(name)
+            said = said if said.quantity or unit is None else interpret_column_name(name)
             found.append(
-                LogColumn(topic, field, unit, said, find_quantity_of_name(said.quantity, unit))
+                LogColumn(
+                    topic, field, unit, said, choose_quantity_permitted_by_unit(said.quantity, unit)
+                )
             )
     return found
 
 
-def _may_name_readings(message_type: str) -> bool:
+def _can_message_have_own_field_names(message_type: str) -> bool:
     """Whether the fields of a message may be named by who recorded them."""
     package, *kinds = re.split(r"[/.]", message_type)
     kind = kinds[-1] if kinds else ""
     return package not in _STANDARD_PACKAGES or (package == "std_msgs" and kind in _NUMBERS)
 
 
-def _name_behind_topic(topic: str | None, field: str) -> str:
+def _extract_name_of_field(topic: str | None, field: str) -> str:
     """Last part of a field's name; that of its topic where it is the only number."""
     if topic is None:
         return field
     return topic.rstrip("/").rpartition("/")[2] if field == "data" else field.rpartition(".")[2]
 
 
-def _add_words_of_topic(meaning: ColumnMeaning, topic: str | None) -> ColumnMeaning:
+def _add_topic_meaning_to_field(column_meaning: ColumnMeaning, topic: str | None) -> ColumnMeaning:
     """Meaning of a field with what its topic says and its own name leaves open."""
     for segment in reversed((topic or "").strip("/").split("/")[-2:]):
-        around = read_column_name(segment)
-        meaning = replace(
-            meaning,
-            side=meaning.side or around.side,
-            axis=meaning.axis or around.axis,
-            part=meaning.part or around.part,
-            is_no_reading=meaning.is_no_reading or around.is_no_reading,
-            is_elsewhere=meaning.is_elsewhere or around.is_elsewhere,
+        around = interpret_column_name(segment)
+        column_meaning = replace(
+            column_meaning,
+            side=column_meaning.side or around.side,
+            axis=column_meaning.axis or around.axis,
+            part=column_meaning.part or around.part,
+            is_no_reading=column_meaning.is_no_reading or around.is_no_reading,
+            is_elsewhere=column_meaning.is_elsewhere or around.is_elsewhere,
         )
-    return meaning
+    return column_meaning
 
 
-def _unit_of_known_name(name: str) -> str | None:
+def _find_unit_of_standard_name(name: str) -> str | None:
     """Unit of a column that is called by it, or that a standard defines."""
     signal = "".join(letter for letter in name.lower() if letter.isalnum())
     return _CALLED_BY_UNIT.get(name.lower()) or _UNIT_OF_SIGNAL.get(signal)
@@ -257,7 +265,7 @@ def strip_unit_from_name(name: str) -> str:
     return split_unit_from_name(cut)[0]
 
 
-def find_quantity_of_name(quantity_of_name: str | None, unit: str | None) -> str | None:
+def choose_quantity_permitted_by_unit(quantity_of_name: str | None, unit: str | None) -> str | None:
     """Quantity that a name states, if its unit permits it."""
     if unit is None or unit in _TURNS or quantity_of_name is None:
         return quantity_of_name
@@ -326,7 +334,7 @@ def _match_angle_channel(name: str, column: LogColumn) -> str | None:
     return name if column.unit in ("deg", "rad") else None
 
 
-def _is_in_degrees(column: LogColumn) -> bool:
+def _is_column_in_degrees(column: LogColumn) -> bool:
     return column.unit in (None, "deg")
 
 
@@ -340,24 +348,26 @@ _CHANNEL_OF: Final[dict[str, Callable[[LogColumn], str | None]]] = {
     "boom": lambda column: _match_angle_channel("boom_rad", column),
     "bucket": lambda column: _match_angle_channel("bucket_rad", column),
     "gear ratio": lambda column: "gear_ratio_1" if column.unit is None else None,
-    "latitude": lambda column: "latitude_deg" if _is_in_degrees(column) else None,
-    "longitude": lambda column: "longitude_deg" if _is_in_degrees(column) else None,
+    "latitude": lambda column: "latitude_deg" if _is_column_in_degrees(column) else None,
+    "longitude": lambda column: "longitude_deg" if _is_column_in_degrees(column) else None,
 }
 
 
 def propose_columns_by_unit(columns: Sequence[LogColumn], recognition: Recognition) -> None:
     """Propose columns with meaningless names that alone have a unit of force or speed."""
     own = [each for each in columns if each.unit and not each.name_meaning.is_elsewhere]
-    units = Counter(find_quantity_of_name("", column.unit) for column in own)
+    units = Counter(choose_quantity_permitted_by_unit("", column.unit) for column in own)
     for column in own:
         said = column.name_meaning
         if said.quantity is not None or column.unit in _TURNS or said.is_no_reading:
             continue
-        quantity = find_quantity_of_name("", column.unit)
+        quantity = choose_quantity_permitted_by_unit("", column.unit)
         channel = {"force": "force_x_N", "speed": "speed_x_m_s"}.get(quantity or "")
         is_wheel_load = quantity == "force" and said.part == "wheel"
         if channel and units[quantity] == 1 and said.axis in (None, "x") and not is_wheel_load:
-            recognition.fill_channel(column, channel, f"in {column.unit}, the only {quantity}")
+            recognition.fill_channel_if_empty(
+                column, channel, f"in {column.unit}, the only {quantity}"
+            )
 
 
 #: Channels of quantities that one column holds for the whole machine.
@@ -379,10 +389,11 @@ def propose_columns_without_unit(columns: Sequence[LogColumn], recognition: Reco
             part = said.part if quantity != "speed" or said.part == "motor" else None
             whole = said.side is None and part is None and said.axis in (None, "x")
             if column.quantity == quantity and column.unit is None and whole:
-                recognition.propose_source_channel(
-                    column, channel, "?", f"{column.label}: its unit is not stated"
+                recognition.propose_source_of_derived_channel(
+                    column, channel, "?", f"{column.source_text}: its unit is not stated"
                 )
-                recognition.ask_question(
-                    "unit", f"the unit of '{column.label}', in channels.{channel}.unit"
+                recognition.add_question_of_subject(
+                    "unit",
+                    f"the unit of '{column.source_text}', in channels.{channel}.unit",
                 )
                 break

@@ -66,32 +66,32 @@ _ELSEWHERE: Final = re.compile(
 )
 
 
-def _compile_words(words: tuple[str, ...]) -> re.Pattern[str] | None:
+def _compile_pattern_of_long_words(words: tuple[str, ...]) -> re.Pattern[str] | None:
     """Pattern of the long words; None without any."""
     long = [word for word in words if len(word) > LIMITS.part_word_min_letters]
     return re.compile("|".join(long)) if long else None
 
 
 _KNOWN: Final = tuple(
-    (name, frozenset(words), _compile_words(words)) for name, words in _QUANTITIES
+    (name, frozenset(words), _compile_pattern_of_long_words(words)) for name, words in _QUANTITIES
 )
 
 #: A letter before a capital: the type of a variable (rSpeed is a REAL) more often than a side.
 _PREFIX: Final = re.compile(r"(?:(?<=[^A-Za-z])|^)[lr](?=[A-Z])")
 
 
-def is_side_prefix_real(name: str, names: Collection[str]) -> bool:
+def is_side_prefix_confirmed(name: str, all_names: Collection[str]) -> bool:
     """Whether a name's side is real: a prefix `r` is one only if a name with `l` exists.
 
     Args:
         name: name of a column.
-        names: names of all columns.
+        all_names: names of all columns.
     """
     match = _PREFIX.search(name)
     if match is None:
         return True
     other = "l" if match[0] == "r" else "r"
-    return f"{name[: match.start()]}{other}{name[match.end() :]}" in names
+    return f"{name[: match.start()]}{other}{name[match.end() :]}" in all_names
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,13 +110,13 @@ class ColumnMeaning:
 
 
 @lru_cache(maxsize=1 << 12)
-def read_column_name(name: str) -> ColumnMeaning:
+def interpret_column_name(column_name: str) -> ColumnMeaning:
     """Meaning of a column's name.
 
     Args:
-        name: name without its unit.
+        column_name: name without its unit.
     """
-    spaced = re.sub(r"(?<=[a-zäöü])(?=[A-Z])", " ", name)
+    spaced = re.sub(r"(?<=[a-zäöü])(?=[A-Z])", " ", column_name)
     words = [word for word in re.split(r"[\W\d_]+", spaced.lower()) if word]
     joined = ["".join(pair) for pair in pairwise(words)]
     own, text = frozenset((*words, *joined)), " ".join(words)

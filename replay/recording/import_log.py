@@ -24,11 +24,11 @@ _ELEMENTS: Final = 12
 _LEFT_OUT: Final = ("header.", "covariance")
 
 
-def import_log(log: Path, request: ViewerRequest) -> str | None:
+def stream_log_to_viewer(log: Path, request: ViewerRequest) -> str | None:
     """Write a log to standard output in the viewer's format.
 
     Args:
-        log: path accepted by `may_import_file`.
+        log: path accepted by `should_import_file`.
         request: request of the viewer.
 
     Returns:
@@ -50,14 +50,14 @@ def import_log(log: Path, request: ViewerRequest) -> str | None:
             stream_run_to_stdout(replayed, request)
             return None
     with open_log(log) as opened:
-        topics = dict(iter_topic_frames(opened))
+        topics = dict(iter_readable_topic_frames(opened))
         stream_topics_to_stdout(
-            topics, _describe_log(opened, machine_file, fault), log.name, request
+            topics, _describe_log_markdown(opened, machine_file, fault), log.name, request
         )
     return fault
 
 
-def iter_topic_frames(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
+def iter_readable_topic_frames(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
     """Yield every readable topic in order of time: unix_ns, and the fields worth plotting."""
     for row in log.topics().sort("messages", descending=True).to_dicts():
         if row["problem"] or not row["messages"]:
@@ -83,12 +83,12 @@ def _iter_imported_field_paths(log: Log, topic_row: dict[str, object]) -> Iterat
         if "[]" not in field:
             yield field
         elif field.endswith("[]") and field.count("[]") == 1 and not field.endswith("name[]"):
-            yield from _iter_element_paths(
+            yield from _iter_paths_of_list_elements(
                 log, topic, field.removesuffix("[]"), fields, topic_row["start_ns"]
             )
 
 
-def _iter_element_paths(
+def _iter_paths_of_list_elements(
     log: Log, topic: str, field: str, fields: list[object], start_ns: object
 ) -> Iterator[str]:
     assert isinstance(start_ns, int)
@@ -105,11 +105,13 @@ def _iter_element_paths(
         yield from (f"{field}[{number}]" for number in range(len(values)))
 
 
-def _describe_log(log: Log, machine_file: Path | None, fault: str | None) -> str:
+def _describe_log_markdown(log: Log, machine_file: Path | None, weighing_fault: str | None) -> str:
     """Describe the log, and how to weigh it, in Markdown."""
     parts = [f"# {one_line(log.path.name)}", f"{log.format}, read by payscope."]
-    if fault is not None:
-        parts.append(f"**{machine_file} does not fit the log, so nothing was replayed:** {fault}")
+    if weighing_fault is not None:
+        parts.append(
+            f"**{machine_file} does not fit the log, so nothing was replayed:** {weighing_fault}"
+        )
     else:
         parts.append(
             "Columns as recorded. To see masses, put a machine file next to the log under the "

@@ -24,7 +24,7 @@ def find_machine_file_of_log(log: Path) -> Path | None:
     return beside if beside.is_file() else None
 
 
-def may_import_file(log: Path) -> bool:
+def should_import_file(log: Path) -> bool:
     """Whether to import a file; formats of the viewer itself only if they have a machine file."""
     suffixes = _WITH_MACHINE if find_machine_file_of_log(log) is not None else _ALONE
     if log.is_dir():

@@ -36,18 +36,20 @@ class RecordedStage:
     timezone: str
 
     @classmethod
-    def read(cls, recording: Path, name: str) -> Self:
+    def read_frame_as_stage(cls, recording: Path, frame_name: str) -> Self:
         """Read a frame of a recording.
 
         Raises:
             RecordingError: no recording, or it has no such frame.
         """
         held = list_columns_by_frame(recording)
-        if name not in held:
-            raise RecordingError(f"{recording}: no frame '{name}'; {suggest_choice(name, held)}")
+        if frame_name not in held:
+            raise RecordingError(
+                f"{recording}: no frame '{frame_name}'; {suggest_choice(frame_name, held)}"
+            )
         about = read_provenance(recording)
         zone = str(about.machine.get("machine", {}).get("timezone", "UTC"))
-        return cls(recording, name, read_frame(recording, name), about.t0_unix_ns, zone)
+        return cls(recording, frame_name, read_frame(recording, frame_name), about.t0_unix_ns, zone)
 
     @property
     def time_column(self) -> str | None:
@@ -57,7 +59,7 @@ class RecordedStage:
         declared: Frame = FRAMES[self.name.partition("/")[0]]
         return declared.time_column
 
-    def calibrate_loads(self, request: "CalibrationRequest") -> Self:
+    def calibrate_masses_of_loads(self, calibration_request: "CalibrationRequest") -> Self:
         """Calibrate the masses of the frame `loads`.
 
         Raises:
@@ -69,13 +71,16 @@ class RecordedStage:
                 f"{self.recording}: a calibration applies to frame 'loads', not to '{self.name}'"
             )
         from analysis.calibration.use.apply_calibration import LATER_LOG_FRAMES
-        from replay.calibration.apply_evidence import calibrate_recorded_loads
+        from replay.calibration.apply_evidence import calibrate_loads_of_recording
 
         about, there = read_provenance(self.recording), list_columns_by_frame(self.recording)
         frames = {
             name: read_frame(self.recording, name) for name in LATER_LOG_FRAMES if name in there
         }
-        return replace(self, rows=calibrate_recorded_loads(frames, about, request, self.recording))
+        return replace(
+            self,
+            rows=calibrate_loads_of_recording(frames, about, calibration_request, self.recording),
+        )
 
     def select_rows_between(self, start_s: float | None, end_s: float | None) -> Self:
         """Rows between two seconds of the run, both included.
@@ -87,7 +92,7 @@ class RecordedStage:
             return self
         refuse_invalid_time_range(self.recording, start_s, end_s)
         column = self._require_time_column()
-        seconds = self._time_since_start_ns(column) / 1e9
+        seconds = self._make_time_since_start_expression(column) / 1e9
         rows = self.rows
         if start_s is not None:
             rows = rows.filter(seconds >= start_s)
@@ -95,7 +100,7 @@ class RecordedStage:
             rows = rows.filter(seconds <= end_s)
         return replace(self, rows=rows)
 
-    def select_rows_at(self, second: float) -> Self:
+    def select_rows_at_second(self, second: float) -> Self:
         """Rows at a second of the run: those whose span contains it, otherwise the last before.
 
         Raises:
@@ -104,7 +109,7 @@ class RecordedStage:
         if not math.isfinite(second):
             raise RecordingError(f"--at {second}: is not a time; name seconds since the start")
         column = self._require_time_column()
-        begin = self._time_since_start_ns(column) / 1e9
+        begin = self._make_time_since_start_expression(column) / 1e9
         if "end_t_ns" in self.rows.columns:
             # without a begin or an end it is of the whole log
             inside = (begin <= second).fill_null(True) & (
@@ -116,12 +121,12 @@ class RecordedStage:
             return replace(self, rows=held.group_by("axis", maintain_order=True).tail(1))
         return replace(self, rows=held.tail(1))
 
-    def format_times_for_reading(self) -> pl.DataFrame:
+    def make_frame_with_readable_times(self) -> pl.DataFrame:
         """Rows with readable times: seconds, and local time if they are dates."""
         column = self.time_column
         if column is None:
             return self.rows
-        since_ns = self._time_since_start_ns(column)
+        since_ns = self._make_time_since_start_expression(column)
         seconds = (since_ns / 1e9).alias("t_s")
         rest = pl.exclude(column, "header_stamp_ns")
         if self.t0_unix_ns < FIRST_DATE_NS:
@@ -139,6 +144,6 @@ class RecordedStage:
             )
         return column
 
-    def _time_since_start_ns(self, column: str) -> pl.Expr:
+    def _make_time_since_start_expression(self, column: str) -> pl.Expr:
         """Time since the first sample, from a stamp or a grid time."""
         return pl.col(column) - (self.t0_unix_ns if column == "log_time_ns" else 0)

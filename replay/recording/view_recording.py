@@ -11,15 +11,15 @@ from estimators.errors import OutputError, RecordingError
 from recordings import plot_run, read_provenance, write_recording
 from recordings.report.picture import require_writable_picture
 from recordings.rrd.recording_limits import LIMITS as RECORDING_LIMITS
-from recordings.rrd.recording_window import read_window
-from recordings.rrd.viewer import open_viewer, take_screenshots_of_recording
+from recordings.rrd.recording_window import read_run_of_time_range
+from recordings.rrd.viewer import open_recording_in_viewer, take_screenshots_of_recording
 from recordings.rrd.writer import SUFFIX
 
 #: What is drawn around a moment, in s either way.
 AROUND_S: Final = 15.0
 
 
-def parse_moment_s(recording: Path, text: str) -> float:
+def parse_moment_of_run_s(recording: Path, text: str) -> float:
     """Second of a recording's run that a text denotes.
 
     Args:
@@ -52,7 +52,7 @@ def view_recording(
     *,
     at_s: float | None = None,
     screenshot: Path | None = None,
-    tab: str | None = None,
+    tab_title: str | None = None,
 ) -> list[Path]:
     """Open the viewer, or write screenshots of its tabs.
 
@@ -62,7 +62,7 @@ def view_recording(
         to_s: end of the shown stretch.
         at_s: time of the cursor.
         screenshot: folder for screenshots; None opens the viewer.
-        tab: the only tab to write.
+        tab_title: the only tab to write.
 
     Returns:
         Paths of the screenshots.
@@ -70,8 +70,8 @@ def view_recording(
     Raises:
         PayscopeError: no such recording, nothing in that stretch, no viewer, no such tab.
     """
-    if tab is not None and screenshot is None:
-        raise OutputError(f"--tab {tab}: selects pictures; add --screenshot FOLDER")
+    if tab_title is not None and screenshot is None:
+        raise OutputError(f"--tab {tab_title}: selects pictures; add --screenshot FOLDER")
     if at_s is not None and not abs(at_s) <= RECORDING_LIMITS.latest_s:
         raise RecordingError(f"--at {at_s}: is not a time; name seconds since the start")
     if screenshot is not None and screenshot.exists() and not screenshot.is_dir():
@@ -80,20 +80,20 @@ def view_recording(
     with tempfile.TemporaryDirectory(prefix="payscope-") as folder:
         shown = recording
         if from_s is not None or to_s is not None:
-            stretch = read_window(recording, from_s, to_s)
+            stretch = read_run_of_time_range(recording, from_s, to_s)
             shown = write_recording(stretch, Path(folder) / f"{recording.stem}{SUFFIX}")
         if screenshot is None:
-            open_viewer(shown, at_s)
+            open_recording_in_viewer(shown, at_s)
             return []
-        drawn = take_screenshots_of_recording(shown, folder, tab, at_s)
+        drawn = take_screenshots_of_recording(shown, folder, tab_title, at_s)
         screenshot.mkdir(parents=True, exist_ok=True)
         return [Path(shutil.move(each.png, screenshot / each.png.name)) for each in drawn]
 
 
 def plot_recording(
     recording: Path,
-    output: Path,
-    figure: str = "page",
+    picture_path: Path,
+    figure_name: str = "page",
     *,
     at_s: float | None = None,
     from_s: float | None = None,
@@ -104,8 +104,8 @@ def plot_recording(
 
     Args:
         recording: the recording.
-        output: path of the picture; its suffix sets the format.
-        figure: one of `recordings.plots.run_plots.FIGURES`.
+        picture_path: path of the picture; its suffix sets the format.
+        figure_name: one of `recordings.plots.run_plots.FIGURES`.
         at_s: moment to mark; without a stretch, `AROUND_S` on either side is drawn.
         from_s: start of the stretch, in seconds since the start.
         to_s: end of the stretch.
@@ -114,7 +114,7 @@ def plot_recording(
     Raises:
         PayscopeError: no such recording, nothing in that stretch, or the picture cannot be written.
     """
-    require_writable_picture(output, force=force)
+    require_writable_picture(picture_path, force=force)
     if at_s is not None:
         if not math.isfinite(at_s):
             raise RecordingError(f"--at {at_s}: is not a time; name seconds since the start")
@@ -122,5 +122,5 @@ def plot_recording(
             from_s, to_s = at_s - AROUND_S, at_s + AROUND_S
         elif (from_s is not None and at_s < from_s) or (to_s is not None and at_s > to_s):
             raise RecordingError(f"--at {at_s:g}: lies outside --from and --to; change one of them")
-    run = read_window(recording, from_s, to_s, raw=False)
-    return plot_run(run, output, figure=figure, at_s=at_s, force=force)
+    run = read_run_of_time_range(recording, from_s, to_s, are_raw_frames_read=False)
+    return plot_run(run, picture_path, figure_name=figure_name, at_s=at_s, force=force)

@@ -13,7 +13,7 @@ from analysis.model.physical_units import NS_PER_S
 from estimators.errors import RecordingError, ReviewError
 from estimators.file_digest import file_sha256
 from recordings import read_frame
-from recordings.report.atomic_output import atomic_files
+from recordings.report.atomic_output import stage_output_files
 from recordings.review.review_state import RECORDING, ReviewState, read_review_state
 from recordings.review.reviewer_verdicts import (
     VERDICTS,
@@ -27,17 +27,17 @@ from recordings.review.reviewer_verdicts import (
 )
 from recordings.review.shift_ledger import (
     PARQUET,
-    find_cycle_row,
+    find_ledger_row_of_cycle,
     make_cycles_frame,
     parse_local_instant,
 )
-from replay.review.review_folder import lock_folder
+from replay.review.review_folder import lock_review_folder
 from replay.review.write_review import (
     OUTPUTS,
     ShiftCount,
     ShiftReview,
     make_thinned_track,
-    write_review,
+    write_review_files,
 )
 
 _MODEL_KEYS: Final = {"id", "author", "time"}
@@ -48,7 +48,7 @@ class GivenVerdicts:
     """Verdicts of a reviewer from the command line.
 
     Attributes:
-        reject: cycles to exclude from the count; `find_cycle_row` describes their names.
+        reject: cycles to exclude from the count; `find_ledger_row_of_cycle` describes their names.
         accept: cycles to include again.
         cycles: cycles that the note and labels apply to.
         note: note on these cycles.
@@ -71,10 +71,12 @@ class GivenVerdicts:
 
     def __bool__(self) -> bool:
         """Whether there is any verdict."""
-        return bool(self.named_cycles or self.note or self._labels or self.spans)
+        return bool(
+            self.named_cycles_and_rejection or self.note or self._given_labels or self.spans
+        )
 
     @property
-    def named_cycles(self) -> list[tuple[str, bool | None]]:
+    def named_cycles_and_rejection(self) -> list[tuple[str, bool | None]]:
         """Named cycles, and whether each is rejected; None leaves it unchanged."""
         return [
             *((each, True) for each in self.reject),
@@ -83,7 +85,7 @@ class GivenVerdicts:
         ]
 
     @property
-    def _labels(self) -> dict[str, str]:
+    def _given_labels(self) -> dict[str, str]:
         return {name: text for name, text in self.labels.items() if text}
 
     def refuse_incomplete_verdicts(self) -> None:
@@ -92,11 +94,11 @@ class GivenVerdicts:
         Raises:
             ReviewError: the verdicts are incomplete; one line.
         """
-        if self.named_cycles and not self.author.strip():
+        if self.named_cycles_and_rejection and not self.author.strip():
             raise ReviewError("a verdict on a cycle needs an author; add --author NAME")
-        if self.note and not self.named_cycles:
+        if self.note and not self.named_cycles_and_rejection:
             raise ReviewError("a note needs a cycle; add --reject, --accept or --cycle WHEN")
-        if (self.begin or self.end) and (self.named_cycles or not self._labels):
+        if (self.begin or self.end) and (self.named_cycles_and_rejection or not self._given_labels):
             raise ReviewError(
                 "--from and --to limit labels; add --product, --operator, --truck, --customer or "
                 "--stockpile, and name no cycle"
@@ -104,34 +106,45 @@ class GivenVerdicts:
         trial = {
             "id": "",
             "author": self.author or "-",
-            "time": _current_time_to_second(),
+            "time": _read_current_time_to_second(),
             "note": self.note,
         }
         try:
-            CycleVerdict.model_validate(trial | self._labels)
+            CycleVerdict.model_validate(trial | self._given_labels)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             raise ReviewError(f"--{first['loc'][0]}: {first['msg']}") from None
 
     def list_changed_verdicts(
-        self, earlier: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
+        self,
+        earlier_verdicts: VerdictFile,
+        ledger_rows: pl.DataFrame,
+        state: ReviewState,
+        review_folder: Path,
     ) -> list[CycleVerdict | ShiftVerdict]:
         """Verdicts that change something compared with the earlier ones.
 
         Args:
-            earlier: earlier verdicts.
-            rows: the ledger.
+            earlier_verdicts: earlier verdicts.
+            ledger_rows: the ledger.
             state: state of the review.
-            folder: folder of the review.
+            review_folder: folder of the review.
         """
-        logged = [each for each in self.spans if each not in earlier.shift]
-        return [*logged, *self._select_verdicts_by_person(earlier, rows, state, folder)]
+        logged = [each for each in self.spans if each not in earlier_verdicts.shift]
+        return [
+            *logged,
+            *self._list_verdicts_by_person(earlier_verdicts, ledger_rows, state, review_folder),
+        ]
 
-    def _select_verdicts_by_person(
-        self, earlier: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
+    def _list_verdicts_by_person(
+        self,
+        earlier_verdicts: VerdictFile,
+        ledger_rows: pl.DataFrame,
+        state: ReviewState,
+        review_folder: Path,
     ) -> list[CycleVerdict | ShiftVerdict]:
         """Verdicts by a person rather than from a log; arguments as for `list_changed_verdicts`."""
-        now = _current_time_to_second()
+        now = _read_current_time_to_second()
         signed = {"author": self.author.strip() or None, "time": now}
         if self.begin or self.end:
             span = {
@@ -141,39 +154,40 @@ class GivenVerdicts:
             }
             if len(span) == 2 and span["begin"] >= span["end"]:
                 raise ReviewError(f"--to {self.end} is not after --from {self.begin}")
-            said = ShiftVerdict.model_validate(self._labels | span | signed)
+            said = ShiftVerdict.model_validate(self._given_labels | span | signed)
             if not any(
-                said.applies_to_dump_at(ends_ns / NS_PER_S) for ends_ns in rows["end_unix_ns"]
+                said.does_apply_to_dump_at(ends_ns / NS_PER_S)
+                for ends_ns in ledger_rows["end_unix_ns"]
             ):
                 raise ReviewError(
                     f"no load is dumped from {self.begin or 'the beginning'} to "
                     f"{self.end or 'the end'} of the shift"
                 )
             return [said]
-        if not self.named_cycles:
+        if not self.named_cycles_and_rejection:
             # labels of a part of the shift may say otherwise: the later one counts
-            in_parts = any(each.begin or each.end for each in earlier.shift)
+            in_parts = any(each.begin or each.end for each in earlier_verdicts.shift)
             said = {
                 name: text
-                for name, text in self._labels.items()
-                if in_parts or getattr(earlier.shift_labels, name) != text
+                for name, text in self._given_labels.items()
+                if in_parts or getattr(earlier_verdicts.shift_labels, name) != text
             }
             return [ShiftVerdict.model_validate(said | signed)] if said else []
-        standing = assign_verdicts_to_rows(earlier, rows["id"], folder)
+        standing = assign_verdicts_to_rows(earlier_verdicts, ledger_rows["id"], review_folder)
         found: dict[int, CycleVerdict] = {}
-        for when, reject in self.named_cycles:
-            row = find_cycle_row(when, rows, state.clock)
+        for when, reject in self.named_cycles_and_rejection:
+            row = find_ledger_row_of_cycle(when, ledger_rows, state.clock)
             old = found.get(row) or standing.get(row)
             kept = {} if old is None else old.model_dump(exclude=_MODEL_KEYS)
-            said = kept | self._labels | ({"note": self.note} if self.note else {})
+            said = kept | self._given_labels | ({"note": self.note} if self.note else {})
             said |= {} if reject is None else {"reject": reject}
             if said != kept:
-                by = {"id": rows["id"][row], "author": self.author.strip(), "time": now}
+                by = {"id": ledger_rows["id"][row], "author": self.author.strip(), "time": now}
                 found[row] = CycleVerdict.model_validate(said | by)
         return list(found.values())
 
 
-def _current_time_to_second() -> dt.datetime:
+def _read_current_time_to_second() -> dt.datetime:
     return dt.datetime.now(dt.UTC).replace(microsecond=0)
 
 
@@ -182,7 +196,7 @@ def is_review_folder(folder: Path) -> bool:
     return read_review_state(folder) is not None and (folder / PARQUET).is_file()
 
 
-def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
+def recount_review_with_verdicts(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
     """Add verdicts to a review's file, and rewrite its ledger and page.
 
     Raises:
@@ -195,7 +209,7 @@ def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
             f"{folder}: holds no review of this version; create one with payscope review LOG… -m "
             f"MACHINE -o {folder}"
         )
-    with lock_folder(folder):
+    with lock_review_folder(folder):
         recording = folder / RECORDING
         try:
             if file_sha256(recording) != state.recording_sha256:
@@ -214,11 +228,13 @@ def recount_review(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
         text = "\n".join(
             filter(None, (before and f"{before.rstrip()}\n", format_verdicts_as_toml(added)))
         )
-        shift = ShiftCount.count_cycles(cycles, summary, state.t0_unix_ns, text, folder)
-        page = shift.make_page(state, [], track)
+        shift = ShiftCount.count_cycles_with_verdicts(
+            cycles, summary, state.t0_unix_ns, text, folder
+        )
+        page = shift.make_review_page(state, [], track)
         names = [*OUTPUTS, *([VERDICTS] if added else [])]
-        with atomic_files([folder / name for name in names], force=True) as stage:
-            write_review(page, stage)
+        with stage_output_files([folder / name for name in names], force=True) as stage:
+            write_review_files(page, stage)
             if added:
                 (stage / VERDICTS).write_text(text, encoding="utf-8")
-    return ShiftReview.from_replay(folder, page, replayed=False)
+    return ShiftReview.from_replay(folder, page, is_newly_replayed=False)

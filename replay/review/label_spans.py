@@ -82,25 +82,25 @@ def read_label_spans(
 
 
 def iter_verdicts_of_label_spans(
-    channel: LabelChannel, frame: pl.DataFrame
+    channel: LabelChannel, topic_frame: pl.DataFrame
 ) -> Iterable[ShiftVerdict]:
     """Yield a verdict for each stretch with the same text."""
-    texts = [_format_label(each) for each in frame[channel.field]]
-    times = frame["log_time_ns"].to_list()
+    texts = [_format_label_value(each) for each in topic_frame[channel.field]]
+    times = topic_frame["log_time_ns"].to_list()
     changes = [k for k, text in enumerate(texts) if k == 0 or text != texts[k - 1]]
     for place, after in zip(changes, [*changes[1:], None], strict=True):
         if texts[place]:
             yield ShiftVerdict.model_validate(
                 {
                     channel.label: texts[place],
-                    "begin": _round_to_second(times[place]),
-                    "end": None if after is None else _round_to_second(times[after]),
+                    "begin": _round_unix_time_to_second(times[place]),
+                    "end": None if after is None else _round_unix_time_to_second(times[after]),
                     "author": BY_LOGS,
                 }
             )
 
 
-def _format_label(value: object) -> str:
+def _format_label_value(value: object) -> str:
     """Text of a message's value; whole numbers without decimals."""
     if value is None:
         return ""
@@ -109,6 +109,6 @@ def _format_label(value: object) -> str:
     return str(value).strip()
 
 
-def _round_to_second(unix_ns: int) -> dt.datetime:
+def _round_unix_time_to_second(unix_ns: int) -> dt.datetime:
     """Round to a second, as verdicts are written."""
     return dt.datetime.fromtimestamp(int(unix_ns // NS_PER_S), dt.UTC)

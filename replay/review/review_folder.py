@@ -16,7 +16,7 @@ _STAGE: Final = ".payscope-"
 
 
 @contextmanager
-def lock_folder(folder: Path) -> Generator[None]:
+def lock_review_folder(folder: Path) -> Generator[None]:
     """Lock the folder for this review, and remove the unfinished files of a killed review.
 
     The system releases the lock when the process ends, however it ends.

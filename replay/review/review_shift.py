@@ -24,10 +24,11 @@ from estimators.errors import DataError, RecordingError
 from estimators.file_digest import file_sha256
 from estimators.threads import map_in_threads
 from recordings import list_columns_by_frame, read_frame, write_recording
-from recordings.report.atomic_output import atomic_files
+from recordings.report.atomic_output import stage_output_files
 from recordings.review.review_state import (
     FORMAT,
     RECORDING,
+    ChangedSetting,
     ReviewState,
     collect_review_state,
     list_changed_settings,
@@ -38,27 +39,27 @@ from recordings.review.torn_logs import TornLog
 from replay.calibration.apply_evidence import (
     CalibrationRequest,
     MachineCalibration,
-    load_calibration,
+    load_and_verify_calibration,
 )
 from replay.inputs.channel_inputs import (
-    collect_package_versions,
+    collect_versions_of_packages,
     list_channel_fields,
     list_input_files,
     machine_without_settings_as_dict,
 )
 from replay.inputs.decode_cache import FOLDER as DECODED
-from replay.inputs.decode_cache import decode_logs
+from replay.inputs.decode_cache import decode_logs_in_parallel
 from replay.inputs.time_line import compute_log_begins_ns
 from replay.logs import Log, expand_log_folders, open_log
 from replay.machines.machine_file import find_time_axis_of_machine, load_machine
 from replay.pipeline import run
-from replay.review.review_folder import lock_folder
+from replay.review.review_folder import lock_review_folder
 from replay.review.write_review import (
     OUTPUTS,
     ShiftCount,
     ShiftReview,
     make_thinned_track,
-    write_review,
+    write_review_files,
 )
 
 #: Rows of the grid that the recording of a shift keeps one of, and the frames that it thins so.
@@ -117,26 +118,26 @@ def review_shift(
     """
     machine, by, logged = load_machine(machine_file, options.overrides), None, ""
     if options.calibration is not None:
-        by = load_calibration(options.calibration)
-        machine = by.require_calibrated_machine(by.weighing_machine(machine), machine_file)
+        by = load_and_verify_calibration(options.calibration)
+        machine = by.require_calibrated_machine(by.make_weighing_machine(machine), machine_file)
     logs = expand_log_folders(logs)
-    with lock_folder(folder), ExitStack() as stack:
+    with lock_review_folder(folder), ExitStack() as stack:
         verdicts = read_verdict_text(folder)
         parse_verdicts(verdicts, folder)  # what is wrong in it is said before the logs are read
         on_stage("open")
-        opened = sort_by_first_message(
+        opened = sort_logs_by_first_message(
             [
                 stack.enter_context(open_log(path, time=find_time_axis_of_machine(machine)))
                 for path in logs
             ]
         )
         if by is not None:
-            logged = by.require_logs_of_machine(opened)
+            logged = by.refuse_logs_of_other_machine(opened)
         map_in_threads(lambda log: log.digests, opened)
-        plain = _make_review_inputs(machine, options, by)
-        key = digest_replay_inputs(opened, machine, full=options.full)
+        plain = _convert_review_inputs_to_dict(machine, options, by)
+        key = digest_replay_inputs(opened, machine, is_full_recording=options.full)
         before = read_review_state(folder)
-        kept = read_earlier_replay(folder, before, key)
+        kept = read_replay_of_earlier_review(folder, before, key)
         made = kept or _replay_opened_shift(opened, machine, folder, (logs, machine_file), on_stage)
         cycles, against = made.cycles, ""
         if by is not None:
@@ -144,15 +145,18 @@ def review_shift(
             against = describe_contradicted_priors(told["nuisances"])
             shared_errors = SharedErrors.from_frames(told)
             cycles = cycles if against else calibrate_cycles(cycles, by.calibration, shared_errors)
-        shift = ShiftCount.count_cycles(cycles, made.shift, made.t0_unix_ns, verdicts, folder)
+        shift = ShiftCount.count_cycles_with_verdicts(
+            cycles, made.shift, made.t0_unix_ns, verdicts, folder
+        )
         on_stage("write")
         targets = [folder / name for name in (RECORDING, *OUTPUTS)]
         if kept is not None:
             del targets[0]
-        with atomic_files(targets, force=True) as stage:
+        with stage_output_files(targets, force=True) as stage:
             if made.run is not None:
                 write_recording(
-                    select_frames_for_recording(made.run, full=options.full), stage / RECORDING
+                    select_frames_for_recording(made.run, is_full_recording=options.full),
+                    stage / RECORDING,
                 )
                 digest = file_sha256(stage / RECORDING)
                 torn = find_torn_logs(opened, list_channel_fields(machine), made.run.provenance)
@@ -161,12 +165,12 @@ def review_shift(
             else:
                 assert before is not None
                 state = before
-            says = "" if by is None else by.describe(logged)
+            says = "" if by is None else by.describe_calibration_in_sentence(logged)
             state = state.model_copy(update={"resolved": plain, "calibration": (says, against)})
-            changes = None if before is None else _list_input_changes(before, state)
-            page = shift.make_page(state, changes, made.track)
-            write_review(page, stage)
-    return ShiftReview.from_replay(folder, page, replayed=kept is None)
+            changes = None if before is None else _list_changes_since_earlier_review(before, state)
+            page = shift.make_review_page(state, changes, made.track)
+            write_review_files(page, stage)
+    return ShiftReview.from_replay(folder, page, is_newly_replayed=kept is None)
 
 
 @dataclass(frozen=True)
@@ -182,20 +186,20 @@ class ReplayedShift:
 
 
 def _replay_opened_shift(
-    opened: list[Log],
+    opened_logs: list[Log],
     machine: Machine,
     folder: Path,
-    named: tuple[Sequence[Path], Path],
+    named_logs: tuple[Sequence[Path], Path],
     on_stage: Callable[[str], None],
 ) -> ReplayedShift:
-    count = len(opened)
-    own = decode_logs(
-        opened, machine, folder / DECODED, lambda done: on_stage(f"decode {done} of {count}")
+    count = len(opened_logs)
+    own = decode_logs_in_parallel(
+        opened_logs, machine, folder / DECODED, lambda done: on_stage(f"decode {done} of {count}")
     )
     try:
         made = run(own, machine, on_stage)
     except DataError as error:
-        logs, machine_file = named
+        logs, machine_file = named_logs
         names = ", ".join(map(str, logs))
         raise DataError(f"{names} with {machine_file}: {error}") from None
     frames = made.frames
@@ -205,13 +209,15 @@ def _replay_opened_shift(
         made.provenance.t0_unix_ns,
         make_thinned_track(frames["aligned"]),
         made,
-        make_mixed_machines_warning(made, opened, machine),
+        make_mixed_machines_warning(made, opened_logs, machine),
     )
 
 
-def make_mixed_machines_warning(run: Run, opened: list[Log], machine: Machine) -> str:
+def make_mixed_machines_warning(run: Run, opened_logs: list[Log], machine: Machine) -> str:
     """Warning that the logs may be of two machines; empty if nothing indicates it."""
-    begins = compute_log_begins_ns(opened, list_channel_fields(machine), run.provenance.t0_unix_ns)
+    begins = compute_log_begins_ns(
+        opened_logs, list_channel_fields(machine), run.provenance.t0_unix_ns
+    )
     found = find_empty_mass_jump(run.frames["manoeuvres"], list(begins.values()))
     return "" if found is None else found.warning_text(list(begins)[found.log].path.name)
 
@@ -223,12 +229,12 @@ def _compute_shift_energy_of_run(run: Run, machine: Machine) -> ShiftEnergy:
     return compute_shift_energy(frames, machine.model_copy(update={"settings": settings}), gaps)
 
 
-def read_earlier_replay(
-    folder: Path, earlier_review: ReviewState | None, key: str
+def read_replay_of_earlier_review(
+    folder: Path, earlier_review: ReviewState | None, inputs_digest: str
 ) -> ReplayedShift | None:
     """Read the replay of an earlier review of the same logs and settings; None if there is none."""
     recording = folder / RECORDING
-    if earlier_review is None or earlier_review.key != key or not recording.is_file():
+    if earlier_review is None or earlier_review.key != inputs_digest or not recording.is_file():
         return None
     if file_sha256(recording) != earlier_review.recording_sha256:
         return None
@@ -240,9 +246,9 @@ def read_earlier_replay(
     return ReplayedShift(cycles, shift, earlier_review.t0_unix_ns, track)
 
 
-def select_frames_for_recording(run: Run, *, full: bool) -> Run:
+def select_frames_for_recording(run: Run, *, is_full_recording: bool) -> Run:
     """Frames for the recording of a shift."""
-    if full:
+    if is_full_recording:
         return run
     frames: dict[str, pl.DataFrame] = {}
     for name, frame in run.frames.items():
@@ -258,7 +264,7 @@ def select_frames_for_recording(run: Run, *, full: bool) -> Run:
     return Run(frames, run.provenance)
 
 
-def sort_by_first_message(logs: list[Log]) -> list[Log]:
+def sort_logs_by_first_message(logs: list[Log]) -> list[Log]:
     """Sort logs by their first messages, so that the order of arguments does not matter."""
 
     def first_message_of_log(log: Log) -> tuple[int, str]:
@@ -278,52 +284,54 @@ def read_frames_for_calibration(shift: ReplayedShift, folder: Path) -> Mapping[s
     }
 
 
-def digest_replay_inputs(logs: list[Log], machine: Machine, *, full: bool) -> str:
+def digest_replay_inputs(logs: list[Log], machine: Machine, *, is_full_recording: bool) -> str:
     """Digest of everything that a replay and its recording depend on."""
     whole = {
         "format": FORMAT,
         "inputs": [each.sha256 for log in logs for each in list_input_files(log)],
         "machine": machine_without_settings_as_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
-        "versions": collect_package_versions(),
-        "full": full,
+        "versions": collect_versions_of_packages(),
+        "full": is_full_recording,
     }
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
 
 
-def _make_review_inputs(
+def _convert_review_inputs_to_dict(
     machine: Machine, options: ReviewOptions, calibration: MachineCalibration | None
 ) -> dict[str, Any]:
     """Everything but the logs that a review depends on."""
     return {
         **machine_without_settings_as_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
-        "versions": collect_package_versions(),
+        "versions": collect_versions_of_packages(),
         "target_kg": options.target_kg,
         "decimal_comma": options.decimal_comma,
         "calibration": "none" if calibration is None else f"evidence {calibration.document.id}",
     }
 
 
-def _list_input_changes(earlier: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
+def _list_changes_since_earlier_review(
+    earlier: ReviewState, state: ReviewState
+) -> list[ChangedSetting]:
     """Settings, options and logs that differ from the earlier review."""
     was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (earlier, state))
-    logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]
-    logs += [(f"log {name}", "–", "there") for name in sorted(now - was)]
+    logs = [ChangedSetting(f"log {name}", "there", "gone") for name in sorted(was - now)]
+    logs += [ChangedSetting(f"log {name}", "–", "there") for name in sorted(now - was)]
     return [*logs, *list_changed_settings(earlier, state.resolved)]
 
 
 def find_torn_logs(
-    logs: Sequence[Log], wanted: Mapping[str, Sequence[str]], provenance: Provenance
+    logs: Sequence[Log], wanted_fields: Mapping[str, Sequence[str]], provenance: Provenance
 ) -> tuple[TornLog, ...]:
     """Logs that end abruptly, in order of time.
 
     Args:
         logs: logs of the shift.
-        wanted: fields used by channels, by topic.
+        wanted_fields: fields used by channels, by topic.
         provenance: provenance of the replay, with its losses and the origin of its times.
     """
-    begins = compute_log_begins_ns(logs, wanted, provenance.t0_unix_ns)
+    begins = compute_log_begins_ns(logs, wanted_fields, provenance.t0_unix_ns)
     ordered = list(begins)
     found: list[TornLog] = []
     for number, log in enumerate(ordered, 1):
@@ -333,7 +341,7 @@ def find_torn_logs(
             if any(words in loss.what for words in _TORN)
             and (loss.source == log.path.name or (log.path / loss.source).exists())
         ]
-        topics = log.topics().filter(pl.col("topic").is_in(list(wanted)))
+        topics = log.topics().filter(pl.col("topic").is_in(list(wanted_fields)))
         first, last = topics["start_ns"].min(), topics["end_ns"].max()
         if losses and isinstance(first, int) and isinstance(last, int):
             following = ordered[number : number + 1]

@@ -9,24 +9,29 @@ import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck, judge_payload_target
 from analysis.cycles.shift_totals import LabelTotal, recompute_shift_totals, sum_cycles_by_label
-from recordings.review.energy_columns import convert_energy_to_dict
-from recordings.review.ledger_table import TABLE_CSV, XLSX, write_table_csv, write_xlsx
+from recordings.review.energy_columns import convert_shift_energy_to_dict
+from recordings.review.ledger_table import (
+    TABLE_CSV,
+    XLSX,
+    write_ledger_as_spreadsheet_csv,
+    write_ledger_as_xlsx,
+)
 from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, render_review_html
-from recordings.review.review_state import STATE, ReviewState
+from recordings.review.review_state import STATE, ChangedSetting, ReviewState
 from recordings.review.reviewer_verdicts import (
     LABELS,
     CycleVerdict,
     assign_verdicts_to_rows,
     parse_verdicts,
 )
-from recordings.review.shift_facts import describe_missing_tonnes
+from recordings.review.shift_facts import explain_why_no_cycle_counts
 from recordings.review.shift_ledger import (
     CSV,
     PARQUET,
     add_motion_columns,
-    make_cycle_ids,
-    make_ledger,
-    write_ledger,
+    make_ids_of_cycles,
+    make_ledger_frame,
+    write_ledger_parquet_and_csv,
 )
 
 #: What a review writes besides its recording.
@@ -60,7 +65,7 @@ class ShiftReview:
     @property
     def missing_tonnes_reason(self) -> str:
         """Why no cycle counts; empty if one does."""
-        return describe_missing_tonnes(self.state, self.ledger)
+        return explain_why_no_cycle_counts(self.state, self.ledger)
 
     def to_dict(self) -> dict[str, Any]:
         """The fields as plain JSON values."""
@@ -73,15 +78,17 @@ class ShiftReview:
             "losses": list(self.state.losses),
             "warnings": [self.state.mixed_machines] if self.state.mixed_machines else [],
             "calibration": self.calibration._asdict(),
-            "energy": convert_energy_to_dict(self.ledger, self.shift, self.state),
+            "energy": convert_shift_energy_to_dict(self.ledger, self.shift, self.state),
             "replayed": self.replayed,
         }
 
     @classmethod
-    def from_replay(cls, folder: Path, page: ReviewPage, *, replayed: bool) -> "ShiftReview":
+    def from_replay(
+        cls, folder: Path, page: ReviewPage, *, is_newly_replayed: bool
+    ) -> "ShiftReview":
         """Review from the contents of a page."""
         shown = (page.state, page.calibration, page.target)
-        return cls(folder, page.ledger, dict(page.shift), *shown, replayed)
+        return cls(folder, page.ledger, dict(page.shift), *shown, is_newly_replayed)
 
 
 @dataclass(frozen=True)
@@ -103,12 +110,12 @@ class ShiftCount:
     totals: Mapping[str, list[LabelTotal]]
 
     @classmethod
-    def count_cycles(
+    def count_cycles_with_verdicts(
         cls,
         cycles: pl.DataFrame,
         summary: pl.DataFrame,
         t0_unix_ns: int,
-        text: str,
+        verdict_text: str,
         folder: Path,
     ) -> "ShiftCount":
         """Count the cycles of a shift with verdicts applied.
@@ -117,31 +124,31 @@ class ShiftCount:
             cycles: frame `cycles`, calibrated if there is a calibration.
             summary: frame `shift` of the replay.
             t0_unix_ns: origin of times.
-            text: text of the file of verdicts.
+            verdict_text: text of the file of verdicts.
             folder: folder of that file.
 
         Raises:
             ReviewError: the file says something else, or a verdict is about no cycle.
         """
-        verdicts = parse_verdicts(text, folder)
-        by_row = assign_verdicts_to_rows(verdicts, make_cycle_ids(cycles, t0_unix_ns), folder)
+        verdicts = parse_verdicts(verdict_text, folder)
+        by_row = assign_verdicts_to_rows(verdicts, make_ids_of_cycles(cycles, t0_unix_ns), folder)
         rejected = [int(cycles["cycle"][row]) for row, each in by_row.items() if each.reject]
-        rows = make_ledger(cycles, t0_unix_ns, by_row, verdicts.find_labels_at_dump)
+        rows = make_ledger_frame(cycles, t0_unix_ns, by_row, verdicts.find_labels_at_dump)
         totals = {
             name: sum_cycles_by_label(cycles, rows[name].to_list(), rejected) for name in LABELS
         }
         return cls(
             rows,
             recompute_shift_totals(summary, cycles, rejected).row(0, named=True),
-            text,
+            verdict_text,
             by_row,
             {name: sums for name, sums in totals.items() if sums},
         )
 
-    def make_page(
+    def make_review_page(
         self,
         state: ReviewState,
-        changes: list[tuple[str, str, str]] | None,
+        input_changes: list[ChangedSetting] | None,
         track: pl.DataFrame | None,
     ) -> ReviewPage:
         """Page of the review; arguments as for `ReviewPage`."""
@@ -152,7 +159,7 @@ class ShiftCount:
             add_motion_columns(self.rows, state),
             self.shift,
             None if target_kg is None else judge_payload_target(counted, target_kg),
-            changes,
+            input_changes,
             UsedCalibration(*state.calibration),
             track,
             self.verdicts,
@@ -161,15 +168,19 @@ class ShiftCount:
         )
 
 
-def write_review(page: ReviewPage, folder: Path) -> None:
+def write_review_files(review_page: ReviewPage, folder: Path) -> None:
     """Write ledger, page and state of a review."""
-    write_ledger(page.ledger, folder)
-    clock = page.state.clock
-    write_xlsx(page.ledger, clock, folder / XLSX)
-    comma = bool(page.state.resolved.get("decimal_comma", False))
-    write_table_csv(page.ledger, clock, folder / TABLE_CSV, decimal_comma=comma)
-    (folder / PAGE).write_text(render_review_html(page), encoding="utf-8")
-    (folder / STATE).write_text(page.state.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    write_ledger_parquet_and_csv(review_page.ledger, folder)
+    clock = review_page.state.clock
+    write_ledger_as_xlsx(review_page.ledger, clock, folder / XLSX)
+    comma = bool(review_page.state.resolved.get("decimal_comma", False))
+    write_ledger_as_spreadsheet_csv(
+        review_page.ledger, clock, folder / TABLE_CSV, has_decimal_comma=comma
+    )
+    (folder / PAGE).write_text(render_review_html(review_page), encoding="utf-8")
+    (folder / STATE).write_text(
+        review_page.state.model_dump_json(indent=1) + "\n", encoding="utf-8"
+    )
 
 
 def make_thinned_track(aligned: pl.DataFrame) -> pl.DataFrame | None:

@@ -18,7 +18,7 @@ from replay.machines.machine_file import (
     find_machine_file,
     find_time_axis_of_machine,
     load_machine,
-    read_file_signature,
+    read_file_time_size_and_inode,
 )
 from replay.pipeline import STAGES, run
 from replay.runs.run_limits import LIMITS
@@ -51,7 +51,7 @@ STEPS: Final = ("open", *STAGES, "record")
 _NOWHERE: Final = RecordTo()
 
 
-def replay_logs(
+def replay_and_record_logs(
     logs: Sequence[Path],
     machine_file: Path,
     output: RecordTo = _NOWHERE,
@@ -79,15 +79,15 @@ def replay_logs(
     by: MachineCalibration | None = None
     if calibration is not None:
         # a run begins without what it may not need
-        from replay.calibration.apply_evidence import load_calibration
+        from replay.calibration.apply_evidence import load_and_verify_calibration
 
-        by = load_calibration(calibration)
-        machine = by.require_calibrated_machine(by.weighing_machine(machine), machine_file)
+        by = load_and_verify_calibration(calibration)
+        machine = by.require_calibrated_machine(by.make_weighing_machine(machine), machine_file)
     if output.path is not None:
         recordings.require_writable_recording(output.path, force=output.force)
         refuse_input_as_output(output.path, (path for path in logs if path.exists()))
     # before the work: without a screen there is nothing to wait for
-    viewer = open_requested_viewer(output)
+    viewer = open_requested_live_viewer(output)
     with ExitStack() as stack:
         on_stage("open")
         opened = [
@@ -95,7 +95,7 @@ def replay_logs(
             for path in logs
         ]
         if by is not None:
-            by.require_logs_of_machine(opened)
+            by.refuse_logs_of_other_machine(opened)
         try:
             result = run(opened, machine, on_stage)
         except DataError as error:
@@ -106,21 +106,21 @@ def replay_logs(
             others = f"and {len(more)} more; " if more else ""
             raise LogError(f"{first} ({others}leave out --strict to accept)")
         if by is not None:
-            result = by.calibrate_run(result)
+            result = by.calibrate_masses_of_run(result)
         if output.path is not None:
             on_stage("record")
             recordings.write_recording(result, output.path, force=output.force, viewer=viewer)
     return answer(result, str(output.path) if output.path else None)
 
 
-def open_requested_viewer(output: RecordTo) -> "LiveView | None":
+def open_requested_live_viewer(output: RecordTo) -> "LiveView | None":
     """The open viewer, or a new one if it is requested; None without one."""
     if output.viewer is not None or not output.live:
         return output.viewer
-    from recordings.rrd.viewer import start_viewer
+    from recordings.rrd.viewer import start_waiting_viewer
     from recordings.rrd.writer import LiveView
 
-    return LiveView(start_viewer())
+    return LiveView(start_waiting_viewer())
 
 
 def watch_machine_file(
@@ -147,11 +147,11 @@ def watch_machine_file(
     Raises:
         PayscopeError: the first replay failed.
     """
-    from recordings.rrd.viewer import list_shown_recordings, replace_recording
+    from recordings.rrd.viewer import list_ids_of_shown_recordings, replace_recording_in_viewer
 
     # a file that is gone is not the shipped one of its name
     path = find_machine_file(machine_file).absolute()
-    view = open_requested_viewer(output)
+    view = open_requested_live_viewer(output)
     last: Machine | None = None
     failed = False
     for _ in iter_machine_file_changes(path):
@@ -160,10 +160,10 @@ def watch_machine_file(
             changed = [] if last is None else list_changed_settings_and_keys(last, machine)
             if last is not None and not changed and not failed:
                 continue  # a comment, or the file was touched
-            before = list_shown_recordings(view.address) if view else ()
+            before = list_ids_of_shown_recordings(view.address) if view else ()
             answer = replay(replace(output, viewer=view))
             if view:
-                replace_recording(view.address, before)
+                replace_recording_in_viewer(view.address, before)
         except PayscopeError as error:
             if last is None:
                 raise
@@ -179,11 +179,11 @@ def watch_machine_file(
 
 def iter_machine_file_changes(path: Path) -> Iterator[None]:
     """Yield once at the start, after each change that has settled, and when the file vanishes."""
-    seen, missed = read_file_signature(path), 0
+    seen, missed = read_file_time_size_and_inode(path), 0
     yield
     while True:
         time.sleep(LIMITS.check_interval_s)
-        now = read_file_signature(path)
+        now = read_file_time_size_and_inode(path)
         missed = missed + 1 if now is None else 0
         if missed == LIMITS.checks_until_removed:
             seen = None  # the same file again is a change
@@ -192,7 +192,7 @@ def iter_machine_file_changes(path: Path) -> Iterator[None]:
             continue
         while True:
             time.sleep(LIMITS.check_interval_s)
-            settled = read_file_signature(path)
+            settled = read_file_time_size_and_inode(path)
             if settled == now:
                 break
             now = settled

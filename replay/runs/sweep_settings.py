@@ -22,7 +22,7 @@ from replay.logs import open_log
 from replay.machines.machine_file import find_time_axis_of_machine, load_machine
 from replay.pipeline import run
 from replay.runs.run_limits import LIMITS
-from replay.simulation.log_truth import has_truth, read_true_trials
+from replay.simulation.log_truth import have_logs_truth_of_trials, read_true_trials_of_logs
 
 if TYPE_CHECKING:
     from replay.calibration.apply_evidence import CalibrationRequest, MachineCalibration
@@ -45,7 +45,7 @@ class SweepRow:
     errors: dict[str, dict[str, float | None]]
 
 
-def sweep_settings(
+def sweep_setting_combinations(
     logs: Sequence[Path],
     machine_file: Path,
     overrides: Sequence[str],
@@ -77,14 +77,14 @@ def sweep_settings(
     by: MachineCalibration | None = None
     if calibration is not None:
         # a sweep begins without what it may not need
-        from replay.calibration.apply_evidence import load_calibration
+        from replay.calibration.apply_evidence import load_and_verify_calibration
 
-        by = load_calibration(calibration)
+        by = load_and_verify_calibration(calibration)
         by.require_calibrated_machine(
-            by.weighing_machine(load_machine(machine_file, overrides)), machine_file
+            by.make_weighing_machine(load_machine(machine_file, overrides)), machine_file
         )
-        machines = [by.weighing_machine(machine) for machine in machines]
-    truth = read_true_trials(logs) if has_truth(logs) else None
+        machines = [by.make_weighing_machine(machine) for machine in machines]
+    truth = read_true_trials_of_logs(logs) if have_logs_truth_of_trials(logs) else None
     rows: list[SweepRow] = []
     with ExitStack() as stack:
         opened: dict[LogSection, list[CachedLog]] = {}
@@ -98,10 +98,14 @@ def sweep_settings(
                     for path in logs
                 ]
             if by is not None:
-                by.require_logs_of_machine(opened[machine.log])
-            replayed = _replay_combination(opened[machine.log], machine, logs, machine_file, each)
+                by.refuse_logs_of_other_machine(opened[machine.log])
+            replayed = _replay_setting_combination(
+                opened[machine.log], machine, logs, machine_file, each
+            )
             if by is not None:
-                replayed = by.calibrate_run(replayed, by.differing_settings_text(machine))
+                replayed = by.calibrate_masses_of_run(
+                    replayed, by.list_differing_settings_as_text(machine)
+                )
             told = answer(replayed)
             errors: dict[str, dict[str, float | None]] = {}
             if reference_kg is not None:
@@ -111,13 +115,15 @@ def sweep_settings(
                     for method, mass in row.quantities["mass_kg"].items()
                 }
             if truth is not None:
-                errors |= rms_errors_by_truth(replayed, truth, can_weigh=told.verdict.can_weigh)
+                errors |= compute_rms_errors_of_masses(
+                    replayed, truth, can_weigh=told.verdict.can_weigh
+                )
             values = dict(part.split("=", 1) for part in each)
             rows.append(SweepRow(values, told, errors))
     return rows
 
 
-def _replay_combination(
+def _replay_setting_combination(
     logs: Sequence[CachedLog],
     machine: Machine,
     paths: Sequence[Path],
@@ -131,21 +137,21 @@ def _replay_combination(
         raise DataError(f"{names} with {machine_file}, {', '.join(overrides)}: {error}") from None
 
 
-def rms_errors_by_truth(
-    replayed: Run, truth: pl.DataFrame, *, can_weigh: bool
+def compute_rms_errors_of_masses(
+    replayed: Run, true_trials: pl.DataFrame, *, can_weigh: bool
 ) -> dict[str, dict[str, float | None]]:
     """Root mean square errors of the runs' masses, by name and method."""
-    estimates = average_masses_by_method_and_run(replayed, truth)
+    estimates = average_masses_by_method_and_run(replayed, true_trials)
     errors = compute_start_errors(estimates).with_columns(
         raw_kg=pl.col("mass_kg") - pl.col("reference_kg"),
     )
     names = {"rmse_kg": "raw_kg"}
-    if truth["load_kg"].n_unique() >= LIMITS.calibration_min_loads:
+    if true_trials["load_kg"].n_unique() >= LIMITS.calibration_min_loads:
         names |= {"calibrated_rmse_kg": "error_kg", "left_out_rmse_kg": "error_left_out_kg"}
     by_method = {str(method): part for (method,), part in errors.group_by("method")}
     return {
         name: {
-            method: _rms_error(by_method[method][column])
+            method: _compute_rms_error(by_method[method][column])
             if can_weigh and method in by_method
             else None
             for method in replayed.frames["masses"]["method"]
@@ -154,7 +160,7 @@ def rms_errors_by_truth(
     }
 
 
-def _rms_error(errors: pl.Series) -> float | None:
+def _compute_rms_error(errors: pl.Series) -> float | None:
     known = errors.drop_nulls().to_numpy()
     return float(np.sqrt((known**2).mean())) if known.size else None
 
@@ -172,7 +178,7 @@ def list_value_combinations(options: Sequence[str]) -> list[tuple[str, ...]]:
     Raises:
         MachineError: --over is not a range or list, or gives a key twice; one line.
     """
-    axes = [parse_swept_key(each) for each in options]
+    axes = [parse_swept_option(each) for each in options]
     keys = [axis[0].partition("=")[0] for axis in axes]
     for key in keys:
         if keys.count(key) > 1:
@@ -188,7 +194,7 @@ def list_value_combinations(options: Sequence[str]) -> list[tuple[str, ...]]:
     return list(product(*axes))
 
 
-def parse_swept_key(option: str) -> list[str]:
+def parse_swept_option(option: str) -> list[str]:
     """Overrides of one --over option."""
     key, equals, text = (part.strip() for part in option.partition("="))
     if not (key and equals and text):

@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from analysis.simulation.logs.shift_logs import ShiftTruth
 
 
-def make_truth_path(log: Path) -> Path:
+def make_truth_path_of_log(log: Path) -> Path:
     """Path of the truth of a simulated log."""
     return log.with_name(f"{log.name}.truth.json")
 
 
-def write_truth(simulated: SimulatedLog, log: Path) -> None:
+def write_truth_of_log(simulated: SimulatedLog, log: Path) -> None:
     """Write the truth of a simulated log next to it."""
     truth = {
         "log": log.name,
@@ -32,10 +32,10 @@ def write_truth(simulated: SimulatedLog, log: Path) -> None:
         "manoeuvres": simulated.manoeuvres.to_dicts(),
         "scenario": simulated.scenario.model_dump(mode="json"),
     }
-    make_truth_path(log).write_text(json.dumps(truth, indent=2) + "\n", encoding="utf-8")
+    make_truth_path_of_log(log).write_text(json.dumps(truth, indent=2) + "\n", encoding="utf-8")
 
 
-def write_shift_truth(
+def write_truth_of_shift(
     truth: "ShiftTruth", scenario: Scenario, logs: Sequence[Path], path: Path
 ) -> None:
     """Write the truth of a whole shift: cycles, dumps, standstills and logs, in unix ns."""
@@ -50,12 +50,16 @@ def write_shift_truth(
     path.write_text(json.dumps(whole, indent=2) + "\n", encoding="utf-8")
 
 
-def has_truth(logs: Sequence[Path]) -> bool:
+def have_logs_truth_of_trials(logs: Sequence[Path]) -> bool:
     """Whether every log has the truth of its trials next to it; a shift has no trials."""
-    return all(make_truth_path(log).is_file() and _has_trials(make_truth_path(log)) for log in logs)
+    return all(
+        make_truth_path_of_log(log).is_file()
+        and _has_truth_file_trials(make_truth_path_of_log(log))
+        for log in logs
+    )
 
 
-def read_true_trials(logs: Sequence[Path]) -> pl.DataFrame:
+def read_true_trials_of_logs(logs: Sequence[Path]) -> pl.DataFrame:
     """True values of every trial, in the logs' order, by the logs' own clock.
 
     Args:
@@ -67,18 +71,18 @@ def read_true_trials(logs: Sequence[Path]) -> pl.DataFrame:
     Raises:
         LogError: a truth file cannot be read, or is not one.
     """
-    return pl.concat([_read_trials(make_truth_path(log)) for log in logs])
+    return pl.concat([_read_trials_of_truth_file(make_truth_path_of_log(log)) for log in logs])
 
 
-def _has_trials(path: Path) -> bool:
-    """Whether a truth file is not of a shift; `read_true_trials` reports unreadable files."""
+def _has_truth_file_trials(path: Path) -> bool:
+    """Whether a truth file is of trials; `read_true_trials_of_logs` reports unreadable files."""
     try:
         return json.loads(path.read_text(encoding="utf-8")).get("runs") != []
     except (OSError, ValueError, AttributeError):
         return True
 
 
-def _read_trials(path: Path) -> pl.DataFrame:
+def _read_trials_of_truth_file(path: Path) -> pl.DataFrame:
     try:
         truth = json.loads(path.read_text(encoding="utf-8"))
         zero_ns = truth["time_zero_unix_ns"]

@@ -10,17 +10,17 @@ from analysis.simulation.trials.trial_limits import (
     refuse_undrivable_shift,
 )
 from estimators.errors import ScenarioError
-from recordings.report.atomic_output import atomic_file
+from recordings.report.atomic_output import stage_output_file
 from replay.machines.toml_file import (
     format_toml,
-    read_toml,
+    read_toml_file,
     refuse_other_kind_of_file,
-    set_dotted_key,
+    set_dotted_key_in_content,
     validate_toml_content,
 )
 
 
-def load_scenario(path: Path | str | None, overrides: Iterable[str] = ()) -> Scenario:
+def load_scenario_file(path: Path | str | None, overrides: Iterable[str] = ()) -> Scenario:
     """Read a scenario file; omitted keys are as in the paper's campaign.
 
     Args:
@@ -33,10 +33,10 @@ def load_scenario(path: Path | str | None, overrides: Iterable[str] = ()) -> Sce
     """
     content: dict[str, Any] = {"campaign": {"loads_kg": [0.0], "runs": 1}}
     if path is not None:
-        content = read_toml(Path(path), ScenarioError)
+        content = read_toml_file(Path(path), ScenarioError)
         refuse_other_kind_of_file(Path(path), content, "scenario file", ScenarioError)
     for override in overrides:
-        set_dotted_key(content, override, ScenarioError)
+        set_dotted_key_in_content(content, override, ScenarioError)
     source = Path(path or "--set")
     scenario = validate_toml_content(source, content, Scenario, ScenarioError)
     try:
@@ -58,22 +58,25 @@ def format_scenario_file(scenario: Scenario) -> str:
         section.pop("manoeuvres", None)
         # a shift is one by its section alone
         if section or name == "shift":
-            blocks.append(_format_toml_block(f"[{name}]", section))
-    blocks += [_format_toml_block("[[campaign.manoeuvres]]", each) for each in manoeuvres]
+            blocks.append(_format_toml_table(f"[{name}]", section))
+    blocks += [_format_toml_table("[[campaign.manoeuvres]]", each) for each in manoeuvres]
     return "\n".join(blocks)
 
 
-def write_scenario(scenario: Scenario, path: Path, *, force: bool = False) -> None:
+def write_scenario_file(scenario: Scenario, path: Path, *, force: bool = False) -> None:
     """Write a scenario file that `simulate` accepts.
 
     Raises:
         OutputError: the file is there already, or its folder cannot be written to.
     """
-    with atomic_file(path, force=force) as partial:
+    with stage_output_file(path, force=force) as partial:
         partial.write_text(format_scenario_file(scenario), encoding="utf-8")
 
 
-def _format_toml_block(title: str, values: Mapping[str, Any]) -> str:
+def _format_toml_table(title: str, values: Mapping[str, Any]) -> str:
     return "".join(
-        [f"{title}\n", *(f"{key} = {format_toml(value)}\n" for key, value in values.items())]
+        [
+            f"{title}\n",
+            *(f"{key} = {format_toml(value)}\n" for key, value in values.items()),
+        ]
     )

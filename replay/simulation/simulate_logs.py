@@ -9,14 +9,18 @@ import polars as pl
 
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from estimators.errors import OutputError
-from recordings.report.atomic_output import atomic_files
+from recordings.report.atomic_output import stage_output_files
 from replay.logs.writers.bag_writer import write_bag
 from replay.logs.writers.mcap_writer import write_mcap
 from replay.logs.writers.rosbag2_writer import METADATA, write_db3, write_rosbag2
-from replay.simulation.log_truth import make_truth_path, write_shift_truth, write_truth
+from replay.simulation.log_truth import (
+    make_truth_path_of_log,
+    write_truth_of_log,
+    write_truth_of_shift,
+)
 
 
-def write_csv(log: SimulatedLog, path: Path) -> None:
+def write_log_as_csv(log: SimulatedLog, path: Path) -> None:
     """Write `log` as CSV at `path`, where nothing is yet.
 
     `time_s` counts from the start of the campaign, so that the tables of all loads make one time
@@ -38,12 +42,12 @@ WRITERS: Final[dict[str, Callable[[SimulatedLog, Path], None]]] = {
     ".bag": write_bag,
     ".mcap": write_mcap,
     ".db3": write_db3,
-    ".csv": write_csv,
+    ".csv": write_log_as_csv,
     "": write_rosbag2,
 }
 
 
-def write_logs(
+def write_logs_and_truths(
     logs: Iterable[SimulatedLog],
     targets: Sequence[Path],
     *,
@@ -69,14 +73,14 @@ def write_logs(
                 f"{target}: no format '{target.suffix}'; use .bag, .mcap, .db3, .csv, "
                 "or no suffix for a rosbag2 directory"
             )
-    with atomic_files(
-        [*targets, *map(make_truth_path, targets), *further_files], force=force
+    with stage_output_files(
+        [*targets, *map(make_truth_path_of_log, targets), *further_files], force=force
     ) as stage:
         for log, target in zip(logs, targets, strict=True):
             WRITERS[target.suffix](log, stage / target.name)
             if log.torn_share:
                 truncate_log_file(stage / target.name, log.torn_share)
-            write_truth(log, stage / target.name)
+            write_truth_of_log(log, stage / target.name)
         for target, write in further_files.items():
             write(stage / target.name)
 
@@ -96,7 +100,9 @@ def truncate_log_file(log: Path, fraction: float) -> None:
         file.truncate(size - round(size * fraction))
 
 
-def simulate_scenario(scenario: Scenario, output: Path, *, force: bool = False) -> list[Path]:
+def simulate_scenario_to_logs(
+    scenario: Scenario, output: Path, *, force: bool = False
+) -> list[Path]:
     """Write the scenario's logs, each with its truth (`LOG.truth.json`).
 
     Args:
@@ -115,20 +121,22 @@ def simulate_scenario(scenario: Scenario, output: Path, *, force: bool = False) 
             be written to.
         ScenarioError: the machine cannot be driven as asked.
     """
-    targets = make_log_paths(scenario, output)
+    targets = make_paths_of_simulated_logs(scenario, output)
     if scenario.shift is None:
-        write_logs(simulate_campaign(scenario), targets, force=force)
+        write_logs_and_truths(simulate_campaign(scenario), targets, force=force)
         return targets
     from analysis.simulation.logs.shift_logs import ShiftSimulation
 
     shift = ShiftSimulation(scenario, scenario.shift)
     beside = make_shift_truth_path(output)
-    write_logs(
+    write_logs_and_truths(
         shift.simulate_logs(),
         targets,
         force=force,
         further_files={
-            beside: lambda path: write_shift_truth(shift.collect_truth(), scenario, targets, path)
+            beside: lambda path: write_truth_of_shift(
+                shift.collect_truth(), scenario, targets, path
+            )
         },
     )
     return targets
@@ -139,7 +147,7 @@ def make_shift_truth_path(output: Path) -> Path:
     return output.with_name(f"{output.stem}.cycles.json")
 
 
-def make_log_paths(scenario: Scenario, output: Path) -> list[Path]:
+def make_paths_of_simulated_logs(scenario: Scenario, output: Path) -> list[Path]:
     """Paths of the logs that `simulate` writes.
 
     Raises:
@@ -148,7 +156,7 @@ def make_log_paths(scenario: Scenario, output: Path) -> list[Path]:
     if not output.name:
         raise OutputError(f"{output}: is a folder; give a log in it, such as '{output}/log.mcap'")
     if scenario.shift is not None:
-        return _numbered_paths(output, scenario.shift.logs)
+        return _make_numbered_paths(output, scenario.shift.logs)
     loads = scenario.campaign.loads_kg
     if len(loads) == 1:
         return [output]
@@ -158,13 +166,13 @@ def make_log_paths(scenario: Scenario, output: Path) -> list[Path]:
     ]
 
 
-def _numbered_paths(output: Path, count: int) -> list[Path]:
-    if count == 1:
+def _make_numbered_paths(output: Path, path_count: int) -> list[Path]:
+    if path_count == 1:
         return [output]
-    digits = len(str(count))
+    digits = len(str(path_count))
     return [
         output.with_name(f"{output.stem}_{number:0{digits}}{output.suffix}")
-        for number in range(1, count + 1)
+        for number in range(1, path_count + 1)
     ]
 
 

@@ -17,8 +17,8 @@ from replay.follow.follow_logs import Following, follow_logs
 from replay.machines.machine_file import load_machine
 from replay.machines.toml_file import format_toml
 from replay.review.review_shift import ReviewOptions, review_shift
-from replay.runs.run_logs import replay_logs
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.runs.run_logs import replay_and_record_logs
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 _CONTAINERS: Final = (".bag", ".mcap", ".db3")
 #: What `on_stage` is told, in order.
@@ -64,7 +64,7 @@ _TURNING: Final = {
 _SHIFT: Final = SimulatedShift(duration_h=0.1, logs=2)
 
 
-def compile_loops(on_stage: Callable[[str], None] = lambda _: None) -> None:
+def compile_all_loops(on_stage: Callable[[str], None] = lambda _: None) -> None:
     """Compile all loops into their caches; cached ones are only loaded.
 
     Args:
@@ -74,24 +74,28 @@ def compile_loops(on_stage: Callable[[str], None] = lambda _: None) -> None:
         folder = Path(made)
         on_stage("simulate")
         straight = Scenario.model_validate(_STRAIGHT)
-        turning = simulate_scenario(Scenario.model_validate(_TURNING), folder / "turning.mcap")
+        turning = simulate_scenario_to_logs(
+            Scenario.model_validate(_TURNING), folder / "turning.mcap"
+        )
         hauling = Scenario().model_copy(update={"shift": _SHIFT})
-        shift = simulate_scenario(hauling, folder / "shift.mcap")
+        shift = simulate_scenario_to_logs(hauling, folder / "shift.mcap")
         for suffix in _CONTAINERS:
             on_stage(suffix[1:])
-            logs = simulate_scenario(straight, folder / f"straight{suffix}")
-            replay_logs(logs, _MACHINE, overrides=[_ALL_METHODS])
+            logs = simulate_scenario_to_logs(straight, folder / f"straight{suffix}")
+            replay_and_record_logs(logs, _MACHINE, overrides=[_ALL_METHODS])
         on_stage("rates")
         for name, keys in _OTHER_RATES.items():
             scenario = Scenario.model_validate(keys)
-            replay_logs(simulate_scenario(scenario, folder / f"{name}.mcap"), _MACHINE)
+            replay_and_record_logs(
+                simulate_scenario_to_logs(scenario, folder / f"{name}.mcap"), _MACHINE
+            )
         on_stage("turns")
-        replay_logs(turning, _MACHINE)
+        replay_and_record_logs(turning, _MACHINE)
         on_stage("follow")
-        follow_logs(turning, load_machine(_MACHINE), _discard_rows, idle_s=0.0)
+        follow_logs(turning, load_machine(_MACHINE), _discard_followed_rows, idle_s=0.0)
         on_stage("review")
         review_shift(shift, _MACHINE, folder / "page", ReviewOptions())
 
 
-def _discard_rows(following: Following, rows: list[FollowedRow]) -> None:
+def _discard_followed_rows(following: Following, rows: list[FollowedRow]) -> None:
     del following, rows

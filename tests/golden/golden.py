@@ -164,14 +164,14 @@ def margin(replayed: Run) -> float:
 
 def make_logs() -> None:
     """Make the logs anew: two by the simulator, and a table of position and force."""
-    from replay.simulation.log_truth import make_truth_path
-    from replay.simulation.scenario_file import load_scenario
-    from replay.simulation.simulate_logs import simulate_scenario
+    from replay.simulation.log_truth import make_truth_path_of_log
+    from replay.simulation.scenario_file import load_scenario_file
+    from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
     for name in ("straight", "planar"):
-        scenario = load_scenario(FOLDER / f"{name}.scenario.toml")
-        for written in simulate_scenario(scenario, FOLDER / f"{name}.mcap", force=True):
-            make_truth_path(written).unlink()
+        scenario = load_scenario_file(FOLDER / f"{name}.scenario.toml")
+        for written in simulate_scenario_to_logs(scenario, FOLDER / f"{name}.mcap", force=True):
+            make_truth_path_of_log(written).unlink()
     sledge().write_csv(FOLDER / "table.csv")
 
 

@@ -8,17 +8,17 @@ from analysis import Run
 from analysis.explain import explain
 from recordings import write_recording
 from recordings.explain.explanation_view import (
-    describe_answer_and_cause,
+    describe_answer_and_likeliest_cause,
     draw_explanation,
-    iter_finding_lines,
-    iter_gate_lines,
+    iter_lines_of_findings,
+    iter_lines_of_gate_reasons,
     plot_explanation,
 )
 from recordings.report.finding_text import format_findings_markdown
 from recordings.rrd.display_frames import make_display_frames
 from recordings.rrd.recording_texts import format_answer_markdown
 from recordings.rrd.stored_names import STATE
-from recordings.rrd.writer import make_scene
+from recordings.rrd.writer import make_scene_of_run
 
 S = 10**9
 LANE = "display/states/finding"
@@ -63,7 +63,7 @@ def test_in_the_lane_a_finding_of_a_stretch_stands_before_one_of_the_whole_log(d
 
 def test_the_tab_is_there_only_where_there_are_findings(drives) -> None:
     def tabs(run: Run) -> list[str]:
-        root = make_scene(run).layout.root_container
+        root = make_scene_of_run(run).layout.root_container
         return [tab.name for tab in root.contents]
 
     assert tabs(drives(30.0))[1] == "Findings"
@@ -85,30 +85,30 @@ def test_findings_are_events_in_time(drives, tmp_path: Path) -> None:
 
 
 def test_the_verdict_is_one_sentence_with_the_likeliest_cause(drives) -> None:
-    said = describe_answer_and_cause(explain(drives(60.0)))
+    said = describe_answer_and_likeliest_cause(explain(drives(60.0)))
     assert said.count("\n") == 0
     assert said.endswith(
         "likeliest cause of an error: delay (fixing it changes the mass by +123 ± 10 kg), "
         "and 1 finding more."
     )
-    assert describe_answer_and_cause(explain(healthy(drives(60.0)))).endswith(
+    assert describe_answer_and_likeliest_cause(explain(healthy(drives(60.0)))).endswith(
         "none of the known causes of an error was detected."
     )
     told = drives(60.0)
     told.frames["findings"] = told.frames["findings"].with_columns(
         severity=pl.lit("tell"), mass_change_kg=pl.lit(None, pl.Float64)
     )
-    assert describe_answer_and_cause(explain(told)).endswith(
+    assert describe_answer_and_likeliest_cause(explain(told)).endswith(
         "none of the findings is known to affect the mass: delay, frozen."
     )
-    older = describe_answer_and_cause(explain(without(drives(60.0), "findings")))
+    older = describe_answer_and_likeliest_cause(explain(without(drives(60.0), "findings")))
     assert older.endswith("replay the log.")
 
 
 def test_at_a_moment_the_gate_is_told_with_the_number_that_decided(drives) -> None:
     explained = explain(drives(60.0), at_s=14.0)
-    assert "at 14 s the window is accepted (index" in describe_answer_and_cause(explained)
-    lines = list(iter_gate_lines(explained))
+    assert "at 14 s the window is accepted (index" in describe_answer_and_likeliest_cause(explained)
+    lines = list(iter_lines_of_gate_reasons(explained))
     assert any("accepted (index" in line and "≥ 0.7 nat" in line for line in lines)
     # what is 5 s away is told as well, a finding elsewhere is not
     assert [each.cause for each in explained.findings or ()] == ["delay", "frozen"]
@@ -118,7 +118,7 @@ def test_at_a_moment_the_gate_is_told_with_the_number_that_decided(drives) -> No
 
 def test_the_lines_name_causes_and_proposals(drives) -> None:
     explained = explain(drives(60.0))
-    lines = list(iter_finding_lines(explained))
+    lines = list(iter_lines_of_findings(explained))
     assert lines[0].startswith("1. delay (force_x_N): ")
     assert "   set channels.force_x_N.delay_s = 0.042" in lines
 

@@ -3,7 +3,7 @@
 from analysis import Run, Settings
 from analysis.model.answer import answer
 from recordings import read_recording, write_recording
-from recordings.rrd.recording_texts import make_all_texts
+from recordings.rrd.recording_texts import make_texts_of_run
 
 
 def test_a_recording_from_before_the_joint_fit_is_read_and_answers(drives, tmp_path):
@@ -21,7 +21,8 @@ def test_a_recording_from_before_the_joint_fit_is_read_and_answers(drives, tmp_p
     assert said.loads == []
     assert "joint" not in said.rows[0].methods
     assert (
-        "pooled, statistical standard deviation" in make_all_texts(read_recording(path))["answer"]
+        "pooled, statistical standard deviation"
+        in make_texts_of_run(read_recording(path))["answer"]
     )
 
 

@@ -152,9 +152,9 @@ def test_a_block_that_lost_a_column_is_no_row():
 
     frame = pl.DataFrame({"a": pl.int_range(LIMITS.stored_block_rows + 5, eager=True), "b": "b"})
     stored = StoredFrame.from_frame("stage", frame)
-    first, second = stored.to_batches(frame)
+    first, second = stored.iter_blocks_of_frame(frame)
     torn = pa.record_batch({name: second.column(name) for name in ("row", "payscope:a")})
-    assert stored.from_batches([torn, first], stored.columns).equals(
+    assert stored.rebuild_frame_from_blocks([torn, first], stored.columns).equals(
         frame.head(LIMITS.stored_block_rows)
     )
 

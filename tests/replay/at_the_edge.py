@@ -26,8 +26,8 @@ from replay.logs.mcap import mcap_grammar as mcap_grammar
 from replay.logs.messages.message_fields import resolve_message_field
 from replay.logs.messages.message_types import RecordType, Scalar
 from replay.logs.messages.raw_batch import RawBatch
-from replay.logs.sqlite.database_pages import LEAF, RowFilter, read_page_layout_or_none
-from replay.logs.sqlite.leaf_pages import ScannedRows, fill_child_pages, scan_leaf_pages
+from replay.logs.sqlite.database_pages import LEAF, RowFilter, read_page_layout_of_messages_table
+from replay.logs.sqlite.leaf_pages import ScannedRows, read_child_pages_into, scan_leaf_pages
 from replay.logs.storage.file_bytes import FileBytes
 from tests.replay.guarded import Guarded
 from tests.replay.logs.decoding.random_types import Sample, Types, types
@@ -122,9 +122,9 @@ def _scanning(grammar: RecordGrammar, records: bytes) -> Callable[[], None]:
             for data in (GUARDED.at_begin(damaged), GUARDED.at_end(damaged)):
                 rows = SlabIndex(grammar, data, rng.choice([0, 3, 50]))
                 for end in (data.size, rng.randrange(data.size + 1)):
-                    rows.scan(0, end)
+                    rows.add_rows_of_span(0, end)
                     grammar.find(data, 0, end, data.size + rng.choice([0, 7, 10**6]))
-                found = rows.found[:, rows.found[0] >= 0]
+                found = rows.rows_so_far[:, rows.rows_so_far[0] >= 0]
                 _batch(data, found[2].tolist(), found[3].tolist())
 
     return scan
@@ -172,9 +172,9 @@ def sqlite_pages() -> None:
         many = ((k % 3, 2**k % 2**60, rng.randbytes(size)) for k, size in enumerate(sizes))
         database.executemany("INSERT INTO messages VALUES (NULL, ?, ?, ?)", many)
         file = FileBytes(path)
-        layout = read_page_layout_or_none(file, database)
+        layout = read_page_layout_of_messages_table(file, database)
         assert layout is not None
-        pages = [file.read(512 * number, 512) for number in range(1, layout.pages)]
+        pages = [file.read_bytes(512 * number, 512) for number in range(1, layout.pages)]
         file.close()
         database.close()
     assert {LEAF, 5} < {page[0] for page in pages}
@@ -197,7 +197,7 @@ def sqlite_pages() -> None:
         scan_leaf_pages(
             data, slots, layout, wanted, 512, 2**20, np.zeros(7, np.int64), ScannedRows(*found)
         )
-        fill_child_pages(data, slots, layout.usable_bytes, np.empty(86, np.uint32))
+        read_child_pages_into(data, slots, layout.usable_bytes, np.empty(86, np.uint32))
 
 
 CASES = {

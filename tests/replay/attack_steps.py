@@ -16,10 +16,10 @@ from recordings.signatures.signing import (
     PAYLOAD_TYPE,
     PublicKey,
     SigningKey,
-    encode_for_signature,
-    make_key_pair_pem,
-    make_signed_envelope_bytes,
-    read_signing_key,
+    encode_payload_for_signature,
+    encode_signed_envelope,
+    generate_key_pair_pem,
+    read_signing_key_or_none,
 )
 from tests.replay.attacker import Bundle, Tamper, sign_with, sign_with_own_key, tampered
 from tests.replay.made_evidence import Made
@@ -59,7 +59,7 @@ def together(*tampers: Tamper) -> Tamper:
 
 
 def made_by_signer(made: Made, scratch: Path, *tampers: Tamper, of: Path | None = None) -> Path:
-    key = read_signing_key(made.private)
+    key = read_signing_key_or_none(made.private)
     assert key is not None
     tamper = together(*tampers, lambda bundle: sign_with(bundle, key))
     return tampered(of or made.bundle, scratch / "resigned", tamper, signed=True)
@@ -122,7 +122,7 @@ def twin_signature(held: dict[str, Any]) -> None:
 def weak_key_forgery(bundle: Bundle) -> None:
     """With the identity as key, R = identity and S = 0 sign anything."""
     weak = PublicKey((1).to_bytes(32, "little"))
-    bundle.evidence["signer"] |= {"key_id": weak.key_id, "public_key": weak.text}
+    bundle.evidence["signer"] |= {"key_id": weak.key_id, "public_key": weak.base64_text}
 
     def sign(folder: Path) -> None:
         held = json.loads((folder / STATEMENT).read_bytes())
@@ -154,28 +154,30 @@ def unsigned(made: Made, scratch: Path) -> Asked:
 
 
 def with_other_key(made: Made, scratch: Path) -> Asked:
-    _, public = make_key_pair_pem()
+    _, public = generate_key_pair_pem()
     (scratch / "other.pem").write_bytes(public)
     return ("verify", made.bundle, "--key", scratch / "other.pem")
 
 
 def signed_as_other_kind(made: Made, scratch: Path) -> Asked:
     """Right digests under the signer's key, of a statement that is none about evidence."""
-    key = read_signing_key(made.private)
+    key = read_signing_key_or_none(made.private)
     assert key is not None
     folder = Path(shutil.copytree(made.bundle, scratch / "b"))
     held = json.loads((folder / STATEMENT).read_bytes())
     said = json.loads(base64.b64decode(held["payload"])) | {"predicateType": "https://slsa.dev/x"}
-    (folder / STATEMENT).write_bytes(make_signed_envelope_bytes(encode_canonical_json(said), key))
+    (folder / STATEMENT).write_bytes(encode_signed_envelope(encode_canonical_json(said), key))
     return verified(made, folder)
 
 
 def signed_under_other_type(made: Made, scratch: Path) -> Asked:
-    key: SigningKey | None = read_signing_key(made.private)
+    key: SigningKey | None = read_signing_key_or_none(made.private)
     assert key is not None
     folder = Path(shutil.copytree(made.bundle, scratch / "b"))
     held = json.loads((folder / STATEMENT).read_bytes())
-    other = key.sign(encode_for_signature("text/plain", base64.b64decode(held["payload"])))
+    other = key.sign_message(
+        encode_payload_for_signature("text/plain", base64.b64decode(held["payload"]))
+    )
     held["signatures"][0]["sig"] = base64.b64encode(other).decode()
     assert held["payloadType"] == PAYLOAD_TYPE
     (folder / STATEMENT).write_bytes(encode_canonical_json(held))
@@ -329,9 +331,7 @@ def signed_under_the_signers_id(bundle: Bundle) -> None:
     def sign(folder: Path) -> None:
         held = json.loads((folder / STATEMENT).read_bytes())
         payload = base64.b64decode(held["payload"])
-        made = json.loads(
-            make_signed_envelope_bytes(payload, SigningKey(Ed25519PrivateKey.generate()))
-        )
+        made = json.loads(encode_signed_envelope(payload, SigningKey(Ed25519PrivateKey.generate())))
         held["signatures"][0]["sig"] = made["signatures"][0]["sig"]
         (folder / STATEMENT).write_bytes(encode_canonical_json(held))
 

@@ -21,26 +21,26 @@ from recordings.calibration.bundle_folder import (
     STATEMENT,
     SUMS,
     format_sha256sums,
-    list_bundle_entries,
+    list_bundle_files_and_faults,
     read_bundle_file,
 )
 from recordings.calibration.bundle_tables import encode_table_as_parquet
 from recordings.calibration.calibration_report import render_report_html
-from recordings.calibration.evidence_document import EvidenceDocument, parse_evidence
+from recordings.calibration.evidence_document import EvidenceDocument, parse_untrusted_evidence
 from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.signing import (
     PAYLOAD_TYPE,
     SigningKey,
-    make_key_pair_pem,
-    make_signed_envelope_bytes,
-    make_statement_bytes,
+    encode_in_toto_statement,
+    encode_signed_envelope,
+    generate_key_pair_pem,
 )
 
 
 def key_files(folder: Path, name: str = "key") -> tuple[Path, Path]:
     """A new key: its private and its public file."""
     private, public = folder / f"{name}.pem", folder / f"{name}.pub.pem"
-    for path, half in zip((private, public), make_key_pair_pem(), strict=True):
+    for path, half in zip((private, public), generate_key_pair_pem(), strict=True):
         path.write_bytes(half)
     return private, public
 
@@ -110,7 +110,7 @@ def _write(bundle: Bundle) -> None:
     data = encode_canonical_json(bundle.evidence)
     (folder / EVIDENCE).write_bytes(data)
     try:
-        document: EvidenceDocument = parse_evidence(data, EVIDENCE)
+        document: EvidenceDocument = parse_untrusted_evidence(data, EVIDENCE)
     except EvidenceError:
         return  # the schema will refuse it; the page stays as it was
     (folder / REPORT).write_bytes(
@@ -120,7 +120,7 @@ def _write(bundle: Bundle) -> None:
 
 def _digest_anew(bundle: Bundle) -> None:
     folder = bundle.folder
-    names, _ = list_bundle_entries(folder)
+    names, _ = list_bundle_files_and_faults(folder)
     digests = {n: read_bundle_file(folder, n).sha256 for n in names if n not in (SUMS, STATEMENT)}
     sums = format_sha256sums(digests).encode()
     (folder / SUMS).write_bytes(sums)
@@ -149,7 +149,10 @@ def sign_with_own_key(bundle: Bundle) -> None:
 
 def sign_with(bundle: Bundle, key: SigningKey) -> None:
     """Sign, by whoever holds the key: it may be the signer's own."""
-    bundle.evidence["signer"] |= {"key_id": key.public.key_id, "public_key": key.public.text}
+    bundle.evidence["signer"] |= {
+        "key_id": key.public_key.key_id,
+        "public_key": key.public_key.base64_text,
+    }
 
     def sign(folder: Path) -> None:
         held = json.loads((folder / STATEMENT).read_bytes())
@@ -157,7 +160,7 @@ def sign_with(bundle: Bundle, key: SigningKey) -> None:
         said = json.loads(base64.b64decode(held["payload"]))
         digests = {each["name"]: each["digest"]["sha256"] for each in said["subject"]}
         (folder / STATEMENT).write_bytes(
-            make_signed_envelope_bytes(make_statement_bytes(digests, said["predicate"]), key)
+            encode_signed_envelope(encode_in_toto_statement(digests, said["predicate"]), key)
         )
 
     bundle.last.append(sign)

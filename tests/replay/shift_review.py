@@ -6,7 +6,11 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from analysis.simulation import Scenario
-from replay.simulation.simulate_logs import make_log_paths, make_shift_truth_path, simulate_scenario
+from replay.simulation.simulate_logs import (
+    make_paths_of_simulated_logs,
+    make_shift_truth_path,
+    simulate_scenario_to_logs,
+)
 from tests.made_once import make_value_once
 
 SCENARIO = Scenario.model_validate(
@@ -48,7 +52,7 @@ _SHIPPED = Path(__file__).resolve().parents[2] / "replay/machines/cat262c.toml"
 def _simulate_files() -> dict[str, bytes]:
     """The logs and the truth by their names."""
     with TemporaryDirectory(prefix="shift-") as place:
-        simulate_scenario(SCENARIO, Path(place, "shift.mcap"))
+        simulate_scenario_to_logs(SCENARIO, Path(place, "shift.mcap"))
         return {path.name: path.read_bytes() for path in Path(place).iterdir()}
 
 
@@ -62,7 +66,7 @@ def shift_folder(folder: Path) -> tuple[list[Path], Path, dict[str, Any]]:
         shipped.replace('name = "Cat 262C"', f'name = "{HOSTILE}"') + CHANNELS, encoding="utf-8"
     )
     truth = json.loads(make_shift_truth_path(folder / "shift.mcap").read_text(encoding="utf-8"))
-    return make_log_paths(SCENARIO, folder / "shift.mcap"), machine, truth
+    return make_paths_of_simulated_logs(SCENARIO, folder / "shift.mcap"), machine, truth
 
 
 def verdict(identity: str, more: str) -> str:

@@ -11,7 +11,7 @@ from analysis.calibration.use.learnt_priors import pool_terms_over_logs
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, RECORDING, REPORT, SUMS
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import make_estimator_with_digest
-from recordings.calibration.evidence_document import parse_evidence
+from recordings.calibration.evidence_document import parse_untrusted_evidence
 from recordings.signatures.canonical_json import encode_canonical_json
 from tests.replay.attacker import Bundle, Tamper
 
@@ -106,13 +106,13 @@ def relearnt(bundle: Bundle) -> None:
     for each in bundle.evidence["learnt"]["logs"]:
         if each["term"] == "const":
             each["posterior"] *= 1.1
-    document = parse_evidence(encode_canonical_json(bundle.evidence), EVIDENCE)
+    document = parse_untrusted_evidence(encode_canonical_json(bundle.evidence), EVIDENCE)
     assert document.learnt is not None
     terms = pool_terms_over_logs(document.learnt.logs)
     bundle.evidence["learnt"]["terms"] = {
         name: term.model_dump(mode="json") for name, term in terms.items()
     }
-    document = parse_evidence(encode_canonical_json(bundle.evidence), EVIDENCE)
+    document = parse_untrusted_evidence(encode_canonical_json(bundle.evidence), EVIDENCE)
     estimator = make_estimator_with_digest(document.campaign, document.weighing_machine)
     bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 

@@ -11,18 +11,20 @@ from analysis.model.answer import answer
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario
 from replay import load_machine
-from replay.demo.run_demo import replay_campaign
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.demo.run_demo import replay_simulated_campaign
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    return simulate_scenario(Scenario(), tmp_path_factory.mktemp("campaign") / "campaign.bag")
+    return simulate_scenario_to_logs(
+        Scenario(), tmp_path_factory.mktemp("campaign") / "campaign.bag"
+    )
 
 
 @pytest.fixture(scope="module")
 def campaign(logs: list[Path]) -> Run:
-    return replay_campaign(logs, load_machine("cat262c.toml"))
+    return replay_simulated_campaign(logs, load_machine("cat262c.toml"))
 
 
 def test_the_simulated_loader_can_weigh(campaign: Run) -> None:
@@ -78,10 +80,10 @@ def test_every_format_gives_the_same_masses(tmp_path: Path, suffix: str) -> None
             "log.time=time_s",
             *(f'channels.{c}={{field = "{c}"}}' for c in _CSV_CHANNELS),
         ]
-    (log,) = simulate_scenario(one_load, tmp_path / f"one{suffix}")
-    (reference,) = simulate_scenario(one_load, tmp_path / "reference.bag")
+    (log,) = simulate_scenario_to_logs(one_load, tmp_path / f"one{suffix}")
+    (reference,) = simulate_scenario_to_logs(one_load, tmp_path / "reference.bag")
     masses = [
-        replay_campaign([path], load_machine("cat262c.toml", sets))
+        replay_simulated_campaign([path], load_machine("cat262c.toml", sets))
         .frames["segments"]["mass_kg"]
         .drop_nulls()
         for path, sets in ((log, overrides), (reference, []))
@@ -108,13 +110,13 @@ def test_slope_is_in_the_specific_force_but_not_in_the_wheels(tmp_path: Path) ->
             "campaign": steep.campaign.model_copy(update={"loads_kg": (0.0,), "runs": 3}),
         }
     )
-    (log,) = simulate_scenario(steep, tmp_path / "slope.bag")
+    (log,) = simulate_scenario_to_logs(steep, tmp_path / "slope.bag")
     from_wheels = [
         'settings.forces.acceleration="kinematic"',
         'channels.acc_x_m_s2={derive = "d/dt speed_x_m_s"}',
     ]
     biases = [
-        _pooled_kg(replay_campaign([log], load_machine("cat262c.toml", sets))) - 3614.0
+        _pooled_kg(replay_simulated_campaign([log], load_machine("cat262c.toml", sets))) - 3614.0
         for sets in ([], from_wheels)
     ]
     assert abs(biases[0]) < 30.0
@@ -132,7 +134,7 @@ def test_other_seeds_give_other_noise_and_the_same_seed_the_same_logs(tmp_path: 
         update={"campaign": short.campaign.model_copy(update={"loads_kg": (0.0,), "runs": 1})}
     )
     written = [
-        simulate_scenario(short.with_seed(seed), tmp_path / f"{name}.csv")[0].read_bytes()
+        simulate_scenario_to_logs(short.with_seed(seed), tmp_path / f"{name}.csv")[0].read_bytes()
         for name, seed in (("a", 1), ("b", 1), ("c", 2))
     ]
     assert written[0] == written[1] != written[2]

@@ -11,9 +11,9 @@ import pytest
 from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.bundle_folder import STATEMENT, TIMESTAMP
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.timestamp import make_timestamp_request
-from recordings.signatures.keyring import KnownKey, add_key, load_keyring
-from recordings.signatures.signing import read_public_key
+from recordings.calibration.timestamp import encode_timestamp_request
+from recordings.signatures.keyring import KnownKey, add_key_to_keyring, load_keyring
+from recordings.signatures.signing import read_public_key_file
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from tests.replay.attacker import Bundle, tampered
@@ -153,7 +153,7 @@ def stamped(authority: Path, query: bytes) -> bytes:
 def bundle(made: Made, authority: Path, tmp_path: Path) -> Path:
     """A copy of the evidence, with the authority's answer put in."""
     folder = Path(shutil.copytree(made.bundle, tmp_path / "stamped"))
-    query = make_timestamp_request((folder / STATEMENT).read_bytes())
+    query = encode_timestamp_request((folder / STATEMENT).read_bytes())
     (folder / TIMESTAMP).write_bytes(stamped(authority, query))
     return folder
 
@@ -161,7 +161,7 @@ def bundle(made: Made, authority: Path, tmp_path: Path) -> Path:
 def test_a_time_stamp_is_checked_offline_against_the_authority(
     made: Made, bundle: Path, authority: Path
 ) -> None:
-    found = made.verify(bundle, tsa=authority / "ca.pem")
+    found = made.verify(bundle, authority_certificates=authority / "ca.pem")
     assert not found.findings, items(found)
     assert any(
         f"signed no later than {dt.datetime.now(dt.UTC):%Y-}" in note for note in found.notes
@@ -181,20 +181,22 @@ def test_the_query_is_one_that_openssl_answers(
     said = payscope("calibrate", campaign, "-o", tmp_path / "e", "--key", made.private, *ask)
     assert said.status == 1, said.err  # one load gives no line
     (tmp_path / "e" / TIMESTAMP).write_bytes(stamped(authority, query.read_bytes()))
-    found = verify_bundle(tmp_path / "e", key_file=made.public, tsa=authority / "ca.pem")
+    found = verify_bundle(
+        tmp_path / "e", key_file=made.public, authority_certificates=authority / "ca.pem"
+    )
     assert found.outcome is None, items(found)
 
 
 def of_other_evidence(made: Made, bundle: Path, authority: Path, _: Path) -> None:
     shutil.copy(made.first / STATEMENT, bundle / "x")
-    query = make_timestamp_request((bundle / "x").read_bytes())
+    query = encode_timestamp_request((bundle / "x").read_bytes())
     (bundle / "x").unlink()
     (bundle / TIMESTAMP).write_bytes(stamped(authority, query))
 
 
 def of_another_authority(_: Made, bundle: Path, __: Path, scratch: Path) -> None:
     other = new_authority(scratch)
-    query = make_timestamp_request((bundle / STATEMENT).read_bytes())
+    query = encode_timestamp_request((bundle / STATEMENT).read_bytes())
     (bundle / TIMESTAMP).write_bytes(stamped(other, query))
 
 
@@ -238,7 +240,7 @@ def test_a_forged_time_stamp_is_found(
     words: str,
 ) -> None:
     attack(made, bundle, authority, tmp_path_factory.mktemp("other"))
-    found: Verification = made.verify(bundle, tsa=authority / "ca.pem")
+    found: Verification = made.verify(bundle, authority_certificates=authority / "ca.pem")
     assert found.outcome is outcome, items(found)
     assert words in items(found)
 
@@ -252,9 +254,9 @@ def test_back_dating_a_signature_past_its_time_stamp_is_found(
         bundle.evidence["made"] = f"{dt.datetime.now(dt.UTC) + dt.timedelta(hours=1):%Y-%m-%dT%XZ}"
 
     folder = tampered(made.bundle, tmp_path / "b", later, signed=True)
-    query = make_timestamp_request((folder / STATEMENT).read_bytes())
+    query = encode_timestamp_request((folder / STATEMENT).read_bytes())
     (folder / TIMESTAMP).write_bytes(stamped(authority, query))
-    found = verify_bundle(folder, tsa=authority / "ca.pem")
+    found = verify_bundle(folder, authority_certificates=authority / "ca.pem")
     assert "before the evidence says that it was made" in items(found)
 
 
@@ -267,10 +269,10 @@ def test_a_stolen_key_is_worth_nothing_after_its_revocation_but_a_stamp_saves_wh
 ) -> None:
     monkeypatch.setenv("PAYSCOPE_KEYRING", str(tmp_path / "keys.toml"))
     tomorrow = dt.datetime.now(dt.UTC).date() + dt.timedelta(days=1)
-    key = read_public_key(made.public).text
-    add_key(load_keyring(), KnownKey(key=key, owner="Test lab", revoked=tomorrow))
+    key = read_public_key_file(made.public).base64_text
+    add_key_to_keyring(load_keyring(), KnownKey(key=key, owner="Test lab", revoked=tomorrow))
     assert verify_bundle(bundle).outcome is BundleOutcome.TAMPERED
-    proven = verify_bundle(bundle, tsa=authority / "ca.pem")
+    proven = verify_bundle(bundle, authority_certificates=authority / "ca.pem")
     assert proven.outcome is None, items(proven)
     assert "signed by Test lab" in str(proven.signed_by)
 
@@ -282,4 +284,4 @@ def test_a_certificate_that_is_none_is_refused_in_one_line(
     (tmp_path / "ca.pem").write_text("nothing")
     one_line(payscope("verify", made.bundle, "--tsa", tmp_path / "ca.pem"), "no certificate in PEM")
     with pytest.raises(EvidenceError, match="cannot be read"):
-        verify_bundle(made.bundle, tsa=tmp_path / "none.pem")
+        verify_bundle(made.bundle, authority_certificates=tmp_path / "none.pem")

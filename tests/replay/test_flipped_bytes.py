@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recordings.calibration.bundle_checks import check_signature, read_and_check_bundle_files
+from recordings.calibration.bundle_checks import check_bundle_signature, read_and_check_bundle_files
 from recordings.calibration.bundle_folder import (
     EVIDENCE,
     POINTS,
@@ -18,13 +18,13 @@ from recordings.calibration.bundle_folder import (
     STATEMENT,
     SUMS,
     UNLISTED,
-    list_bundle_entries,
+    list_bundle_files_and_faults,
 )
 from recordings.calibration.check_outcomes import BundleOutcome, find_most_severe_outcome
 from recordings.calibration.checked_bundle import CheckedBundle
-from recordings.calibration.evidence_document import parse_evidence
+from recordings.calibration.evidence_document import parse_untrusted_evidence
 from recordings.signatures.keyring import Keyring
-from recordings.signatures.signing import read_public_key
+from recordings.signatures.signing import read_public_key_file
 from tests.replay.made_evidence import Made
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
@@ -54,7 +54,7 @@ def assert_found(made: Made, folder: Path, name: str, places: Iterable[int]) -> 
 
 
 def test_every_file_counts_and_a_flipped_byte_of_each_is_found(made: Made, tmp_path: Path) -> None:
-    names, _ = list_bundle_entries(made.bundle)
+    names, _ = list_bundle_files_and_faults(made.bundle)
     assert {EVIDENCE, READINGS, POINTS, RECORDING, REPORT, SUMS, STATEMENT} <= set(names)
     folder = Path(shutil.copytree(made.bundle, tmp_path / "b"))
     for name in names:
@@ -66,9 +66,9 @@ def test_every_file_counts_and_a_flipped_byte_of_each_is_found(made: Made, tmp_p
 def test_a_flip_of_any_byte_of_any_file_is_found(made: Made, tmp_path: Path) -> None:
     """By the first steps of `verify`, digests and signature; nothing takes a finding back."""
     folder = Path(shutil.copytree(made.bundle, tmp_path / "b"))
-    names, _ = list_bundle_entries(folder)
-    key = read_public_key(made.public)
-    document = parse_evidence((folder / EVIDENCE).read_bytes(), EVIDENCE)
+    names, _ = list_bundle_files_and_faults(folder)
+    key = read_public_key_file(made.public)
+    document = parse_untrusted_evidence((folder / EVIDENCE).read_bytes(), EVIDENCE)
     flips = 0
     for name in names:
         for place in range((folder / name).stat().st_size):
@@ -77,7 +77,7 @@ def test_a_flip_of_any_byte_of_any_file_is_found(made: Made, tmp_path: Path) -> 
                 held = read_and_check_bundle_files(folder, checked)
                 if name in UNLISTED:
                     digests = {n: each.sha256 for n, each in held.items() if n not in UNLISTED}
-                    check_signature(checked, held, digests, document, key, Keyring(Path()))
+                    check_bundle_signature(checked, held, digests, document, key, Keyring(Path()))
             assert find_most_severe_outcome(checked.findings) is TAMPERED, (name, place)
             flips += 1
     assert flips == sum((folder / name).stat().st_size for name in names)

@@ -9,9 +9,9 @@ from analysis.model.run_record import Run
 from analysis.model.schema import FRAMES, find_frame_declaration
 from recordings import read_recording, write_recording
 from replay import load_machine, open_log, run
-from replay.demo.run_demo import replay_campaign
-from replay.simulation.scenario_file import load_scenario
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.demo.run_demo import replay_simulated_campaign
+from replay.simulation.scenario_file import load_scenario_file
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 PLANAR = Path(__file__).parents[2] / "examples" / "planar.toml"
 METHODS = ("ls", "rls", "fgls", "tls", "huber", "rtls")
@@ -20,8 +20,8 @@ METHODS = ("ls", "rls", "fgls", "tls", "huber", "rtls")
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """Straight drives, spins, arcs and both at once, by every method and gate."""
-    scenario = load_scenario(PLANAR)
-    (path,) = simulate_scenario(scenario, tmp_path_factory.mktemp("planar") / "planar.mcap")
+    scenario = load_scenario_file(PLANAR)
+    (path,) = simulate_scenario_to_logs(scenario, tmp_path_factory.mktemp("planar") / "planar.mcap")
     machine = load_machine(
         "cat262c.toml",
         [
@@ -37,9 +37,9 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Run:
 def campaign(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """The smallest campaign that is calibrated."""
     campaign = ["campaign.loads_kg=[0,250]", "campaign.runs=2"]
-    scenario = load_scenario(PLANAR.with_name("campaign.toml"), campaign)
-    logs = simulate_scenario(scenario, tmp_path_factory.mktemp("campaign") / "campaign.bag")
-    return replay_campaign(logs, load_machine("cat262c.toml"))
+    scenario = load_scenario_file(PLANAR.with_name("campaign.toml"), campaign)
+    logs = simulate_scenario_to_logs(scenario, tmp_path_factory.mktemp("campaign") / "campaign.bag")
+    return replay_simulated_campaign(logs, load_machine("cat262c.toml"))
 
 
 @pytest.fixture(params=["whole", "campaign"])

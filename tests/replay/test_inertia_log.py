@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from replay import load_machine, open_log, run
-from replay.simulation.scenario_file import load_scenario
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.scenario_file import load_scenario_file
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 SCENARIO = Path(__file__).parents[2] / "examples" / "inertia.toml"
 DERIVED = "channels.yaw_acc_rad_s2.derive=d/dt yaw_rate_rad_s"
@@ -22,8 +22,8 @@ def replays(tmp_path_factory):
     machine = load_machine("cat262c.toml", [DERIVED])
     found = []
     for seed in SEEDS:
-        scenario = load_scenario(SCENARIO, [f"sensors.seed={seed}"])
-        (path,) = simulate_scenario(scenario, folder / f"{seed}.mcap")
+        scenario = load_scenario_file(SCENARIO, [f"sensors.seed={seed}"])
+        (path,) = simulate_scenario_to_logs(scenario, folder / f"{seed}.mcap")
         truth = json.loads(path.with_name(f"{path.name}.truth.json").read_text(encoding="utf-8"))
         with open_log(path) as log:
             found.append((truth["runs"][0], run(log, machine).frames))

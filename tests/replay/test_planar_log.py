@@ -8,15 +8,15 @@ import polars as pl
 
 from analysis.simulation import simulate_campaign
 from replay import load_machine, open_log, run
-from replay.simulation.scenario_file import load_scenario
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.scenario_file import load_scenario_file
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 PLANAR = Path(__file__).parents[2] / "examples" / "planar.toml"
 
 
 def test_the_replay_of_all_manoeuvres_finds_their_phases_and_the_forces_that_drove_them(tmp_path):
-    scenario = load_scenario(PLANAR, ["log.dropout_share=0", "machine.slip_stiffness_N=0"])
-    (path,) = simulate_scenario(scenario, tmp_path / "planar.mcap")
+    scenario = load_scenario_file(PLANAR, ["log.dropout_share=0", "machine.slip_stiffness_N=0"])
+    (path,) = simulate_scenario_to_logs(scenario, tmp_path / "planar.mcap")
     with open_log(path) as log:
         found = run(log, load_machine("cat262c.toml")).frames["excitation"]
     truth = next(simulate_campaign(scenario)).noise_free_motion
@@ -38,8 +38,8 @@ def test_the_replay_of_all_manoeuvres_finds_their_phases_and_the_forces_that_dro
 
 
 def test_the_truth_beside_the_log_names_each_manoeuvre_and_the_loaded_machine(tmp_path):
-    scenario = load_scenario(PLANAR)
-    (path,) = simulate_scenario(scenario, tmp_path / "planar.csv")
+    scenario = load_scenario_file(PLANAR)
+    (path,) = simulate_scenario_to_logs(scenario, tmp_path / "planar.csv")
     truth = json.loads(path.with_name("planar.csv.truth.json").read_text(encoding="utf-8"))
     kinds = [each["kind"] for each in truth["manoeuvres"]]
     assert kinds == ["rest", "start", "start", "spin", "spin", "arc", "excite"]

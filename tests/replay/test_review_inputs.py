@@ -19,7 +19,7 @@ from recordings.review.review_page import UsedCalibration
 from recordings.review.review_state import RECORDING, FailedCheck
 from replay.calibration.apply_evidence import CalibrationRequest
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
-from replay.commands.review import print_review
+from replay.commands.review import print_shift_review
 from replay.logs import expand_log_folders
 from replay.review.review_shift import ReviewOptions, review_shift
 from replay.review.write_review import ShiftReview
@@ -202,7 +202,7 @@ def test_no_name_reaches_the_terminal_as_a_command(reviewed: ShiftReview, name: 
         calibration = UsedCalibration(text, text)
         made = dataclasses.replace(reviewed, state=state, calibration=calibration)
         screen = Console(file=io.StringIO(), force_terminal=False, width=200, highlight=False)
-        print_review(screen, made)
+        print_shift_review(screen, made)
         told: str = screen.file.getvalue()  # pyright: ignore[reportAttributeAccessIssue]
         assert not [c for c in told if not c.isprintable() and c != "\n"]
         assert "\nchecks with a remark: " in told  # it withholds nothing

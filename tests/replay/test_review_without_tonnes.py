@@ -9,7 +9,7 @@ from markupsafe import escape
 
 from recordings.review.review_page import PAGE
 from recordings.review.reviewer_verdicts import VERDICTS
-from recordings.review.shift_ledger import PARQUET, make_ledger
+from recordings.review.shift_ledger import PARQUET, make_ledger_frame
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found
 from tests.replay.shift_review import verdict
@@ -124,4 +124,6 @@ def test_cycles_that_a_reviewer_rejects_are_the_reason(
 
 def test_a_ledger_without_a_row_has_the_columns_of_one_with_rows() -> None:
     cycles = found(drawn_shift([700.0, 600.0]))
-    assert make_ledger(cycles.clear(), 0, {}).schema == make_ledger(cycles, 0, {}).schema
+    assert (
+        make_ledger_frame(cycles.clear(), 0, {}).schema == make_ledger_frame(cycles, 0, {}).schema
+    )

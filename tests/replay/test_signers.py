@@ -22,17 +22,17 @@ from cryptography.hazmat.primitives.serialization import (
 from estimators.errors import EvidenceError
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.signatures.canonical_json import encode_canonical_json
-from recordings.signatures.keyring import KnownKey, add_key, load_keyring
+from recordings.signatures.keyring import KnownKey, add_key_to_keyring, load_keyring
 from recordings.signatures.signing import (
     PublicKey,
     describe_key_weakness,
-    read_public_key,
-    read_signing_key,
+    read_public_key_file,
+    read_signing_key_or_none,
 )
-from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
+from replay.calibration.apply_evidence import CalibrationRequest, load_and_verify_calibration
 from replay.calibration.calibrate_campaign import read_previous_evidence
 from replay.calibration.verify_bundle import verify_bundle
-from replay.fleet.machine_setups import NamedFiles, make_machine_setups
+from replay.fleet.machine_setups import NamedFiles, make_setups_of_machine
 from tests.conftest import REPO
 from tests.replay.attacker import Bundle, key_files, sign_with_own_key, tampered
 from tests.replay.made_evidence import Made, items
@@ -64,7 +64,7 @@ def invented(made: Made, tmp_path: Path) -> Path:
 
 
 def known(made: Made, **more: object) -> KnownKey:
-    key = read_public_key(made.public).text
+    key = read_public_key_file(made.public).base64_text
     return KnownKey.model_validate({"key": key, "owner": "Test lab", **more})
 
 
@@ -77,7 +77,12 @@ def test_an_invented_name_is_never_printed_as_that_of_the_signer(
     assert f"signed by an unknown key {public_id(invented)[:12]}… that calls itself '{PTB}'" in (
         said.out
     )
-    assert load_calibration(CalibrationRequest(invented)).describe("").count("an unknown key") == 1
+    assert (
+        load_and_verify_calibration(CalibrationRequest(invented))
+        .describe_calibration_in_sentence("")
+        .count("an unknown key")
+        == 1
+    )
 
 
 def public_id(folder: Path) -> str:
@@ -88,26 +93,29 @@ def test_a_required_signature_is_one_by_a_known_key(
     invented: Path, made: Made, keyring: Path, payscope: Payscope
 ) -> None:
     with pytest.raises(EvidenceError, match=r"unknown key.*payscope keys add"):
-        load_calibration(CalibrationRequest(invented, signed=True))
+        load_and_verify_calibration(CalibrationRequest(invented, signed=True))
     said = payscope("verify", invented, "--require-signed")
     assert said.status == 5
     assert "a signature by a known key is required" in said.out
-    add_key(load_keyring(), known(made))
-    held = load_calibration(CalibrationRequest(made.bundle, signed=True))
-    assert "signed by Test lab, key" in held.describe("")
-    assert "that calls itself 'T. Signer'" in held.describe("")
-    assert verify_bundle(made.bundle, signed=True).outcome is None
-    assert verify_bundle(invented, signed=True).outcome is BundleOutcome.INCOMPLETE
+    add_key_to_keyring(load_keyring(), known(made))
+    held = load_and_verify_calibration(CalibrationRequest(made.bundle, signed=True))
+    assert "signed by Test lab, key" in held.describe_calibration_in_sentence("")
+    assert "that calls itself 'T. Signer'" in held.describe_calibration_in_sentence("")
+    assert verify_bundle(made.bundle, is_signature_required=True).outcome is None
+    assert verify_bundle(invented, is_signature_required=True).outcome is BundleOutcome.INCOMPLETE
     assert keyring.stat().st_mode & 0o077 == 0
 
 
 def test_the_line_that_refuses_a_key_adds_it(made: Made, keyring: Path, payscope: Payscope) -> None:
     with pytest.raises(EvidenceError) as refused:
-        load_calibration(CalibrationRequest(made.bundle, signed=True))
+        load_and_verify_calibration(CalibrationRequest(made.bundle, signed=True))
     line = str(refused.value).partition("payscope keys add ")[2]
     key, _, _ = line.partition(" --owner")
     assert payscope("keys", "add", key, "--owner", "Test lab").status == 0
-    assert load_calibration(CalibrationRequest(made.bundle, signed=True)).signed_by.how == "known"
+    assert (
+        load_and_verify_calibration(CalibrationRequest(made.bundle, signed=True)).signed_by.how
+        == "known"
+    )
     assert "Test lab" in payscope("keys", "list").out
     one_line(
         payscope("keys", "add", made.public, "--owner", "Another"),
@@ -124,9 +132,9 @@ def test_the_first_use_of_a_key_is_asked_on_a_terminal_and_remembered(
     code = (
         "from pathlib import Path\n"
         "from replay.commands.common_options import make_calibration_request\n"
-        "from replay.calibration.apply_evidence import load_calibration\n"
+        "from replay.calibration.apply_evidence import load_and_verify_calibration\n"
         f"asked = make_calibration_request(Path({str(made.bundle)!r}), None, signed=True)\n"
-        "print('FOUND', load_calibration(asked).signed_by)\n"
+        "print('FOUND', load_and_verify_calibration(asked).signed_by)\n"
     )
     first = at_a_terminal(code, "Test lab\n")
     assert "that calls itself 'T. Signer'" in first
@@ -169,10 +177,10 @@ def at_a_terminal(code: str, typed: str) -> str:
 def test_a_fleet_asks_nobody_and_refuses_an_unknown_key(invented: Path, made: Made) -> None:
     files = NamedFiles(str(made.campaign.with_name("sledge.toml")), (), (str(invented),))
     with pytest.raises(EvidenceError, match=r"unknown key.*payscope keys add"):
-        make_machine_setups("sledge", files, lenient=False)
-    add_key(load_keyring(), known(made))
+        make_setups_of_machine("sledge", files, is_unfit_evidence_skipped=False)
+    add_key_to_keyring(load_keyring(), known(made))
     files = NamedFiles(str(made.campaign.with_name("sledge.toml")), (), (str(made.bundle),))
-    assert len(make_machine_setups("sledge", files, lenient=False)) == 2
+    assert len(make_setups_of_machine("sledge", files, is_unfit_evidence_skipped=False)) == 2
 
 
 @pytest.mark.usefixtures("keyring")
@@ -181,12 +189,12 @@ def test_nothing_is_chained_to_evidence_by_an_unknown_key(
 ) -> None:
     own, _ = key_files(tmp_path, "other")
     with pytest.raises(EvidenceError, match="so its signature cannot be verified"):
-        read_previous_evidence(invented, None, read_signing_key(own))
+        read_previous_evidence(invented, None, read_signing_key_or_none(own))
     with pytest.raises(EvidenceError, match="its signature cannot be verified"):
-        read_previous_evidence(made.bundle, None, read_signing_key(own))
-    read_previous_evidence(made.bundle, None, read_signing_key(made.private))
-    add_key(load_keyring(), known(made))
-    read_previous_evidence(made.bundle, None, read_signing_key(own))
+        read_previous_evidence(made.bundle, None, read_signing_key_or_none(own))
+    read_previous_evidence(made.bundle, None, read_signing_key_or_none(made.private))
+    add_key_to_keyring(load_keyring(), known(made))
+    read_previous_evidence(made.bundle, None, read_signing_key_or_none(own))
 
 
 @pytest.mark.usefixtures("keyring")
@@ -205,27 +213,27 @@ def test_nothing_is_chained_to_evidence_by_an_unknown_key(
 def test_a_key_out_of_its_validity_or_revoked_signs_nothing(
     made: Made, more: dict[str, object], outcome: BundleOutcome, words: str
 ) -> None:
-    add_key(load_keyring(), known(made, **more))
+    add_key_to_keyring(load_keyring(), known(made, **more))
     found = verify_bundle(made.bundle)
     assert found.outcome is outcome
     assert words in items(found)
     assert not found.signed_by.is_trusted
     with pytest.raises(EvidenceError, match="cannot be used to calibrate"):
-        load_calibration(CalibrationRequest(made.bundle, signed=True))
+        load_and_verify_calibration(CalibrationRequest(made.bundle, signed=True))
 
 
 def test_a_revoked_key_counts_where_a_time_stamp_is_older(made: Made) -> None:
     key = known(made, revoked="2026-06-01")
-    assert key.distrust_reason(dt.date(2026, 5, 1), None)
-    assert key.distrust_reason(dt.date(2026, 5, 1), dt.date(2026, 7, 1))
-    assert not key.distrust_reason(dt.date(2026, 5, 1), dt.date(2026, 5, 2))
+    assert key.explain_distrust(dt.date(2026, 5, 1), None)
+    assert key.explain_distrust(dt.date(2026, 5, 1), dt.date(2026, 7, 1))
+    assert not key.explain_distrust(dt.date(2026, 5, 1), dt.date(2026, 5, 2))
 
 
 def test_keys_are_revoked_from_the_command_line(
     made: Made, keyring: Path, payscope: Payscope
 ) -> None:
     payscope("keys", "add", made.public, "--owner", "Test lab", "--valid-from", "2026-01-01")
-    key_id = read_public_key(made.public).key_id
+    key_id = read_public_key_file(made.public).key_id
     said = payscope("keys", "revoke", key_id[:12], "--day", "2026-06-01", "--because", "lost")
     assert said.status == 0
     (held,) = load_keyring().keys
@@ -273,14 +281,14 @@ def test_a_key_that_anyone_can_sign_for_is_refused(
 ) -> None:
     raw = (SMALL_ORDER[name] | sign).to_bytes(32, "little")
     with pytest.raises(EvidenceError, match="weak key"):
-        PublicKey.from_text(PublicKey(raw).text)
-    one_line(payscope("keys", "add", PublicKey(raw).text, "--owner", "x"), "weak key")
+        PublicKey.from_base64_text(PublicKey(raw).base64_text)
+    one_line(payscope("keys", "add", PublicKey(raw).base64_text, "--owner", "x"), "weak key")
     header = bytes.fromhex("302a300506032b6570032100")
     pem = tmp_path / "key.pub.pem"
     body = base64.b64encode(header + raw).decode()
     pem.write_text(f"-----BEGIN PUBLIC KEY-----\n{body}\n-----END PUBLIC KEY-----\n")
     with pytest.raises(EvidenceError):
-        read_public_key(pem)
+        read_public_key_file(pem)
 
 
 @pytest.mark.parametrize("seed", [bytes(32), b"\xff" * 32, bytes(range(32))])
@@ -290,8 +298,8 @@ def test_a_published_key_neither_signs_nor_verifies(seed: bytes, tmp_path: Path)
     private.write_bytes(key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
     half = key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
     public.write_bytes(half)
-    for read in (read_signing_key, read_public_key):
-        path = private if read is read_signing_key else public
+    for read in (read_signing_key_or_none, read_public_key_file):
+        path = private if read is read_signing_key_or_none else public
         with pytest.raises(EvidenceError, match="private half that is published"):
             read(path)
 
@@ -307,7 +315,7 @@ def test_evidence_that_names_a_weak_key_is_tampered(made: Made, tmp_path: Path) 
     weak = PublicKey((1).to_bytes(32, "little"))
 
     def forge(bundle: Bundle) -> None:
-        bundle.evidence["signer"] |= {"key_id": weak.key_id, "public_key": weak.text}
+        bundle.evidence["signer"] |= {"key_id": weak.key_id, "public_key": weak.base64_text}
 
         def sign(folder: Path) -> None:
             held = json.loads((folder / "statement.dsse.json").read_bytes())

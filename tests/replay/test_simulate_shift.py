@@ -11,9 +11,13 @@ from rosbags.highlevel import AnyReader
 
 from analysis.simulation import Scenario
 from replay import load_machine, open_log, run
-from replay.simulation.log_truth import has_truth
-from replay.simulation.scenario_file import format_scenario_file, load_scenario
-from replay.simulation.simulate_logs import make_log_paths, make_shift_truth_path, simulate_scenario
+from replay.simulation.log_truth import have_logs_truth_of_trials
+from replay.simulation.scenario_file import format_scenario_file, load_scenario_file
+from replay.simulation.simulate_logs import (
+    make_paths_of_simulated_logs,
+    make_shift_truth_path,
+    simulate_scenario_to_logs,
+)
 from tests.one_line import assert_one_line
 from tests.replay.sledge import Payscope, one_line
 
@@ -53,7 +57,7 @@ def test_the_logs_of_a_shift_are_read_as_one_time_line_and_the_torn_one_says_so(
     tmp_path: Path, suffix: str
 ) -> None:
     output = named(tmp_path, suffix)
-    paths = simulate_scenario(SHIFT, output)
+    paths = simulate_scenario_to_logs(SHIFT, output)
     assert [path.stem for path in paths] == ["shift_1", "shift_2"]
     truth = truth_of(output)
     assert [each["log"] for each in truth["logs"]] == [path.name for path in paths]
@@ -80,7 +84,7 @@ def test_messages_hold_what_the_machine_has_besides(tmp_path: Path) -> None:
     whole = SHIFT.model_copy(
         update={"shift": SHIFT.shift.model_copy(update={"logs": 1, "damaged_logs": 0})}  # pyright: ignore
     )
-    (path,) = simulate_scenario(whole, tmp_path / "shift.mcap")
+    (path,) = simulate_scenario_to_logs(whole, tmp_path / "shift.mcap")
     found: dict[str, list[Any]] = {}
     with AnyReader([path]) as reader:
         for connection, _, data in reader.messages():
@@ -101,7 +105,7 @@ def test_the_truth_beside_a_log_has_its_manoeuvres_and_that_of_the_shift_its_cyc
     tmp_path: Path,
 ) -> None:
     output = tmp_path / "shift.csv"
-    paths = simulate_scenario(SHIFT, output)
+    paths = simulate_scenario_to_logs(SHIFT, output)
     truth = truth_of(output)
     cycles = pl.DataFrame(truth["cycles"])
     assert cycles.height >= 1
@@ -109,7 +113,7 @@ def test_the_truth_beside_a_log_has_its_manoeuvres_and_that_of_the_shift_its_cyc
     assert cycles["first_log"][0] == 0
     assert Scenario.model_validate(truth["scenario"]) == SHIFT
     # which are none of a campaign's trials
-    assert not has_truth(paths)
+    assert not have_logs_truth_of_trials(paths)
     for path in paths:
         text = path.with_name(f"{path.name}.truth.json").read_text(encoding="utf-8")
         beside = json.loads(text)
@@ -119,15 +123,15 @@ def test_the_truth_beside_a_log_has_its_manoeuvres_and_that_of_the_shift_its_cyc
 
 def test_a_shift_in_one_log_has_its_name(tmp_path: Path) -> None:
     one = Scenario.model_validate({"shift": {}})
-    assert make_log_paths(one, tmp_path / "day.bag") == [tmp_path / "day.bag"]
+    assert make_paths_of_simulated_logs(one, tmp_path / "day.bag") == [tmp_path / "day.bag"]
     ten = Scenario.model_validate({"shift": {"logs": 10}})
-    assert make_log_paths(ten, Path("day"))[0] == Path("day_01")
+    assert make_paths_of_simulated_logs(ten, Path("day"))[0] == Path("day_01")
 
 
 def test_the_same_shift_is_written_with_the_same_bytes(tmp_path: Path) -> None:
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
-        simulate_scenario(SHIFT, tmp_path / folder / "shift.bag")
+        simulate_scenario_to_logs(SHIFT, tmp_path / folder / "shift.bag")
     files = [{p.name: p.read_bytes() for p in (tmp_path / f).iterdir()} for f in ("a", "b")]
     assert files[0] == files[1]
 
@@ -136,11 +140,11 @@ def test_a_scenario_file_of_a_shift_reads_back(tmp_path: Path) -> None:
     for scenario in (SHIFT, Scenario.model_validate({"shift": {}})):
         path = tmp_path / "shift.toml"
         path.write_text(format_scenario_file(scenario), encoding="utf-8")
-        assert load_scenario(path) == scenario
+        assert load_scenario_file(path) == scenario
 
 
 def test_a_shift_is_replayed(tmp_path: Path) -> None:
-    paths = simulate_scenario(SHIFT, tmp_path / "shift.bag")
+    paths = simulate_scenario_to_logs(SHIFT, tmp_path / "shift.bag")
     with ExitStack() as stack:
         logs = [stack.enter_context(open_log(path)) for path in paths]
         made = run(logs, load_machine("cat262c.toml"))

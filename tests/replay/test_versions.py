@@ -13,14 +13,14 @@ from recordings.calibration import evidence_document
 from recordings.calibration.bundle_folder import EVIDENCE, REPORT
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import make_estimator_with_digest
-from recordings.calibration.evidence_document import parse_evidence
+from recordings.calibration.evidence_document import parse_untrusted_evidence
 from recordings.calibration.released_defaults import (
-    collect_present_defaults,
-    find_changed_defaults,
+    collect_defaults_of_this_version,
+    list_absent_settings_changed_since,
     load_released_defaults,
 )
 from recordings.signatures.canonical_json import encode_canonical_json
-from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
+from replay.calibration.apply_evidence import CalibrationRequest, load_and_verify_calibration
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.machines.machine_file import load_machine
 from tests.replay.attacker import Bundle, tampered
@@ -70,13 +70,15 @@ def test_logs_of_released_evidence_replay_to_all_that_it_has_of_them(tmp_path: P
     logs = campaign_folder(
         tmp_path / "logs", loads=FORMAT_3_LOADS, begin_unix_s=FORMAT_3_BEGIN_S
     ).parent
-    found = verify_bundle(folder / "first", key_file=folder / "key.pub.pem", logs=logs)
+    found = verify_bundle(folder / "first", key_file=folder / "key.pub.pem", log_folder=logs)
     assert {each.outcome for each in found.findings} == {OTHER_VERSION}, items(found)
     assert any("3 logs replayed: every reading" in done for done in found.done)
 
 
 def test_evidence_of_0_1_0_calibrates_as_before(released: Path) -> None:
-    held = load_calibration(CalibrationRequest(released / "first", released / "key.pub.pem", True))
+    held = load_and_verify_calibration(
+        CalibrationRequest(released / "first", released / "key.pub.pem", True)
+    )
     kept = json.loads((released / "first" / "evidence.json").read_bytes())
     assert held.calibration.alpha_1 == kept["calibration"]["alpha_1"]
     assert held.signed_by.how == "given"
@@ -131,7 +133,7 @@ def test_a_setting_that_this_version_lacks_is_no_tampering(
     assert "nothing in it can be recomputed here" in items(found)
     assert payscope("verify", folder).status == 8
     with pytest.raises(EvidenceError, match="cannot be used to calibrate: made by another"):
-        load_calibration(CalibrationRequest(folder))
+        load_and_verify_calibration(CalibrationRequest(folder))
 
 
 def test_a_setting_that_came_later_takes_its_default(made: Made, tmp_path: Path) -> None:
@@ -152,7 +154,7 @@ def lacking(*place: str) -> Callable[[Bundle], None]:
         for name in place[:-1]:
             inside = inside[name]
         del inside[place[-1]]
-        document = parse_evidence(encode_canonical_json(bundle.evidence), EVIDENCE)
+        document = parse_untrusted_evidence(encode_canonical_json(bundle.evidence), EVIDENCE)
         estimator = make_estimator_with_digest(
             document.campaign, document.weighing_machine, document.settings_at_default
         )
@@ -167,30 +169,32 @@ def test_an_absent_setting_takes_the_default_that_it_came_with(
     """Test: it came with 0.05, and today's default is another. Expected Result: 0.05."""
     place = ("machine", "settings", "priors", "sag_weight_share")
     folder = tampered(made.bundle, tmp_path / "b", lacking(*place), signed=False)
-    today = load_calibration(CalibrationRequest(folder)).document.machine.settings.priors
+    today = load_and_verify_calibration(CalibrationRequest(folder)).document.machine.settings.priors
     released = {"0.0.8": {}, "0.0.9": {".".join(place): 0.05}, "0.1.0": {".".join(place): 0.07}}
     monkeypatch.setattr(evidence_document, "load_released_defaults", lambda: released)
-    held = load_calibration(CalibrationRequest(folder))
+    held = load_and_verify_calibration(CalibrationRequest(folder))
     assert held.document.machine.settings.priors.sag_weight_share == 0.05 != today.sag_weight_share
-    assert held.document.json_bytes == (folder / EVIDENCE).read_bytes()
+    assert held.document.canonical_json_bytes == (folder / EVIDENCE).read_bytes()
     assert any("priors.sag_weight_share = 0.05" in note for note in verify_bundle(folder).notes)
     # and who weighs with today's is told
     machine = load_machine(made.campaign.with_name("sledge.toml"))
-    assert "settings.priors.sag_weight_share = 0.05 there" in held.differing_settings_text(
-        held.weighing_machine(machine)
+    assert "settings.priors.sag_weight_share = 0.05 there" in held.list_differing_settings_as_text(
+        held.make_weighing_machine(machine)
     )
 
 
 def test_a_whole_part_that_came_later_takes_the_defaults_that_it_came_with() -> None:
     kept = {"0.2.0": {"machine.settings.new.a": 1, "machine.settings.new.b": 2}}
     absent = {"machine.settings.new": {"a": 1, "b": 3}, "machine.settings.other": 4}
-    assert find_changed_defaults(absent, kept) == {"machine.settings.new": {"a": 1, "b": 2}}
+    assert list_absent_settings_changed_since(absent, kept) == {
+        "machine.settings.new": {"a": 1, "b": 2}
+    }
 
 
 def test_defaults_of_this_version_are_kept_as_they_are() -> None:
     """A default that changes belongs to a new version: evidence of this one has the old one."""
     kept = load_released_defaults()[version("payscope")]
-    assert kept == collect_present_defaults(), (
+    assert kept == collect_defaults_of_this_version(), (
         "python -P -m recordings.calibration.released_defaults prints what has to be in "
         "recordings/calibration/released_defaults.json; where a released default changes, write a "
         "new version into pyproject.toml first"

@@ -36,13 +36,13 @@ _STYLE: Final = "verifier.css"
 
 def build_verifier_page() -> bytes:
     """The page, the same bytes whenever this version makes it."""
-    style = f"\n{_read_page_part(_STYLE)}"
-    script = "\n".join(('"use strict";', *(_read_page_part(name) for name in _SCRIPTS)))
-    page = _read_page_part(_PAGE)
+    style = f"\n{_read_page_source(_STYLE)}"
+    script = "\n".join(('"use strict";', *(_read_page_source(name) for name in _SCRIPTS)))
+    page = _read_page_source(_PAGE)
     parts = {
         "version": version("payscope"),
-        "style_hash": _content_security_digest(style),
-        "script_hash": _content_security_digest(script),
+        "style_hash": _compute_content_security_digest(style),
+        "script_hash": _compute_content_security_digest(script),
         "style": style,
         "script": script,
     }
@@ -51,15 +51,15 @@ def build_verifier_page() -> bytes:
     return page.encode()
 
 
-def verifier_page_sha256() -> str:
+def compute_verifier_page_sha256() -> str:
     """SHA-256 of the page, in hexadecimal digits."""
     return hashlib.sha256(build_verifier_page()).hexdigest()
 
 
-def _read_page_part(name: str) -> str:
-    return Path(__file__).with_name(name).read_text(encoding="utf-8")
+def _read_page_source(file_name: str) -> str:
+    return Path(__file__).with_name(file_name).read_text(encoding="utf-8")
 
 
-def _content_security_digest(text: str) -> str:
+def _compute_content_security_digest(text: str) -> str:
     """Content-security digest that lets this text run on the page, and no other."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

@@ -9,9 +9,9 @@ from rosbags.typesys.msg import normalize_msgtype
 from estimators.errors import LogError
 from replay.logs.bag.bag_index import (
     BagIndex,
-    chunk_at_offset_or_none,
+    make_block_of_chunk_record,
     read_bag_index,
-    read_indexed_times,
+    read_indexed_log_times,
 )
 from replay.logs.bag.bag_records import (
     BAG_HEADER,
@@ -33,10 +33,10 @@ from replay.logs.blocks import (
     LooseRecords,
     RecordGrammar,
     describe_end_of_reading,
-    describe_torn_end,
+    describe_incomplete_end,
     find_records_after_damage,
 )
-from replay.logs.messages.broken_bytes import KIND_BYTES, describe_other_file
+from replay.logs.messages.broken_bytes import KIND_BYTES, describe_file_of_other_format
 from replay.logs.storage import Connection
 
 #: By a field that it must have: a chunk whose op is damaged must not be passed over in silence.
@@ -51,12 +51,12 @@ _KNOWN: Final = {
 class BagFile(BlockFile):
     """A ROS 1 bag. A bag without an index (the recorder crashed) is scanned when opened."""
 
-    def _open(self) -> tuple[Connection, ...]:
+    def _read_connections_or_scan(self) -> tuple[Connection, ...]:
         path = self._file.path
-        head = self._file.read(0, len(MAGIC + VERSION))
+        head = self._file.read_bytes(0, len(MAGIC + VERSION))
         if not head.startswith(MAGIC):
-            begin = self._file.read(0, KIND_BYTES)
-            why = describe_other_file(begin, "it does not start with '#ROSBAG V2.0'")
+            begin = self._file.read_bytes(0, KIND_BYTES)
+            why = describe_file_of_other_format(begin, "it does not start with '#ROSBAG V2.0'")
             raise LogError(f"{path}: not a ROS 1 bag; {why}")
         if not head.endswith(VERSION):
             version = head.removeprefix(MAGIC).split(b"\n")[0].decode(errors="replace")
@@ -67,9 +67,9 @@ class BagFile(BlockFile):
         self._connections: dict[int, Connection] = {}
         self._connections_at: dict[int, int] = {}
         header = read_bag_record(self._file, len(head))
-        index = self._read_index(header)
+        index = self._read_index_named_in_header(header)
         if index is not None:
-            self._add_index_records(index)
+            self._load_connections_and_chunks_of_index(index)
         else:
             self._read_whole_file(len(head), header)
         return tuple(self._connections.values())
@@ -80,31 +80,33 @@ class BagFile(BlockFile):
 
         return GRAMMAR
 
-    def check_and_count_crcs(self) -> int:
+    def read_whole_file_and_count_valid_crcs(self) -> int:
         """Read the file from start to end; a bag has no CRCs."""
         walk = BagWalk(self._make_second_pass_store(), len(MAGIC + VERSION), self._process_record)
-        self._compare_with_first_pass(walk.chunks(), walk.store)
-        return self._store.crcs
+        self._note_blocks_missed_by_first_pass(walk.iter_chunks_of_file(), walk.store)
+        return self._store.valid_crc_count
 
-    def _read_index(self, header: BagRecord | None) -> BagIndex | None:
+    def _read_index_named_in_header(self, header: BagRecord | None) -> BagIndex | None:
         names = (b"index_pos", b"conn_count", b"chunk_count")
         if header is None or header.op != BAG_HEADER or not header.fields.keys() >= set(names):
             return None
-        position, connections, chunks = (header.unsigned_field(name) for name in names)
+        position, connections, chunks = (header.decode_unsigned_field(name) for name in names)
         if not header.end <= position <= self._file.size or (position == self._file.size) != (
             connections == chunks == 0
         ):
             return None
         return read_bag_index(self._file, position, connections, chunks)
 
-    def _add_index_records(self, index: BagIndex) -> None:
+    def _load_connections_and_chunks_of_index(self, index: BagIndex) -> None:
         """Add connections and chunks from the index."""
         for record, data in index.connections:
-            self._note_connection(record.fields, data, -1)
+            self._store_connection_or_note_damage(record.fields, data, -1)
         unknown: list[Block] = []
         for offset in sorted(index.chunks):
             counts = index.chunks[offset]
-            block = chunk_at_offset_or_none(self._file, offset, read_bag_record(self._file, offset))
+            block = make_block_of_chunk_record(
+                self._file, offset, read_bag_record(self._file, offset)
+            )
             # the index stands behind all chunks, so that the end of the file tears none of them
             if block is None or (block.is_torn and counts):
                 lost = Block(offset, 0, 0, "", 0, counts=counts)
@@ -112,49 +114,54 @@ class BagFile(BlockFile):
                     lost, "it is not at the position that the index gives"
                 )
                 continue
-            times = read_indexed_times(self._file, block, counts)
+            times = read_indexed_log_times(self._file, block, counts)
             if times is None:
                 unknown.append(block)
             else:
-                self._store.add(block, times)
+                self._store.add_block_with_times(block, times)
         if unknown:
             self._store.add_unindexed_blocks(unknown)
 
-    def _read_whole_file(self, begin: int, header: BagRecord | None) -> None:
+    def _read_whole_file(self, begin_offset: int, header: BagRecord | None) -> None:
         """Read the file from start to end."""
         damage = self._store.damage
-        walk = BagWalk(self._store, begin, self._process_record)
-        self._store.add_unindexed_blocks(walk.chunks())
+        walk = BagWalk(self._store, begin_offset, self._process_record)
+        self._store.add_unindexed_blocks(walk.iter_chunks_of_file())
         position = b"" if header is None else header.fields.get(b"index_pos", b"")
         unfinished = position == bytes(8)
         why = "the recorder did not finish it" if unfinished else "the index is damaged"
-        torn = describe_torn_end(self._file.size - walk.end, self._store.torn_messages)
-        damage.note(
+        torn = describe_incomplete_end(self._file.size - walk.end, self._store.torn_message_count)
+        damage.add_damage_sentence(
             f"{why}: scanned from start to end, all whole messages are read"
             f"{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
-    def _process_record(self, op: int, content: bytes, offset: int) -> None:
+    def _process_record(self, opcode: int, content: bytes, offset: int) -> None:
         """Process a connection record from its header and data."""
-        del op
+        del opcode
         size = int.from_bytes(content[:4], "little")
-        self._note_connection(
+        self._store_connection_or_note_damage(
             parse_header_fields(content[4 : 4 + size]) or {}, content[8 + size :], offset
         )
 
-    def _note_connection(self, fields: dict[bytes, bytes], data: bytes, offset: int) -> None:
-        connection = make_connection(fields, data)
+    def _store_connection_or_note_damage(
+        self, header_fields: dict[bytes, bytes], data: bytes, offset: int
+    ) -> None:
+        connection = parse_connection_record(header_fields, data)
         if connection is None:
-            self._store.damage.note("the record of a connection is damaged")
+            self._store.damage.add_damage_sentence("the record of a connection is damaged")
         elif offset < self._connections_at.get(connection.id, self._file.size):
             self._connections_at[connection.id] = offset
             self._connections[connection.id] = connection
 
 
-def make_connection(fields: dict[bytes, bytes], data: bytes) -> Connection | None:
+def parse_connection_record(header_fields: dict[bytes, bytes], data: bytes) -> Connection | None:
     """Connection from a record's header fields and data; None if damaged."""
     inner = parse_header_fields(data) or {}
-    key, topic = fields.get(b"conn", b""), fields.get(b"topic", inner.get(b"topic", b""))
+    key, topic = (
+        header_fields.get(b"conn", b""),
+        header_fields.get(b"topic", inner.get(b"topic", b"")),
+    )
     if len(key) != 4 or b"type" not in inner:
         return None
     return Connection(
@@ -176,14 +183,14 @@ class BagWalk:
     end: int
     describe: Describe
 
-    def chunks(self) -> Iterator[Block]:
+    def iter_chunks_of_file(self) -> Iterator[Block]:
         """Every chunk, including one cut off by the end of the file."""
         file = self.store.file
         stretches = LooseRecords(self.store)
         at = self.end
         while at < file.size:
             record = read_bag_record(file, at)
-            block = chunk_at_offset_or_none(file, at, record)
+            block = make_block_of_chunk_record(file, at, record)
             end = at
             if block is not None:
                 yield block
@@ -191,11 +198,11 @@ class BagWalk:
                     return
                 end = block.offset + block.stored_bytes
             elif record is not None and record.op == MESSAGE:
-                end = stretches.add(at, record.end - at)
+                end = stretches.scan_records_up_to_next_chunk(at, record.end - at)
             elif record is not None and _KNOWN.get(record.op) in record.fields:
                 end = record.end if record.end <= file.size else at
                 if record.op == CONNECTION:
-                    self.describe(CONNECTION, file.read(at, end - at), at)
+                    self.describe(CONNECTION, file.read_bytes(at, end - at), at)
             if end == at:
                 found = find_records_after_damage(file, at, self.store.grammar.find)
                 if found is None:

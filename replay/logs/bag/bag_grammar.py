@@ -1,14 +1,14 @@
 """Compiled search for the records of a ROS 1 bag in bytes."""
 
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimators.interpreted import compiled, compiled_for_many_iterations
 from replay.logs.bag.bag_records import CONNECTION, LONGEST_HEADER, MESSAGE
-from replay.logs.blocks import RecordGrammar
-from replay.logs.decoding.bytes_at import count_scan_iterations, load32, load64
+from replay.logs.blocks import CountAndStop, RecordGrammar
+from replay.logs.decoding.bytes_at import estimate_scan_iterations, load32, load64
 
 #: Where records are looked for after damage.
 _USUAL_HEADER: Final = 1024
@@ -20,21 +20,25 @@ _OP, _CONN, _TIME = (int.from_bytes(name, "little") for name in (b"op=", b"conn=
 _3_BYTES, _5_BYTES = 2**24 - 1, 2**40 - 1
 
 
+#: Opcode, connection, time in ns, begin of the data, and end of a record.
+BagRecordParts: TypeAlias = tuple[int, int, int, int, int]
+
+
 @compiled
 def parse_bag_record(
-    data: NDArray[np.uint8], at: int, end: int, max_bytes: int
-) -> tuple[int, int, int, int, int]:
-    """Parse the record at `at`: op, connection, time, begin of the data, and end of the record.
+    data: NDArray[np.uint8], offset: int, end: int, max_bytes: int
+) -> BagRecordParts:
+    """Parse the record at `offset`: op, connection, time, begin of the data, and end of the record.
 
     The op is -1 if there is no record.
     """
     none = (-1, -1, -1, 0, 0)
-    size = load32(data, at)
-    fields_end = at + 4 + size
+    size = load32(data, offset)
+    fields_end = offset + 4 + size
     if size > max_bytes or fields_end + 4 > end:
         return none
     op, connection, time = -1, -1, -1
-    field = at + 4
+    field = offset + 4
     while field + 4 <= fields_end:
         length = load32(data, field)
         value = field + 4
@@ -53,34 +57,34 @@ def parse_bag_record(
     return op, connection, time, body, body + load32(data, fields_end)
 
 
-@compiled_for_many_iterations(count_scan_iterations)
-def _scan_records(
-    data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
-) -> tuple[int, int]:
+@compiled_for_many_iterations(estimate_scan_iterations)
+def _scan_bag_records(
+    data: NDArray[np.uint8], begin: int, end: int, out_rows: NDArray[np.int64], first_row: int
+) -> CountAndStop:
     """Find the rows of messages and connections; see `slabs.RecordGrammar`.
 
     It stops at an incomplete record, and at a record that only occurs outside chunks.
     """
     found = 0
     at = begin
-    room = rows.shape[1]
+    room = out_rows.shape[1]
     while at + 8 <= end:
         op, connection, time, body, stop = parse_bag_record(data, at, end, LONGEST_HEADER)
         if (op not in (MESSAGE, CONNECTION)) or stop > end:
             break
-        if row < room:
-            rows[0, row] = connection if op == MESSAGE else -1 - CONNECTION
-            rows[1, row] = time
-            rows[2, row] = body if op == MESSAGE else at
-            rows[3, row] = stop - body if op == MESSAGE else stop - at
-        row += 1
+        if first_row < room:
+            out_rows[0, first_row] = connection if op == MESSAGE else -1 - CONNECTION
+            out_rows[1, first_row] = time
+            out_rows[2, first_row] = body if op == MESSAGE else at
+            out_rows[3, first_row] = stop - body if op == MESSAGE else stop - at
+        first_row += 1
         found += 1
         at = stop
     return found, at
 
 
-@compiled_for_many_iterations(count_scan_iterations)
-def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
+@compiled_for_many_iterations(estimate_scan_iterations)
+def _find_next_bag_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     """Offset from which several records follow each other; -1 if none."""
     for first in range(begin, end - 7):
         at = first
@@ -98,4 +102,4 @@ def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> i
     return -1
 
 
-GRAMMAR: Final = RecordGrammar(_scan_records, _find_record)
+GRAMMAR: Final = RecordGrammar(_scan_bag_records, _find_next_bag_record)

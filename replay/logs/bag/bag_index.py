@@ -36,31 +36,35 @@ class BagIndex:
     chunks: dict[int, dict[int, int]]
 
 
-def read_bag_index(file: FileBytes, offset: int, connections: int, chunks: int) -> BagIndex | None:
-    """Index at `offset`; None if it is incomplete."""
+def read_bag_index(
+    file: FileBytes, index_offset: int, connection_count: int, chunk_count: int
+) -> BagIndex | None:
+    """Index at `index_offset`; None if it is incomplete."""
     described: list[tuple[BagRecord, bytes]] = []
     counts: dict[int, dict[int, int]] = {}
-    at = offset
-    window = ReadBuffer(file, offset, min(file.size - offset, _MOST_INDEX_BYTES))
+    at = index_offset
+    window = ReadBuffer(file, index_offset, min(file.size - index_offset, _MOST_INDEX_BYTES))
     while at < file.size:
         record = read_bag_record(window, at)
         if record is None or record.end > file.size:
             return None
-        data = window.read(record.data_offset, record.data_bytes)
+        data = window.read_bytes(record.data_offset, record.data_bytes)
         if record.op == CONNECTION:
             described.append((record, data))
         elif record.op == CHUNK_INFO and b"chunk_pos" in record.fields and len(data) % 8 == 0:
             pairs = np.frombuffer(data, _COUNT).tolist()
-            counts[record.unsigned_field(b"chunk_pos")] = dict(pairs)
+            counts[record.decode_unsigned_field(b"chunk_pos")] = dict(pairs)
         else:
             return None
         at = record.end
-    if len(described) != connections or len(counts) != chunks:
+    if len(described) != connection_count or len(counts) != chunk_count:
         return None
     return BagIndex(tuple(described), counts)
 
 
-def chunk_at_offset_or_none(file: FileBytes, offset: int, record: BagRecord | None) -> Block | None:
+def make_block_of_chunk_record(
+    file: FileBytes, offset: int, record: BagRecord | None
+) -> Block | None:
     """Chunk whose record begins at `offset`; None if there is none.
 
     A chunk that extends beyond the end of the file is torn. So is a chunk of size 0 in a longer
@@ -69,7 +73,7 @@ def chunk_at_offset_or_none(file: FileBytes, offset: int, record: BagRecord | No
     if record is None or record.op != CHUNK:
         return None
     compression = record.fields.get(b"compression", b"none").decode(errors="replace")
-    unpacked = record.unsigned_field(b"size") if b"size" in record.fields else 0
+    unpacked = record.decode_unsigned_field(b"size") if b"size" in record.fields else 0
     left = file.size - record.data_offset
     behind = read_bag_record(file, record.end) if record.data_bytes == unpacked == 0 else None
     is_open = record.data_bytes == unpacked == 0 and (
@@ -85,24 +89,26 @@ def chunk_at_offset_or_none(file: FileBytes, offset: int, record: BagRecord | No
     )
 
 
-def read_indexed_times(
-    file: FileBytes, block: Block, counts: dict[int, int]
+def read_indexed_log_times(
+    file: FileBytes, block: Block, message_counts: dict[int, int]
 ) -> dict[int, NDArray[np.int64]] | None:
     """Log times in ns by connection, from the index records after a chunk; None if incomplete."""
     times: dict[int, NDArray[np.int64]] = {}
     at = block.offset + block.stored_bytes
-    expected = _ENTRY.itemsize * sum(counts.values()) + _HEADER_BYTES * (len(counts) + 1)
+    expected = _ENTRY.itemsize * sum(message_counts.values()) + _HEADER_BYTES * (
+        len(message_counts) + 1
+    )
     window = ReadBuffer(file, at, min(expected, _MOST_INDEX_BYTES))
-    for _ in counts:
+    for _ in message_counts:
         record = read_bag_record(window, at)
         if record is None or record.op != INDEX_DATA or b"conn" not in record.fields:
             return None
-        data = window.read(record.data_offset, record.data_bytes)
+        data = window.read_bytes(record.data_offset, record.data_bytes)
         if len(data) % _ENTRY.itemsize:
             return None
         entries = np.frombuffer(data, _ENTRY)
         stamps = entries["s"].astype(np.int64) * 10**9 + entries["ns"]
-        times[record.unsigned_field(b"conn")] = stamps
+        times[record.decode_unsigned_field(b"conn")] = stamps
         at = record.end
-    whole = {key: stamps.size for key, stamps in times.items()} == counts
+    whole = {key: stamps.size for key, stamps in times.items()} == message_counts
     return times if whole else None

@@ -39,7 +39,7 @@ class BagRecord(NamedTuple):
         value = self.fields.get(b"op", b"")
         return value[0] if len(value) == 1 else -1
 
-    def unsigned_field(self, name: bytes) -> int:
+    def decode_unsigned_field(self, name: bytes) -> int:
         """Value of an unsigned integer field of at most 8 bytes.
 
         Raises:
@@ -71,14 +71,14 @@ def parse_header_fields(header: bytes) -> dict[bytes, bytes] | None:
 
 def read_bag_record(file: FileBytes | ReadBuffer, offset: int) -> BagRecord | None:
     """Record at `offset`; None if there is none. Its data may extend beyond the file."""
-    head = file.read(offset, 256)
+    head = file.read_bytes(offset, 256)
     if len(head) < 4:
         return None
     (size,) = _U32.unpack_from(head)
     if size > LONGEST_HEADER:
         return None
     if 8 + size > len(head):
-        head = file.read(offset, 8 + size)
+        head = file.read_bytes(offset, 8 + size)
     if 8 + size > len(head):
         return None
     fields = parse_header_fields(head[4 : 4 + size])

@@ -1,8 +1,8 @@
 """The tail of a ROS 1 bag that is still being written (`.bag.active`, or under its own name)."""
 
 from estimators.errors import LogError
-from replay.logs.bag.bag_file import make_connection
-from replay.logs.bag.bag_index import chunk_at_offset_or_none
+from replay.logs.bag.bag_file import parse_connection_record
+from replay.logs.bag.bag_index import make_block_of_chunk_record
 from replay.logs.bag.bag_records import (
     BAG_HEADER,
     CHUNK,
@@ -31,18 +31,18 @@ class BagTail(GrowingBlockFile):
 
         return GRAMMAR
 
-    def _take_next_batches(self) -> list[RawBatch] | None:
+    def _read_next_record_batches(self) -> list[RawBatch] | None:
         file = self._file
         if self._at == 0:
-            return self._check_first_line()
-        if 0 < self._find_index_offset() <= self._at:
+            return self._read_first_line_if_complete()
+        if 0 < self._read_index_offset() <= self._at:
             self.is_finished = True
             return []
         record = read_bag_record(file, self._at)
         if record is None or record.end > file.size:
             return None
         if record.op == CHUNK:
-            block = chunk_at_offset_or_none(file, self._at, record)
+            block = make_block_of_chunk_record(file, self._at, record)
             # nothing behind an empty chunk yet: it may be one that has just been opened
             if (
                 block is None
@@ -51,17 +51,17 @@ class BagTail(GrowingBlockFile):
             ):
                 return None
             self._at = record.end
-            return self._read_chunk_messages(block)
+            return self._unpack_messages_of_chunk(block)
         if record.op == MESSAGE:
-            return self._read_unchunked_messages(record.end - self._at)
+            return self._take_unchunked_messages(record.end - self._at)
         if record.op == CONNECTION:
-            self._process_record(CONNECTION, file.read(self._at, record.end - self._at))
+            self._process_record(CONNECTION, file.read_bytes(self._at, record.end - self._at))
         self._at = record.end
         return []
 
-    def _check_first_line(self) -> list[RawBatch] | None:
+    def _read_first_line_if_complete(self) -> list[RawBatch] | None:
         """Check the first line of the file, as soon as it is complete."""
-        head = self._file.read(0, len(_HEAD))
+        head = self._file.read_bytes(0, len(_HEAD))
         if not _HEAD.startswith(head):
             raise LogError(
                 f"{self._file.path}: not a ROS 1 bag of version 2.0; it does not start with "
@@ -72,19 +72,19 @@ class BagTail(GrowingBlockFile):
             return []
         return None
 
-    def _find_index_offset(self) -> int:
+    def _read_index_offset(self) -> int:
         """Offset of the index; 0 until the recorder has written it."""
         header = read_bag_record(self._file, len(_HEAD))
         if header is None or header.op != BAG_HEADER or b"index_pos" not in header.fields:
             return 0
-        return header.unsigned_field(b"index_pos")
+        return header.decode_unsigned_field(b"index_pos")
 
-    def _process_record(self, op: int, content: bytes) -> None:
-        del op
+    def _process_record(self, opcode: int, content: bytes) -> None:
+        del opcode
         size = int.from_bytes(content[:4], "little")
         fields = parse_header_fields(content[4 : 4 + size]) or {}
-        connection = make_connection(fields, content[8 + size :])
+        connection = parse_connection_record(fields, content[8 + size :])
         if connection is None:
-            self._losses.note(self._file.path, "the record of a connection is damaged")
+            self._losses.add_loss(self._file.path, "the record of a connection is damaged")
         else:
             self.connections.setdefault(connection.id, connection)

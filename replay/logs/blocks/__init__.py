@@ -5,18 +5,19 @@ from replay.logs.blocks.block_file import BlockFile
 from replay.logs.blocks.block_messages import BlockStore, Describe
 from replay.logs.blocks.block_tail import GrowingBlockFile
 from replay.logs.blocks.loose_records import LooseRecords, find_records_after_damage
-from replay.logs.blocks.lost_blocks import describe_end_of_reading, describe_torn_end
-from replay.logs.blocks.slabs import RecordGrammar
+from replay.logs.blocks.lost_blocks import describe_end_of_reading, describe_incomplete_end
+from replay.logs.blocks.slabs import CountAndStop, RecordGrammar
 
 __all__ = [
     "Block",
     "BlockFile",
     "BlockStore",
+    "CountAndStop",
     "Describe",
     "GrowingBlockFile",
     "LooseRecords",
     "RecordGrammar",
     "describe_end_of_reading",
-    "describe_torn_end",
+    "describe_incomplete_end",
     "find_records_after_damage",
 ]

@@ -60,8 +60,8 @@ class Block:
         return min(self.unpacked_bytes or most, most, LARGEST_BYTES)
 
 
-def unpack_block(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
-    """Unpack a block into `target` (block.max_unpacked_bytes,), and return the number of bytes.
+def unpack_block_into(block: Block, file: FileBytes, out_bytes: NDArray[np.uint8]) -> int:
+    """Unpack a block into `out_bytes` (block.max_unpacked_bytes,), and return the number of bytes.
 
     Raises:
         DamagedBlockError: it is implausibly large, cannot be unpacked, has another size than it
@@ -78,21 +78,21 @@ def unpack_block(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> in
             "what is stored"
         )
     if not block.compression:
-        done = file.read_into(block.offset, target)
+        done = file.read_into(block.offset, out_bytes)
     elif block.compression not in ("zstd", "lz4", "bz2"):
         raise DamagedBlockError(f"its compression '{block.compression}' is not zstd, lz4 or bz2")
     else:
-        done = _decompress(block, file, target)
+        done = _decompress_block_into(block, file, out_bytes)
     if block.is_torn:
         return done
     if done != block.max_unpacked_bytes:
         raise DamagedBlockError(f"{done:,} of the {block.unpacked_bytes:,} bytes it declares")
-    if block.crc and zlib.crc32(target.data) != block.crc:
+    if block.crc and zlib.crc32(out_bytes.data) != block.crc:
         raise DamagedBlockError("its CRC is wrong")
     return done
 
 
-def _read_zstd_frames(block: Block, file: FileBytes) -> memoryview:
+def _read_zstd_block_with_end_frame(block: Block, file: FileBytes) -> memoryview:
     """Stored bytes of a block, followed by an end frame unless the block is torn."""
     room = max(0, min(block.stored_bytes, file.size - block.offset))
     stored = np.empty(room + len(_NOTHING), np.uint8)
@@ -103,18 +103,18 @@ def _read_zstd_frames(block: Block, file: FileBytes) -> memoryview:
     return stored[: done + len(_NOTHING)].data
 
 
-def _decompress(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
+def _decompress_block_into(block: Block, file: FileBytes, out_bytes: NDArray[np.uint8]) -> int:
     import pyarrow as pa  # slow to import, and an index makes it unnecessary
     import zstandard
 
-    view, done = target.data, 0
+    view, done = out_bytes.data, 0
     # the decompressor says at its end that the stream broke off, not how much came before
     step = _TORN_STEP if block.is_torn else max(len(view), 1)
     if block.compression == "zstd":  # by itself: Arrow's takes a detour through a buffer
-        frames = _read_zstd_frames(block, file)
+        frames = _read_zstd_block_with_end_frame(block, file)
         stream = zstandard.ZstdDecompressor().stream_reader(frames, read_across_frames=True)
     else:
-        stored = pa.py_buffer(file.read_array(block.offset, block.stored_bytes))
+        stored = pa.py_buffer(file.read_byte_array(block.offset, block.stored_bytes))
         stream = pa.CompressedInputStream(pa.BufferReader(stored), block.compression)
     try:
         while done < len(view):

@@ -22,15 +22,15 @@ class BlockFile(ABC):
         self._file = FileBytes(path)
         try:
             self._store = self._make_store()
-            self.connections: tuple[Connection, ...] = self._open()
+            self.connections: tuple[Connection, ...] = self._read_connections_or_scan()
             self._topics = {c.id: c.topic for c in self.connections}
-            self._store.finish(self._topics)
+            self._store.sort_blocks_and_note_losses(self._topics)
         except BaseException:
             self._file.close()
             raise
 
     @abstractmethod
-    def _open(self) -> tuple[Connection, ...]:
+    def _read_connections_or_scan(self) -> tuple[Connection, ...]:
         """Fill the store from an index, or by scanning the file.
 
         Raises:
@@ -43,7 +43,7 @@ class BlockFile(ABC):
         """Grammar that finds its records in bytes."""
 
     @abstractmethod
-    def _process_record(self, op: int, content: bytes, offset: int) -> None:
+    def _process_record(self, opcode: int, content: bytes, offset: int) -> None:
         """Process a record other than a message; see `block_messages.Describe`."""
 
     def _make_store(self) -> BlockStore:
@@ -55,15 +55,19 @@ class BlockFile(ABC):
         store.damage = self._store.damage
         return store
 
-    def _compare_with_first_pass(self, chunks: Iterable[Block], outside: BlockStore) -> None:
+    def _note_blocks_missed_by_first_pass(
+        self, chunks: Iterable[Block], unchunked_store: BlockStore
+    ) -> None:
         """Note the chunks and unchunked messages that the first pass missed."""
         found = [chunk.record_offset for chunk in chunks]
-        self._store.note_missing_blocks([*found, *outside.offsets])
+        self._store.note_blocks_missing_from_store(
+            [*found, *unchunked_store.offsets_of_blocks_with_messages]
+        )
 
     @property
     def losses(self) -> Sequence[Loss]:
         """Damage found so far."""
-        return self._store.damage.losses(self._topics)
+        return self._store.damage.list_losses(self._topics)
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
         """Log times of a connection, from the index or from the scan at opening."""
@@ -84,8 +88,8 @@ class BlockFile(ABC):
         return self._store.earliest_ns
 
     @abstractmethod
-    def check_and_count_crcs(self) -> int:
-        """See `Container.check_and_count_crcs`."""
+    def read_whole_file_and_count_valid_crcs(self) -> int:
+        """See `Container.read_whole_file_and_count_valid_crcs`."""
 
     def close(self) -> None:
         """Release the file."""

@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 from threading import Lock
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from replay.logs.blocks.slabs import (
     ChunkStats,
     RecordGrammar,
     Slab,
-    compute_chunk_stats,
+    count_messages_of_chunks,
     iter_slabs,
     select_messages_of_connections,
 )
@@ -26,8 +26,8 @@ from replay.logs.storage import (
     TIME,
     BatchGroup,
     FileBytes,
-    group_rows_by_key,
-    make_empty_times,
+    group_rows_by_connection,
+    make_empty_log_times,
 )
 
 #: The last log time, ns.
@@ -83,12 +83,12 @@ class BlockStore:
         return self._counts.total()
 
     @property
-    def torn_messages(self) -> int:
+    def torn_message_count(self) -> int:
         """Number of messages in the block cut off by the end of the file."""
         return sum(sum(block.counts.values()) for block in self._blocks if block.is_torn)
 
     @property
-    def crcs(self) -> int:
+    def valid_crc_count(self) -> int:
         """Number of CRCs that were compared and agree."""
         return len(self._sealed)
 
@@ -103,38 +103,42 @@ class BlockStore:
         return min((b.first_ns for b in self._blocks if b.counts), default=END_NS)
 
     @property
-    def offsets(self) -> Iterator[int]:
+    def offsets_of_blocks_with_messages(self) -> Iterator[int]:
         """Offsets of the blocks that contain messages."""
         return (block.record_offset for block in self._blocks if block.counts)
 
-    def note_missing_blocks(self, offsets: Iterable[int]) -> None:
+    def note_blocks_missing_from_store(self, offsets: Iterable[int]) -> None:
         """Note the blocks at these offsets that the store lacks."""
         known = {block.record_offset for block in self._blocks}
         for offset in offsets:
-            if offset not in known and not self.damage.is_lost(offset):
-                self.damage.note(f"the index omits the records at byte {offset}: not read")
+            if offset not in known and not self.damage.is_block_lost(offset):
+                self.damage.add_damage_sentence(
+                    f"the index omits the records at byte {offset}: not read"
+                )
 
-    def add(self, block: Block, times: Mapping[int, NDArray[np.int64]]) -> None:
+    def add_block_with_times(
+        self, block: Block, log_times: Mapping[int, NDArray[np.int64]]
+    ) -> None:
         """Add a block with the log times (64 bits) of its messages, by connection."""
-        described, usable = complete_block_by_times(block, times)
+        described, usable = complete_block_by_log_times(block, log_times)
         self._blocks.append(described)
         self._counts.update(described.counts)
         for key, values in usable.items():
-            self._late[key] = self._late.get(key, 0) + times[key].size - values.size
+            self._late[key] = self._late.get(key, 0) + log_times[key].size - values.size
             self._times.setdefault(key, []).append(values)
 
-    def add_indexed(self, block: Block, read_times: ReadTimes) -> None:
+    def add_block_with_unread_times(self, block: Block, read_times: ReadTimes) -> None:
         """Add a block with known counts and time span, but unknown single times."""
         self._blocks.append(block)
         self._counts.update(block.counts)
         self._unread.append((block, read_times))
 
     def note_lost_block(
-        self, block: Block, times: Mapping[int, NDArray[np.int64]], why: str
+        self, block: Block, log_times: Mapping[int, NDArray[np.int64]], reason: str
     ) -> None:
         """Note that a block with known messages cannot be read."""
-        described, _ = complete_block_by_times(block, times)
-        self.damage.note_lost_block(described, why)
+        described, _ = complete_block_by_log_times(block, log_times)
+        self.damage.note_lost_block(described, reason)
 
     def add_unindexed_blocks(self, blocks: Iterable[Block]) -> None:
         """Add blocks without an index, which are unpacked to find their messages."""
@@ -153,9 +157,11 @@ class BlockStore:
         for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
             content = data[offset : offset + length].tobytes()
             self._process_record(-1 - key, content, block.record_offset)
-        self.add(block, {key: rows[TIME, at] for key, at in group_rows_by_key(rows[KEY])})
+        self.add_block_with_times(
+            block, {key: rows[TIME, at] for key, at in group_rows_by_connection(rows[KEY])}
+        )
 
-    def finish(self, topics: Mapping[int, str]) -> None:
+    def sort_blocks_and_note_losses(self, topics: Mapping[int, str]) -> None:
         """Sort the blocks by file order after all were added, and note unusable messages.
 
         Args:
@@ -166,30 +172,32 @@ class BlockStore:
         for key, parts in self._times.items():
             if key not in topics:
                 count = sum(times.size for times in parts)
-                self.damage.note(f"{count:,} messages of connection {key}, which has no definition")
+                self.damage.add_damage_sentence(
+                    f"{count:,} messages of connection {key}, which has no definition"
+                )
             elif self._late[key]:
-                self.damage.note(
+                self.damage.add_damage_sentence(
                     f"{self._late[key]:,} messages have log times beyond the year 2262: not used",
                     topics[key],
                 )
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
         """Log times of a connection, (n,) in ns."""
-        self._read_indexed_times()
-        return np.concatenate([make_empty_times(), *self._times.get(connection_id, [])])
+        self._load_times_of_indexed_blocks()
+        return np.concatenate([make_empty_log_times(), *self._times.get(connection_id, [])])
 
     def count_messages_of_connection(self, connection_id: int) -> int:
         """Number of log times of a connection."""
         return self._counts[connection_id] - self._late.get(connection_id, 0)
 
-    def _read_indexed_times(self) -> None:
+    def _load_times_of_indexed_blocks(self) -> None:
         """Read the log times of indexed blocks; unpack those with an incomplete index."""
         with self._reading:
             found: dict[int, list[NDArray[np.int64]]] = {}
             unknown: list[Block] = []
             for block, read_times in self._unread:
                 times = read_times()
-                if times is None or not _do_times_match_block(block, times):
+                if times is None or not _do_indexed_times_match_block(block, times):
                     unknown.append(block)
                     continue
                 for key, values in times.items():
@@ -223,47 +231,48 @@ class BlockStore:
         floors = np.minimum.accumulate(begins[::-1])[::-1]
         done = 0
         for slab in iter_slabs(self.file, touched, self.grammar):
-            self._check_slab(slab)
+            self._compare_slab_with_index(slab)
             done += len(slab.parts) + len(slab.damaged)
             found = list(select_messages_of_connections(slab.data, slab.rows, chosen, first, last))
             yield BatchGroup(found, int(floors[done]))
 
-    def _check_slab(self, slab: Slab) -> None:
+    def _compare_slab_with_index(self, slab: Slab) -> None:
         """Compare the blocks of a slab with what their index promises."""
         for block, why in slab.damaged:
             self.damage.note_lost_block(block, why)
         blocks = [block for block, *_ in slab.parts]
         keys = sorted({*self._topics, *(key for block in blocks for key in block.counts)})
         topics = [*(self._topics.get(key, "") for key in keys), ""]
-        found = compute_chunk_stats(slab, np.array(keys, np.int64))
+        found = count_messages_of_chunks(slab, np.array(keys, np.int64))
         for (block, _, _, unread), held in zip(slab.parts, found, strict=True):
             self._note_unread_bytes(block, unread)
             self._note_verified_block(block)
             said = [*(block.counts.get(key, 0) for key in keys), 0]
             if held.counts != said:
-                self._note_wrong_counts(block, held.counts, said, topics)
+                self._note_message_counts_unlike_index(block, held.counts, said, topics)
             self._note_times_outside_index(block, held)
 
-    def _note_wrong_counts(
-        self, block: Block, decoded: list[int], indexed: list[int], topics: list[str]
+    def _note_message_counts_unlike_index(
+        self, block: Block, decoded_counts: list[int], indexed_counts: list[int], topics: list[str]
     ) -> None:
-        for held, counted, topic in zip(decoded, indexed, topics, strict=True):
+        for held, counted, topic in zip(decoded_counts, indexed_counts, topics, strict=True):
             if held != counted:
-                self.damage.note(
+                self.damage.add_damage_sentence(
                     f"the chunk at byte {block.record_offset} holds {held:,} whole messages "
                     f"where its index counts {counted:,}",
                     topic,
                 )
 
-    def _note_times_outside_index(self, block: Block, stats: ChunkStats) -> None:
+    def _note_times_outside_index(self, block: Block, chunk_stats: ChunkStats) -> None:
         """Note a block with messages outside its indexed times, which time ranges would miss."""
         # some may be known to be beyond the year 2262
-        unknown = stats.late > 0 and not any(self._late.values())
-        in_time = stats.first_ns <= stats.last_ns
+        unknown = chunk_stats.late > 0 and not any(self._late.values())
+        in_time = chunk_stats.first_ns <= chunk_stats.last_ns
         if unknown or (
-            in_time and (stats.first_ns < block.first_ns or stats.last_ns > block.last_ns)
+            in_time
+            and (chunk_stats.first_ns < block.first_ns or chunk_stats.last_ns > block.last_ns)
         ):
-            self.damage.note(
+            self.damage.add_damage_sentence(
                 f"the chunk at byte {block.record_offset} holds messages outside the times "
                 "that its index gives"
             )
@@ -273,37 +282,46 @@ class BlockStore:
         if block.crc and not block.is_torn:
             self._sealed.add(block.record_offset)
 
-    def _note_unread_bytes(self, block: Block, unread: int) -> None:
-        if unread and not block.is_torn:
-            self.damage.note(
-                f"{unread:,} of {block.max_unpacked_bytes:,} bytes in the chunk at byte "
+    def _note_unread_bytes(self, block: Block, unread_byte_count: int) -> None:
+        if unread_byte_count and not block.is_torn:
+            self.damage.add_damage_sentence(
+                f"{unread_byte_count:,} of {block.max_unpacked_bytes:,} bytes in the chunk at byte "
                 f"{block.record_offset} form no complete record and were not read"
             )
 
 
-def complete_block_by_times(
-    block: Block, times: Mapping[int, NDArray[np.int64]]
-) -> tuple[Block, Mapping[int, NDArray[np.int64]]]:
+class TimedBlock(NamedTuple):
+    """A block with its counts, and its usable log times by connection."""
+
+    block: Block
+    log_times: Mapping[int, NDArray[np.int64]]
+
+
+def complete_block_by_log_times(
+    block: Block, log_times: Mapping[int, NDArray[np.int64]]
+) -> TimedBlock:
     """The block with its counts and time span, and the usable log times.
 
     Times beyond the year 2262 are unusable; their 64 bits are negative here.
     """
-    everything = np.concatenate([make_empty_times(), *times.values()])
-    counts = _count_times_by_connection(times)
+    everything = np.concatenate([make_empty_log_times(), *log_times.values()])
+    counts = _count_messages_by_connection(log_times)
     first, last = (everything.min(), everything.max()) if everything.size else (0, -1)
     if first < 0:
-        times = {key: values[values >= 0] for key, values in times.items()}
+        log_times = {key: values[values >= 0] for key, values in log_times.items()}
         everything = everything[everything >= 0]
         first, last = (everything.min(), everything.max()) if everything.size else (0, -1)
-    return replace(block, counts=counts, first_ns=int(first), last_ns=int(last)), times
+    return TimedBlock(
+        replace(block, counts=counts, first_ns=int(first), last_ns=int(last)), log_times
+    )
 
 
-def _do_times_match_block(block: Block, times: Mapping[int, NDArray[np.int64]]) -> bool:
+def _do_indexed_times_match_block(block: Block, log_times: Mapping[int, NDArray[np.int64]]) -> bool:
     """Whether an index lists as many messages as its block holds, all within its time span."""
-    whole = np.concatenate([make_empty_times(), *times.values()])
+    whole = np.concatenate([make_empty_log_times(), *log_times.values()])
     in_span = block.first_ns <= whole.min() and whole.max() <= block.last_ns if whole.size else True
-    return bool(in_span) and _count_times_by_connection(times) == block.counts
+    return bool(in_span) and _count_messages_by_connection(log_times) == block.counts
 
 
-def _count_times_by_connection(times: Mapping[int, NDArray[np.int64]]) -> dict[int, int]:
-    return {key: values.size for key, values in times.items() if values.size}
+def _count_messages_by_connection(log_times: Mapping[int, NDArray[np.int64]]) -> dict[int, int]:
+    return {key: values.size for key, values in log_times.items() if values.size}

@@ -3,13 +3,13 @@
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
-from replay.logs.blocks.block import Block, DamagedBlockError, unpack_block
+from replay.logs.blocks.block import Block, DamagedBlockError, unpack_block_into
 from replay.logs.blocks.slabs import RecordGrammar, SlabIndex
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.storage import (
@@ -21,13 +21,20 @@ from replay.logs.storage import (
     Connection,
     FileBytes,
     LossList,
-    group_rows_by_key,
+    group_rows_by_connection,
 )
 
 #: Bytes of records outside chunks that are taken at once.
 _LOOSE_BYTES: Final = 4 * 2**20
 #: A poll ends with the chunk that brings its messages to so many bytes.
 _POLL_BYTES: Final = 16 * 2**20
+
+
+class _CompleteRecords(NamedTuple):
+    """Messages of complete records, and offset of the first incomplete one."""
+
+    batches: list[RawBatch]
+    incomplete_offset: int
 
 
 class GrowingBlockFile(ABC):
@@ -49,11 +56,11 @@ class GrowingBlockFile(ABC):
         """Grammar that finds its records in bytes."""
 
     @abstractmethod
-    def _process_record(self, op: int, content: bytes) -> None:
+    def _process_record(self, opcode: int, content: bytes) -> None:
         """Process a record other than a message."""
 
     @abstractmethod
-    def _take_next_batches(self) -> list[RawBatch] | None:
+    def _read_next_record_batches(self) -> list[RawBatch] | None:
         """Process the record at `_at` and advance; None if it is incomplete."""
 
     @property
@@ -67,55 +74,58 @@ class GrowingBlockFile(ABC):
         batches: list[RawBatch] = []
         self._is_torn = False
         while not self.is_finished and sum(batch.data.size for batch in batches) < _POLL_BYTES:
-            found = self._take_next_batches()
+            found = self._read_next_record_batches()
             if found is None:
                 self._is_torn = self._at < self._file.size
                 break
             batches += found
         return batches
 
-    def end(self) -> None:
-        """See `Tail.end`."""
+    def note_incomplete_end(self) -> None:
+        """See `Tail.note_incomplete_end`."""
         if self._is_torn:
             rest = self._file.size - self._at
             what = f"it ends inside a record or chunk: its last {rest:,} bytes are not read"
-            self._losses.note(self._file.path, what)
+            self._losses.add_loss(self._file.path, what)
 
     def close(self) -> None:
         """Release the file."""
         self._file.close()
 
-    def _read_chunk_messages(self, block: Block) -> list[RawBatch]:
+    def _unpack_messages_of_chunk(self, block: Block) -> list[RawBatch]:
         """Messages of a complete chunk; a damaged one is a loss."""
         try:
             if block.max_unpacked_bytes > LARGEST_BYTES:
                 raise DamagedBlockError(f"it declares {block.max_unpacked_bytes:,} bytes")
             data = np.empty(block.max_unpacked_bytes, np.uint8)
-            data = data[: unpack_block(block, self._file, data)]
+            data = data[: unpack_block_into(block, self._file, data)]
         except DamagedBlockError as error:
             what = f"the chunk at byte {block.record_offset} cannot be read: {error}"
-            self._losses.note(self._file.path, what)
+            self._losses.add_loss(self._file.path, what)
             return []
         batches, _ = self._split_complete_records(data)
         return batches
 
-    def _read_unchunked_messages(self, record_bytes: int) -> list[RawBatch]:
+    def _take_unchunked_messages(self, first_record_bytes: int) -> list[RawBatch]:
         """Messages outside chunks, from `_at` on, where the first one is complete."""
-        data = self._file.read_array(self._at, max(record_bytes, _LOOSE_BYTES))
+        data = self._file.read_byte_array(self._at, max(first_record_bytes, _LOOSE_BYTES))
         batches, whole = self._split_complete_records(data)
-        self._at += max(whole, record_bytes)
+        self._at += max(whole, first_record_bytes)
         return batches
 
-    def _split_complete_records(self, data: NDArray[np.uint8]) -> tuple[list[RawBatch], int]:
+    def _split_complete_records(self, data: NDArray[np.uint8]) -> _CompleteRecords:
         """Messages in some bytes (n,), and offset of the first incomplete record."""
         grammar = self._grammar()
         _, whole = grammar.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
         index = SlabIndex(grammar, data, 0)
-        index.scan(0, whole)
-        rows = index.found
+        index.add_rows_of_span(0, whole)
+        rows = index.rows_so_far
         for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
             self._process_record(-1 - key, data[offset : offset + length].tobytes())
-        return [
-            RawBatch(key, data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
-            for key, at in group_rows_by_key(rows[KEY])
-        ], whole
+        return _CompleteRecords(
+            [
+                RawBatch(key, data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
+                for key, at in group_rows_by_connection(rows[KEY])
+            ],
+            whole,
+        )

@@ -21,22 +21,24 @@ class LooseRecords:
         # grows while records go on, since where they do not most of a large read is for nothing
         self._window = _SMALLEST_WINDOW
 
-    def add(self, offset: int, record_bytes: int) -> int:
+    def scan_records_up_to_next_chunk(self, offset: int, first_record_bytes: int) -> int:
         """Add records from `offset` on; returns their end, at a chunk or at invalid bytes.
 
         Args:
             offset: offset of the first record.
-            record_bytes: declared size of that record.
+            first_record_bytes: declared size of that record.
         """
-        size = max(self._window, min(record_bytes, LARGEST_BYTES))
-        data = np.frombuffer(self._store.file.read(offset, size), np.uint8)
+        size = max(self._window, min(first_record_bytes, LARGEST_BYTES))
+        data = np.frombuffer(self._store.file.read_bytes(offset, size), np.uint8)
         grammar = self._store.grammar
         _, stop = grammar.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
         self._window = min(2 * size, SLAB_BYTES) if stop > size // 2 else _SMALLEST_WINDOW
         if stop:
             rows = SlabIndex(grammar, data, 0)
-            rows.scan(0, stop)
-            self._store.add_scanned_block(Block(offset, offset, stop, "", stop), data, rows.found)
+            rows.add_rows_of_span(0, stop)
+            self._store.add_scanned_block(
+                Block(offset, offset, stop, "", stop), data, rows.rows_so_far
+            )
         return offset + stop
 
 
@@ -50,7 +52,7 @@ def find_records_after_damage(file: FileBytes, damage_offset: int, find_record: 
     """Offset after damage at which records continue; None if there is none."""
     at, size = damage_offset + 1, _SHORTEST
     while at < file.size:
-        data = np.frombuffer(file.read(at, size), np.uint8)
+        data = np.frombuffer(file.read_bytes(at, size), np.uint8)
         found = find_record(data, 0, data.size, file.size - at)
         if found >= 0:
             return at + found

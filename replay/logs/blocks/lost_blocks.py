@@ -28,12 +28,12 @@ class BlockDamage(Damage):
         """Note that nothing can be read between two offsets."""
         self._gaps[start] = end
 
-    def is_lost(self, offset: int) -> bool:
+    def is_block_lost(self, offset: int) -> bool:
         """Whether the block at this offset is damaged and was skipped."""
         return offset in self._blocks
 
     @property
-    def lost_messages(self) -> int | None:
+    def lost_message_count(self) -> int | None:
         """Number of messages in the unused blocks; None if one is unknown."""
         counts = [sum(block.counts.values()) for block, _ in self._blocks.values()]
         return sum(counts) if all(counts) else None
@@ -41,27 +41,33 @@ class BlockDamage(Damage):
     def __bool__(self) -> bool:
         return bool(self._blocks or self._gaps) or super().__bool__()
 
-    def _iter_located_damage(self, topics: Mapping[int, str]) -> Iterator[tuple[str, str]]:
-        for what in (*self._describe_lost_blocks(topics), *self._describe_gaps()):
+    def _iter_located_damage(
+        self, topic_of_connection: Mapping[int, str]
+    ) -> Iterator[tuple[str, str]]:
+        for what in (
+            *self._describe_lost_blocks(topic_of_connection),
+            *self._describe_unreadable_spans(),
+        ):
             yield "", what
 
-    def _describe_lost_blocks(self, topics: Mapping[int, str]) -> Iterable[str]:
+    def _describe_lost_blocks(self, topic_of_connection: Mapping[int, str]) -> Iterable[str]:
         damaged = [self._blocks[offset] for offset in sorted(self._blocks)]
         if len(damaged) > _MOST_SINGLE:
             blocks = [block for block, _ in damaged]
             yield (
                 f"{len(damaged):,} chunks ({sum(b.stored_bytes for b in blocks):,} bytes) are "
                 f"damaged and were not read, the first at byte {blocks[0].record_offset}: "
-                f"{damaged[0][1]}; {describe_block_contents(blocks, topics)}"
+                f"{damaged[0][1]}; {describe_block_contents(blocks, topic_of_connection)}"
             )
             return
         for block, why in damaged:
             yield (
                 f"the chunk at byte {block.record_offset} ({block.stored_bytes:,} bytes) is "
-                f"damaged and was not read: {why}; {describe_block_contents([block], topics)}"
+                f"damaged and was not read: {why}; "
+                f"{describe_block_contents([block], topic_of_connection)}"
             )
 
-    def _describe_gaps(self) -> Iterable[str]:
+    def _describe_unreadable_spans(self) -> Iterable[str]:
         if self._gaps:
             size = sum(end - start for start, end in self._gaps.items())
             yield (
@@ -81,26 +87,27 @@ def describe_end_of_reading(last_ns: int | None) -> str:
     return "" if last_ns is None else f", the last at log time {format_log_time(last_ns)}"
 
 
-def describe_torn_end(size: int, messages: int) -> str:
+def describe_incomplete_end(torn_bytes: int, torn_message_count: int) -> str:
     """Clause that describes the bytes after the last complete record.
 
     Args:
-        size: number of bytes.
-        messages: number of messages read from a torn chunk there.
+        torn_bytes: number of bytes.
+        torn_message_count: number of messages read from a torn chunk there.
     """
-    if messages:
+    if torn_message_count:
         return (
-            f"; the last {size:,} bytes are a torn chunk, of which {messages:,} messages are read"
+            f"; the last {torn_bytes:,} bytes are a torn chunk, "
+            f"of which {torn_message_count:,} messages are read"
         )
-    return f"; {size:,} bytes at the end are lost or of a torn record" if size else ""
+    return f"; {torn_bytes:,} bytes at the end are lost or of a torn record" if torn_bytes else ""
 
 
-def describe_block_contents(blocks: list[Block], topics: Mapping[int, str]) -> str:
+def describe_block_contents(blocks: list[Block], topic_of_connection: Mapping[int, str]) -> str:
     """Contents of damaged blocks, as far as an index gives them."""
     counts: dict[str, int] = {}
     for block in blocks:
         for key, count in block.counts.items():
-            topic = topics.get(key, f"connection {key}")
+            topic = topic_of_connection.get(key, f"connection {key}")
             counts[topic] = counts.get(topic, 0) + count
     listed = ", ".join(f"{count:,} of {topic}" for topic, count in sorted(counts.items()))
     timed = [block for block in blocks if block.last_ns >= block.first_ns]

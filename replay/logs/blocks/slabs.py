@@ -8,22 +8,24 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimators.arrays import Ints
 from estimators.interpreted import compiled
-from replay.logs.blocks.block import Block, DamagedBlockError, unpack_block
+from replay.logs.blocks.block import Block, DamagedBlockError, unpack_block_into
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.storage import KEY, LARGEST_BYTES, LENGTH, OFFSET, TIME, FileBytes
 
+#: Number of rows found, and offset of the first incomplete record.
+CountAndStop: TypeAlias = tuple[int, int]
 #: (data, begin, end, rows, row) -> (rows found, where the first record begins that is not whole):
 #: scan [begin, end) of a slab, and fill rows from `row` on, as many as there is room for.
 Scan = Callable[
     [NDArray[np.uint8], int, int, NDArray[np.int64], int],
-    tuple[int, int],
+    CountAndStop,
 ]
 #: (data, begin, end, limit) -> where in [begin, end) records go on after damage, or -1: a few in a
 #: row are no accident. `limit` is where the last of them may end, at or behind `end`.
@@ -51,6 +53,21 @@ class Slab:
     damaged: tuple[tuple[Block, str], ...]
 
 
+class SpanRows(NamedTuple):
+    """Rows found in a span of bytes, and its bytes outside records."""
+
+    first_row: int
+    end_row: int
+    unread_bytes: int
+
+
+class _SpanScan(NamedTuple):
+    """Number of rows found in a span of bytes, and its bytes outside records."""
+
+    row_count: int
+    unread_bytes: int
+
+
 class SlabIndex:
     """Rows of a slab, found block by block while each is in the processor's cache."""
 
@@ -68,31 +85,35 @@ class SlabIndex:
         self._count = 0
 
     @property
-    def found(self) -> NDArray[np.int64]:
+    def rows_so_far(self) -> NDArray[np.int64]:
         """All rows so far; see `Slab.rows`."""
         return np.ascontiguousarray(self._rows[:, : self._count])
 
-    def scan(self, begin: int, end: int) -> tuple[int, int, int]:
+    def add_rows_of_span(self, begin_offset: int, end_offset: int) -> SpanRows:
         """Add the rows of a span; returns first row, end row and bytes outside records."""
         first = self._count
-        count, unread = self._scan(begin, end)
+        count, unread = self._scan_span_into_rows(begin_offset, end_offset)
         if first + count > self._rows.shape[1]:
             grown = np.empty((4, max(first + count, 2 * first)), np.int64)
             grown[:, :first] = self._rows[:, :first]
             self._rows = grown
-            self._scan(begin, end)
+            self._scan_span_into_rows(begin_offset, end_offset)
         self._count = first + count
-        return first, self._count, unread
+        return SpanRows(first, self._count, unread)
 
-    def _scan(self, begin: int, end: int) -> tuple[int, int]:
+    def _scan_span_into_rows(self, begin_offset: int, end_offset: int) -> _SpanScan:
         """Index the records in a range of bytes; returns their number and the bytes not read."""
-        row, unread, at = self._count, end - begin, begin
-        while 0 <= at < end:
-            count, stop = self._grammar.scan(self._data, at, end, self._rows, row)
+        row, unread, at = self._count, end_offset - begin_offset, begin_offset
+        while 0 <= at < end_offset:
+            count, stop = self._grammar.scan(self._data, at, end_offset, self._rows, row)
             row += count
             unread -= stop - at
-            at = self._grammar.find(self._data, stop + 1, end, end) if stop < end else end
-        return row - self._count, unread
+            at = (
+                self._grammar.find(self._data, stop + 1, end_offset, end_offset)
+                if stop < end_offset
+                else end_offset
+            )
+        return _SpanScan(row - self._count, unread)
 
 
 #: Blocks are unpacked side by side up to this size, since who reads them pays by the slab.
@@ -129,7 +150,7 @@ def iter_slabs(file: FileBytes, blocks: Iterable[Block], grammar: RecordGrammar)
             prepared += 1
             recycled = free.pop() if free and size <= SLAB_BYTES else None
             waiting.append(
-                (pool.submit(unpack_and_scan_blocks, file, group, grammar, recycled), size)
+                (pool.submit(unpack_blocks_into_scanned_slab, file, group, grammar, recycled), size)
             )
         while waiting:
             yield from _yield_and_reuse_oldest_slab(waiting, free)
@@ -138,13 +159,13 @@ def iter_slabs(file: FileBytes, blocks: Iterable[Block], grammar: RecordGrammar)
 
 
 def _yield_and_reuse_oldest_slab(
-    waiting: deque[tuple[Future[Slab], int]], free: list[NDArray[np.uint8]]
+    pending_slabs: deque[tuple[Future[Slab], int]], free_buffers: list[NDArray[np.uint8]]
 ) -> Iterator[Slab]:
     """Yield the oldest slab, and reuse its memory afterwards."""
-    slab = waiting.popleft()[0].result()
+    slab = pending_slabs.popleft()[0].result()
     yield slab
     if slab.data.size == SLAB_BYTES:
-        free.append(slab.data)
+        free_buffers.append(slab.data)
 
 
 def _count_slab_bytes(block: Block) -> int:
@@ -166,37 +187,40 @@ def _group_blocks_for_slabs(blocks: Iterable[Block]) -> Iterator[list[Block]]:
         yield group
 
 
-def unpack_and_scan_blocks(
-    file: FileBytes, blocks: list[Block], grammar: RecordGrammar, recycled: NDArray[np.uint8] | None
+def unpack_blocks_into_scanned_slab(
+    file: FileBytes,
+    blocks: list[Block],
+    grammar: RecordGrammar,
+    recycled_buffer: NDArray[np.uint8] | None,
 ) -> Slab:
     """Unpack and scan the blocks of one slab in a worker thread."""
     damaged: list[tuple[Block, str]] = []
     parts: list[tuple[Block, int, int, int]] = []
     try:
         size = max(SLAB_BYTES, sum(map(_count_slab_bytes, blocks)))
-        buffer = np.empty(size, np.uint8) if recycled is None else recycled
+        buffer = np.empty(size, np.uint8) if recycled_buffer is None else recycled_buffer
         rows = SlabIndex(grammar, buffer, sum(sum(block.counts.values()) for block in blocks))
     except MemoryError:
         nothing = np.empty(0, np.uint8)
         lost = tuple((block, "not enough memory") for block in blocks)
-        return Slab(nothing, SlabIndex(grammar, nothing, 0).found, (), lost)
+        return Slab(nothing, SlabIndex(grammar, nothing, 0).rows_so_far, (), lost)
     at = 0
     for block in blocks:
         try:
-            size = unpack_block(block, file, buffer[at : at + block.max_unpacked_bytes])
-            part = (block, *rows.scan(at, at + size))
+            size = unpack_block_into(block, file, buffer[at : at + block.max_unpacked_bytes])
+            first, end, unread = rows.add_rows_of_span(at, at + size)
         except DamagedBlockError as error:
             damaged.append((block, str(error)))
         except (OSError, MemoryError) as error:
             damaged.append((block, str(error) or "not enough memory"))
         else:
-            parts.append(part)
+            parts.append((block, first, end, unread))
             at += size
-    return Slab(buffer, rows.found, tuple(parts), tuple(damaged))
+    return Slab(buffer, rows.rows_so_far, tuple(parts), tuple(damaged))
 
 
 def select_messages_of_connections(
-    data: NDArray[np.uint8], rows: Ints, connection_ids: Ints, first: int, last: int
+    data: NDArray[np.uint8], rows: Ints, connection_ids: Ints, first_ns: int, last_ns: int
 ) -> Iterator[RawBatch]:
     """Select messages of a slab, as one batch per connection with messages.
 
@@ -204,13 +228,13 @@ def select_messages_of_connections(
         data: (bytes,) bytes of the slab.
         rows: (4, n) records of the slab.
         connection_ids: (connections,) requested connections, ascending.
-        first: first log time in ns.
-        last: last log time in ns.
+        first_ns: first log time in ns.
+        last_ns: last log time in ns.
     """
     ends = np.zeros(connection_ids.size, np.int64)
     found = np.empty((3, rows.shape[1]), np.int64)
-    fill_wanted_messages(
-        rows, find_key_indices(rows[KEY], connection_ids), first, last, ends, found
+    group_messages_by_connection(
+        rows, find_indices_of_values(rows[KEY], connection_ids), first_ns, last_ns, ends, found
     )
     begin = 0
     for key, end in zip(connection_ids.tolist(), ends.tolist(), strict=True):
@@ -221,65 +245,73 @@ def select_messages_of_connections(
 
 
 @compiled
-def fill_wanted_messages(
-    rows: Ints, owners: Ints, first: int, last: int, ends: Ints, found: Ints
+def group_messages_by_connection(
+    rows: Ints,
+    connection_indices: Ints,
+    first: int,
+    last: int,
+    group_ends: Ints,
+    out_messages: Ints,
 ) -> None:
     """Store offset, length and time of each requested message, grouped by connection.
 
     Args:
         rows: (4, n) records.
-        owners: (n,) index of the requested connection of each message, or -1 if not requested;
-            out: -1 also for messages outside the interval.
+        connection_indices: (n,) index of the requested connection of each message, or -1 if not
+            requested; out: -1 also for messages outside the interval.
         first: first log time.
         last: last log time.
-        ends: (connections,) in: zeros; out: end of each connection's messages in `found`.
-        found: (3, n) output.
+        group_ends: (connections,) in: zeros; out: end of each connection's messages in
+            `out_messages`.
+        out_messages: (3, n) output.
     """
     for row in range(rows.shape[1]):
         if not first <= rows[TIME, row] <= last:
-            owners[row] = -1
-        elif owners[row] >= 0:
-            ends[owners[row]] += 1
+            connection_indices[row] = -1
+        elif connection_indices[row] >= 0:
+            group_ends[connection_indices[row]] += 1
     begin = 0
-    for owner in range(ends.size):
-        count = ends[owner]
-        ends[owner] = begin
+    for owner in range(group_ends.size):
+        count = group_ends[owner]
+        group_ends[owner] = begin
         begin += count
     for row in range(rows.shape[1]):
-        owner = owners[row]
+        owner = connection_indices[row]
         if owner >= 0:
-            place = ends[owner]
-            found[0, place] = rows[OFFSET, row]
-            found[1, place] = rows[LENGTH, row]
-            found[2, place] = rows[TIME, row]
-            ends[owner] = place + 1
+            place = group_ends[owner]
+            out_messages[0, place] = rows[OFFSET, row]
+            out_messages[1, place] = rows[LENGTH, row]
+            out_messages[2, place] = rows[TIME, row]
+            group_ends[owner] = place + 1
 
 
-def find_key_indices(values: Ints, keys: Ints) -> Ints:
-    """Index of each of `values` (n,) in the ascending `keys`; -1 if absent."""
+def find_indices_of_values(values: Ints, sorted_keys: Ints) -> Ints:
+    """Index of each of `values` (n,) in the ascending `sorted_keys`; -1 if absent."""
     places = np.empty(values.size, np.int64)
-    _fill_key_indices(values, keys, places)
+    _replace_values_by_indices(values, sorted_keys, places)
     return places
 
 
 @compiled
-def _fill_key_indices(found: Ints, keys: Ints, places: Ints) -> None:
-    first = keys[0] if keys.size else 0
-    for row in range(found.size):
-        key = found[row]
+def _replace_values_by_indices(
+    values_to_indices: Ints, sorted_keys: Ints, index_of_key: Ints
+) -> None:
+    first = sorted_keys[0] if sorted_keys.size else 0
+    for row in range(values_to_indices.size):
+        key = values_to_indices[row]
         # recorders number connections one after another
         near = key - first
-        if 0 <= near < keys.size and keys[near] == key:
-            places[row] = near
+        if 0 <= near < sorted_keys.size and sorted_keys[near] == key:
+            index_of_key[row] = near
             continue
-        low, high = 0, keys.size
+        low, high = 0, sorted_keys.size
         while low < high:
             middle = (low + high) // 2
-            if keys[middle] < key:
+            if sorted_keys[middle] < key:
                 low = middle + 1
             else:
                 high = middle
-        places[row] = low if low < keys.size and keys[low] == key else -1
+        index_of_key[row] = low if low < sorted_keys.size and sorted_keys[low] == key else -1
 
 
 class ChunkStats(NamedTuple):
@@ -294,14 +326,18 @@ class ChunkStats(NamedTuple):
     late: int
 
 
-def compute_chunk_stats(slab: Slab, keys: Ints) -> list[ChunkStats]:
-    """Count the contents of each of `slab.parts`; `keys` (connections,) are ascending."""
+def count_messages_of_chunks(slab: Slab, sorted_ids: Ints) -> list[ChunkStats]:
+    """Count the contents of each of `slab.parts`; `sorted_ids` (connections,) are ascending."""
     bounds = np.array([part[1:3] for part in slab.parts], np.int64).reshape(-1, 2)
-    counts = np.zeros((len(bounds), keys.size + 1), np.int64)
+    counts = np.zeros((len(bounds), sorted_ids.size + 1), np.int64)
     spans = np.tile(np.array([_INT64_MAX, -1, 0]), (len(bounds), 1))
     # -1, of a key that nobody asked for, is the last: that of all others
     _count_messages_per_block(
-        slab.rows, bounds, find_key_indices(slab.rows[KEY], keys), counts, spans
+        slab.rows,
+        bounds,
+        find_indices_of_values(slab.rows[KEY], sorted_ids),
+        counts,
+        spans,
     )
     pairs = zip(counts.tolist(), spans.tolist(), strict=True)
     return [ChunkStats(held, *span) for held, span in pairs]
@@ -309,17 +345,17 @@ def compute_chunk_stats(slab: Slab, keys: Ints) -> list[ChunkStats]:
 
 @compiled
 def _count_messages_per_block(
-    rows: Ints, bounds: Ints, owners: Ints, counts: Ints, spans: Ints
+    rows: Ints, row_bounds: Ints, connection_indices: Ints, out_counts: Ints, out_time_spans: Ints
 ) -> None:
     """Count messages and time span of each block, by connection."""
-    for part in range(bounds.shape[0]):
-        for row in range(bounds[part, 0], bounds[part, 1]):
+    for part in range(row_bounds.shape[0]):
+        for row in range(row_bounds[part, 0], row_bounds[part, 1]):
             time = rows[TIME, row]
             if rows[KEY, row] < 0:
                 continue
-            counts[part, owners[row]] += 1
+            out_counts[part, connection_indices[row]] += 1
             if time < 0:
-                spans[part, 2] += 1
+                out_time_spans[part, 2] += 1
             else:
-                spans[part, 0] = min(spans[part, 0], time)
-                spans[part, 1] = max(spans[part, 1], time)
+                out_time_spans[part, 0] = min(out_time_spans[part, 0], time)
+                out_time_spans[part, 1] = max(out_time_spans[part, 1], time)

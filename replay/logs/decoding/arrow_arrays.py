@@ -31,36 +31,38 @@ ELEMENT_TYPES: Final[dict[str, Any]] = {
 }
 
 
-def make_value_array(bits: Ints, kind: str, is_absent: Flags | None = None) -> Array:
+def make_value_array(bits: Ints, value_type: str, is_absent: Flags | None = None) -> Array:
     """Single values (n,) from their 64-bit representation; null where absent."""
-    if kind == "bool":
+    if value_type == "bool":
         return pa.array(bits != 0, mask=is_absent)
     validity = _make_validity_bitmap(is_absent)
     return pa.Array.from_buffers(
-        _TYPES.get(kind, _INT64), bits.size, [validity, pa.py_buffer(bits)]
+        _TYPES.get(value_type, _INT64), bits.size, [validity, pa.py_buffer(bits)]
     )
 
 
-def make_element_array(numbers: NDArray[Any], kind: str) -> Array:
+def make_element_array(numbers: NDArray[Any], element_type: str) -> Array:
     """List elements (n,), in their original size."""
-    if kind == "bool":
+    if element_type == "bool":
         return pa.array(numbers != 0)
-    return pa.Array.from_buffers(ELEMENT_TYPES[kind], numbers.size, [None, pa.py_buffer(numbers)])
+    return pa.Array.from_buffers(
+        ELEMENT_TYPES[element_type], numbers.size, [None, pa.py_buffer(numbers)]
+    )
 
 
-def make_time_array(times: Ints) -> Array:
+def make_time_array(times_ns: Ints) -> Array:
     """Times (n,) in ns."""
-    return pa.Array.from_buffers(_INT64, times.size, [None, pa.py_buffer(times)])
+    return pa.Array.from_buffers(_INT64, times_ns.size, [None, pa.py_buffer(times_ns)])
 
 
 def make_string_array(
-    views: NDArray[np.uint32], text: NDArray[np.uint8], is_absent: Flags | None = None
+    views: NDArray[np.uint32], long_text: NDArray[np.uint8], is_absent: Flags | None = None
 ) -> Array:
     """Strings (n,) from their views (n, 4) and the text of the long ones."""
     buffers = [
         _make_validity_bitmap(is_absent),
         pa.py_buffer(views),
-        *([pa.py_buffer(text)] if text.size else []),
+        *([pa.py_buffer(long_text)] if long_text.size else []),
     ]
     return pa.Array.from_buffers(pa.string_view(), len(views), buffers)
 

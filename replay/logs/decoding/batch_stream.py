@@ -43,19 +43,19 @@ class TopicStream:
         #: the log time of the last message, by connection: slabs hold several side by side
         self._last: dict[int, int] = {}
 
-    def take_batch(self, batch: RawBatch, submit: Submit) -> None:
+    def submit_batch(self, batch: RawBatch, submit: Submit) -> None:
         """Take the next messages; their memory may be reused after `finish_decoding`."""
         self._note_decreasing_times(batch)
-        for part in batch.split_to_batches():
+        for part in batch.split_to_bounded_batches():
             if part.rows < _FEW_ROWS:
                 self._few.append(_copy_batch(part))
                 self._rows += part.rows
                 self._bytes += self._few[-1].data.size
                 if self._rows < BATCH_ROWS and self._bytes < BATCH_BYTES:
                     continue
-            self._begin_small_batches(submit)
+            self._submit_small_batches_as_one(submit)
             if part.rows >= _FEW_ROWS:
-                self._begin_batch(part, submit)
+                self._submit_batch_of_any_size(part, submit)
 
     def finish_decoding(self) -> None:
         """Finish decoding the messages taken so far."""
@@ -75,7 +75,7 @@ class TopicStream:
             floor_ns: lower bound of the log times of later messages.
         """
         if not self.tally.rows:  # whoever wants the first rows does not wait for a batch of them
-            self._begin_small_batches(run_work_immediately)
+            self._submit_small_batches_as_one(run_work_immediately)
             self.finish_decoding()
         waiting = [int(batch.log_times.min()) for batch in self._few]
         frame = merge_sorted_frames(self._frames)
@@ -91,7 +91,7 @@ class TopicStream:
 
     def drain_all_rows(self) -> pl.DataFrame:
         """Return all remaining rows."""
-        self._begin_small_batches(run_work_immediately)
+        self._submit_small_batches_as_one(run_work_immediately)
         self.finish_decoding()
         frame = merge_sorted_frames(self._frames)
         self._frames.clear()
@@ -106,17 +106,17 @@ class TopicStream:
             self.tally.back_ns = max(self.tally.back_ns, int(back))
             self._last[batch.connection_id] = int(times[-1])
 
-    def _begin_small_batches(self, submit: Submit) -> None:
+    def _submit_small_batches_as_one(self, submit: Submit) -> None:
         """Start decoding the small batches kept so far, as one."""
         if self._few:
-            self._begin_batch(_join_batches(self._few), submit)
+            self._submit_batch_of_any_size(_join_batches(self._few), submit)
             self._few, self._rows, self._bytes = [], 0, 0
 
-    def _begin_batch(self, batch: RawBatch, submit: Submit) -> None:
-        self._begun.append(self._decoder.begin(sort_batch_by_log_time(batch), submit))
+    def _submit_batch_of_any_size(self, batch: RawBatch, submit: Submit) -> None:
+        self._begun.append(self._decoder.begin_decoding(sort_batch_by_log_time(batch), submit))
 
 
-def feed_batches_to_streams(
+def decode_batches_in_streams(
     groups: Iterable[list[RawBatch]], streams: Mapping[int, TopicStream]
 ) -> None:
     """Feed messages to streams; compiled work runs in other threads.
@@ -128,17 +128,17 @@ def feed_batches_to_streams(
     with ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-decode") as pool:
         for group in groups:
             for batch in group:
-                streams[batch.connection_id].take_batch(
+                streams[batch.connection_id].submit_batch(
                     batch, lambda work: pool.submit(work).result
                 )
             for stream in dict.fromkeys(streams[batch.connection_id] for batch in group):
                 stream.finish_decoding()
 
 
-def feed_and_drain_streams(
+def iter_decoded_rows_of_streams(
     groups: Iterable[tuple[list[RawBatch], int]], streams: Mapping[int, TopicStream]
 ) -> Iterator[tuple[TopicStream, pl.DataFrame]]:
-    """Decode like `feed_batches_to_streams`, and yield the rows whose order is final.
+    """Decode like `decode_batches_in_streams`, and yield the rows whose order is final.
 
     Args:
         groups: lists of batches, each with the lower bound of later log times.
@@ -148,7 +148,7 @@ def feed_and_drain_streams(
     with ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-decode") as pool:
         for batches, floor_ns in groups:
             for batch in batches:
-                streams[batch.connection_id].take_batch(
+                streams[batch.connection_id].submit_batch(
                     batch, lambda work: pool.submit(work).result
                 )
             for stream in distinct:
@@ -191,7 +191,7 @@ def sort_batch_by_log_time(batch: RawBatch) -> RawBatch:
     times = batch.log_times
     if (times[1:] >= times[:-1]).all():
         return batch
-    return batch.select(np.argsort(times, kind="stable"))
+    return batch.select_messages(np.argsort(times, kind="stable"))
 
 
 def merge_sorted_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:
@@ -210,10 +210,10 @@ def merge_sorted_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:
     return whole if whole[TIME].is_sorted() else whole.sort(TIME, maintain_order=True)
 
 
-def count_rows_until(frame: pl.DataFrame, last_ns: int) -> int:
-    """Number of rows of a sorted frame up to `last_ns`."""
+def count_rows_until(frame: pl.DataFrame, last_log_time_ns: int) -> int:
+    """Number of rows of a sorted frame up to `last_log_time_ns`."""
     # the same method of a series goes through polars' engine, which takes longer than all the rest
-    return int(np.searchsorted(frame[TIME].to_numpy(), last_ns, side="right"))
+    return int(np.searchsorted(frame[TIME].to_numpy(), last_log_time_ns, side="right"))
 
 
 def merge_overlapping_rows(first: pl.DataFrame, second: pl.DataFrame) -> list[pl.DataFrame]:

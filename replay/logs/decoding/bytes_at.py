@@ -12,9 +12,9 @@ from estimators.arrays import Bytes
 from estimators.interpreted import Primitive
 
 
-def _make_unsigned_reader(size: int) -> Callable[[Bytes, int], np.int64]:
+def _make_unsigned_integer_loader(size_bytes: int) -> Callable[[Bytes, int], np.int64]:
     def load_unsigned(data: Bytes, at: int) -> np.int64:
-        return np.int64(int.from_bytes(data[at : at + size].tobytes(), "little"))
+        return np.int64(int.from_bytes(data[at : at + size_bytes].tobytes(), "little"))
 
     return load_unsigned
 
@@ -27,13 +27,13 @@ def _copy_bytes(data: Bytes, offset: int, target: Bytes, target_offset: int, siz
     target[target_offset : target_offset + size] = data[offset : offset + size]
 
 
-def _widen(bits: int) -> np.int64:
+def _convert_float_bits_to_double_bits(float_bits: int) -> np.int64:
     """Bits of a float as those of the equal double."""
-    single = np.array(int(bits) & 0xFFFFFFFF, np.uint32).view(np.float32)
+    single = np.array(int(float_bits) & 0xFFFFFFFF, np.uint32).view(np.float32)
     return np.int64(single.astype(np.float64).view(np.int64))
 
 
-def _skip_prefetch(data: Bytes, at: int) -> None:
+def _skip_prefetch(data: Bytes, offset: int) -> None:
     pass
 
 
@@ -41,12 +41,12 @@ def _skip_prefetch(data: Bytes, at: int) -> None:
 _RECORD_BYTES: Final = 256
 
 
-def count_scan_iterations(_: Bytes, begin: int, end: int, *__: Any) -> int:
+def estimate_scan_iterations(_: Bytes, begin: int, end: int, *__: Any) -> int:
     """The turns of a loop over the records between two places."""
     return (end - begin) // _RECORD_BYTES
 
 
-def _make_primitive(name: str, interpreted: Callable[..., Any]) -> Any:
+def _make_compiled_primitive(name: str, interpreted: Callable[..., Any]) -> Any:
     def import_compiled() -> Any:
         from replay.logs.decoding import unaligned  # imports numba, which is slow
 
@@ -56,12 +56,22 @@ def _make_primitive(name: str, interpreted: Callable[..., Any]) -> Any:
 
 
 #: (data, at) -> an unsigned integer of 2 and of 4 little-endian bytes, and a signed one of 8
-load16 = cast("Callable[[Bytes, int], int]", _make_primitive("load16", _make_unsigned_reader(2)))
-load32 = cast("Callable[[Bytes, int], int]", _make_primitive("load32", _make_unsigned_reader(4)))
-load64 = cast("Callable[[Bytes, int], int]", _make_primitive("load64", _load_64_bits))
+load16 = cast(
+    "Callable[[Bytes, int], int]",
+    _make_compiled_primitive("load16", _make_unsigned_integer_loader(2)),
+)
+load32 = cast(
+    "Callable[[Bytes, int], int]",
+    _make_compiled_primitive("load32", _make_unsigned_integer_loader(4)),
+)
+load64 = cast("Callable[[Bytes, int], int]", _make_compiled_primitive("load64", _load_64_bits))
 #: (data, at, target, to, size): copy so many bytes
-copy = cast("Callable[[Bytes, int, Bytes, int, int], None]", _make_primitive("copy", _copy_bytes))
+copy = cast(
+    "Callable[[Bytes, int, Bytes, int, int], None]", _make_compiled_primitive("copy", _copy_bytes)
+)
 #: (the bits of a number of single precision) -> those of the double that equals it
-widened = cast("Callable[[int], int]", _make_primitive("widened", _widen))
+widened = cast(
+    "Callable[[int], int]", _make_compiled_primitive("widened", _convert_float_bits_to_double_bits)
+)
 #: (data, at): the processor may bring what lies there nearer
-fetch = cast("Callable[[Bytes, int], None]", _make_primitive("fetch", _skip_prefetch))
+fetch = cast("Callable[[Bytes, int], None]", _make_compiled_primitive("fetch", _skip_prefetch))

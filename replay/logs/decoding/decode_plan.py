@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from estimators.arrays import Bytes, Ints
 from replay.logs.decoding.arrow_arrays import make_time_array
-from replay.logs.decoding.decode_program import DecodeProgram, Wanted, compile_program
+from replay.logs.decoding.decode_program import DecodeProgram, Wanted, compile_decode_program
 from replay.logs.decoding.decoder import (
     DecodedBatch,
     Submit,
@@ -29,7 +29,7 @@ from replay.logs.decoding.walk_program import (
     Encoding,
     WalkNotes,
     WalkOutcome,
-    make_empty_template,
+    allocate_layout_template,
     read_encapsulations,
 )
 from replay.logs.decoding.wire import ENCAPSULATIONS, REFUSED, ROS1, Wire
@@ -86,7 +86,7 @@ class BatchPass:
         self._outcome = WalkOutcome(np.empty(begins.size, np.int8), np.empty(begins.size, np.int64))
         self._room = room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
         room[0] = rows
-        self._notes = _allocate_marks(program, room)
+        self._notes = _allocate_walk_notes(program, room)
 
     def walk_and_gather_batch(self) -> None:
         """Walk and gather; repeat if there was too little memory for the marks."""
@@ -94,14 +94,14 @@ class BatchPass:
         while True:
             walk_and_gather(
                 self._messages, Encoding(wire.cdr, self._swap, wire.length_alignment),
-                program.steps, self._notes, make_empty_template(program.nodes),
+                program.steps, self._notes, allocate_layout_template(program.nodes),
                 self._direct.gather_plan, self._gathered, self._outcome,
             )  # fmt: skip
             filled = self._notes.filled
             if (filled <= self._room).all():
                 return
             self._room = filled
-            self._notes = _allocate_marks(program, filled)
+            self._notes = _allocate_walk_notes(program, filled)
             self._gathered.long_bytes[:] = 0
 
     def finish_batch(self) -> WalkedBatch:
@@ -122,7 +122,7 @@ class BatchPass:
         return WalkedBatch(columns, whole, f"{FAULTS[self._outcome.faults[first]]} {where}")
 
 
-def _allocate_marks(program: DecodeProgram, elements_of_nodes: Ints) -> WalkNotes:
+def _allocate_walk_notes(program: DecodeProgram, elements_of_nodes: Ints) -> WalkNotes:
     """Allocate marks for the given numbers of elements of each node."""
     nodes = program.mark_nodes
     ends = np.cumsum(elements_of_nodes[nodes])
@@ -157,7 +157,7 @@ class DecodePlan:
         self._stamp = resolve_message_field("header.stamp", record) if record.has_header else None
         wanted: Wanted = {}
         for field in (*self._fields, *filter(None, [self._stamp])):
-            _add_wanted_field(wanted, field)
+            _add_field_to_wanted_tree(wanted, field)
         self._ros1 = ros1
         self._read_fields = self._fields if self._stamp is None else (self._stamp, *self._fields)
         self._names = [*OWN_COLUMNS, *(field.name for field in self._fields)]
@@ -166,31 +166,31 @@ class DecodePlan:
         self._record, self._wanted = record, wanted
         self._programs: dict[Wire, _CompiledProgram] = {}
         # what has no plan in the first encoding is decoded by a library
-        self._program_for_encoding(next(iter(self._wires.values())))
+        self._compile_program_once_per_encoding(next(iter(self._wires.values())))
 
-    def _program_for_encoding(self, wire: Wire) -> "_CompiledProgram":
+    def _compile_program_once_per_encoding(self, wire: Wire) -> "_CompiledProgram":
         """Program for an encoding, compiled when a message first uses it."""
         if wire not in self._programs:
-            program = compile_program(self._record, self._wanted, wire)
+            program = compile_decode_program(self._record, self._wanted, wire)
             direct = select_direct_fields(program.root, self._read_fields)
-            place_of = {steps: place for place, steps in enumerate(direct.steps)}
+            place_of = {steps: place for place, steps in enumerate(direct.field_paths)}
             places = tuple(place_of.get(field.steps) for field in self._read_fields)
             self._programs[wire] = program, direct, places
         return self._programs[wire]
 
     def decode(self, batch: RawBatch) -> DecodedBatch:
         """Decode messages; incomplete ones are skipped."""
-        return self.begin(batch, run_work_immediately)()
+        return self.begin_decoding(batch, run_work_immediately)()
 
-    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:
-        """See `Decoder.begin`."""
+    def begin_decoding(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:
+        """See `Decoder.begin_decoding`."""
         if self._ros1:
             kinds = np.zeros(batch.rows, np.int64)
         else:
             kinds = read_encapsulations(batch.data, batch.offsets, batch.lengths)
         if not batch.rows or (kinds[0] != kinds).any() or int(kinds[0]) not in self._wires:
             return lambda: self._decode_mixed_encapsulations(batch, kinds)
-        finish = self._begin_part(batch, int(kinds[0]), submit)
+        finish = self._begin_decoding_one_encapsulation(batch, int(kinds[0]), submit)
 
         def finish_decoding() -> DecodedBatch:
             part = finish()
@@ -199,12 +199,17 @@ class DecodePlan:
         return finish_decoding
 
     def _decode_mixed_encapsulations(
-        self, batch: RawBatch, kinds: NDArray[np.int64]
+        self, batch: RawBatch, encapsulations: NDArray[np.int64]
     ) -> DecodedBatch:
         """Decode messages of several encapsulations, or of unknown ones."""
-        chosen = [np.flatnonzero(kinds == kind) for kind in self._wires]
+        chosen = [np.flatnonzero(encapsulations == kind) for kind in self._wires]
         parts = [
-            (at, self._begin_part(batch.select(at), kind, run_work_immediately)())
+            (
+                at,
+                self._begin_decoding_one_encapsulation(
+                    batch.select_messages(at), kind, run_work_immediately
+                )(),
+            )
             for kind, at in zip(self._wires, chosen, strict=True)
             if at.size
         ]
@@ -216,17 +221,21 @@ class DecodePlan:
         rows = [at[part.complete] for at, part in parts]
         order = np.argsort(np.concatenate([np.empty(0, np.int64), *rows]))
         faults = [(at[part.faulty], part.first_fault) for at, part in parts if part.faulty.size]
-        unknown = np.flatnonzero(~np.isin(kinds, list(self._wires)))
+        unknown = np.flatnonzero(~np.isin(encapsulations, list(self._wires)))
         if unknown.size:
-            faults.append((unknown, _describe_missing_plan(int(kinds[unknown[0]]))))
+            faults.append(
+                (unknown, _describe_unknown_encapsulation(int(encapsulations[unknown[0]])))
+            )
         _, first_fault = min(faults, key=lambda fault: int(fault[0][0]), default=(unknown, ""))
         return DecodedBatch(pl.concat(frames)[order], sum(at.size for at, _ in faults), first_fault)
 
-    def _begin_part(self, batch: RawBatch, kind: int, submit: Submit) -> Callable[[], _DecodedPart]:
+    def _begin_decoding_one_encapsulation(
+        self, batch: RawBatch, encapsulation: int, submit: Submit
+    ) -> Callable[[], _DecodedPart]:
         """Start decoding messages of one encapsulation."""
-        wire = self._wires[kind]
+        wire = self._wires[encapsulation]
         try:
-            program, direct, places = self._program_for_encoding(wire)
+            program, direct, places = self._compile_program_once_per_encoding(wire)
         except NoPlanError as error:
             faulty = _DecodedPart(
                 pl.DataFrame(schema=make_frame_schema(self._fields)),
@@ -241,18 +250,23 @@ class DecodePlan:
             batch.data,
             batch.offsets + wire.encapsulation_bytes,
             batch.lengths - wire.encapsulation_bytes,
-            swap=wire.cdr and kind % 2 == 0,
+            swap=wire.cdr and encapsulation % 2 == 0,
         )
         wait = submit(batch_pass.walk_and_gather_batch)
 
         def finish_part() -> _DecodedPart:
             wait()
-            return self._make_decoded_part(batch_pass.finish_batch(), places, batch.log_times)
+            return self._make_frame_of_walked_batch(
+                batch_pass.finish_batch(), places, batch.log_times
+            )
 
         return finish_part
 
-    def _make_decoded_part(
-        self, walked: WalkedBatch, places: tuple[int | None, ...], log_times: NDArray[np.int64]
+    def _make_frame_of_walked_batch(
+        self,
+        walked: WalkedBatch,
+        gathered_indices: tuple[int | None, ...],
+        log_times: NDArray[np.int64],
     ) -> _DecodedPart:
         columns, is_complete = walked.columns, walked.is_complete
         faulty = np.flatnonzero(~is_complete)
@@ -260,7 +274,7 @@ class DecodePlan:
         gathered = list(columns.iter_gathered_fields())
         arrays: list[Any] = [
             columns.make_column(field) if place is None else gathered[place]
-            for field, place in zip(self._read_fields, places, strict=True)
+            for field, place in zip(self._read_fields, gathered_indices, strict=True)
         ]
         if self._stamp is None:
             arrays.insert(0, pa.nulls(log_times.size, pa.int64()))
@@ -274,15 +288,16 @@ class DecodePlan:
 _CompiledProgram: TypeAlias = tuple[DecodeProgram, DirectFields, tuple[int | None, ...]]
 
 
-def _add_wanted_field(wanted: Wanted, field: Field) -> None:
+def _add_field_to_wanted_tree(wanted_tree: Wanted, field: Field) -> None:
     """Add the path of a field to the tree of wanted fields."""
     for step in field.steps:
         if isinstance(step.element, str) and step.element != ALL:
-            wanted.setdefault("name", {})
-        wanted = wanted.setdefault(step.name, {})
+            wanted_tree.setdefault("name", {})
+        wanted_tree = wanted_tree.setdefault(step.name, {})
 
 
-def _describe_missing_plan(kind: int) -> str:
-    if kind == TOO_SHORT:
+def _describe_unknown_encapsulation(encapsulation: int) -> str:
+    if encapsulation == TOO_SHORT:
         return "it is too short for its encapsulation"
-    return f"no decoder for the encapsulation {REFUSED.get(kind, 'it begins with')} (0x{kind:04x})"
+    name = REFUSED.get(encapsulation, "it begins with")
+    return f"no decoder for the encapsulation {name} (0x{encapsulation:04x})"

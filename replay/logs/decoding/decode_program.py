@@ -23,12 +23,12 @@ from replay.logs.decoding.spans import (
     NoPlanError,
     Span,
     append_field_to_span,
-    element_stride_bytes,
     first_number_alignment_bytes,
     is_preceded_by_byte_size,
-    list_stored_members,
-    make_fixed_size_span,
-    min_size_bytes,
+    list_element_stride_bytes,
+    list_members_as_encoded,
+    make_span_of_fixed_size_element,
+    min_encoded_size_bytes,
 )
 from replay.logs.decoding.wire import Wire
 from replay.logs.messages.message_types import FieldType, ListOf, RecordType, Scalar
@@ -86,15 +86,15 @@ class DecodeProgram:
     root: NestedMessage
 
 
-def compile_program(record: RecordType, wanted: Wanted, wire: Wire) -> DecodeProgram:
+def compile_decode_program(record: RecordType, wanted_fields: Wanted, wire: Wire) -> DecodeProgram:
     """Compile the decoder of a message type.
 
     Raises:
         NoPlanError: a field fits no column, or the type is too large.
     """
-    least_bytes = min_size_bytes(record, wire)
+    least_bytes = min_encoded_size_bytes(record, wire)
     compiler = _Compiler(wire)
-    root = compiler.compile_record(record, wanted)
+    root = compiler.compile_message_fields(record, wanted_fields)
     steps = np.array(compiler.steps, np.int64).reshape(-1, len(Operand))
     return DecodeProgram(
         wire,
@@ -120,86 +120,116 @@ class _Compiler:
     #: the last step's span, while more can be appended to it
     span: Span | None = None
 
-    def compile_record(self, record: RecordType, wanted: Wanted | None) -> NestedMessage:
+    def compile_message_fields(
+        self, record: RecordType, wanted_fields: Wanted | None
+    ) -> NestedMessage:
         """Compile the fields of a message."""
         fields: dict[str, Located] = {}
-        for name, kind in list_stored_members(record, self.wire):
-            located = self._compile_field(kind, None if wanted is None else wanted.get(name))
+        for name, kind in list_members_as_encoded(record, self.wire):
+            located = self._compile_field_of_type(
+                kind, None if wanted_fields is None else wanted_fields.get(name)
+            )
             if located is not None:
                 fields[name] = located
         return NestedMessage(fields)
 
-    def _compile_field(self, kind: FieldType, wanted: Wanted | None) -> Located | None:
-        if isinstance(kind, RecordType):
-            return self.compile_record(kind, wanted)
-        if kind == Scalar("string"):
-            self._append_step(Op.TEXT)
-            return None if wanted is None else TextField(self._reserve_marks(2))
-        if make_fixed_size_span(kind, self.wire) is not None:
-            return self._allocate_in_span(kind, wanted)
-        assert isinstance(kind, ListOf), "a value that is neither list nor string has a fixed size"
-        return self._compile_list(kind, wanted)
+    def _compile_field_of_type(
+        self, field_type: FieldType, wanted_subfields: Wanted | None
+    ) -> Located | None:
+        if isinstance(field_type, RecordType):
+            return self.compile_message_fields(field_type, wanted_subfields)
+        if field_type == Scalar("string"):
+            self._append_step_and_close_span(Op.TEXT)
+            return (
+                None if wanted_subfields is None else TextField(self._reserve_marks_of_last_step(2))
+            )
+        if make_span_of_fixed_size_element(field_type, self.wire) is not None:
+            return self._append_to_span(field_type, wanted_subfields)
+        assert isinstance(field_type, ListOf), (
+            "a value that is neither list nor string has a fixed size"
+        )
+        return self._compile_list_of_type(field_type, wanted_subfields)
 
-    def _allocate_in_span(self, kind: FieldType, wanted: Wanted | None) -> InSpan | None:
+    def _append_to_span(
+        self, field_type: FieldType, wanted_subfields: Wanted | None
+    ) -> InSpan | None:
         """Place a number or fixed-size array in the open span, or else in a new one."""
-        value = None if self.span is None else append_field_to_span(self.span, kind, self.wire)
+        value = (
+            None if self.span is None else append_field_to_span(self.span, field_type, self.wire)
+        )
         if value is None:
             # the first byte of a message is aligned to everything
             alignment = (
-                first_number_alignment_bytes(kind, self.wire)
+                first_number_alignment_bytes(field_type, self.wire)
                 if self.steps
                 else self.wire.max_alignment
             )
             span = Span(alignment)
-            value = append_field_to_span(span, kind, self.wire)
+            value = append_field_to_span(span, field_type, self.wire)
             assert value is not None
-            self._append_step(Op.SPAN, alignment=alignment)
+            self._append_step_and_close_span(Op.SPAN, alignment=alignment)
             self.span = span
         assert self.span is not None
         self.steps[-1][Operand.SIZE] = self.span.size
-        return None if wanted is None else InSpan(self._reserve_marks(1), value)
+        return (
+            None if wanted_subfields is None else InSpan(self._reserve_marks_of_last_step(1), value)
+        )
 
-    def _compile_list(self, kind: ListOf, wanted: Wanted | None) -> Located | None:
-        if kind.length == 0:
+    def _compile_list_of_type(
+        self, list_type: ListOf, wanted_subfields: Wanted | None
+    ) -> Located | None:
+        if list_type.length == 0:
             # rosbags pads before it; and lists of what takes no bytes would be walked without bound
             raise NoPlanError("no plan for an array of length 0 whose elements vary in size")
-        if is_preceded_by_byte_size(kind, self.wire):
-            self._allocate_in_span(Scalar("uint32"), None)
-        least = min_size_bytes(kind.element, self.wire)
-        length = -1 if kind.length is None else kind.length
-        fixed = make_fixed_size_span(kind.element, self.wire)
+        if is_preceded_by_byte_size(list_type, self.wire):
+            self._append_to_span(Scalar("uint32"), None)
+        least = min_encoded_size_bytes(list_type.element, self.wire)
+        length = -1 if list_type.length is None else list_type.length
+        fixed = make_span_of_fixed_size_element(list_type.element, self.wire)
         if fixed is None:
-            return self._compile_walked_list(kind.element, length, least, wanted)
+            return self._compile_list_of_varying_elements(
+                list_type.element, length, least, wanted_subfields
+            )
         # arrays of a fixed size lie in spans
-        assert kind.length is None
+        assert list_type.length is None
         if not least:
-            return self._allocate_in_span(Scalar("uint32"), None)
+            return self._append_to_span(Scalar("uint32"), None)
         one, value = fixed
-        stride = element_stride_bytes(one)
-        self._append_step(Op.STRIDED, alignment=one.alignment, size=one.size, stride=stride)
-        return None if wanted is None else StridedList(self._reserve_marks(2), stride, value)
+        stride = list_element_stride_bytes(one)
+        self._append_step_and_close_span(
+            Op.STRIDED, alignment=one.alignment, size=one.size, stride=stride
+        )
+        return (
+            None
+            if wanted_subfields is None
+            else StridedList(self._reserve_marks_of_last_step(2), stride, value)
+        )
 
-    def _compile_walked_list(
-        self, element: FieldType, length: int, min_element_bytes: int, wanted: Wanted | None
+    def _compile_list_of_varying_elements(
+        self,
+        element_type: FieldType,
+        length: int,
+        min_element_bytes: int,
+        wanted_subfields: Wanted | None,
     ) -> WalkedList | None:
-        head = self._append_step(Op.LIST, size=min_element_bytes, length=length)
-        mark = -1 if wanted is None else self._reserve_marks(1)
-        above, self.node = self.node, -1 if wanted is None else self.nodes
-        self.nodes += wanted is not None
+        head = self._append_step_and_close_span(Op.LIST, size=min_element_bytes, length=length)
+        mark = -1 if wanted_subfields is None else self._reserve_marks_of_last_step(1)
+        above, self.node = self.node, -1 if wanted_subfields is None else self.nodes
+        self.nodes += wanted_subfields is not None
         self.depth += 1
         self.most_depth = max(self.depth, self.most_depth)
-        located = self._compile_field(element, wanted)
-        end = self._append_step(Op.NEXT, jump=head + 1)
+        located = self._compile_field_of_type(element_type, wanted_subfields)
+        end = self._append_step_and_close_span(Op.NEXT, jump=head + 1)
         self.steps[head][Operand.JUMP] = end + 1
         self.depth -= 1
         inner, self.node = self.node, above
-        if wanted is None or located is None:
+        if wanted_subfields is None or located is None:
             return None
         return WalkedList(mark, inner, located)
 
-    def _append_step(
+    def _append_step_and_close_span(
         self,
-        op: Op,
+        operation: Op,
         *,
         alignment: int = 1,
         size: int = 0,
@@ -209,10 +239,10 @@ class _Compiler:
     ) -> int:
         """Append a step, which closes the open span."""
         self.span = None
-        self.steps.append([op, alignment, size, stride, length, -1, self.node, jump])
+        self.steps.append([operation, alignment, size, stride, length, -1, self.node, jump])
         return len(self.steps) - 1
 
-    def _reserve_marks(self, count: int) -> int:
+    def _reserve_marks_of_last_step(self, count: int) -> int:
         """Reserve marks for the last step; returns the first one."""
         step = self.steps[-1]
         if step[Operand.MARK] < 0:

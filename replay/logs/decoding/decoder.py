@@ -43,7 +43,7 @@ class DecodeTally:
 class Decoder(Protocol):
     """Decoder for the requested fields of one type."""
 
-    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:
+    def begin_decoding(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:
         """Start decoding messages; the returned function finishes and gives the rows.
 
         Messages that cannot be decoded have no row. Work without the interpreter's lock is

@@ -6,7 +6,7 @@ from typing import Any
 
 import polars as pl
 
-from replay.logs.decoding.decode_program import compile_program
+from replay.logs.decoding.decode_program import compile_decode_program
 from replay.logs.decoding.decoder import DecodedBatch, Decoder, Submit, make_frame_schema
 from replay.logs.decoding.spans import NoPlanError
 from replay.logs.decoding.wire import CDR
@@ -24,8 +24,8 @@ class PerMessageDecoder:
         self._kind = kind
         self._fields = tuple(fields)
 
-    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:  # noqa: ARG002 - objects need the lock
-        """See `Decoder.begin`."""
+    def begin_decoding(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:  # noqa: ARG002 - objects need the lock
+        """See `Decoder.begin_decoding`."""
         return lambda: self.decode(batch)
 
     def decode(self, batch: RawBatch) -> DecodedBatch:
@@ -49,12 +49,12 @@ class PerMessageDecoder:
             stamp = library.stamp_ns(library.get(library.get(message, "header"), "stamp"))
         return (
             stamp,
-            *(_read_value_at_path(library, message, f.steps, f.kind) for f in self._fields),
+            *(_extract_value_at_path(library, message, f.steps, f.kind) for f in self._fields),
         )
 
 
-def _read_value_at_path(
-    library: Library, message: Any, steps: Sequence[PathStep], kind: str
+def _extract_value_at_path(
+    library: Library, message: Any, steps: Sequence[PathStep], value_type: str
 ) -> Any:
     for number, step in enumerate(steps, 1):
         value = library.get(message, step.name)
@@ -62,47 +62,51 @@ def _read_value_at_path(
             return None
         if step.element == ALL:
             return [
-                _read_value_at_path(library, element, steps[number:], kind)
+                _extract_value_at_path(library, element, steps[number:], value_type)
                 for element in library.elements(value)
             ]
         if step.element is not None:
             is_by_name = isinstance(step.element, str)
             names = library.elements(library.get(message, "name")) if is_by_name else ()
-            value = _pick_element(names, library.elements(value), step.element)
+            value = _select_list_element(names, library.elements(value), step.element)
         if value is None:
             return None
         message = value
-    return library.stamp_ns(message) if kind == "stamp" else library.convert(message, kind)
+    return (
+        library.stamp_ns(message) if value_type == "stamp" else library.convert(message, value_type)
+    )
 
 
-def _pick_element(names: Sequence[Any], values: Sequence[Any], element: int | str) -> Any:
-    if isinstance(element, int):
-        number = element
-    elif element in names:
-        number = list(names).index(element)
+def _select_list_element(
+    element_names: Sequence[Any], values: Sequence[Any], index_or_name: int | str
+) -> Any:
+    if isinstance(index_or_name, int):
+        number = index_or_name
+    elif index_or_name in element_names:
+        number = list(element_names).index(index_or_name)
     else:
         return None
     return values[number] if number < len(values) else None
 
 
-def choose_decoder_name(kind: MessageType) -> str:
+def choose_decoder_name_of_type(message_type: MessageType) -> str:
     """Name the decoder of a type: `columnar`, or the library that decodes message by message."""
-    if kind.library is ROSBAGS:
+    if message_type.library is ROSBAGS:
         try:
-            compile_program(kind.record, {}, CDR)
+            compile_decode_program(message_type.record, {}, CDR)
         except NoPlanError:
             return ROSBAGS.name
         return "columnar"
-    return kind.library.name
+    return message_type.library.name
 
 
-def make_decoder(kind: MessageType, fields: Sequence[Field]) -> Decoder:
+def make_decoder_of_fields(message_type: MessageType, fields: Sequence[Field]) -> Decoder:
     """Make the columnar decoder, or a library's if no plan can express the type."""
     # numba is slow to import, and a log can be described without it
-    if kind.library is ROSBAGS:
+    if message_type.library is ROSBAGS:
         from replay.logs.decoding.decode_plan import DecodePlan
 
         with suppress(NoPlanError):
-            return DecodePlan(kind.record, ros1=kind.ros1, fields=fields)
+            return DecodePlan(message_type.record, ros1=message_type.ros1, fields=fields)
 
-    return PerMessageDecoder(kind, fields)
+    return PerMessageDecoder(message_type, fields)

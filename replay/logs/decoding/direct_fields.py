@@ -50,7 +50,7 @@ class DirectFields:
     texts: tuple[Steps, ...]
 
     @property
-    def steps(self) -> tuple[Steps, ...]:
+    def field_paths(self) -> tuple[Steps, ...]:
         """Steps of all fields, in order."""
         return (*(v[0] for v in self.values), *(a[0] for a in self.arrays), *self.texts)
 
@@ -64,9 +64,9 @@ class _FixedField:
     value: InlineField | InlineArray | TextField
 
 
-def select_direct_fields(root: NestedMessage, fields: Iterable[Field]) -> DirectFields:
+def select_direct_fields(message_layout: NestedMessage, fields: Iterable[Field]) -> DirectFields:
     """Select the fields that are at the same place in every message."""
-    places = {field.steps: _find_fixed_field(root, field.steps) for field in fields}
+    places = {field.steps: _find_fixed_field(message_layout, field.steps) for field in fields}
     values: list[tuple[Steps, str]] = []
     arrays: list[tuple[Steps, str, int]] = []
     texts: list[Steps] = []
@@ -92,9 +92,9 @@ def select_direct_fields(root: NestedMessage, fields: Iterable[Field]) -> Direct
     return DirectFields(gather_plan, tuple(values), tuple(arrays), tuple(texts))
 
 
-def _find_fixed_field(root: NestedMessage, steps: Steps) -> _FixedField | None:
+def _find_fixed_field(message_layout: NestedMessage, steps: Steps) -> _FixedField | None:
     """Place of a field, if it is the same in every message."""
-    here: NestedMessage | InlineRecord = root
+    here: NestedMessage | InlineRecord = message_layout
     mark, offset = -1, 0
     for step in steps:
         below = here.fields[step.name]
@@ -106,7 +106,9 @@ def _find_fixed_field(root: NestedMessage, steps: Steps) -> _FixedField | None:
             offset += below.offset
             if step.element == ALL:
                 return (
-                    _FixedField(mark, offset, below) if _is_contiguous(below, step, steps) else None
+                    _FixedField(mark, offset, below)
+                    if _is_whole_contiguous_array(below, step, steps)
+                    else None
                 )
             if not isinstance(step.element, int):
                 return None
@@ -122,7 +124,7 @@ def _find_fixed_field(root: NestedMessage, steps: Steps) -> _FixedField | None:
     return None
 
 
-def _is_contiguous(array: InlineArray, step: PathStep, steps: Steps) -> bool:
+def _is_whole_contiguous_array(array: InlineArray, step: PathStep, steps: Steps) -> bool:
     """Whether a whole array of contiguous numbers is requested."""
     element = array.element
     return step is steps[-1] and isinstance(element, InlineField) and element.kind in DTYPES

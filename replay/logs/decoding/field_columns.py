@@ -39,7 +39,7 @@ from replay.logs.decoding.gather_values import (
     convert_bytes_to_numbers,
     find_name_in_lists,
     gather_string_views,
-    gather_values,
+    gather_values_as_64_bits,
 )
 from replay.logs.decoding.one_pass import GatheredRows
 from replay.logs.decoding.wire import WIDTHS
@@ -113,87 +113,97 @@ class Columns:
         place: _Place = _Elements(self.root, None)
         spreads: list[Ints] = []
         for step in field.steps:
-            above, place = place, self._place_of_member(place, step.name)
+            above, place = place, self._locate_member(place, step.name)
             if step.element is None:
                 continue
             if step.element == ALL:
-                counts = self._count_elements(place)
+                counts = self._count_list_elements(place)
                 spreads.append(counts)
-                if step is field.steps[-1] and _is_contiguous(place):
+                if step is field.steps[-1] and _is_list_of_contiguous_numbers(place):
                     return _wrap_in_lists(self._gather_contiguous_elements(place, counts), spreads)
-                place = self._place_of_all_elements(place, counts)
+                place = self._locate_all_elements(place, counts)
             elif isinstance(step.element, int):
-                place = self._place_of_one_element(place, step.element)
+                place = self._locate_one_element(place, step.element)
             else:
-                place = self._place_of_one_element(
-                    place, self._find_element_by_name(above, step.element)
+                place = self._locate_one_element(
+                    place, self._find_element_index_by_name(above, step.element)
                 )
-        found = self._gather_values(place)
+        found = self._gather_values_at_location(place)
         if spreads and field.kind in ELEMENT_TYPES:
             found = found.cast(ELEMENT_TYPES[field.kind], safe=False)
         return _wrap_in_lists(found, spreads)
 
-    def _place_of_member(self, place: _Place, name: str) -> _Place:
+    def _locate_member(self, parent_location: _Place, name: str) -> _Place:
         """Place of a member of the message at a place."""
-        if isinstance(place, _Positions):
-            assert isinstance(place.value, InlineRecord)
-            return replace(place, value=place.value.fields[name])
-        assert isinstance(place.located, NestedMessage)
-        located = place.located.fields[name]
+        if isinstance(parent_location, _Positions):
+            assert isinstance(parent_location.value, InlineRecord)
+            return replace(parent_location, value=parent_location.value.fields[name])
+        assert isinstance(parent_location.located, NestedMessage)
+        located = parent_location.located.fields[name]
         if isinstance(located, InSpan):
-            return _Positions(located.value, self._select_marks(located.mark, place.chosen))
-        return _Elements(located, place.chosen)
+            return _Positions(
+                located.value, self._select_marks(located.mark, parent_location.chosen)
+            )
+        return _Elements(located, parent_location.chosen)
 
-    def _select_marks(self, mark: int, chosen_messages: Ints | None, absent_mark: int = -1) -> Ints:
+    def _select_marks(self, mark: int, element_indices: Ints | None, absent_mark: int = -1) -> Ints:
         """Marks of selected elements; `absent_mark` for those that do not exist."""
-        if chosen_messages is None:
+        if element_indices is None:
             return self.mark_values[mark]
         # one more, which is what -1 picks
-        return np.append(self.mark_values[mark], absent_mark)[chosen_messages]
+        return np.append(self.mark_values[mark], absent_mark)[element_indices]
 
-    def _count_elements(self, place: _Place) -> Ints:
+    def _count_list_elements(self, list_location: _Place) -> Ints:
         """Number of elements of each list; -1 for a missing list."""
-        if isinstance(place, _Positions):
-            assert isinstance(place.value, InlineArray)
-            return np.where(place.at < 0, -1, place.value.length)
-        assert isinstance(place.located, WalkedList | StridedList)
-        mark = place.located.mark + isinstance(place.located, StridedList)
-        return self._select_marks(mark, place.chosen)
+        if isinstance(list_location, _Positions):
+            assert isinstance(list_location.value, InlineArray)
+            return np.where(list_location.at < 0, -1, list_location.value.length)
+        assert isinstance(list_location.located, WalkedList | StridedList)
+        mark = list_location.located.mark + isinstance(list_location.located, StridedList)
+        return self._select_marks(mark, list_location.chosen)
 
-    def _place_of_one_element(self, place: _Place, element_index: int | Ints) -> _Place:
+    def _locate_one_element(self, list_location: _Place, element_index: int | Ints) -> _Place:
         """Place of one element of each list, at a common or individual index."""
-        if isinstance(place, _Positions) and isinstance(element_index, int):
-            assert isinstance(place.value, InlineArray)
-            array = place.value
+        if isinstance(list_location, _Positions) and isinstance(element_index, int):
+            assert isinstance(list_location.value, InlineArray)
+            array = list_location.value
             return _Positions(
-                array.element, place.at, place.offset + array.offset + element_index * array.stride
+                array.element,
+                list_location.at,
+                list_location.offset + array.offset + element_index * array.stride,
             )
-        there = (element_index >= np.int64(0)) & (element_index < self._count_elements(place))
-        return self._place_of_existing_element(place, np.where(there, element_index, -1))
+        there = (element_index >= np.int64(0)) & (
+            element_index < self._count_list_elements(list_location)
+        )
+        return self._locate_existing_element(list_location, np.where(there, element_index, -1))
 
-    def _place_of_existing_element(self, place: _Place, element_index: Ints) -> _Place:
+    def _locate_existing_element(self, list_location: _Place, element_index: Ints) -> _Place:
         """Place of one existing element of each list; -1 for none."""
-        if isinstance(place, _Positions):
-            assert isinstance(place.value, InlineArray)
-            array = place.value
-            at = place.at + array.offset + element_index * array.stride
-            return _Positions(array.element, np.where(element_index < 0, -1, at), place.offset)
-        if isinstance(place.located, StridedList):
-            starts = self._select_marks(place.located.mark, place.chosen)
-            at = np.where(element_index < 0, -1, starts + element_index * place.located.stride)
-            return _Positions(place.located.element, at)
-        assert isinstance(place.located, WalkedList)
-        counts = self.mark_values[place.located.mark]
+        if isinstance(list_location, _Positions):
+            assert isinstance(list_location.value, InlineArray)
+            array = list_location.value
+            at = list_location.at + array.offset + element_index * array.stride
+            return _Positions(
+                array.element, np.where(element_index < 0, -1, at), list_location.offset
+            )
+        if isinstance(list_location.located, StridedList):
+            starts = self._select_marks(list_location.located.mark, list_location.chosen)
+            at = np.where(
+                element_index < 0, -1, starts + element_index * list_location.located.stride
+            )
+            return _Positions(list_location.located.element, at)
+        assert isinstance(list_location.located, WalkedList)
+        counts = self.mark_values[list_location.located.mark]
         begins = np.cumsum(counts) - counts
-        if place.chosen is not None:
-            begins = np.append(begins, -1)[place.chosen]
+        if list_location.chosen is not None:
+            begins = np.append(begins, -1)[list_location.chosen]
         return _Elements(
-            place.located.element, np.where(element_index < 0, -1, begins + element_index)
+            list_location.located.element, np.where(element_index < 0, -1, begins + element_index)
         )
 
-    def _place_of_all_elements(self, place: _Place, counts: Ints) -> _Place:
+    def _locate_all_elements(self, list_location: _Place, counts: Ints) -> _Place:
         """Place of every element of each list."""
-        match place:
+        match list_location:
             case _Elements(located=WalkedList(element=element), chosen=None):
                 return _Elements(element, None)
             case _:
@@ -201,66 +211,74 @@ class Columns:
         there = np.maximum(counts, 0)
         owner = np.repeat(np.arange(there.size), there)
         number = np.arange(owner.size) - np.repeat(np.cumsum(there) - there, there)
-        if isinstance(place, _Positions):
-            place = replace(place, at=place.at[owner])
+        if isinstance(list_location, _Positions):
+            list_location = replace(list_location, at=list_location.at[owner])
         else:
-            chosen = owner if place.chosen is None else place.chosen[owner]
-            place = replace(place, chosen=chosen)
-        return self._place_of_existing_element(place, number)
+            chosen = owner if list_location.chosen is None else list_location.chosen[owner]
+            list_location = replace(list_location, chosen=chosen)
+        return self._locate_existing_element(list_location, number)
 
-    def _find_element_by_name(self, place: _Place, name: str) -> Ints:
-        """Index of a name in the list `name` of each message; -1 if absent."""
-        assert isinstance(place, _Elements)
-        assert isinstance(place.located, NestedMessage)
-        names = place.located.fields["name"]
+    def _find_element_index_by_name(self, message_location: _Place, element_name: str) -> Ints:
+        """Index of a name in the list `element_name` of each message; -1 if absent."""
+        assert isinstance(message_location, _Elements)
+        assert isinstance(message_location.located, NestedMessage)
+        names = message_location.located.fields["name"]
         assert isinstance(names, WalkedList)
         assert isinstance(names.element, TextField)
-        if (names.mark, name) not in self._found:
+        if (names.mark, element_name) not in self._found:
             text = names.element.mark
-            self._found[names.mark, name] = find_name_in_lists(
+            self._found[names.mark, element_name] = find_name_in_lists(
                 self.data,
                 self.mark_values[text],
                 self.mark_values[text + 1],
                 self.mark_values[names.mark],
-                name,
+                element_name,
             )
-        found = self._found[names.mark, name]
-        return found if place.chosen is None else np.append(found, -1)[place.chosen]
+        found = self._found[names.mark, element_name]
+        return (
+            found
+            if message_location.chosen is None
+            else np.append(found, -1)[message_location.chosen]
+        )
 
-    def _gather_contiguous_elements(self, place: _Place, counts: Ints) -> Array:
+    def _gather_contiguous_elements(self, list_location: _Place, counts: Ints) -> Array:
         """Elements of lists of numbers, contiguous in the data."""
         counts = np.maximum(counts, 0)
-        if isinstance(place, _Positions):
-            array = place.value
+        if isinstance(list_location, _Positions):
+            array = list_location.value
             assert isinstance(array, InlineArray)
-            starts = place.at + (place.offset + array.offset)
+            starts = list_location.at + (list_location.offset + array.offset)
         else:
-            array = place.located
+            array = list_location.located
             assert isinstance(array, StridedList)
-            starts = self._select_marks(array.mark, place.chosen)
+            starts = self._select_marks(array.mark, list_location.chosen)
         assert isinstance(array.element, InlineField)
         kind = array.element.kind
         stored = concatenate_byte_ranges(self.data, starts, counts * DTYPES[kind].itemsize)
         return make_element_array(convert_bytes_to_numbers(stored, kind, swap=self.swap), kind)
 
-    def _gather_values(self, place: _Place) -> Array:
+    def _gather_values_at_location(self, value_location: _Place) -> Array:
         """Values at a place as an Arrow array."""
-        if isinstance(place, _Elements):
-            assert isinstance(place.located, TextField)
-            starts = self._select_marks(place.located.mark, place.chosen)
-            sizes = self._select_marks(place.located.mark + 1, place.chosen, absent_mark=0)
+        if isinstance(value_location, _Elements):
+            assert isinstance(value_location.located, TextField)
+            starts = self._select_marks(value_location.located.mark, value_location.chosen)
+            sizes = self._select_marks(
+                value_location.located.mark + 1, value_location.chosen, absent_mark=0
+            )
             return make_string_array(
                 *gather_string_views(self.data, starts, sizes), is_absent=starts < 0
             )
-        value = place.value
+        value = value_location.value
         assert isinstance(value, InlineField)
-        offset = place.offset + value.offset
-        bits = gather_values(self.data, place.at, offset, value.kind, swap=self.swap)
-        return make_value_array(bits, value.kind, is_absent=place.at < 0)
+        offset = value_location.offset + value.offset
+        bits = gather_values_as_64_bits(
+            self.data, value_location.at, offset, value.kind, swap=self.swap
+        )
+        return make_value_array(bits, value.kind, is_absent=value_location.at < 0)
 
 
-def _is_contiguous(place: _Place) -> bool:
-    array = place.value if isinstance(place, _Positions) else place.located
+def _is_list_of_contiguous_numbers(list_location: _Place) -> bool:
+    array = list_location.value if isinstance(list_location, _Positions) else list_location.located
     return (
         isinstance(array, InlineArray | StridedList)
         and isinstance(array.element, InlineField)

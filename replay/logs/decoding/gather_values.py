@@ -4,7 +4,7 @@ The loops are compiled by numba and cached on disk. A position of -1 marks a mis
 0.
 """
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,7 @@ _INLINE: Final = 12
 
 @compiled
 def load_values_as_64_bits(
-    data: Bytes, positions: Ints, offset: int, conversion: int, swap: bool, out: Ints
+    data: Bytes, positions: Ints, offset: int, conversion_code: int, swap: bool, out: Ints
 ) -> None:
     """Load values of a column as 64 bits each: floats as double, stamps in ns.
 
@@ -44,11 +44,11 @@ def load_values_as_64_bits(
         data: (bytes,) bytes that contain the values.
         positions: (n,) base positions.
         offset: offset from the base positions.
-        conversion: type of the values, see `LOADS`.
+        conversion_code: type of the values, see `LOADS`.
         swap: whether they are big-endian.
         out: (n,) output.
     """
-    size = abs(conversion)
+    size = abs(conversion_code)
     if size == 8:
         _load_8_byte_values(data, positions, offset, swap, out)
         return
@@ -58,11 +58,11 @@ def load_values_as_64_bits(
             out[k] = 0
             continue
         at += offset
-        if conversion == _STAMP:
+        if conversion_code == _STAMP:
             seconds = _swap_4_bytes(load32(data, at)) if swap else load32(data, at)
             rest = _swap_4_bytes(load32(data, at + 4)) if swap else load32(data, at + 4)
             out[k] = _sign_extend(seconds, 32) * np.int64(10**9) + rest
-        elif conversion == _FLOAT32:
+        elif conversion_code == _FLOAT32:
             out[k] = widened(_swap_4_bytes(load32(data, at)) if swap else load32(data, at))
         else:
             if size == 4:
@@ -73,7 +73,7 @@ def load_values_as_64_bits(
                     value = (value & 0xFF) << 8 | value >> 8
             else:
                 value = int(data[at])
-            out[k] = _sign_extend(value, 8 * size) if conversion < 0 else value
+            out[k] = _sign_extend(value, 8 * size) if conversion_code < 0 else value
 
 
 @compiled
@@ -171,11 +171,11 @@ def _copy_byte_ranges(data: Bytes, starts: Ints, sizes: Ints, out: Bytes) -> Non
 
 @compiled
 def _find_name_in_messages(
-    data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: Bytes, found: Ints
+    data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: Bytes, out_indices: Ints
 ) -> None:
     first = 0
     for row in range(counts.size):
-        found[row] = -1
+        out_indices[row] = -1
         for k in range(counts[row]):
             at = starts[first + k]
             same = sizes[first + k] == name.size
@@ -184,7 +184,7 @@ def _find_name_in_messages(
                 same = data[at + byte] == name[byte]
                 byte += 1
             if same:
-                found[row] = k
+                out_indices[row] = k
                 break
         first += counts[row]
 
@@ -206,30 +206,39 @@ def find_name_in_lists(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, nam
     return found
 
 
-def gather_values(data: Bytes, positions: Ints, offset: int, kind: str, *, swap: bool) -> Ints:
+def gather_values_as_64_bits(
+    data: Bytes, positions: Ints, offset: int, value_type: str, *, swap: bool
+) -> Ints:
     """Values of one type at `positions + offset`, 64 bits each."""
     out = np.empty(positions.size, np.int64)
-    load_values_as_64_bits(data, positions, offset, LOADS[kind], swap, out)
+    load_values_as_64_bits(data, positions, offset, LOADS[value_type], swap, out)
     return out
 
 
-def gather_string_views(data: Bytes, starts: Ints, sizes: Ints) -> tuple[NDArray[np.uint32], Bytes]:
+class StringViews(NamedTuple):
+    """Strings as Arrow views (n, 4), and the text of the long ones."""
+
+    views: NDArray[np.uint32]
+    long_text: Bytes
+
+
+def gather_string_views(data: Bytes, starts: Ints, sizes_bytes: Ints) -> StringViews:
     """Strings as Arrow views (n, 4), and the text of those too long for their view."""
     out = np.empty((starts.size, 4), np.uint32)
-    text = np.empty(int(sizes[sizes > _INLINE].sum()), np.uint8)
-    fill_string_views(data, starts, sizes, out, out.view(np.uint8), text)
-    return out, text
+    text = np.empty(int(sizes_bytes[sizes_bytes > _INLINE].sum()), np.uint8)
+    fill_string_views(data, starts, sizes_bytes, out, out.view(np.uint8), text)
+    return StringViews(out, text)
 
 
-def concatenate_byte_ranges(data: Bytes, starts: Ints, sizes: Ints) -> Bytes:
+def concatenate_byte_ranges(data: Bytes, starts: Ints, sizes_bytes: Ints) -> Bytes:
     """Concatenate byte ranges with given begins and sizes."""
-    out = np.empty(int(sizes.sum()), np.uint8)
-    _copy_byte_ranges(data, starts, sizes, out)
+    out = np.empty(int(sizes_bytes.sum()), np.uint8)
+    _copy_byte_ranges(data, starts, sizes_bytes, out)
     return out
 
 
-def convert_bytes_to_numbers(stored: Bytes, kind: str, *, swap: bool) -> NDArray[Any]:
+def convert_bytes_to_numbers(stored_bytes: Bytes, number_type: str, *, swap: bool) -> NDArray[Any]:
     """Numbers of one type, from their bytes."""
-    dtype = DTYPES[kind]
-    bits = stored.view(f"u{dtype.itemsize}")
+    dtype = DTYPES[number_type]
+    bits = stored_bytes.view(f"u{dtype.itemsize}")
     return (bits.byteswap() if swap else bits).view(dtype)

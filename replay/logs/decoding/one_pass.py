@@ -46,13 +46,13 @@ class GatheredRows(NamedTuple):
     nowhere: Bytes
 
 
-def allocate_gathered_rows(gather_plan: GatherPlan, rows: int) -> GatheredRows:
+def allocate_gathered_rows(gather_plan: GatherPlan, row_count: int) -> GatheredRows:
     """Allocate memory for the rows."""
     texts = gather_plan.text_marks.size
-    views = np.empty((texts, rows, 4), np.uint32)
+    views = np.empty((texts, row_count, 4), np.uint32)
     return GatheredRows(
-        np.empty((gather_plan.value_marks.size, rows), np.int64),
-        np.empty(int(gather_plan.array_bytes.sum()) * rows, np.uint8),
+        np.empty((gather_plan.value_marks.size, row_count), np.int64),
+        np.empty(int(gather_plan.array_bytes.sum()) * row_count, np.uint8),
         views,
         np.zeros(texts, np.int64),
         views.view(np.uint8),

@@ -1,7 +1,7 @@
 """Spans: stretches of a message whose layout its definition fixes."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from replay.logs.decoding.field_places import InlineArray, InlineField, InlineRecord, InlineValue
 from replay.logs.decoding.wire import WIDTHS, Wire
@@ -22,7 +22,7 @@ class Span:
     alignment: int
     size: int = 0
 
-    def append_field(self, alignment: int, size: int) -> int | None:
+    def append_field_bytes(self, alignment: int, size: int) -> int | None:
         """Append `size` bytes and return their offset; None where padding would vary."""
         if alignment > self.alignment:
             return None
@@ -31,115 +31,136 @@ class Span:
         return offset
 
 
-def find_alignment_bytes(kind: str, wire: Wire) -> int:
+def alignment_of_type_bytes(field_type: str, wire: Wire) -> int:
     """Alignment of a number or stamp, in bytes."""
-    return min(4 if kind == "stamp" else find_width_bytes(kind), wire.max_alignment)
+    return min(4 if field_type == "stamp" else size_of_scalar_bytes(field_type), wire.max_alignment)
 
 
-def find_width_bytes(kind: str) -> int:
+def size_of_scalar_bytes(scalar_type: str) -> int:
     """Size of a number or stamp, in bytes.
 
     Raises:
         NoPlanError: the type fits no column.
     """
-    if kind == "stamp":
+    if scalar_type == "stamp":
         return 8
-    if kind not in WIDTHS:
-        raise NoPlanError(f"no plan for a {kind}")
-    return WIDTHS[kind]
+    if scalar_type not in WIDTHS:
+        raise NoPlanError(f"no plan for a {scalar_type}")
+    return WIDTHS[scalar_type]
 
 
-def list_stored_members(record: RecordType, wire: Wire) -> tuple[tuple[str, FieldType], ...]:
+def list_members_as_encoded(record: RecordType, wire: Wire) -> tuple[tuple[str, FieldType], ...]:
     """The fields as stored: an empty message takes a byte in CDR."""
     return record.fields or ((("", Scalar("uint8")),) if wire.cdr else ())
 
 
-def append_field_to_span(span: Span, kind: FieldType, wire: Wire) -> InlineValue | None:
+def append_field_to_span(span: Span, field_type: FieldType, wire: Wire) -> InlineValue | None:
     """Append a field to a span; None if its place would vary."""
-    if isinstance(kind, Scalar):
-        if kind.kind == "string":
+    if isinstance(field_type, Scalar):
+        if field_type.kind == "string":
             return None
-        offset = span.append_field(
-            find_alignment_bytes(kind.kind, wire), find_width_bytes(kind.kind)
+        offset = span.append_field_bytes(
+            alignment_of_type_bytes(field_type.kind, wire), size_of_scalar_bytes(field_type.kind)
         )
-        return None if offset is None else InlineField(offset, kind.kind)
-    if isinstance(kind, RecordType):
+        return None if offset is None else InlineField(offset, field_type.kind)
+    if isinstance(field_type, RecordType):
         fields: dict[str, InlineValue] = {}
-        for name, field in list_stored_members(kind, wire):
+        for name, field in list_members_as_encoded(field_type, wire):
             placed = append_field_to_span(span, field, wire)
             if placed is None:
                 return None
             fields[name] = placed
         return InlineRecord(fields)
-    if kind.length is None or make_fixed_size_span(kind.element, wire) is None:
+    if (
+        field_type.length is None
+        or make_span_of_fixed_size_element(field_type.element, wire) is None
+    ):
         return None
-    if is_preceded_by_byte_size(kind, wire) and span.append_field(4, 4) is None:
+    if is_preceded_by_byte_size(field_type, wire) and span.append_field_bytes(4, 4) is None:
         return None
-    return append_array_to_span(span, kind.element, kind.length, wire)
+    return append_array_to_span(span, field_type.element, field_type.length, wire)
 
 
 def append_array_to_span(
-    span: Span, element: FieldType, length: int, wire: Wire
+    span: Span, element_type: FieldType, length: int, wire: Wire
 ) -> InlineArray | None:
     """Append an array of fixed size; None if its place would vary."""
-    fixed = make_fixed_size_span(element, wire)
+    fixed = make_span_of_fixed_size_element(element_type, wire)
     assert fixed is not None
     one, value = fixed
-    size = (length - 1) * element_stride_bytes(one) + one.size if length else 0
-    offset = span.append_field(one.alignment, size)
-    return None if offset is None else InlineArray(offset, length, element_stride_bytes(one), value)
+    size = (length - 1) * list_element_stride_bytes(one) + one.size if length else 0
+    offset = span.append_field_bytes(one.alignment, size)
+    return (
+        None
+        if offset is None
+        else InlineArray(offset, length, list_element_stride_bytes(one), value)
+    )
 
 
-def make_fixed_size_span(element: FieldType, wire: Wire) -> tuple[Span, InlineValue] | None:
+class ElementSpan(NamedTuple):
+    """Span of one list element, and its place in it."""
+
+    span: Span
+    value: InlineValue
+
+
+def make_span_of_fixed_size_element(element_type: FieldType, wire: Wire) -> ElementSpan | None:
     """An element as a span of its own; None if its size varies."""
-    span = Span(first_number_alignment_bytes(element, wire))
-    value = append_field_to_span(span, element, wire)
-    return None if value is None else (span, value)
+    span = Span(first_number_alignment_bytes(element_type, wire))
+    value = append_field_to_span(span, element_type, wire)
+    return None if value is None else ElementSpan(span, value)
 
 
-def element_stride_bytes(span: Span) -> int:
+def list_element_stride_bytes(element_span: Span) -> int:
     """Distance between consecutive elements, in bytes."""
-    return -(-span.size // span.alignment) * span.alignment
+    return -(-element_span.size // element_span.alignment) * element_span.alignment
 
 
-def first_number_alignment_bytes(kind: FieldType, wire: Wire) -> int:
+def first_number_alignment_bytes(field_type: FieldType, wire: Wire) -> int:
     """Alignment of a field's first number, which may be a string's length."""
-    if isinstance(kind, RecordType):
-        filled = (f for _, f in list_stored_members(kind, wire) if min_size_bytes(f, wire))
+    if isinstance(field_type, RecordType):
+        filled = (
+            f
+            for _, f in list_members_as_encoded(field_type, wire)
+            if min_encoded_size_bytes(f, wire)
+        )
         first = next(filled, None)
         return 1 if first is None else first_number_alignment_bytes(first, wire)
-    if isinstance(kind, Scalar) and kind.kind != "string":
-        return find_alignment_bytes(kind.kind, wire)
+    if isinstance(field_type, Scalar) and field_type.kind != "string":
+        return alignment_of_type_bytes(field_type.kind, wire)
     if (
-        isinstance(kind, ListOf)
-        and kind.length is not None
-        and not is_preceded_by_byte_size(kind, wire)
+        isinstance(field_type, ListOf)
+        and field_type.length is not None
+        and not is_preceded_by_byte_size(field_type, wire)
     ):
-        return first_number_alignment_bytes(kind.element, wire)
+        return first_number_alignment_bytes(field_type.element, wire)
     return wire.length_alignment
 
 
-def is_preceded_by_byte_size(kind: ListOf, wire: Wire) -> bool:
+def is_preceded_by_byte_size(list_type: ListOf, wire: Wire) -> bool:
     """Whether a list is preceded by its size in bytes; a stamp counts as a message."""
-    is_number = isinstance(kind.element, Scalar) and kind.element.kind in WIDTHS
+    is_number = isinstance(list_type.element, Scalar) and list_type.element.kind in WIDTHS
     return wire.delimited_lists and not is_number
 
 
-def min_size_bytes(kind: FieldType, wire: Wire) -> int:
+def min_encoded_size_bytes(field_type: FieldType, wire: Wire) -> int:
     """Minimum size of a field in bytes, without padding.
 
     Raises:
         NoPlanError: it exceeds the largest message.
     """
-    if isinstance(kind, Scalar):
-        size = 4 if kind.kind == "string" else find_width_bytes(kind.kind)
-    elif isinstance(kind, RecordType):
-        size = sum(min_size_bytes(field, wire) for _, field in list_stored_members(kind, wire))
-    elif kind.length is None:
-        min_size_bytes(kind.element, wire)
+    if isinstance(field_type, Scalar):
+        size = 4 if field_type.kind == "string" else size_of_scalar_bytes(field_type.kind)
+    elif isinstance(field_type, RecordType):
+        size = sum(
+            min_encoded_size_bytes(field, wire)
+            for _, field in list_members_as_encoded(field_type, wire)
+        )
+    elif field_type.length is None:
+        min_encoded_size_bytes(field_type.element, wire)
         size = 4
     else:
-        size = kind.length * min_size_bytes(kind.element, wire)
+        size = field_type.length * min_encoded_size_bytes(field_type.element, wire)
     if size > LARGEST_BYTES:
         raise NoPlanError("a field is larger than any message")
     return size

@@ -16,21 +16,23 @@ from numba.extending import intrinsic
 from estimators.arrays import Bytes
 
 
-def _are_byte_arrays_of_numba(*arrays: Any) -> bool:
+def _are_byte_arrays_of_numba(*array_types: Any) -> bool:
     return all(
         isinstance(each, types.Array) and each.dtype == types.uint8 and each.layout == "C"
-        for each in arrays
+        for each in array_types
     )
 
 
-def _emit_address(context: Any, builder: Any, kind: Any, array: Any, at: Any) -> Any:
-    return builder.gep(context.make_array(kind)(context, builder, array).data, [at])
+def _emit_address_of_array_item(
+    context: Any, builder: Any, array_type: Any, array: Any, offset: Any
+) -> Any:
+    return builder.gep(context.make_array(array_type)(context, builder, array).data, [offset])
 
 
-def _emit_load(number_type: Any) -> Any:
+def _make_load_intrinsic(number_type: Any) -> Any:
     def type_load(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
         def generate_load(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            address = _emit_address(context, builder, signature.args[0], *arguments)
+            address = _emit_address_of_array_item(context, builder, signature.args[0], *arguments)
             pointer = builder.bitcast(address, context.get_data_type(number_type).as_pointer())
             return context.cast(builder, builder.load(pointer, align=1), number_type, types.int64)
 
@@ -39,20 +41,20 @@ def _emit_load(number_type: Any) -> Any:
     return type_load
 
 
-def _emit_copy(
-    _: Any, data: Any, at: Any, target: Any, to: Any, size: Any
+def _emit_copy_of_bytes(
+    _: Any, data: Any, offset: Any, target: Any, target_offset: Any, size: Any
 ) -> tuple[Any, Any] | None:
     def generate_copy(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        source = _emit_address(context, builder, signature.args[0], *arguments[:2])
-        sink = _emit_address(context, builder, signature.args[2], *arguments[2:4])
+        source = _emit_address_of_array_item(context, builder, signature.args[0], *arguments[:2])
+        sink = _emit_address_of_array_item(context, builder, signature.args[2], *arguments[2:4])
         cgutils.raw_memcpy(builder, sink, source, arguments[4], 1)
         return context.get_dummy_value()
 
-    signature = types.void(data, at, target, to, size)
+    signature = types.void(data, offset, target, target_offset, size)
     return (signature, generate_copy) if _are_byte_arrays_of_numba(data, target) else None
 
 
-def _emit_widen(_: Any, bits: Any) -> tuple[Any, Any]:
+def _emit_float_to_double_conversion(_: Any, bits: Any) -> tuple[Any, Any]:
     def generate_widen(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
         word = builder.trunc(arguments[0], context.get_data_type(types.uint32))
         single = builder.bitcast(word, context.get_data_type(types.float32))
@@ -62,9 +64,9 @@ def _emit_widen(_: Any, bits: Any) -> tuple[Any, Any]:
     return types.int64(bits), generate_widen
 
 
-def _prefetch_cache_line(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
+def _prefetch_cache_line(_: Any, data: Any, offset: Any) -> tuple[Any, Any] | None:
     def generate_prefetch(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        address = _emit_address(context, builder, signature.args[0], *arguments)
+        address = _emit_address_of_array_item(context, builder, signature.args[0], *arguments)
         word = ir.IntType(32)
         kind = ir.FunctionType(ir.VoidType(), [address.type, word, word, word])
         prefetch = builder.module.declare_intrinsic("llvm.prefetch", [address.type], kind)
@@ -72,16 +74,18 @@ def _prefetch_cache_line(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
         builder.call(prefetch, [address, word(0), word(3), word(1)])
         return context.get_dummy_value()
 
-    return (types.void(data, at), generate_prefetch) if _are_byte_arrays_of_numba(data) else None
+    return (
+        (types.void(data, offset), generate_prefetch) if _are_byte_arrays_of_numba(data) else None
+    )
 
 
 #: (data, at) -> an unsigned integer of 2 and of 4 little-endian bytes, and a signed one of 8
-load16: Callable[[Bytes, int], int] = cast("Any", intrinsic(_emit_load(types.uint16)))
-load32: Callable[[Bytes, int], int] = cast("Any", intrinsic(_emit_load(types.uint32)))
-load64: Callable[[Bytes, int], int] = cast("Any", intrinsic(_emit_load(types.int64)))
+load16: Callable[[Bytes, int], int] = cast("Any", intrinsic(_make_load_intrinsic(types.uint16)))
+load32: Callable[[Bytes, int], int] = cast("Any", intrinsic(_make_load_intrinsic(types.uint32)))
+load64: Callable[[Bytes, int], int] = cast("Any", intrinsic(_make_load_intrinsic(types.int64)))
 #: (data, at, target, to, size): copy so many bytes
-copy: Callable[[Bytes, int, Bytes, int, int], None] = cast("Any", intrinsic(_emit_copy))
+copy: Callable[[Bytes, int, Bytes, int, int], None] = cast("Any", intrinsic(_emit_copy_of_bytes))
 #: (the bits of a number of single precision) -> those of the double that equals it
-widened: Callable[[int], int] = cast("Any", intrinsic(_emit_widen))
+widened: Callable[[int], int] = cast("Any", intrinsic(_emit_float_to_double_conversion))
 #: (data, at): the processor may bring what lies there nearer
 fetch: Callable[[Bytes, int], None] = cast("Any", intrinsic(_prefetch_cache_line))

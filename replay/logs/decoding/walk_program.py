@@ -13,7 +13,7 @@ Passing an array from one compiled function to another costs as much as a step i
 counted; here they are not (`estimators.compiled.compiled_without_refcounts`).
 """
 
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,11 +117,11 @@ class WalkOutcome(NamedTuple):
     places: Ints
 
 
-def make_empty_template(nodes: int) -> LayoutTemplate:
+def allocate_layout_template(node_count: int) -> LayoutTemplate:
     """Memory for a template, initially empty."""
     state = np.array([-1, 0, 0, 0, 0, 0])
     checks, notes = np.empty((_MOST_CHECKS, 2), np.int64), np.empty((_MOST_NOTES, 4), np.int64)
-    return LayoutTemplate(checks, notes, np.zeros(nodes, np.int64), state)
+    return LayoutTemplate(checks, notes, np.zeros(node_count, np.int64), state)
 
 
 @compiled_without_refcounts
@@ -156,16 +156,16 @@ def walk_messages(
         begin, size = begins[message], sizes[message]
         _prefetch_message(data, begins, sizes, message)
         is_known = check_count >= 0 and size == other_size
-        if is_known and has_same_layout(data, begin, other, checks, check_count):
+        if is_known and has_same_layout_bytes(data, begin, other, checks, check_count):
             _repeat_layout_marks(table, marks, filled, notes, note_count, begin)
-            _add_elements(filled, elements)
+            _count_message_and_its_elements(filled, elements)
             faults[message] = 0
             places[message] = other_end
             walked = 0
             continue
         check_count = 0 if walked < _PATIENCE or walked % _LATER == 0 else -1
         walked += 1
-        _copy_counts(filled, kept)
+        _copy_filled_counts(filled, kept)
         at = step = depth = fault = note_count = 0
         while step < steps.shape[0]:
             place, count, told, stop, at, fault = read_walk_step(
@@ -189,32 +189,34 @@ def walk_messages(
         places[message] = at
         if fault == 0:
             other, other_size, other_end = begin, size, at
-            _count_elements(filled, kept, elements)
+            _count_message_and_store_list_lengths(filled, kept, elements)
         else:
             check_count = -1
-            _copy_counts(kept, filled)
+            _copy_filled_counts(kept, filled)
     state[0], state[1], state[2] = check_count, note_count, other
     state[3], state[4], state[5] = other_size, other_end, walked
 
 
 @compiled_inline
-def _prefetch_message(data: Bytes, begins: Ints, sizes: Ints, message: int) -> None:
+def _prefetch_message(data: Bytes, begins: Ints, sizes: Ints, message_index: int) -> None:
     """Prefetch a later message into the processor's cache."""
-    if message + _AHEAD < begins.size:
-        begin = begins[message + _AHEAD]
-        for line in range(begin, begin + sizes[message + _AHEAD], _LINE_BYTES):
+    if message_index + _AHEAD < begins.size:
+        begin = begins[message_index + _AHEAD]
+        for line in range(begin, begin + sizes[message_index + _AHEAD], _LINE_BYTES):
             fetch(data, line)
 
 
 @compiled_inline
-def has_same_layout(data: Bytes, begin: int, other_begin: int, checks: Ints, count: int) -> bool:
+def has_same_layout_bytes(
+    data: Bytes, begin: int, other_begin: int, ranges_to_compare: Ints, range_count: int
+) -> bool:
     """Whether a message equals another of its size in all bytes that determine the layout."""
     gap = other_begin - begin
     same = True
     check = 0
-    while same and check < count:
-        at = begin + checks[check, 0]
-        last = at + checks[check, 1]
+    while same and check < range_count:
+        at = begin + ranges_to_compare[check, 0]
+        last = at + ranges_to_compare[check, 1]
         while same and at + 8 <= last:
             same = load64(data, at) == load64(data, at + gap)
             at += 8
@@ -240,21 +242,25 @@ def _repeat_layout_marks(
 
 @compiled_inline
 def _write_marks(
-    table: Ints, marks: Ints, mark: int, element: int, place: int, count: int, begin: int
+    table: Ints, marks: Ints, mark: int, element: int, position: int, count: int, begin: int
 ) -> None:
     """Write position and count of an element, each unless it is -1, if there is room."""
     if element < table[mark, 2]:
-        if place >= 0:
-            marks[table[mark, 1] + element] = begin + place
+        if position >= 0:
+            marks[table[mark, 1] + element] = begin + position
             mark += 1
         if count >= 0:
             marks[table[mark, 1] + element] = count
 
 
+#: Numbers of checks and of notes; -1 checks if there is no room.
+CheckAndNoteCounts: TypeAlias = tuple[int, int]
+
+
 @compiled_inline
 def _add_note_to_template(
-    notes: Ints, checks: int, count: int, mark: int, element: int, place: int, value: int
-) -> tuple[int, int]:
+    notes: Ints, checks: int, count: int, mark: int, element: int, position: int, value: int
+) -> CheckAndNoteCounts:
     """Add a note to the template; returns numbers of checks and notes, -1 checks if full."""
     if checks < 0:
         return checks, count
@@ -262,19 +268,19 @@ def _add_note_to_template(
         return -1, count
     notes[count, 0] = mark
     notes[count, 1] = element
-    notes[count, 2] = place
+    notes[count, 2] = position
     notes[count, 3] = value
     return checks, count + 1
 
 
 @compiled_inline
-def _copy_counts(filled_counts: Ints, out: Ints) -> None:
+def _copy_filled_counts(filled_counts: Ints, out: Ints) -> None:
     for node in range(filled_counts.size):
         out[node] = filled_counts[node]
 
 
 @compiled_inline
-def _add_elements(filled_counts: Ints, elements: Ints) -> None:
+def _count_message_and_its_elements(filled_counts: Ints, elements: Ints) -> None:
     """Count a message and the elements of its lists."""
     for node in range(1, filled_counts.size):
         filled_counts[node] += elements[node]
@@ -282,17 +288,21 @@ def _add_elements(filled_counts: Ints, elements: Ints) -> None:
 
 
 @compiled_inline
-def _count_elements(filled: Ints, kept: Ints, elements: Ints) -> None:
+def _count_message_and_store_list_lengths(filled: Ints, kept: Ints, elements: Ints) -> None:
     """Count a message, and store how many elements its lists have."""
     for node in range(1, filled.size):
         elements[node] = filled[node] - kept[node]
     filled[0] += 1
 
 
+#: Index of a step, and its depth of nested lists.
+StepAndDepth: TypeAlias = tuple[int, int]
+
+
 @compiled_inline
 def _find_next_step(
     steps: Ints, step: int, filled_counts: Ints, elements_left: Ints, depth: int, count: int
-) -> tuple[int, int]:
+) -> StepAndDepth:
     """The step after this one, and its depth of nested lists; counts the elements of lists."""
     op = steps[step, _OP]
     if op == _NEXT:
@@ -313,7 +323,7 @@ def _find_next_step(
 
 @compiled_inline
 def read_walk_step(
-    data: Bytes, begin: int, at: int, size: int, steps: Ints, step: int, encoding: Encoding
+    data: Bytes, begin: int, offset: int, size: int, steps: Ints, step: int, encoding: Encoding
 ) -> tuple[int, int, int, int, int, int]:
     """Read what a step describes.
 
@@ -323,80 +333,94 @@ def read_walk_step(
     """
     op = steps[step, _OP]
     if op == _NEXT:
-        return -1, -1, at, at, at, 0
+        return -1, -1, offset, offset, offset, 0
     if op == _SPAN:
         alignment = steps[step, _ALIGNMENT]
-        at = (at + alignment - 1) & -alignment
-        if steps[step, _SIZE] > size - at:
-            return -1, -1, at, at, at, _ENDS
-        return at, -1, at, at, at + steps[step, _SIZE], 0
-    count, told, at, fault = _read_length(data, begin, at, size, encoding, steps[step, _LENGTH])
+        offset = (offset + alignment - 1) & -alignment
+        if steps[step, _SIZE] > size - offset:
+            return -1, -1, offset, offset, offset, _ENDS
+        return offset, -1, offset, offset, offset + steps[step, _SIZE], 0
+    count, told, offset, fault = _read_length_field(
+        data, begin, offset, size, encoding, steps[step, _LENGTH]
+    )
     if fault != 0:
-        return -1, -1, told, at, at, fault
+        return -1, -1, told, offset, offset, fault
     if op == _TEXT:
-        place, count, end, fault = _walk_text(data, begin, at, size, count, encoding.cdr)
+        place, count, end, fault = _locate_string(data, begin, offset, size, count, encoding.cdr)
         return place, count, told, end, end, fault
     if op == _STRIDED:
-        place, end, fault = _walk_strided_list(steps, step, at, size, count)
-        return place, count, told, at, end if fault == 0 else at, fault
+        place, end, fault = _locate_strided_elements(steps, step, offset, size, count)
+        return place, count, told, offset, end if fault == 0 else offset, fault
     # each element has at least a byte; the first comparison keeps the product from overflowing
-    is_long = count > size - at or count * steps[step, _SIZE] > size - at
-    return -1, count, told, at, at, _LONG_LIST if is_long else 0
+    is_long = count > size - offset or count * steps[step, _SIZE] > size - offset
+    return -1, count, told, offset, offset, _LONG_LIST if is_long else 0
+
+
+#: Length, begin and end of its field, and fault.
+LengthField: TypeAlias = tuple[int, int, int, int]
 
 
 @compiled_inline
-def _read_length(
-    data: Bytes, begin: int, at: int, size: int, encoding: Encoding, is_length_known: int
-) -> tuple[int, int, int, int]:
+def _read_length_field(
+    data: Bytes, begin: int, offset: int, size: int, encoding: Encoding, is_length_known: int
+) -> LengthField:
     """Length of a string or list, begin and end of the length unless known, and fault."""
     if is_length_known >= 0:
-        return is_length_known, at, at, 0
-    at = (at + encoding.length_alignment - 1) & -encoding.length_alignment
-    if size - at < 4:
-        return 0, at, at, _ENDS
-    length = load32(data, begin + at)
+        return is_length_known, offset, offset, 0
+    offset = (offset + encoding.length_alignment - 1) & -encoding.length_alignment
+    if size - offset < 4:
+        return 0, offset, offset, _ENDS
+    length = load32(data, begin + offset)
     if encoding.swap:
         length = (
             length >> 24 | (length >> 8 & 0xFF00) | (length & 0xFF00) << 8 | (length & 0xFF) << 24
         )
-    return length, at, at + 4, 0
+    return length, offset, offset + 4, 0
+
+
+#: Begin of a string, its bytes without terminator, its end, and fault.
+StringLocation: TypeAlias = tuple[int, int, int, int]
 
 
 @compiled_inline
-def _walk_text(
-    data: Bytes, begin: int, at: int, size: int, length: int, cdr: bool
-) -> tuple[int, int, int, int]:
+def _locate_string(
+    data: Bytes, begin: int, offset: int, size: int, length: int, cdr: bool
+) -> StringLocation:
     """Begin of a string, its bytes without terminator, its end, and fault."""
-    if length > size - at:
-        return at, length, at, _LONG_TEXT
-    stop, count = at + length, length
+    if length > size - offset:
+        return offset, length, offset, _LONG_TEXT
+    stop, count = offset + length, length
     if cdr and length > 0:
         count -= 1
-        if data[begin + at + count] != 0:
-            return at, count, stop, _NO_NUL
-    byte, last = begin + at, begin + at + count
+        if data[begin + offset + count] != 0:
+            return offset, count, stop, _NO_NUL
+    byte, last = begin + offset, begin + offset + count
     while byte + 8 <= last and load64(data, byte) & _NOT_ASCII == 0:
         byte += 8
     while byte < last and data[byte] < 0x80:
         byte += 1
     is_text = byte == last or is_utf8(data, byte, last)
-    return at, count, stop, 0 if is_text else _NO_UTF8
+    return offset, count, stop, 0 if is_text else _NO_UTF8
+
+
+#: Begin and end of a list's elements, and fault.
+ElementsLocation: TypeAlias = tuple[int, int, int]
 
 
 @compiled_inline
-def _walk_strided_list(
-    steps: Ints, step: int, at: int, size: int, count: int
-) -> tuple[int, int, int]:
+def _locate_strided_elements(
+    steps: Ints, step: int, offset: int, size: int, count: int
+) -> ElementsLocation:
     """Begin and end of the elements of a list of fixed-size elements, and fault."""
     span = 0
     if count > 0:
         alignment = steps[step, _ALIGNMENT]
-        at = (at + alignment - 1) & -alignment
+        offset = (offset + alignment - 1) & -alignment
         # the comparison keeps the product from overflowing
-        if count > size - at:
-            return at, at, _LONG_LIST
+        if count > size - offset:
+            return offset, offset, _LONG_LIST
         span = (count - 1) * steps[step, _STRIDE] + steps[step, _SIZE]
-    return at, at + span, _LONG_LIST if span > size - at else 0
+    return offset, offset + span, _LONG_LIST if span > size - offset else 0
 
 
 @compiled_inline
@@ -420,13 +444,15 @@ def read_encapsulations(data: NDArray[np.uint8], offsets: Ints, lengths: Ints) -
 
 @compiled
 def _fill_encapsulations(
-    data: NDArray[np.uint8], offsets: Ints, lengths: Ints, kinds: Ints
+    data: NDArray[np.uint8], offsets: Ints, lengths: Ints, out_encapsulations: Ints
 ) -> None:
     for k in range(offsets.size):
         if k + _AHEAD < offsets.size:
             fetch(data, offsets[k + _AHEAD])
         at = offsets[k]
-        kinds[k] = np.int64(data[at]) << 8 | data[at + 1] if lengths[k] >= 4 else TOO_SHORT
+        out_encapsulations[k] = (
+            np.int64(data[at]) << 8 | data[at + 1] if lengths[k] >= 4 else TOO_SHORT
+        )
 
 
 @compiled_without_refcounts

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -21,13 +21,13 @@ from replay.logs.blocks import (
     LooseRecords,
     RecordGrammar,
     describe_end_of_reading,
-    describe_torn_end,
+    describe_incomplete_end,
     find_records_after_damage,
 )
 from replay.logs.mcap.mcap_index import (
     Summary,
     count_indexed_messages,
-    make_damaged_block,
+    make_block_of_misplaced_chunk,
     read_indexed_times_of_chunk,
 )
 from replay.logs.mcap.mcap_records import (
@@ -43,9 +43,13 @@ from replay.logs.mcap.mcap_records import (
     RECORD_HEAD,
     SCHEMA,
     STATISTICS,
-    chunk_at_offset_or_none,
+    read_chunk_header_as_block,
 )
-from replay.logs.messages.broken_bytes import BROKEN_BYTES, KIND_BYTES, describe_other_file
+from replay.logs.messages.broken_bytes import (
+    BROKEN_BYTES,
+    KIND_BYTES,
+    describe_file_of_other_format,
+)
 from replay.logs.storage import Connection, FileBytes
 
 #: Bytes of a record that is read; what identifies a machine is short.
@@ -70,20 +74,20 @@ class McapWalk:
     #: as the statistics say
     message_count: int | None = None
 
-    def chunks(self) -> Iterator[Block]:
+    def iter_chunks_of_file(self) -> Iterator[Block]:
         """Every chunk, including one cut off by the end of the file."""
         file = self.store.file
         stretches = LooseRecords(self.store)
         at = len(MAGIC)
-        while not self.has_footer and len(head := file.read(at, RECORD_HEAD.size)) == _HEAD:
+        while not self.has_footer and len(head := file.read_bytes(at, RECORD_HEAD.size)) == _HEAD:
             opcode, length = RECORD_HEAD.unpack(head)
             end = at + _HEAD + length
-            block = chunk_at_offset_or_none(file, at) if opcode == CHUNK else None
+            block = read_chunk_header_as_block(file, at) if opcode == CHUNK else None
             if block is not None:
                 yield block
                 self.data_ended = False
             elif opcode in (SCHEMA, CHANNEL, MESSAGE) and not self.data_ended:
-                end = stretches.add(at, _HEAD + length)
+                end = stretches.scan_records_up_to_next_chunk(at, _HEAD + length)
             elif opcode in (0, CHUNK) or length != _LENGTHS.get(opcode, length):
                 end = at
             if end > file.size and (block is not None or self.data_ended):
@@ -98,9 +102,9 @@ class McapWalk:
                 self.data_end = at if opcode == DATA_END else self.data_end
                 self.has_footer = opcode == FOOTER
             elif opcode in (SCHEMA, CHANNEL) and self.data_ended:
-                self.describe(opcode, file.read(at + _HEAD, length), at)
+                self.describe(opcode, file.read_bytes(at + _HEAD, length), at)
             elif opcode == STATISTICS:
-                self.message_count = int.from_bytes(file.read(at + _HEAD, 8), "little")
+                self.message_count = int.from_bytes(file.read_bytes(at + _HEAD, 8), "little")
             self.end = at = end
 
 
@@ -112,19 +116,19 @@ class McapFile(BlockFile):
     field. Everything else is scanned at opening.
     """
 
-    def _open(self) -> tuple[Connection, ...]:
-        if self._file.read(0, len(MAGIC)) != MAGIC:
-            begin = self._file.read(0, KIND_BYTES)
-            why = describe_other_file(begin, "it does not start with the MCAP magic")
+    def _read_connections_or_scan(self) -> tuple[Connection, ...]:
+        if self._file.read_bytes(0, len(MAGIC)) != MAGIC:
+            begin = self._file.read_bytes(0, KIND_BYTES)
+            why = describe_file_of_other_format(begin, "it does not start with the MCAP magic")
             raise LogError(f"{self._file.path}: not an MCAP file; {why}")
         summary = Summary(self._file)
         self._channels, self._schemas = dict(summary.channels), dict(summary.schemas)
         self._channels_at = dict.fromkeys(self._channels, -1)
         self._schemas_at = dict.fromkeys(self._schemas, -1)
         self._is_sealed = summary.is_sealed
-        self._add_summary_index(summary)
+        self._load_chunks_of_summary_index(summary)
         said = summary.message_count
-        indexed, lost = self._store.message_count, self._store.damage.lost_messages
+        indexed, lost = self._store.message_count, self._store.damage.lost_message_count
         is_enough = indexed > 0 if said is None else lost is None or indexed + lost == said
         walk = None
         if not is_enough:
@@ -133,15 +137,15 @@ class McapFile(BlockFile):
             said = walk.message_count if said is None else said
         found = self._store.message_count
         # where every damaged chunk tells how many messages it held, that is said with it
-        told = self._store.damage.lost_messages or 0
+        told = self._store.damage.lost_message_count or 0
         if said not in (None, found + told):
-            self._store.damage.note(
+            self._store.damage.add_damage_sentence(
                 f"its statistics count {said:,} messages, but {found:,} were found"
             )
         if walk is not None:
             self._note_missing_end(walk, summary.fault)
         return tuple(
-            make_connection(channel, self._schemas.get(channel.schema_id))
+            make_connection_of_channel(channel, self._schemas.get(channel.schema_id))
             for channel in self._channels.values()
         )
 
@@ -151,45 +155,53 @@ class McapFile(BlockFile):
 
         return GRAMMAR
 
-    def check_and_count_crcs(self) -> int:
+    def read_whole_file_and_count_valid_crcs(self) -> int:
         """Read the file from start to end, and compare the CRCs of data and summary."""
         walk = McapWalk(self._make_second_pass_store(), self._process_record)
-        self._compare_with_first_pass(walk.chunks(), walk.store)
+        self._note_blocks_missed_by_first_pass(walk.iter_chunks_of_file(), walk.store)
         if not (walk.data_end and walk.has_footer) and not self._store.damage:
-            self._store.damage.note("its records do not lead from its data to its footer")
-        return self._store.crcs + self._is_sealed + self._is_data_crc_valid(walk.data_end)
+            self._store.damage.add_damage_sentence(
+                "its records do not lead from its data to its footer"
+            )
+        return (
+            self._store.valid_crc_count + self._is_sealed + self._is_data_crc_valid(walk.data_end)
+        )
 
-    def _is_data_crc_valid(self, end: int) -> bool:
-        """Whether the data up to `end` have a CRC that agrees."""
-        said = int.from_bytes(self._file.read(end + RECORD_HEAD.size, 4), "little") if end else 0
+    def _is_data_crc_valid(self, end_offset: int) -> bool:
+        """Whether the data up to `end_offset` have a CRC that agrees."""
+        said = (
+            int.from_bytes(self._file.read_bytes(end_offset + RECORD_HEAD.size, 4), "little")
+            if end_offset
+            else 0
+        )
         if not said:  # 0 says that the writer computed none
             return False
-        agrees = self._file.crc32_before(end) == said
+        agrees = self._file.compute_crc32_before_offset(end_offset) == said
         if not agrees:
-            self._store.damage.note(
-                f"the CRC of its data is wrong: some of the {end:,} bytes differ from those "
+            self._store.damage.add_damage_sentence(
+                f"the CRC of its data is wrong: some of the {end_offset:,} bytes differ from those "
                 "recorded, and it is not known which"
             )
         return agrees
 
-    def _add_summary_index(self, summary: Summary) -> None:
+    def _load_chunks_of_summary_index(self, summary: Summary) -> None:
         described = all(c.schema_id in {0, *summary.schemas} for c in summary.channels.values())
         unknown: list[Block] = []
         chunks = {chunk.chunk_start_offset: chunk for chunk in summary.chunks}
         for offset in sorted(chunks):
             chunk = chunks[offset]
             counts = count_indexed_messages(chunk)
-            block = chunk_at_offset_or_none(self._file, offset, counts)
+            block = read_chunk_header_as_block(self._file, offset, counts)
             read_times = partial(read_indexed_times_of_chunk, self._file, chunk)
             is_described = described and self._channels.keys() >= counts.keys()
             # the index stands behind all chunks, so that the end of the file tears none of them
             if block is None or block.is_torn:
-                lost = make_damaged_block(chunk)
+                lost = make_block_of_misplaced_chunk(chunk)
                 self._store.note_lost_block(
                     lost, read_times() or {}, "it is not at the position that the index gives"
                 )
-            elif counts and is_described and _has_chunk_same_times(chunk, block):
-                self._store.add_indexed(block, read_times)
+            elif counts and is_described and _does_chunk_match_indexed_times(chunk, block):
+                self._store.add_block_with_unread_times(block, read_times)
             else:
                 unknown.append(block)
         if unknown:
@@ -198,36 +210,36 @@ class McapFile(BlockFile):
     def _read_whole_file(self) -> McapWalk:
         """Read the file from start to end."""
         walk = McapWalk(self._store, self._process_record)
-        self._store.add_unindexed_blocks(walk.chunks())
+        self._store.add_unindexed_blocks(walk.iter_chunks_of_file())
         if not self._store.damage:
             # messages outside chunks have no CRC but that of all data together
             self._is_data_crc_valid(walk.data_end)
         return walk
 
-    def _note_missing_end(self, file_walk: McapWalk, fault: str) -> None:
-        """Note what is missing after the data; `fault` is the reason why the index is unusable."""
+    def _note_missing_end(self, file_walk: McapWalk, index_fault: str) -> None:
+        """Note what is missing after the data; `index_fault` says why the index is unusable."""
         if file_walk.has_footer or file_walk.data_ended:  # behind the data there is only an index
-            if fault:
-                self._store.damage.note(
-                    f"{fault}: torn or damaged after the data, which is complete and was scanned "
-                    "from start to end"
+            if index_fault:
+                self._store.damage.add_damage_sentence(
+                    f"{index_fault}: torn or damaged after the data, which is complete and was "
+                    "scanned from start to end"
                 )
             return
         size = self._file.size
-        torn = describe_torn_end(size - file_walk.end, self._store.torn_messages)
-        self._store.damage.note(
+        torn = describe_incomplete_end(size - file_walk.end, self._store.torn_message_count)
+        self._store.damage.add_damage_sentence(
             f"breaks off after byte {file_walk.end} of {size}, without a footer: all whole "
             f"messages are read{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
-    def _process_record(self, op: int, content: bytes, offset: int) -> None:
+    def _process_record(self, opcode: int, content: bytes, offset: int) -> None:
         """Keep the first channel or schema of each number, and the first summary counts."""
         stream = ReadDataStream(BytesIO(content))
         try:
-            record = Channel.read(stream) if op == CHANNEL else Schema.read(stream)
+            record = Channel.read(stream) if opcode == CHANNEL else Schema.read(stream)
         except (McapError, *BROKEN_BYTES) as error:
-            kind = "channel" if op == CHANNEL else "schema"
-            self._store.damage.note(f"the record of a {kind} is damaged: {error}")
+            kind = "channel" if opcode == CHANNEL else "schema"
+            self._store.damage.add_damage_sentence(f"the record of a {kind} is damaged: {error}")
             return
         if isinstance(record, Channel):
             if offset < self._channels_at.get(record.id, self._file.size):
@@ -236,12 +248,12 @@ class McapFile(BlockFile):
             self._schemas[record.id], self._schemas_at[record.id] = record, offset
 
 
-def _has_chunk_same_times(chunk: ChunkIndex, block: Block) -> bool:
+def _does_chunk_match_indexed_times(chunk: ChunkIndex, block: Block) -> bool:
     indexed = chunk.message_start_time, chunk.message_end_time
     return (block.first_ns, block.last_ns) == indexed
 
 
-def make_connection(channel: Channel, schema: Schema | None) -> Connection:
+def make_connection_of_channel(channel: Channel, schema: Schema | None) -> Connection:
     """Connection from a channel and its schema."""
     if schema is None:
         return Connection(channel.id, channel.topic, "", channel.message_encoding, "", "")
@@ -259,23 +271,30 @@ def make_connection(channel: Channel, schema: Schema | None) -> Connection:
     )
 
 
-def read_metadata_records(path: Path) -> list[tuple[str, Mapping[str, str]]]:
+class MetadataRecord(NamedTuple):
+    """A metadata record of MCAP."""
+
+    name: str
+    values: Mapping[str, str]
+
+
+def read_metadata_records(path: Path) -> list[MetadataRecord]:
     """Name and values of each metadata record in the summary; empty if it is damaged.
 
     A truncated file has no summary; its metadata are not searched for.
     """
     file = FileBytes(path)
     try:
-        found: list[tuple[str, Mapping[str, str]]] = []
+        found: list[MetadataRecord] = []
         for index in Summary(file).metadata:
-            data = file.read(index.offset, min(index.length, _LARGEST_BYTES))
+            data = file.read_bytes(index.offset, min(index.length, _LARGEST_BYTES))
             if len(data) < RECORD_HEAD.size or data[0] != METADATA:
                 continue
             try:
                 record = Metadata.read(ReadDataStream(BytesIO(data[RECORD_HEAD.size :])))
             except (McapError, *BROKEN_BYTES):
                 continue
-            found.append((record.name, record.metadata))
+            found.append(MetadataRecord(record.name, record.metadata))
         return found
     finally:
         file.close()

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.interpreted import compiled, compiled_for_many_iterations
-from replay.logs.blocks import RecordGrammar
-from replay.logs.decoding.bytes_at import count_scan_iterations, load16, load32, load64
+from replay.logs.blocks import CountAndStop, RecordGrammar
+from replay.logs.decoding.bytes_at import estimate_scan_iterations, load16, load32, load64
 from replay.logs.mcap.mcap_records import CHANNEL, CHUNK, DATA_END, MESSAGE, RECORD_HEAD, SCHEMA
 
 _HEAD: Final = RECORD_HEAD.size
@@ -22,17 +22,17 @@ _LONGEST_NAME: Final = 32
 _PROVEN: Final = 4
 
 
-@compiled_for_many_iterations(count_scan_iterations)
-def _scan_records(
-    data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
-) -> tuple[int, int]:
+@compiled_for_many_iterations(estimate_scan_iterations)
+def _scan_mcap_records(
+    data: NDArray[np.uint8], begin: int, end: int, out_rows: NDArray[np.int64], first_row: int
+) -> CountAndStop:
     """Find the rows of messages, schemas and channels; see `slabs.RecordGrammar`.
 
     It stops at an incomplete record, and at a record that only occurs outside chunks.
     """
     found = 0
     at = begin
-    room = rows.shape[1]
+    room = out_rows.shape[1]
     while at + _HEAD <= end:
         opcode = np.int64(data[at])
         length = load64(data, at + 1)
@@ -44,20 +44,20 @@ def _scan_records(
         if opcode == MESSAGE:
             if length < _MESSAGE_HEAD:
                 break
-            if row < room:
-                rows[0, row] = load16(data, body)
-                rows[1, row] = load64(data, body + 6)
-                rows[2, row] = body + _MESSAGE_HEAD
-                rows[3, row] = length - _MESSAGE_HEAD
-            row += 1
+            if first_row < room:
+                out_rows[0, first_row] = load16(data, body)
+                out_rows[1, first_row] = load64(data, body + 6)
+                out_rows[2, first_row] = body + _MESSAGE_HEAD
+                out_rows[3, first_row] = length - _MESSAGE_HEAD
+            first_row += 1
             found += 1
         elif opcode in (SCHEMA, CHANNEL):
-            if row < room:
-                rows[0, row] = -1 - opcode
-                rows[1, row] = 0
-                rows[2, row] = body
-                rows[3, row] = length
-            row += 1
+            if first_row < room:
+                out_rows[0, first_row] = -1 - opcode
+                out_rows[1, first_row] = 0
+                out_rows[2, first_row] = body
+                out_rows[3, first_row] = length
+            first_row += 1
             found += 1
         at = body + length
     return found, at
@@ -65,12 +65,12 @@ def _scan_records(
 
 @compiled
 def _find_record_end_and_plausibility(
-    data: NDArray[np.uint8], offset: int, end: int, limit: int
+    data: NDArray[np.uint8], offset: int, end: int, file_end: int
 ) -> tuple[int, int]:
     """End of the record at `offset`, and how plausible it is; 0 if it is not a record."""
     opcode = np.int64(data[offset])
     length = load64(data, offset + 1)
-    if opcode < 1 or opcode > _LAST_OPCODE or length < 0 or length > limit - offset - _HEAD:
+    if opcode < 1 or opcode > _LAST_OPCODE or length < 0 or length > file_end - offset - _HEAD:
         return 0, 0
     if opcode == MESSAGE and length < _MESSAGE_HEAD:
         return 0, 0
@@ -88,8 +88,8 @@ def _find_record_end_and_plausibility(
     return offset + _HEAD + length, proof
 
 
-@compiled_for_many_iterations(count_scan_iterations)
-def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
+@compiled_for_many_iterations(estimate_scan_iterations)
+def _find_next_mcap_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     """Offset from which plausible records follow each other; -1 if none."""
     for first in range(begin, end - _HEAD + 1):
         at = first
@@ -106,4 +106,4 @@ def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> i
     return -1
 
 
-GRAMMAR: Final = RecordGrammar(_scan_records, _find_record)
+GRAMMAR: Final = RecordGrammar(_scan_mcap_records, _find_next_mcap_record)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from io import BytesIO
 from operator import itemgetter
 from struct import Struct
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from mcap.exceptions import McapError
@@ -59,11 +59,11 @@ class Summary:
         #: whether it has a CRC, which agrees
         self.is_sealed = False
         try:
-            section = self._read_section(file)
+            section = self._read_summary_section(file)
         except SummaryError as fault:
             self.fault = str(fault)
             return
-        self.chunks, rest = parse_chunk_indexes(section)
+        self.chunks, rest = split_chunk_indexes_from_summary(section)
         stream = BytesIO(rest + MAGIC)
         reader = StreamReader(stream, skip_magic=True, record_size_limit=len(section))
         try:
@@ -84,16 +84,20 @@ class Summary:
             elif isinstance(record, Statistics):
                 self.message_count = record.message_count
 
-    def _read_section(self, file: FileBytes) -> bytes:
+    def _read_summary_section(self, file: FileBytes) -> bytes:
         """Bytes from the summary up to the magic; empty without a summary."""
         end = file.size - len(MAGIC)
-        footer = file.read(end - _FOOTER.size, _FOOTER.size)
-        if len(footer) < _FOOTER.size or footer[0] != FOOTER or file.read(end, len(MAGIC)) != MAGIC:
+        footer = file.read_bytes(end - _FOOTER.size, _FOOTER.size)
+        if (
+            len(footer) < _FOOTER.size
+            or footer[0] != FOOTER
+            or file.read_bytes(end, len(MAGIC)) != MAGIC
+        ):
             raise SummaryError("does not end with a footer and the MCAP magic")
         _, _, start, _, crc = _FOOTER.unpack(footer)
         if not start:
             return b""
-        section = file.read(start, end - start)
+        section = file.read_bytes(start, end - start)
         # 0 says that the writer computed none; it covers all but itself
         if crc and zlib.crc32(section[:-4]) != crc:
             raise SummaryError("the CRC of its summary is wrong")
@@ -101,7 +105,14 @@ class Summary:
         return section
 
 
-def parse_chunk_indexes(section: bytes) -> tuple[list[ChunkIndex], bytes]:
+class SplitSummary(NamedTuple):
+    """Chunk indexes of a summary, and the bytes of its other records."""
+
+    chunk_indexes: list[ChunkIndex]
+    other_records: bytes
+
+
+def split_chunk_indexes_from_summary(summary_section: bytes) -> SplitSummary:
     """Chunk indexes of a summary, and the bytes of all other records.
 
     A shift has thousands of them, and the library takes 60 µs for each. If one is malformed, all
@@ -111,30 +122,30 @@ def parse_chunk_indexes(section: bytes) -> tuple[list[ChunkIndex], bytes]:
     others: list[bytes] = []
     at = 0
     try:
-        while at < len(section):
-            opcode, length = RECORD_HEAD.unpack_from(section, at)
+        while at < len(summary_section):
+            opcode, length = RECORD_HEAD.unpack_from(summary_section, at)
             end = at + RECORD_HEAD.size + length
-            if end > len(section):
-                return [], section
+            if end > len(summary_section):
+                return SplitSummary([], summary_section)
             if opcode == CHUNK_INDEX:
-                chunks.append(_parse_chunk_index(section[at + RECORD_HEAD.size : end]))
+                chunks.append(_parse_chunk_index(summary_section[at + RECORD_HEAD.size : end]))
             else:
-                others.append(section[at:end])
+                others.append(summary_section[at:end])
             at = end
     except (struct.error, UnicodeDecodeError):
-        return [], section
-    return chunks, b"".join(others)
+        return SplitSummary([], summary_section)
+    return SplitSummary(chunks, b"".join(others))
 
 
-def _parse_chunk_index(content: bytes) -> ChunkIndex:
-    first, last, start, length, size = _CHUNK_INDEX_HEAD.unpack_from(content)
+def _parse_chunk_index(record_content: bytes) -> ChunkIndex:
+    first, last, start, length, size = _CHUNK_INDEX_HEAD.unpack_from(record_content)
     at = _CHUNK_INDEX_HEAD.size
-    offsets = dict(_INDEX_OFFSET.iter_unpack(content[at : at + size]))
+    offsets = dict(_INDEX_OFFSET.iter_unpack(record_content[at : at + size]))
     at += size
-    index_length, name_size = _CHUNK_INDEX_REST.unpack_from(content, at)
+    index_length, name_size = _CHUNK_INDEX_REST.unpack_from(record_content, at)
     at += _CHUNK_INDEX_REST.size
-    name = content[at : at + name_size].decode()
-    stored, unpacked = _SIZES.unpack_from(content, at + name_size)
+    name = record_content[at : at + name_size].decode()
+    stored, unpacked = _SIZES.unpack_from(record_content, at + name_size)
     return ChunkIndex(
         chunk_start_offset=start,
         chunk_length=length,
@@ -148,7 +159,7 @@ def _parse_chunk_index(content: bytes) -> ChunkIndex:
     )
 
 
-def make_damaged_block(chunk: ChunkIndex) -> Block:
+def make_block_of_misplaced_chunk(chunk: ChunkIndex) -> Block:
     """Block of a chunk that is not at its indexed offset."""
     return Block(chunk.chunk_start_offset, 0, chunk.compressed_size, chunk.compression, 0)
 
@@ -184,7 +195,7 @@ def read_indexed_times_of_chunk(
     begin = chunk.chunk_start_offset + chunk.chunk_length
     if not offsets or min(offsets.values()) < begin:
         return None
-    section = file.read_array(begin, chunk.message_index_length)
+    section = file.read_byte_array(begin, chunk.message_index_length)
     left = len(section)
     times: dict[int, NDArray[np.int64]] = {}
     for key, offset in offsets.items():

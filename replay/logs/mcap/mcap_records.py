@@ -35,14 +35,14 @@ _LONGEST_NAME: Final = 32
 _INT64_MAX: Final = 2**63 - 1
 
 
-def chunk_at_offset_or_none(
-    file: FileBytes, offset: int, counts: Mapping[int, int] | None = None
+def read_chunk_header_as_block(
+    file: FileBytes, offset: int, message_counts: Mapping[int, int] | None = None
 ) -> Block | None:
     """Chunk whose record begins at `offset`, with messages by channel; None if there is none.
 
     A chunk that extends beyond the end of the file is torn.
     """
-    head = file.read(offset, RECORD_HEAD.size + _CHUNK.size + _LONGEST_NAME + _STORED.size)
+    head = file.read_bytes(offset, RECORD_HEAD.size + _CHUNK.size + _LONGEST_NAME + _STORED.size)
     try:
         opcode, length = RECORD_HEAD.unpack_from(head)
         first, last, unpacked, crc, size = _CHUNK.unpack_from(head, RECORD_HEAD.size)
@@ -64,7 +64,7 @@ def chunk_at_offset_or_none(
         unpacked,
         crc,
         is_torn=stored > left,
-        counts=counts or {},
+        counts=message_counts or {},
         first_ns=first if fits else 0,
         last_ns=last if fits else -1,
     )

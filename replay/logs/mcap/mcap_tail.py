@@ -10,7 +10,7 @@ from mcap.records import Channel, Schema
 
 from estimators.errors import LogError
 from replay.logs.blocks import GrowingBlockFile, RecordGrammar
-from replay.logs.mcap.mcap_file import make_connection
+from replay.logs.mcap.mcap_file import make_connection_of_channel
 from replay.logs.mcap.mcap_records import (
     CHANNEL,
     CHUNK,
@@ -20,7 +20,7 @@ from replay.logs.mcap.mcap_records import (
     MESSAGE,
     RECORD_HEAD,
     SCHEMA,
-    chunk_at_offset_or_none,
+    read_chunk_header_as_block,
 )
 from replay.logs.messages.broken_bytes import BROKEN_BYTES
 from replay.logs.messages.raw_batch import RawBatch
@@ -41,11 +41,11 @@ class McapTail(GrowingBlockFile):
 
         return GRAMMAR
 
-    def _take_next_batches(self) -> list[RawBatch] | None:
+    def _read_next_record_batches(self) -> list[RawBatch] | None:
         file = self._file
         if self._at == 0:
-            return self._check_magic()
-        head = file.read(self._at, RECORD_HEAD.size)
+            return self._read_magic_if_complete()
+        head = file.read_bytes(self._at, RECORD_HEAD.size)
         if len(head) < RECORD_HEAD.size:
             return None
         opcode, length = RECORD_HEAD.unpack(head)
@@ -55,14 +55,14 @@ class McapTail(GrowingBlockFile):
             self.is_finished = True
             return []
         if opcode in _LOOSE:
-            return self._read_unchunked_messages(RECORD_HEAD.size + length)
-        block = chunk_at_offset_or_none(file, self._at) if opcode == CHUNK else None
+            return self._take_unchunked_messages(RECORD_HEAD.size + length)
+        block = read_chunk_header_as_block(file, self._at) if opcode == CHUNK else None
         self._at += RECORD_HEAD.size + length
-        return [] if block is None else self._read_chunk_messages(block)
+        return [] if block is None else self._unpack_messages_of_chunk(block)
 
-    def _check_magic(self) -> list[RawBatch] | None:
+    def _read_magic_if_complete(self) -> list[RawBatch] | None:
         """Check the magic of the file; None while it is incomplete."""
-        head = self._file.read(0, len(MAGIC))
+        head = self._file.read_bytes(0, len(MAGIC))
         if not MAGIC.startswith(head):
             raise LogError(
                 f"{self._file.path}: not an MCAP file; it does not start with the MCAP magic"
@@ -72,16 +72,16 @@ class McapTail(GrowingBlockFile):
         self._at = len(MAGIC)
         return []
 
-    def _process_record(self, op: int, content: bytes) -> None:
+    def _process_record(self, opcode: int, content: bytes) -> None:
         stream = ReadDataStream(BytesIO(content))
         try:
-            record = Channel.read(stream) if op == CHANNEL else Schema.read(stream)
+            record = Channel.read(stream) if opcode == CHANNEL else Schema.read(stream)
         except (McapError, *BROKEN_BYTES) as error:
-            kind = "channel" if op == CHANNEL else "schema"
-            self._losses.note(self._file.path, f"the record of a {kind} is damaged: {error}")
+            kind = "channel" if opcode == CHANNEL else "schema"
+            self._losses.add_loss(self._file.path, f"the record of a {kind} is damaged: {error}")
             return
         if isinstance(record, Schema):
             self._schemas.setdefault(record.id, record)
         elif record.id not in self.connections:
             schema = self._schemas.get(record.schema_id)
-            self.connections[record.id] = make_connection(record, schema)
+            self.connections[record.id] = make_connection_of_channel(record, schema)

@@ -43,14 +43,14 @@ _KINDS: Final = (
 KIND_BYTES: Final = 16
 
 
-def describe_other_file(head: bytes, default_text: str) -> str:
+def describe_file_of_other_format(first_bytes: bytes, default_text: str) -> str:
     """What a file is by its first bytes, with the name that it should have.
 
     Args:
-        head: its first `KIND_BYTES`.
+        first_bytes: its first `KIND_BYTES`.
         default_text: what is returned for a file of no known kind.
     """
-    found = (f"it is {kind}" for mark, kind in _KINDS if head.startswith(mark))
+    found = (f"it is {kind}" for mark, kind in _KINDS if first_bytes.startswith(mark))
     return next(found, default_text)
 
 

@@ -12,7 +12,7 @@ from rosbags.typesys.base import normalize_fieldname
 from replay.logs.messages.broken_bytes import BrokenBytesError
 
 
-def require_int64(value: int) -> int:
+def require_number_fits_int64(value: int) -> int:
     """Return a number unchanged.
 
     Raises:
@@ -23,7 +23,7 @@ def require_int64(value: int) -> int:
     return value
 
 
-def _return_same(values: Any) -> Any:
+def _return_unchanged(values: Any) -> Any:
     return values
 
 
@@ -37,7 +37,7 @@ class Library:
     #: a time or duration in ns
     stamp_ns: Callable[[Any], int]
     #: what a list holds
-    elements: Callable[[Any], Sequence[Any]] = _return_same
+    elements: Callable[[Any], Sequence[Any]] = _return_unchanged
     #: a value as a column of a kind holds it
     convert: Callable[[Any, str], Any] = lambda value, kind: CONVERT.get(kind, int)(value)
 

@@ -13,7 +13,7 @@ from replay.logs.messages.message_types import (
     ListOf,
     RecordType,
     Scalar,
-    iter_leaf_names,
+    iter_leaf_names_of_message,
 )
 
 #: What every frame has beside the fields.
@@ -57,67 +57,73 @@ class Field:
         return dtype
 
 
-def resolve_message_field(name: str, record: RecordType) -> Field:
+def resolve_message_field(field_path: str, record: RecordType) -> Field:
     """Find a field of a message type.
 
     Args:
-        name: `angular_velocity.z`, `covariance[0]`, `effort[left]`, or a whole list, `effort[]`.
+        field_path: `angular_velocity.z`, `covariance[0]`, `effort[left]`, or a whole list,
+            `effort[]`.
         record: message type.
 
     Raises:
         FieldError: the field does not exist, or is not a single value.
     """
-    if name in OWN_COLUMNS:
+    if field_path in OWN_COLUMNS:
         raise FieldError(
-            f"'{name}' is a reserved column of every topic; a message field with this name cannot "
-            "be read"
+            f"'{field_path}' is a reserved column of every topic; a message field with this name "
+            "cannot be read"
         )
-    steps = _parse_field_path(name)
+    steps = _parse_field_path(field_path)
     here = Scalar("") if not steps else record
     walked = ""
     for step in steps:
         kind = here.type_of_field(step.name) if isinstance(here, RecordType) else None
         if kind is None:
-            raise FieldError(f"no field {name!r}; {suggest_choice(name, iter_leaf_names(record))}")
+            raise FieldError(
+                f"no field {field_path!r}; "
+                f"{suggest_choice(field_path, iter_leaf_names_of_message(record))}"
+            )
         walked = f"{walked}.{step.name}".lstrip(".")
         if isinstance(kind, ListOf):
             assert isinstance(here, RecordType)
-            _check_element(walked, step, kind, here)
+            _refuse_invalid_list_element(walked, step, kind, here)
             kind = kind.element
         elif step.element is not None:
             raise FieldError(f"'{walked}' is not a list; ask for it without [{step.element}]")
         walked += "" if step.element is None else f"[{step.element}]"
         here = kind
     if isinstance(here, RecordType):
-        inside = ", ".join(f"{walked}.{leaf}" for leaf in iter_leaf_names(here))
-        raise FieldError(f"'{name}' is a {here.name}; give one of {inside}")
-    return Field(name, here.kind, steps)
+        inside = ", ".join(f"{walked}.{leaf}" for leaf in iter_leaf_names_of_message(here))
+        raise FieldError(f"'{field_path}' is a {here.name}; give one of {inside}")
+    return Field(field_path, here.kind, steps)
 
 
-def _parse_field_path(name: str) -> tuple[PathStep, ...]:
+def _parse_field_path(field_path: str) -> tuple[PathStep, ...]:
     steps: list[PathStep] = []
     at = 0
-    while at < len(name) or not steps:
-        match = _STEP.match(name, at)
+    while at < len(field_path) or not steps:
+        match = _STEP.match(field_path, at)
         if match is None:
             raise FieldError(
-                f"{name!r} is not a field name; write angular_velocity.z, covariance[0] or "
+                f"{field_path!r} is not a field name; write angular_velocity.z, covariance[0] or "
                 "effort[left]"
             )
-        steps.append(PathStep(match["name"], _parse_element_or_none(match["element"])))
+        steps.append(PathStep(match["name"], _parse_element_index_or_name(match["element"])))
         at = match.end()
     return tuple(steps)
 
 
-def _parse_element_or_none(text: str | None) -> int | str | None:
+def _parse_element_index_or_name(text: str | None) -> int | str | None:
     if text is None or not (text.isascii() and text.isdigit()):
         return text
     # lists count in 32 bits; Python refuses to read numbers of thousands of digits
     return int(text) if len(text) < 19 else 2**63 - 1
 
 
-def _check_element(path_so_far: str, step: PathStep, kind: ListOf, parent: RecordType) -> None:
-    by_name = f" or by name, {path_so_far}[NAME]" if parent.has_names else ""
+def _refuse_invalid_list_element(
+    path_so_far: str, step: PathStep, list_type: ListOf, parent: RecordType
+) -> None:
+    by_name = f" or by name, {path_so_far}[NAME]" if parent.has_list_of_element_names else ""
     if step.element is None:
         raise FieldError(
             f"'{path_so_far}' is a list; pick an element by index, {path_so_far}[0]{by_name}"
@@ -125,13 +131,13 @@ def _check_element(path_so_far: str, step: PathStep, kind: ListOf, parent: Recor
     if step.element == ALL:
         return
     if isinstance(step.element, str):
-        if not parent.has_names:
+        if not parent.has_list_of_element_names:
             raise FieldError(
                 f"'{path_so_far}[{step.element}]' selects by name, but {parent.name} has no list "
                 f"'name'; select by index, {path_so_far}[0]"
             )
-    elif kind.length is not None and step.element >= kind.length:
+    elif list_type.length is not None and step.element >= list_type.length:
         raise FieldError(
             f"'{path_so_far}[{step.element}]' is out of range; it has {path_so_far}[0] to "
-            f"{path_so_far}[{kind.length - 1}]"
+            f"{path_so_far}[{list_type.length - 1}]"
         )

@@ -55,7 +55,9 @@ class RawBatch:
         """Number of messages."""
         return self.offsets.size
 
-    def select(self, selection: NDArray[np.bool_] | NDArray[np.intp] | slice) -> "RawBatch":
+    def select_messages(
+        self, selection: NDArray[np.bool_] | NDArray[np.intp] | slice
+    ) -> "RawBatch":
         """Select some of the messages."""
         return RawBatch(
             self.connection_id,
@@ -66,7 +68,7 @@ class RawBatch:
             is_part=True,
         )
 
-    def split_to_batches(self) -> Iterator["RawBatch"]:
+    def split_to_bounded_batches(self) -> Iterator["RawBatch"]:
         """Split into batches of at most `BATCH_ROWS` messages and, with several, `BATCH_BYTES`."""
         if 0 < self.rows <= BATCH_ROWS and self.lengths.sum() <= BATCH_BYTES:
             yield self
@@ -77,7 +79,7 @@ class RawBatch:
             full = ends[begin] - self.lengths[begin] + BATCH_BYTES
             end = int(np.searchsorted(ends, full, side="right"))
             end = min(max(end, begin + 1), begin + BATCH_ROWS)
-            yield self.select(slice(begin, end))
+            yield self.select_messages(slice(begin, end))
             begin = end
 
     def iter_messages(self) -> Iterator[bytes]:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from itertools import chain, pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import zstandard
@@ -31,8 +31,8 @@ from replay.logs.storage import (
     Connection,
     Container,
     LossList,
-    make_empty_times,
-    prefetch_items,
+    make_empty_log_times,
+    prefetch_items_in_thread,
 )
 
 #: Parts of a split recording may reach into each other by as much.
@@ -56,21 +56,21 @@ class Rosbag2Directory:
         self._losses = LossList()
         self._scratch = TemporaryDirectory(prefix="payscope-")
         try:
-            metadata = self._read_metadata()
+            metadata = self._read_metadata_or_note_damage()
             self.files: tuple[Path, ...] = self._open_storage_files(metadata)
         except BaseException:
             self.close()
             raise
         self._metadata = metadata
         self._is_compared = False
-        self._merge_connections(metadata)
+        self._number_connections_of_all_files(metadata)
 
     @property
     def losses(self) -> Sequence[Loss]:
         """Losses of the directory, then of each file."""
         return [*self._losses, *(loss for part in self._parts for loss in part.losses)]
 
-    def _read_metadata(self) -> Metadata:
+    def _read_metadata_or_note_damage(self) -> Metadata:
         names = tuple(
             sorted((p.name for p in list_storage_files(self._path)), key=_make_part_sort_key)
         )
@@ -81,13 +81,13 @@ class Rosbag2Directory:
                 "is missing, so the recorder did not finish or files were left behind: the files "
                 "found are read in the order of their names, and others may be missing"
             )
-            self._losses.note(self._path / METADATA, what)
+            self._losses.add_loss(self._path / METADATA, what)
             return Metadata(names)
         try:
             metadata = read_metadata(self._path)
         except MetadataError as error:
             what = f"cannot be read, so the files are read in the order of their names: {error}"
-            self._losses.note(self._path / METADATA, what)
+            self._losses.add_loss(self._path / METADATA, what)
             return Metadata(names)
         self._note_wrong_file_names(metadata.names, names)
         return metadata
@@ -99,11 +99,11 @@ class Rosbag2Directory:
         for name, times in Counter(expected_names).items():
             if times > 1:
                 what = f"names {name} {times:,} times; it is read once"
-                self._losses.note(self._path / METADATA, what)
+                self._losses.add_loss(self._path / METADATA, what)
         known = {name.removesuffix(".zstd") for name in expected_names}
         for name in existing_names:
             if name.removesuffix(".zstd") not in known:
-                self._losses.note(self._path / name, f"not read: {METADATA} does not name it")
+                self._losses.add_loss(self._path / name, f"not read: {METADATA} does not name it")
 
     def _open_storage_files(self, metadata: Metadata) -> tuple[Path, ...]:
         opened: list[Path] = []
@@ -119,7 +119,7 @@ class Rosbag2Directory:
                     f"{self._scratch.name}/", ""
                 )
                 faults.append(fault)
-                self._losses.note(path, f"not read: {fault}")
+                self._losses.add_loss(path, f"not read: {fault}")
         if not self._parts:
             told = [str(loss) for loss in self._losses] or faults
             raise LogError(
@@ -137,16 +137,16 @@ class Rosbag2Directory:
         stored = path
         if path.suffix == ".zstd":
             stored = Path(self._scratch.name, path.stem)
-            fault = decompress_file_and_find_fault(path, stored)
+            fault = decompress_file_or_describe_fault(path, stored)
             if fault:
                 what = f"the compressed file is damaged, what comes before is read: {fault}"
-                self._losses.note(path, what)
+                self._losses.add_loss(path, what)
         opener = _STORAGE.get(stored.suffix)
         if opener is None:
             raise LogError(f"{path.name} is neither .mcap nor .db3")
         return opener(stored)
 
-    def _merge_connections(self, metadata: Metadata) -> None:
+    def _number_connections_of_all_files(self, metadata: Metadata) -> None:
         """Number the connections of all files consecutively."""
         self._origin: list[tuple[int, int]] = []
         merged: list[Connection] = []
@@ -166,7 +166,7 @@ class Rosbag2Directory:
         """Log times of a connection."""
         self._note_wrong_message_counts()
         if connection_id >= len(self._origin):
-            return make_empty_times()
+            return make_empty_log_times()
         part_number, inner = self._origin[connection_id]
         return self._parts[part_number].log_times(inner)
 
@@ -194,26 +194,26 @@ class Rosbag2Directory:
                 continue
             stored = part.read_message_groups(list(outer), start_ns, end_ns)
             if self._metadata.message_zstd:
-                stored = prefetch_items(self._decompress_part(part, stored))
+                stored = prefetch_items_in_thread(self._decompress_messages_of_part(part, stored))
             for batches, floor_ns in stored:
                 renamed = [replace(b, connection_id=outer[b.connection_id]) for b in batches]
                 yield BatchGroup(renamed, min(floor_ns, behind))
 
-    def _decompress_part(
-        self, part: Container, stored: Iterator[BatchGroup]
+    def _decompress_messages_of_part(
+        self, container: Container, stored_groups: Iterator[BatchGroup]
     ) -> Iterator[BatchGroup]:
         lost: Counter[int] = Counter()
         floor_ns = UNKNOWN_NS
-        for batches, next_floor_ns in stored:
-            for unpacked, damaged in chain.from_iterable(map(decompress_messages, batches)):
+        for batches, next_floor_ns in stored_groups:
+            for unpacked, damaged in chain.from_iterable(map(iter_decompressed_messages, batches)):
                 lost[unpacked.connection_id] += damaged
                 yield BatchGroup([unpacked], floor_ns)
             floor_ns = next_floor_ns
-        topics = {c.id: c.topic for c in part.connections}
+        topics = {c.id: c.topic for c in container.connections}
         for key, count in lost.items():
             if count:
-                self._losses.note(
-                    part.files[0], f"{count:,} messages cannot be decompressed", topics[key]
+                self._losses.add_loss(
+                    container.files[0], f"{count:,} messages cannot be decompressed", topics[key]
                 )
 
     def _note_wrong_message_counts(self) -> None:
@@ -227,14 +227,14 @@ class Rosbag2Directory:
             held[connection.topic] += self._parts[part_number].log_times(inner).size
         for topic in self._metadata.topics:
             if topic.messages != held[topic.name]:
-                self._losses.note(
+                self._losses.add_loss(
                     self._path / METADATA,
                     f"counts {topic.messages:,} messages, but {held[topic.name]:,} were found",
                     topic.name,
                 )
         counted, total = self._metadata.messages, held.total()
         if counted not in (None, total):
-            self._losses.note(
+            self._losses.add_loss(
                 self._path / METADATA,
                 f"counts {counted:,} messages in all, but {total:,} were found",
             )
@@ -244,13 +244,13 @@ class Rosbag2Directory:
         spans: list[tuple[int, int, str]] = []
         for part in self._parts:
             times = np.concatenate(
-                [make_empty_times(), *(part.log_times(c.id) for c in part.connections)]
+                [make_empty_log_times(), *(part.log_times(c.id) for c in part.connections)]
             )
             if times.size:
                 spans.append((int(times.min()), int(times.max()), part.files[0].name))
         for (_, end, first), (start, _, second) in pairwise(sorted(spans)):
             if end - start > _OVERLAP_NS:
-                self._losses.note(
+                self._losses.add_loss(
                     self._path / second,
                     f"begins {(end - start) / 1e9:.3f} s before {first} ends, so they may not be "
                     "parts of one recording: messages in both count twice; give only one of them",
@@ -260,10 +260,10 @@ class Rosbag2Directory:
         """Earliest log time of all files."""
         return min((part.earliest_ns() for part in self._parts), default=END_NS)
 
-    def check_and_count_crcs(self) -> int:
+    def read_whole_file_and_count_valid_crcs(self) -> int:
         """Check every file."""
         self._note_wrong_message_counts()
-        return sum(part.check_and_count_crcs() for part in self._parts)
+        return sum(part.read_whole_file_and_count_valid_crcs() for part in self._parts)
 
     def close(self) -> None:
         """Release the files."""
@@ -282,7 +282,7 @@ def _make_part_sort_key(name: str) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
 
 
-def decompress_file_and_find_fault(compressed_file: Path, target: Path) -> str | None:
+def decompress_file_or_describe_fault(compressed_file: Path, target: Path) -> str | None:
     """Decompress a file; if it is damaged, keep the part before and return the reason."""
     import pyarrow as pa  # slow to import, and most logs are not compressed so
 
@@ -304,7 +304,14 @@ def decompress_file_and_find_fault(compressed_file: Path, target: Path) -> str |
     return None
 
 
-def decompress_messages(batch: RawBatch) -> Iterator[tuple[RawBatch, int]]:
+class DecompressedBatch(NamedTuple):
+    """Decompressed messages, and how many could not be decompressed."""
+
+    batch: RawBatch
+    failures: int
+
+
+def iter_decompressed_messages(batch: RawBatch) -> Iterator[DecompressedBatch]:
     """Unpack the messages of a batch in parts of bounded size; yields also the failures."""
     unpacker = zstandard.ZstdDecompressor()
     messages: list[bytes] = []
@@ -320,9 +327,11 @@ def decompress_messages(batch: RawBatch) -> Iterator[tuple[RawBatch, int]]:
         times.append(time)
         size += len(message)
         if size >= BATCH_BYTES:
-            yield make_batch_of_messages(batch.connection_id, times, messages), failed
+            yield DecompressedBatch(
+                make_batch_of_messages(batch.connection_id, times, messages), failed
+            )
             messages, times, failed, size = [], [], 0, 0
-    yield make_batch_of_messages(batch.connection_id, times, messages), failed
+    yield DecompressedBatch(make_batch_of_messages(batch.connection_id, times, messages), failed)
 
 
 def _decompress_file(unpacker: zstandard.ZstdDecompressor, compressed: bytes) -> bytes:
@@ -332,10 +341,10 @@ def _decompress_file(unpacker: zstandard.ZstdDecompressor, compressed: bytes) ->
         raise zstandard.ZstdError("implausibly large")
     if declared >= 0:
         return unpacker.decompress(compressed, max_output_size=room)
-    return _decompress_stepwise(unpacker, compressed, room)
+    return _decompress_frame_of_unknown_size(unpacker, compressed, room)
 
 
-def _decompress_stepwise(
+def _decompress_frame_of_unknown_size(
     unpacker: zstandard.ZstdDecompressor, compressed: bytes, max_bytes: int
 ) -> bytes:
     """Unpack a frame of unknown size, in steps that a few bytes can hold."""

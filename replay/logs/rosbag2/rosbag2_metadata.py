@@ -69,10 +69,10 @@ def parse_custom_data(data: bytes) -> Mapping[str, str]:
     if len(data) > _LARGEST_BYTES:
         return {}
     try:
-        content = parse_yaml(data.decode())
+        content = parse_yaml_text(data.decode())
         # the copy in an MCAP file has no heading
         information = content.get(_HEADING, content) if isinstance(content, dict) else None
-        custom = _require_value(information, "custom_data")
+        custom = _require_value_of_key(information, "custom_data")
     except (BrokenBytesError, UnicodeError):
         return {}
     texts = custom.items() if isinstance(custom, dict) else ()
@@ -91,10 +91,10 @@ def load_metadata_yaml(path: Path) -> Any:
         raise BrokenBytesError("it is not UTF-8 text") from error
     except OSError as error:
         raise BrokenBytesError(error.strerror or error) from error
-    return parse_yaml(text)
+    return parse_yaml_text(text)
 
 
-def parse_yaml(text: str) -> Any:
+def parse_yaml_text(text: str) -> Any:
     """Parse a text of YAML.
 
     Raises:
@@ -109,17 +109,17 @@ def parse_yaml(text: str) -> Any:
     except RecursionError as error:
         raise BrokenBytesError("it is nested too deeply") from error
     except (YAMLError, AttributeError, *BROKEN_BYTES) as error:
-        raise _make_layout_error() from error
+        raise _make_metadata_layout_error() from error
 
 
-def _make_layout_error() -> BrokenBytesError:
+def _make_metadata_layout_error() -> BrokenBytesError:
     return BrokenBytesError("it is not laid out as rosbag2 does")
 
 
 def _parse_metadata(content: Any, folder: Path) -> Metadata:
-    information = _require_value(content, _HEADING)
+    information = _require_value_of_key(content, _HEADING)
     if not isinstance(information, dict):
-        raise _make_layout_error()
+        raise _make_metadata_layout_error()
     messages = information.get("message_count")
     mode = require_text(information.get("compression_mode") or "none").lower()
     fmt = require_text(information.get("compression_format") or "zstd")
@@ -130,38 +130,42 @@ def _parse_metadata(content: Any, folder: Path) -> Metadata:
     return Metadata(
         tuple(
             require_path_inside_folder(require_text(name), folder)
-            for name in _require_list(_require_value(information, "relative_file_paths"))
+            for name in _require_yaml_list(
+                _require_value_of_key(information, "relative_file_paths")
+            )
         ),
         mode == "message",
         tuple(
-            _read_topic_entry(entry)
-            for entry in _require_list(_require_value(information, "topics_with_message_count"))
+            _parse_topic_entry(entry)
+            for entry in _require_yaml_list(
+                _require_value_of_key(information, "topics_with_message_count")
+            )
         ),
         None if messages is None else require_message_count(messages),
     )
 
 
-def _read_topic_entry(entry: Any) -> AnnouncedTopic:
-    topic = _require_value(entry, "topic_metadata")
+def _parse_topic_entry(entry: Any) -> AnnouncedTopic:
+    topic = _require_value_of_key(entry, "topic_metadata")
     return AnnouncedTopic(
-        require_text(_require_value(topic, "name")),
-        require_text(_require_value(topic, "type")),
-        require_text(_require_value(topic, "serialization_format")),
-        require_message_count(_require_value(entry, "message_count")),
+        require_text(_require_value_of_key(topic, "name")),
+        require_text(_require_value_of_key(topic, "type")),
+        require_text(_require_value_of_key(topic, "serialization_format")),
+        require_message_count(_require_value_of_key(entry, "message_count")),
     )
 
 
-def _require_value(mapping: Any, key: str) -> Any:
+def _require_value_of_key(mapping: Any, key: str) -> Any:
     if not isinstance(mapping, dict):
-        raise _make_layout_error()
+        raise _make_metadata_layout_error()
     if key not in mapping:
         raise BrokenBytesError(f"it has no {key}")
     return mapping[key]
 
 
-def _require_list(value: Any) -> list[Any]:
+def _require_yaml_list(value: Any) -> list[Any]:
     if not isinstance(value, list):
-        raise _make_layout_error()
+        raise _make_metadata_layout_error()
     return value
 
 
@@ -170,13 +174,13 @@ def require_message_count(value: Any) -> int:
     try:
         return int(value)
     except (TypeError, ValueError, OverflowError) as error:
-        raise _make_layout_error() from error
+        raise _make_metadata_layout_error() from error
 
 
 def require_text(value: Any) -> str:
     """Validated text; YAML also has nested lists, and halves of characters."""
     if not isinstance(value, str):
-        raise _make_layout_error()
+        raise _make_metadata_layout_error()
     try:
         value.encode()
     except UnicodeEncodeError as error:

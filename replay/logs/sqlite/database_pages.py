@@ -58,14 +58,16 @@ class RowFilter(NamedTuple):
     with_data: bool
 
 
-def read_page_layout_or_none(file: FileBytes, database: sqlite3.Connection) -> PageLayout | None:
+def read_page_layout_of_messages_table(
+    file: FileBytes, database: sqlite3.Connection
+) -> PageLayout | None:
     """Layout of table `messages`; None if SQLite has to read it.
 
     Raises:
         BrokenBytesError: SQLite cannot read its own tables.
     """
-    head = file.read(0, HEADER_BYTES)
-    if len(head) < HEADER_BYTES or _is_unfinished(file.path):
+    head = file.read_bytes(0, HEADER_BYTES)
+    if len(head) < HEADER_BYTES or _has_uncommitted_writes(file.path):
         return None
     stored = int.from_bytes(head[16:18], "big")
     page_bytes = 65_536 if stored == 1 else stored
@@ -89,13 +91,23 @@ def read_page_layout_or_none(file: FileBytes, database: sqlite3.Connection) -> P
     return PageLayout(page_bytes, usable, pages, _LOCKED_BYTE // page_bytes + 1, *record)
 
 
-def _is_unfinished(path: Path) -> bool:
+def _has_uncommitted_writes(path: Path) -> bool:
     """Whether writes to the file are missing or uncommitted."""
     beside = (path.with_name(path.name + suffix) for suffix in ("-wal", "-journal"))
     return any(each.exists() and each.stat().st_size > 0 for each in beside)
 
 
-def _find_messages_table(database: sqlite3.Connection) -> tuple[int, int, int, int, int] | None:
+class _TableLayout(NamedTuple):
+    """Place of table `messages`, and of its columns."""
+
+    root_page: int
+    columns: int
+    topic_index: int
+    time_index: int
+    message_index: int
+
+
+def _find_messages_table(database: sqlite3.Connection) -> _TableLayout | None:
     """Root page of table `messages`, its columns, and the places of topic, time and message."""
     found = fetch_all_rows(
         database, "SELECT rootpage FROM sqlite_master WHERE type = 'table' AND name = 'messages'"
@@ -111,4 +123,6 @@ def _find_messages_table(database: sqlite3.Connection) -> tuple[int, int, int, i
     is_computed = any(is_hidden for *_, is_hidden in columns)
     if not are_integers or _DATA not in kinds or is_computed or "rowid" in names:
         return None
-    return found[0][0], len(names), names.index(_TOPIC), names.index(_TIME), names.index(_DATA)
+    return _TableLayout(
+        found[0][0], len(names), names.index(_TOPIC), names.index(_TIME), names.index(_DATA)
+    )

@@ -9,8 +9,8 @@ from typing import Final
 from analysis.model.loss import Loss
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.messages.raw_batch import RawBatch, make_batch_of_messages
-from replay.logs.sqlite.row_query import LEAST_ID, Row, fetch_all_rows, guard_sqlite_call
-from replay.logs.sqlite.sqlite_file import connect_for_reading, read_connections
+from replay.logs.sqlite.row_query import LEAST_ID, Row, convert_sqlite_errors, fetch_all_rows
+from replay.logs.sqlite.sqlite_file import open_database_for_reading, read_connections_of_database
 from replay.logs.storage import Connection, LossList
 
 #: Rows of one poll.
@@ -40,11 +40,11 @@ class Db3Tail:
 
     def poll(self) -> list[RawBatch]:
         """See `Tail.poll`; a locked or half-written database is left for a later call."""
-        looks = self._file_states()
+        looks = self._read_sizes_and_change_times()
         if looks == self._idle_states:
             return []
         try:
-            with closing(connect_for_reading(self._path, unfinished=True)) as database:
+            with closing(open_database_for_reading(self._path, is_unfinished=True)) as database:
                 rows = self._read_new_rows(database)
         except (BrokenBytesError, sqlite3.Error):
             return []
@@ -58,16 +58,16 @@ class Db3Tail:
                 times.append(time)
                 contents.append(message)
             else:
-                self._losses.note(self._path, f"row {number} is not a message of a known topic")
+                self._losses.add_loss(self._path, f"row {number} is not a message of a known topic")
         return [make_batch_of_messages(topic, *parts) for topic, parts in messages.items()]
 
-    def end(self) -> None:
+    def note_incomplete_end(self) -> None:
         """Do nothing, since transactions are never partial."""
 
     def close(self) -> None:
         """Do nothing; the file is closed between polls so that a recorder may checkpoint it."""
 
-    def _file_states(self) -> tuple[tuple[int, int], ...]:
+    def _read_sizes_and_change_times(self) -> tuple[tuple[int, int], ...]:
         return tuple(
             (stat.st_size, stat.st_mtime_ns)
             for stat in (path.stat() for path in (self._path, self._journal) if path.exists())
@@ -77,7 +77,9 @@ class Db3Tail:
         known = len(self.connections)
         (count,) = fetch_all_rows(database, "SELECT count(*) FROM topics")[0]
         if count > known:
-            found = read_connections(database, lambda what: self._losses.note(self._path, what))
+            found = read_connections_of_database(
+                database, lambda what: self._losses.add_loss(self._path, what)
+            )
             self.connections.update({each.id: each for each in found})
-        with guard_sqlite_call():
+        with convert_sqlite_errors():
             return database.execute(_MESSAGES, (self._last_id, _POLL_ROWS)).fetchall()

@@ -1,6 +1,6 @@
 """Compiled parser for a cell of a SQLite table's leaf page: a row, or its begin."""
 
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ def read_big_endian(data: NDArray[np.uint8], offset: int, size: int) -> int:
 
 
 @compiled_without_refcounts
-def read_signed(data: NDArray[np.uint8], offset: int, size: int) -> int:
+def read_signed_integer(data: NDArray[np.uint8], offset: int, size: int) -> int:
     """Two's complement integer of 1 to 8 bytes."""
     value = np.int64(data[offset])
     if value > 127:
@@ -42,8 +42,12 @@ def read_signed(data: NDArray[np.uint8], offset: int, size: int) -> int:
     return value  # pyright: ignore[reportReturnType] an int outside of numba
 
 
+#: Integer, and offset after it; -1 if it does not end.
+IntegerAndEnd: TypeAlias = tuple[int, int]
+
+
 @compiled_without_refcounts
-def read_varint(data: NDArray[np.uint8], offset: int, end: int) -> tuple[int, int]:
+def read_varint_and_end(data: NDArray[np.uint8], offset: int, end: int) -> IntegerAndEnd:
     """Variable-length integer of 1 to 9 bytes, and its end; -1 if beyond `end`."""
     value, bits, stop = np.int64(0), 0, -1
     # with several ways out numba would count references to the data, which takes longer than this
@@ -62,37 +66,37 @@ def read_varint(data: NDArray[np.uint8], offset: int, end: int) -> tuple[int, in
 
 
 @compiled_without_refcounts
-def count_value_bytes(kind: int) -> int:
+def count_value_bytes(serial_type: int) -> int:
     """Bytes of a value of this record type; -1 for an invalid type."""
-    if kind >= _BLOB:
-        return (kind - _BLOB) // 2
-    if kind < 0 or kind > _ONE:
+    if serial_type >= _BLOB:
+        return (serial_type - _BLOB) // 2
+    if serial_type < 0 or serial_type > _ONE:
         return -1
-    if kind <= 4:
-        return kind
-    if kind == 5:
+    if serial_type <= 4:
+        return serial_type
+    if serial_type == 5:
         return 6
-    return 8 if kind <= _FLOAT else 0
+    return 8 if serial_type <= _FLOAT else 0
 
 
 @compiled_without_refcounts
-def _count_local_bytes(payload: int, usable: int) -> int:
+def _count_local_bytes(record_bytes: int, usable_page_bytes: int) -> int:
     """Number of a record's bytes that its leaf holds; the rest is on overflow pages."""
-    if payload <= usable - 35:
-        return payload
-    least = (usable - 12) * 32 // 255 - 23
-    some = least + (payload - least) % (usable - 4)
-    return some if some <= usable - 35 else least
+    if record_bytes <= usable_page_bytes - 35:
+        return record_bytes
+    least = (usable_page_bytes - 12) * 32 // 255 - 23
+    some = least + (record_bytes - least) % (usable_page_bytes - 4)
+    return some if some <= usable_page_bytes - 35 else least
 
 
 @compiled_without_refcounts
-def parse_cell(
+def parse_row_cell(
     data: NDArray[np.uint8],
     offset: int,
     begin: int,
     end: int,
     layout: PageLayout,
-    reads_message: bool,
+    is_message_wanted: bool,
 ) -> tuple[int, int, int, int, int, int, int, int]:
     """Parse the cell at `offset` in a page with its cells in [begin, end).
 
@@ -104,26 +108,26 @@ def parse_cell(
     payload, row_id, offset, stop = parse_cell_header(data, offset, begin, end, layout)
     if stop < 0:
         return damaged
-    head, field = read_varint(data, offset, stop)
+    head, field = read_varint_and_end(data, offset, stop)
     if field < 0 or head < 0 or head > stop - offset:
         return damaged
     what = MESSAGE if payload <= LARGEST_BYTES else UNUSUAL
     head_end = body = offset + head
     column, topic, time, message, length = 0, 0, 0, 0, 0
     while field < head_end:
-        kind, field = read_varint(data, field, head_end)
+        kind, field = read_varint_and_end(data, field, head_end)
         size = count_value_bytes(kind)
         if field < 0 or size < 0 or size > offset + payload - body:
             return damaged
         if column == layout.data:
             message, length = body, size
-            if reads_message and (kind < _BLOB or kind % 2 == 1):
+            if is_message_wanted and (kind < _BLOB or kind % 2 == 1):
                 what = max(what, NO_MESSAGE)
         elif column == layout.topic:
-            topic, found = read_integer(data, body, kind, size, stop)
+            topic, found = read_integer_column(data, body, kind, size, stop)
             what = max(what, found)
         elif column == layout.time:
-            time, found = read_integer(data, body, kind, size, stop)
+            time, found = read_integer_column(data, body, kind, size, stop)
             what = max(what, found)
         body += size
         column += 1
@@ -136,10 +140,14 @@ def parse_cell(
     return what, row_id, topic, time, message, length, local, stop
 
 
+#: Bytes of the record, row id, begin of the record, and end of its part in the leaf.
+CellHeader: TypeAlias = tuple[int, int, int, int]
+
+
 @compiled_without_refcounts
 def parse_cell_header(
     data: NDArray[np.uint8], offset: int, begin: int, end: int, layout: PageLayout
-) -> tuple[int, int, int, int]:
+) -> CellHeader:
     """Size of a cell's record, its id, its begin, and the end of its part in the leaf.
 
     The end is -1 if the cell is damaged.
@@ -147,10 +155,10 @@ def parse_cell_header(
     damaged = (0, 0, 0, -1)
     if offset < begin or offset >= end:
         return damaged
-    payload, offset = read_varint(data, offset, end)
+    payload, offset = read_varint_and_end(data, offset, end)
     if offset < 0 or payload < 0 or payload > layout.pages * layout.page_bytes:
         return damaged
-    row_id, offset = read_varint(data, offset, end)
+    row_id, offset = read_varint_and_end(data, offset, end)
     if offset < 0:
         return damaged
     here = _count_local_bytes(payload, layout.usable_bytes)
@@ -160,13 +168,19 @@ def parse_cell_header(
     return payload, row_id, offset, stop
 
 
+#: Integer, and whether a message may have it: MESSAGE, NO_MESSAGE or UNUSUAL.
+IntegerAndClass: TypeAlias = tuple[int, int]
+
+
 @compiled_without_refcounts
-def read_integer(
-    data: NDArray[np.uint8], offset: int, kind: int, size: int, stop: int
-) -> tuple[int, int]:
+def read_integer_column(
+    data: NDArray[np.uint8], offset: int, serial_type: int, size_bytes: int, stop_offset: int
+) -> IntegerAndClass:
     """Integer column, and whether a message may have it."""
-    if kind in (_NULL, _FLOAT) or kind > _ONE:
+    if serial_type in (_NULL, _FLOAT) or serial_type > _ONE:
         return 0, NO_MESSAGE
-    if offset + size > stop:
+    if offset + size_bytes > stop_offset:
         return 0, UNUSUAL
-    return (kind - _ZERO if size == 0 else read_signed(data, offset, size)), MESSAGE
+    return (
+        serial_type - _ZERO if size_bytes == 0 else read_signed_integer(data, offset, size_bytes)
+    ), MESSAGE

@@ -15,7 +15,7 @@ from replay.logs.sqlite.leaf_cells import (
     MESSAGE,
     NO_MESSAGE,
     UNUSUAL,
-    parse_cell,
+    parse_row_cell,
     read_big_endian,
 )
 from replay.logs.sqlite.row_query import MOST_ID
@@ -63,7 +63,7 @@ def find_leaf_pages(file: FileBytes, layout: PageLayout) -> NDArray[np.uint32] |
     while True:
         # leaves are all equally far from the root; one of three that differs is damaged
         some = level[[0, level.size // 2, -1]].tolist()
-        heads = [file.read((page - 1) * layout.page_bytes, _PAGE_HEAD) for page in some]
+        heads = [file.read_bytes((page - 1) * layout.page_bytes, _PAGE_HEAD) for page in some]
         kinds = {head[:1] for head in heads}
         if kinds == {bytes([LEAF])}:
             is_empty = level.size == 1 and heads[0][3:5] == bytes(2)
@@ -88,12 +88,12 @@ def list_child_pages(
     data = np.empty(max(_STEP_BYTES, layout.page_bytes), np.uint8)
     done = 0
     while done < level.size:
-        ranges, slots = make_page_ranges(level[done:], layout.page_bytes, data.size)
-        if not read_page_ranges(file, ranges, layout.page_bytes, data):
+        ranges, slots = group_pages_into_ranges(level[done:], layout.page_bytes, data.size)
+        if not read_page_ranges_into(file, ranges, layout.page_bytes, data):
             return None
         # a page holds fewer than its bytes
         children = np.empty(slots.size * (layout.page_bytes // 6 + 1), np.uint32)
-        count = fill_child_pages(data, slots, layout.usable_bytes, children)
+        count = read_child_pages_into(data, slots, layout.usable_bytes, children)
         if count < 0:
             return None
         found.append(children[:count].copy())
@@ -102,28 +102,31 @@ def list_child_pages(
 
 
 @compiled
-def fill_child_pages(
-    data: NDArray[np.uint8], slots: NDArray[np.int64], usable: int, found: NDArray[np.uint32]
+def read_child_pages_into(
+    data: NDArray[np.uint8],
+    pointer_offsets: NDArray[np.int64],
+    usable_page_bytes: int,
+    out_pages: NDArray[np.uint32],
 ) -> int:
-    """Pages below those that begin at `slots`; returns their number, -1 if one is damaged."""
+    """Pages below those at `pointer_offsets`; returns their number, -1 if one is damaged."""
     count = 0
-    for base in slots:
+    for base in pointer_offsets:
         cells = read_big_endian(data, base + 3, 2)
         contents = base + _PAGE_HEAD + 2 * cells
-        if data[base] != _INTERIOR or cells == 0 or contents > base + usable:
+        if data[base] != _INTERIOR or cells == 0 or contents > base + usable_page_bytes:
             return -1
         for cell in range(cells):
             at = base + read_big_endian(data, base + _PAGE_HEAD + 2 * cell, 2)
             # page and, in at least a byte, the last id below it
-            if at < contents or at + 5 > base + usable:
+            if at < contents or at + 5 > base + usable_page_bytes:
                 return -1
-            if count == found.size:
+            if count == out_pages.size:
                 return -1
-            found[count] = read_big_endian(data, at, 4)
+            out_pages[count] = read_big_endian(data, at, 4)
             count += 1
-        if count == found.size:
+        if count == out_pages.size:
             return -1
-        found[count] = read_big_endian(data, base + 8, 4)
+        out_pages[count] = read_big_endian(data, base + 8, 4)
         count += 1
     return count
 
@@ -140,7 +143,7 @@ class PageRanges(NamedTuple):
     begin: NDArray[np.int64]
 
 
-def make_page_ranges(
+def group_pages_into_ranges(
     pages: NDArray[np.uint32], page_bytes: int, max_bytes: int
 ) -> tuple[PageRanges, NDArray[np.int64]]:
     """Ranges that contain as many of `pages` as there is room for, at least one.
@@ -162,12 +165,12 @@ def make_page_ranges(
     return ranges, slot * page_bytes
 
 
-def read_page_ranges(
-    file: FileBytes, ranges: PageRanges, page_bytes: int, target: NDArray[np.uint8]
+def read_page_ranges_into(
+    file: FileBytes, ranges: PageRanges, page_bytes: int, out_bytes: NDArray[np.uint8]
 ) -> bool:
-    """Read ranges of pages into `target`; returns whether the file has all of them."""
+    """Read ranges of pages into `out_bytes`; returns whether the file has all of them."""
     for first, pages, begin in zip(*(each.tolist() for each in ranges), strict=True):
-        part = target[begin : begin + pages * page_bytes]
+        part = out_bytes[begin : begin + pages * page_bytes]
         if file.read_into((first - 1) * page_bytes, part) < part.size:
             return False
     return True
@@ -213,7 +216,7 @@ def scan_leaf_pages(
             _open_gap(gaps, state)
         while state[AT_CELL] < cells:
             at = base + read_big_endian(data, base + _LEAF_HEAD + 2 * int(state[AT_CELL]), 2)
-            what, row_id, topic, time, begin, length, local, stop = parse_cell(
+            what, row_id, topic, time, begin, length, local, stop = parse_row_cell(
                 data, at, contents, end, layout, row_filter.with_data
             )
             if what == UNUSUAL:
@@ -223,7 +226,7 @@ def scan_leaf_pages(
             if (
                 what == MESSAGE
                 and in_time
-                and (row_filter.every_topic or contains_key(keys, topic))
+                and (row_filter.every_topic or is_key_in_sorted_array(keys, topic))
             ):
                 if found == rows.shape[1]:
                     return found, spilled, used, True
@@ -260,16 +263,16 @@ def scan_leaf_pages(
 
 
 @compiled_without_refcounts
-def contains_key(keys: NDArray[np.int64], key: int) -> bool:
+def is_key_in_sorted_array(sorted_ids: NDArray[np.int64], wanted_id: int) -> bool:
     """Whether a key is in a sorted array."""
-    first, last = 0, keys.size
+    first, last = 0, sorted_ids.size
     while first < last:
         middle = (first + last) // 2
-        if keys[middle] < key:
+        if sorted_ids[middle] < wanted_id:
             first = middle + 1
         else:
             last = middle
-    return bool(first < keys.size and keys[first] == key)
+    return bool(first < sorted_ids.size and sorted_ids[first] == wanted_id)
 
 
 @compiled_without_refcounts

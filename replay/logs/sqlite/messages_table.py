@@ -7,15 +7,19 @@ from typing import Final
 import numpy as np
 
 from estimators.interpreted import is_compiler_loaded
-from replay.logs.sqlite.database_pages import PageLayout, RowFilter, read_page_layout_or_none
+from replay.logs.sqlite.database_pages import (
+    PageLayout,
+    RowFilter,
+    read_page_layout_of_messages_table,
+)
 from replay.logs.sqlite.row_query import (
     LEAST_ID,
     Row,
     TableRows,
-    guard_sqlite_call,
+    convert_sqlite_errors,
     iter_row_batches,
 )
-from replay.logs.storage import KEY, LENGTH, OFFSET, TIME, FileBytes, prefetch_items
+from replay.logs.storage import KEY, LENGTH, OFFSET, TIME, FileBytes, prefetch_items_in_thread
 
 _TIMES: Final = "SELECT rowid, topic_id, timestamp FROM messages WHERE rowid > ? ORDER BY rowid"
 _MESSAGES: Final = _TIMES.replace("timestamp", "timestamp, data")
@@ -46,14 +50,14 @@ class MessageTable:
             file: the same file.
             note: called with a sentence for each damaged place.
         """
-        with guard_sqlite_call():
+        with convert_sqlite_errors():
             database.execute(f"{_MESSAGES} LIMIT 0", (0,)).close()
         self._database = database
         self._file = file
         self._note = note
-        self._layout = read_page_layout_or_none(file, database)
+        self._layout = read_page_layout_of_messages_table(file, database)
 
-    def iter_times(self) -> Iterator[TableRows]:
+    def iter_rows_without_messages(self) -> Iterator[TableRows]:
         """Rows without their messages."""
         everything = RowFilter(np.empty(0, np.int64), True, _LEAST_NS, _MOST_NS, False)
         by_sqlite = self._file.size < _LEAST_BYTES and not is_compiler_loaded()
@@ -64,7 +68,7 @@ class MessageTable:
             return iter(found) if not faults else self._iter_rows(everything)
         return self._iter_rows(everything)
 
-    def iter_messages(
+    def iter_rows_of_topics(
         self, topic_ids: Collection[int], first_ns: int, last_ns: int
     ) -> Iterator[TableRows]:
         """Rows of some topics in a range of log times, both ends inclusive."""
@@ -85,21 +89,23 @@ class MessageTable:
         from replay.logs.sqlite.page_walk import PageWalk  # compiled code
 
         walk = PageWalk(self._file, layout, row_filter, self._note)
-        yield from prefetch_items(iter(walk))
+        yield from prefetch_items_in_thread(iter(walk))
         return walk.left_after
 
     def _iter_rows_from_sqlite(
-        self, after: int, row_filter: RowFilter, note: Callable[[str], None]
+        self, after_row_id: int, row_filter: RowFilter, note_damage: Callable[[str], None]
     ) -> Iterator[TableRows]:
         query = _MESSAGES if row_filter.with_data else _TIMES
         has_blob = row_filter.with_data
-        for rows in iter_row_batches(self._database, query, after, note, has_blob=has_blob):
+        for rows in iter_row_batches(
+            self._database, query, after_row_id, note_damage, has_blob=has_blob
+        ):
             try:
                 found = _make_row_columns(rows, has_blob=has_blob)
             except _NoMessageError:  # SQLite asks nobody for types
-                whole = [row for row in rows if _is_message(row)]
+                whole = [row for row in rows if _is_row_a_message(row)]
                 lost = len(rows) - len(whole)
-                note(f"{lost:,} rows from row {rows[0][0]} on hold no message")
+                note_damage(f"{lost:,} rows from row {rows[0][0]} on hold no message")
                 found = _make_row_columns(whole, has_blob=has_blob)
             time = found.rows[TIME]
             use = (time >= row_filter.first_ns) & (time <= row_filter.last_ns)
@@ -124,6 +130,6 @@ def _make_row_columns(rows: list[Row], *, has_blob: bool) -> TableRows:
     return TableRows(np.frombuffer(b"".join(messages), np.uint8), columns)
 
 
-def _is_message(row: Row) -> bool:
+def _is_row_a_message(row: Row) -> bool:
     types = tuple(map(type, row))
     return types in ((int, int, int), (int, int, int, bytes))

@@ -25,8 +25,8 @@ from replay.logs.sqlite.leaf_pages import (
     PageRanges,
     ScannedRows,
     find_leaf_pages,
-    make_page_ranges,
-    read_page_ranges,
+    group_pages_into_ranges,
+    read_page_ranges_into,
     scan_leaf_pages,
 )
 from replay.logs.sqlite.row_query import LEAST_ID, MOST_ID, TableRows
@@ -57,6 +57,13 @@ class _PageBuffers:
         default_factory=lambda: np.empty(_LEAF_BYTES + _JOINED_BYTES, np.uint8)
     )
     rows: NDArray[np.int64] = field(default_factory=lambda: np.empty((5, _MOST_ROWS), np.int64))
+
+
+class _LeafRows(NamedTuple):
+    """Rows of leaf pages, and whether the next leaves have the usual layout."""
+
+    rows: TableRows
+    is_usual_after: bool
 
 
 class PageWalk:
@@ -97,7 +104,7 @@ class PageWalk:
                 yield from self._iter_rows_by_leaf(leaves)
         except (OSError, MemoryError):
             pass  # SQLite says what is the matter, or has another way
-        self._note_losses()
+        self._note_lost_rows()
 
     def _iter_rows_by_leaf(self, leaves: NDArray[np.uint32]) -> Iterator[TableRows]:
         """Yield rows leaf by leaf, with twice the reach of the step before."""
@@ -117,33 +124,35 @@ class PageWalk:
             self.left_after = None
 
     def _read_rows_of_leaves(
-        self, leaves: NDArray[np.uint32], memory: _PageBuffers
-    ) -> tuple[TableRows, bool]:
+        self, leaves: NDArray[np.uint32], page_memory: _PageBuffers
+    ) -> _LeafRows:
         """Rows from the given leaves on, and whether the following leaves have the usual layout."""
         size = self._layout.page_bytes
-        ranges, slots = make_page_ranges(leaves, size, _LEAF_BYTES)
-        if not read_page_ranges(self._file, ranges, size, memory.data):
+        ranges, slots = group_pages_into_ranges(leaves, size, _LEAF_BYTES)
+        if not read_page_ranges_into(self._file, ranges, size, page_memory.data):
             raise OSError("the file was truncated while it was read")
         tail = int(ranges.begin[-1] + ranges.pages[-1] * size)
         self._state[AT_LEAF] = 0
         found, spilled, joined_bytes, is_usual = scan_leaf_pages(
-            memory.data,
+            page_memory.data,
             slots,
             self._layout,
             self._wanted,
             tail,
             _JOINED_BYTES,
             self._state,
-            ScannedRows(memory.rows, self._spills, self._gaps),
+            ScannedRows(page_memory.rows, self._spills, self._gaps),
         )
-        data, rows = memory.data, memory.rows[:, :found]
+        data, rows = page_memory.data, page_memory.rows[:, :found]
         if spilled:
             if tail + joined_bytes > data.size:
                 data = np.empty(tail + joined_bytes, np.uint8)
-                data[:tail] = memory.data[:tail]
-            self._chains.join_spilled_messages(data, ranges, memory.rows, self._spills, spilled)
+                data[:tail] = page_memory.data[:tail]
+            self._chains.join_spilled_messages(
+                data, ranges, page_memory.rows, self._spills, spilled
+            )
             rows = self._drop_torn_rows(rows, self._spills[:, :spilled])
-        return TableRows(data, rows), is_usual
+        return _LeafRows(TableRows(data, rows), is_usual)
 
     def _drop_torn_rows(
         self, rows: NDArray[np.int64], spills: NDArray[np.int64]
@@ -157,7 +166,7 @@ class PageWalk:
         self._torn += torn.size
         return np.delete(rows, torn, axis=1)
 
-    def _note_losses(self) -> None:
+    def _note_lost_rows(self) -> None:
         found, odd, first_odd = self._state[[GAPS, ODD, FIRST_ODD]].tolist()
         for before, until in self._gaps[:, :found].T.tolist():
             self._note(f"the database is damaged: {_describe_lost_rows(before, until)} lost")
@@ -216,7 +225,7 @@ class OverflowPageReader:
         ranges: PageRanges,
         rows: NDArray[np.int64],
         spills: NDArray[np.int64],
-        count: int,
+        spill_count: int,
     ) -> None:
         """Store spilled messages at their places in `rows`; damaged ones get `PAGE` 0.
 
@@ -225,13 +234,13 @@ class OverflowPageReader:
             ranges: ranges of those pages.
             rows: (5, n) output of `scan_leaf_pages`.
             spills: (5, m) output of `scan_leaf_pages`.
-            count: number of spilled messages.
+            spill_count: number of spilled messages.
         """
         order = np.argsort(ranges.first, kind="stable")
         at_hand = np.stack([each[order] for each in ranges])
         state = np.array([0, 0, 0, 0, self._used], np.int64)
         while _join_overflow_chains(
-            data, at_hand, self._near, self._layout, rows, spills, count, state
+            data, at_hand, self._near, self._layout, rows, spills, spill_count, state
         ):
             # where pages do not follow each other, reading many at once is for nothing
             progress = int(state[_USED]) - self._used
@@ -255,7 +264,7 @@ class OverflowPageReader:
 
 
 @compiled
-def find_page(loaded_pages: NDArray[np.int64], page: int, page_bytes: int) -> int:
+def find_offset_of_loaded_page(loaded_pages: NDArray[np.int64], page: int, page_bytes: int) -> int:
     """Position of a page in the data; -1 if absent."""
     found = np.searchsorted(loaded_pages[0], page, side="right") - 1
     if found < 0 or page >= loaded_pages[0, found] + loaded_pages[1, found]:
@@ -298,7 +307,7 @@ def _join_overflow_chains(
                 following = read_big_endian(near_bytes, at, 4)
                 data[to : to + size] = near_bytes[at + 4 : at + 4 + size]
             else:
-                at = find_page(loaded_pages, page, layout.page_bytes)
+                at = find_offset_of_loaded_page(loaded_pages, page, layout.page_bytes)
                 if at < 0:
                     return True
                 following = read_big_endian(data, at, 4)

@@ -35,7 +35,7 @@ class TableRows:
 
 
 @contextmanager
-def guard_sqlite_call() -> Generator[None]:
+def convert_sqlite_errors() -> Generator[None]:
     """Context that converts SQLite's errors for damaged data.
 
     Raises:
@@ -56,14 +56,14 @@ def fetch_all_rows(database: sqlite3.Connection, query: str) -> list[Row]:
     Raises:
         BrokenBytesError: the database is damaged.
     """
-    with guard_sqlite_call():
+    with convert_sqlite_errors():
         return database.execute(query).fetchall()
 
 
 def iter_row_batches(
     database: sqlite3.Connection,
     query: str,
-    after: int,
+    after_row_id: int,
     note_damage: Callable[[str], None],
     *,
     has_blob: bool,
@@ -74,55 +74,61 @@ def iter_row_batches(
         database: opened.
         query: query for rows after the rowid that is its parameter, ordered by rowid, its first
             column.
-        after: rowid after which to read.
+        after_row_id: rowid after which to read.
         note_damage: called with a sentence for each damaged place.
         has_blob: whether the last column is a blob, whose size bounds the batches.
     """
     while True:
         fault: BrokenBytesError | None = None
         try:
-            for rows in _iter_batches(database, query, after, has_blob=has_blob):
+            for rows in _iter_row_batches_until_error(
+                database, query, after_row_id, has_blob=has_blob
+            ):
                 whole = (
                     rows
-                    if _may_ids_be_distinct(after, rows)
-                    else list(_iter_while_ids_increase(after, rows))
+                    if _can_row_ids_be_distinct(after_row_id, rows)
+                    else list(_iter_rows_while_ids_increase(after_row_id, rows))
                 )
                 if whole:
                     yield whole
-                    after = whole[-1][0]
+                    after_row_id = whole[-1][0]
                 if len(whole) < len(rows):
-                    note_damage(f"the database is damaged after row {after}: its rows form a loop")
+                    note_damage(
+                        f"the database is damaged after row {after_row_id}: its rows form a loop"
+                    )
                     return
         except BrokenBytesError as error:
             fault = error
         if fault is None:
             return
         # the rows before the fault that were on their way are lost with it: take them singly
-        rows = list(_read_rows_until_error(database, query, after))
+        rows = list(_read_batch_until_error(database, query, after_row_id))
         if rows:
             yield rows
-            after = rows[-1][0]
-        following = find_id_after_damage(database, query, after)
+            after_row_id = rows[-1][0]
+        following = find_row_id_after_damage(database, query, after_row_id)
         until = "on" if following is None else f"to {following}"
-        note_damage(f"the database is damaged ({fault}): rows from {after + 1} {until} are lost")
+        note_damage(
+            f"the database is damaged ({fault}): rows from {after_row_id + 1} {until} are lost"
+        )
         if following is None:
             return
-        after = following
+        after_row_id = following
 
 
-def _iter_batches(
-    database: sqlite3.Connection, query: str, after: int, *, has_blob: bool
+def _iter_row_batches_until_error(
+    database: sqlite3.Connection, query: str, after_row_id: int, *, has_blob: bool
 ) -> Iterator[list[Row]]:
     """Rows in batches; an error is raised after the rows before it."""
     rows: list[Row] = []
     size = 0
     step = _MOST_STEP if has_blob else _MOST_ROWS
-    with guard_sqlite_call():
-        cursor = database.execute(query, (after,))
+    with convert_sqlite_errors():
+        cursor = database.execute(query, (after_row_id,))
     part: list[Row] | None = None
     while part is None or part:
         try:
-            with guard_sqlite_call():
+            with convert_sqlite_errors():
                 part = list(islice(cursor, step))
         except BrokenBytesError:
             if rows:
@@ -144,48 +150,52 @@ def find_first_row_after(database: sqlite3.Connection, query: str, row_id: int) 
     Raises:
         BrokenBytesError: the database is damaged there.
     """
-    with guard_sqlite_call():
+    with convert_sqlite_errors():
         row = database.execute(f"{query} LIMIT 1", (row_id,)).fetchone()
     if row is not None and row[0] <= row_id:
         raise BrokenBytesError("the tree has a loop")
     return row
 
 
-def _read_rows_until_error(database: sqlite3.Connection, query: str, after: int) -> Iterator[Row]:
+def _read_batch_until_error(
+    database: sqlite3.Connection, query: str, after_row_id: int
+) -> Iterator[Row]:
     """Rows up to an error, at most one batch."""
     for _ in range(_MOST_ROWS):
         try:
-            row = find_first_row_after(database, query, after)
+            row = find_first_row_after(database, query, after_row_id)
         except BrokenBytesError:
             return
         if row is None:
             return
         yield row
-        after = row[0]
+        after_row_id = row[0]
 
 
-def _may_ids_be_distinct(after: int, rows: list[Row]) -> bool:
+def _can_row_ids_be_distinct(after_row_id: int, rows: list[Row]) -> bool:
     """Whether there are enough ids for all rows to differ.
 
     A damaged tree may lead to the same page repeatedly.
     """
-    return rows[0][0] > after and rows[-1][0] - rows[0][0] >= len(rows) - 1
+    return rows[0][0] > after_row_id and rows[-1][0] - rows[0][0] >= len(rows) - 1
 
 
-def _iter_while_ids_increase(after: int, rows: list[Row]) -> Iterator[Row]:
+def _iter_rows_while_ids_increase(after_row_id: int, rows: list[Row]) -> Iterator[Row]:
     """Rows up to one whose id does not increase."""
     for row in rows:
-        if row[0] <= after:
+        if row[0] <= after_row_id:
             return
-        after = row[0]
+        after_row_id = row[0]
         yield row
 
 
-def find_id_after_damage(database: sqlite3.Connection, query: str, after: int) -> int | None:
+def find_row_id_after_damage(
+    database: sqlite3.Connection, query: str, after_row_id: int
+) -> int | None:
     """Id after which a row can be read again; None if there is none."""
 
     def first_id_after_gap(gap: int) -> int | None:
-        row = find_first_row_after(database, query, min(after + gap, MOST_ID))
+        row = find_first_row_after(database, query, min(after_row_id + gap, MOST_ID))
         return None if row is None else row[0]
 
     fails, works, found = 0, 0, None

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError
-from replay.logs.messages.broken_bytes import BrokenBytesError, describe_other_file
+from replay.logs.messages.broken_bytes import BrokenBytesError, describe_file_of_other_format
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.sqlite.database_pages import HEADER_BYTES, MAGIC
 from replay.logs.sqlite.messages_table import MessageTable
@@ -28,8 +28,8 @@ from replay.logs.storage import (
     Connection,
     Damage,
     FileBytes,
-    group_rows_by_key,
-    make_empty_times,
+    group_rows_by_connection,
+    make_empty_log_times,
 )
 
 #: magic, format, page size, number of checkpoints, two salts, two checksums
@@ -52,29 +52,29 @@ class Db3File:
         with ExitStack() as opened:
             file = FileBytes(path)
             opened.callback(file.close)
-            head = file.read(0, HEADER_BYTES)
+            head = file.read_bytes(0, HEADER_BYTES)
             if not head.startswith(MAGIC):
-                why = describe_other_file(head, "it is not an SQLite database")
+                why = describe_file_of_other_format(head, "it is not an SQLite database")
                 raise LogError(f"{path}: not a rosbag2 .db3 file; {why}")
             if tear := describe_torn_database(head, file.size):
-                self._damage.note(tear)
+                self._damage.add_damage_sentence(tear)
             journal = path.with_name(f"{path.name}-wal")
             unfinished = journal.exists() and journal.stat().st_size > 0
             if unfinished and (unclosed := count_uncommitted_bytes(journal)):
-                self._damage.note(
+                self._damage.add_damage_sentence(
                     f"the recorder did not finish it: the last {unclosed:,} bytes of "
                     f"{journal.name} are messages that it never committed, and are not read"
                 )
             self._size = file.size
             #: by how much log times go back from the latest so far, at most; None until known
             self._back_ns: int | None = None
-            self._database = connect_for_reading(path, unfinished=unfinished)
+            self._database = open_database_for_reading(path, is_unfinished=unfinished)
             opened.callback(self._database.close)
             try:
-                self.connections: tuple[Connection, ...] = read_connections(
-                    self._database, self._damage.note
+                self.connections: tuple[Connection, ...] = read_connections_of_database(
+                    self._database, self._damage.add_damage_sentence
                 )
-                self._table = MessageTable(self._database, file, self._damage.note)
+                self._table = MessageTable(self._database, file, self._damage.add_damage_sentence)
             except BrokenBytesError as error:
                 raise LogError(
                     f"{path}: not readable as a rosbag2 database ({error}); "
@@ -85,22 +85,24 @@ class Db3File:
     @property
     def losses(self) -> Sequence[Loss]:
         """Damage found so far."""
-        return self._damage.losses({})
+        return self._damage.list_losses({})
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
         """Log times of a topic; the first call reads the whole table."""
         if self._times is None:
             parts: dict[int, list[NDArray[np.int64]]] = {}
-            for found in self._table.iter_times():
-                for key, at in group_rows_by_key(found.rows[KEY]):
+            for found in self._table.iter_rows_without_messages():
+                for key, at in group_rows_by_connection(found.rows[KEY]):
                     parts.setdefault(key, []).append(found.rows[TIME, at])
             self._times = {
                 key: self._drop_times_before_1970(key, np.concatenate(parts[key])) for key in parts
             }
             for key in self._times.keys() - {c.id for c in self.connections}:
                 count = self._times[key].size
-                self._damage.note(f"{count:,} messages of topic {key}, which has no definition")
-        return self._times.get(connection_id, make_empty_times())
+                self._damage.add_damage_sentence(
+                    f"{count:,} messages of topic {key}, which has no definition"
+                )
+        return self._times.get(connection_id, make_empty_log_times())
 
     def message_count(self, connection_id: int) -> int:
         """Number of messages of a topic; the first call reads the whole table."""
@@ -114,7 +116,7 @@ class Db3File:
         if early:
             topic = next((c.topic for c in self.connections if c.id == connection_id), "")
             what = f"{early:,} messages have log times before the year 1970: not used"
-            self._damage.note(what, topic)
+            self._damage.add_damage_sentence(what, topic)
         return times[times >= 0]
 
     def read_message_groups(
@@ -124,33 +126,33 @@ class Db3File:
         first = 0 if start_ns is None else max(start_ns, 0)
         last = 2**63 - 1 if end_ns is None else end_ns
         latest = UNKNOWN_NS
-        for found in self._table.iter_messages(connection_ids, first, last):
+        for found in self._table.iter_rows_of_topics(connection_ids, first, last):
             rows = found.rows
             batches = [
                 RawBatch(key, found.data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
-                for key, at in group_rows_by_key(rows[KEY])
+                for key, at in group_rows_by_connection(rows[KEY])
             ]
             latest = max(latest, int(rows[TIME].max(initial=UNKNOWN_NS)))
-            yield BatchGroup(batches, self._earliest_later_time_ns(latest))
+            yield BatchGroup(batches, self._find_earliest_time_after_row_ns(latest))
 
-    def _earliest_later_time_ns(self, latest: int) -> int:
-        """Lower bound of the log times after a row of log time `latest`.
+    def _find_earliest_time_after_row_ns(self, row_time_ns: int) -> int:
+        """Lower bound of the log times after a row of log time `row_time_ns`.
 
         Rows are in the order of recording, without an index by time. How far times go back is known
         only after a pass over all of them, too slow for a small database.
         """
-        if self._size < _LEAST_BYTES_TO_ORDER or latest == UNKNOWN_NS:
+        if self._size < _LEAST_BYTES_TO_ORDER or row_time_ns == UNKNOWN_NS:
             return UNKNOWN_NS
         if self._back_ns is None:
             most, back = UNKNOWN_NS, 0
-            for found in self._table.iter_times():
+            for found in self._table.iter_rows_without_messages():
                 times = found.rows[TIME]
                 if times.size:
                     highest = np.maximum(np.maximum.accumulate(times), most)
                     back = max(back, int((highest - times).max()))
                     most = int(highest[-1])
             self._back_ns = back
-        return max(latest - self._back_ns, UNKNOWN_NS)
+        return max(row_time_ns - self._back_ns, UNKNOWN_NS)
 
     def earliest_ns(self) -> int:
         """Earliest log time, by SQLite."""
@@ -162,14 +164,16 @@ class Db3File:
             return END_NS
         return earliest if isinstance(earliest, int) else UNKNOWN_NS
 
-    def check_and_count_crcs(self) -> int:
+    def read_whole_file_and_count_valid_crcs(self) -> int:
         """Let SQLite check its pages; it keeps no CRCs."""
         try:
             ((answer,),) = fetch_all_rows(self._database, "PRAGMA quick_check(1)")
         except BrokenBytesError as error:
             answer = str(error)
         if answer != "ok" and not self._damage:
-            self._damage.note(f"the database is damaged ({' '.join(answer.split())})")
+            self._damage.add_damage_sentence(
+                f"the database is damaged ({' '.join(answer.split())})"
+            )
         return 0
 
     def close(self) -> None:
@@ -177,10 +181,10 @@ class Db3File:
         self._opened.close()
 
 
-def read_connections(
-    database: sqlite3.Connection, note: Callable[[str], None]
+def read_connections_of_database(
+    database: sqlite3.Connection, note_damage: Callable[[str], None]
 ) -> tuple[Connection, ...]:
-    """Topics of a database; `note` is called with damage.
+    """Topics of a database; `note_damage` is called with damage.
 
     Raises:
         BrokenBytesError: it is damaged, or not a rosbag2 database.
@@ -208,9 +212,9 @@ def read_connections(
     )
     whole = [row for *row, is_topic in topics if is_topic]
     if len(whole) < len(topics):
-        note(f"{len(topics) - len(whole):,} of its topics are damaged")
+        note_damage(f"{len(topics) - len(whole):,} of its topics are damaged")
     if not whole and fetch_all_rows(database, "SELECT 1 FROM messages LIMIT 1"):
-        note("it holds messages without their topics")
+        note_damage("it holds messages without their topics")
     return tuple(
         Connection(key, str(topic), str(kind), str(encoding), *definitions.get(kind, ("", "")))
         for key, topic, kind, encoding in whole
@@ -220,7 +224,7 @@ def read_connections(
 def read_metadata_texts(path: Path) -> list[str]:
     """Copies of metadata.yaml in a database, the newest first; none before ROS 2 Iron."""
     try:
-        database = connect_for_reading(path, unfinished=False)
+        database = open_database_for_reading(path, is_unfinished=False)
     except LogError:
         return []
     query = "SELECT metadata FROM metadata WHERE typeof(metadata) = 'text' ORDER BY id DESC"
@@ -231,10 +235,10 @@ def read_metadata_texts(path: Path) -> list[str]:
             return []
 
 
-def connect_for_reading(path: Path, *, unfinished: bool) -> sqlite3.Connection:
-    """Open a database for reading; `unfinished` if it may still have a recorder."""
+def open_database_for_reading(path: Path, *, is_unfinished: bool) -> sqlite3.Connection:
+    """Open a database for reading; `is_unfinished` if it may still have a recorder."""
     # immutable reads files on read-only media, but is blind to messages still in a -wal file
-    mode = "mode=ro" if unfinished else "mode=ro&immutable=1"
+    mode = "mode=ro" if is_unfinished else "mode=ro&immutable=1"
     try:
         database = sqlite3.connect(
             f"{path.absolute().as_uri()}?{mode}", uri=True, check_same_thread=False
@@ -243,11 +247,11 @@ def connect_for_reading(path: Path, *, unfinished: bool) -> sqlite3.Connection:
         database.execute("PRAGMA writable_schema = ON")
     except sqlite3.Error as error:
         raise LogError(f"{path}: cannot be opened: {error}") from error
-    database.text_factory = _decode_text
+    database.text_factory = _decode_sqlite_text
     return database
 
 
-def _decode_text(text: bytes) -> str:
+def _decode_sqlite_text(text: bytes) -> str:
     return text.decode(errors="replace")
 
 
@@ -286,7 +290,7 @@ def count_uncommitted_bytes(path: Path) -> int:
         return size - closed
 
 
-def describe_torn_database(first_page: bytes, size: int) -> str | None:
+def describe_torn_database(first_page: bytes, file_bytes: int) -> str | None:
     """What is wrong with the end of a database, by its first page; None if complete."""
     page = int.from_bytes(first_page[16:18], "big")
     page = 2**16 if page == 1 else page
@@ -294,9 +298,11 @@ def describe_torn_database(first_page: bytes, size: int) -> str | None:
     pages = (
         int.from_bytes(first_page[28:32], "big") if first_page[24:28] == first_page[92:96] else 0
     )
-    if not page or not (size % page or pages * page > size):
+    if not page or not (file_bytes % page or pages * page > file_bytes):
         return None
-    if pages and size > pages * page:
-        return f"has {size - pages * page:,} bytes after its last page, which were not read"
-    unsure = ", and its last page is incomplete: its content may be altered" if size % page else ""
-    return f"breaks off after byte {size:,} of {max(pages * page, size):,}{unsure}"
+    if pages and file_bytes > pages * page:
+        return f"has {file_bytes - pages * page:,} bytes after its last page, which were not read"
+    unsure = (
+        ", and its last page is incomplete: its content may be altered" if file_bytes % page else ""
+    )
+    return f"breaks off after byte {file_bytes:,} of {max(pages * page, file_bytes):,}{unsure}"

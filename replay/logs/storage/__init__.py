@@ -8,7 +8,7 @@ from replay.logs.storage.container import (
     Connection,
     Container,
     Tail,
-    make_empty_times,
+    make_empty_log_times,
 )
 from replay.logs.storage.file_bytes import FileBytes, ReadBuffer
 from replay.logs.storage.loss_text import Damage, LossList
@@ -17,8 +17,8 @@ from replay.logs.storage.message_rows import (
     LENGTH,
     OFFSET,
     TIME,
-    group_rows_by_key,
-    prefetch_items,
+    group_rows_by_connection,
+    prefetch_items_in_thread,
 )
 
 __all__ = [
@@ -37,7 +37,7 @@ __all__ = [
     "LossList",
     "ReadBuffer",
     "Tail",
-    "group_rows_by_key",
-    "make_empty_times",
-    "prefetch_items",
+    "group_rows_by_connection",
+    "make_empty_log_times",
+    "prefetch_items_in_thread",
 ]

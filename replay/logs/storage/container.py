@@ -75,7 +75,7 @@ class Container(Protocol):
         """Lower bound of all log times, as far as known without reading them."""
         ...
 
-    def check_and_count_crcs(self) -> int:
+    def read_whole_file_and_count_valid_crcs(self) -> int:
         """Check the rest of the files after all messages were read.
 
         Returns:
@@ -94,7 +94,7 @@ UNKNOWN_NS: Final = -(2**63)
 END_NS: Final = 2**63 - 1
 
 
-def make_empty_times() -> NDArray[np.int64]:
+def make_empty_log_times() -> NDArray[np.int64]:
     """Log times of a connection without messages."""
     return np.empty(0, np.int64)
 
@@ -122,7 +122,7 @@ class Tail(Protocol):
         """
         ...
 
-    def end(self) -> None:
+    def note_incomplete_end(self) -> None:
         """Finish the log: incomplete data become losses."""
         ...
 

@@ -25,13 +25,13 @@ class FileBytes:
         self._lock = Lock()
         self.size = self._file.seek(0, 2)
 
-    def read(self, offset: int, count: int) -> bytes:
-        """At most `count` bytes; fewer at the end of the file, none beyond it."""
-        return self.read_array(offset, count).tobytes()
+    def read_bytes(self, offset: int, max_bytes: int) -> bytes:
+        """At most `max_bytes` bytes; fewer at the end of the file, none beyond it."""
+        return self.read_byte_array(offset, max_bytes).tobytes()
 
-    def read_array(self, offset: int, count: int) -> NDArray[np.uint8]:
+    def read_byte_array(self, offset: int, max_bytes: int) -> NDArray[np.uint8]:
         """Bytes (n,) as an array, without an additional copy."""
-        data = np.empty(max(0, min(count, self.size - offset)), np.uint8)
+        data = np.empty(max(0, min(max_bytes, self.size - offset)), np.uint8)
         return data[: self.read_into(offset, data)]
 
     def read_into(self, offset: int, target: NDArray[np.uint8]) -> int:
@@ -54,11 +54,11 @@ class FileBytes:
             self.size = self._file.seek(0, 2)
         return self.size
 
-    def crc32_before(self, end: int) -> int:
+    def compute_crc32_before_offset(self, end_offset: int) -> int:
         """CRC-32 of everything before an offset."""
         crc = 0
-        for at in range(0, end, _STEP):
-            crc = zlib.crc32(self.read(at, min(_STEP, end - at)), crc)
+        for at in range(0, end_offset, _STEP):
+            crc = zlib.crc32(self.read_bytes(at, min(_STEP, end_offset - at)), crc)
         return crc
 
     def close(self) -> None:
@@ -73,11 +73,11 @@ class ReadBuffer:
         self.size = file.size
         self._file = file
         self._offset = offset
-        self._data = file.read(offset, count)
+        self._data = file.read_bytes(offset, count)
 
-    def read(self, offset: int, count: int) -> bytes:
+    def read_bytes(self, offset: int, count: int) -> bytes:
         """Like `FileBytes.read`."""
         at = offset - self._offset
         if 0 <= at <= len(self._data) - count:
             return self._data[at : at + count]
-        return self._file.read(offset, count)
+        return self._file.read_bytes(offset, count)

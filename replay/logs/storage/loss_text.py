@@ -14,9 +14,9 @@ _MOST_SENTENCES: Final = 100
 class LossList(list[Loss]):
     """Distinct losses."""
 
-    def note(self, source: Path, what: str, topic: str = "") -> None:
+    def add_loss(self, source: Path, sentence: str, topic: str = "") -> None:
         """Add a loss unless it is already listed."""
-        loss = Loss(source=source.name, topic=topic, what=what)
+        loss = Loss(source=source.name, topic=topic, what=sentence)
         if loss not in self:
             self.append(loss)
 
@@ -29,25 +29,31 @@ class Damage:
         #: topic and sentence
         self._sentences: dict[tuple[str, str], None] = {}
 
-    def note(self, what: str, topic: str = "") -> None:
+    def add_damage_sentence(self, sentence: str, topic: str = "") -> None:
         """Add a sentence."""
-        self._sentences[topic, what] = None
+        self._sentences[topic, sentence] = None
 
     def __bool__(self) -> bool:
         return bool(self._sentences)
 
-    def losses(self, topics: Mapping[int, str]) -> tuple[Loss, ...]:
-        """All damage as losses; `topics` gives the topic of each connection."""
+    def list_losses(self, topic_of_connection: Mapping[int, str]) -> tuple[Loss, ...]:
+        """All damage as losses; `topic_of_connection` gives the topic of each connection."""
         return tuple(
             Loss(source=self._source, topic=topic, what=what)
-            for topic, what in [*self._iter_located_damage(topics), *self._iter_sentences()]
+            for topic, what in [
+                *self._iter_located_damage(topic_of_connection),
+                *self._iter_topics_and_sentences(),
+            ]
         )
 
-    def _iter_located_damage(self, topics: Mapping[int, str]) -> Iterator[tuple[str, str]]:  # noqa: ARG002 - for formats that keep track of places
+    def _iter_located_damage(
+        self,
+        topic_of_connection: Mapping[int, str],  # noqa: ARG002 - for formats that keep track of places
+    ) -> Iterator[tuple[str, str]]:
         """Topic and sentence of damage that is located by its position in the file; none here."""
         return iter(())
 
-    def _iter_sentences(self) -> Iterator[tuple[str, str]]:
+    def _iter_topics_and_sentences(self) -> Iterator[tuple[str, str]]:
         yield from islice(self._sentences, _MOST_SENTENCES)
         more = len(self._sentences) - _MOST_SENTENCES
         if more > 0:

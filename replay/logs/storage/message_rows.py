@@ -14,10 +14,12 @@ T = TypeVar("T")
 KEY, TIME, OFFSET, LENGTH = range(4)
 
 
-def group_rows_by_key(keys: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.intp]]]:
-    """Group rows by connection: each nonnegative key of `keys` (n,), with its rows."""
-    order = np.argsort(keys, kind="stable")
-    ordered = keys[order]
+def group_rows_by_connection(
+    connection_of_row: NDArray[np.int64],
+) -> Iterator[tuple[int, NDArray[np.intp]]]:
+    """Group rows by connection: each nonnegative key of `connection_of_row` (n,), with its rows."""
+    order = np.argsort(connection_of_row, kind="stable")
+    ordered = connection_of_row[order]
     bounds = [*np.flatnonzero(np.diff(ordered)) + 1, ordered.size]
     begin = int(np.searchsorted(ordered, 0))
     for end in bounds:
@@ -26,7 +28,7 @@ def group_rows_by_key(keys: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np
             begin = end
 
 
-def prefetch_items(items: Iterator[T]) -> Iterator[T]:
+def prefetch_items_in_thread(items: Iterator[T]) -> Iterator[T]:
     """Yield the items while another thread already produces the next one."""
     with ThreadPoolExecutor(1, thread_name_prefix="payscope-prefetch") as pool:
         following = pool.submit(next, items, None)

@@ -13,7 +13,7 @@ from estimators.late_names import make_late_getattr
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 
 if TYPE_CHECKING:
-    from replay.logs.tables.axis import RowTimes, TableTimes, find_time_columns
+    from replay.logs.tables.axis import RowTimes, TableTimes, find_time_columns_and_their_fields
     from replay.logs.tables.csv_columns import CsvColumns
     from replay.logs.tables.dialect import Dialect, sniff_dialect
     from replay.logs.tables.only_time import describe_contradicting_time_column
@@ -33,7 +33,7 @@ __all__ = [
     "Utf8Text",
     "convert_file_to_utf8",
     "describe_contradicting_time_column",
-    "find_time_columns",
+    "find_time_columns_and_their_fields",
     "read_first_lines",
     "sniff_dialect",
 ]
@@ -50,7 +50,7 @@ __getattr__ = make_late_getattr(
         "Utf8Text": "replay.logs.tables.text",
         "convert_file_to_utf8": "replay.logs.tables.text",
         "describe_contradicting_time_column": "replay.logs.tables.only_time",
-        "find_time_columns": "replay.logs.tables.axis",
+        "find_time_columns_and_their_fields": "replay.logs.tables.axis",
         "read_first_lines": "replay.logs.tables.text",
         "sniff_dialect": "replay.logs.tables.dialect",
     },

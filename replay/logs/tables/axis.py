@@ -10,14 +10,14 @@ import polars as pl
 
 from estimators.arrays import Floats
 from replay.logs.tables.dates import (
-    convert_calendar_to_ns,
-    convert_clock_times_to_stamps,
-    convert_fractions_to_ns,
+    convert_calendar_columns_to_ns,
+    convert_clock_times_to_log_times,
+    convert_second_fractions_to_ns,
     find_calendar_columns,
-    find_fraction_column,
+    find_second_fraction_column,
+    has_time_of_day,
     is_date_only,
-    is_time_of_day,
-    keep_lower_case_letters,
+    reduce_to_lower_case_letters,
 )
 from replay.logs.tables.header import (
     ColumnName,
@@ -25,7 +25,7 @@ from replay.logs.tables.header import (
     has_multiple_of_unit,
     name_column_before_dash,
     name_column_by_last_part,
-    split_column_unit,
+    split_unit_from_column_name,
 )
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 from replay.logs.tables.only_time import find_only_time_column
@@ -34,7 +34,7 @@ from replay.logs.tables.times import (
     NS_PER_UNIT,
     TimeError,
     convert_times_to_ns,
-    correct_epoch_of_1904,
+    correct_labview_epoch,
     find_plausible_epoch,
 )
 
@@ -110,17 +110,17 @@ class TableTimes:
     rate_hz: float | None = None
 
     @property
-    def columns(self) -> tuple[str, ...]:
+    def time_columns(self) -> tuple[str, ...]:
         """All columns of the time; errors name the last one."""
         own = (self.date, self.fraction, self.time)
         return (*self.calendar, *(name for name in own if name is not None))
 
-    def log_times_of_rows(self, cells: Mapping[str, pl.Series], rows: int) -> RowTimes:
+    def compute_log_times_of_rows(self, cells: Mapping[str, pl.Series], row_count: int) -> RowTimes:
         """Log times of the rows.
 
         Args:
             cells: cells of `columns`, (rows,) each.
-            rows: number of rows.
+            row_count: number of rows.
 
         Raises:
             TimeError: the cells are not times, or their unit is unknown.
@@ -129,27 +129,27 @@ class TableTimes:
             names = ", ".join(self.calendar)
             note = f"its times are composed of {names}" + ", as UTC" * (len(self.calendar) > 3)
             whole = RowTimes(
-                convert_calendar_to_ns([cells[name] for name in self.calendar]), (note,)
+                convert_calendar_columns_to_ns([cells[name] for name in self.calendar]), (note,)
             )
-            return self._add_fractions(whole, cells)
+            return self._add_second_fractions(whole, cells)
         if self.time is None:
             assert self.rate_hz is not None
             every_ns = 10**9 / self.rate_hz
-            counted = pl.int_range(rows, eager=True)
+            counted = pl.int_range(row_count, eager=True)
             stamps = (counted.cast(pl.Float64) * every_ns).round().cast(pl.Int64)
             note = f"the rows have no time: they are read at {self.rate_hz:g} rows per second"
             return RowTimes(stamps.alias("log_time_ns"), (note,))
-        return self._add_fractions(self._read_one_column(cells), cells)
+        return self._add_second_fractions(self._convert_one_time_column(cells), cells)
 
-    def _add_fractions(self, seconds: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
+    def _add_second_fractions(self, seconds: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
         """Add fractions of a second from another column."""
         if self.fraction is None:
             return seconds
-        fractions, unit = convert_fractions_to_ns(cells[self.fraction])
+        fractions, unit = convert_second_fractions_to_ns(cells[self.fraction])
         note = f"the fractions of its seconds are those of '{self.fraction}', in {unit}"
         return RowTimes((seconds.stamps + fractions).alias("log_time_ns"), (*seconds.notes, note))
 
-    def _read_one_column(self, cells: Mapping[str, pl.Series]) -> RowTimes:
+    def _convert_one_time_column(self, cells: Mapping[str, pl.Series]) -> RowTimes:
         assert self.time is not None
         text = cells[self.time]
         if self.date is not None:
@@ -157,14 +157,14 @@ class TableTimes:
             if zone is None:
                 zone = find_zone_offset_s(self.date)
             return RowTimes(
-                *convert_clock_times_to_stamps(cells[self.date], text, self.day_first, zone)
+                *convert_clock_times_to_log_times(cells[self.date], text, self.day_first, zone)
             )
         if text.dtype == pl.String:
             sample = text.head(1000).drop_nulls().str.strip_chars()
             words = sample.filter(sample != "").head(50).to_list()
-            if words and sum(map(is_time_of_day, words)) * 2 > len(words):
+            if words and sum(map(has_time_of_day, words)) * 2 > len(words):
                 return RowTimes(
-                    *convert_clock_times_to_stamps(
+                    *convert_clock_times_to_log_times(
                         None, text, self.day_first, find_zone_offset_s(self.time)
                     )
                 )
@@ -174,7 +174,7 @@ class TableTimes:
             scaled = text.cast(pl.Float64, strict=False) * (_NS[self.unit] // 10**9)
             return RowTimes(convert_times_to_ns(scaled, "s"), ())
         if self.unit is not None or text.dtype.is_temporal():
-            stamps, note = correct_epoch_of_1904(convert_times_to_ns(text, self.unit or "s"))
+            stamps, note = correct_labview_epoch(convert_times_to_ns(text, self.unit or "s"))
             return RowTimes(stamps, (note,) if note else ())
         if self.fraction is not None:
             # what has a fraction beside it counts seconds
@@ -182,7 +182,7 @@ class TableTimes:
         return RowTimes(*convert_unitless_times(text))
 
 
-def find_time_columns(
+def find_time_columns_and_their_fields(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]], time_axis: TimeAxis | None
 ) -> list[tuple[TableTimes, list[str]]] | None:
     """Find the time columns, and the columns that each belongs to.
@@ -204,15 +204,15 @@ def find_time_columns(
     if time_axis is not None and time_axis.column is not None:
         place = names.index(time_axis.column)
         if unit is None:
-            unit = time_unit_in_name(columns[place])
+            unit = find_time_unit(columns[place])
         return [(_make_table_times(columns, cells, place, unit, table), names)]
     if calendar := find_calendar_columns(columns):
-        fraction = find_fraction_column(columns, cells, names.index(calendar[-1]))
+        fraction = find_second_fraction_column(columns, cells, names.index(calendar[-1]))
         return [(TableTimes(None, fraction=fraction, calendar=calendar), names)]
-    found = rank_time_columns(columns, cells) or find_only_time_column(columns, cells)
+    found = rank_candidate_time_columns(columns, cells) or find_only_time_column(columns, cells)
     for part in (name_column_by_last_part, name_column_before_dash) if not found else ():
         columns = [part(column) for column in columns]
-        if found := rank_time_columns(columns, cells):
+        if found := rank_candidate_time_columns(columns, cells):
             break
     if not found:
         return None
@@ -223,14 +223,14 @@ def find_time_columns(
         if columns[k].bare.lower() == columns[first].bare.lower()
         and columns[k].unit == columns[first].unit
     ]
-    one = _make_table_times(columns, cells, first, unit or time_unit_in_name(columns[first]), table)
+    one = _make_table_times(columns, cells, first, unit or find_time_unit(columns[first]), table)
     if len(times) == 1 or one.date:
         return [(one, names)]
     # pairs side by side: each column belongs to the time before it
     ends = [*times[1:], len(names)]
     return [
         (
-            TableTimes(names[at], unit=unit or time_unit_in_name(columns[at]), day_first=day_first),
+            TableTimes(names[at], unit=unit or find_time_unit(columns[at]), day_first=day_first),
             names[start:end],
         )
         for at, start, end in zip(times, [0, *times[1:]], ends, strict=True)
@@ -241,7 +241,7 @@ def _make_table_times(
     columns: Sequence[ColumnName],
     cells: Callable[[int], list[str]],
     column_index: int,
-    unit: str | None,
+    time_unit: str | None,
     table: TableHints | None,
 ) -> TableTimes:
     """Time of all columns, with date and fraction columns if there are any."""
@@ -251,13 +251,13 @@ def _make_table_times(
     return TableTimes(
         columns[column_index].name,
         find_date_column(columns, cells, column_index),
-        fraction or find_fraction_column(columns, cells, column_index),
-        unit=unit,
+        fraction or find_second_fraction_column(columns, cells, column_index),
+        unit=time_unit,
         day_first=table.day_first if table else None,
     )
 
 
-def rank_time_columns(
+def rank_candidate_time_columns(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
 ) -> list[int]:
     """Indices of time columns, the best name first, preferably with a unit of time.
@@ -267,16 +267,16 @@ def rank_time_columns(
     ranked: list[tuple[bool, int, int, int]] = []
     for place, column in enumerate(columns):
         # what stands behind a number is an axis or a state: time1, t_2
-        bare = keep_lower_case_letters(column.bare)
-        if keep_lower_case_letters(column.name) in ("mstoday", "timeus", "timems"):
-            bare = keep_lower_case_letters(column.name)
+        bare = reduce_to_lower_case_letters(column.bare)
+        if reduce_to_lower_case_letters(column.name) in ("mstoday", "timeus", "timems"):
+            bare = reduce_to_lower_case_letters(column.name)
         if re.search(r"\d", re.sub(r" \(\d+\)$", "", column.bare)):
             continue
         if bare in _NAMES and (column.unit is None or column.unit in _NS):
             stated = list(NS_PER_UNIT).index(column.unit) if column.unit in NS_PER_UNIT else -1
             rank = -stated if stated >= 0 else 9
             ranked.append((_has_repeated_times(cells(place)), rank, _NAMES.index(bare), place))
-        elif (bare in _DATES or "time" in bare) and any(map(is_time_of_day, cells(place)[:5])):
+        elif (bare in _DATES or "time" in bare) and any(map(has_time_of_day, cells(place)[:5])):
             ranked.append((_has_repeated_times(cells(place)), 10, bare not in _DATES, place))
     return [place for *_, place in sorted(ranked)]
 
@@ -285,21 +285,21 @@ def _has_repeated_times(cells: Sequence[str]) -> bool:
     return 2 * len(set(cells)) < len(cells)
 
 
-def time_unit_in_name(column: ColumnName) -> str | None:
+def find_time_unit(column_name: ColumnName) -> str | None:
     """Unit of time stated in a column's name; None without one.
 
     Raises:
         DialectError: the name states a multiple of a unit.
     """
-    if has_multiple_of_unit(column.name):
+    if has_multiple_of_unit(column_name.name):
         raise DialectError(
-            f"column '{column.name}' counts multiples of a unit of time; set [log] rate_hz = the "
-            "rows in a second"
+            f"column '{column_name.name}' counts multiples of a unit of time; set [log] rate_hz = "
+            "the rows in a second"
         )
-    if column.unit in _NS:
-        return column.unit
-    return _UNITS.get(keep_lower_case_letters(column.name)) or (
-        unit if (unit := split_column_unit(column.name)[1]) in _NS else None
+    if column_name.unit in _NS:
+        return column_name.unit
+    return _UNITS.get(reduce_to_lower_case_letters(column_name.name)) or (
+        unit if (unit := split_unit_from_column_name(column_name.name)[1]) in _NS else None
     )
 
 
@@ -310,16 +310,16 @@ def find_date_column(
     own = cells(column_index)[:5]
     if (
         not own
-        or not all(is_time_of_day(cell) for cell in own)
+        or not all(has_time_of_day(cell) for cell in own)
         or any(is_date_only(c[:10]) for c in own)
     ):
         return None
-    dated = keep_lower_case_letters(columns[column_index].bare).replace("time", "date")
+    dated = reduce_to_lower_case_letters(columns[column_index].bare).replace("time", "date")
     dates = [
         column.name
         for k, column in enumerate(columns)
         if k != column_index
-        and keep_lower_case_letters(column.bare) in (*_DATES, dated)
+        and reduce_to_lower_case_letters(column.bare) in (*_DATES, dated)
         and all(map(is_date_only, cells(k)[:5] or ""))
     ]
     return dates[0] if dates else None
@@ -352,42 +352,42 @@ def convert_unitless_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]
         integers = stripped.cast(pl.Int64, strict=False)
         exact = not stripped.dtype.is_float() and integers.count() == numbers.count()
         return epoch.to_unix_ns(integers if exact else numbers), (f"its times are {epoch.name}",)
-    if is_hhmmss_number(finite, step):
+    if are_numbers_hhmmss(finite, step):
         hours, rest = numbers // 10_000, numbers % 10_000
         seconds = hours * 3600 + (rest // 100) * 60 + rest % 100
         return convert_times_to_ns(seconds, "s"), ("its times are read as hhmmss.s",)
     unit = guess_time_unit(x, step, span)
-    stamps, note = correct_epoch_of_1904(convert_times_to_ns(cells, unit))
+    stamps, note = correct_labview_epoch(convert_times_to_ns(cells, unit))
     taken = f"its times are taken in {unit}, by their spacing"
     return stamps, (taken, note) if note else (taken,)
 
 
-def guess_time_unit(values: Floats, step: float, span: float) -> str:
+def guess_time_unit(first_values: Floats, step: float, total_span: float) -> str:
     """The only unit of time that is possible."""
     possible = [
         unit
         for unit, ns in NS_PER_UNIT.items()
         if LIMITS.row_steps_s[0] <= step * ns / 1e9 <= LIMITS.row_steps_s[1]
-        and (span * ns / 1e9 >= LIMITS.shortest_log_s or values.size < 3)
+        and (total_span * ns / 1e9 >= LIMITS.shortest_log_s or first_values.size < 3)
     ]
     if len(possible) == 1:
         return possible[0]
     since_1970 = [
         unit
         for unit in possible
-        if LIMITS.epoch_s[0] <= values[0] * NS_PER_UNIT[unit] / 1e9
-        and values[-1] * NS_PER_UNIT[unit] / 1e9 <= LIMITS.epoch_s[1]
+        if LIMITS.epoch_s[0] <= first_values[0] * NS_PER_UNIT[unit] / 1e9
+        and first_values[-1] * NS_PER_UNIT[unit] / 1e9 <= LIMITS.epoch_s[1]
     ]
     if len(since_1970) == 1:
         return since_1970[0]
     said = " or ".join(possible) if possible else "s, ms, us or ns"
     raise TimeError(
-        f"its steps of {step:g} may be {said}: set [log] time_unit, or, where it counts rows, "
-        "[log] rate_hz = rows per second,"
+        f"its steps of {step:g} may be {said}: set [log] time_unit, or, where it counts "
+        "rows, [log] rate_hz = rows per second,"
     )
 
 
-def is_hhmmss_number(values: Floats, step: float) -> bool:
+def are_numbers_hhmmss(values: Floats, step: float) -> bool:
     """Whether numbers are hhmmss.s: at most 59 s and min, with a jump of 40 at each minute."""
     if values.min() < 0 or values.max() >= 240_000 or step > LIMITS.row_steps_s[1]:
         return False

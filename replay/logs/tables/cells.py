@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Final
+from typing import Final, NamedTuple
 
 import polars as pl
 
@@ -44,7 +44,7 @@ _MEASURE: Final = re.compile(
 )
 
 
-def classify_cell(cell: str, decimal: str, *, is_grouped: bool = False) -> str:
+def classify_cell_text(cell: str, decimal_sign: str, *, is_grouped: bool = False) -> str:
     """Class of a cell: empty, number, grouped, measure, time, odd or text.
 
     A grouped cell is a number with thousands separators, for certain or if the decimal sign of
@@ -59,62 +59,69 @@ def classify_cell(cell: str, decimal: str, *, is_grouped: bool = False) -> str:
         else cell
     )
     cell = cell[0] + cell[1:].lstrip() if cell[0] in "+-" else cell
-    if _NUMBERS[decimal].fullmatch(cell) or cell.lower() in _WORDS_OF_NUMBERS:
+    if _NUMBERS[decimal_sign].fullmatch(cell) or cell.lower() in _WORDS_OF_NUMBERS:
         return "number"
     if _TIME.fullmatch(cell) or cell.lower() in _TRUTHS:
         return "time"
-    if _SURELY[decimal].fullmatch(cell):
+    if _SURELY[decimal_sign].fullmatch(cell):
         return "grouped"
-    if _GROUPED[decimal].fullmatch(cell):
+    if _GROUPED[decimal_sign].fullmatch(cell):
         return "grouped" if is_grouped else "maybe grouped"
     if _LABEL.fullmatch(cell):
         return "text"
     if _NUMBERLIKE.fullmatch(cell):
         return "odd"
-    return "measure" if find_unit_in_cell(cell, decimal) else "text"
+    return "measure" if find_unit_in_cell(cell, decimal_sign) else "text"
 
 
 #: Kinds of cells that fill a numeric column.
 NUMERIC: Final = frozenset({"number", "grouped", "measure", "time"})
 
 
-def is_numeric(cell_classes: Sequence[str], *, empty: bool = False) -> bool:
-    """Whether most cells are numbers or times; `empty` if there are no cells."""
+def are_most_cells_numeric(cell_classes: Sequence[str], *, result_if_empty: bool = False) -> bool:
+    """Whether most cells are numbers or times; `result_if_empty` if there are no cells."""
     present = [each for each in cell_classes if each != "empty"]
     if not present:
-        return empty
+        return result_if_empty
     return sum(each in NUMERIC for each in present) >= LIMITS.kind_min_fraction * len(present)
 
 
-def match_decimal_number(cell: str, decimal: str) -> tuple[bool, bool]:
+class DecimalMatch(NamedTuple):
+    """Whether a cell is a number with a sign, and whether that may group thousands."""
+
+    is_number: bool
+    can_be_grouping: bool
+
+
+def match_decimal_number(cell: str, decimal_sign: str) -> DecimalMatch:
     """Whether a cell is a number with the decimal sign, and whether that may group thousands."""
-    signed = decimal in cell and _NUMBERS[decimal].fullmatch(cell) is not None
-    return signed, signed and _THOUSANDS[decimal].fullmatch(cell) is not None
+    signed = decimal_sign in cell and _NUMBERS[decimal_sign].fullmatch(cell) is not None
+    return DecimalMatch(signed, signed and _THOUSANDS[decimal_sign].fullmatch(cell) is not None)
 
 
 @lru_cache(maxsize=1 << 16)
-def find_unit_in_cell(cell: str, decimal: str) -> str | None:
+def find_unit_in_cell(cell: str, decimal_sign: str) -> str | None:
     """Unit after a number, as written (` km/h`); None if unknown."""
     match = _MEASURE.fullmatch(cell)
-    if match is None or not _NUMBERS[decimal].fullmatch(match["number"]):
+    if match is None or not _NUMBERS[decimal_sign].fullmatch(match["number"]):
         return None
     return match["unit"] if find_pint_name(match["unit"]) else None
 
 
-def find_common_unit(cells: Sequence[str], decimal: str) -> str | None:
+def find_common_unit_of_cells(cells: Sequence[str], decimal_sign: str) -> str | None:
     """Unit after the numbers of a column, if all have the same; else None."""
-    found = {find_unit_in_cell(cell, decimal) for cell in cells}
+    found = {find_unit_in_cell(cell, decimal_sign) for cell in cells}
     return next(iter(found)) if len(found) == 1 else None
 
 
-def write_decimal_points(
-    column: pl.Series, decimal: str, unit: str | None, *, is_grouped: bool
+def convert_numbers_to_python_notation(
+    column: pl.Series, decimal_sign: str, unit: str | None, *, is_grouped: bool
 ) -> pl.Series:
     """Text of a column with numbers in Python's notation.
 
     Args:
         column: text, (rows,).
-        decimal: decimal sign.
+        decimal_sign: decimal sign.
         unit: unit after each number, as written; it is removed.
         is_grouped: whether a single sign before three digits is a thousands separator.
     """
@@ -124,34 +131,38 @@ def write_decimal_points(
     if unit is not None:
         cell = pl.when(cell.str.ends_with(unit)).then(cell.str.strip_suffix(unit)).otherwise(cell)
     form = (
-        make_grouped_number_pattern(decimal) if is_grouped else _make_certain_group_pattern(decimal)
+        make_grouped_number_pattern(decimal_sign)
+        if is_grouped
+        else _make_unambiguous_grouping_pattern(decimal_sign)
     )
     has_groups = cell.str.contains(f"^(?:{form})$")
     cell = (
-        pl.when(has_groups).then(cell.str.replace_all(f"[{_GROUPS[decimal]}]", "")).otherwise(cell)
+        pl.when(has_groups)
+        .then(cell.str.replace_all(f"[{_GROUPS[decimal_sign]}]", ""))
+        .otherwise(cell)
     )
-    if decimal == ",":
+    if decimal_sign == ",":
         cell = cell.str.replace(r"^([+-]?\d*),(\d*(?:[eEdD][+-]?\d+)?)$", "${1}.${2}")
     cell = cell.str.replace(r"^([+-]?(?:\d+\.?\d*|\.\d+))[dD]([+-]?\d+)$", "${1}e${2}")
     return column.to_frame().select(cell.alias(column.name)).to_series()
 
 
-def make_grouped_number_pattern(decimal: str) -> str:
+def make_grouped_number_pattern(decimal_sign: str) -> str:
     """Pattern of a number with thousands separators."""
-    groups = rf"\d{{1,3}}(?:[{_GROUPS[decimal]}]\d{{3}})+|{_LAKHS[decimal]}"
-    return rf"[+-]?(?:{groups})(?:[{decimal}]\d*)?"
+    groups = rf"\d{{1,3}}(?:[{_GROUPS[decimal_sign]}]\d{{3}})+|{_LAKHS[decimal_sign]}"
+    return rf"[+-]?(?:{groups})(?:[{decimal_sign}]\d*)?"
 
 
-def _make_certain_group_pattern(decimal: str) -> str:
+def _make_unambiguous_grouping_pattern(decimal_sign: str) -> str:
     """Pattern of numbers whose separators are certain: several, blanks, or a decimal sign after."""
-    signs = _GROUPS[decimal]
+    signs = _GROUPS[decimal_sign]
     ambiguous, blanks = signs[0], signs[1:]
     return (
-        rf"[+-]?\d{{1,3}}(?:(?:[{blanks}]\d{{3}})+(?:[{decimal}]\d*)?"
-        rf"|(?:[{ambiguous}]\d{{3}}){{2,}}(?:[{decimal}]\d*)?|[{ambiguous}]\d{{3}}[{decimal}]\d*)"
-        rf"|[+-]?{_LAKHS[decimal]}(?:[{decimal}]\d*)?"
+        rf"[+-]?\d{{1,3}}(?:(?:[{blanks}]\d{{3}})+(?:[{decimal_sign}]\d*)?"
+        rf"|(?:[{ambiguous}]\d{{3}}){{2,}}(?:[{decimal_sign}]\d*)?|[{ambiguous}]\d{{3}}[{decimal_sign}]\d*)"
+        rf"|[+-]?{_LAKHS[decimal_sign]}(?:[{decimal_sign}]\d*)?"
     )
 
 
 _GROUPED: Final = {sign: re.compile(make_grouped_number_pattern(sign)) for sign in ".,"}
-_SURELY: Final = {sign: re.compile(_make_certain_group_pattern(sign)) for sign in ".,"}
+_SURELY: Final = {sign: re.compile(_make_unambiguous_grouping_pattern(sign)) for sign in ".,"}

@@ -10,9 +10,13 @@ import polars as pl
 from polars.exceptions import PanicException, PolarsError
 
 from replay.logs.messages.broken_bytes import BrokenBytesError
-from replay.logs.tables.cells import classify_cell, is_numeric, write_decimal_points
+from replay.logs.tables.cells import (
+    are_most_cells_numeric,
+    classify_cell_text,
+    convert_numbers_to_python_notation,
+)
 from replay.logs.tables.dates import is_date_and_time_in_digits
-from replay.logs.tables.dialect import BLANKS, read_first_cells, sniff_dialect
+from replay.logs.tables.dialect import BLANKS, read_first_filled_cells, sniff_dialect
 from replay.logs.tables.hints import TableHints
 from replay.logs.tables.text import (
     Utf8Text,
@@ -66,38 +70,41 @@ class CsvColumns:
             self.close()
             raise
         self.columns = self._dialect.columns
-        self.names = self._dialect.names
+        self.names = self._dialect.column_names
         self.notes = (*self._text.notes, *self._dialect.notes)
         self.rows = 0
         self._height: int | None = None
         self._kept: dict[str, pl.Series] = {}
         self._once: dict[str, pl.Series] = {}
-        heads = {name: read_first_cells(self._dialect, k) for k, name in enumerate(self.names)}
-        self._types = {name: guess_type_of_cells(cells) for name, cells in heads.items()}
+        heads = {
+            name: read_first_filled_cells(self._dialect, k) for k, name in enumerate(self.names)
+        }
+        self._types = {name: guess_polars_type_of_cells(cells) for name, cells in heads.items()}
         decimal, is_grouped = self._dialect.decimal, self._dialect.is_grouped
         #: Columns of numbers, or of which the beginning tells nothing.
         self._numeric = {
             name
             for name, cells in heads.items()
-            if is_numeric(
-                [classify_cell(cell, decimal, is_grouped=is_grouped) for cell in cells], empty=True
+            if are_most_cells_numeric(
+                [classify_cell_text(cell, decimal, is_grouped=is_grouped) for cell in cells],
+                result_if_empty=True,
             )
         }
         self._cell_units = dict(zip(self.names, self._dialect.cell_units, strict=False))
         self._quotes_are_paired = True
 
-    def _replace_text_file(self, new: Utf8Text | None) -> None:
+    def _replace_text_file(self, new_text: Utf8Text | None) -> None:
         """Read from a copy from now on, and remove the previous copy."""
-        if new is not None:
-            old, self._text = self._text, new
-            _remove_copy(old)
+        if new_text is not None:
+            old, self._text = self._text, new_text
+            _remove_temporary_copy(old)
 
     def close(self) -> None:
         """Remove the copy of the text, if any."""
-        _remove_copy(self._text)
+        _remove_temporary_copy(self._text)
 
     @property
-    def preamble(self) -> tuple[str, ...]:
+    def preamble_lines(self) -> tuple[str, ...]:
         """Some lines above the names."""
         return self._dialect.preamble
 
@@ -106,11 +113,11 @@ class CsvColumns:
         """Number of rows that `head` is taken from."""
         return len(self._dialect.rows)
 
-    def first_text_cells(self, column_index: int, count: int = 50) -> list[str]:
+    def read_first_text_cells(self, column_index: int, count: int = 50) -> list[str]:
         """Some first cells of a column that are not empty."""
-        return read_first_cells(self._dialect, column_index, count)
+        return read_first_filled_cells(self._dialect, column_index, count)
 
-    def find_ragged_rows(
+    def note_ragged_rows(
         self,
         kept_columns: Sequence[str],
         single_use_columns: Sequence[str],
@@ -132,7 +139,7 @@ class CsvColumns:
         if self._dialect.is_empty:
             return
         last = self.names[-1]
-        looked = self._read(
+        looked = self._read_columns_as_numbers_or_text(
             list(dict.fromkeys([*kept_columns, *single_use_columns])),
             pl.col(last).is_null().alias(_SHORT),
             pl.col(_BEYOND).is_not_null().alias(_LONG),
@@ -147,7 +154,7 @@ class CsvColumns:
             note_fault("its quotes are not paired: rows between them may be read as one cell")
         lines = self._find_short_lines() if short.any() else []
         end = self.rows + self._dialect.data_line
-        if lines and lines[-1] == end and not _ends_in_a_line_end(self._text.path):
+        if lines and lines[-1] == end and not _does_file_end_with_line_end(self._text.path):
             note_fault(f"its last row (line {lines.pop()}) is cut off and was not read")
             self.rows -= 1
         if lines:
@@ -162,7 +169,7 @@ class CsvColumns:
             if name not in kept_columns
         }
 
-    def read(self, names: Sequence[str]) -> dict[str, pl.Series]:
+    def read_columns(self, names: Sequence[str]) -> dict[str, pl.Series]:
         """Columns, (rows,) each, in one pass: numbers if all cells are numbers, else text.
 
         Raises:
@@ -173,39 +180,47 @@ class CsvColumns:
         there = {n: self._once.pop(n) for n in dict.fromkeys(names) if n in self._once}
         there |= {name: self._kept[name] for name in names if name in self._kept}
         new = [name for name in dict.fromkeys(names) if name not in there]
-        read = self._read(new) if new else {}
+        read = self._read_columns_as_numbers_or_text(new) if new else {}
         there |= {name: series.head(self.rows) for name, series in read.items()}
         return {name: there[name] for name in dict.fromkeys(names)}
 
-    def _read(self, names: Sequence[str], *others: pl.Expr) -> dict[str, pl.Series]:
+    def _read_columns_as_numbers_or_text(
+        self, names: Sequence[str], *others: pl.Expr
+    ) -> dict[str, pl.Series]:
         """Columns in one pass; a second pass reads those with text."""
-        frame = self._collect_frame(self._scan(self._types).select(*names, *others))
-        self._check_height(frame)
+        frame = self._collect_frame(
+            self._scan_lazily_with_types(self._types).select(*names, *others)
+        )
+        self._refuse_wrong_row_count(frame)
         found = {series.name: series for series in frame.get_columns()}
         counts = {n: found[n].count() for n in names if found[n].dtype.is_numeric()}
-        text = self._find_columns_with_text({n: c for n, c in counts.items() if c < frame.height})
+        text = self._list_columns_with_text({n: c for n, c in counts.items() if c < frame.height})
         if text:
             self._types.update(dict.fromkeys(text, pl.String()))
-            again = self._collect_frame(self._scan({}).select(text))
-            self._check_height(again)
+            again = self._collect_frame(self._scan_lazily_with_types({}).select(text))
+            self._refuse_wrong_row_count(again)
             found |= {series.name: series for series in again.get_columns()}
-        return {name: self._write_plain_numbers(column) for name, column in found.items()}
+        return {
+            name: self._convert_column_to_plain_numbers(column) for name, column in found.items()
+        }
 
-    def _find_columns_with_text(self, numbers: Mapping[str, int]) -> list[str]:
+    def _list_columns_with_text(self, parsed_numbers: Mapping[str, int]) -> list[str]:
         """Columns with more cells than numbers, which must be read as text."""
-        if not numbers:
+        if not parsed_numbers:
             return []
-        cells = [(pl.col(name).str.strip_chars() != "").sum() for name in numbers]
-        counted = self._collect_frame(self._scan({}).select(cells)).row(0)
-        return [n for (n, c), cells in zip(numbers.items(), counted, strict=True) if cells > c]
+        cells = [(pl.col(name).str.strip_chars() != "").sum() for name in parsed_numbers]
+        counted = self._collect_frame(self._scan_lazily_with_types({}).select(cells)).row(0)
+        return [
+            n for (n, c), cells in zip(parsed_numbers.items(), counted, strict=True) if cells > c
+        ]
 
-    def _write_plain_numbers(self, column: pl.Series) -> pl.Series:
+    def _convert_column_to_plain_numbers(self, column: pl.Series) -> pl.Series:
         """Numbers with decimal points, without separators and units."""
         is_text = column.name not in self._numeric and self._dialect.decimal == "."
         if column.dtype != pl.String or is_text:
             return column
         unit = self._cell_units.get(column.name)
-        return write_decimal_points(
+        return convert_numbers_to_python_notation(
             column, self._dialect.decimal, unit, is_grouped=self._dialect.is_grouped
         )
 
@@ -220,17 +235,17 @@ class CsvColumns:
         self._quotes_are_paired &= not any(_UNPAIRED in str(each.message) for each in caught)
         return found
 
-    def _check_height(self, frame: pl.DataFrame) -> None:
+    def _refuse_wrong_row_count(self, frame: pl.DataFrame) -> None:
         """Raise an error for an unclosed quote, after which polars splits rows differently."""
         self._height = frame.height if self._height is None else self._height
         if frame.height != self._height:
             raise BrokenBytesError("a quote is not closed: its rows cannot be separated")
 
     @property
-    def _separator(self) -> str:
+    def _polars_separator(self) -> str:
         return "\t" if self._dialect.separator == BLANKS else self._dialect.separator
 
-    def _scan(self, types: Mapping[str, pl.DataType]) -> pl.LazyFrame:
+    def _scan_lazily_with_types(self, types: Mapping[str, pl.DataType]) -> pl.LazyFrame:
         # text where a decimal comma, or a quoted cell, may be a fault that polars reads otherwise
         plain = self._dialect.decimal == "."
         schema = {
@@ -243,7 +258,7 @@ class CsvColumns:
             # in the column beyond the last one is what a row has too much
             schema=schema | dict.fromkeys([*tail, _BEYOND], pl.String()),
             skip_lines=self._dialect.data_line,
-            separator=self._separator,
+            separator=self._polars_separator,
             quote_char=None if self._dialect.separator == BLANKS else '"',
             glob=False,
             encoding="utf8-lossy",
@@ -272,13 +287,13 @@ class CsvColumns:
         if self._collect_frame(lines.select(odd_quotes.any())).item():
             return []
         # an empty line is a row without a time, which is counted there
-        separators = line.str.count_matches(self._separator, literal=True)
+        separators = line.str.count_matches(self._polars_separator, literal=True)
         is_short = separators < len(self.names) - 1
         short = lines.filter(line.is_not_null() & is_short).select("number")
         return self._collect_frame(short).to_series().to_list()
 
 
-def guess_type_of_cells(cells: Sequence[str]) -> pl.DataType:
+def guess_polars_type_of_cells(cells: Sequence[str]) -> pl.DataType:
     """Type of a column, guessed from its first cells."""
     if not cells:
         return pl.String()
@@ -289,12 +304,12 @@ def guess_type_of_cells(cells: Sequence[str]) -> pl.DataType:
     return pl.Float64() if all(map(_FLOAT.fullmatch, cells)) else pl.String()
 
 
-def _remove_copy(text: Utf8Text) -> None:
+def _remove_temporary_copy(text: Utf8Text) -> None:
     if text.copy is not None:
         text.copy.cleanup()
 
 
-def _ends_in_a_line_end(path: Path) -> bool:
+def _does_file_end_with_line_end(path: Path) -> bool:
     with path.open("rb") as file:
         file.seek(-1, 2)
         return file.read() in (b"\n", b"\r")

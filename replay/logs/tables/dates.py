@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import polars as pl
 
@@ -90,7 +90,7 @@ def is_date_only(cell: str) -> bool:
     )
 
 
-def is_time_of_day(cell: str) -> bool:
+def has_time_of_day(cell: str) -> bool:
     """Whether a cell is a time of day, with or without a date."""
     text = cell.strip()
     if any(re.fullmatch(pattern, text) for pattern in (_MINUTES, _CLOCK, _SINCE)):
@@ -109,10 +109,10 @@ def find_datetime_pattern(text: str) -> str | None:
     return None
 
 
-def convert_clock_times_to_stamps(
+def convert_clock_times_to_log_times(
     dates: pl.Series | None,
     times: pl.Series,
-    day_first: bool | None,
+    is_day_first: bool | None,
     zone_offset_s: int | None = None,
 ) -> tuple[pl.Series, tuple[str, ...]]:
     """Log times from dates and times of day.
@@ -120,7 +120,7 @@ def convert_clock_times_to_stamps(
     Args:
         dates: (rows,) dates; None if the times include them, or there are none.
         times: (rows,) times of day, with or without dates.
-        day_first: whether the day is before the month, if given.
+        is_day_first: whether the day is before the month, if given.
         zone_offset_s: offset in s of a time zone in the column's name, for cells without a zone.
 
     Returns:
@@ -141,7 +141,7 @@ def convert_clock_times_to_stamps(
         return parse_times_of_day(text, first)
     part = extract_named_groups(text, pattern)
     notes: list[str] = []
-    day = count_days_since_1970(part, day_first, notes)
+    day = count_days_since_1970(part, is_day_first, notes)
     stamps = day * DAY_NS + convert_time_of_day_to_ns(part)
     if part.get_column("zone").drop_nulls().is_empty() and zone_offset_s is not None:
         stamps = stamps - zone_offset_s * 10**9
@@ -164,13 +164,13 @@ def extract_named_groups(text: pl.Series, pattern: str) -> pl.DataFrame:
     return found.with_columns(pl.lit(None, dtype=pl.String).alias(name) for name in missing)
 
 
-def _parse_whole_numbers(column: pl.Expr) -> pl.Expr:
+def _make_whole_number_expression(column: pl.Expr) -> pl.Expr:
     return column.cast(pl.Int64, strict=False)
 
 
-def convert_time_of_day_to_ns(groups: pl.DataFrame) -> pl.Series:
+def convert_time_of_day_to_ns(time_groups: pl.DataFrame) -> pl.Series:
     """Time of day in ns, from hour, minute, second, fraction and zone."""
-    hour, half = _parse_whole_numbers(pl.col("h")), pl.col("half").str.to_lowercase()
+    hour, half = _make_whole_number_expression(pl.col("h")), pl.col("half").str.to_lowercase()
     hour = (
         pl.when(half == "p").then(hour % 12 + 12).when(half == "a").then(hour % 12).otherwise(hour)
     )
@@ -180,32 +180,32 @@ def convert_time_of_day_to_ns(groups: pl.DataFrame) -> pl.Series:
     offset = (
         sign
         * (
-            _parse_whole_numbers(zone.str.slice(1, 2)).fill_null(0) * 3600
-            + _parse_whole_numbers(zone.str.slice(3, 2)).fill_null(0) * 60
+            _make_whole_number_expression(zone.str.slice(1, 2)).fill_null(0) * 3600
+            + _make_whole_number_expression(zone.str.slice(3, 2)).fill_null(0) * 60
         )
     ).fill_null(0)
     seconds = (
         hour * 3600
-        + _parse_whole_numbers(pl.col("min")) * 60
-        + _parse_whole_numbers(pl.col("s")).fill_null(0)
+        + _make_whole_number_expression(pl.col("min")) * 60
+        + _make_whole_number_expression(pl.col("s")).fill_null(0)
         - offset
     )
-    return groups.select(seconds * 10**9 + fraction).to_series()
+    return time_groups.select(seconds * 10**9 + fraction).to_series()
 
 
 def count_days_since_1970(
-    groups: pl.DataFrame, day_first: bool | None, notes: list[str]
+    date_groups: pl.DataFrame, is_day_first: bool | None, notes: list[str]
 ) -> pl.Series:
     """Days since 1970."""
-    if "one" in groups.columns:
-        groups = decide_day_and_month(groups, day_first, notes)
-    if "name" in groups.columns:
-        groups = split_dates_with_short_years(groups, day_first)
+    if "one" in date_groups.columns:
+        date_groups = decide_which_number_is_day(date_groups, is_day_first, notes)
+    if "name" in date_groups.columns:
+        date_groups = split_dates_with_short_years(date_groups, is_day_first)
         begins = [pl.col("name").str.to_lowercase().str.starts_with(each) for each in _MONTH_OF]
         months = zip(begins, _MONTH_OF.values(), strict=True)
         number = pl.coalesce(pl.when(fits).then(month) for fits, month in months)
-        groups = groups.with_columns(number.cast(pl.String).alias("m"))
-    years = groups.get_column("y").cast(pl.Int64, strict=False).drop_nulls()
+        date_groups = date_groups.with_columns(number.cast(pl.String).alias("m"))
+    years = date_groups.get_column("y").cast(pl.Int64, strict=False).drop_nulls()
     odd = years.filter((years < LIMITS.years[0]) | (years > LIMITS.years[1]))
     if odd.len():
         raise TimeError(
@@ -214,38 +214,40 @@ def count_days_since_1970(
         )
     written = pl.concat_str("y", pl.lit("-"), "m", pl.lit("-"), "d")
     day = written.str.to_date("%Y-%m-%d", strict=False)
-    return groups.select(day.cast(pl.Int32).cast(pl.Int64)).to_series()
+    return date_groups.select(day.cast(pl.Int32).cast(pl.Int64)).to_series()
 
 
-def split_dates_with_short_years(groups: pl.DataFrame, day_first: bool | None) -> pl.DataFrame:
+def split_dates_with_short_years(
+    date_groups: pl.DataFrame, is_day_first: bool | None
+) -> pl.DataFrame:
     """Dates with month names, whose two-digit year may be the first or the last number.
 
     Raises:
         TimeError: the order is ambiguous.
     """
     is_short = pl.col("y").str.len_chars() == 2
-    if not groups.select(is_short.any()).item():
-        return groups
-    if day_first is None:
-        first = groups.filter(is_short).row(0, named=True)
+    if not date_groups.select(is_short.any()).item():
+        return date_groups
+    if is_day_first is None:
+        first = date_groups.filter(is_short).row(0, named=True)
         raise TimeError(
             f"'{first['d']}-{first['name']}-{first['y']}' has its year in two digits: set [log] "
             "day_first = true for day, month, year, false for year, month, day"
         )
-    day, year = ("d", "y") if day_first else ("y", "d")
-    return groups.with_columns(pl.col(day).alias("d"), ("20" + pl.col(year)).alias("y"))
+    day, year = ("d", "y") if is_day_first else ("y", "d")
+    return date_groups.with_columns(pl.col(day).alias("d"), ("20" + pl.col(year)).alias("y"))
 
 
-def decide_day_and_month(
-    groups: pl.DataFrame, day_first: bool | None, notes: list[str]
+def decide_which_number_is_day(
+    date_groups: pl.DataFrame, is_day_first: bool | None, notes: list[str]
 ) -> pl.DataFrame:
     """Decide which of two numbers is the day: the one above 12."""
-    one, two = (groups.get_column(n).cast(pl.Int64, strict=False) for n in ("one", "two"))
-    short = groups.get_column("y").drop_nulls().str.len_chars().to_list()
-    example = "/".join(str(groups.row(0, named=True)[n]) for n in ("one", "two", "y"))
+    one, two = (date_groups.get_column(n).cast(pl.Int64, strict=False) for n in ("one", "two"))
+    short = date_groups.get_column("y").drop_nulls().str.len_chars().to_list()
+    example = "/".join(str(date_groups.row(0, named=True)[n]) for n in ("one", "two", "y"))
     largest = [int(x.max() or 0) for x in (one, two)]  # pyright: ignore[reportArgumentType] of integers
-    if day_first is None:
-        dots = groups.get_column("sign").drop_nulls().head(1).to_list() == ["."]
+    if is_day_first is None:
+        dots = date_groups.get_column("sign").drop_nulls().head(1).to_list() == ["."]
         same = bool((one == two).all())
         if short and short[0] == 2:
             raise TimeError(
@@ -253,34 +255,34 @@ def decide_day_and_month(
                 "month, year, false for month, day, year"
             )
         if largest[0] > 12 or dots or same:
-            day_first = True
+            is_day_first = True
         elif largest[1] > 12:
-            day_first = False
+            is_day_first = False
         else:
             raise TimeError(
                 f"'{example}' may begin with the day or the month: set [log] day_first = true or "
                 "false"
             )
         if not same:
-            notes.append(f"dates are taken with the {'day' if day_first else 'month'} first")
-    day, month = ("one", "two") if day_first else ("two", "one")
+            notes.append(f"dates are taken with the {'day' if is_day_first else 'month'} first")
+    day, month = ("one", "two") if is_day_first else ("two", "one")
     year = pl.when(pl.col("y").str.len_chars() == 2).then("20" + pl.col("y"))
-    return groups.with_columns(
+    return date_groups.with_columns(
         pl.col(day).alias("d"), pl.col(month).alias("m"), year.otherwise(pl.col("y")).alias("y")
     )
 
 
-def parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[str, ...]]:
+def parse_times_of_day(text: pl.Series, first_clock_time: str) -> tuple[pl.Series, tuple[str, ...]]:
     """Times of day, which continue over midnight."""
-    if re.fullmatch(_SINCE, first):
+    if re.fullmatch(_SINCE, first_clock_time):
         part = extract_named_groups(text, f"^{_SINCE}$")
-        day = part.select(_parse_whole_numbers(pl.col("days"))).to_series()
+        day = part.select(_make_whole_number_expression(pl.col("days"))).to_series()
         return (convert_time_of_day_to_ns(part) + day * DAY_NS).alias("log_time_ns"), ()
     pattern = f"^{_CLOCK}$"
-    if re.fullmatch(_MINUTES, first):
+    if re.fullmatch(_MINUTES, first_clock_time):
         pattern = f"^{_MINUTES}$"
-    elif first.count(":") < 2:
-        raise TimeError(f"'{first}' may be hours and minutes or minutes and seconds")
+    elif first_clock_time.count(":") < 2:
+        raise TimeError(f"'{first_clock_time}' may be hours and minutes or minutes and seconds")
     part = extract_named_groups(text, pattern)
     if pattern != f"^{_CLOCK}$":
         part = part.with_columns(h=pl.lit("0"))
@@ -300,7 +302,7 @@ def parse_times_of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[st
     return (stamps + days.cast(pl.Int64) * DAY_NS).alias("log_time_ns"), (note,)
 
 
-def keep_lower_case_letters(text: str) -> str:
+def reduce_to_lower_case_letters(text: str) -> str:
     """Name in lower case, letters only."""
     return "".join(each for each in text.lower() if each.isalpha())
 
@@ -310,7 +312,9 @@ def find_calendar_columns(columns: Sequence[ColumnName]) -> tuple[str, ...]:
 
     Empty if one of them is missing.
     """
-    by_word = {keep_lower_case_letters(column.name): column.name for column in reversed(columns)}
+    by_word = {
+        reduce_to_lower_case_letters(column.name): column.name for column in reversed(columns)
+    }
     found = [next((by_word[w] for w in words if w in by_word), None) for words in _CALENDAR]
     clock = found[_DAY_PARTS:]
     if None in clock:
@@ -319,21 +323,23 @@ def find_calendar_columns(columns: Sequence[ColumnName]) -> tuple[str, ...]:
     return tuple(each for each in parts if each is not None)
 
 
-def convert_calendar_to_ns(parts: Sequence[pl.Series]) -> pl.Series:
+def convert_calendar_columns_to_ns(calendar_columns: Sequence[pl.Series]) -> pl.Series:
     """Log times from columns of year to second, or hour to second; null if one is missing."""
-    numbers = [part.cast(pl.Float64, strict=False).alias(str(k)) for k, part in enumerate(parts)]
+    numbers = [
+        part.cast(pl.Float64, strict=False).alias(str(k)) for k, part in enumerate(calendar_columns)
+    ]
     frame = pl.DataFrame(numbers)
-    hour, minute, second = (pl.col(str(len(parts) - k)) for k in (3, 2, 1))
+    hour, minute, second = (pl.col(str(len(calendar_columns) - k)) for k in (3, 2, 1))
     clock = (hour * 3600 + minute * 60) * NS + (second * NS).round()
     stamps = frame.select(clock.cast(pl.Int64, strict=False)).to_series()
-    if len(parts) > _DAY_PARTS:
+    if len(calendar_columns) > _DAY_PARTS:
         whole = (pl.col(str(k)).cast(pl.Int32, strict=False) for k in range(_DAY_PARTS))
         day = frame.select(pl.date(*whole).cast(pl.Int32, strict=False).cast(pl.Int64)).to_series()
         stamps = stamps + day * DAY_NS
     return stamps.alias("log_time_ns")
 
 
-def find_fraction_column(
+def find_second_fraction_column(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]], column_index: int
 ) -> str | None:
     """Column of the fractions of a second, if the times have none; else None."""
@@ -341,7 +347,7 @@ def find_fraction_column(
     if not own or any(re.search(r"[.,]\d|:\d+:\d+:", cell) for cell in own):
         return None
     is_clock = any(":" in cell for cell in own)
-    names = [keep_lower_case_letters(columns[column_index].name)]
+    names = [reduce_to_lower_case_letters(columns[column_index].name)]
     if not is_clock and not any(
         name in ("sec", "secs", "second", "seconds", "s", "ss") for name in names
     ):
@@ -351,21 +357,28 @@ def find_fraction_column(
             column.name
             for k, column in enumerate(columns)
             if k != column_index
-            and find_fraction_unit(column.name) is not None
+            and find_unit_of_second_fractions(column.name) is not None
             and all(cell.isdigit() for cell in cells(k))
         ),
         None,
     )
 
 
-def find_fraction_unit(name: str) -> str | None:
+def find_unit_of_second_fractions(name: str) -> str | None:
     """Unit of fractions of a second in a name: `nanosec`, `Millitm`."""
-    word = keep_lower_case_letters(name)
+    word = reduce_to_lower_case_letters(name)
     by_beginning = (unit for start, unit in _BEGINNINGS.items() if word.startswith(start))
     return _FRACTIONS.get(word) or next(by_beginning, None)
 
 
-def convert_fractions_to_ns(cells: pl.Series) -> tuple[pl.Series, str]:
+class SecondFractions(NamedTuple):
+    """Fractions of a second in ns, and the unit that they had."""
+
+    fractions_ns: pl.Series
+    unit: str
+
+
+def convert_second_fractions_to_ns(cells: pl.Series) -> SecondFractions:
     """Fractions of a second in ns, and their unit, from the name or from their size.
 
     Raises:
@@ -375,9 +388,9 @@ def convert_fractions_to_ns(cells: pl.Series) -> tuple[pl.Series, str]:
     largest, least = numbers.max(), numbers.min()
     if not isinstance(largest, float) or not isinstance(least, float) or least < 0:
         raise TimeError(f"column '{cells.name}' holds no fractions of a second")
-    stated = find_fraction_unit(cells.name)
+    stated = find_unit_of_second_fractions(cells.name)
     possible = [unit for unit in ("ms", "us", "ns") if largest < NS / NS_PER_UNIT[unit]]
     unit = stated or (possible[0] if possible else "")
     if unit not in possible:
         raise TimeError(f"column '{cells.name}' holds no fractions of a second, but {largest:g}")
-    return (numbers * NS_PER_UNIT[unit]).round().cast(pl.Int64, strict=False), unit
+    return SecondFractions((numbers * NS_PER_UNIT[unit]).round().cast(pl.Int64, strict=False), unit)

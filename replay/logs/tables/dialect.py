@@ -13,12 +13,12 @@ from itertools import islice
 from typing import Final
 
 from replay.logs.tables.cells import (
-    classify_cell,
-    find_common_unit,
-    is_numeric,
+    are_most_cells_numeric,
+    classify_cell_text,
+    find_common_unit_of_cells,
     match_decimal_number,
 )
-from replay.logs.tables.dates import is_date_only, is_time_of_day
+from replay.logs.tables.dates import has_time_of_day, is_date_only
 from replay.logs.tables.header import (
     ColumnName,
     TextRow,
@@ -65,7 +65,7 @@ class Dialect:
     preamble: tuple[str, ...] = ()
 
     @property
-    def names(self) -> list[str]:
+    def column_names(self) -> list[str]:
         """Names of the columns."""
         return [column.name for column in self.columns]
 
@@ -107,10 +107,10 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
     found = [
         reading
         for separator in separators
-        for reading in _iter_separator_trials(lines, separator, decimals, hints)
+        for reading in _iter_dialect_trials(lines, separator, decimals, hints)
     ]
     if not found and hints.separator is None:
-        found = list(_iter_separator_trials(lines, BLANKS, decimals, hints))
+        found = list(_iter_dialect_trials(lines, BLANKS, decimals, hints))
     sound = [reading for reading in found if not reading.faults] or found
     best = [each for each in sound if each.faults <= min(e.faults for e in sound)]
     if not best:
@@ -120,8 +120,8 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
             _NAMED.get(each, each) for each in dict.fromkeys(e.separator for e in best)
         )
         raise DialectError(f"its cells may be separated by {said}; set [log] separator")
-    reading = _decide_decimal(best, hints)
-    return _find_head_rows(reading, lines, hints)
+    reading = _choose_decimal_sign(best, hints)
+    return _find_header_rows(reading, lines, hints)
 
 
 def _candidate_separators(hints: TableHints) -> tuple[str, ...]:
@@ -137,7 +137,7 @@ def _candidate_separators(hints: TableHints) -> tuple[str, ...]:
     return (given,)
 
 
-def _decide_decimal(best_trials: list[_DialectTrial], hints: TableHints) -> _DialectTrial:
+def _choose_decimal_sign(best_trials: list[_DialectTrial], hints: TableHints) -> _DialectTrial:
     """Choose among dialects that differ in the decimal sign only."""
     with_sign = [each for each in best_trials if each.decimals]
     # where no cell has a sign, the signs mean the same
@@ -157,7 +157,7 @@ def _decide_decimal(best_trials: list[_DialectTrial], hints: TableHints) -> _Dia
     return reading
 
 
-def split_rows(lines: Sequence[str], separator: str) -> Iterator[TextRow]:
+def iter_nonempty_rows(lines: Sequence[str], separator: str) -> Iterator[TextRow]:
     """Rows that are not empty, with stripped cells."""
     if separator == BLANKS:
         for number, line in enumerate(lines):
@@ -181,12 +181,12 @@ def split_rows(lines: Sequence[str], separator: str) -> Iterator[TextRow]:
         before = reader.line_num
 
 
-def _iter_separator_trials(
-    lines: Sequence[str], separator: str, decimals: Sequence[str], hints: TableHints
+def _iter_dialect_trials(
+    lines: Sequence[str], separator: str, decimal_signs: Sequence[str], hints: TableHints
 ) -> Iterator[_DialectTrial]:
     if not any(separator in line for line in lines):
         return
-    rows = list(split_rows(lines, separator))
+    rows = list(iter_nonempty_rows(lines, separator))
     below = max(hints.header_row or 0, hints.units_row or 0)
     data = [row for row in rows if row.line >= below]
     if not data:
@@ -206,25 +206,25 @@ def _iter_separator_trials(
             return
     is_quoted = any('"' in line for line in lines)
     # without quotes no cell holds the sign between the cells
-    for decimal in [d for d in decimals if d != separator or is_quoted] or decimals:
-        reading = _try_separators(rows, later, width, (separator, decimal), below)
+    for decimal in [d for d in decimal_signs if d != separator or is_quoted] or decimal_signs:
+        reading = _try_dialect(rows, later, width, (separator, decimal), below)
         if reading is not None:
             yield reading
 
 
-def _try_separators(
-    rows: list[TextRow], later_rows: list[TextRow], width: int, signs: tuple[str, str], below: int
+def _try_dialect(
+    rows: list[TextRow], later_rows: list[TextRow], width: int, signs: tuple[str, str], start: int
 ) -> _DialectTrial | None:
     separator, decimal = signs
     fitting = [row for row in later_rows if len(row.cells) == width] or later_rows
     columns = [[row.cells[k] for row in fitting if k < len(row.cells)] for k in range(width)]
-    kinds = [[classify_cell(cell, decimal) for cell in column] for column in columns]
+    kinds = [[classify_cell_text(cell, decimal) for cell in column] for column in columns]
     signed = [match_decimal_number(cell, decimal) for column in columns for cell in column]
     # a sign before three digits separates thousands where others show that it is not the decimal
     grouped = any("grouped" in each for each in kinds) or any(x and not y for x, y in signed)
     known = "grouped" if grouped else "odd"
     kinds = [[known if each == "maybe grouped" else each for each in column] for column in kinds]
-    numeric = [k for k, each in enumerate(kinds) if is_numeric(each)]
+    numeric = [k for k, each in enumerate(kinds) if are_most_cells_numeric(each)]
     if not numeric:
         return None
     odd = sum(each.count("odd") for each in kinds)
@@ -233,7 +233,7 @@ def _try_separators(
     if odd * 5 > sum(len(each) for each in kinds):
         return None
     is_data = [
-        row.line >= below
+        row.line >= start
         and (len(row.cells) > 1 or row is rows[-1])
         and _is_data_row(row.cells, numeric, width, decimal)
         for row in rows[: LIMITS.judged_rows]
@@ -245,7 +245,7 @@ def _try_separators(
             if yes
             and sum(n := is_data[k : k + LIMITS.next_rows]) >= LIMITS.next_data_fraction * len(n)
             # a row that is short of cells may be one of a long preamble
-            and not _do_names_follow(
+            and not _does_row_of_names_follow(
                 rows[
                     k + 1 : k
                     + 1
@@ -277,30 +277,30 @@ def _try_separators(
     )
 
 
-def _do_names_follow(
+def _does_row_of_names_follow(
     rows: Sequence[TextRow],
-    is_data: Sequence[bool],
-    numeric: Sequence[int],
+    are_data_rows: Sequence[bool],
+    numeric_columns: Sequence[int],
     width: int,
-    decimal: str,
+    decimal_sign: str,
 ) -> bool:
     """Whether names follow closely, so that a row above them is part of the preamble."""
     return any(
         len(row.cells) == width
-        and all(classify_cell(row.cells[k], decimal) == "text" for k in numeric)
-        for row, yes in zip(rows, is_data, strict=False)
+        and all(classify_cell_text(row.cells[k], decimal_sign) == "text" for k in numeric_columns)
+        for row, yes in zip(rows, are_data_rows, strict=False)
         if not yes
     )
 
 
 def _is_data_row(
-    cells: Sequence[str], numeric_columns: Sequence[int], width: int, decimal: str
+    cells: Sequence[str], numeric_columns: Sequence[int], width: int, decimal_sign: str
 ) -> bool:
     """Whether a row has numbers where the table has them."""
     if len(cells) > width + 1:
         return False
-    kinds = [classify_cell(cells[k], decimal) for k in numeric_columns if k < len(cells)]
-    return is_numeric(["number" if each == "maybe grouped" else each for each in kinds])
+    kinds = [classify_cell_text(cells[k], decimal_sign) for k in numeric_columns if k < len(cells)]
+    return are_most_cells_numeric(["number" if each == "maybe grouped" else each for each in kinds])
 
 
 def _find_dialect_of_header_only_table(
@@ -308,24 +308,23 @@ def _find_dialect_of_header_only_table(
 ) -> Dialect:
     """Dialect of a header without data; raises an error if it is not a table."""
     for separator in separators:
-        rows = list(split_rows(lines, separator))
+        rows = list(iter_nonempty_rows(lines, separator))
         if rows and len(rows) <= 2 and all(len(row.cells) > 1 for row in rows):
             reading = _DialectTrial(separator, ".", rows, len(rows), len(rows[0].cells), 0.0, 0, 0)
-            return _find_head_rows(reading, lines, hints)
+            return _find_header_rows(reading, lines, hints)
     raise DialectError(
         "its lines are not rows of cells with numbers; if they are written in another way, set "
         "[log] separator, decimal or header_row"
     )
 
 
-def _find_head_rows(reading: _DialectTrial, lines: Sequence[str], hints: TableHints) -> Dialect:
+def _find_header_rows(trial: _DialectTrial, lines: Sequence[str], hints: TableHints) -> Dialect:
     """Find the rows of names and units above the data."""
-    rows, width, separator = reading.rows, reading.width, reading.separator
+    rows, width, separator = trial.rows, trial.width, trial.separator
     above = [
-        strip_comment_and_join_brackets(row, separator, width, lines)
-        for row in rows[: reading.first]
+        strip_comment_and_join_brackets(row, separator, width, lines) for row in rows[: trial.first]
     ]
-    data = [row.cells for row in rows[reading.first :]]
+    data = [row.cells for row in rows[trial.first :]]
     is_blank_first = bool(data) and not any(row[0] for row in data)
     labelled = find_labelled_header_rows(above, width, is_blank_first=is_blank_first)
     is_given = hints.header_row is not None or hints.units_row is not None
@@ -339,7 +338,7 @@ def _find_head_rows(reading: _DialectTrial, lines: Sequence[str], hints: TableHi
     cells = cells[:width] if has_tail else cells
     while len(cells) > width and not cells[-1]:
         cells.pop()
-    if separator == BLANKS and len(cells) == width - 1 and _begins_with_a_date(data):
+    if separator == BLANKS and len(cells) == width - 1 and _does_data_begin_with_date(data):
         # one name stands over the day and the time
         cells = ["Date", "Time", *cells[1:]]
     if names is not None and len(cells) < width:
@@ -351,32 +350,31 @@ def _find_head_rows(reading: _DialectTrial, lines: Sequence[str], hints: TableHi
     if units is not None and hints.units_row is None:
         refuse_contradicting_units(cells, units.cells, units.line + 1)
     cell_units = tuple(
-        find_common_unit(
-            [row[k] for row in data[: LIMITS.judged_rows] if k < len(row) and row[k]],
-            reading.decimal,
+        find_common_unit_of_cells(
+            [row[k] for row in data[: LIMITS.judged_rows] if k < len(row) and row[k]], trial.decimal
         )
         for k in range(width)
     )
     stated = units.cells if units else tuple(each or "" for each in cell_units)
     dialect = Dialect(
         separator,
-        reading.decimal,
+        trial.decimal,
         tuple(make_column_names(cells, stated)),
-        rows[reading.first].line if reading.first < len(rows) else rows[-1].after,
+        rows[trial.first].line if trial.first < len(rows) else rows[-1].after,
         tuple(data[: LIMITS.judged_rows]),
         has_tail,
-        reading.is_grouped,
+        trial.is_grouped,
         cell_units,
         preamble=tuple(lines[: names.line if names else rows[0].line][:50]),
     )
-    return replace(dialect, notes=tuple(_describe_dialect(dialect, names, units)))
+    return replace(dialect, notes=tuple(_describe_dialect_choices(dialect, names, units)))
 
 
-def _begins_with_a_date(data: Sequence[Sequence[str]]) -> bool:
-    return bool(data) and is_date_only(data[0][0]) and is_time_of_day(data[0][1])
+def _does_data_begin_with_date(data: Sequence[Sequence[str]]) -> bool:
+    return bool(data) and is_date_only(data[0][0]) and has_time_of_day(data[0][1])
 
 
-def _describe_dialect(
+def _describe_dialect_choices(
     dialect: Dialect, names: TextRow | None, units: TextRow | None
 ) -> Iterator[str]:
     said: list[str] = []
@@ -394,7 +392,7 @@ def _describe_dialect(
         yield f"the table is read with {', '.join(said)}"
 
 
-def read_first_cells(dialect: Dialect, column: int, count: int = 50) -> list[str]:
+def read_first_filled_cells(dialect: Dialect, index: int, count: int = 50) -> list[str]:
     """First cells of a column that are not empty."""
-    cells = (row[column] for row in dialect.rows if column < len(row) and row[column])
+    cells = (row[index] for row in dialect.rows if index < len(row) and row[index])
     return list(islice(cells, count))

@@ -37,7 +37,7 @@ def write_sheet_as_csv(path: Path, sheet: str | None, copies: ExitStack) -> Path
             "Excel files need another library: pip install 'payscope[excel]', or save the sheet as "
             "CSV; nothing can be set"
         ) from None
-    _check_size(path)
+    _refuse_oversized_workbook(path)
     try:
         with path.open("rb") as file:
             book = CalamineWorkbook.from_object(file)
@@ -47,25 +47,27 @@ def write_sheet_as_csv(path: Path, sheet: str | None, copies: ExitStack) -> Path
             with place.open("w", encoding="utf-8", newline="") as text:
                 writer = csv.writer(text)
                 for row in book.get_sheet_by_name(chosen).iter_rows():
-                    writer.writerow([_format_cell(value) for value in row])
+                    writer.writerow([_format_cell_as_text(value) for value in row])
     except (CalamineError, *BROKEN_BYTES) as error:
         raise BrokenBytesError(f"it cannot be read: {error}") from error
     return place
 
 
-def _choose_sheet(book: Any, sheet: str | None) -> str:
-    names: list[str] = book.sheet_names
+def _choose_sheet(workbook: Any, sheet: str | None) -> str:
+    names: list[str] = workbook.sheet_names
     if sheet is not None:
         if sheet not in names:
             raise DialectError(f"no sheet '{sheet}'; it has {', '.join(names)}; set [log] sheet")
         return sheet
-    full = [name for name in names if book.get_sheet_by_name(name).height >= LIMITS.sheet_min_rows]
+    full = [
+        name for name in names if workbook.get_sheet_by_name(name).height >= LIMITS.sheet_min_rows
+    ]
     if len(full) != 1:
         raise DialectError(f"{len(full)} sheets hold rows ({', '.join(names)}); set [log] sheet")
     return full[0]
 
 
-def _format_cell(value: Any) -> str:
+def _format_cell_as_text(value: Any) -> str:
     """Value as a cell of a text table."""
     if isinstance(value, bool):
         return str(value).lower()
@@ -86,13 +88,13 @@ class _SheetExtent:
     def __init__(self) -> None:
         self._row, self._column = 1, 1
 
-    def add(self, text: bytes) -> None:
+    def update_from_xml_text(self, xml_text: bytes) -> None:
         """Search for cell positions (`r="XFD12"`) and rows (`r="12"`).
 
         Raises:
             BrokenBytesError: the sheet is too large.
         """
-        for column, row in _PLACE.findall(text):
+        for column, row in _PLACE.findall(xml_text):
             number = 0
             for letter in column:
                 number = number * 26 + letter - ord("A") + 1
@@ -105,7 +107,7 @@ class _SheetExtent:
             )
 
 
-def _check_size(path: Path) -> None:
+def _refuse_oversized_workbook(path: Path) -> None:
     """Unpack the file once without storing it, since the declared size of a bomb may be false."""
     try:
         with ZipFile(path) as archive:
@@ -116,7 +118,7 @@ def _check_size(path: Path) -> None:
                     while piece := file.read(LIMITS.workbook_piece_bytes):
                         left -= len(piece)
                         if member.filename.startswith(_SHEETS):
-                            corner.add(tail + piece)
+                            corner.update_from_xml_text(tail + piece)
                             tail = piece[-LIMITS.place_bytes :]
                         if left < 0:
                             raise BrokenBytesError(

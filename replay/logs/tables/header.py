@@ -5,7 +5,7 @@ import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from analysis.model.physical_units import (
     find_pint_name,
@@ -55,12 +55,12 @@ class ColumnName:
     unit: str | None
 
 
-def make_column_names(cells: Sequence[str], units: Sequence[str] = ()) -> list[ColumnName]:
+def make_column_names(cells: Sequence[str], unit_cells: Sequence[str] = ()) -> list[ColumnName]:
     """Distinct names that are not empty, with units from the names or the row of units.
 
     Args:
         cells: cells of the header.
-        units: cells of the row of units; () without one.
+        unit_cells: cells of the row of units; () without one.
     """
     over = [_OVER.fullmatch(cell.strip()) for cell in cells]
     is_over = len(cells) > 1 and all(match and find_pint_name(match["unit"]) for match in over)
@@ -73,15 +73,15 @@ def make_column_names(cells: Sequence[str], units: Sequence[str] = ()) -> list[C
             again += 1
             name = f"{stated} ({again + 1})"
         taken[stated], taken[name] = again, taken.get(name, 0)
-        bare, unit = split_column_unit(stated)
+        bare, unit = split_unit_from_column_name(stated)
         if is_over and (match := over[number - 1]):
             bare, unit = match["name"], find_pint_name(match["unit"])
-        row_unit = units[number - 1] if number <= len(units) else ""
+        row_unit = unit_cells[number - 1] if number <= len(unit_cells) else ""
         found.append(ColumnName(name, bare, find_pint_name(row_unit) or unit))
     return found
 
 
-def refuse_contradicting_units(cells: Sequence[str], units: Sequence[str], line: int) -> None:
+def refuse_contradicting_units(cells: Sequence[str], unit_cells: Sequence[str], line: int) -> None:
     """Raise an error if a column's name and the row of units state different units.
 
     Units of other dimensions are not compared: `v_N` in rpm is the speed of N.
@@ -89,8 +89,8 @@ def refuse_contradicting_units(cells: Sequence[str], units: Sequence[str], line:
     Raises:
         DialectError: a column has two units.
     """
-    for cell, stated in zip(cells, units, strict=False):
-        name, row = split_column_unit(" ".join(cell.split()))[1], find_pint_name(stated)
+    for cell, stated in zip(cells, unit_cells, strict=False):
+        name, row = split_unit_from_column_name(" ".join(cell.split()))[1], find_pint_name(stated)
         if name is None or row is None or name == row:
             continue
         with suppress(MachineError):
@@ -101,38 +101,45 @@ def refuse_contradicting_units(cells: Sequence[str], units: Sequence[str], line:
             )
 
 
-def split_column_unit(name: str) -> tuple[str, str | None]:
+class NameAndUnit(NamedTuple):
+    """Name of a column without its unit, and the unit."""
+
+    name: str
+    unit: str | None
+
+
+def split_unit_from_column_name(name: str) -> NameAndUnit:
     """Name without its unit, and the unit; None if no known unit is stated.
 
     `Velocity [km/h]`, `torque (Nm)`, `Speed / km/h`, `speed_kmh`, `left_Mz_Nm`.
     """
     name = _ZONE.sub("", name) or name
     if match := _FORM.fullmatch(name):
-        return match["name"], None
+        return NameAndUnit(match["name"], None)
     if has_multiple_of_unit(name):
-        return name, None
+        return NameAndUnit(name, None)
     for form in (_BRACKETS, _BEHIND, _MIDDLE):
         match = form.fullmatch(name)
         unit = find_pint_name(match["unit"]) if match and match["name"] else None
         if match and unit:
             rest = match["rest"] if form is _MIDDLE else ""
-            return f"{match['name'].strip()} {rest}".strip(), unit
+            return NameAndUnit(f"{match['name'].strip()} {rest}".strip(), unit)
     if (match := _REMARK.fullmatch(name)) and (remarked := _BEHIND.fullmatch(match["name"])):
         unit = find_pint_name(remarked["unit"])
         if unit:
-            return remarked["name"].strip(), unit
-    return split_unit_from_name(name)
+            return NameAndUnit(remarked["name"].strip(), unit)
+    return NameAndUnit(*split_unit_from_name(name))
 
 
-def name_column_by_last_part(column: ColumnName) -> ColumnName:
+def name_column_by_last_part(column_name: ColumnName) -> ColumnName:
     """Column named by the last part of its name: payload.ts, /robot/time."""
-    return replace(column, bare=re.split(r"[./]", column.bare)[-1])
+    return replace(column_name, bare=re.split(r"[./]", column_name.bare)[-1])
 
 
-def name_column_before_dash(column: ColumnName) -> ColumnName:
+def name_column_before_dash(column_name: ColumnName) -> ColumnName:
     """Column named by the part before its channel: Time (s) - Speed (m/s)."""
-    bare, unit = split_column_unit(column.name.partition(" - ")[0])
-    return replace(column, bare=bare, unit=unit)
+    bare, unit = split_unit_from_column_name(column_name.name.partition(" - ")[0])
+    return replace(column_name, bare=bare, unit=unit)
 
 
 def has_multiple_of_unit(name: str) -> bool:
@@ -150,14 +157,14 @@ def find_zone_offset_s(name: str) -> int | None:
     return -offset if match["sign"] == "-" else offset
 
 
-def is_row_of_units(cells: Sequence[str], *, half: bool = False) -> bool:
-    """Whether a row contains only units, most of them known (half with `half`)."""
+def is_row_of_units(cells: Sequence[str], *, is_half_enough: bool = False) -> bool:
+    """Whether a row contains only units, most of them known (half with `is_half_enough`)."""
     said = [cell.strip() for cell in cells if cell.strip()]
     known = sum(find_pint_name(cell) is not None for cell in said)
     blank = sum(cell.strip("[]() ") in ("", "-", "–", "1", "bool", "none") for cell in said)
     # a unit that is not known is still short, or in brackets
     short = sum(len(cell) <= LIMITS.unit_characters or cell[0] in "[(" for cell in said)
-    enough = 2 * (known + blank) + half > len(said)
+    enough = 2 * (known + blank) + is_half_enough > len(said)
     return known > 0 and short == len(said) and enough
 
 
@@ -171,7 +178,7 @@ class TextRow:
 
 
 def strip_comment_and_join_brackets(
-    row: TextRow, separator: str, width: int, lines: Sequence[str]
+    row: TextRow, separator: str, column_count: int, lines: Sequence[str]
 ) -> TextRow:
     """Row above the data without comment sign; words in brackets belong to their name."""
     text = _COMMENT.sub("", lines[row.line])
@@ -181,23 +188,30 @@ def strip_comment_and_join_brackets(
         cells = next(csv.reader([text], delimiter=separator), [])
         return TextRow(row.line, row.after, tuple(cell.strip() for cell in cells) or row.cells)
     cells = text.split()
-    if len(cells) != width:
+    if len(cells) != column_count:
         wide = [cell.strip() for cell in re.split(r"\t|\s{2,}", text.strip())]
-        if len(wide) == width:
+        if len(wide) == column_count:
             return TextRow(row.line, row.after, tuple(wide))
         joint = re.sub(r"\s+(?=[\[(])", "\0", text.strip()).split()
         cells = [cell.replace("\0", " ") for cell in joint]
     return TextRow(row.line, row.after, tuple(cells))
 
 
+class HeaderRows(NamedTuple):
+    """Rows of names and units above the data; None for each that is missing."""
+
+    names: TextRow | None
+    units: TextRow | None
+
+
 def find_name_and_unit_rows(
-    rows_above: list[TextRow], width: int, hints: TableHints
-) -> tuple[TextRow | None, TextRow | None]:
+    rows_above: list[TextRow], column_count: int, hints: TableHints
+) -> HeaderRows:
     """Row of the names and row of the units; None for each that is missing.
 
     Args:
         rows_above: rows above the data, in order.
-        width: number of data columns.
+        column_count: number of data columns.
         hints: properties given by the user.
 
     Raises:
@@ -212,7 +226,7 @@ def find_name_and_unit_rows(
     given = by_line.get(hints.header_row or -1)
     stated = by_line.get(hints.units_row or -1)
     if hints.header_row == 0:
-        return None, stated
+        return HeaderRows(None, stated)
     if given is not None:
         if stated is None and hints.units_row is None:
             nearby = [row for row in rows_above if abs(row.line - given.line) <= 2 and row != given]
@@ -220,32 +234,32 @@ def find_name_and_unit_rows(
                 (
                     r
                     for r in nearby
-                    if _has_cell_for_each_column(r, width) and is_row_of_units(r.cells)
+                    if _has_cell_for_each_column(r, column_count) and is_row_of_units(r.cells)
                 ),
                 None,
             )
-        return given, stated
-    stated, wide = _find_wide_rows(rows_above, width, stated, hints)
+        return HeaderRows(given, stated)
+    stated, wide = _find_rows_as_wide_as_table(rows_above, column_count, stated, hints)
     if not wide:
-        return None, stated
+        return HeaderRows(None, stated)
     if hints.units_row is None and stated is None and len(wide) > 2:
         # below the units may stand a row of types
         (*_, third, second, first) = wide
         together = first.line - third.line <= 2
         if (
             together
-            and is_row_of_units(second.cells, half=True)
+            and is_row_of_units(second.cells, is_half_enough=True)
             and not is_row_of_units(first.cells + third.cells)
         ):
-            return third, second
+            return HeaderRows(third, second)
     if stated is not None or len(wide) == 1:
-        return wide[-1], stated
-    return take_name_and_unit_rows(*wide[-2:], has_no_units=hints.units_row == 0)
+        return HeaderRows(wide[-1], stated)
+    return select_name_and_unit_rows(*wide[-2:], has_no_units=hints.units_row == 0)
 
 
-def take_name_and_unit_rows(
-    before: TextRow, last: TextRow, *, has_no_units: bool
-) -> tuple[TextRow, TextRow | None]:
+def select_name_and_unit_rows(
+    row_before: TextRow, last_row: TextRow, *, has_no_units: bool
+) -> HeaderRows:
     """Names, and units if one of the last two rows contains only units.
 
     Raises:
@@ -253,22 +267,22 @@ def take_name_and_unit_rows(
     """
     if has_no_units:
         # there are none, and what looks like them holds no names either
-        return (before if is_row_of_units(last.cells) else last), None
-    if last.line - before.line > 2:
-        return last, None
-    if is_row_of_units(last.cells) and is_row_of_units(before.cells):
+        return HeaderRows((row_before if is_row_of_units(last_row.cells) else last_row), None)
+    if last_row.line - row_before.line > 2:
+        return HeaderRows(last_row, None)
+    if is_row_of_units(last_row.cells) and is_row_of_units(row_before.cells):
         raise DialectError(
-            f"lines {before.line + 1} and {last.line + 1} may both hold the units; set [log] "
-            "units_row and header_row"
+            f"lines {row_before.line + 1} and {last_row.line + 1} may both hold the units; set "
+            "[log] units_row and header_row"
         )
-    if is_row_of_units(last.cells):
-        return before, last
-    return last, before if is_row_of_units(before.cells) else None
+    if is_row_of_units(last_row.cells):
+        return HeaderRows(row_before, last_row)
+    return HeaderRows(last_row, row_before if is_row_of_units(row_before.cells) else None)
 
 
 def find_labelled_header_rows(
-    rows_above: list[TextRow], width: int, *, is_blank_first: bool
-) -> tuple[TextRow, TextRow] | None:
+    rows_above: list[TextRow], column_count: int, *, is_blank_first: bool
+) -> HeaderRows | None:
     """Rows of names and units that begin with a label: "SIGNAL", "TIME", "CH1".
 
     There is no column below the labels: data rows have a blank there, or a cell less. In the latter
@@ -277,25 +291,28 @@ def find_labelled_header_rows(
     rows = [
         TextRow(row.line, row.after, ("",) * is_blank_first + row.cells[1:])
         for row in rows_above
-        if row.cells[0] and (is_blank_first or len(row.cells) == width + 1)
+        if row.cells[0] and (is_blank_first or len(row.cells) == column_count + 1)
     ]
-    rows = [row for row in rows if width - sum(map(bool, row.cells)) <= 2 * is_blank_first]
+    rows = [row for row in rows if column_count - sum(map(bool, row.cells)) <= 2 * is_blank_first]
     units = [row for row in rows if is_row_of_units(row.cells)]
     names = [row for row in rows if row not in units and not any(map(_NUMBER.fullmatch, row.cells))]
     words = {row.line: row.cells[0] for row in rows_above}
     said = any(_OF_UNITS.search(words[row.line]) for row in units)
     if not names or not units or not (said or is_blank_first):
         return None
-    return names[-1], min(units, key=lambda row: abs(row.line - names[-1].line))
+    return HeaderRows(names[-1], min(units, key=lambda row: abs(row.line - names[-1].line)))
 
 
-def _find_wide_rows(
-    rows_above: list[TextRow], width: int, stated_rows: TextRow | None, hints: TableHints
+def _find_rows_as_wide_as_table(
+    rows_above: list[TextRow], column_count: int, stated_rows: TextRow | None, hints: TableHints
 ) -> tuple[TextRow | None, list[TextRow]]:
     """Row of units if labelled as such, and candidate rows for names or units."""
-    attributes = {row.line: found for row in rows_above if (found := parse_attribute_row(row))}
+    attributes = {
+        row.line: found for row in rows_above if (found := parse_row_of_column_attribute(row))
+    }
     if not any(
-        _has_cell_for_each_column(row, width) and row.line not in attributes for row in rows_above
+        _has_cell_for_each_column(row, column_count) and row.line not in attributes
+        for row in rows_above
     ):
         # one word before all names is a part of them: "Latest: Time (s)"
         attributes = {}
@@ -306,21 +323,28 @@ def _find_wide_rows(
     wide = [
         row
         for row in rows_above
-        if _has_cell_for_each_column(row, width)
+        if _has_cell_for_each_column(row, column_count)
         and row != stated_rows
         and row.line not in attributes
     ]
     return stated_rows, wide
 
 
-def parse_attribute_row(row: TextRow) -> tuple[str, TextRow] | None:
+class ColumnAttribute(NamedTuple):
+    """Attribute that a row states for each column, and its cells."""
+
+    attribute: str
+    cells: TextRow
+
+
+def parse_row_of_column_attribute(row: TextRow) -> ColumnAttribute | None:
     """Attribute that a row states for each column, and its cells; None for other rows."""
     said = [_ATTRIBUTE.fullmatch(cell) for cell in row.cells if cell]
     keys = {match["key"].lower() if match else None for match in said}
     if len(said) < len(row.cells) // 2 or len(keys) != 1 or None in keys or len(row.cells) < 3:
         return None
     cells = tuple(cell.partition(":")[2].strip() for cell in row.cells)
-    return str(keys.pop()), TextRow(row.line, row.after, cells)
+    return ColumnAttribute(str(keys.pop()), TextRow(row.line, row.after, cells))
 
 
 def _has_cell_for_each_column(row: TextRow, width: int) -> bool:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import polars as pl
 
-from replay.logs.tables.dates import convert_clock_times_to_stamps, is_time_of_day
+from replay.logs.tables.dates import convert_clock_times_to_log_times, has_time_of_day
 from replay.logs.tables.header import ColumnName
 from replay.logs.tables.table_limits import LIMITS
 from replay.logs.tables.times import NS_PER_UNIT, TimeError, convert_times_to_ns
@@ -17,27 +17,27 @@ def find_only_time_column(
 
     It contains times of day to the second, or has a unit of time and increases with each row.
     """
-    clocks = [k for k in range(len(columns)) if is_clock_column(cells(k))]
+    clocks = [k for k in range(len(columns)) if are_cells_advancing_clock_times(cells(k))]
     if clocks:
         return clocks if len(clocks) == 1 else []
     rising = [
         k
         for k, column in enumerate(columns)
-        if column.unit in NS_PER_UNIT and is_strictly_increasing(cells(k))
+        if column.unit in NS_PER_UNIT and are_cells_strictly_increasing(cells(k))
     ]
     return rising if len(rising) == 1 else []
 
 
-def is_clock_column(cells: list[str]) -> bool:
+def are_cells_advancing_clock_times(cells: list[str]) -> bool:
     """Whether cells are times of day to the second that advance."""
     return (
         len(set(cells)) > 1
-        and is_time_of_day(cells[0])
-        and all(cell.count(":") > 1 and is_time_of_day(cell) for cell in cells)
+        and has_time_of_day(cells[0])
+        and all(cell.count(":") > 1 and has_time_of_day(cell) for cell in cells)
     )
 
 
-def is_strictly_increasing(cells: list[str]) -> bool:
+def are_cells_strictly_increasing(cells: list[str]) -> bool:
     """Whether the cells are strictly increasing numbers."""
     numbers = pl.Series(cells, dtype=pl.String).str.replace(",", ".").cast(pl.Float64, strict=False)
     steps = numbers.diff().drop_nulls()
@@ -51,35 +51,35 @@ def is_strictly_increasing(cells: list[str]) -> bool:
 def describe_contradicting_time_column(
     columns: Sequence[ColumnName],
     cells: Callable[[int], list[str]],
-    name: str,
-    stamps: pl.Series,
+    time_column: str,
+    log_times: pl.Series,
 ) -> str | None:
     """Sentence on another time column with a different duration of the first rows.
 
     Args:
         columns: columns of the table.
         cells: returns the first cells of a column, by index.
-        name: detected time column.
-        stamps: times of the first rows by it, in ns.
+        time_column: detected time column.
+        log_times: times of the first rows by it, in ns.
 
     Returns:
         The sentence; None if the times agree.
     """
-    taken_s = find_rising_span_s(stamps)
+    taken_s = compute_span_if_increasing_s(log_times)
     if taken_s is None:
         return None
     for place, column in enumerate(columns):
-        own = cells(place) if column.name != name else []
-        if len(own) != stamps.len() or not _may_column_be_time(column, own):
+        own = cells(place) if column.name != time_column else []
+        if len(own) != log_times.len() or not _may_column_be_time(column, own):
             continue
-        other_s = _find_column_span_s(column, own)
+        other_s = _compute_time_span_of_column_s(column, own)
         if other_s is None:
             continue
         if abs(other_s - taken_s) > LIMITS.clock_drift_s + LIMITS.clock_drift_fraction * max(
             other_s, taken_s
         ):
             return (
-                f"its first {stamps.len()} rows last {taken_s:.3g} s, and {other_s:.3g} s by "
+                f"its first {log_times.len()} rows last {taken_s:.3g} s, and {other_s:.3g} s by "
                 f"'{column.name}': set [log] time to the correct one, and time_unit"
             )
     return None
@@ -87,24 +87,26 @@ def describe_contradicting_time_column(
 
 def _may_column_be_time(column: ColumnName, cells: list[str]) -> bool:
     named = column.unit in NS_PER_UNIT and "time" in column.bare.lower()
-    return named or is_clock_column(cells)
+    return named or are_cells_advancing_clock_times(cells)
 
 
-def _find_column_span_s(column: ColumnName, cells: list[str]) -> float | None:
+def _compute_time_span_of_column_s(column: ColumnName, cells: list[str]) -> float | None:
     text = pl.Series(column.name, cells, dtype=pl.String)
     try:
-        if is_clock_column(cells):
-            return find_rising_span_s(convert_clock_times_to_stamps(None, text, None)[0])
+        if are_cells_advancing_clock_times(cells):
+            return compute_span_if_increasing_s(
+                convert_clock_times_to_log_times(None, text, None)[0]
+            )
         return (
-            find_rising_span_s(convert_times_to_ns(text, column.unit or "s"))
-            if is_strictly_increasing(cells)
+            compute_span_if_increasing_s(convert_times_to_ns(text, column.unit or "s"))
+            if are_cells_strictly_increasing(cells)
             else None
         )
     except TimeError:
         return None
 
 
-def find_rising_span_s(stamps: pl.Series) -> float | None:
+def compute_span_if_increasing_s(stamps: pl.Series) -> float | None:
     """Seconds from first to last stamp; None if they do not increase."""
     there = stamps.drop_nulls()
     if there.len() < LIMITS.rising_min_rows or (there.diff() < 0).any():

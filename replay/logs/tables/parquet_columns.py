@@ -12,7 +12,7 @@ from pyarrow.parquet import ParquetFile
 
 from analysis.model.physical_units import find_pint_name
 from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
-from replay.logs.tables.header import ColumnName, split_column_unit
+from replay.logs.tables.header import ColumnName, split_unit_from_column_name
 
 _MAPS: Final = ("units", "unit", "column_units")
 _OF_A_COLUMN: Final = (
@@ -46,8 +46,8 @@ class ParquetColumns:
         """
         self._path = path
         self.notes: tuple[str, ...] = ()
-        schema = self._read_schema()
-        self.metadata = _decode_texts(schema.metadata or {})
+        schema = self._read_arrow_schema()
+        self.metadata = _decode_metadata_texts(schema.metadata or {})
         flat = [field for field in schema if not pa.types.is_nested(field.type)]
         stated = find_schema_units(self.metadata, [field.name for field in flat])
         self.columns = [
@@ -56,12 +56,12 @@ class ParquetColumns:
         ]
         self.names = [column.name for column in self.columns]
 
-    def _read_schema(self) -> Any:
-        with _guard_library_call(), ParquetFile(self._path) as file:
+    def _read_arrow_schema(self) -> Any:
+        with _convert_arrow_errors(), ParquetFile(self._path) as file:
             self._footer = file.metadata
             return file.schema_arrow
 
-    def first_text_cells(self, column_index: int) -> list[str]:  # noqa: ARG002 as of a text
+    def read_first_text_cells(self, column_index: int) -> list[str]:  # noqa: ARG002 as of a text
         """Empty, since columns of a Parquet file have types."""
         return []
 
@@ -70,17 +70,17 @@ class ParquetColumns:
         """Number of rows."""
         return int(self._footer.num_rows)
 
-    def read(self, names: Sequence[str]) -> dict[str, pl.Series]:
+    def read_columns(self, names: Sequence[str]) -> dict[str, pl.Series]:
         """Columns, (rows,) each.
 
         Raises:
             BrokenBytesError: the pages of a column are damaged.
         """
-        return {name: self._read(name) for name in names}
+        return {name: self._read_column_as_series(name) for name in names}
 
-    def _read(self, name: str) -> pl.Series:
-        column = self._read_column(name)
-        with _guard_library_call():
+    def _read_column_as_series(self, name: str) -> pl.Series:
+        column = self._read_arrow_column(name)
+        with _convert_arrow_errors():
             # polars takes it that text is UTF-8, and panics at names that are not
             column.validate(full=True)
             getattr(column.type, "tz", None)
@@ -90,16 +90,16 @@ class ParquetColumns:
             raise BrokenBytesError(f"{series.len():,} of {rows:,} rows were found")
         return series
 
-    def _read_column(self, name: str) -> Any:
-        with _guard_library_call(), ParquetFile(self._path, metadata=self._footer) as file:
+    def _read_arrow_column(self, name: str) -> Any:
+        with _convert_arrow_errors(), ParquetFile(self._path, metadata=self._footer) as file:
             return file.read([name])[name]
 
 
 class ArrowColumns(ParquetColumns):
     """Flat columns of an Arrow file (Feather 2), read on demand."""
 
-    def _read_schema(self) -> Any:
-        with _guard_library_call(), pa.OSFile(str(self._path)) as source:
+    def _read_arrow_schema(self) -> Any:
+        with _convert_arrow_errors(), pa.OSFile(str(self._path)) as source:
             file = pa.ipc.open_file(source)
             self._batches = file.num_record_batches
             self._height = sum(file.get_batch(k).num_rows for k in range(self._batches))
@@ -110,8 +110,8 @@ class ArrowColumns(ParquetColumns):
         """Number of rows."""
         return self._height
 
-    def _read_column(self, name: str) -> Any:
-        with _guard_library_call(), pa.OSFile(str(self._path)) as source:
+    def _read_arrow_column(self, name: str) -> Any:
+        with _convert_arrow_errors(), pa.OSFile(str(self._path)) as source:
             place = pa.ipc.open_file(source).schema.get_field_index(name)
             options = pa.ipc.IpcReadOptions(included_fields=[place])
             one = pa.ipc.open_file(source, options=options)
@@ -119,7 +119,7 @@ class ArrowColumns(ParquetColumns):
             return pa.Table.from_batches(batches, schema=one.schema)[name]
 
 
-def _decode_texts(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
+def _decode_metadata_texts(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
     """Metadata entries that are text."""
     return {
         key.decode(errors="replace"): text.decode(errors="replace")
@@ -128,7 +128,7 @@ def _decode_texts(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
 
 
 @contextmanager
-def _guard_library_call() -> Generator[None]:
+def _convert_arrow_errors() -> Generator[None]:
     try:
         yield
     except (pa.ArrowException, *BROKEN_BYTES) as error:
@@ -140,7 +140,7 @@ def _make_column_name(
 ) -> ColumnName:
     """Column with the unit from its metadata, the schema's metadata, or its name."""
     stated = next((metadata[key] for key in _UNIT_KEYS if key in metadata), b"")
-    bare, unit = split_column_unit(name)
+    bare, unit = split_unit_from_column_name(name)
     own = find_pint_name(stated.decode("utf-8", "replace"))
     return ColumnName(name, bare, own or schema_unit or unit)
 
@@ -153,14 +153,14 @@ def find_schema_units(metadata: Mapping[str, str], names: Sequence[str]) -> dict
         names: names of its columns.
     """
     found: dict[str, str] = {}
-    for name, text in _iter_stated_units(metadata, names):
+    for name, text in _iter_units_in_metadata(metadata, names):
         unit = find_pint_name(text)
         if unit is not None:
             found.setdefault(name, unit)
     return found
 
 
-def _iter_stated_units(
+def _iter_units_in_metadata(
     metadata: Mapping[str, str], names: Sequence[str]
 ) -> Iterator[tuple[str, str]]:
     for name in names:
@@ -168,9 +168,9 @@ def _iter_stated_units(
         yield from ((name, metadata[key]) for key in keys if key in metadata)
     known = frozenset(names)
     for key in _MAPS:
-        yield from _iter_map_units(try_parse_json(metadata.get(key)), known)
+        yield from _iter_units_in_json_map(parse_json_or_none(metadata.get(key)), known)
     for key in _ATTRIBUTES:
-        yield from iter_attribute_units(try_parse_json(metadata.get(key)), known)
+        yield from iter_attribute_units(parse_json_or_none(metadata.get(key)), known)
 
 
 def iter_attribute_units(attributes: Any, known_names: frozenset[str]) -> Iterator[tuple[str, str]]:
@@ -178,15 +178,17 @@ def iter_attribute_units(attributes: Any, known_names: frozenset[str]) -> Iterat
     if not isinstance(attributes, dict):
         return
     for key in _MAPS:
-        yield from _iter_map_units(attributes.get(key), known_names)
-    yield from _iter_map_units(attributes, known_names)
+        yield from _iter_units_in_json_map(attributes.get(key), known_names)
+    yield from _iter_units_in_json_map(attributes, known_names)
     columns = attributes.get("columns")
     for column in columns if isinstance(columns, list) else ():
         if isinstance(column, dict) and isinstance(column.get("name"), str):
-            yield from _iter_map_units({column["name"]: column.get("metadata")}, known_names)
+            yield from _iter_units_in_json_map(
+                {column["name"]: column.get("metadata")}, known_names
+            )
 
 
-def _iter_map_units(units: Any, known_names: frozenset[str]) -> Iterator[tuple[str, str]]:
+def _iter_units_in_json_map(units: Any, known_names: frozenset[str]) -> Iterator[tuple[str, str]]:
     """Units in `{"speed": "km/h"}`, or `{"speed": {"unit": "km/h"}}`."""
     for name, stated in units.items() if isinstance(units, dict) else ():
         if name not in known_names:
@@ -197,7 +199,7 @@ def _iter_map_units(units: Any, known_names: frozenset[str]) -> Iterator[tuple[s
             yield name, stated
 
 
-def try_parse_json(text: str | None) -> Any:
+def parse_json_or_none(text: str | None) -> Any:
     """Parsed JSON; None if invalid or nested too deeply."""
     try:
         return json.loads(text) if text else None

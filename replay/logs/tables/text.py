@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from replay.logs.messages.broken_bytes import BrokenBytesError, describe_other_file
+from replay.logs.messages.broken_bytes import BrokenBytesError, describe_file_of_other_format
 from replay.logs.tables.hints import DialectError
 from replay.logs.tables.table_limits import LIMITS
 
@@ -54,8 +54,8 @@ def convert_file_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
     """
     with path.open("rb") as file:
         if file.read(2) == _GZIP:
-            return _unpack_gzip(path, encoding)
-    found = encoding or _recognise_encoding(path)
+            return _decompress_gzip_to_utf8(path, encoding)
+    found = encoding or _detect_text_encoding(path)
     try:
         name = codecs.lookup(found).name
         # there are codecs that make no text: base64
@@ -65,15 +65,17 @@ def convert_file_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
             f"no encoding '{found}'; [log] encoding is utf-8, utf-16 or latin-1"
         ) from None
     notes = () if encoding or name.startswith("utf-8") else (f"its text is decoded as {found}",)
-    if _has_cr_line_ends(path):
+    if _does_file_use_cr_line_ends(path):
         notes = (*notes, "its lines end in a carriage return alone")
-        return _copy_lines_to_file(path, _iter_lines(path, found, any_end=True), notes)
+        return _write_lines_as_utf8_copy(
+            path, _iter_decoded_lines(path, found, is_any_line_end_accepted=True), notes
+        )
     if name in ("utf-8", "ascii", "utf-8-sig"):
         return Utf8Text(path)
-    return _copy_lines_to_file(path, _iter_lines(path, found), notes)
+    return _write_lines_as_utf8_copy(path, _iter_decoded_lines(path, found), notes)
 
 
-def _unpack_gzip(path: Path, encoding: str | None) -> Utf8Text:
+def _decompress_gzip_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
     """The text of a gzip file."""
     folder = tempfile.TemporaryDirectory(prefix="payscope-table-")
     place = Path(folder.name) / path.name.removesuffix(".gz")
@@ -103,7 +105,7 @@ def _unpack_gzip(path: Path, encoding: str | None) -> Utf8Text:
     return text
 
 
-def _has_cr_line_ends(path: Path) -> bool:
+def _does_file_use_cr_line_ends(path: Path) -> bool:
     """Whether lines end in a carriage return alone, as in files of old Macintoshes."""
     with path.open("rb") as file:
         head = file.read(LIMITS.head_bytes)
@@ -112,8 +114,8 @@ def _has_cr_line_ends(path: Path) -> bool:
 
 def copy_with_blanks_as_tabs(text: Utf8Text) -> Utf8Text:
     """Copy with each run of blanks replaced by a tab."""
-    lines = ("\t".join(line.split()) + "\n" for line in _iter_lines(text.path, "utf-8-sig"))
-    return _copy_lines_to_file(text.path, lines, text.notes)
+    lines = ("\t".join(line.split()) + "\n" for line in _iter_decoded_lines(text.path, "utf-8-sig"))
+    return _write_lines_as_utf8_copy(text.path, lines, text.notes)
 
 
 def copy_with_ascii_digits(text: Utf8Text) -> Utf8Text | None:
@@ -128,8 +130,10 @@ def copy_with_ascii_digits(text: Utf8Text) -> Utf8Text | None:
         return None
     beyond = map(chr, range(0x80, 0x10000))
     table = {ord(each): str(int(each)) for each in beyond if each.isdecimal()}
-    lines = (line.translate(table | _OTHER_SIGNS) for line in _iter_lines(text.path, "utf-8-sig"))
-    return _copy_lines_to_file(
+    lines = (
+        line.translate(table | _OTHER_SIGNS) for line in _iter_decoded_lines(text.path, "utf-8-sig")
+    )
+    return _write_lines_as_utf8_copy(
         text.path, lines, (*text.notes, "its digits belong to another script")
     )
 
@@ -155,7 +159,7 @@ def copy_without_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
     return Utf8Text(place, folder, text.notes)
 
 
-def _copy_lines_to_file(path: Path, lines: Iterator[str], notes: tuple[str, ...]) -> Utf8Text:
+def _write_lines_as_utf8_copy(path: Path, lines: Iterator[str], notes: tuple[str, ...]) -> Utf8Text:
     folder = tempfile.TemporaryDirectory(prefix="payscope-table-")
     place = Path(folder.name) / path.name
     try:
@@ -167,17 +171,21 @@ def _copy_lines_to_file(path: Path, lines: Iterator[str], notes: tuple[str, ...]
     return Utf8Text(place, folder, notes)
 
 
-def _iter_lines(path: Path, encoding: str, *, any_end: bool = False) -> Iterator[str]:
-    with path.open(encoding=encoding, errors="replace", newline=None if any_end else "") as file:
+def _iter_decoded_lines(
+    path: Path, encoding: str, *, is_any_line_end_accepted: bool = False
+) -> Iterator[str]:
+    with path.open(
+        encoding=encoding, errors="replace", newline=None if is_any_line_end_accepted else ""
+    ) as file:
         # in pieces: a line of a damaged file may be all of it
         while piece := file.readline(LIMITS.piece_bytes):
             yield piece
 
 
-def _recognise_encoding(path: Path) -> str:
+def _detect_text_encoding(path: Path) -> str:
     with path.open("rb") as file:
         head = file.read(LIMITS.head_bytes)
-    if other := describe_other_file(head, ""):
+    if other := describe_file_of_other_format(head, ""):
         raise BrokenBytesError(other)
     for mark, name in _MARKS:
         if head.startswith(mark):

@@ -6,7 +6,7 @@ The size of the numbers identifies a clock that counts from another day than 197
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isfinite
-from typing import Final
+from typing import Final, NamedTuple
 
 import polars as pl
 
@@ -38,7 +38,7 @@ def convert_times_to_ns(values: pl.Series, unit: str) -> pl.Series:
         values = parse_times_from_text(values)
     dtype = values.dtype
     if dtype.is_temporal():
-        return _datetimes_to_ns(values)
+        return _convert_datetimes_to_ns(values)
     if dtype.is_integer():
         largest = (2**63 - 1) // NS_PER_UNIT[unit]
         refuse_times_beyond_64_bits((values.min(), values.max()), largest, unit)
@@ -56,13 +56,15 @@ def _convert_floats_to_ns(values: pl.Series, unit: str) -> pl.Series:
         extremes = finite.min(), finite.max()
     refuse_times_beyond_64_bits(extremes, (2**63 - 1) // ns - 1, unit)
     if all(isinstance(each, float) and abs(each) * ns < _EXACT_NS for each in extremes):
-        return values.to_frame().select(_round_to_integers(number * ns)).to_series()
+        return values.to_frame().select(_make_rounding_expression(number * ns)).to_series()
     whole = number.floor()
-    stamps = whole.cast(pl.Int64, strict=False) * ns + _round_to_integers((number - whole) * ns)
+    stamps = whole.cast(pl.Int64, strict=False) * ns + _make_rounding_expression(
+        (number - whole) * ns
+    )
     return values.to_frame().select(stamps.alias(values.name)).to_series()
 
 
-def _round_to_integers(values: pl.Expr) -> pl.Expr:
+def _make_rounding_expression(values: pl.Expr) -> pl.Expr:
     return values.round(mode="half_to_even").cast(pl.Int64, strict=False)
 
 
@@ -81,7 +83,7 @@ def parse_times_from_text(values: pl.Series) -> pl.Series:
         raise TimeError(f"its text is not a time ('{present[0]}')") from error
 
 
-def _datetimes_to_ns(values: pl.Series) -> pl.Series:
+def _convert_datetimes_to_ns(values: pl.Series) -> pl.Series:
     if isinstance(values.dtype, pl.Datetime):
         return values.dt.timestamp("ns")
     if isinstance(values.dtype, pl.Duration):
@@ -114,10 +116,10 @@ class Epoch:
     unit_ns: int
     at_1970: float
 
-    def covers_numbers(self, low: float, high: float) -> bool:
-        """Whether this clock would place numbers from `low` to `high` between 2000 and 2041."""
+    def covers_numbers(self, min_number: float, max_number: float) -> bool:
+        """Whether this clock places `min_number` to `max_number` between 2000 and 2041."""
         begin, end = (s * 1e9 / self.unit_ns + self.at_1970 for s in _LOG_S)
-        return begin <= low and high < end
+        return begin <= min_number and max_number < end
 
     def to_unix_ns(self, numbers: pl.Series) -> pl.Series:
         """Convert numbers counted from this epoch to Int64 ns since 1970."""
@@ -145,30 +147,39 @@ _OTHERS: Final = (
 
 
 def find_plausible_epoch(
-    low: float, high: float, step: float, steps_s: tuple[float, float]
+    min_number: float, max_number: float, typical_step: float, steps_s: tuple[float, float]
 ) -> Epoch | None:
     """Clock by which numbers are plausible dates of a log; None without one.
 
     Args:
-        low: smallest number.
-        high: largest number.
-        step: from row to row.
+        min_number: smallest number.
+        max_number: largest number.
+        typical_step: from row to row.
         steps_s: smallest and largest plausible step of a log, in s.
     """
     for epoch in _OTHERS:
         if (
-            epoch.covers_numbers(low, high)
-            and steps_s[0] <= step * epoch.unit_ns / 1e9 <= steps_s[1]
+            epoch.covers_numbers(min_number, max_number)
+            and steps_s[0] <= typical_step * epoch.unit_ns / 1e9 <= steps_s[1]
         ):
             return epoch
     return None
 
 
-def correct_epoch_of_1904(stamps: pl.Series) -> tuple[pl.Series, str | None]:
+class CorrectedTimes(NamedTuple):
+    """Log times in ns since 1970, and a note if they were corrected."""
+
+    log_times: pl.Series
+    note: str | None
+
+
+def correct_labview_epoch(log_times: pl.Series) -> CorrectedTimes:
     """Stamps in ns since 1970, corrected if LabVIEW counted from 1904, and a note if so."""
-    low, high = stamps.min(), stamps.max()
+    low, high = log_times.min(), log_times.max()
     if not isinstance(low, int) or not isinstance(high, int):
-        return stamps, None
+        return CorrectedTimes(log_times, None)
     if not _LABVIEW.covers_numbers(low / 1e9, high / 1e9):
-        return stamps, None
-    return stamps - int(_LABVIEW.at_1970) * _LABVIEW.unit_ns, f"its times are {_LABVIEW.name}"
+        return CorrectedTimes(log_times, None)
+    return CorrectedTimes(
+        log_times - int(_LABVIEW.at_1970) * _LABVIEW.unit_ns, f"its times are {_LABVIEW.name}"
+    )

@@ -9,7 +9,11 @@ from numpy.typing import NDArray
 
 from analysis.simulation import SimulatedLog
 from estimators.arrays import Ints
-from replay.logs.writers.recorded_order import FullChunk, iter_record_blocks, split_into_chunks
+from replay.logs.writers.recorded_order import (
+    FullChunk,
+    iter_records_in_time_order,
+    split_into_chunks,
+)
 from replay.logs.writers.ros_messages import TOPICS, make_recorded_topics
 from replay.logs.writers.serialise_messages import Envelope
 
@@ -40,12 +44,14 @@ def write_bag(log: SimulatedLog, path: Path) -> None:
     connections: list[bytes] = []
     for name, number in numbers.items():
         definition, digest = store.generate_msgdef(TOPICS[name].msgtype)
-        connections.append(_make_connection_record(number, name, definition, digest))
+        connections.append(_encode_connection_record(number, name, definition, digest))
     topics = make_recorded_topics(log, store, numbers, _make_envelope, ros1=True)
     with path.open("xb") as file:
         file.write(_MAGIC + _encode_bag_header(0, 0, 0))
-        whole = split_into_chunks(iter_record_blocks(topics), b"".join(connections), _CHUNK_BYTES)
-        written = [_write_chunk(file, chunk) for chunk in whole]
+        whole = split_into_chunks(
+            iter_records_in_time_order(topics), b"".join(connections), _CHUNK_BYTES
+        )
+        written = [_write_chunk_record(file, chunk) for chunk in whole]
         index_at = file.tell()
         file.write(b"".join(connections))
         file.write(b"".join(map(_encode_chunk_info, written)))
@@ -54,7 +60,9 @@ def write_bag(log: SimulatedLog, path: Path) -> None:
 
 
 def _make_envelope(connection: int, times: Ints) -> Envelope:
-    head = record_header(_MESSAGE, conn=struct.pack("<L", connection), time=bytes(8))[:-8]
+    head = encode_bag_record_header(_MESSAGE, conn=struct.pack("<L", connection), time=bytes(8))[
+        :-8
+    ]
     sec, nsec = times // 10**9, times % 10**9
 
     def record_head(size: int) -> list[bytes | tuple[str, Ints]]:
@@ -63,7 +71,7 @@ def _make_envelope(connection: int, times: Ints) -> Envelope:
     return record_head
 
 
-def record_header(opcode: int | None, **fields: bytes) -> bytes:
+def encode_bag_record_header(opcode: int | None, **fields: bytes) -> bytes:
     """The header of a record, its length before it."""
     kind = {} if opcode is None else {"op": bytes([opcode])}
     parts = [f"{name}=".encode() + value for name, value in {**kind, **fields}.items()]
@@ -71,45 +79,45 @@ def record_header(opcode: int | None, **fields: bytes) -> bytes:
     return struct.pack("<L", len(data)) + data
 
 
-def _with_size_prefix(data: bytes) -> bytes:
+def _prepend_size(data: bytes) -> bytes:
     return struct.pack("<L", len(data)) + data
 
 
-def _encode_bag_header(index_at: int, connections: int, written: int) -> bytes:
-    header = record_header(
+def _encode_bag_header(index_offset: int, connections: int, written_chunks: int) -> bytes:
+    header = encode_bag_record_header(
         _BAG,
-        index_pos=struct.pack("<Q", index_at),
+        index_pos=struct.pack("<Q", index_offset),
         conn_count=struct.pack("<L", connections),
-        chunk_count=struct.pack("<L", written),
+        chunk_count=struct.pack("<L", written_chunks),
     )
-    return header + _with_size_prefix(b" " * (_HEADER_BYTES - 4 - len(header)))
+    return header + _prepend_size(b" " * (_HEADER_BYTES - 4 - len(header)))
 
 
-def _make_connection_record(connection_id: int, name: str, definition: str, digest: str) -> bytes:
+def _encode_connection_record(connection_id: int, name: str, definition: str, digest: str) -> bytes:
     topic = TOPICS[name]
     package, _, kind = topic.msgtype.partition("/msg/")
-    about = record_header(
+    about = encode_bag_record_header(
         None,
         topic=topic.name.encode(),
         type=f"{package}/{kind}".encode(),
         md5sum=digest.encode(),
         message_definition=definition.encode(),
     )
-    head = record_header(
+    head = encode_bag_record_header(
         _CONNECTION, conn=struct.pack("<L", connection_id), topic=topic.name.encode()
     )
     return head + about
 
 
-def _write_chunk(file: BinaryIO, chunk: FullChunk) -> _WrittenChunk:
+def _write_chunk_record(file: BinaryIO, chunk: FullChunk) -> _WrittenChunk:
     at = file.tell()
     size = struct.pack("<L", chunk.data.size)
-    file.write(record_header(_CHUNK, compression=b"none", size=size) + size)
+    file.write(encode_bag_record_header(_CHUNK, compression=b"none", size=size) + size)
     file.write(chunk.data.data)
     counts: dict[int, int] = {}
     for number, mine in chunk.split_by_connection().items():
         counts[number] = mine.log_times.size
-        head = record_header(
+        head = encode_bag_record_header(
             _INDEX,
             ver=struct.pack("<L", 1),
             conn=struct.pack("<L", number),
@@ -118,22 +126,22 @@ def _write_chunk(file: BinaryIO, chunk: FullChunk) -> _WrittenChunk:
         rows = np.empty(counts[number], _INDEX_ROW)
         rows["sec"], rows["nsec"] = mine.log_times // 10**9, mine.log_times % 10**9
         rows["offset"] = mine.offsets
-        file.write(head + _with_size_prefix(rows.tobytes()))
+        file.write(head + _prepend_size(rows.tobytes()))
     return _WrittenChunk(at, int(chunk.log_times.min()), int(chunk.log_times.max()), counts)
 
 
 def _encode_chunk_info(chunk: _WrittenChunk) -> bytes:
-    head = record_header(
+    head = encode_bag_record_header(
         _CHUNK_INFO,
         ver=struct.pack("<L", 1),
         chunk_pos=struct.pack("<Q", chunk.at),
-        start_time=_pack_time(chunk.start_ns),
-        end_time=_pack_time(chunk.end_ns),
+        start_time=_encode_ros_time(chunk.start_ns),
+        end_time=_encode_ros_time(chunk.end_ns),
         count=struct.pack("<L", len(chunk.counts)),
     )
     rows: NDArray[np.uint32] = np.array(list(chunk.counts.items()), "<u4")
-    return head + _with_size_prefix(rows.tobytes())
+    return head + _prepend_size(rows.tobytes())
 
 
-def _pack_time(time_ns: int) -> bytes:
+def _encode_ros_time(time_ns: int) -> bytes:
     return struct.pack("<LL", *divmod(time_ns, 10**9))

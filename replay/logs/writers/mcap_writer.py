@@ -32,7 +32,7 @@ from estimators.arrays import Ints
 from replay.logs.writers.recorded_order import (
     FullChunk,
     RecordedTopic,
-    iter_record_blocks,
+    iter_records_in_time_order,
     split_into_chunks,
 )
 from replay.logs.writers.ros_messages import TOPICS, make_recorded_topics
@@ -62,9 +62,13 @@ def write_mcap(log: SimulatedLog, path: Path) -> None:
         channels.append(make_channel_record(number, topic.name, topic.msgtype, definition))
     with path.open("xb") as file:
         made = ColumnMcap(file, channels)
-        made.write(make_recorded_topics(log, store, numbers, make_envelope, ros1=False))
+        made.write_all_messages(
+            make_recorded_topics(log, store, numbers, make_envelope, ros1=False)
+        )
         machine_id = log.scenario.log.machine_id
-        made.finish([Metadata("machine", {"id": machine_id})] if machine_id else ())
+        made.write_summary_and_close(
+            [Metadata("machine", {"id": machine_id})] if machine_id else ()
+        )
 
 
 def make_envelope(channel: int, times: Ints) -> Envelope:
@@ -110,7 +114,7 @@ class _PackedChunk(NamedTuple):
     crc: int
 
 
-def _empty_statistics() -> Statistics:
+def _make_empty_statistics() -> Statistics:
     return Statistics(
         attachment_count=0,
         channel_count=0,
@@ -138,53 +142,57 @@ class ColumnMcap:
     file: BinaryIO
     channels: Sequence[ChannelRecord]
     packed: bool = True
-    statistics: Statistics = field(init=False, default_factory=_empty_statistics)
+    statistics: Statistics = field(init=False, default_factory=_make_empty_statistics)
     _indexes: list[ChunkIndex] = field(init=False, default_factory=list[ChunkIndex])
 
-    def write(self, topics: Sequence[RecordedTopic]) -> None:
+    def write_all_messages(self, topics: Sequence[RecordedTopic]) -> None:
         """Write all messages; once."""
         self.statistics.schema_count = self.statistics.channel_count = len(self.channels)
         self.file.write(_MAGIC)
         self._write_record(Header("ros2", "payscope"))
-        preamble = b"".join(_serialise_record(record) for each in self.channels for record in each)
-        for chunk, done in self._compress_ahead(
-            split_into_chunks(iter_record_blocks(topics), preamble, _CHUNK_BYTES)
+        preamble = b"".join(
+            _serialise_mcap_record(record) for each in self.channels for record in each
+        )
+        for chunk, done in self._iter_chunks_compressed_ahead(
+            split_into_chunks(iter_records_in_time_order(topics), preamble, _CHUNK_BYTES)
         ):
-            counts = self._write_chunk(chunk, done.result())
-            _add_to_statistics(self.statistics, counts, chunk)
+            counts = self._write_chunk_and_count_messages(chunk, done.result())
+            _add_chunk_to_statistics(self.statistics, counts, chunk)
 
-    def finish(self, metadata: Sequence[Metadata] = ()) -> None:
+    def write_summary_and_close(self, metadata: Sequence[Metadata] = ()) -> None:
         """Write what closes the file."""
-        indexes = [self._write_metadata(each) for each in metadata]
+        indexes = [self._write_metadata_record(each) for each in metadata]
         self.statistics.metadata_count = len(indexes)
         self._write_record(DataEnd(0))
         schemas, channels = zip(*self.channels, strict=True)
         self._write_summary([schemas, channels, [self.statistics], self._indexes, [], indexes])
 
     def _write_record(self, record: McapRecord) -> None:
-        self.file.write(_serialise_record(record))
+        self.file.write(_serialise_mcap_record(record))
 
-    def _compress_ahead(
+    def _iter_chunks_compressed_ahead(
         self, full_chunks: Iterator[FullChunk]
     ) -> Iterator[tuple[FullChunk, "Future[_PackedChunk]"]]:
         """Yield full chunks in order, while the next ones are compressed in other threads."""
         waiting: deque[tuple[FullChunk, Future[_PackedChunk]]] = deque()
         with ThreadPoolExecutor(_PACKERS) as pool:
             for chunk in full_chunks:
-                waiting.append((chunk, pool.submit(self._pack_chunk, chunk)))
+                waiting.append((chunk, pool.submit(self._compress_chunk, chunk)))
                 if len(waiting) > _MOST_WAITING:
                     yield waiting.popleft()
             while waiting:
                 yield waiting.popleft()
 
-    def _pack_chunk(self, chunk: FullChunk) -> _PackedChunk:
+    def _compress_chunk(self, chunk: FullChunk) -> _PackedChunk:
         if not self.packed:
             return _PackedChunk(chunk.data.tobytes(), 0)
         import zstandard
 
         return _PackedChunk(zstandard.compress(chunk.data.data), zlib.crc32(chunk.data.data))
 
-    def _write_chunk(self, chunk: FullChunk, packed: _PackedChunk) -> dict[int, int]:
+    def _write_chunk_and_count_messages(
+        self, chunk: FullChunk, packed: _PackedChunk
+    ) -> dict[int, int]:
         """Write a chunk, and return its number of messages by channel."""
         compression = "zstd" if self.packed else ""
         start, end = int(chunk.log_times.min()), int(chunk.log_times.max())
@@ -225,18 +233,18 @@ class ColumnMcap:
         )
         return counts
 
-    def _write_metadata(self, metadata: Metadata) -> MetadataIndex:
+    def _write_metadata_record(self, metadata: Metadata) -> MetadataIndex:
         at = self.file.tell()
         self._write_record(metadata)
         return MetadataIndex(offset=at, length=self.file.tell() - at, name=metadata.name)
 
-    def _write_summary(self, groups: Sequence[Sequence[McapRecord]]) -> None:
+    def _write_summary(self, summary_groups: Sequence[Sequence[McapRecord]]) -> None:
         """Write the summary: definitions, statistics, indexes, and offsets of the groups."""
         begins = self.file.tell()
         data = b""
         offsets: list[SummaryOffset] = []
-        for kind, records in zip(_GROUPS, groups, strict=True):
-            made = b"".join(map(_serialise_record, records))
+        for kind, records in zip(_GROUPS, summary_groups, strict=True):
+            made = b"".join(map(_serialise_mcap_record, records))
             offsets.append(
                 SummaryOffset(
                     group_opcode=kind, group_start=begins + len(data), group_length=len(made)
@@ -244,11 +252,11 @@ class ColumnMcap:
             )
             data += made
         offsets_at = begins + len(data)
-        data += b"".join(map(_serialise_record, offsets))
+        data += b"".join(map(_serialise_mcap_record, offsets))
         footer = Footer(summary_start=begins, summary_offset_start=offsets_at, summary_crc=0)
         # all but the CRC itself, with which the footer ends
-        footer.summary_crc = zlib.crc32(_serialise_record(footer)[:-4], zlib.crc32(data))
-        self.file.write(data + _serialise_record(footer) + _MAGIC)
+        footer.summary_crc = zlib.crc32(_serialise_mcap_record(footer)[:-4], zlib.crc32(data))
+        self.file.write(data + _serialise_mcap_record(footer) + _MAGIC)
 
 
 _GROUPS: Final = (
@@ -261,13 +269,13 @@ _GROUPS: Final = (
 )
 
 
-def _serialise_record(record: McapRecord) -> bytes:
+def _serialise_mcap_record(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
     return builder.end()
 
 
-def _add_to_statistics(
+def _add_chunk_to_statistics(
     statistics: Statistics, messages: Mapping[int, int], chunk: FullChunk
 ) -> None:
     start, end = int(chunk.log_times.min()), int(chunk.log_times.max())

@@ -44,14 +44,16 @@ class RaggedColumn:
         return np.cumsum(self.lengths) - self.lengths
 
 
-def number_messages_by_shape(column: Column) -> Ints | None:
+def number_messages_by_list_lengths(column: Column) -> Ints | None:
     """Numbers (n,) that are equal for messages of equal lengths; None if all lengths are equal."""
     if isinstance(column, RaggedColumn):
         return _number_list_shapes(column)
     if isinstance(column, Mapping):
-        return combine_shape_numbers([number_messages_by_shape(each) for each in column.values()])
+        return combine_shape_numbers(
+            [number_messages_by_list_lengths(each) for each in column.values()]
+        )
     if isinstance(column, list | tuple):
-        return combine_shape_numbers([number_messages_by_shape(each) for each in column])
+        return combine_shape_numbers([number_messages_by_list_lengths(each) for each in column])
     return None
 
 
@@ -64,7 +66,7 @@ def combine_shape_numbers(shape_numbers: Sequence[Ints | None]) -> Ints | None:
 
 
 def _number_list_shapes(column: RaggedColumn) -> Ints:
-    inside, lengths = number_messages_by_shape(column.content), column.lengths
+    inside, lengths = number_messages_by_list_lengths(column.content), column.lengths
     if inside is None:
         return lengths
     numbers = np.zeros(lengths.size, np.int64)

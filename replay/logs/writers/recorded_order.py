@@ -40,13 +40,13 @@ class RecordBlock(NamedTuple):
 
 
 @compiled_without_refcounts
-def _scatter_rows(rows: Bytes, size: int, begins: Ints, target: Bytes) -> None:
+def _scatter_rows(rows: Bytes, row_bytes: int, target_offsets: Ints, target: Bytes) -> None:
     """Copy rows of equal size to their positions in the target."""
-    for number in range(begins.size):
-        copy(rows, number * size, target, begins[number], size)
+    for number in range(target_offsets.size):
+        copy(rows, number * row_bytes, target, target_offsets[number], row_bytes)
 
 
-def iter_record_blocks(topics: Sequence[RecordedTopic]) -> Iterator[RecordBlock]:
+def iter_records_in_time_order(topics: Sequence[RecordedTopic]) -> Iterator[RecordBlock]:
     """Yield all messages in order of log time; ties are in the order of the topics."""
     times = np.concatenate([np.empty(0, np.int64), *(topic.log_time_ns for topic in topics)])
     sizes = [topic.log_time_ns.size for topic in topics]
@@ -56,10 +56,10 @@ def iter_record_blocks(topics: Sequence[RecordedTopic]) -> Iterator[RecordBlock]
     done = [0] * len(topics)
     for begin in range(0, times.size, BLOCK_ROWS):
         here = slice(begin, begin + BLOCK_ROWS)
-        yield _make_next_block(topics, times[here], kinds[here], done)
+        yield _make_next_record_block(topics, times[here], kinds[here], done)
 
 
-def _make_next_block(
+def _make_next_record_block(
     topics: Sequence[RecordedTopic], times: Ints, topic_ids: Ints, messages_done: list[int]
 ) -> RecordBlock:
     """Next block of messages; `messages_done` counts the messages of each topic that precede it."""
@@ -106,14 +106,14 @@ class FullChunk(NamedTuple):
 
 
 def split_into_chunks(
-    blocks: Iterator[RecordBlock], preamble: bytes, threshold: int
+    blocks: Iterator[RecordBlock], preamble: bytes, chunk_bytes: int
 ) -> Iterator[FullChunk]:
     """Cut records into chunks, each ending with the record that exceeds the threshold.
 
     Args:
         blocks: the records.
         preamble: bytes before the first record.
-        threshold: size of a chunk in bytes.
+        chunk_bytes: size of a chunk in bytes.
     """
     pieces: list[RecordBlock] = []
     lead = np.frombuffer(preamble, np.uint8)
@@ -122,7 +122,7 @@ def split_into_chunks(
         begin = 0
         while begin < block.ends.size:
             start = int(block.ends[begin - 1]) if begin else 0
-            full = int(np.searchsorted(block.ends, start + threshold - size, side="right"))
+            full = int(np.searchsorted(block.ends, start + chunk_bytes - size, side="right"))
             end = min(full + 1, block.ends.size)
             piece = RecordBlock(
                 block.data[start : block.ends[end - 1]],
@@ -133,7 +133,7 @@ def split_into_chunks(
             pieces.append(piece)
             size += piece.data.size
             begin = end
-            if size > threshold:
+            if size > chunk_bytes:
                 yield _join_into_full_chunk(lead, pieces)
                 pieces, lead, size = [], lead[:0], 0
     if pieces:

@@ -71,27 +71,27 @@ def make_recorded_topics(
 
 
 def make_message_columns(
-    name: str, frame: pl.DataFrame, scenario: Scenario, first: int = 0
+    topic_name: str, frame: pl.DataFrame, scenario: Scenario, first_index: int = 0
 ) -> dict[str, Column]:
     """Columns of a topic's messages.
 
     Args:
-        name: key of the topic in `TOPICS`.
+        topic_name: key of the topic in `TOPICS`.
         frame: rows of the topic.
         scenario: simulated scenario.
-        first: number of the first row, for the sequence counter in ROS 1 headers.
+        first_index: number of the first row, for the sequence counter in ROS 1 headers.
     """
-    topic = TOPICS[name]
+    topic = TOPICS[topic_name]
     stamp_ns = frame["header_stamp_ns"].to_numpy()
     header: dict[str, Column] = {
-        "seq": np.arange(first, first + frame.height),
+        "seq": np.arange(first_index, first_index + frame.height),
         "stamp": {"sec": stamp_ns // 10**9, "nanosec": stamp_ns % 10**9},
         "frame_id": topic.frame_id,
     }
     return {"header": header, **topic.fields(frame, scenario)}
 
 
-def stack_columns(frame: pl.DataFrame, *names: str) -> NDArray[np.float64]:
+def stack_columns_of_frame(frame: pl.DataFrame, *names: str) -> NDArray[np.float64]:
     """Stack columns of a frame into an array (n, names)."""
     return np.column_stack([frame[name].to_numpy() for name in names])
 
@@ -121,17 +121,17 @@ def _make_imu_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Col
 
 
 def _make_torque_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
-    wheels = stack_columns(frame, "torque_left_N_m", "torque_right_N_m")
+    wheels = stack_columns_of_frame(frame, "torque_left_N_m", "torque_right_N_m")
     return {"name": _WHEELS, "effort": wheels}
 
 
 def _make_speed_columns(frame: pl.DataFrame, scenario: Scenario) -> dict[str, Column]:
-    wheels = stack_columns(frame, "speed_left_m_s", "speed_right_m_s")
+    wheels = stack_columns_of_frame(frame, "speed_left_m_s", "speed_right_m_s")
     return {"name": _WHEELS, "velocity": wheels / scenario.machine.wheel_radius_m}
 
 
 def _make_boom_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
-    return {"name": _JOINTS, "position": stack_columns(frame, "boom_rad", "bucket_rad")}
+    return {"name": _JOINTS, "position": stack_columns_of_frame(frame, "boom_rad", "bucket_rad")}
 
 
 def _make_odometry_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:

@@ -18,7 +18,7 @@ from replay.logs.writers.mcap_writer import (
     make_channel_record,
     make_envelope,
 )
-from replay.logs.writers.recorded_order import RecordedTopic, iter_record_blocks
+from replay.logs.writers.recorded_order import RecordedTopic, iter_records_in_time_order
 from replay.logs.writers.ros_messages import TOPICS, make_recorded_topics
 from replay.logs.writers.serialise_messages import Envelope
 
@@ -32,19 +32,19 @@ METADATA: Final = "metadata.yaml"
 
 def write_rosbag2(log: SimulatedLog, path: Path) -> None:
     """Write `log` as a rosbag2 directory `path`, where nothing is yet."""
-    _write(log, path, StoragePlugin.MCAP)
+    _write_rosbag2_with_plugin(log, path, StoragePlugin.MCAP)
 
 
 def write_db3(log: SimulatedLog, path: Path) -> None:
     """Write `log` as a bare database of rosbag2 at `path`, where nothing is yet."""
     folder = path.with_name(f"{path.stem}.folder")
-    _write(log, folder, StoragePlugin.SQLITE3)
+    _write_rosbag2_with_plugin(log, folder, StoragePlugin.SQLITE3)
     (folder / f"{folder.name}.db3").rename(path)
     (folder / METADATA).unlink()
     folder.rmdir()
 
 
-def _write(log: SimulatedLog, path: Path, plugin: StoragePlugin) -> None:
+def _write_rosbag2_with_plugin(log: SimulatedLog, path: Path, plugin: StoragePlugin) -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     before = make_envelope if plugin is StoragePlugin.MCAP else make_empty_envelope
     with _ColumnWriter(path, version=Writer.VERSION_LATEST, storage_plugin=plugin) as bag:
@@ -98,14 +98,14 @@ class _Storage:
         raise NotImplementedError("messages come by columns")
 
     def write_topics(self, topics: Sequence[RecordedTopic]) -> _MessageCounts:
-        self._mcap.write(topics)
+        self._mcap.write_all_messages(topics)
         made = self._mcap.statistics
         counts = made.channel_message_counts
         return _MessageCounts(counts, made.message_start_time, made.message_end_time)
 
     def close(self, version: int, metadata: str) -> None:
         del version  # in the text
-        self._mcap.finish([Metadata("rosbag2", {"serialized_metadata": metadata})])
+        self._mcap.write_summary_and_close([Metadata("rosbag2", {"serialized_metadata": metadata})])
         self._file.close()
 
     def abort(self) -> None:
@@ -118,7 +118,7 @@ class _Database(Sqlite3Writer):
     def write_topics(self, topics: Sequence[RecordedTopic]) -> _MessageCounts:
         self.conn.executemany(
             "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)",
-            _iter_messages(topics),
+            _iter_messages_of_topics(topics),
         )
         times = [topic.log_time_ns for topic in topics if topic.log_time_ns.size]
         return _MessageCounts(
@@ -128,8 +128,10 @@ class _Database(Sqlite3Writer):
         )
 
 
-def _iter_messages(topics: Sequence[RecordedTopic]) -> Iterator[tuple[int, int, memoryview]]:
-    for block in iter_record_blocks(topics):
+def _iter_messages_of_topics(
+    topics: Sequence[RecordedTopic],
+) -> Iterator[tuple[int, int, memoryview]]:
+    for block in iter_records_in_time_order(topics):
         data = memoryview(block.data.data)
         begins = np.concatenate([[0], block.ends[:-1]]).tolist()
         parts = zip(begins, block.ends.tolist(), strict=True)

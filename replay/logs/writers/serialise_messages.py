@@ -14,7 +14,11 @@ from rosbags.interfaces import Nodetype
 
 from estimators.arrays import Bytes, Ints
 from replay.logs.decoding.wire import Wire
-from replay.logs.writers.message_columns import Column, RaggedColumn, number_messages_by_shape
+from replay.logs.writers.message_columns import (
+    Column,
+    RaggedColumn,
+    number_messages_by_list_lengths,
+)
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -39,7 +43,7 @@ def serialise_messages(
     store: "Typestore",
     msgtype: str,
     column: Mapping[str, Column],
-    count: int,
+    message_count: int,
     wire: Wire,
     envelope: Envelope = lambda _: (),
 ) -> list[SameLayout]:
@@ -49,22 +53,29 @@ def serialise_messages(
         store: store with the type's definition, of ROS 1 or 2 to match the encoding.
         msgtype: type name, such as `sensor_msgs/msg/Imu`.
         column: messages by field; arrays have one row per message.
-        count: number of messages.
+        message_count: number of messages.
         wire: encoding; numbers are little-endian.
         envelope: bytes before each message; alignment counts from their end.
 
     Returns:
         Messages by layout, each preceded by its envelope.
     """
-    found = number_messages_by_shape(column)
+    found = number_messages_by_list_lengths(column)
     numbers = np.empty(0, np.int64) if found is None else np.unique(found)
     if found is None or numbers.size == 1:
         return [
-            SameLayout(None, serialise_layout(store, msgtype, column, slice(count), wire, envelope))
+            SameLayout(
+                None,
+                serialise_messages_of_one_layout(
+                    store, msgtype, column, slice(message_count), wire, envelope
+                ),
+            )
         ]
     groups = (np.flatnonzero(found == number) for number in numbers)
     return [
-        SameLayout(rows, serialise_layout(store, msgtype, column, rows, wire, envelope))
+        SameLayout(
+            rows, serialise_messages_of_one_layout(store, msgtype, column, rows, wire, envelope)
+        )
         for rows in groups
     ]
 
@@ -73,26 +84,26 @@ def serialise_messages(
 _Chosen: TypeAlias = "slice | Ints"
 
 
-def serialise_layout(
+def serialise_messages_of_one_layout(
     store: "Typestore",
     msgtype: str,
     column: Column,
-    chosen: _Chosen,
+    message_indices: _Chosen,
     wire: Wire,
     envelope: Envelope,
 ) -> Bytes:
     """Serialise the chosen messages, which share one layout, to bytes (k, size)."""
-    count = chosen.stop if isinstance(chosen, slice) else chosen.size
+    count = message_indices.stop if isinstance(message_indices, slice) else message_indices.size
     layout = _Layout(store, wire)
     if wire.cdr:
         layout.head = _ENCAPSULATION
-    layout.append_record(msgtype, column, chosen)
+    layout.append_nested_message(msgtype, column, message_indices)
     before = _Layout(store, wire)
     for part in envelope(len(layout.head) + layout.size):
         if isinstance(part, bytes):
-            before.put_bytes(part)
+            before.append_constant_bytes(part)
         else:
-            before.append_numeric_column(np.dtype(part[0]), part[1][chosen])
+            before.append_numeric_column(np.dtype(part[0]), part[1][message_indices])
     first = before.size
     base = first + len(layout.head)
     template = np.zeros(base + layout.size, np.uint8)
@@ -136,15 +147,15 @@ class _Layout:
         default_factory=list[tuple[int, np.dtype[Any], NDArray[Any]]]
     )
 
-    def append_record(self, name: str, column: Column, chosen: _Chosen) -> None:
+    def append_nested_message(self, name: str, column: Column, message_indices: _Chosen) -> None:
         """Append a message or a nested message."""
         known = column if isinstance(column, Mapping) else {}
         for key, description in self.store.fielddefs[name][1]:
             if key == _PLACEHOLDER and not self.wire.cdr:
                 continue
-            self._append_value(description, known.get(key), chosen)
+            self._append_described_value(description, known.get(key), message_indices)
 
-    def put_bytes(self, data: bytes) -> None:
+    def append_constant_bytes(self, data: bytes) -> None:
         """Append the same bytes to every message."""
         self.constants.append((self.size, data))
         self.size += len(data)
@@ -156,97 +167,109 @@ class _Layout:
         self.columns.append((self.size, dtype, values))
         self.size += dtype.itemsize
 
-    def _append_value(self, description: Any, column: Column, chosen: _Chosen) -> None:
+    def _append_described_value(
+        self, description: Any, column: Column, message_indices: _Chosen
+    ) -> None:
         node, detail = description
         if node == Nodetype.NAME:
-            self.append_record(detail, column, chosen)
+            self.append_nested_message(detail, column, message_indices)
         elif node == Nodetype.BASE and detail[0] == "string":
-            self._append_text(column, chosen)
+            self._append_text_column(column, message_indices)
         elif node == Nodetype.BASE:
-            self._append_numbers(_numpy_dtype(detail[0]), column, chosen, 1)
+            self._append_number_lists(_make_numpy_dtype(detail[0]), column, message_indices, 1)
         else:
             element, limit = detail
-            self._append_list(element, limit if node == Nodetype.ARRAY else None, column, chosen)
+            self._append_list_column(
+                element, limit if node == Nodetype.ARRAY else None, column, message_indices
+            )
 
-    def _append_text(self, column: Column, chosen: _Chosen) -> None:
+    def _append_text_column(self, column: Column, message_indices: _Chosen) -> None:
         end = b"\0" if self.wire.cdr else b""
         if isinstance(column, RaggedColumn):
-            length = _common_length(column, chosen)
-            self._append_count(length + len(end))
+            length = _find_common_list_length(column, message_indices)
+            self._append_list_length(length + len(end))
             if length:
                 self.append_numeric_column(
-                    np.dtype("u1"), stack_elements_of_length(column, chosen, length)
+                    np.dtype("u1"), stack_elements_of_length(column, message_indices, length)
                 )
-            self.put_bytes(end)
+            self.append_constant_bytes(end)
         else:
             data = str(column or "").encode() + end
-            self._append_count(len(data))
-            self.put_bytes(data)
+            self._append_list_length(len(data))
+            self.append_constant_bytes(data)
 
-    def _append_list(
-        self, element: Any, fixed: int | None, column: Column, chosen: _Chosen
+    def _append_list_column(
+        self, element: Any, fixed_length: int | None, column: Column, message_indices: _Chosen
     ) -> None:
-        length = _list_length(column, chosen, fixed)
-        if fixed is None:
-            self._append_count(length)
+        length = _find_list_length(column, message_indices, fixed_length)
+        if fixed_length is None:
+            self._append_list_length(length)
         is_number = element[0] == Nodetype.BASE and element[1][0] != "string"
         if is_number:
-            if length or fixed is not None:
-                self._append_numbers(_numpy_dtype(element[1][0]), column, chosen, length)
+            if length or fixed_length is not None:
+                self._append_number_lists(
+                    _make_numpy_dtype(element[1][0]), column, message_indices, length
+                )
             return
         for number in range(length):
             if isinstance(column, RaggedColumn):
-                at = column.first_indices[chosen] + number
-                self._append_value(element, column.content, at)
+                at = column.first_indices[message_indices] + number
+                self._append_described_value(element, column.content, at)
             else:
                 one = column[number] if isinstance(column, list | tuple) else None
-                self._append_value(element, one, chosen)
+                self._append_described_value(element, one, message_indices)
 
-    def _append_numbers(
-        self, dtype: np.dtype[Any], column: Column, chosen: _Chosen, length: int
+    def _append_number_lists(
+        self, dtype: np.dtype[Any], column: Column, message_indices: _Chosen, length: int
     ) -> None:
-        self._append_padding(dtype.itemsize)
+        self._append_alignment_padding(dtype.itemsize)
         if isinstance(column, RaggedColumn):
-            self.append_numeric_column(dtype, stack_elements_of_length(column, chosen, length))
+            self.append_numeric_column(
+                dtype, stack_elements_of_length(column, message_indices, length)
+            )
         elif isinstance(column, np.ndarray):
-            self.append_numeric_column(dtype, column[chosen])
+            self.append_numeric_column(dtype, column[message_indices])
         elif column is None:
-            self.put_bytes(bytes(dtype.itemsize * length))
+            self.append_constant_bytes(bytes(dtype.itemsize * length))
         else:
-            self.put_bytes(np.array(column, dtype).tobytes())
+            self.append_constant_bytes(np.array(column, dtype).tobytes())
 
-    def _append_count(self, length: int) -> None:
-        self._append_padding(4)
-        self.put_bytes(np.array(length, "<u4").tobytes())
+    def _append_list_length(self, length: int) -> None:
+        self._append_alignment_padding(4)
+        self.append_constant_bytes(np.array(length, "<u4").tobytes())
 
-    def _append_padding(self, width: int) -> None:
-        width = min(width, self.wire.max_alignment)
-        self.put_bytes(bytes(-self.size % width))
-
-
-def _numpy_dtype(kind: str) -> np.dtype[Any]:
-    return np.dtype(_DTYPES.get(kind, kind)).newbyteorder("<")
+    def _append_alignment_padding(self, alignment_bytes: int) -> None:
+        alignment_bytes = min(alignment_bytes, self.wire.max_alignment)
+        self.append_constant_bytes(bytes(-self.size % alignment_bytes))
 
 
-def _common_length(column: RaggedColumn, chosen: _Chosen) -> int:
-    lengths = column.lengths[chosen]
+def _make_numpy_dtype(scalar_type: str) -> np.dtype[Any]:
+    return np.dtype(_DTYPES.get(scalar_type, scalar_type)).newbyteorder("<")
+
+
+def _find_common_list_length(column: RaggedColumn, message_indices: _Chosen) -> int:
+    lengths = column.lengths[message_indices]
     return int(lengths[0]) if lengths.size else 0
 
 
-def _list_length(column: Column, chosen: _Chosen, fixed: int | None) -> int:
+def _find_list_length(column: Column, message_indices: _Chosen, fixed_length: int | None) -> int:
     if isinstance(column, RaggedColumn):
-        length = _common_length(column, chosen)
+        length = _find_common_list_length(column, message_indices)
     elif isinstance(column, np.ndarray):
         length = int(column.shape[1])
     elif isinstance(column, list | tuple):
         length = len(column)
     else:
-        length = fixed or 0
-    assert fixed is None or length == fixed, f"an array of {fixed} given {length} elements"
+        length = fixed_length or 0
+    assert fixed_length is None or length == fixed_length, (
+        f"an array of {fixed_length} given {length} elements"
+    )
     return length
 
 
-def stack_elements_of_length(column: RaggedColumn, chosen: _Chosen, length: int) -> NDArray[Any]:
+def stack_elements_of_length(
+    column: RaggedColumn, message_indices: _Chosen, length: int
+) -> NDArray[Any]:
     """Elements (k, length) of those lists that have this length."""
     assert isinstance(column.content, np.ndarray)
-    return column.content[column.first_indices[chosen][:, None] + np.arange(length)]
+    return column.content[column.first_indices[message_indices][:, None] + np.arange(length)]

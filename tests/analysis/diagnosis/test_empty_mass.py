@@ -9,7 +9,7 @@ from analysis.diagnosis import withhold_by_findings
 from analysis.model.machine import Machine
 from analysis.simulation import Scenario, simulate_campaign
 from replay import load_machine
-from replay.inputs.derived_logs import MemoryLog, read_channels_from_memory
+from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
 from replay.pipeline import run
 from tests.analysis.weighing.weighed import Weighed
 
@@ -41,7 +41,9 @@ def scaled(times: float, *body: str, before_start: int = 0) -> Weighed:
     log = type(log)(**{**vars(log), "topics": {**log.topics, "torque": torque}})
     overrides = ['settings.trace.methods=["pooled"]', *(f"machine.{key}" for key in body)]
     machine: Machine = load_machine("cat262c.toml", overrides)
-    return Weighed(run([MemoryLog(log)], read_channels_from_memory(machine, log)), TRUE_KG, machine)
+    return Weighed(
+        run([MemoryLog(log)], with_channels_of_simulation(machine, log)), TRUE_KG, machine
+    )
 
 
 def first(log: Weighed) -> dict[str, object]:
@@ -99,7 +101,7 @@ def test_without_an_empty_mass_nothing_is_judged():
     (log,) = _logs(0)
     machine = load_machine("cat262c.toml", ['settings.trace.methods=["pooled"]'])
     body = machine.machine.model_copy(update={"empty_mass_kg": None})
-    own = read_channels_from_memory(machine.model_copy(update={"machine": body}), log)
+    own = with_channels_of_simulation(machine.model_copy(update={"machine": body}), log)
     replayed = Weighed(run([MemoryLog(log)], own), TRUE_KG, own)
     assert replayed.check("negative_payload").passed is None
     assert replayed.check("empty_mass").passed is None

@@ -21,7 +21,7 @@ from benchmarks.load_states import ONE_LOAD, whole_states
 from benchmarks.weighed import machine
 from estimators.errors import MachineError
 from estimators.joint.group_effects import HINTED, NAMED
-from replay.inputs.derived_logs import MemoryLog, read_channels_from_memory
+from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
 from replay.pipeline import run
 from tests.analysis.diagnosis.test_faults import situation
 from tests.twins import mark_slow_after
@@ -49,7 +49,7 @@ def loaded(loads_kg, runs, overrides=POOLED, **body):
     share = Scenario.model_validate(LOADER).machine.force_share
     stated = {"empty_mass_kg": 3614.0, "force_share": share, **body}
     own = own.model_copy(update={"machine": own.machine.model_copy(update=stated)})
-    return run([MemoryLog(log) for log in logs], read_channels_from_memory(own, logs[0]))
+    return run([MemoryLog(log) for log in logs], with_channels_of_simulation(own, logs[0]))
 
 
 @pytest.fixture(scope="module")
@@ -257,7 +257,7 @@ def filling():
     sections = {**LOADER, "campaign": campaign, "loading": {"fill_kg_s": 200.0}}
     logs[1] = list(simulate_campaign(Scenario.model_validate(sections)))[1]
     return run(
-        [MemoryLog(log) for log in logs], read_channels_from_memory(machine(POOLED), logs[0])
+        [MemoryLog(log) for log in logs], with_channels_of_simulation(machine(POOLED), logs[0])
     )
 
 

@@ -23,7 +23,7 @@ def shown(path: Path) -> dict[str, set[str]]:
     import rerun as rr
 
     return {
-        chunk.entity_path: {field.name for field in chunk.to_record_batch().schema}
+        chunk.make_entity_path: {field.name for field in chunk.to_record_batch().schema}
         for chunk in rr.chunk.RrdReader(path).store().stream()
     }
 
@@ -57,7 +57,9 @@ def names(path: Path) -> set[str]:
 
 def test_what_differs_is_drawn_over_each_other_and_subtracted(drives, tmp_path: Path) -> None:
     a = drives(60.0)
-    path = write_overlay_recording(a, heavier(a), tmp_path / "ab.rrd", "# A and B", one_log=True)
+    path = write_overlay_recording(
+        a, heavier(a), tmp_path / "ab.rrd", "# A and B", is_same_log=True
+    )
     drawn = shown(path)
     for side in ("A", "B", "B_less_A"):
         assert "payscope:mass_kg" in drawn[f"/{side}/estimates/ls"]
@@ -74,7 +76,7 @@ def test_a_legend_names_what_both_draw_once(drives, tmp_path: Path) -> None:
     faster = b.frames["excitation"].with_columns(pl.col("speed_x_m_s") * 1.1)
     del b.frames["estimates/tls"]
     b.frames["excitation"] = faster
-    named = names(write_overlay_recording(a, b, tmp_path / "ab.rrd", "", one_log=True))
+    named = names(write_overlay_recording(a, b, tmp_path / "ab.rrd", "", is_same_log=True))
     # five methods of each would not fit beside a small panel
     assert {"ls", "rls", "A tls"} <= named
     assert not {"A ls", "B ls", "tls", "B tls"} & named
@@ -83,13 +85,13 @@ def test_a_legend_names_what_both_draw_once(drives, tmp_path: Path) -> None:
 
 def test_of_a_long_log_the_difference_is_drawn_in_bins(drives, tmp_path: Path) -> None:
     a = drives(700.0)
-    path = write_overlay_recording(a, heavier(a), tmp_path / "ab.rrd", "", one_log=True)
+    path = write_overlay_recording(a, heavier(a), tmp_path / "ab.rrd", "", is_same_log=True)
     assert "B − A: Mass (kg)" in views(path)
 
 
 def test_it_keeps_no_frames_and_says_so(drives, tmp_path: Path) -> None:
     a = drives(60.0)
-    kept = read_recording(write_overlay_recording(a, a, tmp_path / "ab.rrd", "", one_log=True))
+    kept = read_recording(write_overlay_recording(a, a, tmp_path / "ab.rrd", "", is_same_log=True))
     assert kept.frames == {}
     assert "two replays" in kept.provenance.notes[0]
 
@@ -103,7 +105,7 @@ class TestViewer:
     def test_no_view_of_any_tab_complains(self, drives, tmp_path: Path, one_log: bool) -> None:
         a = drives(60.0)
         path = write_overlay_recording(
-            a, heavier(drives(48.0)), tmp_path / "ab.rrd", "# A and B", one_log=one_log
+            a, heavier(drives(48.0)), tmp_path / "ab.rrd", "# A and B", is_same_log=one_log
         )
         drawn = take_screenshots_of_recording(path, tmp_path)
         assert drawn[0].tab == "Compared"

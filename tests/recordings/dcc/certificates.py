@@ -4,7 +4,7 @@ from functools import cache
 
 from lxml import etree
 
-from recordings.dcc.dcc_document import parse_dcc, serialise_dcc
+from recordings.dcc.dcc_document import parse_untrusted_dcc, serialise_dcc_to_xml
 from recordings.dcc.dcc_signature import DccKey, sign_dcc
 
 WEIGHTS = {"weight-1": (20.0005, 0.0008), "weight-2": (19.9991, 0.0008)}
@@ -108,7 +108,7 @@ def public_pem(key: DccKey) -> bytes:
 @cache
 def signed_weights() -> bytes:
     """The certificate of two weights, signed."""
-    return serialise_dcc(sign_dcc(parse_dcc(weights_xml(), "weights"), ec_key()))
+    return serialise_dcc_to_xml(sign_dcc(parse_untrusted_dcc(weights_xml(), "weights"), ec_key()))
 
 
 def wrapped(data: bytes, where: str, item: bytes = b"weight") -> bytes:

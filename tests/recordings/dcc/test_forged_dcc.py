@@ -11,9 +11,9 @@ from recordings.dcc.dcc_limits import LIMITS
 pytest.importorskip("signxml", reason="signxml is not installed (pip install 'payscope[dcc]')")
 
 from estimators.errors import EvidenceError
-from recordings.dcc.dcc_document import parse_dcc
+from recordings.dcc.dcc_document import parse_untrusted_dcc
 from recordings.dcc.dcc_masses import CertifiedMass, read_certified_masses
-from recordings.dcc.dcc_signature import check_signature
+from recordings.dcc.dcc_signature import check_dcc_signature
 from tests.recordings.dcc.certificates import (
     signed_weights,
     weight_set_xml,
@@ -27,7 +27,7 @@ LAUGHS = b'<!DOCTYPE d [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a
 
 
 def read(data: bytes) -> list[CertifiedMass]:
-    signed = check_signature(parse_dcc(data, "w.xml"), "w.xml")
+    signed = check_dcc_signature(parse_untrusted_dcc(data, "w.xml"), "w.xml")
     return read_certified_masses(signed.root, "weight-1", "w.xml")
 
 

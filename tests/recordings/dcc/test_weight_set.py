@@ -9,7 +9,7 @@ pytest.importorskip("signxml", reason="signxml is not installed (pip install 'pa
 
 from lxml import etree
 
-from recordings.dcc.dcc_document import parse_dcc
+from recordings.dcc.dcc_document import parse_untrusted_dcc
 from recordings.dcc.dcc_masses import read_certified_masses
 from tests.recordings.dcc.certificates import WEIGHTS, weight_set_xml, weights_xml
 
@@ -70,7 +70,7 @@ FORMS: dict[str, Callable[[bytes], bytes]] = {
 @pytest.mark.parametrize("form", FORMS)
 def test_each_weight_of_a_set_has_its_mass_and_uncertainty(form: str) -> None:
     data = FORMS[form](weight_set_xml())
-    root = parse_dcc(data, "set.xml")
+    root = parse_untrusted_dcc(data, "set.xml")
     masses = {each.item_id: each for each in read_certified_masses(root, "", "set.xml")}
     assert list(masses) == list(WEIGHTS)
     for item, (value_kg, u_kg) in WEIGHTS.items():
@@ -91,5 +91,10 @@ def test_these_forms_are_those_of_the_schema(form: str) -> None:
 
 
 def test_a_set_as_a_list_is_the_set_as_single_results() -> None:
-    single = read_certified_masses(parse_dcc(weights_xml(), "weights.xml"), "", "weights.xml")
-    assert read_certified_masses(parse_dcc(weight_set_xml(), "set.xml"), "", "set.xml") == single
+    single = read_certified_masses(
+        parse_untrusted_dcc(weights_xml(), "weights.xml"), "", "weights.xml"
+    )
+    assert (
+        read_certified_masses(parse_untrusted_dcc(weight_set_xml(), "set.xml"), "", "set.xml")
+        == single
+    )

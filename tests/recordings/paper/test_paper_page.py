@@ -9,7 +9,7 @@ import pytest
 
 from estimators.errors import OutputError
 from recordings.paper.paper_items import ITEMS, Item, ItemResult
-from recordings.paper.paper_page import require_writable_reproduction, write_reproduction
+from recordings.paper.paper_page import require_writable_reproduction_folder, write_reproduction
 from recordings.paper.paper_wording import ItemSentences
 
 ITEM: dict[str, Item[Any]] = {item.name: item for item in ITEMS}
@@ -80,8 +80,10 @@ def test_what_is_there_is_refused_before_the_work_and_replaced_only_when_forced(
 ) -> None:
     (tmp_path / "fig2.png").write_bytes(b"mine")
     with pytest.raises(OutputError, match=r"fig2\.png: exists already"):
-        require_writable_reproduction([ITEM["table3"], ITEM["fig2"]], tmp_path, "md", force=False)
-    require_writable_reproduction([ITEM["table3"]], tmp_path, "md", force=False)
+        require_writable_reproduction_folder(
+            [ITEM["table3"], ITEM["fig2"]], tmp_path, "md", force=False
+        )
+    require_writable_reproduction_folder([ITEM["table3"]], tmp_path, "md", force=False)
     with pytest.raises(OutputError, match="exists already"):
         write_reproduction([_fig_2()], tmp_path, "md", "", force=False)
     assert [path.name for path in tmp_path.iterdir()] == ["fig2.png"]

@@ -14,7 +14,7 @@ from analysis import Provenance, Run
 from analysis.model.run_record import InputFile
 from estimators.errors import OutputError
 from recordings import plot_run
-from recordings.plots.convergence_plot import draw_convergence
+from recordings.plots.convergence_plot import draw_convergence_of_estimates
 from recordings.plots.run_plots import FIGURES, draw_run
 from recordings.report.report_limits import LIMITS
 from tests.twins import mark_slow_after
@@ -37,7 +37,7 @@ def pages(drives) -> dict[float, Figure]:
 
 @pytest.mark.parametrize("suffix", SIGNATURES)
 def test_the_suffix_says_the_format(drives, tmp_path: Path, suffix: str):
-    path = plot_run(drives(60.0), tmp_path / f"loads{suffix}", figure="loads")
+    path = plot_run(drives(60.0), tmp_path / f"loads{suffix}", figure_name="loads")
     assert path.read_bytes().startswith(SIGNATURES[suffix])
     assert list(tmp_path.iterdir()) == [path]
 
@@ -67,9 +67,9 @@ def test_an_existing_picture_is_replaced_only_when_forced(drives, tmp_path: Path
     path = tmp_path / "loads.png"
     path.write_bytes(b"old")
     with pytest.raises(OutputError, match=r"exists already.*--force"):
-        plot_run(drives(60.0), path, figure="loads")
+        plot_run(drives(60.0), path, figure_name="loads")
     assert path.read_bytes() == b"old"
-    plot_run(drives(60.0), path, force=True, figure="loads")
+    plot_run(drives(60.0), path, force=True, figure_name="loads")
     assert path.read_bytes() != b"old"
 
 
@@ -256,19 +256,19 @@ PAIRS = sorted(product(KINDS, FIGURES), key=lambda pair: pair == (KINDS[-1], "pa
 )
 def test_every_figure_draws_every_kind_of_run(drives, tmp_path: Path, figure: str, options: dict):
     run = drives(**{"duration_s": 60.0, **options})
-    plot_run(run, tmp_path / "whole.png", figure=figure)
+    plot_run(run, tmp_path / "whole.png", figure_name=figure)
     if not options:  # a moment's marks are the same on each
-        plot_run(run, tmp_path / "moment.png", figure=figure, at_s=30.0)
+        plot_run(run, tmp_path / "moment.png", figure_name=figure, at_s=30.0)
 
 
 @pytest.mark.parametrize("figure", FIGURES)
 def test_every_figure_of_a_run_without_frames_says_so(tmp_path: Path, figure: str):
-    plot_run(Run({}), tmp_path / "empty.png", figure=figure)
+    plot_run(Run({}), tmp_path / "empty.png", figure_name=figure)
 
 
 def test_an_unknown_figure_is_one_line_with_the_choices(drives, tmp_path: Path):
     with pytest.raises(OutputError, match="no figure 'gates'; did you mean 'gate'"):
-        plot_run(drives(60.0), tmp_path / "page.png", figure="gates")
+        plot_run(drives(60.0), tmp_path / "page.png", figure_name="gates")
 
 
 def lanes(figure: Figure) -> Axes:
@@ -319,7 +319,7 @@ def _settling(rls_kg: float) -> Run:
 
 def test_the_answer_is_in_view_wherever_a_recursion_lies() -> None:
     axes = Figure().subplots()
-    draw_convergence(axes, _settling(500.0))
+    draw_convergence_of_estimates(axes, _settling(500.0))
     low, high = axes.get_ylim()
     assert low < 96.0 < 500.0 < high
     assert axes.get_xlim() == pytest.approx((0.0, 5.99))
@@ -327,7 +327,7 @@ def test_the_answer_is_in_view_wherever_a_recursion_lies() -> None:
 
 def test_no_line_is_drawn_where_nothing_was_accepted() -> None:
     axes = Figure().subplots()
-    draw_convergence(axes, _settling(100.0))
+    draw_convergence_of_estimates(axes, _settling(100.0))
     (line,) = (each for each in axes.get_lines() if str(each.get_label()).startswith("rls"))
     t_s = np.asarray(line.get_xdata())
     assert np.isnan(t_s).sum() == 1

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from recordings.plots.sweep_figure import SweptRow, draw_sweep
+from recordings.plots.sweep_figure import SweptRow, draw_sweep_figure
 
 METHODS = ("ls", "rls", "fgls", "tls", "pooled", "joint")
 
@@ -24,7 +24,7 @@ def row(value: float, mass_kg: float | None = 100.0) -> SweptRow:
 def test_the_answer_stands_at_its_value_and_the_other_methods_near_it(
     values: tuple[float, ...],
 ) -> None:
-    mass = draw_sweep([row(value) for value in values]).axes[0]
+    mass = draw_sweep_figure([row(value) for value in values]).axes[0]
     drawn = {str(bars.get_label()): np.asarray(bars[0].get_xdata()) for bars in mass.containers}
     assert set(drawn) == set(METHODS)
     np.testing.assert_allclose(drawn["joint"], values)
@@ -35,12 +35,12 @@ def test_the_answer_stands_at_its_value_and_the_other_methods_near_it(
 
 
 def test_one_value_alone_is_the_only_tick() -> None:
-    last = draw_sweep([row(0.7)]).axes[-1]
+    last = draw_sweep_figure([row(0.7)]).axes[-1]
     assert list(last.get_xticks()) == [0.7]
 
 
 def test_panels_without_a_mass_say_so() -> None:
-    *panels, _ = draw_sweep([row(50.0, None), row(60.0, None)]).axes
+    *panels, _ = draw_sweep_figure([row(50.0, None), row(60.0, None)]).axes
     assert len(panels) == 2
     for axes in panels:
         assert [text.get_text() for text in axes.texts] == ["no mass"]

@@ -30,7 +30,7 @@ def test_a_clock_that_is_put_forward_skips_an_hour() -> None:
 
 @pytest.mark.parametrize("night", [BACK, FORWARD])
 def test_no_two_ticks_of_such_a_night_read_alike(night: ShiftClock) -> None:
-    texts = [text for _, text in night.make_ticks(0.0, night.duration_s)]
+    texts = [text for _, text in night.make_time_axis_ticks(0.0, night.duration_s)]
     assert len(texts) == len(set(texts)) > 3
     assert all("+0" in text for text in texts)
 
@@ -42,19 +42,19 @@ def test_a_shift_over_midnight_says_the_day() -> None:
 
 def test_ticks_are_round_on_the_machines_own_clock_however_odd_its_zone() -> None:
     nepal = clock("2023-11-14T10:07:13+05:45", "Asia/Kathmandu", 2.0)
-    assert [text for _, text in nepal.make_ticks(0.0, 7200.0)] == [
+    assert [text for _, text in nepal.make_time_axis_ticks(0.0, 7200.0)] == [
         "10:30",
         "11:00",
         "11:30",
         "12:00",
     ]
-    assert nepal.axis_label == "local time (UTC+05:45)"
+    assert nepal.time_axis_label == "local time (UTC+05:45)"
 
 
 def test_a_log_without_a_date_counts_from_its_start() -> None:
     undated = ShiftClock("Europe/Berlin", 12 * NS, 4000.0)
     assert undated.format_time(3723.0) == "1:02:03"
-    assert undated.axis_label == "h:min since the start"
+    assert undated.time_axis_label == "h:min since the start"
 
 
 @pytest.mark.parametrize(

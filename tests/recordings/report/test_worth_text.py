@@ -7,10 +7,10 @@ from analysis.model.answer import answer
 from recordings.report.shift_text import may_miss_small_loads
 from recordings.report.worth_text import (
     advise_to_reduce_uncertainty,
-    describe_load,
+    describe_load_as_lines,
     make_budget_table_rows,
 )
-from recordings.rrd.recording_texts import make_all_texts
+from recordings.rrd.recording_texts import make_texts_of_run
 
 LOAD = {
     "mass_kg": 3732.4,
@@ -27,7 +27,7 @@ LOAD = {
 
 
 def test_a_load_is_its_mass_with_interval_its_payload_and_what_other_priors_say():
-    assert describe_load(LOAD) == [
+    assert describe_load_as_lines(LOAD) == [
         "mass 3732 ± 24 kg (standard uncertainty), 95 %: 3685 to 3780 kg, from 9 manoeuvres",
         "payload 118 ± 27 kg",
         "prior sensitivity: 3730 kg (×½) … 3740 kg (×2)",
@@ -35,18 +35,20 @@ def test_a_load_is_its_mass_with_interval_its_payload_and_what_other_priors_say(
 
 
 def test_one_manoeuvre_is_one_and_without_an_empty_mass_there_is_no_payload():
-    lines = describe_load({**LOAD, "manoeuvres": 1, "payload_kg": None, "payload_u_kg": None})
+    lines = describe_load_as_lines(
+        {**LOAD, "manoeuvres": 1, "payload_kg": None, "payload_u_kg": None}
+    )
     assert lines[0].endswith("from 1 manoeuvre")
     assert not any("payload" in line for line in lines)
 
 
 def test_a_scale_that_nobody_knows_is_said_to_be_in_no_number():
-    (line,) = describe_load({**LOAD, "scale_unknown": "force_gain, wheel_radius"})[3:]
+    (line,) = describe_load_as_lines({**LOAD, "scale_unknown": "force_gain, wheel_radius"})[3:]
     assert line.startswith("± excludes scale error: set force_gain_u, wheel_radius_u_m")
 
 
 def test_braking_that_was_left_out_is_said_to_be():
-    (line,) = describe_load({**LOAD, "braking_left_out": True})[3:]
+    (line,) = describe_load_as_lines({**LOAD, "braking_left_out": True})[3:]
     assert "braking was left out" in line
 
 
@@ -58,7 +60,7 @@ def test_braking_that_was_left_out_is_said_to_be():
     ],
 )
 def test_a_load_without_a_mass_says_why(why, said):
-    assert describe_load({**LOAD, "mass_kg": None, "withheld_for": why}) == [said]
+    assert describe_load_as_lines({**LOAD, "mass_kg": None, "withheld_for": why}) == [said]
 
 
 class TestBudget:
@@ -85,12 +87,12 @@ class TestBudget:
     def test_a_withheld_answer_has_no_advice_and_no_part_in_the_page(self, drives):
         run = drives(60.0, passed=False)
         assert advise_to_reduce_uncertainty(answer(run)) is None
-        page = make_all_texts(run)["answer"]
+        page = make_texts_of_run(run)["answer"]
         assert "Where the uncertainty comes from" not in page
         assert "by the joint fit" not in page
 
     def test_the_page_has_budget_and_terms_with_prior_and_posterior(self, drives):
-        page = make_all_texts(drives(60.0))["answer"]
+        page = make_texts_of_run(drives(60.0))["answer"]
         assert "## Where the uncertainty comes from" in page
         assert "- **const** (common): 40 kg " in page
         assert "- **lag**, how late the force is: -0.0030 ± 0.0010 s, prior ± 0.02 s; " in page

@@ -5,7 +5,11 @@ from typing import Any
 import pytest
 
 from analysis.cycles.cycle_energy import EnergyAmount, EnergyRow, ShiftEnergy
-from recordings.review.energy_columns import FUEL_U, list_energy_facts, make_energy_table
+from recordings.review.energy_columns import (
+    FUEL_U,
+    list_energy_names_and_values,
+    make_energy_table_by_phase,
+)
 from recordings.review.review_state import ReviewState
 from tests.analysis.cycles.test_cycles import summed
 from tests.recordings.review.test_shift_facts import FRAMES, rows, state
@@ -25,7 +29,7 @@ def reviewed(cycles: int, fuel_u_1: float | None) -> ReviewState:
 
 
 def facts(of: ReviewState) -> dict[str, Any]:
-    return dict(list_energy_facts(rows(of), summed(FRAMES), of))
+    return dict(list_energy_names_and_values(rows(of), summed(FRAMES), of))
 
 
 def test_an_energy_of_some_cycles_says_of_how_many() -> None:
@@ -37,14 +41,14 @@ def test_litres_of_a_channel_without_an_uncertainty_say_so() -> None:
     said = facts(reviewed(4, None))["fuel"]
     assert said.endswith("; ± not known (set machine.fuel_gain_u)")
     assert said.count("±") == 1
-    assert dict(make_energy_table(reviewed(4, None)))["fuel in L, ± not known"] == ["2.00"]
+    assert dict(make_energy_table_by_phase(reviewed(4, None)))["fuel in L, ± not known"] == ["2.00"]
 
 
 def test_litres_of_a_channel_with_one_have_it_in_sentence_table_and_ledger() -> None:
     of = reviewed(4, 0.03)
     assert facts(of)["fuel"].startswith("2.00 ± 0.12 L in the cycles, ")
     assert facts(of)["fuel"].count("±") == 2
-    assert dict(make_energy_table(of))["fuel in L"] == ["2.00 ± 0.12"]
+    assert dict(make_energy_table_by_phase(of))["fuel in L"] == ["2.00 ± 0.12"]
     assert rows(of)[FUEL_U].to_list() == pytest.approx([0.015] * 4)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from estimators.errors import ReviewError
 from recordings.report.clock_text import ShiftClock
-from recordings.review.shift_ledger import find_cycle_row, parse_local_instant
+from recordings.review.shift_ledger import find_ledger_row_of_cycle, parse_local_instant
 
 NS = 10**9
 
@@ -53,32 +53,32 @@ NIGHT = shift("2023-11-14T23:00:00+01:00", "Europe/Berlin", 12)
 )
 def test_a_cycle_is_named_by_number_id_or_clock(when: str, number: int) -> None:
     rows, clock = DAY
-    assert rows["cycle"][find_cycle_row(when, rows, clock)] == number
+    assert rows["cycle"][find_ledger_row_of_cycle(when, rows, clock)] == number
 
 
 @pytest.mark.parametrize("when", ["0", "7", "13:00:00", "18:00", "25:00", "14:61", "tomorrow", ""])
 def test_what_is_no_cycle_is_refused_in_one_line(when: str) -> None:
     with pytest.raises(ReviewError) as fault:
-        find_cycle_row(when, *DAY)
+        find_ledger_row_of_cycle(when, *DAY)
     assert "\n" not in str(fault.value)
 
 
 def test_half_past_two_in_the_night_that_has_it_twice_needs_the_offset() -> None:
     with pytest.raises(ReviewError, match=r"02:30:30 \+02:00.*02:30:30 \+01:00"):
-        find_cycle_row("02:30:30", *BACK)
-    first = find_cycle_row("02:30:30 +02:00", *BACK)
-    second = find_cycle_row("02:30:30+01:00", *BACK)
+        find_ledger_row_of_cycle("02:30:30", *BACK)
+    first = find_ledger_row_of_cycle("02:30:30 +02:00", *BACK)
+    second = find_ledger_row_of_cycle("02:30:30+01:00", *BACK)
     assert second - first == 6
 
 
 def test_half_past_two_in_the_night_without_it_is_no_cycle() -> None:
     with pytest.raises(ReviewError, match="no cycle '02:30:30'"):
-        find_cycle_row("02:30:30", *FORWARD)
+        find_ledger_row_of_cycle("02:30:30", *FORWARD)
 
 
 def test_a_time_after_midnight_is_of_the_second_day() -> None:
     rows, clock = NIGHT
-    assert rows["local_time"][find_cycle_row("00:20:30", rows, clock)].startswith(
+    assert rows["local_time"][find_ledger_row_of_cycle("00:20:30", rows, clock)].startswith(
         "2023-11-15 00:20:30"
     )
 
@@ -94,4 +94,4 @@ def test_an_hour_of_a_shift_over_midnight_is_the_one_in_the_shift() -> None:
 )
 def test_days_and_offsets_that_do_not_exist_are_refused_in_one_line(when: str) -> None:
     with pytest.raises(ReviewError):
-        find_cycle_row(when, *DAY)
+        find_ledger_row_of_cycle(when, *DAY)

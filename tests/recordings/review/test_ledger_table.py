@@ -17,7 +17,12 @@ from recordings.review.energy_columns import (
     make_energy_column_name,
     make_uncertainty_column_name,
 )
-from recordings.review.ledger_table import COLUMNS, make_table_rows, write_table_csv, write_xlsx
+from recordings.review.ledger_table import (
+    COLUMNS,
+    make_ledger_table_cells,
+    write_ledger_as_spreadsheet_csv,
+    write_ledger_as_xlsx,
+)
 from recordings.review.reviewer_verdicts import LABELS
 
 HEADS = [column.head for column in COLUMNS]
@@ -74,7 +79,9 @@ def read_back(path: Path) -> list[dict[str, Any]]:
 def test_a_workbook_has_units_real_dates_numbers_and_the_interval_of_the_page(
     tmp_path: Path,
 ) -> None:
-    write_xlsx(ledger("2026-07-01T12:32:10Z"), clock("2026-07-01T06:00:00Z"), tmp_path / "a.xlsx")
+    write_ledger_as_xlsx(
+        ledger("2026-07-01T12:32:10Z"), clock("2026-07-01T06:00:00Z"), tmp_path / "a.xlsx"
+    )
     units, row = read_back(tmp_path / "a.xlsx")
     assert units["payload"] == "kg"
     assert row["local time"] == dt.datetime(2026, 7, 1, 14, 32, 10)
@@ -97,7 +104,7 @@ def test_every_load_of_a_night_has_its_wall_time_and_offset(
     utc: tuple[str, str], local: tuple[tuple[str, float], ...], tmp_path: Path
 ) -> None:
     rows, at = ledger(*utc), clock(utc[0])
-    write_xlsx(rows, at, tmp_path / "a.xlsx")
+    write_ledger_as_xlsx(rows, at, tmp_path / "a.xlsx")
     _, *found = read_back(tmp_path / "a.xlsx")
     assert [(f"{r['local time']:%H:%M}", r["offset from UTC"]) for r in found] == list(local)
     assert found[0]["UTC"] < found[1]["UTC"]
@@ -108,7 +115,7 @@ def test_times_are_the_machines_whatever_the_readers_zone(monkeypatch: pytest.Mo
     tables: list[Any] = []
     for zone in ("America/Denver", "Asia/Tokyo"):
         monkeypatch.setenv("TZ", zone)
-        tables.append(make_table_rows(rows, at))
+        tables.append(make_ledger_table_cells(rows, at))
     assert tables[0] == tables[1]
     assert tables[0][0][HEADS.index("local time")] == dt.datetime(2026, 7, 1, 17, 30)
     assert tables[0][0][HEADS.index("offset from UTC")] == 5.5
@@ -120,7 +127,9 @@ def test_a_csv_is_for_the_locale_that_is_asked_for(
 ) -> None:
     path = tmp_path / "a.csv"
     rows = ledger("2026-07-01T12:00:00Z", note="=1+1")
-    write_table_csv(rows, clock("2026-07-01T06:00:00Z"), path, decimal_comma=comma)
+    write_ledger_as_spreadsheet_csv(
+        rows, clock("2026-07-01T06:00:00Z"), path, has_decimal_comma=comma
+    )
     assert path.read_bytes().startswith(b"\xef\xbb\xbf")  # or a spreadsheet takes ± for Â±
     heads, units, row = csv.reader(
         path.read_text(encoding="utf-8-sig").splitlines(), delimiter=delimiter
@@ -134,7 +143,7 @@ def test_a_csv_is_for_the_locale_that_is_asked_for(
 
 def test_a_text_of_a_workbook_is_no_formula(tmp_path: Path) -> None:
     rows = ledger("2026-07-01T12:00:00Z", note="=1+1")
-    write_xlsx(rows, clock("2026-07-01T06:00:00Z"), tmp_path / "a.xlsx")
+    write_ledger_as_xlsx(rows, clock("2026-07-01T06:00:00Z"), tmp_path / "a.xlsx")
     sheet = openpyxl.load_workbook(tmp_path / "a.xlsx")["ledger"]
     cell = sheet.cell(3, HEADS.index("note") + 1)
     assert (cell.value, cell.data_type) == ("=1+1", "s")
@@ -142,6 +151,6 @@ def test_a_text_of_a_workbook_is_no_formula(tmp_path: Path) -> None:
 
 def test_a_log_without_a_date_has_no_dates(tmp_path: Path) -> None:
     rows = ledger("1970-01-01T00:10:00Z")
-    write_xlsx(rows, ShiftClock("UTC", 0, 3600.0), tmp_path / "a.xlsx")
+    write_ledger_as_xlsx(rows, ShiftClock("UTC", 0, 3600.0), tmp_path / "a.xlsx")
     _, row = read_back(tmp_path / "a.xlsx")
     assert (row["UTC"], row["local time"], row["offset from UTC"]) == (None, None, None)

@@ -9,7 +9,7 @@ from pathlib import Path
 import openpyxl
 import pytest
 
-from recordings.review.ledger_table import write_table_csv, write_xlsx
+from recordings.review.ledger_table import write_ledger_as_spreadsheet_csv, write_ledger_as_xlsx
 from tests.recordings.review.test_ledger_table import HEADS, clock, ledger
 
 pytestmark = pytest.mark.skipif(shutil.which("soffice") is None, reason="needs LibreOffice Calc")
@@ -31,7 +31,7 @@ def convert(path: Path, kind: str, *options: str) -> None:
 
 def test_a_workbook_is_read_with_its_dates_and_numbers(tmp_path: Path) -> None:
     night = ("2026-10-25T00:30:00Z", "2026-10-25T01:30:00Z")
-    write_xlsx(ledger(*night, note="=1+1"), clock(night[0]), tmp_path / "ledger.xlsx")
+    write_ledger_as_xlsx(ledger(*night, note="=1+1"), clock(night[0]), tmp_path / "ledger.xlsx")
     # comma, quotes, UTF-8, numbers as they are instead of as they are shown
     convert(
         tmp_path / "ledger.xlsx", "csv:Text - txt - csv (StarCalc):44,34,76,1,,0,false,true,false"
@@ -56,7 +56,9 @@ def test_a_csv_is_read_in_its_locale(
 ) -> None:
     path = tmp_path / "table.csv"
     rows = ledger("2026-07-01T12:32:10Z")
-    write_table_csv(rows, clock("2026-07-01T06:00:00Z"), path, decimal_comma=comma)
+    write_ledger_as_spreadsheet_csv(
+        rows, clock("2026-07-01T06:00:00Z"), path, has_decimal_comma=comma
+    )
     # separator, quotes, UTF-8, from the first line, that language, quoted cells as text, detect
     dialect = f"--infilter=CSV:{separator},34,76,1,,{language},false,true"
     convert(path, "xlsx", dialect)

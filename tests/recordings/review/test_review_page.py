@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from analysis.model.run_record import InputFile
 from recordings.review.review_page import ReviewPage, UsedCalibration, render_review_html
 from recordings.review.review_state import ReviewState, TopicSampling
-from recordings.review.shift_ledger import add_motion_columns, make_ledger
+from recordings.review.shift_ledger import add_motion_columns, make_ledger_frame
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found, summed
 
@@ -38,7 +38,7 @@ def page(cycles: int, text: str) -> str:
         friction=(100.0, 1.0),
         digs=cycles,
     )
-    rows = add_motion_columns(make_ledger(found(frames), state.t0_unix_ns, {}), state)
+    rows = add_motion_columns(make_ledger_frame(found(frames), state.t0_unix_ns, {}), state)
     track = pl.DataFrame({"latitude_deg": [49.0, 49.001], "longitude_deg": [8.0, 8.001]})
     changes = [(text, text, text)]
     return render_review_html(

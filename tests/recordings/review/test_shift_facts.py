@@ -8,13 +8,13 @@ import pytest
 from recordings.review.review_state import ReviewState
 from recordings.review.shift_facts import (
     describe_long_gaps,
-    describe_missing_tonnes,
     describe_torn_logs,
-    list_cycle_time_facts,
-    list_shift_facts,
-    summarise_shift,
+    explain_why_no_cycle_counts,
+    list_mean_phase_durations,
+    list_shift_names_and_values,
+    summarise_shift_in_line,
 )
-from recordings.review.shift_ledger import add_motion_columns, make_ledger
+from recordings.review.shift_ledger import add_motion_columns, make_ledger_frame
 from recordings.review.torn_logs import TornLog
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found, summed
@@ -42,7 +42,7 @@ def state(**more: Any) -> ReviewState:
 
 
 def rows(of: ReviewState) -> pl.DataFrame:
-    return add_motion_columns(make_ledger(found(FRAMES), of.t0_unix_ns, {}), of)
+    return add_motion_columns(make_ledger_frame(found(FRAMES), of.t0_unix_ns, {}), of)
 
 
 def torn(next_s: float | None) -> TornLog:
@@ -57,7 +57,7 @@ def test_cycles_that_differ_in_a_number_alone_have_one_reason() -> None:
     ledger = rows(shift)[:3].with_columns(
         counted=pl.lit(value=False), withheld_for=pl.Series(reasons)
     )
-    assert describe_missing_tonnes(shift, ledger) == (
+    assert explain_why_no_cycle_counts(shift, ledger) == (
         "2 cycles, such as: ± 286 kg is more than 250 kg; 1 cycle: not dumped yet"
     )
 
@@ -72,14 +72,14 @@ def test_a_torn_log_in_the_middle_says_how_many_minutes_are_missing() -> None:
 def test_what_a_torn_last_log_hides_is_unknown_in_headline_and_facts() -> None:
     shift = summed(FRAMES)
     last = state(torn=(torn(None),))
-    assert summarise_shift(shift, "", last).endswith(
+    assert summarise_shift_in_line(shift, "", last).endswith(
         "until 2023-11-15 00:13:20 +01:00, the rest of the shift is unknown"
     )
-    lost = dict(list_shift_facts(shift, rows(last), last, None))[
+    lost = dict(list_shift_names_and_values(shift, rows(last), last, None))[
         "estimated where nothing was recorded"
     ]
     assert lost == "unknown after 2023-11-15 00:13:20 +01:00"
-    whole = dict(list_shift_facts(shift, rows(state()), state(), None))
+    whole = dict(list_shift_names_and_values(shift, rows(state()), state(), None))
     assert whole["estimated where nothing was recorded"] == "nothing"
 
 
@@ -90,7 +90,10 @@ def test_the_smallest_load_that_shows_is_a_fact_where_a_recording_has_it(
     least_kg: float | None, said: str | None
 ) -> None:
     shift = summed(FRAMES) | {"min_detectable_kg": least_kg}
-    assert dict(list_shift_facts(shift, rows(state()), state(), None)).get("sensitivity") == said
+    assert (
+        dict(list_shift_names_and_values(shift, rows(state()), state(), None)).get("sensitivity")
+        == said
+    )
 
 
 def test_a_hole_of_half_an_hour_is_said_on_top_with_what_it_costs() -> None:
@@ -113,7 +116,7 @@ def test_a_cycle_with_a_hole_is_in_no_mean() -> None:
         dump_s=10.0,
         hole_s=pl.Series([0.0, 1800.0, 0.2, 0.0]),
     )
-    [(_, text)] = list_cycle_time_facts(table)
+    [(_, text)] = list_mean_phase_durations(table)
     assert text.startswith("85 s on average of 3")
 
 
@@ -122,7 +125,9 @@ def test_a_mean_carried_back_is_said_only_where_its_interval_leaves_zero_out(
     mean_kg: float, shown: bool
 ) -> None:
     shift = summed(FRAMES) | {"carry_back_mean_kg": mean_kg, "carry_back_u_kg": 30.5}
-    assert ("carried back" in dict(list_shift_facts(shift, rows(state()), state(), None))) is shown
+    assert (
+        "carried back" in dict(list_shift_names_and_values(shift, rows(state()), state(), None))
+    ) is shown
 
 
 def test_every_cycle_is_counted_or_said_why_not() -> None:
@@ -132,14 +137,14 @@ def test_every_cycle_is_counted_or_said_why_not() -> None:
         quality=pl.Series(["good", "good", "no mass", "not dumped"]),
         payload_kg=pl.Series([700.0, None, None, 680.0]),
     )
-    said = dict(list_shift_facts(summed(FRAMES), ledger, state(), None))["cycles"]
+    said = dict(list_shift_names_and_values(summed(FRAMES), ledger, state(), None))["cycles"]
     assert said.startswith("4 detected (")
     assert said.endswith("), 1 counted, 1 rejected, 1 without a mass, 1 still on board at the end")
 
 
 def test_tonnes_and_cycles_an_hour_leave_out_what_was_not_recorded() -> None:
     shift = summed(FRAMES) | {"duration_s": 7200.0, "gap_s": 3600.0, "payload_kg": 2750.0}
-    said = dict(list_shift_facts(shift, rows(state()), state(), None))["per hour"]
+    said = dict(list_shift_names_and_values(shift, rows(state()), state(), None))["per hour"]
     assert said.startswith("2.75")
     assert "4.0 cycles" in said
 

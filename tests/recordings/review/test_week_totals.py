@@ -7,8 +7,13 @@ import pytest
 
 from estimators.errors import ReviewError
 from recordings.review.review_state import STATE, ReviewState
-from recordings.review.shift_ledger import PARQUET, add_motion_columns, make_ledger
-from recordings.review.week_totals import WeekPart, read_week, sum_by_group, sum_week
+from recordings.review.shift_ledger import PARQUET, add_motion_columns, make_ledger_frame
+from recordings.review.week_totals import (
+    WeekPart,
+    read_counted_loads_of_reviews,
+    sum_week_parts_by_group,
+    sum_whole_week,
+)
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found
 
@@ -37,7 +42,7 @@ def reviewed(folder: Path, begins: dt.datetime, *, zone: str, machine: str = "A"
         timezone=zone,
     )
     folder.mkdir()
-    add_motion_columns(make_ledger(FRAMES, state.t0_unix_ns, {}), state).write_parquet(
+    add_motion_columns(make_ledger_frame(FRAMES, state.t0_unix_ns, {}), state).write_parquet(
         folder / PARQUET
     )
     (folder / STATE).write_text(state.model_dump_json(), encoding="utf-8")
@@ -48,7 +53,9 @@ def test_a_shift_over_midnight_is_two_days_by_the_clock_of_the_machine(tmp_path:
     ends_s = sorted(FRAMES.filter("counted")["end_t_ns"].to_numpy() / 1e9)
     midnight = dt.datetime(2025, 6, 1, 15, tzinfo=dt.UTC)  # of Tokyo
     begins = midnight - dt.timedelta(seconds=(ends_s[0] + ends_s[1]) / 2)
-    days = sum_by_group(read_week([reviewed(tmp_path / "a", begins, zone="Asia/Tokyo")]), "day")
+    days = sum_week_parts_by_group(
+        read_counted_loads_of_reviews([reviewed(tmp_path / "a", begins, zone="Asia/Tokyo")]), "day"
+    )
     assert [(each.name, each.loads) for each in days] == [
         ("2025-06-01", 1),
         ("2025-06-02", len(ends_s) - 1),
@@ -57,15 +64,15 @@ def test_a_shift_over_midnight_is_two_days_by_the_clock_of_the_machine(tmp_path:
 
 def test_a_verdict_counts_that_was_written_after_the_ledger(tmp_path: Path) -> None:
     folder = reviewed(tmp_path / "a", dt.datetime(2025, 6, 1, 8, tzinfo=dt.UTC), zone="UTC")
-    before = sum_week(read_week([folder]))
+    before = sum_whole_week(read_counted_loads_of_reviews([folder]))
     number = FRAMES.with_row_index().filter("counted")["index"][0]
-    name = make_ledger(
+    name = make_ledger_frame(
         FRAMES, int(dt.datetime(2025, 6, 1, 8, tzinfo=dt.UTC).timestamp()) * 10**9, {}
     )["id"][number]
     (folder / "verdicts.toml").write_text(
         f'[[cycle]]\nid = "{name}"\nreject = true\nauthor = "M"\ntime = 2025-06-02T08:00:00Z\n'
     )
-    after = sum_week(read_week([folder]))
+    after = sum_whole_week(read_counted_loads_of_reviews([folder]))
     assert after.loads == before.loads - 1
     assert after.payload_kg == pytest.approx(before.payload_kg - FRAMES["payload_kg"][int(number)])
 
@@ -74,16 +81,16 @@ def test_a_load_that_is_in_two_reviews_is_refused(tmp_path: Path) -> None:
     begins = dt.datetime(2025, 6, 1, 8, tzinfo=dt.UTC)
     twice = [reviewed(tmp_path / name, begins, zone="UTC") for name in ("a", "b")]
     with pytest.raises(ReviewError, match="that are also in"):
-        read_week(twice)
+        read_counted_loads_of_reviews(twice)
     with pytest.raises(ReviewError, match="that are also in"):
-        read_week(twice[:1] * 2)
+        read_counted_loads_of_reviews(twice[:1] * 2)
 
 
 def test_what_is_common_adds_up_within_a_machine_and_in_squares_between_them() -> None:
     parts = [WeekPart("d", name, "", 1, 100.0, 0.0, 3.0) for name in ("A", "A", "B")]
-    assert sum_week(parts).payload_u_kg == pytest.approx((6.0**2 + 3.0**2) ** 0.5)
+    assert sum_whole_week(parts).payload_u_kg == pytest.approx((6.0**2 + 3.0**2) ** 0.5)
 
 
 def test_a_folder_without_a_review_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ReviewError, match="holds no review"):
-        read_week([tmp_path])
+        read_counted_loads_of_reviews([tmp_path])

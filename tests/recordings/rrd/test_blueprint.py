@@ -9,11 +9,11 @@ import pytest
 
 from analysis import Run
 from recordings import write_recording
-from recordings.rrd.blueprint import Page, Panel, compute_relative_panel_heights, make_tab_panels
+from recordings.rrd.blueprint import Page, Panel, compute_relative_panel_heights, make_panels_of_tab
 from recordings.rrd.display_frames import DisplayColumn, make_display_frames
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.recording_views import MethodLayout, Tab, ViewKind
-from recordings.rrd.writer import make_scene
+from recordings.rrd.writer import make_scene_of_run
 from tests.recordings.conftest import METHODS
 
 
@@ -77,7 +77,7 @@ def _view_names(container) -> list[str]:
 
 
 def _tabs(run: Run) -> dict[str, list[str]]:
-    root = make_scene(run).layout.root_container
+    root = make_scene_of_run(run).layout.root_container
     return {tab.name: _view_names(tab) for tab in root.contents}
 
 
@@ -154,7 +154,7 @@ def _methods_of(panel: Panel) -> set[str]:
 @pytest.mark.parametrize("tab", TABS, ids=lambda tab: tab.name)
 def test_no_view_draws_two_methods_over_each_other(drives, tab: Tab) -> None:
     run = drives(60.0)
-    rows = Page(tab.name, make_tab_panels(tab, run, make_display_frames(run))).rows
+    rows = Page(tab.name, make_panels_of_tab(tab, run, make_display_frames(run))).panel_rows
     assert all(len(_methods_of(panel)) <= 1 for row in rows for panel in row)
     if tab.methods is MethodLayout.ROWS:
         assert [_methods_of(row[0]) for row in rows] == [{method} for method in METHODS]
@@ -194,7 +194,7 @@ def test_a_lane_of_gaps_needs_a_gap(drives) -> None:
     (tab,) = (tab for tab in TABS if tab.name == "Motion")
     for frames, lanes in ((run.frames, 2), ({**run.frames, "aligned": whole}, 1)):
         each = replace(run, frames=frames)
-        *_, states = make_tab_panels(tab, each, make_display_frames(each))
+        *_, states = make_panels_of_tab(tab, each, make_display_frames(each))
         assert len(states.drawn) == lanes
 
 

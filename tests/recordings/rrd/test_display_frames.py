@@ -5,7 +5,7 @@ import polars as pl
 from analysis import Provenance, Run, Settings
 from analysis.model.schema import PHASE
 from recordings.rrd.display_frames import (
-    choose_axis_range,
+    choose_axis_range_without_outliers,
     is_run_drawn_decimated,
     list_displayed_columns,
     make_display_frames,
@@ -132,14 +132,17 @@ def test_a_bin_without_samples_stays_empty(drives):
 def test_a_few_wild_estimates_do_not_set_the_range_of_the_axis(drives):
     run = drives(120.0)
     assert run.frames["estimates/tls"]["mass_kg"].max() == 2.5e6
-    low, high = choose_axis_range(_view("Mass"), run)
+    low, high = choose_axis_range_without_outliers(_view("Mass"), run)
     assert 3000 < low < 3450
     assert 3550 < high < 4000
 
 
 def test_numbers_that_are_all_alike_still_get_a_range_around_them():
     estimates = _estimates(0, 1).with_columns(mass_std_kg=pl.lit(None, pl.Float64))
-    assert choose_axis_range(_view("Mass"), _run(estimates__ls=estimates)) == (4.75, 5.25)
+    assert choose_axis_range_without_outliers(_view("Mass"), _run(estimates__ls=estimates)) == (
+        4.75,
+        5.25,
+    )
 
 
 def test_arcs_are_held_one_after_the_other_and_the_fits_that_span_them_are_left_to_the_text(drives):

@@ -5,7 +5,7 @@ import pytest
 from analysis.model.schema import FRAMES, find_frame_declaration
 from recordings.rrd.recording_table import KEPT, TABS
 from recordings.rrd.recording_views import ViewKind
-from recordings.rrd.stored_names import split_entity_path
+from recordings.rrd.stored_names import split_frame_name_to_path
 
 VIEWS = list(dict.fromkeys(view for tab in TABS for view in tab.views))
 SERIES = [(view, series) for view in VIEWS for series in view.series]
@@ -52,5 +52,5 @@ def test_lanes_of_states_have_labels_of_their_own_since_they_are_entities():
 
 
 def test_a_topic_stays_one_part_of_its_entity_path_so_that_no_two_topics_share_one():
-    assert split_entity_path("raw//imu/data") == ("raw", "/imu/data")
-    assert split_entity_path("estimates/ls") == ("estimates", "ls")
+    assert split_frame_name_to_path("raw//imu/data") == ("raw", "/imu/data")
+    assert split_frame_name_to_path("estimates/ls") == ("estimates", "ls")

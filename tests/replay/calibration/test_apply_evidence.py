@@ -13,12 +13,12 @@ from analysis.calibration.use.learnt_priors import prepare_machine_for_later_log
 from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
 from recordings.calibration.derived_values import make_estimator_with_digest
-from recordings.calibration.evidence_document import parse_evidence
+from recordings.calibration.evidence_document import parse_untrusted_evidence
 from recordings.signatures.canonical_json import encode_canonical_json
-from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
+from replay.calibration.apply_evidence import CalibrationRequest, load_and_verify_calibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.campaign_runs import replay_campaign_logs
-from replay.calibration.check_mass import KnownMassOnBoard, check_mass
+from replay.calibration.check_mass import KnownMassOnBoard, write_evidence_of_mass_check
 from replay.calibration.verify_bundle import verify_bundle
 from replay.machines.machine_file import load_machine
 from tests.replay.attacker import Bundle, key_files, tampered
@@ -57,7 +57,7 @@ def test_evidence_has_what_its_logs_said_and_what_came_of_it(made: CalibrationOu
 
 def test_its_logs_are_replayed_twice_to_verify_it(folder: Path, made: CalibrationOutcome) -> None:
     with replays_anew():
-        assert not verify_bundle(made.folder, logs=folder).findings
+        assert not verify_bundle(made.folder, log_folder=folder).findings
 
 
 def test_evidence_that_counts_gain_as_a_common_error_is_replayed_as_it_was_made(
@@ -80,8 +80,8 @@ def test_evidence_that_counts_gain_as_a_common_error_is_replayed_as_it_was_made(
         del bundle.evidence["procedure"]
 
     before = tampered(made.folder, tmp_path / "before", lose_key, signed=True)
-    assert not verify_bundle(before, logs=tmp_path / "logs").findings
-    assert verify_bundle(made.folder, logs=tmp_path / "logs").findings
+    assert not verify_bundle(before, log_folder=tmp_path / "logs").findings
+    assert verify_bundle(made.folder, log_folder=tmp_path / "logs").findings
 
 
 def test_a_campaign_may_leave_the_priors_as_they_are(folder: Path, tmp_path: Path) -> None:
@@ -159,26 +159,26 @@ def test_what_is_no_calibration_calibrates_nothing(
     folder: Path, made: CalibrationOutcome, tmp_path: Path
 ) -> None:
     check = tmp_path / "check"
-    check_mass(
+    write_evidence_of_mass_check(
         folder / "load-2.csv",
         KnownMassOnBoard(40.0, 0.1, "", "2026-05-09"),
         check,
         previous=made.folder,
     )
     with pytest.raises(EvidenceError, match="is a check against one known mass"):
-        load_calibration(CalibrationRequest(check))
+        load_and_verify_calibration(CalibrationRequest(check))
     single = campaign_folder(tmp_path / "single", loads=(1,))
     calibrate_from_campaign(single, tmp_path / "one-load")
     with pytest.raises(EvidenceError, match="is not a calibration"):
-        load_calibration(CalibrationRequest(tmp_path / "one-load"))
+        load_and_verify_calibration(CalibrationRequest(tmp_path / "one-load"))
     paper = campaign_folder(tmp_path / "paper", extra='\n[method]\nestimator = "pooled"\n')
     calibrate_from_campaign(paper, tmp_path / "pooled")
     with pytest.raises(EvidenceError, match="calibrates 'pooled', which is not a mass of a load"):
-        load_calibration(CalibrationRequest(tmp_path / "pooled"))
+        load_and_verify_calibration(CalibrationRequest(tmp_path / "pooled"))
 
 
 def test_evidence_expires_by_the_day_of_the_log(made: CalibrationOutcome) -> None:
-    held = load_calibration(CalibrationRequest(made.folder))
+    held = load_and_verify_calibration(CalibrationRequest(made.folder))
     last = int(pl.Series([held.document.expires]).cast(pl.Datetime("ns", "UTC"))[0].timestamp())
     held.refuse_after_expiry(last * 10**9, "a.bag")
     with pytest.raises(EvidenceError, match=r"expired on .* a\.bag is of"):
@@ -198,12 +198,12 @@ def test_a_recording_made_without_it_is_of_other_priors(
 def test_the_machine_that_is_weighed_is_that_of_the_evidence(
     folder: Path, made: CalibrationOutcome
 ) -> None:
-    held = load_calibration(CalibrationRequest(made.folder))
-    weighing = held.weighing_machine(load_machine(folder / "sledge.toml"))
+    held = load_and_verify_calibration(CalibrationRequest(made.folder))
+    weighing = held.make_weighing_machine(load_machine(folder / "sledge.toml"))
     machine = held.require_calibrated_machine(weighing, "sledge.toml")
     # but that a later log of several loads tells what the means have wrong
     assert machine == prepare_machine_for_later_log(made.document.weighing_machine)
-    assert held.differing_settings_text(machine) == ""
+    assert held.list_differing_settings_as_text(machine) == ""
 
 
 def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
@@ -222,9 +222,9 @@ def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
 
     first = tampered(made.folder, tmp_path / "first", as_first, signed=True)
     assert not verify_bundle(first).findings
-    held = load_calibration(CalibrationRequest(first))
+    held = load_and_verify_calibration(CalibrationRequest(first))
     assert held.calibration.responses == ()
-    machine = held.weighing_machine(load_machine(made.folder.parent / "sledge.toml"))
+    machine = held.make_weighing_machine(load_machine(made.folder.parent / "sledge.toml"))
     assert machine.settings.priors.learnt_means == "fixed"
 
 
@@ -233,7 +233,7 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
 ) -> None:
     def before(bundle: Bundle) -> None:
         del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]
-        document = parse_evidence(encode_canonical_json(bundle.evidence), "evidence.json")
+        document = parse_untrusted_evidence(encode_canonical_json(bundle.evidence), "evidence.json")
         estimator = make_estimator_with_digest(
             document.campaign, document.weighing_machine, document.settings_at_default
         )
@@ -243,10 +243,10 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
     found = verify_bundle(earlier)
     assert not found.findings
     assert any("settings.priors.sag_weight_share" in note for note in found.notes)
-    held = load_calibration(CalibrationRequest(earlier))
+    held = load_and_verify_calibration(CalibrationRequest(earlier))
     assert (
-        held.differing_settings_text(
-            held.weighing_machine(load_machine(made.folder.parent / "sledge.toml"))
+        held.list_differing_settings_as_text(
+            held.make_weighing_machine(load_machine(made.folder.parent / "sledge.toml"))
         )
         == ""
     )

@@ -15,7 +15,7 @@ from recordings.calibration.bundle_folder import EVIDENCE, RECORDING, REPORT, ST
 from recordings.calibration.evidence_document import SCHEMA, format_evidence_schema
 from recordings.signatures.signing import KEY_VARIABLE
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
-from replay.calibration.check_mass import KnownMassOnBoard, check_mass
+from replay.calibration.check_mass import KnownMassOnBoard, write_evidence_of_mass_check
 from replay.calibration.verify_bundle import verify_bundle
 from tests.replay.attacker import key_files
 from tests.replay.kept_replays import replays_anew
@@ -61,7 +61,7 @@ def test_the_line_is_that_of_the_loads(made: CalibrationOutcome) -> None:
 
 
 def test_an_excluded_run_is_kept_with_its_reason(made: CalibrationOutcome) -> None:
-    left_out = made.rejected
+    left_out = made.rejected_readings
     assert left_out["run_id"].unique().to_list() == ["again"]
     assert left_out["reason"].unique().to_list() == ["excluded: wheel slip"]
     assert left_out["mass_kg"].null_count() == 0
@@ -157,7 +157,7 @@ def test_a_known_mass_shows_drift_or_none(
     table.with_columns(pl.col("force_N") * 1.2).write_csv(tmp_path / "drifted.csv")
     known = KnownMassOnBoard(30.0, 0.01, "K-7", "2026-06-01")
     for name, drifted in (("as-before", False), ("drifted", True)):
-        checked = check_mass(
+        checked = write_evidence_of_mass_check(
             tmp_path / f"{name}.csv",
             known,
             tmp_path / name,
@@ -169,10 +169,14 @@ def test_a_known_mass_shows_drift_or_none(
         assert drift.drifted is drifted
         assert checked.is_within_limits is not drifted
         assert checked.document.expires == made.document.expires
-        found = verify_bundle(checked.folder, key_file=keys[1], previous=made.folder, logs=tmp_path)
+        found = verify_bundle(
+            checked.folder, key_file=keys[1], previous=made.folder, log_folder=tmp_path
+        )
         assert [int(each.outcome) for each in found.findings] == ([6] if drifted else [])
     with pytest.raises(EvidenceError, match="no evidence"):
-        check_mass(tmp_path / "drifted.csv", known, tmp_path / "x", previous=tmp_path)
+        write_evidence_of_mass_check(
+            tmp_path / "drifted.csv", known, tmp_path / "x", previous=tmp_path
+        )
 
 
 def test_nothing_is_chained_to_tampered_evidence_or_another_machine(
@@ -230,4 +234,6 @@ def test_a_real_axis_with_one_load_says_what_that_cannot_show(
     assert "NO CALIBRATION" in page
     assert "It cannot show: whether the error grows with the mass" in page
     day = dt.date(2020, 4, 1)
-    assert not verify_bundle(made.folder, logs=shared_data / "logs", on=day).findings
+    assert not verify_bundle(
+        made.folder, log_folder=shared_data / "logs", verification_day=day
+    ).findings

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from estimators.errors import CampaignError
-from replay.calibration.campaign_file import load_campaign
-from replay.machines.toml_file import read_toml
+from replay.calibration.campaign_file import load_campaign_and_machine
+from replay.machines.toml_file import read_toml_file
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.sledge_campaign import campaign_folder
 
@@ -17,7 +17,7 @@ def campaign(tmp_path: Path) -> Path:
 
 
 def test_a_campaign_file_is_read(campaign: Path) -> None:
-    read, machine = load_campaign(campaign)
+    read, machine = load_campaign_and_machine(campaign)
     assert [run.load_id for run in read.runs][:2] == ["empty", "block-1"]
     assert read.expires.isoformat() == "2027-05-04"
     assert machine.machine.name == "sledge"
@@ -65,13 +65,13 @@ country = "DE"
 def test_a_campaign_of_a_laboratory_names_each_key_that_a_certificate_lacks(campaign: Path) -> None:
     campaign.write_text(campaign.read_text() + CERTIFICATE)
     with pytest.raises(CampaignError) as fault:
-        load_campaign(campaign)
+        load_campaign_and_machine(campaign)
     for key in ("customer", "campaign.place", "machine.make", "conditions.tyres"):
         assert key in str(fault.value)
 
 
 def test_a_campaign_of_before_is_read_and_says_what_it_does_not_state(campaign: Path) -> None:
-    read, _ = load_campaign(campaign)
+    read, _ = load_campaign_and_machine(campaign)
     assert "laboratory" in read.missing_certificate_keys
     assert "conditions.temperature_degC" in read.missing_certificate_keys
     assert read.untraceable_references_text == ("the machine's empty mass has no certificate",)
@@ -91,12 +91,14 @@ def test_a_mass_that_is_not_traceable_is_said(
     text = campaign.read_text().replace("shared_u_kg = 0.01", "")
     assert old in text
     campaign.write_text(text.replace(old, new, 1))
-    assert any(said in each for each in load_campaign(campaign)[0].untraceable_references_text)
+    assert any(
+        said in each for each in load_campaign_and_machine(campaign)[0].untraceable_references_text
+    )
 
 
 def test_a_machine_file_is_no_campaign(campaign: Path) -> None:
     with pytest.raises(CampaignError, match=r"sledge\.toml: is a machine file, no campaign file"):
-        load_campaign(campaign.parent / "sledge.toml")
+        load_campaign_and_machine(campaign.parent / "sledge.toml")
 
 
 def test_what_is_replaced_needs_a_reason(campaign: Path) -> None:
@@ -104,20 +106,20 @@ def test_what_is_replaced_needs_a_reason(campaign: Path) -> None:
         campaign.read_text().replace('author = "A', 'replaces = "abc"\nauthor = "A', 1)
     )
     with pytest.raises(CampaignError, match="must be given together"):
-        load_campaign(campaign)
+        load_campaign_and_machine(campaign)
 
 
 def test_a_class_that_is_none_is_refused_before_the_work(campaign: Path) -> None:
     campaign.write_text(campaign.read_text() + '\n[decision]\naccuracy_class = "R 51 Y(c)"\n')
     with pytest.raises(CampaignError, match="no class"):
-        load_campaign(campaign)
+        load_campaign_and_machine(campaign)
 
 
 def test_a_machine_without_the_uncertainty_of_its_mass_is_refused(campaign: Path) -> None:
     machine = campaign.parent / "sledge.toml"
     machine.write_text(machine.read_text().replace("empty_mass_u_kg", "# empty_mass_u_kg"))
     with pytest.raises(CampaignError, match=r"has machine\.empty_mass_u_kg"):
-        load_campaign(campaign)
+        load_campaign_and_machine(campaign)
 
 
 def test_a_draft_names_every_log_of_a_folder_and_can_be_completed(
@@ -129,7 +131,7 @@ def test_a_draft_names_every_log_of_a_folder_and_can_be_completed(
     machine = logs / "sledge.toml"
     said = payscope("init", "--campaign", logs, "-m", machine, "-o", draft)
     assert said.status == 0, said.err
-    content = read_toml(draft, CampaignError)
+    content = read_toml_file(draft, CampaignError)
     assert [run["log"] for run in content["runs"]] == [f"logs/load-{k}.csv" for k in range(4)]
     assert content["machine"]["file"] == "logs/sledge.toml"
     left = payscope("calibrate", draft, "-o", tmp_path / "evidence")
@@ -146,7 +148,7 @@ def test_a_draft_names_every_log_of_a_folder_and_can_be_completed(
         assert open_one in text
         text = text.replace(open_one, said)
     draft.write_text(text)
-    campaign, _ = load_campaign(draft)
+    campaign, _ = load_campaign_and_machine(draft)
     assert campaign.campaign.author == "Sledges: who made it"
     assert not campaign.missing_certificate_keys
     assert str(tmp_path) not in text

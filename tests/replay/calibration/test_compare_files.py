@@ -18,15 +18,18 @@ from recordings.calibration.bundle_folder import (
     RECORDING,
     SUMS,
     format_sha256sums,
-    list_bundle_entries,
+    list_bundle_files_and_faults,
     read_bundle_file,
 )
-from recordings.calibration.calibration_recording import make_calibration_run, write_calibration
+from recordings.calibration.calibration_recording import (
+    make_run_of_calibration,
+    write_calibration_recording,
+)
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.evidence_document import parse_evidence
+from recordings.calibration.evidence_document import parse_untrusted_evidence
 from recordings.calibration.strange_files import (
     collect_table_heads,
-    compare_pdf_with_html,
+    compare_words_of_pdf_with_html,
     describe_first_difference,
     join_words_without_page_heads,
 )
@@ -64,15 +67,15 @@ def bundle(printed: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def changed(bundle: Path, tmp_path: Path, tamper: Callable[[Bundle], None]) -> Path:
     folder = tampered(bundle, tmp_path / "b", tamper, signed=False)
-    document = parse_evidence((folder / "evidence.json").read_bytes(), "evidence.json")
+    document = parse_untrusted_evidence((folder / "evidence.json").read_bytes(), "evidence.json")
     (folder / RECORDING).unlink()
     tables = (pl.read_parquet(folder / name) for name in (READINGS, POINTS))
-    write_calibration(folder, document, *tables)
+    write_calibration_recording(folder, document, *tables)
     return digested(folder)
 
 
 def digested(folder: Path) -> Path:
-    names, _ = list_bundle_entries(folder)
+    names, _ = list_bundle_files_and_faults(folder)
     digests = {name: read_bundle_file(folder, name).sha256 for name in names if name != SUMS}
     (folder / SUMS).write_text(format_sha256sums(digests))
     return folder
@@ -95,7 +98,7 @@ def in_logs(bundle: Bundle) -> None:
 def test_every_lie_about_a_log_is_found_by_its_replay(bundle: Path, tmp_path: Path) -> None:
     folder = changed(bundle, tmp_path, in_logs)
     assert not verify_bundle(folder).findings
-    found = verify_bundle(folder, logs=bundle.with_name("logs"))
+    found = verify_bundle(folder, log_folder=bundle.with_name("logs"))
     said = items(found)
     assert IRREPRODUCIBLE in {each.outcome for each in found.findings}
     for place, words in (
@@ -114,7 +117,7 @@ def test_every_lie_about_a_log_is_found_by_its_replay(bundle: Path, tmp_path: Pa
 
 
 def test_untouched_evidence_holds_and_what_is_not_compared_is_listed(printed: Path) -> None:
-    found = verify_bundle(printed, logs=printed.with_name("logs"))
+    found = verify_bundle(printed, log_folder=printed.with_name("logs"))
     assert not found.findings, items(found)
     done, unseen = "\n".join(found.done), "\n".join(found.unseen)
     assert "the frames of each run's recording, by their fingerprint" in done
@@ -152,7 +155,7 @@ def test_evidence_with_former_names_of_checks_holds(
         assert bundle.readings["reason"].str.contains(r"\blag\b").any()
 
     folder = changed(tmp_path / "evidence", tmp_path, name_as_before)
-    found = verify_bundle(folder, logs=tmp_path / "logs")
+    found = verify_bundle(folder, log_folder=tmp_path / "logs")
     assert not found.findings, items(found)
 
 
@@ -200,14 +203,16 @@ def test_a_recording_with_one_number_changed_or_damaged_is_found(
 def test_the_recording_of_the_calibration_is_made_anew_and_compared(
     bundle: Path, tmp_path: Path
 ) -> None:
-    document = parse_evidence((bundle / "evidence.json").read_bytes(), "evidence.json")
+    document = parse_untrusted_evidence((bundle / "evidence.json").read_bytes(), "evidence.json")
     readings, points = (pl.read_parquet(bundle / name) for name in (READINGS, POINTS))
-    forged = make_calibration_run(document, readings, points.with_columns(pl.col("mean_kg") + 5.0))
+    forged = make_run_of_calibration(
+        document, readings, points.with_columns(pl.col("mean_kg") + 5.0)
+    )
     folder = exchanged(bundle, tmp_path, RECORDING, lambda path: write_recording(forged, path))
     assert any(
         "calibration.rrd and report.pdf show" in each for each in verify_bundle(folder).unseen
     )
-    found = verify_bundle(folder, logs=bundle.with_name("logs"))
+    found = verify_bundle(folder, log_folder=bundle.with_name("logs"))
     assert found.outcome is TAMPERED
     assert "calibration.rrd: differs in its frames points from the evidence" in items(found)
 
@@ -220,16 +225,18 @@ def test_a_pdf_is_compared_by_its_words(printed: Path, tmp_path: Path) -> None:
     forged = html.replace(alpha, "1.5000")
     path = tmp_path / PDF
     weasyprint.HTML(string=forged).write_pdf(path)
-    fault, why = compare_pdf_with_html(tmp_path, read_bundle_file(tmp_path, PDF).sha256, html)
+    fault, why = compare_words_of_pdf_with_html(
+        tmp_path, read_bundle_file(tmp_path, PDF).sha256, html
+    )
     assert why == ""
     assert "1.5000" in fault
     assert alpha in fault
     own = read_bundle_file(printed, PDF).sha256
-    assert compare_pdf_with_html(printed, own, html) == ("", "")
+    assert compare_words_of_pdf_with_html(printed, own, html) == ("", "")
     path.write_bytes(path.read_bytes()[:500])
     assert (
         "cannot be read"
-        in compare_pdf_with_html(tmp_path, read_bundle_file(tmp_path, PDF).sha256, html)[0]
+        in compare_words_of_pdf_with_html(tmp_path, read_bundle_file(tmp_path, PDF).sha256, html)[0]
     )
 
 

@@ -15,17 +15,17 @@ from lxml import etree
 
 from estimators.errors import CampaignError
 from recordings.calibration.certificate_text import (
-    list_missing_certificate_statements,
+    describe_missing_certificate_statements,
     make_traceability_warnings,
     make_weighing_rows,
 )
 from recordings.calibration.evidence_document import Chain, Link
-from recordings.dcc.dcc_document import DCC, parse_dcc
+from recordings.dcc.dcc_document import DCC, parse_untrusted_dcc
 from recordings.dcc.dcc_masses import read_certified_masses
-from recordings.dcc.dcc_signature import check_signature, read_trusted_key_id
+from recordings.dcc.dcc_signature import check_dcc_signature, read_key_id_from_pem_file
 from recordings.dcc.write_dcc import make_unsigned_dcc
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
-from replay.calibration.campaign_file import load_campaign
+from replay.calibration.campaign_file import load_campaign_and_machine
 from replay.calibration.dcc_output import DccOutput, write_and_verify_dcc
 from replay.calibration.verify_bundle import verify_bundle
 from tests.recordings.dcc.certificates import (
@@ -115,7 +115,7 @@ def made(folder: Path) -> CalibrationOutcome:
 
 
 def test_masses_in_are_masses_out(tmp_path: Path) -> None:
-    campaign, _ = load_campaign(certified_campaign(tmp_path))
+    campaign, _ = load_campaign_and_machine(certified_campaign(tmp_path))
     assert {m.id: (m.value_kg, pytest.approx(m.u_kg)) for m in campaign.masses} == WEIGHTS
     first = campaign.masses[0]
     assert (first.certificate, first.certificate_issuer) == ("EXAMPLE-1", "Example Masses")
@@ -128,7 +128,7 @@ def test_weights_of_a_set_are_picked_from_a_list(tmp_path: Path) -> None:
     (tmp_path / "weights.xml").write_bytes(weight_set_xml())
     picked = '[{ dcc = "weights.xml#SN-weight-2", id = "weight-2" }, "weights.xml#weight-1"]'
     path.write_text(path.read_text().replace('"weights.xml"', picked))
-    campaign, _ = load_campaign(path)
+    campaign, _ = load_campaign_and_machine(path)
     assert [m.id for m in campaign.masses] == ["weight-2", "weight-1"]
     assert {m.id: (m.value_kg, pytest.approx(m.u_kg)) for m in campaign.masses} == WEIGHTS
 
@@ -136,10 +136,10 @@ def test_weights_of_a_set_are_picked_from_a_list(tmp_path: Path) -> None:
 def test_a_signature_by_another_key_is_said(tmp_path: Path) -> None:
     path = certified_campaign(tmp_path)
     path.write_text(path.read_text().replace('dcc_keys = ["masses.pub.pem"]\n', ""))
-    campaign, _ = load_campaign(path)
+    campaign, _ = load_campaign_and_machine(path)
     assert "signed by an unknown key" in campaign.untraceable_references_text[0]
     (tmp_path / "weights.xml").write_bytes(weights_xml())
-    campaign, _ = load_campaign(path)
+    campaign, _ = load_campaign_and_machine(path)
     assert (
         campaign.untraceable_references_text[0] == "the certificate of mass 'weight-1' is unsigned"
     )
@@ -167,7 +167,7 @@ def test_a_wrong_reference_to_a_certificate_is_refused(
     path = certified_campaign(tmp_path)
     path.write_text(path.read_text().replace('masses = "weights.xml"', block))
     with pytest.raises(CampaignError, match=words):
-        load_campaign(path)
+        load_campaign_and_machine(path)
 
 
 def test_a_forged_certificate_stops_the_campaign_in_one_line(
@@ -211,7 +211,7 @@ def test_the_evidence_verifies_and_its_page_says_what_a_certificate_says(
     made: CalibrationOutcome,
 ) -> None:
     assert verify_bundle(made.folder).signed_by.how == "unsigned"
-    assert not verify_bundle(made.folder).checked.faults
+    assert not verify_bundle(made.folder).checked.evidence_faults
     page = (made.folder / "report.html").read_text()
     for words in (
         "Example Laboratory &lt;&amp;&gt;, Example Street 1",
@@ -243,9 +243,9 @@ def test_the_page_has_the_weighings_max_and_min_of_r_51(made: CalibrationOutcome
 
 def test_the_certificate_is_signed_and_read_back(made: CalibrationOutcome, folder: Path) -> None:
     data = (folder / "sledge.xml").read_bytes()
-    signed = check_signature(parse_dcc(data, "sledge.xml"), "sledge.xml")
+    signed = check_dcc_signature(parse_untrusted_dcc(data, "sledge.xml"), "sledge.xml")
     (folder / "own.pub.pem").write_bytes(public_pem(ec_key()))
-    assert signed.key_id == read_trusted_key_id(folder / "own.pub.pem")
+    assert signed.key_id == read_key_id_from_pem_file(folder / "own.pub.pem")
     assert "sledge.xml is signed by the key" in made.remarks[-1]
     # it is the certificate of a machine, so nobody takes a weight from it
     with pytest.raises(Exception, match="has no item 'weight-1'"):
@@ -330,13 +330,13 @@ def test_a_key_that_signs_no_xml_is_refused(
 
 
 def test_the_report_says_loudly_what_is_not_traceable(made: CalibrationOutcome) -> None:
-    values = json.loads(made.document.json_bytes)
+    values = json.loads(made.document.canonical_json_bytes)
     values["campaign"]["masses"][0]["u_kg"] = 0.0
     values["campaign"]["machine"]["make"] = ""
     changed = type(made.document).model_validate_json(json.dumps(values))
     assert make_traceability_warnings(changed) == [
         "NOT TRACEABLE: mass 'weight-1' has a standard uncertainty of 0."
     ]
-    assert list_missing_certificate_statements(changed) == [
+    assert describe_missing_certificate_statements(changed) == [
         "Not stated, and ISO/IEC 17025, 7.8 asks for it: machine.make."
     ]

@@ -15,16 +15,16 @@ from benchmarks.fleet_logs import SerialEngine
 from estimators.errors import CampaignError, EvidenceError, LogError
 from recordings import read_provenance
 from recordings.calibration.check_outcomes import BundleOutcome
-from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
+from replay.calibration.apply_evidence import CalibrationRequest, load_and_verify_calibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
-from replay.calibration.check_mass import KnownMassOnBoard, check_mass
+from replay.calibration.check_mass import KnownMassOnBoard, write_evidence_of_mass_check
 from replay.calibration.verify_bundle import verify_bundle
-from replay.fleet.log_sources import list_fleet_logs
-from replay.fleet.machine_setups import NamedFiles, load_fleet, make_machine_setups
-from replay.fleet.run_fleet import replay_fleet
-from replay.inputs.machine_identity import find_common_machine_id
+from replay.fleet.log_sources import list_logs_of_sources
+from replay.fleet.machine_setups import NamedFiles, load_fleet, make_setups_of_machine
+from replay.fleet.run_fleet import replay_logs_of_fleet
+from replay.inputs.machine_identity import find_machine_id_common_to_logs
 from replay.logs import open_log
-from replay.logs.machine_ids import read_machine_ids
+from replay.logs.machine_ids import read_serial_numbers_of_files
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 from tests.replay.attacker import Bundle, tampered
@@ -75,7 +75,7 @@ def test_evidence_keeps_what_each_log_calls_its_machine(
     made: CalibrationOutcome, folder: Path
 ) -> None:
     assert [log.machine_id for log in made.document.logs] == [OWN, OWN, ""]
-    found = verify_bundle(made.folder, logs=folder)
+    found = verify_bundle(made.folder, log_folder=folder)
     assert not found.findings, items(found)
     unseen = "\n".join(found.unseen)
     assert "load-2.parquet. They do not name theirs" in unseen
@@ -116,7 +116,7 @@ def test_a_sisters_log_is_refused_by_run_sweep_review_and_check(
 
 def check_log(log: Path, tmp_path: Path, previous: Path) -> None:
     try:
-        check_mass(
+        write_evidence_of_mass_check(
             log, KnownMassOnBoard(20.0, 0.1, "", None), tmp_path / "check", previous=previous
         )
     except LogError as error:
@@ -140,7 +140,9 @@ def test_a_sisters_log_is_refused_in_a_fleet_and_the_others_are_not(
         'calibrations = "evidence"\n'
     )
     fleet = load_fleet(tmp_path / "fleet.toml", ())
-    did = replay_fleet(list_fleet_logs([str(logs)]), fleet, str(tmp_path / "results"), SerialEngine)
+    did = replay_logs_of_fleet(
+        list_logs_of_sources([str(logs)]), fleet, str(tmp_path / "results"), SerialEngine
+    )
     assert did.replayed == 1
     refused = str(did)
     assert "other.parquet" in refused
@@ -158,11 +160,17 @@ def test_a_sisters_machine_file_is_refused_though_all_else_is_the_same(
         ask = ("-m", file, "--calibration", made.folder)
         one_line(payscope(command[0], folder / "load-1.parquet", *ask, *command[1:]), words)
     with pytest.raises(EvidenceError, match=words):
-        make_machine_setups("sledge", NamedFiles(str(file), (), (str(made.folder),)), lenient=False)
+        make_setups_of_machine(
+            "sledge",
+            NamedFiles(str(file), (), (str(made.folder),)),
+            is_unfit_evidence_skipped=False,
+        )
     # and by its serial number a machine is known under another name
     file.write_text(text.replace('name = "sledge"', f'name = "the red one"\nid = "{OWN}"'))
-    held = load_calibration(CalibrationRequest(made.folder))
-    assert held.differing_settings_text(held.weighing_machine(load_machine(file))) == ""
+    held = load_and_verify_calibration(CalibrationRequest(made.folder))
+    assert (
+        held.list_differing_settings_as_text(held.make_weighing_machine(load_machine(file))) == ""
+    )
 
 
 def test_a_log_that_does_not_name_its_machine_says_so_beside_the_mass(
@@ -220,7 +228,7 @@ def _signed(genuine: Path, tmp_path: Path) -> Path:
 
 def test_what_touches_no_mass_is_no_difference(folder: Path, made: CalibrationOutcome) -> None:
     """Test: such keys changed. Expected Result: the same loads bit for bit, and no refusal."""
-    held = load_calibration(CalibrationRequest(made.folder))
+    held = load_and_verify_calibration(CalibrationRequest(made.folder))
     plain = load_machine(folder / "sledge.toml")
     other = load_machine(
         folder / "sledge.toml",
@@ -231,7 +239,7 @@ def test_what_touches_no_mass_is_no_difference(folder: Path, made: CalibrationOu
             "settings.planar.threshold_std_com_m=0.01",
         ),
     )
-    assert held.differing_settings_text(held.weighing_machine(other)) == ""
+    assert held.list_differing_settings_as_text(held.make_weighing_machine(other)) == ""
     with open_log(folder / "load-2.csv") as log:
         frames = [run(log, machine).frames for machine in (plain, other)]
     for name in ("loads", "manoeuvres", "verdict"):
@@ -257,7 +265,7 @@ def test_the_metadata_of_a_log_name_its_machine(
     tmp_path: Path, folder: Path, metadata: dict[str, str], known: str | None, told: str
 ) -> None:
     with open_log(named_log(folder / "load-0.csv", tmp_path / "a.parquet", metadata)) as log:
-        assert find_common_machine_id([log], known) == told
+        assert find_machine_id_common_to_logs([log], known) == told
 
 
 @pytest.mark.parametrize(
@@ -290,7 +298,7 @@ def test_a_bare_database_has_the_metadata_of_its_directory(tmp_path: Path) -> No
             else:
                 database.execute("DROP TABLE metadata")
             database.commit()
-        assert read_machine_ids([path]) == told
+        assert read_serial_numbers_of_files([path]) == told
 
 
 def test_logs_of_two_machines_are_no_time_line(folder: Path, payscope: Payscope) -> None:

@@ -13,11 +13,16 @@ import pytest
 from estimators.errors import CampaignError
 from recordings.calibration.bundle_folder import NOTARY
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.notary.notary_list import NotaryEntry, encode_lines, parse_line, sign_line
-from recordings.signatures.keyring import KnownKey, add_key, load_keyring
-from recordings.signatures.signing import SigningKey, read_public_key, read_signing_key
-from replay.calibration.calibrate_campaign import calibrate_from_campaign, load_notary_stretch
-from replay.calibration.campaign_file import load_campaign
+from recordings.notary.notary_list import (
+    NotaryEntry,
+    encode_notary_lines,
+    make_signed_line,
+    parse_untrusted_line,
+)
+from recordings.signatures.keyring import KnownKey, add_key_to_keyring, load_keyring
+from recordings.signatures.signing import SigningKey, read_public_key_file, read_signing_key_or_none
+from replay.calibration.calibrate_campaign import calibrate_from_campaign, load_range_of_notary_list
+from replay.calibration.campaign_file import load_campaign_and_machine
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.notary.list_file import STATE_VARIABLE
 from replay.notary.notarise_folder import notarise_folder
@@ -93,23 +98,23 @@ def test_every_log_between_is_accounted_for_and_that_is_said(notarised: Notarise
 
 
 def test_a_required_signature_asks_for_a_known_recorder_as_well(notarised: Notarised) -> None:
-    found = notarised.verify(notarised.bundle, signed=True)
+    found = notarised.verify(notarised.bundle, is_signature_required=True)
     assert found.outcome is INCOMPLETE
     assert "notary.jsonl: is signed by an unknown key" in items(found)
-    key = read_public_key(notarised.recorder_public).text
-    add_key(load_keyring(), KnownKey(key=key, owner="Recorder 7"))
-    found = notarised.verify(notarised.bundle, signed=True)
+    key = read_public_key_file(notarised.recorder_public).base64_text
+    add_key_to_keyring(load_keyring(), KnownKey(key=key, owner="Recorder 7"))
+    found = notarised.verify(notarised.bundle, is_signature_required=True)
     assert not found.findings
     assert "signed by Recorder 7" in "\n".join(found.done)
 
 
 def test_the_list_of_a_revoked_recorder_counts_for_nothing(notarised: Notarised) -> None:
     key = KnownKey(
-        key=read_public_key(notarised.recorder_public).text,
+        key=read_public_key_file(notarised.recorder_public).base64_text,
         owner="Recorder 7",
         revoked=dt.date(2026, 6, 1),
     )
-    add_key(load_keyring(), key)
+    add_key_to_keyring(load_keyring(), key)
     found = notarised.verify(notarised.bundle)
     assert found.outcome is TAMPERED
     assert "notary.jsonl: the key of Recorder 7" in items(found)
@@ -132,7 +137,7 @@ def test_a_stretch_that_cannot_be_is_refused(
     campaign = folder / notarised.campaign.name
     campaign.write_text(campaign.read_text().replace(old, new))
     with pytest.raises(CampaignError, match=words):
-        load_notary_stretch(campaign, load_campaign(campaign)[0])
+        load_range_of_notary_list(campaign, load_campaign_and_machine(campaign)[0])
 
 
 def test_a_campaign_that_leaves_a_log_out_is_refused(notarised: Notarised, tmp_path: Path) -> None:
@@ -247,7 +252,7 @@ def test_what_is_done_to_a_stretch_is_found_though_the_evidence_is_signed_anew(
 
 
 def resigned(notarised: Notarised, tmp_path: Path, change: Callable[[Bundle], None]) -> Path:
-    key = read_signing_key(notarised.private)
+    key = read_signing_key_or_none(notarised.private)
     assert key is not None
 
     def tamper(bundle: Bundle) -> None:
@@ -261,26 +266,32 @@ def relisted(key: SigningKey, **values: Any) -> Callable[[bytes], bytes]:
     """The list made anew by another key, or by a thief of the recorder's."""
 
     def change(data: bytes) -> bytes:
-        head, *rest = (parse_line(line, "line") for line in data.splitlines())
-        made = [sign_line(head.content.model_copy(update={"public_key": key.public.text}), key)]
+        head, *rest = (parse_untrusted_line(line, "line") for line in data.splitlines())
+        made = [
+            make_signed_line(
+                head.content.model_copy(update={"public_key": key.public_key.base64_text}), key
+            )
+        ]
         for line in rest:
-            more = {"head": made[0].digest, "previous": made[-1].digest, **values}
+            more = {"head": made[0].line_sha256, "previous": made[-1].line_sha256, **values}
             content = line.content.model_dump(mode="json") | more
-            made.append(sign_line(NotaryEntry.model_validate(content), key))
-        return encode_lines(made)
+            made.append(make_signed_line(NotaryEntry.model_validate(content), key))
+        return encode_notary_lines(made)
 
     return change
 
 
 def test_a_list_by_a_key_of_ones_own_is_no_recorders(notarised: Notarised, tmp_path: Path) -> None:
-    own = read_signing_key(notarised.private)
+    own = read_signing_key_or_none(notarised.private)
     assert own is not None
-    add_key(
+    add_key_to_keyring(
         load_keyring(),
-        KnownKey(key=read_public_key(notarised.recorder_public).text, owner="Recorder 7"),
+        KnownKey(
+            key=read_public_key_file(notarised.recorder_public).base64_text, owner="Recorder 7"
+        ),
     )
     forged = resigned(notarised, tmp_path, of_bytes(relisted(own)))
-    found = notarised.verify(forged, signed=True)
+    found = notarised.verify(forged, is_signature_required=True)
     assert found.outcome is INCOMPLETE
     assert "is signed by an unknown key" in items(found)
     assert any("signed with the same key as this evidence" in note for note in found.notes)
@@ -290,7 +301,7 @@ def test_a_line_that_names_another_machine_is_none_of_the_campaign(
     notarised: Notarised, tmp_path: Path
 ) -> None:
     """Test: by a thief of the recorder's key. Expected Result: found by what logs contradict."""
-    key = read_signing_key(notarised.recorder)
+    key = read_signing_key_or_none(notarised.recorder)
     assert key is not None
     forged = resigned(notarised, tmp_path, of_bytes(relisted(key, machine_id="sledge-8")))
     found = notarised.verify(forged)
@@ -299,7 +310,7 @@ def test_a_line_that_names_another_machine_is_none_of_the_campaign(
 
 
 def test_a_line_of_another_time_than_its_log_is_found(notarised: Notarised, tmp_path: Path) -> None:
-    key = read_signing_key(notarised.recorder)
+    key = read_signing_key_or_none(notarised.recorder)
     assert key is not None
     times = {"begins": "2026-04-01T12:00:00Z", "ends": "2026-04-01T12:01:00Z"}
     forged = resigned(notarised, tmp_path, of_bytes(relisted(key, **times)))

@@ -16,7 +16,10 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from analysis.calibration.line.calibration import CalibrationOptions, StatedPart
 from analysis.calibration.line.line_fit import fit_calibration
 from recordings.calibration.bundle_folder import REPORT, STATEMENT
-from recordings.calibration.page.verifier_page import build_verifier_page, verifier_page_sha256
+from recordings.calibration.page.verifier_page import (
+    build_verifier_page,
+    compute_verifier_page_sha256,
+)
 from recordings.signatures.signing import PublicKey
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from tests.conftest import REPO
@@ -111,9 +114,9 @@ def test_the_page_is_small_the_same_twice_and_the_one_that_the_version_names(
     page = build_verifier_page()
     assert page == build_verifier_page()
     assert len(page) <= 100_000
-    assert verifier_page_sha256() in payscope("--version").out
+    assert compute_verifier_page_sha256() in payscope("--version").out
     out = tmp_path / "page.html"
-    assert verifier_page_sha256() in payscope("verify", "--page", "-o", out).out
+    assert compute_verifier_page_sha256() in payscope("verify", "--page", "-o", out).out
     assert out.read_bytes() == page
     one_line(payscope("verify", "--page", "-o", out), "exists already")
     one_line(payscope("verify", tmp_path, "--page"), "the same page for all evidence")
@@ -128,7 +131,7 @@ def test_the_changelog_has_the_digest_of_no_other_page() -> None:
     text = (REPO / "CHANGELOG.md").read_text(encoding="utf-8")
     about = r"SHA-256 of the page of this version.{0,80}?`([0-9a-f]{64})`"
     stated = re.findall(about, text, re.DOTALL)
-    assert set(stated[:1]) <= {verifier_page_sha256()}
+    assert set(stated[:1]) <= {compute_verifier_page_sha256()}
 
 
 def test_a_bundle_gives_the_numbers_that_evidence_and_report_have(
@@ -267,7 +270,7 @@ def test_another_key_a_weak_key_and_a_private_key_are_refused(
         ),
     ):
         pasted = tmp_path / "weak"
-        pasted.write_text(PublicKey(weak).text)
+        pasted.write_text(PublicKey(weak).base64_text)
         assert why in verifier.check(made.bundle, pasted).verdict
     assert "private key" in verifier.check(made.bundle, made.private).verdict
 

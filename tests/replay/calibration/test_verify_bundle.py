@@ -12,10 +12,10 @@ import polars as pl
 import pytest
 
 from recordings.calibration.bundle_folder import EVIDENCE, PDF, STATEMENT, SUMS
-from recordings.calibration.chain_check import check_chain
+from recordings.calibration.chain_check import check_link_to_previous_evidence
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
-from recordings.calibration.evidence_document import parse_evidence
+from recordings.calibration.evidence_document import parse_untrusted_evidence
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from tests.conftest import REPO
@@ -65,16 +65,18 @@ def test_an_older_head_of_the_chain_is_found(made: Made) -> None:
 
 def test_a_check_has_line_machine_and_priors_of_what_it_is_a_check_of(made: Made) -> None:
     before = CheckedBundle()
-    before.document = last = parse_evidence((made.first / EVIDENCE).read_bytes(), EVIDENCE)
+    before.document = last = parse_untrusted_evidence(
+        (made.first / EVIDENCE).read_bytes(), EVIDENCE
+    )
     before.sums = (made.first / SUMS).read_bytes()
-    own = parse_evidence((made.bundle / EVIDENCE).read_bytes(), EVIDENCE)
-    other = parse_evidence((made.third / EVIDENCE).read_bytes(), EVIDENCE)
+    own = parse_untrusted_evidence((made.bundle / EVIDENCE).read_bytes(), EVIDENCE)
+    other = parse_untrusted_evidence((made.third / EVIDENCE).read_bytes(), EVIDENCE)
     assert other.learnt != last.learnt
     names = ("calibration", "expires", "machine", "learnt", "options")
     kept = {"kind": "check", **{name: getattr(last, name) for name in names}}
     for more, item in (({}, None), ({"learnt": other.learnt}, f"{EVIDENCE}: learnt")):
         checked = CheckedBundle()
-        check_chain(checked, own.model_copy(update=kept | more), before)
+        check_link_to_previous_evidence(checked, own.model_copy(update=kept | more), before)
         assert [each.item for each in checked.findings] == ([] if item is None else [item])
 
 
@@ -94,13 +96,15 @@ def test_an_untouched_bundle_verifies(made: Made) -> None:
 
 def test_with_its_logs_every_reading_is_replayed(made: Made, tmp_path: Path) -> None:
     logs = made.campaign.parent
-    assert not made.verify(made.bundle, logs=logs).findings
+    assert not made.verify(made.bundle, log_folder=logs).findings
     some = Path(shutil.copytree(logs, tmp_path / "logs"))
     (some / "load-2.csv").unlink()
 
     def verify_third() -> Verification:
         """It learnt no priors: half the replays."""
-        return verify_bundle(made.third, key_file=made.public, previous=made.bundle, logs=some)
+        return verify_bundle(
+            made.third, key_file=made.public, previous=made.bundle, log_folder=some
+        )
 
     found = verify_third()
     assert found.outcome is INCOMPLETE
@@ -129,7 +133,7 @@ def test_readings_that_the_logs_do_not_give_are_irreproducible(
 
     folder = tampered(tmp_path / "b", tmp_path / "c", honest_digest, signed=False)
     assert verify_bundle(folder).outcome is None
-    found = verify_bundle(folder, logs=made.campaign.parent)
+    found = verify_bundle(folder, log_folder=made.campaign.parent)
     assert IRREPRODUCIBLE in {each.outcome for each in found.findings}
     assert "run 'run-2', reading 1: the replay gives a different" in items(found)
     assert public.exists()
@@ -191,7 +195,7 @@ def test_priors_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_pat
     relearnt = TAMPERINGS["priors made narrow throughout"].tamper
     folder = tampered(made.bundle, tmp_path / "b", relearnt, signed=False)
     assert verify_bundle(folder).outcome is None
-    found = verify_bundle(folder, logs=made.campaign.parent)
+    found = verify_bundle(folder, log_folder=made.campaign.parent)
     assert IRREPRODUCIBLE in {each.outcome for each in found.findings}
     assert "learnt: load-0.csv, const: its replay gives different estimates" in items(found)
 

@@ -9,10 +9,10 @@ import pytest
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_folder import EVIDENCE, REPORT, STATEMENT
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.signatures.signing import read_signing_key
+from recordings.signatures.signing import read_signing_key_or_none
 from replay.calibration.calibrate_campaign import read_previous_evidence
 from replay.calibration.verify_bundle import verify_bundle
-from replay.calibration.verify_chain import VerifiedChain, verify_chain
+from replay.calibration.verify_chain import VerifiedChain, verify_bundles_and_chains
 from tests.replay.attacker import Bundle, sign_with, sign_with_own_key, tampered
 from tests.replay.made_evidence import Made, items
 from tests.replay.sledge import Payscope
@@ -23,7 +23,7 @@ TAMPERED, INCOMPLETE = BundleOutcome.TAMPERED, BundleOutcome.INCOMPLETE
 
 
 def chain(made: Made, *folders: Path) -> VerifiedChain:
-    return verify_chain(folders, key_file=made.public)
+    return verify_bundles_and_chains(folders, key_file=made.public)
 
 
 def said(found: VerifiedChain) -> str:
@@ -35,7 +35,7 @@ def resigned(made: Made, tmp_path: Path, of: Path, change: Callable[[Bundle], No
 
     def tamper(bundle: Bundle) -> None:
         change(bundle)
-        key = read_signing_key(made.private)
+        key = read_signing_key_or_none(made.private)
         assert key is not None
         sign_with(bundle, key)
 
@@ -157,13 +157,13 @@ def test_nothing_is_chained_to_evidence_that_does_not_verify(
     folder = Path(shutil.copytree(made.first, tmp_path / "b"))
     change(folder)
     with pytest.raises(EvidenceError, match="cannot be used as --previous"):
-        read_previous_evidence(folder, "sledge-7", read_signing_key(made.private))
+        read_previous_evidence(folder, "sledge-7", read_signing_key_or_none(made.private))
 
 
 def test_nothing_that_is_signed_is_chained_to_what_is_unsigned(made: Made, tmp_path: Path) -> None:
     unsigned = tampered(made.first, tmp_path / "b", lambda _: None, signed=False)
     with pytest.raises(EvidenceError, match="cannot follow unsigned evidence"):
-        read_previous_evidence(unsigned, "sledge-7", read_signing_key(made.private))
+        read_previous_evidence(unsigned, "sledge-7", read_signing_key_or_none(made.private))
     assert read_previous_evidence(unsigned, "sledge-7", None).document is not None
 
 

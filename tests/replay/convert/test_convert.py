@@ -18,10 +18,10 @@ from analysis.simulation import Scenario
 from estimators.errors import LogError, OutputError
 from replay import load_machine, open_log, run
 from replay.convert.convert_log import convert_log
-from replay.convert.unfinished_folder import unfinished_folder
+from replay.convert.unfinished_folder import open_unfinished_folder
 from replay.logs import expand_log_folders
 from replay.logs.converted import DESCRIPTION
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.one_line import assert_one_line
 from tests.replay.logs.written_logs import Joints, write_bag, write_mcap
 from tests.replay.sledge import Payscope, one_line
@@ -110,7 +110,9 @@ def test_elements_and_times_are_as_the_log_gives_them(bag: Path, tmp_path: Path)
 def test_a_run_gives_the_same_answer(tmp_path: Path) -> None:
     short = Scenario()
     campaign = short.campaign.model_copy(update={"loads_kg": (50.0,), "runs": 2})
-    simulate_scenario(short.model_copy(update={"campaign": campaign}), tmp_path / "shift.bag")
+    simulate_scenario_to_logs(
+        short.model_copy(update={"campaign": campaign}), tmp_path / "shift.bag"
+    )
     folder = converted(tmp_path / "shift.bag", tmp_path / "shift", span_messages=2000)
     machine = load_machine("cat262c.toml")
     with open_log(tmp_path / "shift.bag") as log, open_log(folder) as back:
@@ -153,15 +155,15 @@ def test_others_read_the_files_and_what_they_are_of(bag: Path, tmp_path: Path) -
 KILLED = """
 import sys, time
 from pathlib import Path
-from replay.convert import unfinished_folder
+from replay.convert import open_unfinished_folder
 from replay.convert.convert_log import convert_log
 from replay.logs import open_log
-write = unfinished_folder.PartWriter.write
+write = open_unfinished_folder.PartWriter.write
 def slowly(self, rows):
     print("writing", flush=True)
     time.sleep(0.02)
     write(self, rows)
-unfinished_folder.PartWriter.write = slowly
+open_unfinished_folder.PartWriter.write = slowly
 with open_log(Path(sys.argv[1])) as log:
     made = convert_log(log, Path(sys.argv[2]), span_messages=40)
 print("taken up", made.resumed_spans, "of", made.spans)
@@ -208,7 +210,7 @@ def test_another_log_does_not_take_up_what_is_of_this_one(bag: Path, tmp_path: P
     write_mcap(other, joints(90))
     with open_log(other) as log:
         made = convert_log(log, tmp_path / "shift", span_messages=40)
-    assert (made.resumed_spans, made.rows) == (0, 90)
+    assert (made.resumed_spans, made.row_count) == (0, 90)
     assert {each.name for each in (tmp_path / "shift").iterdir()} == {"joints", DESCRIPTION}
 
 
@@ -251,7 +253,7 @@ def test_topics_are_chosen_and_an_output_is_kept(
 
 
 def test_two_conversions_to_one_folder_are_one_too_many(bag: Path, tmp_path: Path) -> None:
-    with unfinished_folder(tmp_path / "shift"), pytest.raises(OutputError) as refused:
+    with open_unfinished_folder(tmp_path / "shift"), pytest.raises(OutputError) as refused:
         converted(bag, tmp_path / "shift")
     assert "another process" in str(refused.value)
     assert_one_line(refused.value)

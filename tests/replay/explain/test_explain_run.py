@@ -11,7 +11,7 @@ from analysis import Run
 from analysis.model.schema import conform_to_schema
 from recordings import read_recording, write_recording
 from recordings.rrd.viewer import find_viewer_executable
-from replay.explain.proposal_edits import Proposal, insert_proposals
+from replay.explain.proposal_edits import Proposal, insert_proposals_into_machine_file
 from tests.replay.sledge import MACHINE, Payscope, one_line
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
@@ -241,7 +241,7 @@ CHANGE = Proposal("channels.force_x_N.scale", -1.0, "sign_flipped", "sign flippe
 def test_a_change_is_written_where_the_key_is(text: str, wanted: str) -> None:
     import tomllib
 
-    written = insert_proposals(text, [CHANGE], Path("machine.toml"))
+    written = insert_proposals_into_machine_file(text, [CHANGE], Path("machine.toml"))
     assert tomllib.loads(written) == tomllib.loads(wanted)
     if "{" not in text:
         assert written == wanted
@@ -250,9 +250,9 @@ def test_a_change_is_written_where_the_key_is(text: str, wanted: str) -> None:
 def test_a_boolean_is_changed_with_its_comment() -> None:
     change = Proposal("settings.gate.exclude_braking", True, "braking_inside", "why")
     text = "[settings.gate]\nexclude_braking = false  # electric\n"
-    assert insert_proposals(text, [change], Path("m.toml")).endswith(
+    assert insert_proposals_into_machine_file(text, [change], Path("m.toml")).endswith(
         "exclude_braking = true # electric; payscope: why; it was false\n"
-    ) or "true  # electric; payscope: why; it was false" in insert_proposals(
+    ) or "true  # electric; payscope: why; it was false" in insert_proposals_into_machine_file(
         text, [change], Path("m.toml")
     )
 

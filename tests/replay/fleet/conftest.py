@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from benchmarks.fleet_logs import SerialEngine, recordings
-from replay.fleet.log_sources import list_fleet_logs
+from replay.fleet.log_sources import list_logs_of_sources
 from replay.fleet.machine_setups import load_fleet
-from replay.fleet.run_fleet import FleetRun, replay_fleet
+from replay.fleet.run_fleet import FleetRun, replay_logs_of_fleet
 from replay.fleet.task_engine import TaskEngine
 
 COUNT = 6
@@ -36,8 +36,8 @@ def run_in(fleet_folder: Path) -> Run:
         engine: Callable[[], TaskEngine] = SerialEngine,
         recordings: bool = False,
     ) -> FleetRun:
-        logs = list_fleet_logs([str(source)])
-        return replay_fleet(
+        logs = list_logs_of_sources([str(source)])
+        return replay_logs_of_fleet(
             logs, load_fleet(fleet, overrides), str(destination), engine, recordings=recordings
         )
 

@@ -10,10 +10,10 @@ import pytest
 from analysis.fleet.calibration_steps import FleetCalibration
 from benchmarks.fleet_logs import SerialEngine
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
-from replay.fleet.gathered_tables import open_fleet_results
-from replay.fleet.log_sources import list_fleet_logs
-from replay.fleet.machine_setups import choose_setup_for_day, load_fleet
-from replay.fleet.run_fleet import FleetRun, replay_fleet
+from replay.fleet.gathered_tables import open_results_of_fleet
+from replay.fleet.log_sources import list_logs_of_sources
+from replay.fleet.machine_setups import choose_setup_valid_on_day, load_fleet
+from replay.fleet.run_fleet import FleetRun, replay_logs_of_fleet
 from replay.fleet.write_fleet_page import make_fleet_page
 from tests.replay.sledge_campaign import campaign_folder
 
@@ -49,13 +49,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(folder: Path, destination: Path, *overrides: str) -> FleetRun:
     fleet = load_fleet(folder / "fleet.toml", overrides)
-    return replay_fleet(
-        list_fleet_logs([str(folder / "sledge")]), fleet, str(destination), SerialEngine
+    return replay_logs_of_fleet(
+        list_logs_of_sources([str(folder / "sledge")]), fleet, str(destination), SerialEngine
     )
 
 
 def test_the_setup_is_that_of_the_latest_calibration_that_holds_on_the_day(folder: Path) -> None:
-    setups = load_fleet(folder / "fleet.toml").setups_of_log(str(folder / "sledge/load-0.csv"))
+    setups = load_fleet(folder / "fleet.toml").list_setups_of_log(str(folder / "sledge/load-0.csv"))
     by = setups[0].by
     assert by is not None
     first, last = setups[0].first, by.document.expires
@@ -66,31 +66,35 @@ def test_the_setup_is_that_of_the_latest_calibration_that_holds_on_the_day(folde
         (last + dt.timedelta(days=1), False),
         (None, False),
     ):
-        assert (choose_setup_for_day(setups, day).by is not None) == calibrated
+        assert (choose_setup_valid_on_day(setups, day).by is not None) == calibrated
     assert setups[0].basis != setups[1].basis
 
 
 def test_calibrations_in_use_are_kept_for_the_report(folder: Path, tmp_path: Path) -> None:
     did = run(folder, tmp_path / "results")
     assert did.failed == {}
-    results = open_fleet_results(str(tmp_path / "results"))
+    results = open_results_of_fleet(str(tmp_path / "results"))
     page = make_fleet_page(results, "dest", "fleet")
     (kept,) = page.calibrations
     assert isinstance(kept, FleetCalibration)
     assert (kept.machine, kept.method) == ("sledge", "joint_mass")
     assert page.changes == []
     # of a log without a date no calibration holds
-    used = dict(results.results.select("day", "calibration").iter_rows())
+    used = dict(results.selected_results.select("day", "calibration").iter_rows())
     assert used == {"undated": "", "2026-05-20": kept.id}
-    loads = results.scan("loads").filter(pl.col("day") == "2026-05-20").collect()
+    loads = (
+        results.scan_rows_of_selected_results("loads")
+        .filter(pl.col("day") == "2026-05-20")
+        .collect()
+    )
     assert (loads["calibrated_kg"].is_not_null() | (loads["calibrated_reason"] != "")).all()
-    assert results.scan("loads").collect()["calibrated_kg"].count() > 0
+    assert results.scan_rows_of_selected_results("loads").collect()["calibrated_kg"].count() > 0
 
 
 def test_evidence_of_other_settings_is_a_fault_of_its_logs_and_left_out_of_a_what_if(
     folder: Path, tmp_path: Path
 ) -> None:
-    from replay.fleet.machine_setups import NamedFiles, make_machine_setups
+    from replay.fleet.machine_setups import NamedFiles, make_setups_of_machine
 
     override = "settings.gate.threshold_nat=0.9"
     did = run(folder, tmp_path / "results", override)
@@ -99,5 +103,5 @@ def test_evidence_of_other_settings_is_a_fault_of_its_logs_and_left_out_of_a_wha
     files = NamedFiles(
         str(folder / "sledge.toml"), (override,), (str(folder / "evidence/sledge/first"),)
     )
-    (plain,) = make_machine_setups("sledge", files, lenient=True)
+    (plain,) = make_setups_of_machine("sledge", files, is_unfit_evidence_skipped=True)
     assert plain.by is None

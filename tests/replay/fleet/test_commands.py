@@ -17,7 +17,7 @@ SQL = "SELECT machine, count(*) AS n FROM loads GROUP BY machine"
 
 @pytest.fixture
 def serial(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "ray_engine", lambda *_: SerialEngine())
+    monkeypatch.setattr(module, "start_ray_engine", lambda *_: SerialEngine())
 
 
 @pytest.mark.usefixtures("serial")

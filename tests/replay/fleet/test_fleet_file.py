@@ -26,7 +26,7 @@ RULE = '[[machines]]\nlogs = "{machine}/*.mcap"\nfile = "cat262c.toml"\n'
     ],
 )
 def test_a_rule_is_of_the_end_of_a_path(pattern: str, log: str, machine: str | None) -> None:
-    assert MachineRule(logs=pattern, file="x.toml").match_machine_of_log(log) == machine
+    assert MachineRule(logs=pattern, file="x.toml").find_machine_of_log(log) == machine
 
 
 def write(folder: Path, text: str) -> Path:
@@ -40,8 +40,8 @@ def test_the_first_rule_that_fits_counts_and_names_the_machine_file(tmp_path: Pa
         'name = "old one"\noverrides = ["settings.gate.threshold_nat=0.9"]\n'
     )
     fleet = load_fleet(write(tmp_path, special + RULE))
-    (old,) = fleet.setups_of_log("/data/unit-01/a.mcap")
-    (other,) = fleet.setups_of_log("/data/unit-02/a.mcap")
+    (old,) = fleet.list_setups_of_log("/data/unit-01/a.mcap")
+    (other,) = fleet.list_setups_of_log("/data/unit-02/a.mcap")
     assert (old.name, other.name) == ("old one", "unit-02")
     assert old.machine.settings.gate.threshold_nat == 0.9
     assert old.basis != other.basis
@@ -73,6 +73,6 @@ def test_a_machine_file_that_is_missing_is_a_fault_of_its_logs_alone(tmp_path: P
     rule = RULE.replace("cat262c.toml", "{machine}.toml")
     fleet = load_fleet(write(tmp_path, rule))
     with pytest.raises(PayscopeError, match=r"unit-09.toml: no such machine file"):
-        fleet.setups_of_log("/data/unit-09/a.mcap")
+        fleet.list_setups_of_log("/data/unit-09/a.mcap")
     with pytest.raises(FleetError, match="no rule in"):
-        fleet.setups_of_log("/data/a.bag")
+        fleet.list_setups_of_log("/data/a.bag")

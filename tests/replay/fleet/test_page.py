@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from benchmarks.fleet_size import make
-from replay.fleet.gathered_tables import open_fleet_results
+from replay.fleet.gathered_tables import open_results_of_fleet
 from replay.fleet.write_fleet_page import FleetReport, write_fleet_report
 from tests.replay.shift_review import HOSTILE
 
@@ -22,7 +22,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> FleetReport:
     folder = tmp_path_factory.mktemp("page")
     make(folder / "results", 4, 70)
     (folder / "results/failed.json").write_text(json.dumps({HOSTILE: "hangs"}))
-    results = open_fleet_results(str(folder / "results"))
+    results = open_results_of_fleet(str(folder / "results"))
     page = folder / "fleet.html"
     return write_fleet_report(results, "dest", HOSTILE, page, friction_limit_N_s_m=5000.0)
 
@@ -97,6 +97,6 @@ def test_a_report_of_recordings_without_a_date_or_a_load_is_a_page_as_well(
 ) -> None:
     copy = shutil.copytree(kept, tmp_path / "results")
     made = write_fleet_report(
-        open_fleet_results(str(copy)), "dest", "small", tmp_path / "fleet.html"
+        open_results_of_fleet(str(copy)), "dest", "small", tmp_path / "fleet.html"
     )
     assert "No tonnes: no cycle of 3 machines has a mass" in made.path.read_text(encoding="utf-8")

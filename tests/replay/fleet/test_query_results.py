@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 
 from estimators.errors import FleetError, QueryError
-from replay.fleet.gathered_tables import open_fleet_results, query_fleet_tables
-from replay.query.run_query import prepare_query
+from replay.fleet.gathered_tables import open_results_of_fleet, query_fleet_tables
+from replay.query.run_query import prepare_query_of_sources
 from tests.one_line import assert_one_line
 
 
 def test_tables_are_joined_and_summed(kept: Path) -> None:
     found = query_fleet_tables(
-        open_fleet_results(str(kept)),
+        open_results_of_fleet(str(kept)),
         "SELECT r.machine, count(*) AS loads, max(l.mass_kg) AS most_kg FROM loads l "
         "JOIN results r ON l.key = r.key WHERE r.can_weigh GROUP BY r.machine",
     )
@@ -23,7 +23,7 @@ def test_tables_are_joined_and_summed(kept: Path) -> None:
 
 def test_query_takes_results_too_and_opens_their_moments(kept: Path) -> None:
     sql = "SELECT key, at_s FROM segments WHERE samples_accepted > 0"
-    found = prepare_query([str(kept)], sql).collect(join_within_s=5.0)
+    found = prepare_query_of_sources([str(kept)], sql).collect_rows(join_within_s=5.0)
     assert found["key"].n_unique() == 6
     first = found.row(0, named=True)
     assert first["opens"] == (
@@ -42,13 +42,13 @@ def test_query_takes_results_too_and_opens_their_moments(kept: Path) -> None:
 )
 def test_what_is_no_query_is_said_in_one_line(kept: Path, sql: str, part: str) -> None:
     with pytest.raises(QueryError) as fault:
-        query_fleet_tables(open_fleet_results(str(kept)), sql)
+        query_fleet_tables(open_results_of_fleet(str(kept)), sql)
     assert part in str(fault.value)
     assert_one_line(fault.value)
 
 
 def test_a_folder_without_results_is_said_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(FleetError, match="fleet run"):
-        open_fleet_results(str(tmp_path))
+        open_results_of_fleet(str(tmp_path))
     with pytest.raises(FleetError, match="no such folder"):
-        open_fleet_results(str(tmp_path / "nowhere"))
+        open_results_of_fleet(str(tmp_path / "nowhere"))

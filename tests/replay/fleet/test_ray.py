@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from estimators.errors import FleetError
-from replay.fleet.ray_engine import ray_engine
+from replay.fleet.ray_engine import start_ray_engine
 from tests.one_line import assert_one_line
 
 REPO = Path(__file__).resolve().parents[3]
@@ -31,7 +31,7 @@ import ray
 from ray.cluster_utils import Cluster
 
 from replay.fleet.task_engine import LostTask, TaskWork
-from replay.fleet.ray_engine import ray_engine
+from replay.fleet.ray_engine import start_ray_engine
 
 def work(what):
     if what == "die":
@@ -48,7 +48,7 @@ node = {"node_ip_address": "127.0.0.1", "num_cpus": 1, "include_dashboard": Fals
 cluster = Cluster(initialize_head=True, head_node_args=node)
 victim = [cluster.add_node(**node) for _ in range(2)][-1]
 done = {}
-with ray_engine(cluster.address, None) as engine:
+with start_ray_engine(cluster.address, None) as engine:
     assert engine.slots() == 3
     assert {n["NodeManagerAddress"] for n in ray.nodes()} == {"127.0.0.1"}
     tasks = [*range(40), "die", "raise", "threads"]
@@ -85,6 +85,6 @@ def run(words: list[str]) -> str:
 
 def test_a_cluster_that_does_not_answer_is_said_in_one_line() -> None:
     for address, part in (("127.0.0.1:1", "no cluster answers"), ("there", "host:port")):
-        with pytest.raises(FleetError, match=part) as fault, ray_engine(address, None):
+        with pytest.raises(FleetError, match=part) as fault, start_ray_engine(address, None):
             pass
         assert_one_line(fault.value)

@@ -13,7 +13,7 @@ from analysis.fleet.attention import rank_concerns
 from analysis.fleet.fleet_tables import TABLES
 from benchmarks.fleet_logs import SerialEngine, same_results
 from estimators.errors import OutputError
-from replay.fleet.gathered_tables import open_fleet_results
+from replay.fleet.gathered_tables import open_results_of_fleet
 from replay.fleet.object_store import ObjectStore
 from replay.fleet.task_engine import LostTask
 
@@ -72,7 +72,7 @@ def test_a_log_that_is_there_twice_has_one_result(
     for name in ("one.mcap", "two.mcap"):
         shutil.copy(log, home / name)
     run_in(tmp_path / "results", tmp_path / "logs")
-    assert open_fleet_results(str(tmp_path / "results")).results.height == 1
+    assert open_results_of_fleet(str(tmp_path / "results")).selected_results.height == 1
 
 
 def test_a_result_whose_writing_breaks_off_was_never_there(
@@ -80,7 +80,7 @@ def test_a_result_whose_writing_breaks_off_was_never_there(
 ) -> None:
     """At whichever of its objects: the next run makes it, and gives the same bytes."""
     log = fleet_folder / "logs/unit-01/log_00000.mcap"
-    write = ObjectStore.write
+    write = ObjectStore.write_object
     for last in range(len(TABLES)):
         destination = tmp_path / f"results_{last}"
         written = 0
@@ -94,7 +94,7 @@ def test_a_result_whose_writing_breaks_off_was_never_there(
             write(self, name, data)
 
         with monkeypatch.context() as patched:
-            patched.setattr(ObjectStore, "write", full)
+            patched.setattr(ObjectStore, "write_object", full)
             did = run_in(destination, log)
         assert next(iter(did.failed.values())).endswith("no space left")
         assert not (destination / "results").exists()
@@ -122,8 +122,8 @@ def test_a_log_that_is_none_is_refused_and_costs_nobody_else(
         tmp_path / "results", tmp_path / "logs", tmp_path / "fleet.toml", engine=Refusing
     )
     assert again.refused == did.refused
-    found = open_fleet_results(str(tmp_path / "results"))
-    assert found.results["status"].to_list().count("refused") == 1
+    found = open_results_of_fleet(str(tmp_path / "results"))
+    assert found.selected_results["status"].to_list().count("refused") == 1
     assert json.loads((tmp_path / "results/failed.json").read_text()) == did.failed
 
 
@@ -160,13 +160,21 @@ def test_other_settings_are_other_results_and_those_of_the_last_run_count(
     logs = fleet_folder / "logs/unit-01"
     did = run_in(results, logs, fleet, "settings.gate.threshold_nat=0.9")
     assert did.replayed == 2
-    found = open_fleet_results(str(results))
-    assert found.results.height == 6
-    assert found.scan("loads").select(pl.col("key").n_unique()).collect().item() == 6
-    assert found.scan_all_rows("results").collect().height == 8
+    found = open_results_of_fleet(str(results))
+    assert found.selected_results.height == 6
+    assert (
+        found.scan_rows_of_selected_results("loads")
+        .select(pl.col("key").n_unique())
+        .collect()
+        .item()
+        == 6
+    )
+    assert found.scan_rows_of_all_settings("results").collect().height == 8
     # back again: nothing to make, and the first ones count
     assert run_in(results).up_to_date == 6
-    assert set(open_fleet_results(str(results)).results["basis"]) != set(found.results["basis"])
+    assert set(open_results_of_fleet(str(results)).selected_results["basis"]) != set(
+        found.selected_results["basis"]
+    )
 
 
 def test_a_node_with_other_software_replays_nothing(
@@ -194,7 +202,11 @@ def test_recordings_are_kept_on_request_also_of_results_that_are_there(
     from recordings import read_recording
 
     key = recording.stem
-    row = open_fleet_results(str(results)).results.filter(pl.col("key") == key).row(0, named=True)
+    row = (
+        open_results_of_fleet(str(results))
+        .selected_results.filter(pl.col("key") == key)
+        .row(0, named=True)
+    )
     made = read_recording(recording)
     assert made.provenance.fingerprint is not None
     assert made.provenance.fingerprint.results == row["results_fingerprint"]
@@ -202,14 +214,19 @@ def test_recordings_are_kept_on_request_also_of_results_that_are_there(
 
 
 def test_what_is_gathered_is_made_anew_where_it_is_missing_or_old(results: Path) -> None:
-    first = open_fleet_results(str(results)).scan("loads").collect()
+    first = open_results_of_fleet(str(results)).scan_rows_of_selected_results("loads").collect()
     shutil.rmtree(results / "gathered")
-    assert open_fleet_results(str(results)).scan("loads").collect().equals(first)
+    assert (
+        open_results_of_fleet(str(results))
+        .scan_rows_of_selected_results("loads")
+        .collect()
+        .equals(first)
+    )
     gone = next((results / "results/machine=unit-01").rglob("*.parquet"))
     gone.unlink()
-    found = open_fleet_results(str(results))
-    assert found.results.height == 5
-    assert gone.stem not in set(found.scan("loads").collect()["key"])
+    found = open_results_of_fleet(str(results))
+    assert found.selected_results.height == 5
+    assert gone.stem not in set(found.scan_rows_of_selected_results("loads").collect()["key"])
 
 
 def test_results_with_former_names_of_checks_have_the_present_ones(results: Path) -> None:
@@ -220,9 +237,13 @@ def test_results_with_former_names_of_checks_have_the_present_ones(results: Path
     row.write_parquet(path)
     shutil.rmtree(results / "gathered", ignore_errors=True)
     for _ in ("gathered now", "gathered before"):
-        found = open_fleet_results(str(results))
-        (checks,) = found.results.filter(pl.col("key") == path.stem)["failed_checks"]
+        found = open_results_of_fleet(str(results))
+        (checks,) = found.selected_results.filter(pl.col("key") == path.stem)["failed_checks"]
         assert checks == "r_squared, force_delay_s, coulomb_friction"
-        concerns = rank_concerns(found.results, found.scan("cycles"), found.scan("findings"))
+        concerns = rank_concerns(
+            found.selected_results,
+            found.scan_rows_of_selected_results("cycles"),
+            found.scan_rows_of_selected_results("findings"),
+        )
         why = concerns.filter(pl.col("key") == path.stem)["why"][0]
         assert f"cannot weigh: {checks}" in why

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.fleet_logs import SerialEngine
 from benchmarks.fleet_s3 import Server, checked
 from estimators.errors import PayscopeError
-from replay.fleet.log_sources import list_fleet_logs
+from replay.fleet.log_sources import list_logs_of_sources
 from replay.fleet.object_store import ObjectStore
 from tests.one_line import assert_one_line
 
@@ -34,21 +34,21 @@ def test_objects_are_listed_read_and_written_whole(tmp_path: Path) -> None:
     try:
         store = ObjectStore("s3://parts/some/place")
         assert store.list_objects() == []
-        store.write("a/b.bin", bytes(range(256)) * 100)
+        store.write_object("a/b.bin", bytes(range(256)) * 100)
         assert [(each.name, each.size_bytes) for each in store.list_objects("a")] == [
             ("a/b.bin", 25600)
         ]
-        store.fetch("a/b.bin", tmp_path / "fetched")
-        assert (tmp_path / "fetched").read_bytes() == store.read("a/b.bin")
+        store.download_object_to_file("a/b.bin", tmp_path / "fetched")
+        assert (tmp_path / "fetched").read_bytes() == store.read_object("a/b.bin")
         assert not store.has_object("a/c.bin")
         with pytest.raises(FileNotFoundError):
-            store.read("a/c.bin")
+            store.read_object("a/c.bin")
         # one object is a source as well
-        ObjectStore("s3://parts").write("logs/x.csv", b"t\n")
-        (log,) = list_fleet_logs(["s3://parts/logs/x.csv"])
+        ObjectStore("s3://parts").write_object("logs/x.csv", b"t\n")
+        (log,) = list_logs_of_sources(["s3://parts/logs/x.csv"])
         assert (log.source, log.names) == ("s3://parts/logs/x.csv", ("logs/x.csv",))
         with pytest.raises(PayscopeError) as fault:
-            list_fleet_logs(["s3://parts/nothing"])
+            list_logs_of_sources(["s3://parts/nothing"])
         assert_one_line(fault.value)
     finally:
         server.stop()

@@ -7,7 +7,11 @@ from pathlib import Path
 import pytest
 
 from replay.fleet.last_run import TaskLimits
-from replay.fleet.recording_task import LimitError, interrupt_over_limits, resident_bytes
+from replay.fleet.recording_task import (
+    LimitError,
+    interrupt_over_limits,
+    read_resident_memory_bytes,
+)
 from replay.fleet.run_fleet import FleetRun
 from tests.replay.fleet.conftest import Run
 
@@ -40,7 +44,7 @@ def test_what_needs_too_much_memory_is_interrupted() -> None:
 
 def test_what_the_process_held_before_is_not_of_the_task() -> None:
     before = b"\1" * (256 << 20)
-    assert resident_bytes() > len(before)
+    assert read_resident_memory_bytes() > len(before)
     with interrupt_over_limits(60.0, 128 << 20):
         time.sleep(0.3)
     del before

@@ -24,7 +24,7 @@ from replay import load_machine
 from replay.follow.background_replay import (
     BackgroundReplays,
     is_text_table,
-    read_log_signature,
+    read_log_sizes_and_change_times,
     serve_replay_request,
 )
 from replay.follow.report_file import (
@@ -33,7 +33,7 @@ from replay.follow.report_file import (
     format_replay_markdown,
     iter_closed_load_lines,
 )
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.replay.follow.recorders import Recording, bag_recorder, csv_recorder, mcap_recorder
 from tests.replay.sledge import MACHINE, Payscope, sledge
 from tests.twins import mark_slow_after
@@ -59,7 +59,7 @@ RECORDERS: dict[str, Callable[[Path, Path], Iterator[None]]] = {
 def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("replayed")
     found = {
-        suffix: simulate_scenario(THREE_STARTS, folder / f"drive{suffix}")[0]
+        suffix: simulate_scenario_to_logs(THREE_STARTS, folder / f"drive{suffix}")[0]
         for suffix in (".bag", ".mcap")
     }
     found[".csv"] = folder / "drive.csv"
@@ -249,10 +249,10 @@ def test_without_a_share_there_is_no_replay(logs: dict[str, Path]) -> None:
     with BackgroundReplays(
         [logs[".mcap"]], load_machine("cat262c.toml"), told.append, share=0.0
     ) as replays:
-        replays.request()
-        assert replays.poll() is None
+        replays.request_replay_of_log_so_far()
+        assert replays.take_result_and_start_next() is None
         assert replays.process_id is None
-        assert replays.replay_whole_log(lambda: None) is None
+        assert replays.wait_for_replay_of_whole_log(lambda: None) is None
     assert not told
 
 
@@ -269,8 +269,8 @@ def test_replays_keep_to_their_share_of_one_core(logs: dict[str, Path], tmp_path
         while len(took) < 4:
             size += 2_000
             target.write_bytes(data[:size])
-            each.request()
-            if report := each.poll():
+            each.request_replay_of_log_so_far()
+            if report := each.take_result_and_start_next():
                 took.append(report.processor_s)
                 assert sum(took[:-1]) <= share * (time.monotonic() - began)
             time.sleep(0.02)
@@ -283,15 +283,15 @@ def test_a_killed_process_is_said_in_a_line_and_the_last_replay_is_the_same(
     told: list[str] = []
     report: ReplayReport | None = None
     with BackgroundReplays([logs[".bag"]], load_machine("cat262c.toml"), told.append) as replays:
-        replays.request()
-        assert replays.poll() is None
+        replays.request_replay_of_log_so_far()
+        assert replays.take_result_and_start_next() is None
         assert replays.process_id is not None
         os.kill(replays.process_id, signal.SIGKILL)
-        wait_until(lambda: replays.poll() or told)
+        wait_until(lambda: replays.take_result_and_start_next() or told)
         assert len(told) == 1
         assert "signal 9" in told[0]
         assert "following goes on" in told[0]
-        report = replays.replay_whole_log(lambda: None)
+        report = replays.wait_for_replay_of_whole_log(lambda: None)
     assert report is not None
     assert report.is_whole
     said = json.loads(payscope("run", logs[".bag"], "-m", "cat262c.toml", "--json").out)
@@ -315,7 +315,7 @@ def test_a_log_that_grows_on_when_following_ends_is_replayed_once_more(
     monkeypatch.setattr("replay.follow.background_replay.time.sleep", grow)
     told: list[str] = []
     with BackgroundReplays([target], load_machine("cat262c.toml"), told.append) as replays:
-        first = replays.replay_whole_log(lambda: None)
+        first = replays.wait_for_replay_of_whole_log(lambda: None)
         assert first is not None
         assert first.is_whole
         assert first.validity == "valid"
@@ -329,16 +329,16 @@ def test_a_process_that_cannot_start_does_not_end_following(
     def refuse() -> NoReturn:
         raise BlockingIOError(11, "Resource temporarily unavailable")
 
-    monkeypatch.setattr("replay.follow.background_replay.start_process", refuse)
+    monkeypatch.setattr("replay.follow.background_replay.start_replay_process", refuse)
     told: list[str] = []
     with BackgroundReplays([logs[".bag"]], load_machine("cat262c.toml"), told.append) as replays:
-        replays.request()
-        assert replays.poll() is None
+        replays.request_replay_of_log_so_far()
+        assert replays.take_result_and_start_next() is None
         assert told == [
             "the process of the replay could not be started: Resource temporarily unavailable; "
             "following goes on, the next replay starts another"
         ]
-        assert replays.replay_whole_log(lambda: None) is None
+        assert replays.wait_for_replay_of_whole_log(lambda: None) is None
     assert told[-1].startswith("the process of the last replay could not be started")
 
 
@@ -346,7 +346,7 @@ def test_a_fault_that_nobody_foresaw_is_named(monkeypatch: pytest.MonkeyPatch) -
     def fail(*_: object, **__: object) -> NoReturn:
         raise pl.exceptions.ComputeError("torn")
 
-    monkeypatch.setattr("replay.follow.background_replay.run_log_so_far", fail)
+    monkeypatch.setattr("replay.follow.background_replay.replay_log_so_far", fail)
     machine = load_machine("sledge.toml").model_dump(mode="json", exclude_unset=True)
     asked = {"logs": ["a.csv"], "machine": machine, "is_copied": False}
     report = serve_replay_request(asked)
@@ -359,10 +359,10 @@ def test_rows_that_a_database_keeps_beside_itself_are_news(tmp_path: Path) -> No
     with closing(sqlite3.connect(path, isolation_level=None)) as database:
         database.execute("PRAGMA journal_mode = WAL")
         database.execute("CREATE TABLE messages (data BLOB)")
-        before, size = read_log_signature([path]), path.stat().st_size
+        before, size = read_log_sizes_and_change_times([path]), path.stat().st_size
         database.execute("INSERT INTO messages VALUES (x'00')")
         assert path.stat().st_size == size
-        assert read_log_signature([path]) != before
+        assert read_log_sizes_and_change_times([path]) != before
 
 
 @pytest.mark.parametrize("name", ["a.MCAP", "a.bag", "a.bag.active", "a.db3"])

@@ -108,14 +108,14 @@ def void(_: object) -> None:
 def test_a_machine_file_that_is_touched_or_replaced_by_the_same_has_not_changed() -> None:
     change = MachineFileChange(Path("sledge.toml"))
     os.utime("sledge.toml", ns=(1, 1))
-    assert not change.has_changed()
+    assert not change.has_file_changed()
     Path("sledge.toml").unlink()
-    assert not change.has_changed()
+    assert not change.has_file_changed()
     Path("sledge.toml").write_text(MACHINE)
-    assert not change.has_changed()
+    assert not change.has_file_changed()
     Path("sledge.toml").write_text(MACHINE + "\n")
-    assert change.has_changed()
-    assert not change.has_changed()
+    assert change.has_file_changed()
+    assert not change.has_file_changed()
 
 
 @pytest.mark.parametrize("becomes", mark_slow_after(1, ["shorter", "gone"]))

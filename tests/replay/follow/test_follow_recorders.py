@@ -18,9 +18,9 @@ from replay import load_machine, open_log, run
 from replay.follow.agreement import FollowedDigests
 from replay.follow.follow_logs import Following, follow_logs
 from replay.inputs.channel_inputs import list_channel_fields
-from replay.logs import follow_log
+from replay.logs import open_growing_log
 from replay.machines.machine_file import find_time_axis_of_machine
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.replay.follow.recorders import (
     Recording,
     bag_recorder,
@@ -68,7 +68,8 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("followed")
     suffixes = dict.fromkeys(suffix for suffix, _ in FORMATS.values())
     return {
-        suffix: simulate_scenario(TWO_STARTS, folder / f"drive{suffix}")[0] for suffix in suffixes
+        suffix: simulate_scenario_to_logs(TWO_STARTS, folder / f"drive{suffix}")[0]
+        for suffix in suffixes
     }
 
 
@@ -170,7 +171,7 @@ def test_a_chunk_is_read_when_its_last_byte_is_there(
     parts: dict[str, list[pl.DataFrame]] = {}
     cuts = np.sort(np.random.default_rng(1).integers(1, len(data), 40))
     target.write_bytes(b"")
-    with closing(follow_log([target], fields)) as tail:
+    with closing(open_growing_log([target], fields)) as tail:
         for begin, end in zip([0, *cuts], [*cuts, len(data)], strict=True):
             with target.open("ab") as file:
                 file.write(data[begin:end])
@@ -201,12 +202,14 @@ def test_a_log_whose_recorder_was_killed_is_given_up_to_its_last_whole_chunk(
 def test_digests_say_from_which_minute_on_a_replay_differs(logs: dict[str, Path]) -> None:
     machine = machine_of(logs[".bag"])
     digests = FollowedDigests()
-    follow_logs([logs[".bag"]], machine, lambda _, rows: digests.add(rows), idle_s=IDLE_S)
+    follow_logs(
+        [logs[".bag"]], machine, lambda _, rows: digests.add_followed_rows(rows), idle_s=IDLE_S
+    )
     frames = dict(replayed(logs[".bag"], machine).frames)
-    assert all(each.differs_from_s is None for each in digests.compare(frames))
+    assert all(each.differs_from_s is None for each in digests.compare_with_replayed_frames(frames))
     frames["estimates/ls"] = frames["estimates/ls"].with_columns(pl.col("mass_kg") + 1e-9)
     frames["estimates/tls"] = frames["estimates/tls"].with_columns(pl.col("mass_kg") + 1.0)
-    compared = {each.name: each for each in digests.compare(frames)}
+    compared = {each.name: each for each in digests.compare_with_replayed_frames(frames)}
     differing = [name for name, each in compared.items() if each.differs_from_s is not None]
     assert differing == ["ls", "tls"]
     assert compared["ls"].is_rounding
@@ -257,8 +260,11 @@ def test_logs_of_others_are_followed_as_replayed(
     digests = FollowedDigests()
     with Recording(record(), target) as recording:
         _, rows = followed(target, machine, recording)
-    digests.add(rows)
-    compared = {each.name: each for each in digests.compare(replayed(target, machine).frames)}
+    digests.add_followed_rows(rows)
+    compared = {
+        each.name: each
+        for each in digests.compare_with_replayed_frames(replayed(target, machine).frames)
+    }
     assert compared["gate"].differs_from_s is None
     assert compared["gate"].rows > 300
     # a derived channel is filtered anew from the oldest sample kept, and which that is depends on

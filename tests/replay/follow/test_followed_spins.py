@@ -11,8 +11,8 @@ from analysis.simulation import Scenario
 from replay import load_machine, open_log, run
 from replay.follow.agreement import FollowedDigests
 from replay.follow.follow_logs import Following, follow_logs
-from replay.follow.report_file import describe_event
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.follow.report_file import describe_finished_manoeuvre
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 #: Straight motion each way, spins and an arc: what every axis has to refuse is there.
 TURNING = Scenario.model_validate(
@@ -43,7 +43,9 @@ CAUSAL = [
 
 @pytest.fixture(scope="module")
 def turning(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return simulate_scenario(TURNING, tmp_path_factory.mktemp("turning") / "turning.mcap")[0]
+    return simulate_scenario_to_logs(TURNING, tmp_path_factory.mktemp("turning") / "turning.mcap")[
+        0
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -59,12 +61,15 @@ def test_spins_agree_with_the_causal_replay_and_are_reported(
     digests, reports = FollowedDigests(), list[OnlineReport]()
 
     def take(_: Following, rows: list[FollowedRow]) -> None:
-        digests.add(rows)
+        digests.add_followed_rows(rows)
         reports.extend(report for row in rows for report in row.reports)
 
     follow_logs([turning], machine, take, idle_s=0.1)
     with open_log(turning) as log:
-        agreements = {each.name: each for each in digests.compare(run(log, machine).frames)}
+        agreements = {
+            each.name: each
+            for each in digests.compare_with_replayed_frames(run(log, machine).frames)
+        }
     assert {"gate", "gate of spins", "pooled", "pooled of spins", "rls of spins"} <= set(agreements)
     # the yaw acceleration is derived, which agrees to rounding
     assert all(each.is_rounding and each.rows == each.replayed for each in agreements.values())
@@ -73,7 +78,7 @@ def test_spins_agree_with_the_causal_replay_and_are_reported(
     assert [report.spins for report in spins] == [1, 2]
     for report in spins:
         assert report.inertia_z_kg_m2 == pytest.approx(4353.0, rel=0.03)
-        assert "kg·m²" in describe_event(report)
+        assert "kg·m²" in describe_finished_manoeuvre(report)
     for report in reports:
         is_told = report.spin_validity in ("valid", "old")
         assert (report.inertia_z_kg_m2 is not None) == is_told

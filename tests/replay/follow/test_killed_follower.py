@@ -20,9 +20,9 @@ from mcap.writer import CompressionType
 
 from analysis.simulation import Scenario
 from recordings.follow.growing_file import is_unfinished_recording, iter_whole_messages
-from recordings.follow.growing_recording import read_recording_end
+from recordings.follow.growing_recording import read_end_of_recording
 from replay.follow.report_file import TOPIC
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.one_line import assert_one_line
 from tests.replay.follow.recorders import Recording, mcap_recorder, rosbag2_recorder
 from tests.replay.sledge import Payscope
@@ -48,7 +48,7 @@ ALONE = (*MACHINE, "--replay-share", "0")
 def sources(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("killed")
     return {
-        suffix: simulate_scenario(TWO_STARTS, folder / f"drive{suffix}")[0]
+        suffix: simulate_scenario_to_logs(TWO_STARTS, folder / f"drive{suffix}")[0]
         for suffix in (".mcap", ".db3")
     }
 
@@ -92,7 +92,7 @@ def rows_of(recording: Path) -> list[int]:
     times = [
         time.value
         for chunk in chunks
-        if chunk.entity_path == "/display/excitation"
+        if chunk.make_entity_path == "/display/excitation"
         for time in chunk.to_record_batch().column("t")
     ]
     return sorted(times)
@@ -226,7 +226,7 @@ def test_a_recording_cut_anywhere_goes_on_behind_its_last_whole_second(
     kill_at("drive.mcap", 15.0)
     data = Path("out.rrd").read_bytes()
     Path("out.rrd").write_bytes(data[: int(place * len(data))])
-    end = read_recording_end(Path("out.rrd"))
+    end = read_end_of_recording(Path("out.rrd"))
     assert end is not None
     rows = rows_of_cut(data, end.size)
     assert rows[-1] == end.until_ns
@@ -330,4 +330,4 @@ def test_a_clock_that_is_set_costs_no_row_twice(
 def later(folder: Path, seconds: float = 60.0) -> Path:
     """The same drive, recorded so many seconds later."""
     plan = {**DRIVE, "log": {"start_unix_s": 1_700_000_000 + round(seconds)}}
-    return simulate_scenario(Scenario.model_validate(plan), folder / "later.mcap")[0]
+    return simulate_scenario_to_logs(Scenario.model_validate(plan), folder / "later.mcap")[0]

@@ -17,8 +17,8 @@ from mcap.writer import CompressionType
 
 from analysis.simulation import Scenario
 from recordings.report import colours
-from recordings.rrd.viewer_server import serve_viewer
-from replay.simulation.simulate_logs import simulate_scenario
+from recordings.rrd.viewer_server import serve_viewer_to_browsers
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.replay.follow.recorders import mcap_recorder
 
 REPO = Path(__file__).resolve().parents[3]
@@ -32,7 +32,7 @@ LINE_RGB = np.array([int(colours.choose_line_colour(0)[k : k + 2], 16) for k in 
 @pytest.fixture
 def page(tmp_path: Path) -> Iterator[str]:
     """The page of a follower that waits for more."""
-    (source,) = simulate_scenario(TWO_STARTS, tmp_path / "source.mcap")
+    (source,) = simulate_scenario_to_logs(TWO_STARTS, tmp_path / "source.mcap")
     log = tmp_path / "drive.mcap"
     for _ in mcap_recorder(source, log, CompressionType.ZSTD):
         pass
@@ -85,7 +85,7 @@ def test_a_browser_shows_what_is_followed(page: str, tmp_path: Path, browser: An
 
 
 def test_the_server_listens_on_this_machine_alone_and_ends_with_its_context() -> None:
-    with serve_viewer() as server:
+    with serve_viewer_to_browsers() as server:
         host, port = re.findall(r"//([\d.]+):(\d+)", server.page)[0]
         assert host == "127.0.0.1"
         assert is_open(host, int(port))

@@ -20,7 +20,7 @@ from analysis.simulation import Scenario
 from estimators.estimate import Estimate
 from replay import load_machine, open_log
 from replay.follow.report_file import ReportFile
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.one_line import assert_one_line
 from tests.replay.follow.test_killed_follower import printed_reports
 from tests.replay.sledge import Payscope
@@ -36,7 +36,7 @@ def demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """What the page calls `demo`, smaller."""
     folder = tmp_path / "demo"
     folder.mkdir()
-    simulate_scenario(TWO_STARTS, folder / "campaign_150kg.bag")
+    simulate_scenario_to_logs(TWO_STARTS, folder / "campaign_150kg.bag")
     shutil.copy(REPO / "replay/machines/cat262c.toml", folder)
     monkeypatch.chdir(tmp_path)
     return folder
@@ -108,9 +108,9 @@ def test_the_topic_of_a_follower_that_was_killed_has_every_report(tmp_path: Path
         *(3600.0, 5.0, 900.0, 3.0, 0.2, 1),
     )
     file = ReportFile(tmp_path / "mass.mcap", [], "a log", force=False)
-    file.write([report, report])
+    file.append_new_reports([report, report])
     (tmp_path / "killed.mcap").write_bytes((tmp_path / "mass.mcap").read_bytes())
-    file.close()
+    file.close_with_index()
     with open_log(tmp_path / "killed.mcap") as log:
         assert log.read("/payscope/mass", ["mass_kg"])["mass_kg"].to_list() == [3600.0, 3600.0]
 

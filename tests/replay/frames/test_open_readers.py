@@ -8,7 +8,7 @@ TAKES_THE_HEAD = """
 import sys, time
 from types import SimpleNamespace
 import polars as pl
-from replay.frames.scan import make_lazy_frame
+from replay.frames.scan import make_lazy_frame_of_topic
 
 def batches(columns, predicate, n_rows):
     for chunk in range(1000):
@@ -16,8 +16,8 @@ def batches(columns, predicate, n_rows):
         rows = pl.DataFrame({"x": range(chunk * 10, chunk * 10 + 10)})
         yield rows if predicate is None else rows.filter(predicate)
 
-source = SimpleNamespace(schema=pl.Schema({"x": pl.Int64}), topic="slow", iter_batches=batches)
-rows = make_lazy_frame(source).filter(pl.col("x") > 3).head(3).collect(engine="streaming")
+source = SimpleNamespace(schema=pl.Schema({"x": pl.Int64}), topic="slow", iter_row_batches=batches)
+rows = make_lazy_frame_of_topic(source).filter(pl.col("x") > 3).head(3).collect(engine="streaming")
 print(rows["x"].to_list(), flush=True)
 """
 

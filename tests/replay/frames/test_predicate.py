@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, bound_time_range
+from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, bound_log_times_by_predicate
 
 when = pl.col("t")
 DAY_NS = 86_400 * 10**9
@@ -40,7 +40,7 @@ DAY_NS = 86_400 * 10**9
     ],
 )
 def test_a_range_is_found_in_the_tree(predicate: pl.Expr, first: int, last: int) -> None:
-    assert bound_time_range(predicate, "t") == TimeRange(first, last)
+    assert bound_log_times_by_predicate(predicate, "t") == TimeRange(first, last)
 
 
 leaf = st.builds(
@@ -67,7 +67,7 @@ trees: Any = st.recursive(
 def test_no_row_that_a_filter_keeps_is_outside_its_range(predicate: pl.Expr) -> None:
     rows = pl.DataFrame({"t": range(11), "x": [7, 1] * 5 + [7]})
     kept = rows.filter(predicate)["t"]
-    within = bound_time_range(predicate, "t")
+    within = bound_log_times_by_predicate(predicate, "t")
     assert kept.is_between(within.first_ns, within.last_ns).all()
 
 
@@ -78,7 +78,7 @@ def test_sql_and_polars_reach_the_source_alike() -> None:
     schema = pl.Schema({"t": pl.Datetime("ns", "UTC"), "x": pl.Int64()})
 
     def rows(columns: Any, predicate: Any, *_: Any) -> Any:
-        ranges.append(bound_time_range(predicate, "t"))
+        ranges.append(bound_log_times_by_predicate(predicate, "t"))
         frame = pl.DataFrame({"t": [0], "x": [1]}, schema=schema).filter(predicate)
         yield frame if columns is None else frame.select(columns)
 

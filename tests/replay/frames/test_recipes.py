@@ -8,7 +8,7 @@ import pytest
 
 from analysis.simulation import Scenario
 from replay import open_log
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 PAGE = Path(__file__).resolve().parents[3] / "docs/logs-as-frames.md"
 
@@ -18,7 +18,9 @@ def test_the_recipes_run(
 ) -> None:
     short = Scenario()
     campaign = short.campaign.model_copy(update={"loads_kg": (0.0,), "runs": 1})
-    simulate_scenario(short.model_copy(update={"campaign": campaign}), tmp_path / "shift.bag")
+    simulate_scenario_to_logs(
+        short.model_copy(update={"campaign": campaign}), tmp_path / "shift.bag"
+    )
     monkeypatch.chdir(tmp_path)
     recipes = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     assert len(recipes) == 9

@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from estimators.errors import LogError
 from recordings import read_recording, write_recording
 from replay import load_machine, open_log, run
-from replay.inputs.channel_inputs import read_channels, rename_raw_frames
+from replay.inputs.channel_inputs import read_channel_fields_and_losses, rename_raw_frames
 from tests.replay.logs.written_logs import Joints, write_mcap
 from tests.replay.sledge import MACHINE, sledge
 
@@ -24,7 +24,9 @@ def read(machine_file: Path, *tables: pl.DataFrame) -> pl.DataFrame:
     for number, table in enumerate(tables):
         logs.append(machine_file.with_name(f"part_{number}.csv"))
         table.write_csv(logs[-1])
-    raw, _ = read_channels([open_log(path) for path in logs], load_machine(machine_file))
+    raw, _ = read_channel_fields_and_losses(
+        [open_log(path) for path in logs], load_machine(machine_file)
+    )
     return raw["table"]
 
 
@@ -105,7 +107,7 @@ def test_a_topic_that_is_wholly_damaged_is_refused_with_what_was_lost(
         + [f"channels.{name}.field=effort[slide]" for name in columns],
     )
     with pytest.raises(LogError, match=r"topic '/joints' has no messages: .*log time"):
-        read_channels([open_log(log)], machine)
+        read_channel_fields_and_losses([open_log(log)], machine)
 
 
 def test_parts_of_a_split_recording_may_reach_into_each_other_a_little(machine_file: Path) -> None:
@@ -132,7 +134,7 @@ def test_a_joint_that_no_message_has_is_answered_with_the_nearest(
         open_log(own_data / "logs/husky_asphalt.bag") as log,
         pytest.raises(LogError, match=r"no 'lef' .* did you mean 'left'\?"),
     ):
-        read_channels([log], machine)
+        read_channel_fields_and_losses([log], machine)
 
 
 def test_a_hint_whose_topic_is_missing_or_empty_is_a_loss_and_stops_nothing(
@@ -155,7 +157,7 @@ def test_a_log_from_which_nothing_is_read_is_told(tmp_path: Path, machine_file: 
     sledge().write_csv(tmp_path / "shift.csv")
     write_mcap(tmp_path / "other.mcap", [Joints(1_000, {"slide": 1.0})])
     logs = [open_log(tmp_path / name) for name in ("shift.csv", "other.mcap")]
-    raw, losses = read_channels(logs, load_machine(machine_file))
+    raw, losses = read_channel_fields_and_losses(logs, load_machine(machine_file))
     assert [str(loss) for loss in losses] == [
         "other.mcap: has no topic of the machine file: nothing is read from it"
     ]
@@ -170,4 +172,4 @@ def test_a_topic_that_a_damaged_log_does_not_have_is_told_with_the_damage(
     log.write_bytes(log.read_bytes()[:20])
     machine = load_machine(machine_file, ["channels.force_x_N.topic=/drive"])
     with pytest.raises(LogError, match=r"no topic '/drive'.* It is damaged: torn.mcap: breaks off"):
-        read_channels([open_log(log)], machine)
+        read_channel_fields_and_losses([open_log(log)], machine)

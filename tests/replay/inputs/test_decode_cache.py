@@ -9,8 +9,8 @@ import pytest
 from estimators.errors import LogError, OutputError
 from replay import load_machine, open_log
 from replay.inputs import decode_cache as decoding
-from replay.inputs.channel_inputs import read_channels
-from replay.inputs.decode_cache import decode_logs
+from replay.inputs.channel_inputs import read_channel_fields_and_losses
+from replay.inputs.decode_cache import decode_logs_in_parallel
 from tests.replay.shift_review import shift_folder
 
 
@@ -35,8 +35,10 @@ def test_what_was_decoded_is_what_the_logs_hold(driven: Any, tmp_path: Path) -> 
     machine = load_machine(machine_file)
     logs = [open_log(path) for path in paths]
     told: list[int] = []
-    raw, losses = read_channels(decode_logs(logs, machine, tmp_path / "kept", told.append), machine)
-    expected, lost = read_channels([open_log(path) for path in paths], machine)
+    raw, losses = read_channel_fields_and_losses(
+        decode_logs_in_parallel(logs, machine, tmp_path / "kept", told.append), machine
+    )
+    expected, lost = read_channel_fields_and_losses([open_log(path) for path in paths], machine)
     assert list(raw) == list(expected)
     assert all(raw[topic].equals(expected[topic]) for topic in expected)
     assert [raw[topic].schema for topic in raw] == [expected[t].schema for t in expected]
@@ -48,7 +50,7 @@ def test_what_was_decoded_is_what_the_logs_hold(driven: Any, tmp_path: Path) -> 
 def test_a_log_that_has_not_changed_is_not_decoded_again(driven: Any, tmp_path: Path) -> None:
     paths, machine_file, _ = driven
     machine, kept = load_machine(machine_file), tmp_path / "kept"
-    decode_logs([open_log(path) for path in paths], machine, kept)
+    decode_logs_in_parallel([open_log(path) for path in paths], machine, kept)
     before = entries(kept)
     # what a process left that was killed
     (kept / ".begun-0-1").mkdir()
@@ -56,13 +58,13 @@ def test_a_log_that_has_not_changed_is_not_decoded_again(driven: Any, tmp_path: 
     with changed.open("ab") as stream:
         stream.write(b"\0")
     told: list[int] = []
-    decode_logs([open_log(changed), open_log(paths[1])], machine, kept, told.append)
+    decode_logs_in_parallel([open_log(changed), open_log(paths[1])], machine, kept, told.append)
     after = entries(kept)
     assert told == [1, 2]
     assert len(after) == 2
     assert len(set(before.items()) & set(after.items())) == 1
     other = load_machine(machine_file, ['channels.boom_rad.field="velocity[boom]"'])
-    decode_logs([open_log(paths[1])], other, kept)
+    decode_logs_in_parallel([open_log(paths[1])], other, kept)
     assert not set(entries(kept)) & set(after)
 
 
@@ -73,7 +75,7 @@ def test_a_field_that_no_message_has_is_one_line_and_leaves_nothing(
     paths, machine_file, _ = driven
     machine = load_machine(machine_file, ['channels.boom_rad.field="angle"'])
     with pytest.raises(LogError, match="no field 'angle'") as caught:
-        decode_logs([open_log(path) for path in paths], machine, tmp_path / "kept")
+        decode_logs_in_parallel([open_log(path) for path in paths], machine, tmp_path / "kept")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "kept").exists() or not entries(tmp_path / "kept")
 
@@ -82,7 +84,7 @@ def test_a_folder_that_cannot_be_written_is_one_line(driven: Any, tmp_path: Path
     paths, machine_file, _ = driven
     (tmp_path / "kept").write_text("a file")
     with pytest.raises(OutputError, match="cannot be written"):
-        decode_logs([open_log(paths[0])], load_machine(machine_file), tmp_path / "kept")
+        decode_logs_in_parallel([open_log(paths[0])], load_machine(machine_file), tmp_path / "kept")
 
 
 def test_times_and_fields_that_were_not_decoded_come_from_the_log(
@@ -91,7 +93,7 @@ def test_times_and_fields_that_were_not_decoded_come_from_the_log(
     paths, machine_file, _ = driven
     machine = load_machine(machine_file)
     log = open_log(paths[0])
-    (kept,) = decode_logs([log], machine, tmp_path / "kept")
+    (kept,) = decode_logs_in_parallel([log], machine, tmp_path / "kept")
     assert kept.topics().equals(log.topics())
     assert kept.digests == log.digests
     row = log.topics().row(0, named=True)

@@ -9,8 +9,8 @@ from analysis.model.machine import Machine
 from estimators.errors import LogError
 from recordings import read_recording, write_recording
 from replay import load_machine, open_log, run
-from replay.inputs.channel_inputs import read_channels
-from replay.inputs.decode_cache import decode_logs
+from replay.inputs.channel_inputs import read_channel_fields_and_losses
+from replay.inputs.decode_cache import decode_logs_in_parallel
 from replay.inputs.time_line import compute_log_offsets_ns, describe_log_order
 from replay.logs import TimeAxis
 from tests.replay.sledge import MACHINE as MACHINE_FILE
@@ -51,7 +51,7 @@ def test_tables_that_count_from_0_follow_one_another_in_the_order_given(
 ) -> None:
     paths = [table(tmp_path / f"{force}.parquet", float(force)) for force in (1, 2, 3)]
     logs = opened(*(paths[::-1] if turned else paths))
-    raw, _ = read_channels(logs, MACHINE)
+    raw, _ = read_channel_fields_and_losses(logs, MACHINE)
     whole = raw["table"]
     assert whole["log_time_ns"].is_sorted()
     assert whole["force"].unique(maintain_order=True).to_list() == [3, 2, 1][:: 1 if turned else -1]
@@ -69,7 +69,7 @@ def test_files_that_follow_one_another_have_their_samples_on_one_grid(tmp_path: 
         table(tmp_path / f"{number}.parquet", 1.0, begins_s=each)
         for number, each in enumerate(begins_s)
     ]
-    raw, _ = read_channels(opened(*paths), MACHINE)
+    raw, _ = read_channel_fields_and_losses(opened(*paths), MACHINE)
     since_ns = raw["table"]["log_time_ns"] - raw["table"]["log_time_ns"].min()
     assert (since_ns % (NS // 10)).unique().to_list() == [0]
 
@@ -84,7 +84,7 @@ def test_tables_with_a_clock_stay_where_they_are(tmp_path: Path) -> None:
 
 def test_a_table_that_is_given_twice_counts_once(tmp_path: Path) -> None:
     path = table(tmp_path / "a.parquet", 1.0)
-    raw, _ = read_channels(opened(path, path), MACHINE)
+    raw, _ = read_channel_fields_and_losses(opened(path, path), MACHINE)
     assert raw["table"].height == 300
 
 
@@ -94,7 +94,7 @@ def test_tables_that_hold_some_in_common_are_refused_in_a_line_with_both_ways(
     whole = table(tmp_path / "whole.parquet", 1.0)
     part = table(tmp_path / "part.parquet", 2.0, without="speed")
     with pytest.raises(LogError) as refused:
-        read_channels(opened(whole, part), MACHINE)
+        read_channel_fields_and_losses(opened(whole, part), MACHINE)
     said = str(refused.value)
     assert "\n" not in said
     assert "whole.parquet" in said
@@ -114,7 +114,7 @@ def test_tables_with_no_column_in_common_are_one_log(tmp_path: Path) -> None:
     whole.drop("force_N").gather_every(2).write_parquet(tmp_path / "imu.parquet")
     named = [open_log(tmp_path / name, time=TimeAxis("time_s")) for name in PARTS]
     expected = run(open_log(tmp_path / "whole.csv", time=TimeAxis("time_s")), machine)
-    for logs in (named, named[::-1], decode_logs(named, machine, tmp_path / "kept")):
+    for logs in (named, named[::-1], decode_logs_in_parallel(named, machine, tmp_path / "kept")):
         made = run(logs, machine)
         assert {"raw/table/drive", "raw/table/imu"} <= made.frames.keys()
         assert made.provenance.stamps == {"table/drive": "table", "table/imu": "table"}

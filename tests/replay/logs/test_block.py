@@ -9,7 +9,7 @@ import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replay.logs.blocks.block import Block, DamagedBlockError, unpack_block
+from replay.logs.blocks.block import Block, DamagedBlockError, unpack_block_into
 from replay.logs.storage.file_bytes import FileBytes
 
 CONTENT = np.random.default_rng(1).bytes(3000) * 40
@@ -30,7 +30,7 @@ def unpacked(folder: Path, stored: bytes, declared: int, *, is_torn: bool = Fals
     block = Block(0, 0, len(stored), "zstd", declared, is_torn=is_torn)
     target = np.zeros(block.max_unpacked_bytes, np.uint8)
     try:
-        return target[: unpack_block(block, file, target)].tobytes()
+        return target[: unpack_block_into(block, file, target)].tobytes()
     finally:
         file.close()
 

@@ -7,7 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from replay.logs.messages.message_fields import Field, FieldError, PathStep, resolve_message_field
-from replay.logs.messages.message_types import ListOf, RecordType, Scalar, iter_leaf_names
+from replay.logs.messages.message_types import (
+    ListOf,
+    RecordType,
+    Scalar,
+    iter_leaf_names_of_message,
+)
 
 VECTOR = RecordType("geometry_msgs/msg/Vector3", tuple((axis, Scalar("float64")) for axis in "xyz"))
 MESSAGE = RecordType(
@@ -25,7 +30,7 @@ MESSAGE = RecordType(
 
 
 def test_leaves_are_dotted_and_lists_show_as_lists() -> None:
-    assert list(iter_leaf_names(MESSAGE)) == [
+    assert list(iter_leaf_names_of_message(MESSAGE)) == [
         "stamp",
         *(f"angular_velocity.{axis}" for axis in "xyz"),
         "covariance[]",

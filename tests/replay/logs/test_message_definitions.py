@@ -2,7 +2,7 @@
 
 import pytest
 
-from replay.logs.message_definitions import DefinitionError, compile_message_type
+from replay.logs.message_definitions import DefinitionError, make_message_type_of_connection
 from replay.logs.messages.message_types import ListOf, RecordType, Scalar
 from replay.logs.storage.container import Connection
 
@@ -11,7 +11,7 @@ RULE = "=" * 80
 
 def compiled(text: str, *, ros1: bool = False) -> RecordType:
     encoding = ("ros1", "ros1msg") if ros1 else ("cdr", "ros2msg")
-    return compile_message_type(
+    return make_message_type_of_connection(
         Connection(0, "/t", "t/msg/T0", encoding[0], text, encoding[1])
     ).record
 

@@ -37,7 +37,7 @@ class OwnError(TypeError, KeyError):
 
 def read_everything(path: Path) -> None:
     """Describe, read and check a log, with its definitions compiled anew."""
-    message_definitions._compile_definition.cache_clear()
+    message_definitions._make_type_from_ros_definition.cache_clear()
     with suppress(LogError), open_log(path) as log:
         for row in log.topics().iter_rows(named=True):
             if row["problem"] is None:

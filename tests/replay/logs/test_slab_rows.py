@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from replay.logs.blocks.slabs import SlabIndex, find_key_indices
+from replay.logs.blocks.slabs import SlabIndex, find_indices_of_values
 from replay.logs.mcap.mcap_grammar import GRAMMAR
 from replay.logs.storage.message_rows import KEY, TIME
 
@@ -22,7 +22,7 @@ def test_the_place_of_a_connection_is_found_however_they_are_numbered(
 ) -> None:
     ascending = sorted(keys)
     of_both = [*found, *ascending]
-    places = find_key_indices(np.array(of_both, np.int64), np.array(ascending, np.int64))
+    places = find_indices_of_values(np.array(of_both, np.int64), np.array(ascending, np.int64))
     assert places.tolist() == [ascending.index(key) if key in keys else -1 for key in of_both]
 
 
@@ -42,9 +42,11 @@ def test_rows_are_the_same_whatever_number_was_expected(expected: int) -> None:
     data = np.frombuffer(b"".join(b"".join(block) for block in blocks), np.uint8)
     rows = SlabIndex(GRAMMAR, data, expected)
     ends = np.cumsum([sum(map(len, block)) for block in blocks]).tolist()
-    spans = [rows.scan(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
+    spans = [
+        rows.add_rows_of_span(begin, end) for begin, end in zip([0, *ends], ends, strict=False)
+    ]
     assert spans == [(0, 2, 0), (2, 3, 0), (3, 3, 0), (3, 6, 0)]
-    assert rows.found[KEY].tolist() == [1, 2, 1, 3, 1, 2]
-    assert rows.found[TIME].tolist() == [10, 20, 30, 40, 50, 60]
+    assert rows.rows_so_far[KEY].tolist() == [1, 2, 1, 3, 1, 2]
+    assert rows.rows_so_far[TIME].tolist() == [10, 20, 30, 40, 50, 60]
     # numba compiles anew for an array whose columns are apart
-    assert rows.found.flags.c_contiguous
+    assert rows.rows_so_far.flags.c_contiguous

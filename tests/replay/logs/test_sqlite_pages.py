@@ -12,7 +12,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from estimators.errors import LogError
-from replay.logs.sqlite.database_pages import PageLayout, RowFilter, read_page_layout_or_none
+from replay.logs.sqlite.database_pages import (
+    PageLayout,
+    RowFilter,
+    read_page_layout_of_messages_table,
+)
 from replay.logs.sqlite.page_walk import PageWalk
 from replay.logs.sqlite.sqlite_file import Db3File
 from replay.logs.storage.file_bytes import FileBytes
@@ -81,7 +85,7 @@ def by_sqlite(path: Path) -> tuple[list[Message], bool]:
 def layout_of(path: Path) -> PageLayout | None:
     file = FileBytes(path)
     database = sqlite3.connect(f"{path.as_uri()}?mode=ro&immutable=1", uri=True)
-    layout = read_page_layout_or_none(file, database)
+    layout = read_page_layout_of_messages_table(file, database)
     file.close()
     database.close()
     return layout
@@ -93,7 +97,7 @@ def by_pages(path: Path, *, with_data: bool = True) -> tuple[list[Message], list
     database = sqlite3.connect(f"{path.as_uri()}?mode=ro&immutable=1", uri=True)
     notes: list[str] = []
     try:
-        layout = read_page_layout_or_none(file, database)
+        layout = read_page_layout_of_messages_table(file, database)
         assert layout is not None
         wanted = RowFilter(np.array([0]), True, -(2**63), 2**63 - 1, with_data)
         walk = PageWalk(file, layout, wanted, notes.append)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from replay.logs.messages.raw_batch import make_batch_of_messages
-from replay.logs.rosbag2.rosbag2_directory import decompress_messages
+from replay.logs.rosbag2.rosbag2_directory import iter_decompressed_messages
 
 MIB = 2**20
 
@@ -26,7 +26,9 @@ def packed(content: bytes, *, declared: bool) -> bytes:
 def unpacked(frames: list[bytes]) -> tuple[list[tuple[int, bytes]], int]:
     """Times and contents of those that can be unpacked, and how many cannot."""
     found, failed = [], 0
-    for batch, lost in decompress_messages(make_batch_of_messages(7, range(len(frames)), frames)):
+    for batch, lost in iter_decompressed_messages(
+        make_batch_of_messages(7, range(len(frames)), frames)
+    ):
         found += zip(batch.log_times.tolist(), batch.iter_messages(), strict=True)
         failed += lost
     return found, failed

@@ -10,7 +10,7 @@ import pytest
 
 from analysis.model.settings import Settings
 from estimators.errors import MachineError
-from replay.explain.proposal_edits import Proposal, insert_proposals
+from replay.explain.proposal_edits import Proposal, insert_proposals_into_machine_file
 from replay.machines.machine_file import load_machine
 from replay.machines.old_names import (
     OLD_NAMES,
@@ -163,7 +163,7 @@ def test_explain_applies_a_proposal_to_a_file_with_old_names() -> None:
     """Test: the proposal's key has its old name in the file. Expected: one key, both comments."""
     text = "[settings]\nrate_hz = 50  # grid\nexclude_braking = true  # mine\n"
     change = Proposal("settings.gate.exclude_braking", False, "braking", "the force sees it")
-    mended = insert_proposals(text, [change], Path("m.toml"))
+    mended = insert_proposals_into_machine_file(text, [change], Path("m.toml"))
     assert tomllib.loads(mended)["settings"] == {
         "align": {"rate_hz": 50},
         "gate": {"exclude_braking": False},

@@ -15,17 +15,17 @@ from typing import Any
 import pytest
 
 from estimators.errors import EvidenceError, OutputError
-from recordings.notary.notary_check import CheckedList, check_notary_list
+from recordings.notary.notary_check import CheckedList, check_untrusted_notary_list
 from recordings.notary.notary_list import (
     NotaryEntry,
     NotaryHead,
     NotaryLine,
-    encode_lines,
-    parse_line,
-    sign_line,
+    encode_notary_lines,
+    make_signed_line,
+    parse_untrusted_line,
 )
-from recordings.signatures.keyring import KnownKey, add_key, load_keyring
-from recordings.signatures.signing import SigningKey, read_public_key, read_signing_key
+from recordings.signatures.keyring import KnownKey, add_key_to_keyring, load_keyring
+from recordings.signatures.signing import SigningKey, read_public_key_file, read_signing_key_or_none
 from replay.notary.list_file import STATE_VARIABLE
 from replay.notary.notarise_folder import LIST_NAME, NotarisedFolder, notarise_folder
 from tests.conftest import REPO
@@ -122,7 +122,7 @@ def test_a_log_that_is_changed_after_it_was_listed_is_listed_again(
     os.utime(folder / "log-2.csv", (NOON_S, NOON_S))
     (entry,) = notarise_folder(folder, key_file=keys[0]).added
     assert entry.replaces == 3
-    found = check_notary_list(listed.path.read_bytes(), NOW.replace(year=2100))
+    found = check_untrusted_notary_list(listed.path.read_bytes(), NOW.replace(year=2100))
     assert "'log-2.csv' was changed after it had been listed as number 3" in words(found)
 
 
@@ -131,7 +131,7 @@ def words(found: CheckedList) -> str:
 
 
 def lines_of(path: Path) -> list[NotaryLine]:
-    return [parse_line(line, "line") for line in path.read_bytes().splitlines()]
+    return [parse_untrusted_line(line, "line") for line in path.read_bytes().splitlines()]
 
 
 # What somebody does to a list who lacks its key -------------------------------------------------
@@ -231,13 +231,13 @@ def resigned(
     """The list with other contents, chained and signed anew: what its keeper's clock, or a thief
     of the key, can make."""
     head, *rest = lines_of(listed.path)
-    made = [sign_line(head.content, key)]
+    made = [make_signed_line(head.content, key)]
     for line in rest:
         values = line.content.model_dump(mode="json")
         change(values["counter"], values)
-        values |= {"head": made[0].digest, "previous": made[-1].digest}
-        made.append(sign_line(NotaryEntry.model_validate(values), key))
-    return check_notary_list(encode_lines(made), NOW)
+        values |= {"head": made[0].line_sha256, "previous": made[-1].line_sha256}
+        made.append(make_signed_line(NotaryEntry.model_validate(values), key))
+    return check_untrusted_notary_list(encode_notary_lines(made), NOW)
 
 
 def at(number: int, **values: str) -> Callable[[int, dict[str, Any]], None]:
@@ -268,7 +268,7 @@ def test_times_that_cannot_be_are_found_though_they_are_signed(
     change: Callable[[int, dict[str, Any]], None],
     said: str,
 ) -> None:
-    key = read_signing_key(keys[0])
+    key = read_signing_key_or_none(keys[0])
     assert key is not None
     assert said in words(resigned(listed, key, change))
     assert words(resigned(listed, key, at(0))) == ""
@@ -278,22 +278,24 @@ def test_a_list_made_anew_with_another_key_is_not_trusted(
     listed: NotarisedFolder, keys: tuple[Path, Path], tmp_path: Path, payscope: Payscope
 ) -> None:
     other, _ = key_files(tmp_path, "other")
-    key = read_signing_key(other)
+    key = read_signing_key_or_none(other)
     assert key is not None
     head, *rest = lines_of(listed.path)
     assert isinstance(head.content, NotaryHead)
-    forged = head.content.model_copy(update={"public_key": key.public.text})
-    made = [sign_line(forged, key)]
+    forged = head.content.model_copy(update={"public_key": key.public_key.base64_text})
+    made = [make_signed_line(forged, key)]
     for line in rest:
-        values = {"head": made[0].digest, "previous": made[-1].digest}
-        made.append(sign_line(line.content.model_copy(update=values), key))
+        values = {"head": made[0].line_sha256, "previous": made[-1].line_sha256}
+        made.append(make_signed_line(line.content.model_copy(update=values), key))
     path = tmp_path / "forged.jsonl"
-    path.write_bytes(encode_lines(made))
+    path.write_bytes(encode_notary_lines(made))
     assert "signed by an unknown key" in payscope("verify", path).out
     assert payscope("verify", path, "--key", keys[1]).status == 3
     assert payscope("verify", path, "--require-signed").status == 5
     assert payscope("verify", listed.path, "--key", keys[1], "--require-signed").status == 0
-    add_key(load_keyring(), KnownKey(key=read_public_key(keys[1]).text, owner="Recorder 7"))
+    add_key_to_keyring(
+        load_keyring(), KnownKey(key=read_public_key_file(keys[1]).base64_text, owner="Recorder 7")
+    )
     said = payscope("verify", listed.path, "--require-signed")
     assert said.status == 0
     assert "6 logs verified; signed by Recorder 7" in said.out
@@ -314,7 +316,7 @@ def test_lines_of_another_list_by_the_same_key_are_found(
         [theirs[0], *own[1:]],
         [*own, theirs[-1]],
     ):
-        found = check_notary_list(b"".join(spliced), NOW.replace(year=2100))
+        found = check_untrusted_notary_list(b"".join(spliced), NOW.replace(year=2100))
         assert any(fault.forged for fault in found.faults), words(found)
         assert "another list" in words(found)
 
@@ -337,7 +339,7 @@ def test_wherever_a_line_breaks_off_the_next_pass_goes_on_from_the_last_whole_on
         made = notarise_folder(folder, key_file=keys[0])
         assert made.last == LOGS
         assert bool(made.notes) == (cut > last)
-        found = check_notary_list(listed.path.read_bytes(), NOW.replace(year=2100))
+        found = check_untrusted_notary_list(listed.path.read_bytes(), NOW.replace(year=2100))
         assert found.faults == []
     end.write_bytes(kept)
 
@@ -412,7 +414,7 @@ def test_a_clock_that_was_set_back_is_said_and_found(
     made = notarise_folder(folder, key_file=keys[0])
     assert any("the clock was set back" in note for note in made.notes)
     monkeypatch.undo()
-    found = check_notary_list(path.read_bytes(), dt.datetime.now(dt.UTC))
+    found = check_untrusted_notary_list(path.read_bytes(), dt.datetime.now(dt.UTC))
     assert "number 7 was listed" in words(found)
     assert "the clock was set back" in words(found)
 
@@ -460,8 +462,8 @@ def test_a_notary_that_is_killed_loses_and_invents_nothing(
     for after_s in (0.01, 0.1, 0.25):
         killed_at(folder, keys[0], after_s, environment)
     made = notarise_folder(folder, key_file=keys[0])
-    found = check_notary_list(made.path.read_bytes(), dt.datetime.now(dt.UTC))
+    found = check_untrusted_notary_list(made.path.read_bytes(), dt.datetime.now(dt.UTC))
     assert found.faults == []
-    assert sorted(entry.log for entry in found.entries) == sorted(
+    assert sorted(entry.log for entry in found.log_entries) == sorted(
         f"log-{number}.csv" for number in range(150)
     )

@@ -11,8 +11,8 @@ from analysis.simulation import Scenario
 from recordings.paper.paper_items import ITEMS, ItemResult
 from recordings.paper.paper_page import write_reproduction
 from replay import load_machine
-from replay.paper.reproduce_paper import Reproduction, replay_simulated
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.paper.reproduce_paper import Reproduction, replay_simulated_campaign_in_memory
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.replay.sledge import Payscope, one_line
 
 TRIALS, CAMPAIGNS = 10, 2
@@ -30,7 +30,7 @@ def reproduction() -> Reproduction:
 
 @pytest.fixture(scope="module")
 def found(reproduction: Reproduction, told: list[str]) -> dict[str, ItemResult]:
-    return {each.item.name: each for each in reproduction.compute_items(told.append)}
+    return {each.item.name: each for each in reproduction.compute_paper_items(told.append)}
 
 
 @pytest.mark.slow
@@ -106,7 +106,7 @@ def test_tables_3_and_4_have_every_printed_value_and_no_pooled_error_below_the_b
 def test_a_window_that_the_gate_refuses_everywhere_has_no_bound() -> None:
     short = Scenario()
     campaign = short.campaign.model_copy(update={"loads_kg": (0.0,), "runs": 1})
-    replayed = replay_simulated(
+    replayed = replay_simulated_campaign_in_memory(
         short.model_copy(update={"campaign": campaign}), load_machine("cat262c.toml")
     )
     assert 3.0 < compute_trial_bound_kg(replayed) < 10.0
@@ -119,22 +119,22 @@ def test_a_window_that_the_gate_refuses_everywhere_has_no_bound() -> None:
 def test_the_bound_is_the_same_to_the_last_digit_each_time() -> None:
     short = Scenario()
     campaign = short.campaign.model_copy(update={"loads_kg": (0.0, 100.0), "runs": 6})
-    replayed = replay_simulated(
+    replayed = replay_simulated_campaign_in_memory(
         short.model_copy(update={"campaign": campaign}), load_machine("cat262c.toml")
     )
     assert len({compute_trial_bound_kg(replayed) for _ in range(20)}) == 1
 
 
 def test_a_simulation_replayed_from_memory_is_that_of_its_bags(tmp_path: Path) -> None:
-    from replay.demo.run_demo import replay_campaign
+    from replay.demo.run_demo import replay_simulated_campaign
 
     small = Scenario()
     campaign = small.campaign.model_copy(update={"loads_kg": (0.0, 250.0), "runs": 2})
     small = small.model_copy(update={"campaign": campaign})
     machine = load_machine("cat262c.toml")
-    logs = simulate_scenario(small, tmp_path / "c.bag")
-    from_bags = replay_campaign(logs, machine).frames
-    from_memory = replay_simulated(small, machine).replayed.frames
+    logs = simulate_scenario_to_logs(small, tmp_path / "c.bag")
+    from_bags = replay_simulated_campaign(logs, machine).frames
+    from_memory = replay_simulated_campaign_in_memory(small, machine).replayed.frames
     for frame in ("loads", "segments"):
         found, expected = (
             each[frame]["mass_kg"].drop_nulls().to_list() for each in (from_memory, from_bags)

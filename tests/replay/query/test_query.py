@@ -11,7 +11,7 @@ import pytest
 from estimators.errors import QueryError
 from recordings import read_frame, write_recording
 from replay import load_machine, open_log, run
-from replay.query.run_query import prepare_query
+from replay.query.run_query import prepare_query_of_sources
 from tests.one_line import assert_one_line
 from tests.replay.logs.written_logs import Joints, write_bag, write_mcap
 from tests.replay.sledge import MACHINE, Payscope, one_line, sledge
@@ -45,40 +45,49 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_topics_are_tables_by_name_and_in_a_word(folder: Path) -> None:
     log = str(folder / "one.bag")
     read = open_log(log).read("/wheels", ["effort[left]"])
-    found = prepare_query([log], FORCED).collect()
+    found = prepare_query_of_sources([log], FORCED).collect_rows()
     assert found["effort"].to_list() == [9.0] * 30
     assert found["log_time"].dt.timestamp("ns").to_list() == (
         read.filter(pl.col("effort[left]") > 8)["log_time_ns"].to_list()
     )
-    assert prepare_query([log], FORCED.replace("wheels", '"/wheels"')).collect().equals(found)
+    assert (
+        prepare_query_of_sources([log], FORCED.replace("wheels", '"/wheels"'))
+        .collect_rows()
+        .equals(found)
+    )
 
 
 def test_a_time_in_sql_reaches_the_index(folder: Path) -> None:
     log = str(folder / "one.bag")
-    found = prepare_query(
+    found = prepare_query_of_sources(
         [log], "SELECT log_time FROM wheels WHERE log_time < '2023-11-14 22:13:20.05'"
     )
     assert 'SELECTION: col("log_time")' in found.rows.explain()
-    assert found.collect().height == 5
+    assert found.collect_rows().height == 5
 
 
 def test_rows_of_several_logs_say_which(folder: Path) -> None:
     logs = [str(folder / "one.bag"), str(folder / "two.mcap")]
-    found = prepare_query(
+    found = prepare_query_of_sources(
         logs, "SELECT source, count(log_time) AS n FROM wheels GROUP BY source"
-    ).collect()
+    ).collect_rows()
     assert dict(found.iter_rows()) == {logs[0]: 300, logs[1]: 200}
-    assert prepare_query(logs, 'SELECT count(log_time) AS n FROM "/a b"').collect().item() == 10
+    assert (
+        prepare_query_of_sources(logs, 'SELECT count(log_time) AS n FROM "/a b"')
+        .collect_rows()
+        .item()
+        == 10
+    )
 
 
 def test_frames_of_a_recording_have_the_second_that_view_takes(folder: Path) -> None:
     recording = folder / "sledge.rrd"
     frame = read_frame(recording, "gate")
     sql = "SELECT at_s, reason_x FROM gate WHERE reason_x = 'accepted'"
-    found = prepare_query([str(recording)], sql).collect()
+    found = prepare_query_of_sources([str(recording)], sql).collect_rows()
     accepted = frame.filter(pl.col("reason_x") == "accepted")
     assert found["at_s"].to_list() == (accepted["t_ns"] / 1e9).to_list()
-    everything = prepare_query([str(recording)], "SELECT * FROM gate").collect()
+    everything = prepare_query_of_sources([str(recording)], "SELECT * FROM gate").collect_rows()
     assert everything.drop("at_s").equals(frame)
 
 
@@ -91,7 +100,7 @@ def test_two_frames_are_joined_and_their_rows_are_moments(folder: Path, payscope
     said = payscope("query", recording, fast, "--moments", 1, "--format", "json")
     assert said.status == 0, said.err
     found = json.loads(said.out)
-    rows = prepare_query([str(recording)], fast).collect()
+    rows = prepare_query_of_sources([str(recording)], fast).collect_rows()
     assert sum(each["rows"] for each in found) == rows.height
     assert 1 < len(found) < 9  # some in each cycle of ten seconds
     assert all(each["to_s"] - each["from_s"] < 8 for each in found)
@@ -102,40 +111,42 @@ def test_two_frames_are_joined_and_their_rows_are_moments(folder: Path, payscope
 
 def test_moments_of_two_recordings_open_their_own(folder: Path) -> None:
     recordings = [folder / "again.rrd", folder / "sledge.rrd"]
-    asked = prepare_query(
+    asked = prepare_query_of_sources(
         [*map(str, recordings)], "SELECT source, at_s FROM aligned WHERE at_s < 2"
     )
-    found = asked.collect(join_within_s=0.5)
+    found = asked.collect_rows(join_within_s=0.5)
     assert found["opens"].to_list() == [f"payscope view {each} --at 0.000" for each in recordings]
 
 
 def test_a_topic_beside_its_recording_has_its_seconds(folder: Path) -> None:
     asked = [str(folder / "sledge.rrd"), str(folder / "sledge.csv")]
-    found = prepare_query(asked, "SELECT max(at_s) AS log FROM sledge").collect()
-    frame = prepare_query(asked, "SELECT max(at_s) AS recording FROM aligned").collect()
+    found = prepare_query_of_sources(asked, "SELECT max(at_s) AS log FROM sledge").collect_rows()
+    frame = prepare_query_of_sources(
+        asked, "SELECT max(at_s) AS recording FROM aligned"
+    ).collect_rows()
     assert found.item() == pytest.approx(frame.item(), abs=0.011)
 
 
 def test_view_opens_a_time_of_day(folder: Path) -> None:
     from recordings import read_provenance
-    from replay.recording.view_recording import parse_moment_s
+    from replay.recording.view_recording import parse_moment_of_run_s
 
     recording = folder / "sledge.rrd"
     start = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(
         microseconds=read_provenance(recording).t0_unix_ns / 1000 + 12_500_000
     )
-    assert parse_moment_s(recording, f"{start:%FT%T.%fZ}") == pytest.approx(12.5, abs=1e-6)
-    assert parse_moment_s(recording, "7.25") == 7.25
+    assert parse_moment_of_run_s(recording, f"{start:%FT%T.%fZ}") == pytest.approx(12.5, abs=1e-6)
+    assert parse_moment_of_run_s(recording, "7.25") == 7.25
 
 
 def test_a_ledger_is_a_table(tmp_path: Path) -> None:
     pl.DataFrame({"cycle": [1, 2], "payload_kg": [900.0, 1100.0]}).write_csv(
         tmp_path / "ledger.csv"
     )
-    found = prepare_query(
+    found = prepare_query_of_sources(
         [str(tmp_path / "ledger.csv")], "SELECT sum(payload_kg) AS kg FROM ledger"
     )
-    assert found.collect().item() == 2000.0
+    assert found.collect_rows().item() == 2000.0
 
 
 @pytest.mark.parametrize("name", ["ledger.csv", "ledger.parquet"])
@@ -145,7 +156,7 @@ def test_a_ledger_with_former_names_of_checks_has_the_present_ones(
     rows = pl.DataFrame({"withheld_for": ["lag, clocks", ""]})
     (rows.write_csv if name.endswith("csv") else rows.write_parquet)(tmp_path / name)
     sql = "SELECT withheld_for FROM ledger WHERE withheld_for LIKE 'force_delay_s%'"
-    found = prepare_query([str(tmp_path / name)], sql).collect()
+    found = prepare_query_of_sources([str(tmp_path / name)], sql).collect_rows()
     assert found["withheld_for"].to_list() == ["force_delay_s, clock_drift_s"]
 
 
@@ -170,7 +181,9 @@ def test_rows_are_written(folder: Path, tmp_path: Path, payscope: Payscope, suff
 def test_the_same_query_gives_the_same_order(folder: Path) -> None:
     logs = [str(folder / "one.bag")]
     sql = 'SELECT "effort[left]" AS e, count(log_time) AS n FROM wheels GROUP BY "effort[left]"'
-    assert prepare_query(logs, sql).collect()["e"].to_list() == [float(k) for k in range(10)]
+    assert prepare_query_of_sources(logs, sql).collect_rows()["e"].to_list() == [
+        float(k) for k in range(10)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -199,7 +212,9 @@ def test_what_reads_or_writes_files_is_refused(folder: Path, tmp_path: Path, sql
     secret = tmp_path / "secret.csv"
     secret.write_text("a\n1\n")
     with pytest.raises(QueryError) as refused:
-        prepare_query([str(folder / "one.bag")], sql.replace("{file}", str(secret))).collect()
+        prepare_query_of_sources(
+            [str(folder / "one.bag")], sql.replace("{file}", str(secret))
+        ).collect_rows()
     assert_one_line(refused.value)
     assert str(refused.value).startswith("query: ")
     assert [each.name for each in tmp_path.iterdir()] == ["secret.csv"]

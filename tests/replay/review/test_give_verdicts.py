@@ -8,7 +8,7 @@ from typing import Any
 import polars as pl
 import pytest
 
-from recordings.review.reviewer_verdicts import VERDICTS, read_verdicts
+from recordings.review.reviewer_verdicts import VERDICTS, read_verdict_file
 from replay.review.review_shift import ReviewOptions, review_shift
 from replay.review.write_review import ShiftReview
 from tests.replay.shift_review import shift_folder, verdict
@@ -130,7 +130,7 @@ def test_by_the_command_line(folder: Path, payscope: Payscope, name: str) -> Non
     assert said.status == 0
     row = rows(folder)[2]
     assert (row["rejected"], row["note"], row["author"]) == (True, note, "R. Meier")
-    [verdict] = read_verdicts(folder).cycle
+    [verdict] = read_verdict_file(folder).cycle
     assert verdict.id == third["id"]
 
 

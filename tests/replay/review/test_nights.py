@@ -11,7 +11,7 @@ import pytest
 
 from analysis.simulation import Scenario
 from replay.review.review_shift import ReviewOptions, review_shift
-from replay.simulation.simulate_logs import make_log_paths, simulate_scenario
+from replay.simulation.simulate_logs import make_paths_of_simulated_logs, simulate_scenario_to_logs
 from tests.replay.shift_review import CHANNELS, SCENARIO
 from tests.replay.sledge import Payscope
 
@@ -38,7 +38,7 @@ def night(
     start_s = dt.datetime.fromisoformat(begins).timestamp()
     plain = SCENARIO.model_dump(exclude_defaults=True)
     scenario = Scenario.model_validate(plain | {"log": {"start_unix_s": start_s}})
-    simulate_scenario(scenario, folder / "shift.mcap")
+    simulate_scenario_to_logs(scenario, folder / "shift.mcap")
     machine = folder / "night.toml"
     text = SHIPPED.read_text(encoding="utf-8")
     zone = next(line for line in text.splitlines() if line.startswith("timezone"))
@@ -46,7 +46,7 @@ def night(
     with pytest.MonkeyPatch.context() as reader:
         reader.setenv("TZ", "America/Denver")
         time.tzset()
-        logs = make_log_paths(scenario, folder / "shift.mcap")
+        logs = make_paths_of_simulated_logs(scenario, folder / "shift.mcap")
         made = review_shift(logs, machine, folder / "review", ReviewOptions())
     time.tzset()
     return made.folder, begins, hours

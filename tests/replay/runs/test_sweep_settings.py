@@ -9,7 +9,7 @@ import polars as pl
 import pytest
 
 from analysis.simulation import Scenario
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.replay.sledge import Payscope, one_line, sledge
 from tests.twins import mark_slow_after
 
@@ -90,7 +90,9 @@ def test_the_truth_beside_a_campaign_gives_the_errors_of_tables_3_and_4(
 ) -> None:
     small = Scenario()
     campaign = small.campaign.model_copy(update={"loads_kg": (0.0, 100.0, 250.0), "runs": 3})
-    logs = simulate_scenario(small.model_copy(update={"campaign": campaign}), tmp_path / "c.bag")
+    logs = simulate_scenario_to_logs(
+        small.model_copy(update={"campaign": campaign}), tmp_path / "c.bag"
+    )
     said = payscope(
         "sweep",
         *logs,

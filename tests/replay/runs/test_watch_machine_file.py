@@ -15,7 +15,7 @@ from estimators.errors import PayscopeError
 from recordings import read_provenance
 from recordings.rrd.viewer import run_headless_viewer
 from recordings.rrd.writer import LiveView
-from replay.runs.run_logs import RecordTo, replay_logs, watch_machine_file
+from replay.runs.run_logs import RecordTo, replay_and_record_logs, watch_machine_file
 from tests.replay.sledge import MACHINE, Payscope, one_line
 from tests.viewer_needed import VIEWER
 
@@ -133,7 +133,7 @@ class TestViewer:
 
             def replay(to: RecordTo) -> Answer:
                 nonlocal first
-                answer = replay_logs([log], machine_file, to)
+                answer = replay_and_record_logs([log], machine_file, to)
                 first = first or client.get_state().recordings[0].store_id
                 return answer
 

@@ -9,11 +9,15 @@ import pytest
 from analysis.excitation import design_excitation
 from analysis.simulation import Scenario
 from estimators.errors import DataError, OutputError
-from replay.simulation.scenario_file import format_scenario_file, load_scenario, write_scenario
-from replay.simulation.simulate_logs import simulate_scenario
+from replay.simulation.scenario_file import (
+    format_scenario_file,
+    load_scenario_file,
+    write_scenario_file,
+)
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 PLANAR = Path(__file__).parents[3] / "examples" / "planar.toml"
-BASE = load_scenario(None)
+BASE = load_scenario_file(None)
 
 
 @pytest.fixture(scope="module")
@@ -28,11 +32,11 @@ def excite(payscope, tmp_path, monkeypatch):
     return lambda *arguments: payscope("excite", *arguments)
 
 
-@pytest.mark.parametrize("made", [Scenario(), BASE, load_scenario(PLANAR)])
+@pytest.mark.parametrize("made", [Scenario(), BASE, load_scenario_file(PLANAR)])
 def test_a_scenario_that_is_written_reads_back_as_it_was(tmp_path, made):
     path = tmp_path / "scenario.toml"
     path.write_text(format_scenario_file(made), encoding="utf-8")
-    assert load_scenario(path) == made
+    assert load_scenario_file(path) == made
 
 
 def test_the_best_waveform_is_written_as_a_scenario_that_simulate_accepts(excite, tmp_path):
@@ -40,11 +44,11 @@ def test_the_best_waveform_is_written_as_a_scenario_that_simulate_accepts(excite
     assert answer.status == 0, answer.err
     made = json.loads(answer.out)
     (best,) = [each for each in made["waveforms"] if each["best"]]
-    scenario = load_scenario(tmp_path / "best.toml")
+    scenario = load_scenario_file(tmp_path / "best.toml")
     rest, driven = scenario.campaign.trial
     assert rest.kind == "rest"
     assert driven.model_dump(exclude_none=True)["force"] == best["force"]
-    (log,) = simulate_scenario(scenario, tmp_path / "best.csv")
+    (log,) = simulate_scenario_to_logs(scenario, tmp_path / "best.csv")
     truth = json.loads(log.with_name("best.csv.truth.json").read_text(encoding="utf-8"))
     assert [each["kind"] for each in truth["manoeuvres"]] == ["rest", "excite"]
     assert truth["runs"][0]["mass_kg"] == 3614.0
@@ -62,7 +66,7 @@ def test_a_yard_that_nothing_fits_leaves_with_one_and_writes_nothing(excite, des
     assert "No waveform stays within the yard" in answer.out
     assert not list(tmp_path.iterdir())
     with pytest.raises(DataError, match="stays within the yard"):
-        write_scenario(replace(designed, best=None).to_scenario(BASE), tmp_path / "best.toml")
+        write_scenario_file(replace(designed, best=None).to_scenario(BASE), tmp_path / "best.toml")
 
 
 @pytest.mark.parametrize(
@@ -90,5 +94,5 @@ def test_the_scenario_that_is_read_is_never_overwritten(excite, designed, tmp_pa
     before = mine.read_bytes()
     assert excite("mine.toml", "-o", "mine.toml", "--force").status == 2
     with pytest.raises(OutputError, match="exists already"):
-        write_scenario(designed.to_scenario(BASE), mine)
+        write_scenario_file(designed.to_scenario(BASE), mine)
     assert mine.read_bytes() == before

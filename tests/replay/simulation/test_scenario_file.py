@@ -7,7 +7,7 @@ import pytest
 
 from analysis.simulation import Scenario
 from estimators.errors import ScenarioError
-from replay.simulation.scenario_file import load_scenario
+from replay.simulation.scenario_file import load_scenario_file
 from tests.one_line import assert_one_line
 
 MANOEUVRE = "[[campaign.manoeuvres]]\n"
@@ -18,7 +18,7 @@ def refusal(tmp_path, text):
     path = tmp_path / "campaign.toml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ScenarioError) as caught:
-        load_scenario(path)
+        load_scenario_file(path)
     message = str(caught.value)
     assert message.startswith(str(path))
     assert_one_line(caught.value)
@@ -26,7 +26,7 @@ def refusal(tmp_path, text):
 
 
 def test_the_example_states_every_default():
-    assert load_scenario(EXAMPLE) == Scenario()
+    assert load_scenario_file(EXAMPLE) == Scenario()
     stated = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
     # a campaign is what has no shift
     defaults = Scenario().model_dump(exclude={"shift"})
@@ -38,7 +38,7 @@ def test_the_example_states_every_default():
 def test_an_empty_file_is_the_papers_campaign(tmp_path):
     path = tmp_path / "empty.toml"
     path.touch()
-    assert load_scenario(path) == Scenario()
+    assert load_scenario_file(path) == Scenario()
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_a_wrong_scenario_is_refused_in_one_line_that_names_the_key(tmp_path, te
 
 def test_a_number_of_thousands_of_digits_on_the_command_line_is_refused_in_one_line():
     with pytest.raises(ScenarioError, match=r"sensors.seed: unable to parse") as raised:
-        load_scenario(None, [f"sensors.seed={'9' * 5000}"])
+        load_scenario_file(None, [f"sensors.seed={'9' * 5000}"])
     assert_one_line(raised.value)
 
 
@@ -93,8 +93,8 @@ def test_what_is_no_text_file_is_refused(tmp_path):
     binary = tmp_path / "campaign.toml"
     binary.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ScenarioError, match="not UTF-8"):
-        load_scenario(binary)
+        load_scenario_file(binary)
     with pytest.raises(ScenarioError, match=r"cannot be read \(Is a directory\)"):
-        load_scenario(tmp_path)
+        load_scenario_file(tmp_path)
     with pytest.raises(ScenarioError, match=r"cannot be read \(No such file or directory\)"):
-        load_scenario(tmp_path / "none.toml")
+        load_scenario_file(tmp_path / "none.toml")

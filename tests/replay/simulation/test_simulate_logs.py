@@ -12,7 +12,11 @@ from rosbags.highlevel import AnyReader
 from analysis.simulation import Scenario, simulate_campaign
 from estimators.errors import OutputError, ScenarioError
 from replay.simulation.scenario_file import format_scenario_file
-from replay.simulation.simulate_logs import make_log_paths, simulate_scenario, write_logs
+from replay.simulation.simulate_logs import (
+    make_paths_of_simulated_logs,
+    simulate_scenario_to_logs,
+    write_logs_and_truths,
+)
 from tests.one_line import assert_one_line
 from tests.replay.sledge import Payscope, one_line
 
@@ -48,7 +52,7 @@ def stamp_ns(message):
 
 @pytest.mark.parametrize("suffix", ["bag", "mcap", "db3", ""])
 def test_messages_read_back_hold_exactly_the_simulated_numbers(tmp_path, suffix):
-    paths = simulate_scenario(SHORT, named(tmp_path, suffix))
+    paths = simulate_scenario_to_logs(SHORT, named(tmp_path, suffix))
     for log, path in zip(simulate_campaign(SHORT), paths, strict=True):
         found = read_back(path)
         assert set(found) == {"/imu/data", "/wheels/torque", "/wheels/speed"}
@@ -81,7 +85,7 @@ def test_messages_read_back_hold_exactly_the_simulated_numbers(tmp_path, suffix)
 
 
 def test_nose_up_is_a_negative_rotation_about_the_left_axis_in_the_quaternion(tmp_path):
-    path = simulate_scenario(SHORT, tmp_path / "up.mcap")[0]
+    path = simulate_scenario_to_logs(SHORT, tmp_path / "up.mcap")[0]
     quaternions = [m.orientation for _, m in read_back(path)["/imu/data"]]
     pitch = np.array([-2 * np.arctan2(q.y, q.w) for q in quaternions])
     log = next(simulate_campaign(SHORT))
@@ -90,7 +94,7 @@ def test_nose_up_is_a_negative_rotation_about_the_left_axis_in_the_quaternion(tm
 
 
 def test_tables_read_back_hold_exactly_the_simulated_numbers(tmp_path):
-    paths = simulate_scenario(SHORT, tmp_path / "campaign.csv")
+    paths = simulate_scenario_to_logs(SHORT, tmp_path / "campaign.csv")
     for log, path in zip(simulate_campaign(SHORT), paths, strict=True):
         table = pl.read_csv(path, infer_schema_length=None)
         zero_ns = SHORT.log.start_unix_s * 10**9
@@ -108,7 +112,7 @@ def test_tables_read_back_hold_exactly_the_simulated_numbers(tmp_path):
 def test_the_same_scenario_writes_the_same_bytes(tmp_path, suffix):
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
-        simulate_scenario(ONE, named(tmp_path / folder, suffix))
+        simulate_scenario_to_logs(ONE, named(tmp_path / folder, suffix))
     files = [
         {p.relative_to(tmp_path / f): p.read_bytes() for p in (tmp_path / f).rglob("*.*")}
         for f in ("a", "b")
@@ -118,7 +122,7 @@ def test_the_same_scenario_writes_the_same_bytes(tmp_path, suffix):
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_the_truth_beside_a_log_says_where_each_run_is_in_its_own_times(tmp_path, suffix):
-    path = simulate_scenario(ONE, named(tmp_path, suffix))[0]
+    path = simulate_scenario_to_logs(ONE, named(tmp_path, suffix))[0]
     truth = json.loads(path.with_name(f"{path.name}.truth.json").read_text(encoding="utf-8"))
     assert truth["log"] == path.name
     assert truth["load_kg"] == 50
@@ -137,7 +141,7 @@ def test_the_truth_names_the_load_of_every_start_and_the_phase_of_every_topic(tm
             "sampling": {"speed_rate_hz": 20, "torque_phase_s": 0.25},
         }
     )
-    path = simulate_scenario(changes, tmp_path / "changes.mcap")[0]
+    path = simulate_scenario_to_logs(changes, tmp_path / "changes.mcap")[0]
     truth = json.loads(path.with_name("changes.mcap.truth.json").read_text(encoding="utf-8"))
     assert [run["mass_kg"] for run in truth["runs"]] == [3664.0, 3764.0, 3764.0]
     starts = [each for each in truth["manoeuvres"] if each["kind"] == "start"]
@@ -155,14 +159,17 @@ def test_the_truth_names_the_load_of_every_start_and_the_phase_of_every_topic(tm
 
 
 def test_one_load_is_written_to_the_named_log_and_several_to_one_log_each(tmp_path):
-    assert make_log_paths(ONE, Path("x/shift.bag")) == [Path("x/shift.bag")]
-    assert make_log_paths(SHORT, Path("x/shift.bag")) == [
+    assert make_paths_of_simulated_logs(ONE, Path("x/shift.bag")) == [Path("x/shift.bag")]
+    assert make_paths_of_simulated_logs(SHORT, Path("x/shift.bag")) == [
         Path("x/shift_000kg.bag"),
         Path("x/shift_100kg.bag"),
     ]
     halves = Scenario.model_validate({"campaign": {"loads_kg": [12.5, 1000]}})
-    assert make_log_paths(halves, Path("shift")) == [Path("shift_12_5kg"), Path("shift_1000kg")]
-    written = simulate_scenario(SHORT, tmp_path / "shift.csv")
+    assert make_paths_of_simulated_logs(halves, Path("shift")) == [
+        Path("shift_12_5kg"),
+        Path("shift_1000kg"),
+    ]
+    written = simulate_scenario_to_logs(SHORT, tmp_path / "shift.csv")
     assert sorted(p.name for p in tmp_path.iterdir()) == [
         "shift_000kg.csv",
         "shift_000kg.csv.truth.json",
@@ -175,13 +182,13 @@ def test_one_load_is_written_to_the_named_log_and_several_to_one_log_each(tmp_pa
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_nothing_is_overwritten_without_force_and_everything_with_it(tmp_path, suffix):
     output = named(tmp_path, suffix)
-    simulate_scenario(ONE, output)
+    simulate_scenario_to_logs(ONE, output)
     before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     with pytest.raises(OutputError, match="exists already; give another output, or give --force"):
-        simulate_scenario(ONE, output)
+        simulate_scenario_to_logs(ONE, output)
     assert before == {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     other = ONE.model_copy(update={"sensors": ONE.sensors.model_copy(update={"seed": 7})})
-    simulate_scenario(other, output, force=True)
+    simulate_scenario_to_logs(other, output, force=True)
     after = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     assert after.keys() == before.keys()
     assert after != before
@@ -190,7 +197,7 @@ def test_nothing_is_overwritten_without_force_and_everything_with_it(tmp_path, s
 def test_one_log_in_the_way_keeps_all_others_from_being_written(tmp_path):
     (tmp_path / "shift_100kg.bag").touch()
     with pytest.raises(OutputError, match="shift_100kg"):
-        simulate_scenario(SHORT, tmp_path / "shift.bag")
+        simulate_scenario_to_logs(SHORT, tmp_path / "shift.bag")
     assert [p.name for p in tmp_path.iterdir()] == ["shift_100kg.bag"]
 
 
@@ -199,13 +206,13 @@ def test_force_does_not_replace_a_folder_that_is_no_log(tmp_path):
     home.mkdir()
     (home / "letter.txt").touch()
     with pytest.raises(OutputError, match="is a folder, but not a rosbag2 directory"):
-        simulate_scenario(ONE, home, force=True)
+        simulate_scenario_to_logs(ONE, home, force=True)
     assert (home / "letter.txt").exists()
 
 
 def test_a_folder_log_replaces_a_file_of_its_name_with_force(tmp_path):
     (tmp_path / "campaign").touch()
-    path = simulate_scenario(ONE, tmp_path / "campaign", force=True)[0]
+    path = simulate_scenario_to_logs(ONE, tmp_path / "campaign", force=True)[0]
     assert (path / "metadata.yaml").is_file()
 
 
@@ -220,7 +227,7 @@ def test_a_folder_log_replaces_a_file_of_its_name_with_force(tmp_path):
 def test_an_output_that_cannot_be_is_refused_in_one_line_and_leaves_nothing(tmp_path, output, says):
     (tmp_path / "file").touch()
     with pytest.raises(OutputError) as caught:
-        simulate_scenario(ONE, tmp_path / output)
+        simulate_scenario_to_logs(ONE, tmp_path / output)
     assert says in str(caught.value)
     assert_one_line(caught.value)
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
@@ -228,7 +235,7 @@ def test_an_output_that_cannot_be_is_refused_in_one_line_and_leaves_nothing(tmp_
 
 def test_a_folder_without_a_name_is_no_log():
     with pytest.raises(OutputError, match="is a folder; give a log in it"):
-        simulate_scenario(ONE, Path())
+        simulate_scenario_to_logs(ONE, Path())
 
 
 def test_a_scenario_made_in_python_that_has_no_motion_is_refused_before_anything_is_written(
@@ -236,7 +243,7 @@ def test_a_scenario_made_in_python_that_has_no_motion_is_refused_before_anything
 ):
     steep = ONE.model_copy(update={"terrain": ONE.terrain.model_copy(update={"slope_deg": 12.0})})
     with pytest.raises(ScenarioError, match="slope and friction hold 3664 kg"):
-        simulate_scenario(steep, tmp_path / "log.bag")
+        simulate_scenario_to_logs(steep, tmp_path / "log.bag")
     assert not list(tmp_path.iterdir())
 
 
@@ -262,7 +269,7 @@ class TestCommand:
 def test_a_read_only_folder_is_refused(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(OutputError, match="cannot write in"):
-        simulate_scenario(ONE, tmp_path / "log.bag")
+        simulate_scenario_to_logs(ONE, tmp_path / "log.bag")
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -273,5 +280,5 @@ def test_a_campaign_that_breaks_off_leaves_nothing_behind(tmp_path, suffix):
 
     targets = [named(tmp_path, suffix), named(tmp_path, suffix).with_stem("second")]
     with pytest.raises(OutputError, match="No space left on device"):
-        write_logs(breaks_off(), targets)
+        write_logs_and_truths(breaks_off(), targets)
     assert not list(tmp_path.iterdir())

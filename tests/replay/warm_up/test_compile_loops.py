@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from estimators import compile_cache
 from estimators.interpreted import Loop
 from replay.commands.cli import app
-from replay.warm_up.compile_loops import compile_loops
+from replay.warm_up.compile_loops import compile_all_loops
 from tests.golden.golden import LOGS, replay
 
 COMMAND = Path(sys.executable).with_name("payscope")
@@ -22,9 +22,9 @@ TWO_LOOPS = """
 import numpy as np
 from estimators.interpreted import force_compilation
 from estimators.numerics.small_systems import compute_condition_numbers
-from replay.logs.blocks.slabs import find_key_indices
+from replay.logs.blocks.slabs import find_indices_of_values
 with force_compilation():
-    keys = find_key_indices(np.arange(3), np.arange(2))
+    keys = find_indices_of_values(np.arange(3), np.arange(2))
     print(compute_condition_numbers(np.ones((1, 2)), 1, 1).tolist(), keys)
 """
 
@@ -39,7 +39,7 @@ def test_a_run_compiles_nothing_that_was_not_compiled_ahead(
         return loop.compiled(*arguments)
 
     monkeypatch.setattr(Loop, "__call__", call)
-    compile_loops()
+    compile_all_loops()
     ready = asked.copy()
     for log in LOGS:
         replay(log)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
-from replay.simulation.scenario_file import format_scenario_file, load_scenario
+from replay.simulation.scenario_file import format_scenario_file, load_scenario_file
 from tests.trials.situations import SITUATIONS, sections
 
 SHORT = {"campaign": {"runs": 2, "standstill_s": 1.0}}
@@ -34,4 +34,4 @@ def test_a_situation_is_simulated_and_differs_from_the_plain_log(name, tmp_path)
         assert np.isfinite(frame.to_numpy()).all()
     path = tmp_path / "situation.toml"
     path.write_text(format_scenario_file(made), encoding="utf-8")
-    assert load_scenario(path) == made
+    assert load_scenario_file(path) == made

@@ -13,7 +13,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from replay.logs.message_definitions import compile_message_type
+from replay.logs.message_definitions import make_message_type_of_connection
 from replay.logs.messages.message_fields import ALL
 from replay.logs.messages.message_types import FieldType, ListOf, MessageType, RecordType
 from replay.logs.messages.raw_batch import RawBatch, make_batch_of_messages
@@ -100,7 +100,7 @@ class Sample:
         """The type, compiled from its text as a log's would be."""
         encoding, fmt = ("ros1", "ros1msg") if self.ros1 else ("cdr", "ros2msg")
         text = self.types.text(ros1=self.ros1)
-        return compile_message_type(Connection(0, "/t", "t/msg/A", encoding, text, fmt))
+        return make_message_type_of_connection(Connection(0, "/t", "t/msg/A", encoding, text, fmt))
 
     @cached_property
     def store(self) -> Typestore:
@@ -183,7 +183,7 @@ def every_field(record: RecordType) -> Iterator[str]:
     for name, kind in record.fields:
         if isinstance(kind, ListOf):
             picks = [ALL, *range(min(kind.length or 3, 3))]
-            picks += ["left", "Größe"] if record.has_names else []
+            picks += ["left", "Größe"] if record.has_list_of_element_names else []
             for pick in picks:
                 yield from _leaves(f"{name}[{pick}]", kind.element)
         else:

@@ -8,19 +8,23 @@ from random import Random
 import numpy as np
 import pytest
 from mcap.writer import Writer
+from replay.init.describe_log_by_index import describe_log_by_index
 from rich.console import Console
 from rosbags.typesys import Stores, get_typestore
 
 from replay import open_log
 from replay.commands.info import print_log_info
-from replay.init.describe_log import describe_log
-from replay.logs.decoding.batch_stream import TopicStream, feed_batches_to_streams
+from replay.logs.decoding.batch_stream import TopicStream, decode_batches_in_streams
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.decoder import make_frame_schema
-from replay.logs.decoding.decoder_choice import PerMessageDecoder, choose_decoder_name, make_decoder
-from replay.logs.message_definitions import compile_message_type
+from replay.logs.decoding.decoder_choice import (
+    PerMessageDecoder,
+    choose_decoder_name_of_type,
+    make_decoder_of_fields,
+)
+from replay.logs.message_definitions import make_message_type_of_connection
 from replay.logs.messages.message_fields import resolve_message_field
-from replay.logs.messages.message_types import iter_leaf_names
+from replay.logs.messages.message_types import iter_leaf_names_of_message
 from replay.logs.messages.raw_batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 from replay.logs.storage.container import Connection
 from tests.replay.logs.decoding.random_types import batch_of, encode, random_message
@@ -37,12 +41,17 @@ def test_every_type_of_a_release_is_columnar_and_equal_to_rosbags(release: Store
     encoding, text_format = ("ros1", "ros1msg") if ros1 else ("cdr", "ros2msg")
     for name in sorted(store.fielddefs):
         text, _ = store.generate_msgdef(name, ros_version=1 if ros1 else 2)
-        kind = compile_message_type(Connection(0, "/t", name, encoding, text, text_format))
-        assert choose_decoder_name(kind) == "columnar", name
+        kind = make_message_type_of_connection(
+            Connection(0, "/t", name, encoding, text, text_format)
+        )
+        assert choose_decoder_name_of_type(kind) == "columnar", name
         rng = Random(0)
         messages = [random_message(store, name, rng) for _ in range(2)]
         batch = batch_of([encode(store, m, "ros1" if ros1 else "cdr_le") for m in messages])
-        fields = [resolve_message_field(leaf, kind.record) for leaf in iter_leaf_names(kind.record)]
+        fields = [
+            resolve_message_field(leaf, kind.record)
+            for leaf in iter_leaf_names_of_message(kind.record)
+        ]
         decoded = DecodePlan(kind.record, ros1=ros1, fields=fields).decode(batch)
         assert same(decoded.frame, PerMessageDecoder(kind, fields).decode(batch).frame), name
 
@@ -69,7 +78,7 @@ def test_a_type_without_a_plan_is_read_by_rosbags_and_info_says_so(tmp_path: Pat
         assert log.losses() == ()
         console = Console(width=200, color_system=None)
         with console.capture() as capture:
-            print_log_info(describe_log(log), UTC, console)
+            print_log_info(describe_log_by_index(log), UTC, console)
     assert "! /long: read message by message with rosbags, which is slow" in capture.get()
 
 
@@ -79,7 +88,8 @@ def test_large_batches_are_split_by_messages_and_by_bytes() -> None:
         times = np.arange(count)
         data = np.zeros(size, np.uint8)
         return [
-            part.rows for part in RawBatch(0, data, 0 * times, lengths, times).split_to_batches()
+            part.rows
+            for part in RawBatch(0, data, 0 * times, lengths, times).split_to_bounded_batches()
         ]
 
     assert rows(2 * BATCH_ROWS + 1, 10) == [BATCH_ROWS, BATCH_ROWS, 1]
@@ -90,7 +100,7 @@ def test_large_batches_are_split_by_messages_and_by_bytes() -> None:
 
 def test_batches_of_any_size_give_the_rows_in_their_order_and_a_tally() -> None:
     text = "string[] name\nfloat64[] effort\n"
-    kind = compile_message_type(Connection(0, "/t", "t/msg/A", "ros1", text, "ros1msg"))
+    kind = make_message_type_of_connection(Connection(0, "/t", "t/msg/A", "ros1", text, "ros1msg"))
     good = b"\1\0\0\0\4\0\0\0left\1\0\0\0" + np.array([0.5]).tobytes()
     whole = np.frombuffer(good, np.uint8)
     memory = np.zeros(1000, np.uint8)
@@ -108,8 +118,8 @@ def test_batches_of_any_size_give_the_rows_in_their_order_and_a_tally() -> None:
         yield RawBatch(0, whole, many, many + len(good), np.arange(5007, 5007 + many.size))
 
     fields = [resolve_message_field("effort[left]", kind.record)]
-    stream = TopicStream(make_decoder(kind, fields), make_frame_schema(fields))
-    feed_batches_to_streams(([batch] for batch in batches()), {0: stream})
+    stream = TopicStream(make_decoder_of_fields(kind, fields), make_frame_schema(fields))
+    decode_batches_in_streams(([batch] for batch in batches()), {0: stream})
     frame, tally = stream.drain_all_rows(), stream.tally
     assert frame["log_time_ns"].to_list() == [0, 2, 5, *range(6, 5007 + 2 * BATCH_ROWS + 1)]
     assert set(frame["effort[left]"]) == {0.5}
@@ -135,7 +145,9 @@ def test_a_type_with_a_plan_in_one_encoding_alone_is_decoded_in_that() -> None:
     # in XCDR2 a list of records has its size before it, which has no place in an array of nothing
     ruler = "=" * 80
     definition = f"int8 n\nB[0] b\n{ruler}\nMSG: t/B\nint8 y\nC[2] c\n{ruler}\nMSG: t/C\nint8 z\n"
-    kind = compile_message_type(Connection(0, "/t", "t/msg/A", "cdr", definition, "ros2msg"))
+    kind = make_message_type_of_connection(
+        Connection(0, "/t", "t/msg/A", "cdr", definition, "ros2msg")
+    )
     plan = DecodePlan(kind.record, ros1=False, fields=[resolve_message_field("n", kind.record)])
     cdr, xcdr2 = (plan.decode(batch_of([head + b"\x05"])) for head in (b"\0\1\0\0", b"\0\7\0\0"))
     assert cdr.frame["n"].to_list() == [5]

@@ -92,7 +92,7 @@ def test_lists_longer_than_was_guessed_are_whole() -> None:
 def test_no_fields_give_the_stamps_and_no_messages_give_no_rows() -> None:
     plan = DecodePlan(SURVEY, ros1=True, fields=[])
     assert plan.decode(batch_of(STORED)).frame.columns == ["log_time_ns", "header_stamp_ns"]
-    none = batch_of(STORED).select(slice(0, 0))
+    none = batch_of(STORED).select_messages(slice(0, 0))
     decoded = DecodePlan(
         SURVEY, ros1=True, fields=[resolve_message_field("paths[].points[].x", SURVEY)]
     ).decode(none)

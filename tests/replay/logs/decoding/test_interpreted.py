@@ -17,7 +17,7 @@ from replay.logs.blocks import Block, RecordGrammar
 from replay.logs.blocks.slabs import (
     Slab,
     SlabIndex,
-    compute_chunk_stats,
+    count_messages_of_chunks,
     select_messages_of_connections,
 )
 from replay.logs.decoding.decode_plan import DecodePlan
@@ -122,14 +122,14 @@ def test_records_in_chunks_whole_and_damaged(
 
     def work() -> list[object]:
         rows = SlabIndex(grammar, data, 4)
-        part = rows.scan(0, data.size)
+        part = rows.add_rows_of_span(0, data.size)
         block = Block(0, 0, data.size, "", data.size)
-        slab = Slab(data, rows.found, ((block, *part),), ())
+        slab = Slab(data, rows.rows_so_far, ((block, *part),), ())
         batches = select_messages_of_connections(data, slab.rows, wanted, 3, 2**62)
         return [
             part,
             slab.rows.tolist(),
-            compute_chunk_stats(slab, wanted),
+            count_messages_of_chunks(slab, wanted),
             [(b.connection_id, b.offsets.tolist(), b.log_times.tolist()) for b in batches],
         ]
 

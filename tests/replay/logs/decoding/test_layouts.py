@@ -7,19 +7,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from replay.logs.decoding.decode_plan import DecodePlan
-from replay.logs.message_definitions import compile_message_type
+from replay.logs.message_definitions import make_message_type_of_connection
 from replay.logs.messages.message_fields import resolve_message_field
-from replay.logs.messages.message_types import iter_leaf_names
+from replay.logs.messages.message_types import iter_leaf_names_of_message
 from replay.logs.storage.container import Connection
 from tests.replay.logs.decoding.random_types import batch_of
 
-TYPE = compile_message_type(
+TYPE = make_message_type_of_connection(
     Connection(
         0, "/t", "t/msg/A", "ros1", "string a\nstring b\nuint8[] c\nstring[] name\nfloat64 e\n",
         "ros1msg",
     )
 )  # fmt: skip
-FIELDS = [resolve_message_field(leaf, TYPE.record) for leaf in iter_leaf_names(TYPE.record)]
+FIELDS = [
+    resolve_message_field(leaf, TYPE.record) for leaf in iter_leaf_names_of_message(TYPE.record)
+]
 PLAN = DecodePlan(TYPE.record, ros1=True, fields=FIELDS)
 Parts = tuple[bytes, bytes, bytes, list[bytes], float]
 
