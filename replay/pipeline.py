@@ -12,15 +12,15 @@ from analysis.diagnosis import (
     CheckInputs,
     collect_raw_signals,
     compare_methods_with_joint_fit,
-    judge_checks,
-    refit_without_stretches,
+    judge_log_by_checks,
+    refit_without_failing_stretches,
     withhold_by_findings,
 )
 from analysis.findings import (
     FindingInputs,
     add_masked_findings,
     cut_to_first_hour,
-    drop_findings_explained_by_work,
+    drop_findings_explained_by_work_cycles,
     find_causes,
 )
 from analysis.model.loss import Loss
@@ -67,7 +67,7 @@ from analysis.stages.signals.speed_threshold import (
     write_speed_threshold_notes,
 )
 from analysis.stages.signals.timestamps import assign_timestamps
-from analysis.weighing.empty_mass_datum import note_outdated_weighbridge_ticket
+from analysis.weighing.empty_mass_datum import list_outdated_ticket_notes
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.learnt_means import make_learnt_mean_frames
 from analysis.weighing.load_frames import (
@@ -199,7 +199,7 @@ def run(
             excitation,
             machine,
             opinion,
-            FuelOnBoard.from_channel(machine.machine, seen.frames["aligned"]),
+            FuelOnBoard.integrate_fuel_rate(machine.machine, seen.frames["aligned"]),
         ),
         "manoeuvres": make_manoeuvre_frame(weighing, excitation, machine),
     }
@@ -222,7 +222,7 @@ def run(
             "budget": make_budget_frame(weighing, machine),
             "masses": withhold_masses(seen.totals, opinion, seen.contradicted),
             "verdict": judged,
-            "findings": drop_findings_explained_by_work(causes, hauled.cycles),
+            "findings": drop_findings_explained_by_work_cycles(causes, hauled.cycles),
         },
         provenance=make_provenance(
             logs,
@@ -237,9 +237,7 @@ def run(
                 *order_note(compute_log_offsets_ns(logs, list_channel_fields(machine))),
                 *chosen,
                 *seen.notes,
-                *note_outdated_weighbridge_ticket(
-                    machine.machine, seen.case.check_inputs.t0_unix_ns
-                ),
+                *list_outdated_ticket_notes(machine.machine, seen.case.check_inputs.t0_unix_ns),
                 *why,
             ],
         ),
@@ -273,14 +271,13 @@ def _run_stages(
     gated = refuse_windows_that_dig(gated, excitation, digs, machine)
     on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
     seen = collect_raw_signals(raw, read)
-    told = (
-        refit_without_stretches(  # nor is what repeats itself, if the answer is the same without it
-            seen,
-            (add_digs_column(aligned, digs), t0_unix_ns),
-            gated,
-            machine,
-            lambda grid: weigh(grid, excitation, gated, noise, machine),
-        )
+    # what repeats itself does not count either, if the answer is the same without it
+    told = refit_without_failing_stretches(
+        seen,
+        (add_digs_column(aligned, digs), t0_unix_ns),
+        gated,
+        machine,
+        lambda grid: weigh(grid, excitation, gated, noise, machine),
     )
     weighing, gated = told.weighing, told.gated
     release_freed_memory()  # of a shift a gigabyte
@@ -301,7 +298,7 @@ def _run_stages(
         noise,
         told.named,
     )
-    judged = judge_checks(evidence)
+    judged = judge_log_by_checks(evidence)
     contradicted = [
         each.method for each in compare_methods_with_joint_fit(evidence) if each.contradicted
     ]

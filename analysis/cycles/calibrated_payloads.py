@@ -49,7 +49,8 @@ def calibrate_cycles(
     payload_kg = column_values(cycles, "payload_kg") / scale_1
     on_line = calibrate_mass_differences(calibration, shared_errors, numbers, payload_kg)
     common, shared = (
-        on_line.common_u_beside_line_kg(column_values(cycles, f"own_u_{n}_kg")) for n in _COMMON
+        on_line.common_u_not_absorbed_by_line_kg(column_values(cycles, f"own_u_{n}_kg"))
+        for n in _COMMON
     )
     shared_kg = np.linalg.norm([shared, on_line.shared_u_kg, on_line.line_kg], axis=0)
     common_kg = np.linalg.norm([common, on_line.unlike_u_kg, on_line.line_kg], axis=0)
@@ -128,7 +129,7 @@ def estimate_mean_line_offset_and_u_kg(
         return 0.0, 0.0
     moved_kg = np.mean(of_masses, axis=0)
     return shared_errors.line_offset_and_u_kg(
-        moved_kg, shared_errors.line_shifts(calibration.responses, 1.0, 0.0)
+        moved_kg, shared_errors.compute_line_shifts_kg(calibration.responses, 1.0, 0.0)
     )
 
 

@@ -33,7 +33,11 @@ from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build_frame
 from analysis.model.uncertainty_sources import combine_u, unknown_scale_source_names
 from analysis.model.verdict import Verdict
-from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine, payload_uncertainty_sources
+from analysis.weighing.empty_mass_datum import (
+    EmptyDatum,
+    EmptyMachine,
+    list_payload_uncertainty_sources,
+)
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Floats
@@ -124,7 +128,7 @@ def weigh_cycles(
     withheld = _CONTRADICTED if contradicts else _HAULED_TWICE if twice else withheld
     if not withheld and frames["loads"]["withheld"].any():
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
-    fuel = FuelOnBoard.from_channel(machine.machine, motion[0])
+    fuel = FuelOnBoard.integrate_fuel_rate(machine.machine, motion[0])
     empty = weigh_empty_machine(weighing, machine, found, fuel)
     withheld = withheld or (empty.contradiction_text if empty else "")
     share = preceding_tare_weights(found)
@@ -344,7 +348,7 @@ def compute_shared_payload_uncertainty(
     datum = empty.make_payload_datum(pass_weights_by_state(weighing.fit, passes) @ weights)
     own = compute_common_payload_uncertainty(weighing, machine, passes, weights, None)
     gain_1, gain_u_1 = empty.weighed_to_stated_ratio_and_u or (None, None)
-    sources = payload_uncertainty_sources(weighing, machine, datum, empty.weights)
+    sources = list_payload_uncertainty_sources(weighing, machine, datum, empty.weights)
     unknown = unknown_scale_source_names(sources)
     told_by = "" if unknown else BY_MACHINE_FILE if datum is None else BY_EMPTY_MACHINE
     scale = ShiftScale(told_by, ", ".join(unknown), gain_1, gain_u_1)
@@ -369,7 +373,7 @@ def compute_common_payload_uncertainty(
     fit = weighing.fit
     of_states = pass_weights_by_state(fit, passes)
     summed = of_states @ weights
-    sources = payload_uncertainty_sources(weighing, machine, datum, summed)
+    sources = list_payload_uncertainty_sources(weighing, machine, datum, summed)
     by_1 = 1.0 if datum is None else datum.scale_1
     total_kg = max(abs(float(weights @ passes.mass_kg)), 1e-9)
     kept = (combine_u(sources, "random") / by_1) ** 2 - float(weights**2 @ passes.u_kg**2)
@@ -379,7 +383,7 @@ def compute_common_payload_uncertainty(
     if drift is not None:
         # unlike other scales, it moves early and late payloads differently
         names.add("drifted_gain")
-        responses_kg = np.vstack([responses_kg, drift.mass_responses_kg(fit.masses_kg)])
+        responses_kg = np.vstack([responses_kg, drift.mass_responses_to_gain_kg(fit.masses_kg)])
     other = [s for s in sources if s.kind != "random" and s.name not in names]
     masses = slice(0, fit.mass_count)
     covariance = of_states.T @ (fit.fit.noise + fit.fit.scatter)[masses, masses] @ of_states

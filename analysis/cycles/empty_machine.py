@@ -129,7 +129,9 @@ def weigh_empty_machine(
     carried = carried_kg, float(np.sqrt(own_kg2 + (LIMITS.clean_bucket_u * carried_kg) ** 2))
     weights = pass_weights_by_state(weighing.fit, passes) @ share
     middles_ns = (passes.start_ns + passes.end_ns) / 2.0
-    fuel_kg = (0.0, 0.0) if fuel is None else fuel.extra_fuel_mass_and_u_kg(middles_ns, share)
+    fuel_kg = (
+        (0.0, 0.0) if fuel is None else fuel.fuel_mass_since_ticket_and_u_kg(middles_ns, share)
+    )
     return EmptyMachine(weighing, machine, weights, carried, fuel_kg)
 
 

@@ -21,7 +21,7 @@ from analysis.stages.motion.forces import (
     compute_yaw_torque,
 )
 from analysis.weighing.friction_warming import WARMING
-from analysis.weighing.motion_samples import ground_to_wheel_speed_ratio
+from analysis.weighing.motion_samples import compute_ground_to_wheel_speed_ratio
 from estimators.arrays import Bools, Floats, Ints
 
 
@@ -308,7 +308,7 @@ def integrate_phases(
     wheels = advance_sample_column(samples, "speed_m_s", errors.speed_late_s)
     # brakes slip as well, and leave no measured force
     slipping_N = np.where(samples.digs, force, ground_N)
-    speed = wheels * ground_to_wheel_speed_ratio(wheels, slipping_N, errors.slip_1_N)
+    speed = wheels * compute_ground_to_wheel_speed_ratio(wheels, slipping_N, errors.slip_1_N)
     step_s, fast = samples.step_s, np.abs(speed)
     # half the difference of squares on either side: what a stretch gains is what its ends differ by
     squares = np.pad(speed**2, 1, mode="edge")

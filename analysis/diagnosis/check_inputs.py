@@ -27,7 +27,7 @@ from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import combine_u
 from analysis.stages.estimation import fit_quality
 from analysis.stages.motion.phases import sign_of_yaw_rate_change
-from analysis.weighing.empty_mass_datum import factor_names_without_uncertainty
+from analysis.weighing.empty_mass_datum import list_factors_without_uncertainty
 from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
@@ -186,13 +186,13 @@ class CheckInputs:
     noise: pl.DataFrame | None = None
     left_out: Mapping[str, ExcludedStretches] = field(default_factory=dict[str, ExcludedStretches])
 
-    def has_columns(self, *columns: str) -> bool:
+    def has_grid_columns(self, *columns: str) -> bool:
         """Whether the log has all of these columns."""
         return set(columns) <= set(self.excitation.columns)
 
-    def is_phase(self, *names: str) -> Bools:
+    def mark_samples_in_phases(self, *phases: str) -> Bools:
         """Samples in one of the named phases, (n,)."""
-        return self.excitation["phase"].is_in(names).fill_null(False).to_numpy()
+        return self.excitation["phase"].is_in(phases).fill_null(False).to_numpy()
 
     @cached_property
     def position_dependent_force(self) -> Floats | None:
@@ -202,7 +202,7 @@ class CheckInputs:
     @cached_property
     def empty_mass(self) -> EmptyMassDifference | None:
         """Lightest load compared with the empty mass; None if either is missing."""
-        return compare_empty_mass(self.weighing, self.machine)
+        return compare_lightest_load_with_empty_mass(self.weighing, self.machine)
 
     @cached_property
     def side_differences(self) -> Mapping[str, SideDifference]:
@@ -222,9 +222,9 @@ class CheckInputs:
             A,
             f,
             known,
-            moving=known & self.is_phase("accelerating", "cruising", *welcome),
-            braking=known & self.is_phase("braking"),
-            speeding=known & self.is_phase("accelerating"),
+            moving=known & self.mark_samples_in_phases("accelerating", "cruising", *welcome),
+            braking=known & self.mark_samples_in_phases("braking"),
+            speeding=known & self.mark_samples_in_phases("accelerating"),
         )
 
     @cached_property
@@ -234,7 +234,7 @@ class CheckInputs:
             return None
         A, f = make_spin_regressor_and_torque(self.excitation)
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
-        spinning = known & self.is_phase("spinning")
+        spinning = known & self.mark_samples_in_phases("spinning")
         changes = sign_of_yaw_rate_change(A[:, 1], self.machine.settings)
         braking = spinning & (changes < 0)
         welcome = not self.machine.settings.gate.exclude_braking
@@ -244,7 +244,9 @@ class CheckInputs:
         return AxisMotion(A, f, spinning, moving, braking, speeding=spinning & (changes > 0))
 
 
-def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMassDifference | None:
+def compare_lightest_load_with_empty_mass(
+    weighing: Weighing | None, machine: Machine
+) -> EmptyMassDifference | None:
     """Compare the lightest load with the empty machine.
 
     Args:
@@ -259,9 +261,9 @@ def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMass
         return None
     fit = weighing.fit
     lightest = int(np.argmin(fit.masses_kg))
-    sources = make_mass_budget(weighing, machine, fit.weights_of_state(lightest))
+    sources = make_mass_budget(weighing, machine, fit.coefficients_of_state(lightest))
     mass_kg = float(fit.masses_kg[lightest])
-    unknown = bool(factor_names_without_uncertainty(sources))
+    unknown = bool(list_factors_without_uncertainty(sources))
     scale_kg = WEIGHING_LIMITS.unknown_scale_u * abs(mass_kg) if unknown else 0.0
     u_kg = float(np.linalg.norm([combine_u(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
     if not np.isfinite([mass_kg, u_kg]).all() or u_kg == 0.0:

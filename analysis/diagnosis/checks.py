@@ -36,7 +36,7 @@ _SCALE_REMEDY: Final = (
 )
 
 
-def judge_checks(inputs: CheckInputs) -> pl.DataFrame:
+def judge_log_by_checks(inputs: CheckInputs) -> pl.DataFrame:
     """Judge the log by every check of the table.
 
     Returns:
@@ -78,7 +78,7 @@ def judge_checks(inputs: CheckInputs) -> pl.DataFrame:
     return build_frame("verdict", frame.with_columns(passed=passed).to_dict())
 
 
-def _partial_correlation(_: CheckInputs, motion: AxisMotion) -> float:
+def _signed_force_acceleration_correlation(_: CheckInputs, motion: AxisMotion) -> float:
     return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
 
 
@@ -89,7 +89,7 @@ def driving_force_correlation(inputs: CheckInputs, motion: AxisMotion) -> float:
         LIMITS.correlation_min_moving_s, rate_hz, SIGNAL_LIMITS.window_min_readings
     )
     few = np.count_nonzero(motion.moving) < fewest
-    return np.nan if few else _partial_correlation(inputs, motion)
+    return np.nan if few else _signed_force_acceleration_correlation(inputs, motion)
 
 
 def _relative_ungated_mass_std(_: CheckInputs, motion: AxisMotion) -> float:
@@ -97,7 +97,7 @@ def _relative_ungated_mass_std(_: CheckInputs, motion: AxisMotion) -> float:
     return fit.std / abs(fit.value) if fit.value else np.inf
 
 
-def _explained_force_variance(_: CheckInputs, motion: AxisMotion) -> float:
+def _explained_force_variance_fraction(_: CheckInputs, motion: AxisMotion) -> float:
     return motion.fit.r_squared
 
 
@@ -115,7 +115,7 @@ def _driving_force_fraction(_: CheckInputs, motion: AxisMotion) -> float:
 
 def _acceleration_gain(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Slope of the accelerometer against the wheels' acceleration in straight motion."""
-    used = motion.complete & inputs.is_phase("accelerating", "cruising", "braking")
+    used = motion.complete & inputs.mark_samples_in_phases("accelerating", "cruising", "braking")
     measured = column_values(inputs.excitation, "specific_force_x_m_s2")
     imu = average_over_speed_rate_span(measured, inputs.machine.settings)
     rate = column_values(inputs.excitation, "speed_rate_x_m_s2")
@@ -165,7 +165,7 @@ def empty_mass_difference_over_u(inputs: CheckInputs, _: AxisMotion) -> float:
     return np.nan if withheld else abs(found.difference_over_u)
 
 
-def _describe_empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
+def _describe_ratio_to_empty_mass(inputs: CheckInputs, _: AxisMotion) -> str:
     """Text on the ratio to the empty mass, if it is beyond its limit."""
     found = inputs.empty_mass
     limit_u = inputs.machine.settings.verdict.empty_mass_max_u
@@ -192,14 +192,16 @@ class AxisQuantityNames:
     moves: str
 
 
-def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> tuple[CheckRow, ...]:
+def make_model_checks(
+    quantity_name: EvidenceSubject, wording: AxisQuantityNames
+) -> tuple[CheckRow, ...]:
     """Checks of every axis: whether its model fits the moving samples."""
     force, moves = wording.force, wording.moves
     return (
         CheckRow(
             f"{wording.prefix}partial_correlation",
-            subject,
-            _partial_correlation,
+            quantity_name,
+            _signed_force_acceleration_correlation,
             f"correlation of {wording.acceleration} and {force} with "
             f"the {wording.speed}'s share taken "
             "out of both",
@@ -208,21 +210,21 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
         ),
         CheckRow(
             f"{wording.prefix}relative_std",
-            subject,
+            quantity_name,
             _relative_ungated_mass_std,
             f"standard deviation of the ungated {wording.parameter} over that {wording.parameter}",
             maximum="relative_std_max",
         ),
         CheckRow(
             f"{wording.prefix}r_squared",
-            subject,
-            _explained_force_variance,
+            quantity_name,
+            _explained_force_variance_fraction,
             f"share of the {force}'s variance that {wording.parameter} and friction explain",
             minimum="r_squared_min",
         ),
         CheckRow(
             f"{wording.prefix}opposing_share",
-            subject,
+            quantity_name,
             _opposing_force_fraction,
             f"fraction of samples that the drive slows down whose {force} opposes the {moves}; 0: "
             f"the {force} has no sign",
@@ -233,7 +235,7 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
         ),
         CheckRow(
             f"{wording.prefix}driving_share",
-            subject,
+            quantity_name,
             _driving_force_fraction,
             f"fraction of accelerating samples whose {force} acts along the {moves}; 0.5: the "
             f"{force} has no sign",
@@ -263,7 +265,7 @@ CHECKS: Final = (
         "accelerometer over the derivative of the wheel speed; 1: they agree",
         minimum="acceleration_gain_min",
         maximum="acceleration_gain_max",
-        applies=lambda inputs, _: inputs.has_columns("specific_force_x_m_s2"),
+        applies=lambda inputs, _: inputs.has_grid_columns("specific_force_x_m_s2"),
     ),
     CheckRow(
         "accepted_stretches",
@@ -289,7 +291,7 @@ CHECKS: Final = (
         "the scale's",
         maximum="negative_payload_max_u",
         optional=True,
-        subject_text=_describe_empty_mass_factor,
+        subject_text=_describe_ratio_to_empty_mass,
         remedy=_SCALE_REMEDY,
     ),
     CheckRow(
@@ -300,7 +302,7 @@ CHECKS: Final = (
         "only the part beyond one",
         maximum="empty_mass_max_u",
         optional=True,
-        subject_text=_describe_empty_mass_factor,
+        subject_text=_describe_ratio_to_empty_mass,
         consequence="tell",
         remedy=_SCALE_REMEDY,
     ),
@@ -317,7 +319,7 @@ CHECKS: Final = (
         "distance of the centre of rotation in spins from the origin, m, by the accelerometer; "
         "off it, mass leaks into the inertia estimate",
         maximum="spin_centre_max_m",
-        applies=lambda inputs, _: inputs.has_columns(
+        applies=lambda inputs, _: inputs.has_grid_columns(
             "specific_force_x_m_s2", "specific_force_y_m_s2"
         ),
     ),

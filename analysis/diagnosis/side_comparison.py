@@ -108,8 +108,10 @@ def compare_sides(
             [] if turns is None else [turns, np.clip(turns / LIMITS.scrubbing_rad_s, -1.0, 1.0)]
         )
         stands = blocks_in_phase("standstill")
-        ahead = find_driving_direction(speeds, torques)
-        found["torque"] = compare_torques(torques[0], torques[1], turning, ahead, driving, stands)
+        ahead = find_driving_direction_of_sides(speeds, torques)
+        found["torque"] = compare_side_torques(
+            torques[0], torques[1], turning, ahead, driving, stands
+        )
     width_m = machine.machine.track_width_m
     if speeds[0] is not None and speeds[1] is not None and turns is not None and width_m:
         apart = speeds[1] - speeds[0] - width_m * turns
@@ -117,11 +119,11 @@ def compare_sides(
         push = None
         if torques[0] is not None and torques[1] is not None:
             push = np.maximum(np.abs(torques[0]), np.abs(torques[1]))
-        found |= compare_wheel_speeds(apart, mean, push, driving)
+        found |= compare_side_wheel_speeds(apart, mean, push, driving)
     return {kind: each for kind, each in found.items() if each is not None}
 
 
-def find_driving_direction(
+def find_driving_direction_of_sides(
     speeds: Sequence[Floats | None], torques: Sequence[Floats | None]
 ) -> Floats:
     """Driving direction (n,) by the wheel speeds, or else by the torques."""
@@ -129,11 +131,11 @@ def find_driving_direction(
     return np.sign(known)
 
 
-def compare_torques(
+def compare_side_torques(
     left: Floats,
     right: Floats,
     turning_rates: list[Floats],
-    ahead: Floats,
+    driving_direction: Floats,
     is_driving: Bools,
     is_standing: Bools,
 ) -> SideDifference | None:
@@ -144,9 +146,13 @@ def compare_torques(
     apart, mean = right - left, (right + left) / 2.0
     if is_driving.sum() < LIMITS.sides_min_means:
         return None
-    both_ways = np.ptp(ahead[is_driving]) > 0.0
+    both_ways = np.ptp(driving_direction[is_driving]) > 0.0
     found = regress_side_difference(
-        "torque", apart, mean, [*turning_rates, *([ahead] if both_ways else [])], is_driving
+        "torque",
+        apart,
+        mean,
+        [*turning_rates, *([driving_direction] if both_ways else [])],
+        is_driving,
     )
     if (
         found is None or found.std_1 > LIMITS.sides_ratio_std_1
@@ -160,7 +166,7 @@ def compare_torques(
     return found
 
 
-def compare_wheel_speeds(
+def compare_side_wheel_speeds(
     difference: Floats, mean: Floats, push: Floats | None, driving: Bools
 ) -> dict[str, SideDifference | None]:
     """Relative difference of the wheel speeds, and its increase in hard starts."""

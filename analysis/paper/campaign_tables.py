@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import polars as pl
 
-from analysis.calibration.campaign.by_method import calibrate_methods
+from analysis.calibration.campaign.by_method import fit_calibration_line_by_method
 from analysis.paper import printed_numbers
 from analysis.paper.confidence_intervals import compute_mean_intervals, find_keys_of_lowest_error
 from analysis.paper.replayed_campaign import (
@@ -57,7 +57,7 @@ class Table2:
 def fit_calibration_lines(campaign: ReplayedCampaign, chain: str) -> pl.DataFrame:
     """Fit (19) to a campaign; one row per method with `chain`, `alpha_1` and `beta_kg`."""
     return (
-        calibrate_methods(campaign.tabulate_masses_by_method_and_trial())
+        fit_calibration_line_by_method(campaign.tabulate_masses_by_method_and_trial())
         .group_by("method", maintain_order=True)
         .agg(pl.lit(chain).alias("chain"), pl.col("alpha_1", "beta_kg").first())
     )

@@ -10,9 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.by_method import calibrate_methods
+from analysis.calibration.campaign.by_method import fit_calibration_line_by_method
 from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import compute_rms_errors, compute_start_errors
+from analysis.calibration.campaign.method_errors import (
+    compute_rms_errors_by_method,
+    compute_start_errors,
+)
 from analysis.model.run_record import Run
 from analysis.model.settings import Settings
 from analysis.paper.cramer_rao import compute_mass_bounds_kg, equation_noise_std_newtons
@@ -87,7 +90,7 @@ def compute_calibrated_mass_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
         (pl.col("error_kg") ** 2).mean().sqrt().alias("run_kg"),
         (pl.col("error_left_out_kg") ** 2).mean().sqrt().alias("run_left_out_kg"),
     )  # fmt: skip
-    means = compute_rms_errors(calibrate_methods(estimates)).select(
+    means = compute_rms_errors_by_method(fit_calibration_line_by_method(estimates)).select(
         "method", mean_kg="rmse_kg", mean_left_out_kg="rmse_left_out_kg"
     )
     return single.join(means, "method", "left", maintain_order="left")

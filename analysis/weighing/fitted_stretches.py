@@ -20,7 +20,7 @@ from estimators.arrays import Bools, Floats, Ints
 T = TypeVar("T")
 
 
-def path_positions(
+def integrate_path_and_length_m(
     speed: Floats, used: Bools, silences: Ints, rate_hz: float
 ) -> tuple[Floats, float]:
     """Position of the machine on its path, (n,), and the length of the path in m.
@@ -37,22 +37,22 @@ def path_positions(
     return np.where(np.abs(place) <= length, place, 0.0) / (length or 1.0), length
 
 
-def running_standstill_count(excitation: pl.DataFrame) -> Ints:
+def count_standstills_so_far(excitation: pl.DataFrame) -> Ints:
     """Number of stands so far, (n,); unknown motion counts as a stand."""
     stands = ~(excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
     return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
 
 
-def running_gap_count(has_value: Bools, shortest: int) -> Ints:
-    """Number of gaps of at least `shortest` samples up to each sample, (n,)."""
+def count_gaps_so_far(has_value: Bools, min_gap_samples: int) -> Ints:
+    """Number of gaps of at least `min_gap_samples` samples up to each sample, (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[True], has_value, [True]]).astype(np.int8)))
     first, end = edges[::2], edges[1::2]
     begun = np.zeros(has_value.size, np.int64)
-    begun[first[end - first >= shortest]] = 1
+    begun[first[end - first >= min_gap_samples]] = 1
     return np.cumsum(begun)
 
 
-def number_drives(stop_count: Ints, longest_samples: int) -> Ints:
+def number_drive_manoeuvres(stop_count: Ints, longest_samples: int) -> Ints:
     """Number the manoeuvres, (n,), and split drives of twice `longest_samples` samples or more."""
     cuts = np.append(True, stop_count[1:] != stop_count[:-1])
     drive_begins = np.flatnonzero(cuts)
@@ -91,7 +91,7 @@ def number_fitted_manoeuvres(
     return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
 
 
-def driving_directions(group: Ints, speed: Floats) -> Floats:
+def find_direction_of_manoeuvres(group: Ints, speed: Floats) -> Floats:
     """Sign of the mean speed of each manoeuvre, (n,); 1 elsewhere."""
     used = group >= 0
     ids, index = np.unique(group[used], return_inverse=True)
@@ -130,24 +130,27 @@ def count_samples_since_start(group: Ints) -> Ints:
     return row - np.maximum.accumulate(np.where(is_first_of_stretch(group), row, 0))
 
 
-def stretch_spans(group: Ints) -> Ints:
+def find_stretch_spans(group: Ints) -> Ints:
     """First sample of each stretch, and the one behind its last, (stretches, 2)."""
     first, last = (np.flatnonzero(of(group)) for of in (is_first_of_stretch, is_last_of_stretch))
     return np.column_stack([first, last + 1])
 
 
-def split_stretches_at_units(group: Ints, unit: Ints) -> Ints:
+def split_stretches_at_manoeuvres(group: Ints, manoeuvre_of_sample: Ints) -> Ints:
     """Split stretches at manoeuvre borders and number them again, (n,)."""
     used = group >= 0
-    cut = used & (is_first_of_stretch(group) | np.append(False, unit[1:] != unit[:-1]))
+    cut = used & (
+        is_first_of_stretch(group)
+        | np.append(False, manoeuvre_of_sample[1:] != manoeuvre_of_sample[:-1])
+    )
     return np.where(used, np.cumsum(cut) - 1, -1).astype(np.int64)
 
 
-def extend_to_break_away(
+def extend_manoeuvres_to_break_away(
     group: Ints, speed: Floats, moving_threshold_m_s: float, max_rows: int, phase_start: int
 ) -> Ints:
     """Extend manoeuvres, (n,), back to where their speed leaves the noise, before their phase."""
-    smooth = np.abs(three_sample_mean(speed)) > moving_threshold_m_s
+    smooth = np.abs(average_three_speed_samples(speed)) > moving_threshold_m_s
     grown = group.copy()
     for begin in np.flatnonzero(is_first_of_stretch(group)):
         first = int(begin)
@@ -162,14 +165,14 @@ def extend_to_break_away(
 def number_one_way_runs(group: Ints, speed: Floats, has_reversal: int) -> Ints:
     """Number the runs that move one way, (n,), -1 elsewhere: at a reversal friction turns."""
     used = group >= 0
-    forwards = three_sample_mean(speed) > 0.0
+    forwards = average_three_speed_samples(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
     near = flag_windows(turns, has_reversal) | flag_windows(turns[::-1], has_reversal + 1)[::-1]
     group = np.where(used & ~near, 2 * group + forwards, -1)
     return np.where(group >= 0, np.cumsum(is_first_of_stretch(group)) - 1, -1).astype(np.int64)
 
 
-def drop_stretches_at_noise_speed(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
+def exclude_stretches_at_noise_speed(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
     """Stretch of each sample, (n,); -1 where its speed never exceeds the noise: no starts.
 
     If the noise is below the motion threshold, slow samples count as motion.
@@ -178,12 +181,14 @@ def drop_stretches_at_noise_speed(group: Ints, speed: Floats, noise_m_s: float) 
     if noise_m_s <= LIMITS.moving_speed_m_s or not used.any():
         return group
     first = np.flatnonzero(is_first_of_stretch(group))
-    fastest = np.maximum.reduceat(np.where(used, np.abs(three_sample_mean(speed)), 0.0), first)
+    fastest = np.maximum.reduceat(
+        np.where(used, np.abs(average_three_speed_samples(speed)), 0.0), first
+    )
     moves = fastest > noise_m_s
     return np.where(used & moves[group], group, -1)
 
 
-def three_sample_mean(speed: Floats) -> Floats:
+def average_three_speed_samples(speed: Floats) -> Floats:
     """Mean of each sample and its two neighbours, (n,) in m/s."""
     return np.convolve(speed, np.ones(3) / 3.0, "same")
 
@@ -200,7 +205,7 @@ def make_centred_ramp(samples: int) -> Floats:
     return np.arange(samples) / max(samples, 1) - 0.5
 
 
-def advance_in_stretches(x: Floats, group: Ints, delay_rows: float) -> Floats:
+def advance_signal_by_delay(x: Floats, group: Ints, delay_rows: float) -> Floats:
     """Signal (n,) advanced by a cubic per stretch: lines low-pass it on a slow grid.
 
     Args:

@@ -52,13 +52,15 @@ class Play(NamedTuple):
     by_force_1_N: float
 
 
-def choose_hysteresis_play(motion: MotionSamples, noise: ColumnNoiseModel, samples: int) -> Play:
+def choose_hysteresis_play(
+    motion: MotionSamples, noise: ColumnNoiseModel, mean_samples: int
+) -> Play:
     """Choose a share of the largest force, and the shortest mean whose noise is well below it.
 
     Args:
         motion: the samples.
         noise: noise of acceleration, speed and force.
-        samples: length of the fitted means.
+        mean_samples: length of the fitted means.
     """
     longest = count_rows_in_duration(LIMITS.hysteresis_mean_s, motion.rate_hz)
     half_N = LIMITS.hysteresis_turn_share * motion.force_95_percent
@@ -68,10 +70,10 @@ def choose_hysteresis_play(motion: MotionSamples, noise: ColumnNoiseModel, sampl
         if noise_N <= half_N:
             break
     half_N = max(half_N, noise_N)
-    return Play(half_N, mean, min(samples / mean, 1.0) / half_N)
+    return Play(half_N, mean, min(mean_samples / mean, 1.0) / half_N)
 
 
-def trace_force_direction(force: Floats, play: Play) -> Floats:
+def trace_direction_of_force_change(force: Floats, play: Play) -> Floats:
     """Whether the force (n,) rises (1), falls (-1) or has just turned (between), (n,)."""
     before = play.mean // 2
     padded = np.pad(force, (before, play.mean - 1 - before), mode="edge")

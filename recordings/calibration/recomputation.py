@@ -10,14 +10,14 @@ from pydantic_core import to_jsonable_python
 
 from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
-    compare_with_known_mass,
-    fit_campaign,
+    check_single_load_by_calibration,
+    fit_campaign_line,
     make_calibration_options,
 )
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
-from analysis.calibration.use.learnt_priors import pool_terms_over_logs
+from analysis.calibration.use.learnt_priors import pool_learnt_terms_over_logs
 from estimators.errors import CampaignError
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REPORT
 from recordings.calibration.bundle_limits import LIMITS
@@ -205,7 +205,7 @@ def compare_learnt_priors(document: EvidenceDocument) -> Findings:
         {name: term.model_dump() for name, term in terms.items()}
         for terms in (
             learnt.terms,
-            pool_terms_over_logs(learnt.logs, document.procedure_rules),
+            pool_learnt_terms_over_logs(learnt.logs, document.procedure_rules),
         )
     )
     if not all(near for _, near in find_differences(stored, computed)):
@@ -254,7 +254,7 @@ def _find_run_faults(
             yield "is used, but has no mass"
     elif row["start_s"] is None or row["end_s"] is None or not row["start_s"] < row["end_s"]:
         yield "has no stretch of time"
-    elif not run.contains_middle_of_stretch(row["start_s"], row["end_s"]):
+    elif not run.does_contain_middle_of_stretch(row["start_s"], row["end_s"]):
         yield "is not in the stretch of its run"
     if row["used"] and row["reason"]:
         yield "is used, but has a reason for its exclusion"
@@ -308,9 +308,9 @@ def _refit_campaign_or_check(
     """Refit the readings; for a single-mass check, under the calibration's line."""
     campaign, body = document.campaign, document.machine.machine
     if document.kind == "check" and document.calibration is not None:
-        return compare_with_known_mass(campaign, body, readings, document.calibration)
+        return check_single_load_by_calibration(campaign, body, readings, document.calibration)
     responses = () if document.learnt is None else document.learnt.responses
-    return fit_campaign(campaign, body, readings, document.options, responses), None
+    return fit_campaign_line(campaign, body, readings, document.options, responses), None
 
 
 def _convert_to_json(value: Any) -> Any:

@@ -13,12 +13,12 @@ import polars as pl
 
 from analysis import Machine, Run
 from analysis.calibration.campaign.by_method import (
-    calibrate_methods,
+    fit_calibration_line_by_method,
     make_calibration_frame,
     make_method_rows,
 )
 from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import compute_rms_errors
+from analysis.calibration.campaign.method_errors import compute_rms_errors_by_method
 from analysis.model.answer import JOINT, Answer, answer
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
@@ -202,7 +202,7 @@ def run_demo(
         calibrated,
         verified,
         replayed.frames["calibration"],
-        compute_rms_errors(replayed.frames["calibration"]),
+        compute_rms_errors_by_method(replayed.frames["calibration"]),
         answer(replayed, str(recording)),
         reviewed,
         (
@@ -235,7 +235,7 @@ def replay_campaign(
             for path in logs
         ]
         replayed = run(opened, machine, on_stage)
-    calibration = calibrate_methods(
+    calibration = fit_calibration_line_by_method(
         average_masses_by_method_and_run(replayed, read_true_trials(logs))
     )
     frames = {**replayed.frames, "calibration": calibration}

@@ -23,7 +23,7 @@ from typing import Final, Literal
 import polars as pl
 
 from analysis.calibration.line.shared_errors import SharedErrors
-from analysis.calibration.use.learnt_priors import describe_contradicted_priors
+from analysis.calibration.use.learnt_priors import describe_contradicted_learnt_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.shift_totals import recompute_shift_totals
 from analysis.fleet.daily_figures import UNDATED
@@ -245,7 +245,7 @@ def replay_log_with_setup(log: Log, setup: MachineSetup, source: str) -> Run:
         raise DataError(f"{source}: {error}") from None
     if setup.by is None:
         return made
-    against = describe_contradicted_priors(made.frames["nuisances"])
+    against = describe_contradicted_learnt_priors(made.frames["nuisances"])
     frames = dict(made.frames)
     if not against:
         shared_errors = SharedErrors.from_frames(frames)
@@ -268,7 +268,9 @@ def tables_of_replay(
         schema={column.name: column.dtype for column in QUALITY.columns},
     )
     gaps = sorted(state.gaps_s, key=lambda gap: gap[0] - gap[1])
-    against = "" if setup.by is None else describe_contradicted_priors(run.frames["nuisances"])
+    against = (
+        "" if setup.by is None else describe_contradicted_learnt_priors(run.frames["nuisances"])
+    )
     said = {
         **make_result_row(run),
         "longest_gap_at_s": gaps[0][0] if gaps else None,

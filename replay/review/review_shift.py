@@ -12,7 +12,7 @@ import polars as pl
 
 from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.apply_calibration import LATER_LOG_FRAMES
-from analysis.calibration.use.learnt_priors import describe_contradicted_priors
+from analysis.calibration.use.learnt_priors import describe_contradicted_learnt_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.cycle_energy import ShiftEnergy, compute_shift_energy
 from analysis.cycles.cycles_without_mass import find_channel_gaps_ns
@@ -141,7 +141,7 @@ def review_shift(
         cycles, against = made.cycles, ""
         if by is not None:
             told = read_frames_for_calibration(made, folder)
-            against = describe_contradicted_priors(told["nuisances"])
+            against = describe_contradicted_learnt_priors(told["nuisances"])
             shared_errors = SharedErrors.from_frames(told)
             cycles = cycles if against else calibrate_cycles(cycles, by.calibration, shared_errors)
         shift = ShiftCount.count_cycles(cycles, made.shift, made.t0_unix_ns, verdicts, folder)

@@ -10,7 +10,7 @@ from analysis.calibration.line.line_model import FittedLine
 from estimators.arrays import Floats
 
 
-def compute_grubbs_test(values: Floats) -> tuple[int, float, float]:
+def compute_grubbs_outlier_test(values: Floats) -> tuple[int, float, float]:
     """Grubbs' test for one outlier on either side.
 
     Args:
@@ -37,7 +37,7 @@ def compute_grubbs_test(values: Floats) -> tuple[int, float, float]:
     return farthest, distance, min(2.0 * n * float(stdtr(n - 2, -t)), 1.0)
 
 
-def studentised_residuals(line: FittedLine) -> Floats:
+def compute_studentised_residuals(line: FittedLine) -> Floats:
     """(points,) residuals over their own standard deviations."""
     design = np.column_stack([np.ones_like(line.adjusted_kg), line.adjusted_kg - line.centre_kg])
     covariance = line.point_covariance_kg2
@@ -48,7 +48,7 @@ def studentised_residuals(line: FittedLine) -> Floats:
     return np.where(alone, 0.0, line.residual_kg / np.sqrt(np.where(alone, 1.0, variance)))
 
 
-def find_outliers(campaign: Campaign, line: FittedLine) -> tuple[Outlier, ...]:
+def find_outlying_readings_and_runs(campaign: Campaign, line: FittedLine) -> tuple[Outlier, ...]:
     """Find outlying readings (Grubbs within a run) and runs (studentised residuals)."""
     found: list[Outlier] = []
     runs = campaign.runs["run_id"]
@@ -57,13 +57,15 @@ def find_outliers(campaign: Campaign, line: FittedLine) -> tuple[Outlier, ...]:
         if part.height < LIMITS.outlier_min_readings:
             continue
         tested += 1
-        place, distance, p = compute_grubbs_test(part["mass_kg"].to_numpy())
+        place, distance, p = compute_grubbs_outlier_test(part["mass_kg"].to_numpy())
         number = part["reading"][place] if "reading" in part.columns else place
         found.append(Outlier("Grubbs", f"reading {number} of run '{run_id}'", distance, p))
     found = [Outlier(one.test, one.about, one.value_1, min(tested * one.p_1, 1.0)) for one in found]
     freedom = line.freedom
     if freedom > 1:
-        for place, residual in zip(campaign.fitted, studentised_residuals(line), strict=True):
+        for place, residual in zip(
+            campaign.fitted, compute_studentised_residuals(line), strict=True
+        ):
             left = freedom - residual**2
             t = abs(residual) * np.sqrt((freedom - 1) / left) if left > 0.0 else np.inf
             p = min(2.0 * line.residual_kg.size * float(stdtr(freedom - 1, -t)), 1.0)

@@ -12,10 +12,10 @@ from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.calibration_drift import (
     CheckPoint,
     DriftCheck,
-    check_drift_by_known_mass,
+    compare_known_mass_with_calibration,
 )
 from analysis.calibration.use.learnt_priors import (
-    describe_contradicted_priors,
+    describe_contradicted_learnt_priors,
     describe_undetectable_changes_by_load,
 )
 from analysis.calibration.use.mass_differences import NORMAL, calibrate_mass_differences
@@ -29,7 +29,7 @@ ESTIMATORS: Final[Mapping[str, tuple[str, str]]] = {
     "joint_mass": ("mass_kg", "u_random_kg"),
     "joint_payload": ("own_payload_kg", "own_payload_u_random_kg"),
 }
-#: Frames of a replay for `describe_later_log`; the last two a replay under learnt priors has.
+#: Frames of a replay for `collect_later_log_facts`; the last two a replay under learnt priors has.
 LATER_LOG_FRAMES: Final = ("loads", "nuisances", "responses", "learnt_errors")
 
 
@@ -82,7 +82,7 @@ def calibrate_loads(
         )
     mass, u_random = ESTIMATORS[calibration.method]
     rows = loads.with_columns(estimate_kg=mass, estimate_u_random_kg=u_random).to_dicts()
-    check = check_empty_machine_drift(rows, calibration, log)
+    check = check_drift_of_empty_machine(rows, calibration, log)
     refused = log.refused or describe_machine_change(check, log)
     told = check is not None and check.drifted is not None
     empties = sum(row["manoeuvres"] for row in rows if row["empty"])
@@ -108,7 +108,7 @@ def _make_calibrated_columns(
     empty_weighings: int,
 ) -> dict[str, Any]:
     """Calibrated columns of a load."""
-    off_kg, unlike_u_kg = driving_offset_and_u_kg(row, calibration, log.shared_errors)
+    off_kg, unlike_u_kg = estimate_driving_offset_and_u_kg(row, calibration, log.shared_errors)
     one = _calibrate_load_mass(row, calibration, refusal, off_kg, unlike_u_kg)
     said = {
         "calibrated_kg": one.mass_kg,
@@ -123,7 +123,7 @@ def _make_calibrated_columns(
     said["calibrated_unlike_u_kg"] = unlike_u_kg / abs(calibration.c1_1)
     if calibration.has_single_day and not drift_was_checked:
         said["calibrated_said"] = log.unseen.get(row["load_id"], "")
-    payload = calibrate_payload(row, calibration, log, one, empty_weighings)
+    payload = calibrate_payload_of_load(row, calibration, log, one, empty_weighings)
     if payload is not None:
         mass_kg, u_kg, half_kg = payload
         said |= {
@@ -135,7 +135,7 @@ def _make_calibrated_columns(
     return said
 
 
-def driving_offset_and_u_kg(
+def estimate_driving_offset_and_u_kg(
     row: Mapping[str, Any], calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
     """Offset of m̂ caused by driving unlike the campaign, with its uncertainty, in kg."""
@@ -143,7 +143,7 @@ def driving_offset_and_u_kg(
     if shared_errors is None or not calibration.responses or key not in shared_errors.moved_kg:
         return 0.0, 0.0
     away_kg = ((row["estimate_kg"] or 0.0) - calibration.level_kg) / calibration.c1_1
-    line_kg = shared_errors.line_shifts(calibration.responses, 1.0, away_kg)
+    line_kg = shared_errors.compute_line_shifts_kg(calibration.responses, 1.0, away_kg)
     return shared_errors.line_offset_and_u_kg(shared_errors.moved_kg[key], line_kg)
 
 
@@ -168,7 +168,7 @@ def _calibrate_load_mass(
     )
 
 
-def calibrate_payload(
+def calibrate_payload_of_load(
     row: Mapping[str, Any],
     calibration: Calibration,
     log: LaterLog,
@@ -205,13 +205,13 @@ def calibrate_payload(
         [("payload", row["load_id"])],
         np.array([row["own_payload_kg"]]),
     )
-    beside_kg = found.common_u_beside_line_kg(np.array([common_kg]))[0]
+    beside_kg = found.common_u_not_absorbed_by_line_kg(np.array([common_kg]))[0]
     parts = (random_kg / abs(calibration.c1_1), beside_kg, found.unlike_u_kg[0], found.line_kg[0])
     u_kg = float(np.linalg.norm(parts))
     return float(found.payload_kg[0]), u_kg, max(calibration.coverage_k_1, NORMAL) * u_kg
 
 
-def check_empty_machine_drift(
+def check_drift_of_empty_machine(
     rows: list[dict[str, Any]], calibration: Calibration, log: LaterLog
 ) -> DriftCheck | None:
     """Check of the log's empty part against the known mass; None without one."""
@@ -220,7 +220,7 @@ def check_empty_machine_drift(
         return None
     count = np.array([row["manoeuvres"] for row in empty], np.float64)
     share = count / count.sum()
-    apart = [driving_offset_and_u_kg(row, calibration, log.shared_errors) for row in empty]
+    apart = [estimate_driving_offset_and_u_kg(row, calibration, log.shared_errors) for row in empty]
     mass_kg = float(
         share @ [row["mass_kg"] - off for row, (off, _) in zip(empty, apart, strict=True)]
     )
@@ -229,7 +229,7 @@ def check_empty_machine_drift(
     unlike_u_kg = float(share @ [u for _, u in apart]) / abs(calibration.c1_1)
     point = CheckPoint(mass_kg, random_kg, int(count.sum()))
     u_kg = float(np.hypot(log.empty_u_kg, unlike_u_kg))
-    return check_drift_by_known_mass(calibration, log.empty_kg, u_kg, point)
+    return compare_known_mass_with_calibration(calibration, log.empty_kg, u_kg, point)
 
 
 def describe_machine_change(check: DriftCheck | None, log: LaterLog) -> str:
@@ -249,7 +249,7 @@ def describe_machine_change(check: DriftCheck | None, log: LaterLog) -> str:
     )
 
 
-def describe_later_log(
+def collect_later_log_facts(
     frames: Mapping[str, pl.DataFrame], body: Body, refusal_reasons: str = ""
 ) -> LaterLog:
     """Collect the facts about a later log.
@@ -261,7 +261,7 @@ def describe_later_log(
     """
     nuisances, shared_errors = frames["nuisances"], SharedErrors.from_frames(frames)
     return LaterLog(
-        refusal_reasons or describe_contradicted_priors(nuisances),
+        refusal_reasons or describe_contradicted_learnt_priors(nuisances),
         shared_errors,
         body.empty_mass_kg,
         body.empty_mass_u_kg or 0.0,

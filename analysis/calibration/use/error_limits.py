@@ -90,7 +90,7 @@ class ErrorLimits:
     statement: str
 
 
-def error_limit_kg(rule: DecisionRule, load_kg: float) -> float:
+def error_limit_of_load_kg(rule: DecisionRule, load_kg: float) -> float:
     """Error limit of a class for a load, to either side, in kg.
 
     Raises:
@@ -119,7 +119,7 @@ def error_limit_kg(rule: DecisionRule, load_kg: float) -> float:
     return _R51_LIMITS_E[rule.in_service][step] * e_kg
 
 
-def judge_campaign_loads(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
+def judge_loads_by_error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
     """Judge later masses at each load of the campaign.
 
     A later mass is assumed to err by the mean leave-one-out error of its load, and by the
@@ -139,8 +139,8 @@ def judge_campaign_loads(calibration: Calibration, rule: DecisionRule) -> ErrorL
     readings = float(calibration.budget_at[1])
     inversion = calibration.inversion
     rows: list[LimitRow] = []
-    for load_id, reference_kg, error_kg in compute_mean_errors_kg(calibration):
-        limit = error_limit_kg(rule, reference_kg - rule.tare_kg)
+    for load_id, reference_kg, error_kg in list_mean_errors_of_loads(calibration):
+        limit = error_limit_of_load_kg(rule, reference_kg - rule.tare_kg)
         outside = min(
             inversion.exceedance_probability(limit - error_kg, reference_kg, readings)
             + inversion.exceedance_probability(limit + error_kg, reference_kg, readings),
@@ -162,7 +162,7 @@ def judge_campaign_loads(calibration: Calibration, rule: DecisionRule) -> ErrorL
     return choose_worst_verdict(rule, tuple(rows))
 
 
-def compute_mean_errors_kg(calibration: Calibration) -> list[tuple[str, float, float]]:
+def list_mean_errors_of_loads(calibration: Calibration) -> list[tuple[str, float, float]]:
     """Name, reference and mean error of each load on board, in kg."""
     found: list[tuple[str, float, float]] = []
     for reference in calibration.references:

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from analysis.diagnosis import CHECKS, CheckInputs, judge_checks
+from analysis.diagnosis import CHECKS, CheckInputs, judge_log_by_checks
 from analysis.model.answer import answer
 from analysis.model.run_record import Loss, Provenance, Run
 from analysis.stages.estimation.masses import (
@@ -33,7 +33,7 @@ def replayed(drive, excitation_of, machine):
                 "masses": withhold_masses(
                     summarise_masses(excitation, gated, estimates, made), opinion, ()
                 ),
-                "verdict": judge_checks(CheckInputs(excitation, gated, made)),
+                "verdict": judge_log_by_checks(CheckInputs(excitation, gated, made)),
             },
             Provenance(
                 settings=made.settings,

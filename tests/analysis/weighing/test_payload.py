@@ -113,13 +113,13 @@ class TestRelativeLoads:
     def test_they_are_relative_to_the_mean_of_the_manoeuvres(self):
         found = RelativeLoads.from_masses(np.array([3, 5]), np.array([900.0, 1100.0]), (0.5, 0.5))
         assert found is not None
-        np.testing.assert_allclose(found.relative_loads_of_units(np.array([3, 5])), [-0.1, 0.1])
+        np.testing.assert_allclose(found.look_up_relative_loads(np.array([3, 5])), [-0.1, 0.1])
 
     def test_a_manoeuvre_that_is_not_known_goes_with_the_one_before(self):
         found = RelativeLoads.from_masses(np.array([3, 5]), np.array([900.0, 1100.0]), (0.5, 0.5))
         assert found is not None
         np.testing.assert_allclose(
-            found.relative_loads_of_units(np.array([1, 4, 9])), [-0.1, -0.1, 0.1]
+            found.look_up_relative_loads(np.array([1, 4, 9])), [-0.1, -0.1, 0.1]
         )
 
     def test_masses_that_are_none_have_no_relation(self):
@@ -135,6 +135,6 @@ class TestRelativeLoads:
         assert found is not None
         assert usual is not None
         np.testing.assert_array_equal(
-            found.relative_loads_of_units(unit) / found.rms,
-            usual.relative_loads_of_units(unit) / usual.rms,
+            found.look_up_relative_loads(unit) / found.rms,
+            usual.look_up_relative_loads(unit) / usual.rms,
         )

@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import chi2, norm
 from scipy.stats import t as student_t
 
-from analysis.calibration.line.line_inversion import Inversion, two_sided_student_factor
-from analysis.calibration.line.line_model import Points, fit_line
+from analysis.calibration.line.line_inversion import Inversion, compute_two_sided_student_factor
+from analysis.calibration.line.line_model import Points, fit_line_and_variances
 from analysis.calibration.line.variance_components import WithinRunVariance
 
 X = np.array([0.0, 50.0, 100.0, 150.0, 200.0, 250.0])
@@ -20,7 +20,7 @@ def inverse(y, x=X):
     points = Points(
         y, ones, np.arange(count), 0 * ones, x, np.zeros((count, count)), WithinRunVariance(0, 0)
     )
-    return Inversion.from_line(fit_line(points))
+    return Inversion.from_line(fit_line_and_variances(points))
 
 
 def textbook(x, y, y0):
@@ -73,7 +73,7 @@ def test_tails_are_those_of_the_distribution_behind_the_interval():
 
 
 def test_student_s_factor_is_the_normal_one_where_all_is_known():
-    assert two_sided_student_factor(0.95, np.array([np.inf, 4.0])) == pytest.approx(
+    assert compute_two_sided_student_factor(0.95, np.array([np.inf, 4.0])) == pytest.approx(
         [norm.ppf(0.975), student_t.ppf(0.975, 4)]
     )
 
@@ -85,5 +85,5 @@ def test_the_chi_square_of_the_readings_is_the_freedom_of_their_repeatability():
         X + dice.normal(0.0, 6.0, 6), np.full(6, 10), np.arange(6), np.zeros(6, np.int64), X,
         np.zeros((6, 6)), WithinRunVariance(squares, 54),
     )  # fmt: skip
-    found = Inversion.from_line(fit_line(points))
+    found = Inversion.from_line(fit_line_and_variances(points))
     assert found.variance_kg2[0] == pytest.approx(squares / 54, rel=1e-6)
