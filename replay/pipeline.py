@@ -7,7 +7,7 @@ from typing import Final
 import polars as pl
 
 from analysis.cycles.cycles import weigh_cycles
-from analysis.cycles.shift_totals import make_shift_totals
+from analysis.cycles.shift_totals import make_shift_totals_frame
 from analysis.diagnosis import (
     CheckInputs,
     collect_raw_signals,
@@ -37,34 +37,34 @@ from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.digging import (
     add_digs_column,
     find_digging_starts,
-    refuse_windows_that_dig,
+    reject_windows_with_digging,
 )
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import pool_by_manoeuvre
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import estimate_channel_noise
-from analysis.stages.noise.channel_noise import write_noise_source_notes as noise_notes
+from analysis.stages.noise.channel_noise import list_noise_source_notes as noise_notes
 from analysis.stages.signals.align import align
-from analysis.stages.signals.align import write_alignment_notes as grid_notes
+from analysis.stages.signals.align import list_alignment_notes as grid_notes
 from analysis.stages.signals.copied_rows import (
     Copy,
     drop_copied_rows,
-    find_copied_rows,
-    write_copied_row_notes,
+    find_copied_rows_by_topic,
+    list_copied_row_notes,
 )
 from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.grid_rate import set_rate_from_log
 from analysis.stages.signals.held_readings import (
-    drop_repeated_rows,
+    drop_rows_with_held_readings,
     find_held_channels,
-    write_held_reading_notes,
+    list_held_reading_notes,
 )
 from analysis.stages.signals.mounting import Series
 from analysis.stages.signals.speed_threshold import (
-    drop_readings_below_threshold,
-    find_speed_thresholds,
-    write_speed_threshold_notes,
+    drop_zero_readings_beside_motion,
+    find_zero_speed_thresholds_m_s,
+    list_speed_threshold_notes,
 )
 from analysis.stages.signals.timestamps import assign_timestamps
 from analysis.weighing.empty_mass_datum import list_outdated_ticket_notes
@@ -119,16 +119,18 @@ class _TopicChannels:
     @classmethod
     def from_topics(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_TopicChannels":
         """Assign a time to every sample, and read the channels that the machine file names."""
-        copied = find_copied_rows(raw)  # of a buffer that a logger wrote twice
+        copied = find_copied_rows_by_topic(raw)  # of a buffer that a logger wrote twice
         placed, stamps, doubts = assign_timestamps(drop_copied_rows(raw, copied))
         read, missing = read_measured_channels(placed, machine)
         held = find_held_channels(read)  # rows between a slow sensor's readings say nothing new
-        notes = [*write_copied_row_notes(copied), *write_held_reading_notes(read, held)]
-        read = drop_repeated_rows(read, held)
+        notes = [*list_copied_row_notes(copied), *list_held_reading_notes(read, held)]
+        read = drop_rows_with_held_readings(read, held)
         # an accelerometer sees a start that its speed does not
-        thresholds_m_s = find_speed_thresholds(read) if machine.differentiates_speed else {}
-        read = drop_readings_below_threshold(read, thresholds_m_s)
-        notes += write_speed_threshold_notes(thresholds_m_s)
+        thresholds_m_s = (
+            find_zero_speed_thresholds_m_s(read) if machine.differentiates_speed else {}
+        )
+        read = drop_zero_readings_beside_motion(read, thresholds_m_s)
+        notes += list_speed_threshold_notes(thresholds_m_s)
         return cls(read, stamps, [*doubts, *missing], notes, copied)
 
 
@@ -214,7 +216,7 @@ def run(
             "planar_budget": plane_budget,
             **answer,
             "cycles": hauled.cycles,
-            "shift": make_shift_totals(
+            "shift": make_shift_totals_frame(
                 hauled.cycles, excitation, seen.frames["aligned"], hauled.scale
             ),
             "nuisances": make_nuisance_frame(weighing),
@@ -268,7 +270,7 @@ def _run_stages(
     on_stage("gate")  # the index (11) over each window, and a reason for each
     gated = gate_windows(excitation, settings, noise)
     digs = find_digging_starts(excitation, machine)  # what pushes back is no mass
-    gated = refuse_windows_that_dig(gated, excitation, digs, machine)
+    gated = reject_windows_with_digging(gated, excitation, digs, machine)
     on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
     seen = collect_raw_signals(raw, read)
     # what repeats itself does not count either, if the answer is the same without it

@@ -10,7 +10,7 @@ from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.mass_differences import calibrate_mass_differences
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
-from analysis.cycles.haul_spillage import subtract_spillage_in_columns
+from analysis.cycles.haul_spillage import subtract_spillage_from_payload_columns
 from analysis.model.schema import MOVED, QUALITY, column_values, conform_to_schema
 from estimators.errors import DataError, suggest_choice
 
@@ -64,14 +64,15 @@ def calibrate_cycles(
         "payload_u_kg": np.hypot(random_kg, common_kg),
         "scale_1": np.where(np.isnan(payload_kg), np.nan, 1.0 / on_line.size_1),
     }
-    on_scale = subtract_spillage_in_columns(
+    on_scale = subtract_spillage_from_payload_columns(
         cycles.with_columns(pl.Series(name, each).fill_nan(None) for name, each in found.items())
     )
-    if is_empty_mass_scale_better(cycles, on_scale, tuple(found)):
+    if is_empty_mass_scale_more_certain(cycles, on_scale, tuple(found)):
         return cycles
     off_kg, u_kg = estimate_mean_line_offset_and_u_kg(calibration, shared_errors)
     reasons = pl.Series(
-        "reason", [_exclusion_reason(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()]
+        "reason",
+        [_explain_inapplicable_line(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()],
     )
     refused = pl.col("reason") != ""
     said = on_scale.with_columns(reasons).with_columns(
@@ -88,7 +89,7 @@ def calibrate_cycles(
     )
 
 
-def is_empty_mass_scale_better(
+def is_empty_mass_scale_more_certain(
     cycles: pl.DataFrame, line_payloads: pl.DataFrame, names: Sequence[str]
 ) -> bool:
     """Whether the empty machine gives the sum of payloads a smaller uncertainty than the line.
@@ -133,7 +134,7 @@ def estimate_mean_line_offset_and_u_kg(
     )
 
 
-def _exclusion_reason(
+def _explain_inapplicable_line(
     row: Mapping[str, Any], calibration: Calibration, line_offset_kg: float, driving_u_kg: float
 ) -> str:
     """Why the line does not apply to a cycle; "" if it does, or if there is no mass."""

@@ -43,12 +43,12 @@ def subtract_spillage(
     """
     if body.haul_spillage_share is None or cycles.is_empty():
         return cycles
-    progress = haul_fractions_when_weighed(
+    progress = find_haul_fractions_when_weighed(
         parts, passes, frames["manoeuvres"], frames["excitation"]
     )
-    arriving, u = arriving_fraction_and_u(progress, body)
+    arriving, u = compute_arriving_fraction_and_u(progress, body)
     known = cycles["payload_kg"].is_not_null().to_numpy()
-    return subtract_spillage_in_columns(
+    return subtract_spillage_from_payload_columns(
         cycles.with_columns(
             arriving_1=pl.Series(np.where(known, arriving, np.nan)).fill_nan(None),
             arriving_u_1=pl.Series(np.where(known, u, np.nan)).fill_nan(None),
@@ -56,7 +56,7 @@ def subtract_spillage(
     )
 
 
-def arriving_fraction_and_u(haul_fraction: Floats, body: Body) -> tuple[Floats, Floats]:
+def compute_arriving_fraction_and_u(haul_fraction: Floats, body: Body) -> tuple[Floats, Floats]:
     """Fraction of the weighed load that arrives, and its standard uncertainty.
 
     If a fraction s of a load L is spilled evenly over the haul, L (1 - s p) is weighed at the
@@ -74,7 +74,7 @@ def arriving_fraction_and_u(haul_fraction: Floats, body: Body) -> tuple[Floats, 
     return (1.0 - spilled) / weighed, np.hypot(by_share, by_place)
 
 
-def subtract_spillage_in_columns(cycles: pl.DataFrame) -> pl.DataFrame:
+def subtract_spillage_from_payload_columns(cycles: pl.DataFrame) -> pl.DataFrame:
     """Subtract the spillage in columns `arriving_1` and `arriving_u_1` from payloads."""
     if cycles["arriving_1"].null_count() == cycles.height:
         return cycles
@@ -89,7 +89,7 @@ def subtract_spillage_in_columns(cycles: pl.DataFrame) -> pl.DataFrame:
     return conform_to_schema("cycles", widened.with_columns(payload_u_kg=u_kg))
 
 
-def haul_fractions_when_weighed(
+def find_haul_fractions_when_weighed(
     parts: Sequence[CycleParts], passes: Passes, manoeuvres: pl.DataFrame, excitation: pl.DataFrame
 ) -> Floats:
     """Fraction of the haul at which each load is weighed, (cycles,).

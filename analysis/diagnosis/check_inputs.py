@@ -239,7 +239,7 @@ class CheckInputs:
         braking = spinning & (changes < 0)
         welcome = not self.machine.settings.gate.exclude_braking
         moving = spinning if welcome else spinning & ~braking
-        if not fit_quality.has_enough_samples(A, moving):
+        if not fit_quality.has_enough_moving_samples(A, moving):
             return None
         return AxisMotion(A, f, spinning, moving, braking, speeding=spinning & (changes > 0))
 

@@ -21,8 +21,11 @@ from analysis.model.machine import Machine
 from analysis.model.schema import build_frame, column_values
 from analysis.model.verdict import EvidenceSubject, Verdict
 from analysis.stages.estimation import fit_quality
-from analysis.stages.gating.gate import mark_samples_to_pool
-from analysis.stages.motion.phases import average_over_speed_rate_span, count_speed_rate_rows
+from analysis.stages.gating.gate import mark_samples_for_pooling
+from analysis.stages.motion.phases import (
+    average_acceleration_over_rate_span,
+    count_rows_of_speed_rate_span,
+)
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
@@ -117,7 +120,7 @@ def _acceleration_gain(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Slope of the accelerometer against the wheels' acceleration in straight motion."""
     used = motion.complete & inputs.mark_samples_in_phases("accelerating", "cruising", "braking")
     measured = column_values(inputs.excitation, "specific_force_x_m_s2")
-    imu = average_over_speed_rate_span(measured, inputs.machine.settings)
+    imu = average_acceleration_over_rate_span(measured, inputs.machine.settings)
     rate = column_values(inputs.excitation, "speed_rate_x_m_s2")
     return fit_quality.fit_slope_with_noisy_x(
         rate, imu, used, wheel_acceleration_noise_variance(inputs)
@@ -136,11 +139,11 @@ def wheel_acceleration_noise_variance(inputs: CheckInputs) -> float:
         return 0.0
     # both ends of its span are moving means
     of_mean = float(known.covariance(settings.smooth.samples)[1, 1])
-    return 2.0 * of_mean * (settings.align.rate_hz / count_speed_rate_rows(settings)) ** 2
+    return 2.0 * of_mean * (settings.align.rate_hz / count_rows_of_speed_rate_span(settings)) ** 2
 
 
 def _count_accepted_stretches(inputs: CheckInputs, _: AxisMotion) -> float:
-    accepted = mark_samples_to_pool(inputs.excitation, inputs.gated, inputs.machine.settings)
+    accepted = mark_samples_for_pooling(inputs.excitation, inputs.gated, inputs.machine.settings)
     return float((np.diff(np.append(False, accepted).astype(int)) > 0).sum())
 
 

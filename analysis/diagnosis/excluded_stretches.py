@@ -16,8 +16,8 @@ from analysis.diagnosis.measured_channels import RawSignals, Spans
 from analysis.model.machine import Machine
 from analysis.model.verdict_limits import VerdictLimits
 from analysis.model.windows import flag_windows
-from analysis.stages.gating.gate import refuse_windows_with_rows
-from analysis.stages.motion.phases import count_speed_rate_rows
+from analysis.stages.gating.gate import reject_windows_with_rows
+from analysis.stages.motion.phases import count_rows_of_speed_rate_span
 from analysis.weighing.weigh import Weighing, average_mass_difference_kg
 from estimators.arrays import Bools
 
@@ -103,9 +103,10 @@ def refit_without_failing_stretches(
             rows |= held
             # the moving mean and the phase look back
             seen = flag_windows(
-                held, count_speed_rate_rows(machine.settings) + machine.settings.smooth.samples
+                held,
+                count_rows_of_speed_rate_span(machine.settings) + machine.settings.smooth.samples,
             )
-            gated = refuse_windows_with_rows(gated, seen, why, machine.settings)
+            gated = reject_windows_with_rows(gated, seen, why, machine.settings)
     return RefitWithoutStretches(weighing, gated, named)
 
 

@@ -12,11 +12,11 @@ import polars as pl
 from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.model.windows import find_flagged_runs
 from analysis.stages.signals.filters import median_period_ns
-from analysis.stages.signals.speed_threshold import SPEEDS, estimate_speed_threshold_m_s
+from analysis.stages.signals.speed_threshold import SPEEDS, estimate_zero_speed_threshold_m_s
 from analysis.stages.signals.timestamps import (
     RelativeDrift,
-    find_largest_relative_drift,
-    measure_clock_drifts,
+    find_largest_relative_clock_drift,
+    measure_clock_drifts_by_topic,
 )
 from estimators.arrays import Floats, Ints
 
@@ -158,7 +158,9 @@ def collect_raw_signals(
     """
     span_ns = max((int(t[-1] - t[0]) for t, _ in channels.values()), default=0)
     return RawSignals(
-        channels, find_largest_relative_drift(measure_clock_drifts(raw)), span_ns / 1e9
+        channels,
+        find_largest_relative_clock_drift(measure_clock_drifts_by_topic(raw)),
+        span_ns / 1e9,
     )
 
 
@@ -236,7 +238,7 @@ def find_zero_speed_spans(unix_ns: Ints, speed: Floats) -> Spans:
     )
     small = max(
         LIMITS.stand_edge_range_fraction * float(np.quantile(np.abs(speed), 0.98)),
-        LIMITS.stand_edge_threshold_ratio * estimate_speed_threshold_m_s(speed),
+        LIMITS.stand_edge_threshold_ratio * estimate_zero_speed_threshold_m_s(speed),
     )
     stands = (speed[first] == 0.0) & (before <= small) & (after <= small)
     stands &= (unix_ns[last] - unix_ns[first]) > LIMITS.frozen_s * 1e9

@@ -173,7 +173,7 @@ def compute_settling_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> f
     """
     body, full = (
         RigidBody.make_loaded_body(scenario, load_kg),
-        scenario.full_force_and_torque,
+        scenario.full_throttle_force_and_torque,
     )
     if axis == "force":
         inertia, friction, key = body.mass_kg, body.friction_x_N_s_m, "friction_N_s_m"
@@ -261,7 +261,7 @@ def _make_excite_manoeuvre(
     response_s: Mapping[str, float],
 ) -> Excite:
     force_N, torque_N_m = (
-        full / 2.0 if drive == "joint" else full for full in scenario.full_force_and_torque
+        full / 2.0 if drive == "joint" else full for full in scenario.full_throttle_force_and_torque
     )
     # to the millisecond, so that a person can read the scenario
     periods = {axis: round(_PERIOD_OVER_RESPONSE * each, 3) for axis, each in response_s.items()}

@@ -25,7 +25,7 @@ from analysis.findings.refit import refit_corrected
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import column_values
 from analysis.stages.motion.forces import compute_longitudinal_force
-from analysis.stages.motion.phases import average_over_speed_rate_span
+from analysis.stages.motion.phases import average_acceleration_over_rate_span
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
@@ -159,7 +159,9 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     settings = inputs.machine.settings
     rate = column_values(inputs.check_inputs.excitation, "speed_rate_x_m_s2")
     ahead, left = (
-        average_over_speed_rate_span(column_values(inputs.check_inputs.excitation, name), settings)
+        average_acceleration_over_rate_span(
+            column_values(inputs.check_inputs.excitation, name), settings
+        )
         for name in (ACC, _Y)
     )
     used = inputs.check_inputs.mark_samples_in_phases("accelerating", "braking", "cruising")

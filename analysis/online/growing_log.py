@@ -17,16 +17,20 @@ from analysis.model.machine import Machine
 from analysis.model.schema import HINTS
 from analysis.online.online_limits import LIMITS
 from analysis.stages.motion.forces import compute_excitation
-from analysis.stages.motion.phases import count_speed_rate_rows
+from analysis.stages.motion.phases import count_rows_of_speed_rate_span
 from analysis.stages.motion.smooth import smooth
-from analysis.stages.signals.align import Origin, align_on_grid, find_grid_origin
+from analysis.stages.signals.align import (
+    Origin,
+    align_known_rows_on_causal_grid,
+    find_origin_of_causal_grid,
+)
 from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.grid_rate import set_rate_from_log
 from analysis.stages.signals.held_readings import (
     HeldReadings,
-    drop_repeated_rows,
+    drop_rows_with_held_readings,
     find_held_channels,
-    write_held_reading_notes,
+    list_held_reading_notes,
 )
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
@@ -176,15 +180,15 @@ class GrowingLog:
         placed, labels, _ = assign_timestamps(head)
         read, _ = read_measured_channels(placed, self.machine)
         held = find_held_channels(read)
-        notes = write_held_reading_notes(read, held)
-        read = drop_repeated_rows(read, held)
+        notes = list_held_reading_notes(read, held)
+        read = drop_rows_with_held_readings(read, held)
         machine, chosen = set_rate_from_log(read, self.machine)
         channels, _ = derive(read, machine)
         self.basis = LogBasis(
             machine,
             {topic: find_log_time_offset_ns(frame, labels[topic]) for topic, frame in head.items()},
             labels,
-            find_grid_origin(channels, machine),
+            find_origin_of_causal_grid(channels, machine),
             held,
             (*notes, *chosen),
         )
@@ -198,12 +202,14 @@ class GrowingLog:
         machine = self.basis.machine
         settings = machine.settings
         read, _ = read_measured_channels(self._raw, machine)
-        channels, _ = derive(drop_repeated_rows(read, self.basis.held), machine)
+        channels, _ = derive(drop_rows_with_held_readings(read, self.basis.held), machine)
         # the mean, the speed rate over it, and an acceleration averaged over the span of that
-        looks_back = settings.smooth.samples + 2 * count_speed_rate_rows(settings) + 2
+        looks_back = settings.smooth.samples + 2 * count_rows_of_speed_rate_span(settings) + 2
         step_ns = 1e9 / settings.align.rate_hz
         after_ns = self._last_t_ns - round(looks_back * step_ns)
-        aligned = align_on_grid(channels, machine, self.basis.origin, after_ns, is_whole=is_whole)
+        aligned = align_known_rows_on_causal_grid(
+            channels, machine, self.basis.origin, after_ns, is_whole=is_whole
+        )
         if aligned.is_empty() or int(aligned["t_ns"][-1]) <= self._last_t_ns:
             return None
         rows = compute_excitation(smooth(aligned, settings.smooth), machine)

@@ -39,7 +39,7 @@ def compute_quantity_gradient(estimate: BaseEstimate, name: str) -> Floats:
     return np.array([float(each == name) for each in estimate.parameters])
 
 
-def list_uncertainty_sources(
+def list_planar_uncertainty_sources(
     estimate: BaseEstimate, gradient: Floats, terms: tuple[str, ...], machine: Machine
 ) -> list[UncertaintySource]:
     """Uncertainty sources of a quantity, the largest first, unknown ones last.
@@ -119,30 +119,30 @@ def combine_standard_uncertainty(
     at = np.flatnonzero(gradient)
     if not np.isfinite(estimate.covariance[np.ix_(at, at)]).all():
         return float("nan")
-    return combine_u(list_uncertainty_sources(estimate, gradient, terms, machine))
+    return combine_u(list_planar_uncertainty_sources(estimate, gradient, terms, machine))
 
 
-def make_budget_rows(
-    row: Mapping[str, Any], estimate: BaseEstimate, terms: tuple[str, ...], machine: Machine
+def make_planar_budget_rows(
+    fit_row: Mapping[str, Any], estimate: BaseEstimate, terms: tuple[str, ...], machine: Machine
 ) -> list[dict[str, Any]]:
     """Rows on the sources of uncertainty of each quantity that all motion determines.
 
     Args:
-        row: the fit of all motion in `planar`.
+        fit_row: the fit of all motion in `planar`.
         estimate: the fit.
-        terms: as `list_uncertainty_sources` takes them.
+        terms: as `list_planar_uncertainty_sources` takes them.
         machine: machine file with its uncertainties.
     """
     parts: list[dict[str, Any]] = []
     for quantity, unit in _QUANTITIES.items():
-        if row.get(quantity) is None or not np.isfinite(row[quantity]):
+        if fit_row.get(quantity) is None or not np.isfinite(fit_row[quantity]):
             continue
         if quantity in PARAMETERS:
             gradient = compute_quantity_gradient(estimate, quantity)
         else:
             moment = MOMENTS["xy".index(quantity[4])]
             gradient = estimate.slope(moment, "mass_kg")[1]
-        found = list_uncertainty_sources(estimate, gradient, terms, machine)
+        found = list_planar_uncertainty_sources(estimate, gradient, terms, machine)
         total = combine_u(found)
         parts += [
             {

@@ -261,7 +261,7 @@ class EmptyDatum:
         )
 
 
-def list_payload_uncertainty_sources(
+def list_payload_uncertainties(
     weighing: Weighing, machine: Machine, datum: EmptyDatum | None, coefficients: Floats
 ) -> list[UncertaintySource]:
     """Uncertainty sources of a sum of masses, in kg, using the datum if there is one.

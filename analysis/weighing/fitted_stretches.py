@@ -11,9 +11,9 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
 from analysis.model.windows import flag_windows
-from analysis.stages.gating.gate import mark_possible_braking, mark_samples_to_pool
+from analysis.stages.gating.gate import mark_possible_braking, mark_samples_for_pooling
 from analysis.stages.gating.segments import number_manoeuvres
-from analysis.stages.motion.phases import mark_falls_beyond_noise, mark_stopping_samples
+from analysis.stages.motion.phases import mark_speed_falls_beyond_noise, mark_stopping_samples
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
@@ -76,7 +76,7 @@ def number_fitted_manoeuvres(
     """
     settings = machine.settings
     without = settings.gate.exclude_braking or not braking
-    accepted = mark_samples_to_pool(excitation, gated, settings)
+    accepted = mark_samples_for_pooling(excitation, gated, settings)
     segment_id = number_manoeuvres(excitation, settings)
     informative = np.unique(segment_id[accepted & (segment_id >= 0)])
     phase = excitation["phase"]
@@ -85,7 +85,7 @@ def number_fitted_manoeuvres(
         brakes = (phase == "braking").fill_null(False).to_numpy()
         stands = (phase == "standstill").fill_null(False).to_numpy()
         speed = column_values(excitation, "speed_x_m_s")
-        brakes &= mark_falls_beyond_noise(speed, noise_m_s, settings)
+        brakes &= mark_speed_falls_beyond_noise(speed, noise_m_s, settings)
         brakes |= mark_stopping_samples(speed, stands, moving_threshold_m_s, settings)
         driving &= ~mark_possible_braking(brakes, settings)
     return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)

@@ -131,7 +131,7 @@ def find_empty_states(
         return []
     drift = weighing.significant_empty_mass_drift
     if drift is not None:
-        return list(drift.empty)
+        return list(drift.empty_states)
     return _find_equally_light_states(weighing, lightest, machine)
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, fit_friction_trend
+from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, fit_daily_friction_trend
 from analysis.fleet.attention import rank_concerns
 from analysis.fleet.calibration_steps import find_line_changes
 from analysis.fleet.daily_figures import (
@@ -157,4 +157,4 @@ def estimate_fleet_friction_trends(
     columns = ("machine", "t0_unix_ns", "friction_x_N_s_m", "friction_x_std_N_s_m")
     for machine, begin_ns, friction, std in known.select(columns).iter_rows():
         days[machine].append(FrictionDay(begin_ns / _DAY_NS, friction, std))
-    return {machine: fit_friction_trend(each, limit_N_s_m) for machine, each in days.items()}
+    return {machine: fit_daily_friction_trend(each, limit_N_s_m) for machine, each in days.items()}

@@ -92,7 +92,7 @@ def compare_known_mass_with_calibration(
     run = (float(machine_reading.readings), machine_reading.u_random_kg or 0.0)
     mass = calibration.alpha_1 * machine_reading.mass_kg + calibration.beta_kg
     difference = mass - reference_kg
-    u = inversion.u_kg(reference_kg, *run)
+    u = inversion.later_mass_u_kg(reference_kg, *run)
     limit = inversion.half_interval_kg(reference_kg, calibration.confidence_1, *run)
     tail = inversion.exceedance_probability(abs(difference), reference_kg, *run)
     matters = 2.0 * limit if min_relevant_drift_kg is None else min_relevant_drift_kg

@@ -14,7 +14,7 @@ from analysis.model.axes import (
 from analysis.model.methods import METHODS
 from analysis.model.schema import PHASE, REASON, build_frame
 from analysis.model.settings import Settings
-from analysis.stages.gating.gate import mark_samples_to_pool
+from analysis.stages.gating.gate import mark_samples_for_pooling
 from analysis.stages.motion.phases import TURNS
 from analysis.stages.noise.column_noise import collect_axis_noise
 from estimators.arrays import Ints
@@ -40,11 +40,11 @@ def number_manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
     return np.where(known, np.cumsum(begins) - 1, -1).astype(np.int64)
 
 
-def number_pooled_manoeuvres(
+def number_manoeuvres_for_pooling(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
 ) -> Ints:
     """The manoeuvre that each sample is pooled into, (rows,), -1 for those that are not."""
-    used = mark_samples_to_pool(excitation, gated, settings, axis)
+    used = mark_samples_for_pooling(excitation, gated, settings, axis)
     return np.where(used, number_manoeuvres(excitation, settings), -1)
 
 
@@ -70,7 +70,7 @@ def pool_by_manoeuvre(
     used = np.zeros(segment_id.size, np.bool_)
     parts: list[pl.DataFrame] = []
     for axis in list_available_axes(excitation):
-        pooled_ids = number_pooled_manoeuvres(excitation, gated, settings, axis)
+        pooled_ids = number_manoeuvres_for_pooling(excitation, gated, settings, axis)
         used |= pooled_ids >= 0
         A, f = make_regressor_and_force(axis, excitation, settings)
         method = METHODS["pooled"]

@@ -12,7 +12,7 @@ RESIDUALS: Final = "residuals"
 SPREAD: Final = "spread"
 
 
-def compute_noise_std_limits(x: Floats, is_moving: Bools) -> tuple[Floats, Floats]:
+def compute_noise_std_limits_by_motion(x: Floats, is_moving: Bools) -> tuple[Floats, Floats]:
     """Upper limits of each column's noise standard deviation, (columns,) each.
 
     Args:
@@ -48,7 +48,7 @@ def clip_covariances(
         is_moving: (rows,) whether the machine moves.
         derivative_of: the column that each is the derivative of, -1 for none.
     """
-    spread, left = compute_noise_std_limits(x, is_moving)
+    spread, left = compute_noise_std_limits_by_motion(x, is_moving)
     std = np.sqrt(np.maximum(np.diagonal(covariances[:, :, 0]), 0.0))
     for column, source in enumerate(sources):
         limit = min(spread[column], left[column])

@@ -70,12 +70,14 @@ def find_slowest_channel_and_rate_hz(
     """Name and rate in Hz of the slowest channel of the regressor."""
     names = {
         source
-        for regressor in rates.list_channels_of_equations(machine)
+        for regressor in rates.list_channel_sets_of_equations(machine)
         for name in regressor - {"direction_x_1"}
         for source in rates.find_source_channels(name, machine)
         if source in channels
     }
-    periods = {name: rates.mean_period_ns(channels[name][0], 1e9 / PAPER_HZ) for name in names}
+    periods = {
+        name: rates.mean_period_without_gaps_ns(channels[name][0], 1e9 / PAPER_HZ) for name in names
+    }
     slowest = max(sorted(periods), key=lambda name: periods[name])
     # six digits: a clock is no better, and the grid of an even log falls on its samples
     return slowest, float(f"{1e9 / periods[slowest]:.6g}")

@@ -9,12 +9,14 @@ from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_unless_short_log
 
 
-def interpolate_in_stretches(t_ns: Ints, x: Floats, instants_ns: Ints, longest_ns: float) -> Floats:
+def interpolate_in_stretches(
+    t_ns: Ints, signal: Floats, instants_ns: Ints, longest_ns: float
+) -> Floats:
     """Interpolate linearly between samples, except across gaps.
 
     Args:
         t_ns: (n,) stamps, strictly ascending.
-        x: (n,) samples.
+        signal: (n,) samples.
         instants_ns: (rows,) instants, ascending.
         longest_ns: longest step that is not a gap.
 
@@ -22,12 +24,12 @@ def interpolate_in_stretches(t_ns: Ints, x: Floats, instants_ns: Ints, longest_n
         (rows,) values, NaN in gaps, before the first sample and after the last.
     """
     out = np.full(instants_ns.size, np.nan)
-    _fill_interpolated_values(t_ns, np.ascontiguousarray(x), instants_ns, int(longest_ns), out)
+    _fill_interpolated_values(t_ns, np.ascontiguousarray(signal), instants_ns, int(longest_ns), out)
     return out
 
 
 def average_about_instants(
-    t_ns: Ints, x: Floats, instants_ns: Ints, width_ns: int, longest_ns: float
+    t_ns: Ints, signal: Floats, instants_ns: Ints, width_ns: int, longest_ns: float
 ) -> Floats:
     """Average the linear interpolation over a width about each instant, exactly integrated.
 
@@ -36,13 +38,15 @@ def average_about_instants(
 
     Args:
         t_ns: (n,) stamps, strictly ascending.
-        x: (n,) samples.
+        signal: (n,) samples.
         instants_ns: (rows,) instants, ascending.
         width_ns: averaging width, half of it on either side.
         longest_ns: longest step that is not a gap.
     """
     out = np.full(instants_ns.size, np.nan)
-    _fill_averages(t_ns, np.ascontiguousarray(x), instants_ns, width_ns // 2, int(longest_ns), out)
+    _fill_averages(
+        t_ns, np.ascontiguousarray(signal), instants_ns, width_ns // 2, int(longest_ns), out
+    )
     return out
 
 

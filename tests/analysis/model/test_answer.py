@@ -9,7 +9,7 @@ from analysis.diagnosis import CHECKS, CheckInputs, judge_log_by_checks
 from analysis.model.answer import answer
 from analysis.model.run_record import Loss, Provenance, Run
 from analysis.stages.estimation.masses import (
-    describe_missing_acceptance,
+    explain_why_gate_accepted_nothing,
     summarise_masses,
     withhold_masses,
 )
@@ -122,7 +122,9 @@ def test_a_withheld_mass_is_null_in_the_answer(replayed):
 def test_the_obstacle_is_named(drive, excitation_of, machine, manoeuvres, seconds, changes, why):
     settings = machine().settings
     excitation = excitation_of(drive(manoeuvres, seconds).but(**changes))
-    said = describe_missing_acceptance(excitation, gate_windows(excitation, settings), settings)
+    said = explain_why_gate_accepted_nothing(
+        excitation, gate_windows(excitation, settings), settings
+    )
     if why is None:
         assert said is None
     else:

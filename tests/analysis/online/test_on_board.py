@@ -15,7 +15,7 @@ from analysis.model.settings import Settings
 from analysis.online import on_board as online
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows
-from analysis.stages.gating.segments import number_pooled_manoeuvres
+from analysis.stages.gating.segments import number_manoeuvres_for_pooling
 from analysis.stages.noise.channel_noise import estimate_channel_noise
 from tests.analysis import plane_drives as plane
 from tests.analysis.noisy_logs import noisy_log
@@ -207,7 +207,9 @@ def test_a_log_without_an_accelerometer_or_any_row(two_starts):
 def test_a_pooled_estimate_comes_when_braking_can_claim_no_sample_of_it(two_starts):
     """Braking is seen at once, so the manoeuvre that it ends is over then."""
     settings = Settings(trace={"methods": ("pooled",)})
-    numbers = number_pooled_manoeuvres(two_starts, gate_windows(two_starts, settings), settings)
+    numbers = number_manoeuvres_for_pooling(
+        two_starts, gate_windows(two_starts, settings), settings
+    )
     state, came = online.start(settings), {}
     for k, row in enumerate(two_starts.iter_rows(named=True)):
         step = online.step(state, row)

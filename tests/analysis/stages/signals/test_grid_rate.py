@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.stages.estimation.masses import describe_missing_acceptance
+from analysis.stages.estimation.masses import explain_why_gate_accepted_nothing
 from analysis.stages.signals import filters
 from analysis.stages.signals.grid_rate import set_rate_from_log
 from tests.analysis.conftest import make_machine
@@ -87,7 +87,7 @@ def test_a_gap_is_so_many_periods_of_the_log():
     machine = make_machine()
     read = all_at(10.0)
     found, _ = set_rate_from_log(read, machine)
-    longest_ns = filters.longest_step_ns(read["force_x_N"][0], found.settings.align)
+    longest_ns = filters.gap_threshold_ns(read["force_x_N"][0], found.settings.align)
     assert longest_ns == pytest.approx(0.3e9)
 
 
@@ -96,7 +96,7 @@ def test_a_log_too_short_for_a_window_says_how_long_that_is():
     found, _ = set_rate_from_log(all_at(1.0, 15.0), machine)
     excitation = pl.DataFrame({"phase": ["cruising"] * 15})
     gated = pl.DataFrame({"accepted_x": [False] * 15, "reason_x": ["warming_up"] * 15})
-    why = describe_missing_acceptance(excitation, gated, found.settings)
+    why = explain_why_gate_accepted_nothing(excitation, gated, found.settings)
     assert why == "the log lasts 15.00 s, a window needs 20.00 s"
 
 
