@@ -11,7 +11,7 @@ from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.mass_differences import calibrate_mass_differences
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
 from analysis.cycles.haul_spillage import subtract_spillage_from_payload_columns
-from analysis.model.schema import MOVED, QUALITY, column_values, conform_to_schema
+from analysis.model.schema import MOVED, QUALITY, column_values, conform_frame_to_schema
 from estimators.errors import DataError, suggest_choice
 
 #: Lines whose estimate is the mass of a state, and lines of a difference of two.
@@ -81,7 +81,7 @@ def calibrate_cycles(
         counted=pl.col("counted") & ~refused,
         withheld_for=pl.when(refused).then("reason").otherwise("withheld_for"),
     )
-    return conform_to_schema(
+    return conform_frame_to_schema(
         "cycles",
         said.drop("reason").with_columns(
             scale_from=pl.when(pl.col("payload_kg").is_not_null()).then(pl.lit(BY_CALIBRATION))

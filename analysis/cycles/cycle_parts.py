@@ -17,6 +17,14 @@ from analysis.model.windows import find_flagged_runs
 from estimators.arrays import Bools, Floats, Ints
 
 
+class DumpStandstill(NamedTuple):
+    """Standstill of a dump in ns, and whether the boom moves during it."""
+
+    begin_ns: int
+    end_ns: int
+    does_boom_move: bool
+
+
 class DriveSummary(NamedTuple):
     """Motion within a time span.
 
@@ -247,7 +255,7 @@ def fill_in_dump_times(
             cycle.bucket_emptied_ns = dumped[0].bucket_emptied_ns
             continue
         stand = choose_standstill_of_dump(stands[part], boom[part], t_ns[part])
-        by_boom = stand is not None and stand[2]
+        by_boom = stand is not None and stand.does_boom_move
         hole = None if by_boom else find_longest_data_gap_ns(t_ns[part])
         cycle.unseen = hole is not None
         found_ns = hole or (stand and stand[:2]) or (int(t_ns[first]), int(t_ns[last]))
@@ -301,16 +309,13 @@ def find_longest_standstill_ns(standstills: Bools, t_ns: Ints) -> tuple[int, int
 
 def choose_standstill_of_dump(
     standstills: Bools, boom_rad: NDArray[np.float64], t_ns: Ints
-) -> tuple[int, int, bool] | None:
-    """Choose the standstill of a dump: that in which the boom moves most, or else the longest.
+) -> DumpStandstill | None:
+    """Choose the standstill in which the boom moves most, or else the longest; None without any.
 
     Args:
         standstills: (n,) samples that stand.
         boom_rad: (n,) boom angle in rad.
         t_ns: (n,) time.
-
-    Returns:
-        Begin and end in ns, and whether the boom moves during it; None without a standstill.
     """
     begins, ends = find_flagged_runs(standstills)
     if not begins.size:
@@ -321,7 +326,7 @@ def choose_standstill_of_dump(
     length = (t_ns[ends] - t_ns[begins]).astype(np.float64)
     by_boom = bool(moves.max() > LIMITS.boom_min_reach_rad)
     best = int(np.argmax(moves if by_boom else length))
-    return int(t_ns[begins[best]]), int(t_ns[ends[best]]), by_boom
+    return DumpStandstill(int(t_ns[begins[best]]), int(t_ns[ends[best]]), by_boom)
 
 
 def find_middle_of_boom_out_time_ns(

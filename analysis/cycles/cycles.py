@@ -31,7 +31,7 @@ from analysis.cycles.load_passes import NO_PASSES, Passes, find_load_passes
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build_frame
-from analysis.model.uncertainty_sources import combine_u, unknown_scale_source_names
+from analysis.model.uncertainty_sources import combine_u, list_scale_sources_without_u
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine, list_payload_uncertainties
 from analysis.weighing.fuel_on_board import FuelOnBoard
@@ -346,7 +346,7 @@ def compute_shared_payload_uncertainty(
     own = compute_common_payload_uncertainty(weighing, machine, passes, coefficients, None)
     gain_1, gain_u_1 = empty.weighed_to_stated_ratio_and_u or (None, None)
     sources = list_payload_uncertainties(weighing, machine, datum, empty.weights)
-    unknown = unknown_scale_source_names(sources)
+    unknown = list_scale_sources_without_u(sources)
     told_by = "" if unknown else BY_MACHINE_FILE if datum is None else BY_EMPTY_MACHINE
     scale = ShiftScale(told_by, ", ".join(unknown), gain_1, gain_u_1)
     if datum is None:

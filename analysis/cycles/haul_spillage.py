@@ -15,7 +15,7 @@ from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.load_passes import Passes
 from analysis.model.machine_body import Body
-from analysis.model.schema import column_values, conform_to_schema
+from analysis.model.schema import column_values, conform_frame_to_schema
 from estimators.arrays import Floats
 
 #: Columns that are in proportion to the payload.
@@ -86,7 +86,7 @@ def subtract_spillage_from_payload_columns(cycles: pl.DataFrame) -> pl.DataFrame
         (common**2 + added_kg**2).sqrt(), (shared**2 + added_kg**2).sqrt()
     )
     u_kg = (pl.col("payload_u_random_kg") ** 2 + common**2).sqrt()
-    return conform_to_schema("cycles", widened.with_columns(payload_u_kg=u_kg))
+    return conform_frame_to_schema("cycles", widened.with_columns(payload_u_kg=u_kg))
 
 
 def find_haul_fractions_when_weighed(

@@ -8,7 +8,7 @@ reveals it. The difference is judged by its standard uncertainty, including the 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 import polars as pl
@@ -19,7 +19,7 @@ from analysis.diagnosis.measured_channels import RawSignals
 from analysis.diagnosis.side_comparison import SideDifference, compare_sides
 from analysis.model.axes import (
     Z,
-    list_available_axes,
+    list_axes_allowed_by_channels,
     make_spin_regressor_and_torque,
     make_straight_regressor_and_force,
 )
@@ -121,14 +121,6 @@ class EmptyMassDifference:
         return [gear if self.mass_ratio > 1.0 else f"{gear} the other way", *named[:3]]
 
 
-class UngatedFit(NamedTuple):
-    """A fit over every moving sample: first parameter, its standard deviation and R²."""
-
-    value: float
-    std: float
-    r_squared: float
-
-
 @dataclass(frozen=True)
 class AxisMotion:
     """Samples of one axis: A (n, p), f (n,), and (n,) flags.
@@ -150,9 +142,9 @@ class AxisMotion:
     speeding: Bools
 
     @cached_property
-    def fit(self) -> UngatedFit:
+    def fit(self) -> fit_quality.UngatedFit:
         """Fit of the axis' model to every moving sample."""
-        return UngatedFit(*fit_quality.fit_ungated(self.A, self.f, self.moving))
+        return fit_quality.fit_ungated(self.A, self.f, self.moving)
 
     @property
     def speed(self) -> Floats:
@@ -230,7 +222,7 @@ class CheckInputs:
     @cached_property
     def spins(self) -> AxisMotion | None:
         """Samples of spins; None if the channels do not allow it or there are too few."""
-        if Z not in list_available_axes(self.excitation):
+        if Z not in list_axes_allowed_by_channels(self.excitation):
             return None
         A, f = make_spin_regressor_and_torque(self.excitation)
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)

@@ -83,7 +83,7 @@ def find_determined_parameters(
         alone=tuple(named),
         combinations=tuple(found.format_combinations()),
         lost=tuple(name for name in _NAMES if name not in (*named, *joined)),
-        trade_offs=find_trade_offs(A),
+        trade_offs=find_correlated_parameter_pairs(A),
     )
 
 
@@ -100,7 +100,7 @@ def find_column_noise_stds(noise: pl.DataFrame | None, settings: Settings) -> Fl
     return np.array([*measured, LIMITS.constant_noise_std_1, LIMITS.constant_noise_std_1])
 
 
-def find_trade_offs(A: Floats) -> tuple[tuple[str, str, float], ...]:
+def find_correlated_parameter_pairs(A: Floats) -> tuple[tuple[str, str, float], ...]:
     """Correlations of least-squares estimates beyond `trade_off_correlation`, strongest first."""
     length = np.linalg.norm(A, axis=0)
     kept = [i for i in range(A.shape[1]) if length[i] > 0.0]

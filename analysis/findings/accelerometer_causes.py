@@ -6,7 +6,7 @@ gravity times the angle by which the acceleration tilts the IMU.
 """
 
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -41,6 +41,15 @@ _ALL_AXES: Final = (
     *(ACC, _Y, _Z),
     *("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s"),
 )
+
+
+class StartAndRestSpectra(NamedTuple):
+    """Mean power (k,) of the accelerometer's residual after starts and at rest."""
+
+    frequency_hz: Floats
+    after_starts: Floats
+    at_rest: Floats
+    start_count: int
 
 
 def does_accelerometer_lack_gravity(inputs: FindingInputs) -> bool:
@@ -323,13 +332,8 @@ def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
 
 def compute_imu_spectra_after_starts_and_at_rest(
     inputs: FindingInputs,
-) -> tuple[Floats, Floats, Floats, int] | None:
-    """Spectra of the accelerometer's residual after starts and at rest.
-
-    Returns:
-        Frequencies in Hz, mean power after starts and mean power at rest, (k,) each, and the number
-        of starts; None if there are too few.
-    """
+) -> StartAndRestSpectra | None:
+    """Spectra of the accelerometer's residual after starts and at rest; None of too few."""
     rate_hz = inputs.machine.settings.align.rate_hz
     size = count_rows_in_duration(LIMITS.start_window_s, rate_hz)
     if not inputs.select_measured_channels(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
@@ -358,7 +362,8 @@ def compute_imu_spectra_after_starts_and_at_rest(
     driving, standing = mean_spectrum(starts), mean_spectrum(rests[:200])
     if driving is None or standing is None:
         return None
-    return np.arange(size // 2 + 1) * rate_hz / size, driving, standing, len(starts)
+    hz = np.arange(size // 2 + 1) * rate_hz / size
+    return StartAndRestSpectra(hz, driving, standing, len(starts))
 
 
 def find_force_rise_ends(inputs: FindingInputs, force: Floats, min_held_samples: int) -> list[int]:

@@ -6,7 +6,7 @@ and is therefore searched first, by the correlation of whole channels.
 """
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -34,6 +34,14 @@ EXPLAINED_BY_LONG: Final = (
     *("too_little_excitation", "collinear", "imu_loose", "spikes", "gain_by_speed"),
 )
 _SHOWN: Final = {"force": "force", "speed": "speed", "imu": "accelerometer"}
+
+
+class SignalLag(NamedTuple):
+    """Lag of one signal behind another, and their correlation at that lag and without one."""
+
+    lag_s: float
+    correlation_1: float
+    correlation_without_lag_1: float
 
 
 @dataclass(frozen=True)
@@ -69,7 +77,7 @@ def _search_channel_with_long_delay(inputs: FindingInputs) -> LongDelay | None:
     if "imu" not in channels:
         seen = _estimate_force_lag_while_driving(force, speed, channels["v"], drives, step_s)
         return (
-            LongDelay("force", seen[0], seen[1:], "speed")
+            LongDelay("force", seen.lag_s, seen[1:], "speed")
             if _does_long_shift_restore_correlation(seen)
             else None
         )
@@ -80,7 +88,7 @@ def _search_channel_with_long_delay(inputs: FindingInputs) -> LongDelay | None:
         before = round(LIMITS.driving_start_s / step_s)
         rows = flag_windows(drives[::-1], before)[::-1]
         v = channels["v"]
-        later = np.interp(np.arange(v.size) + seen[0] / step_s, np.arange(v.size), v)
+        later = np.interp(np.arange(v.size) + seen.lag_s / step_s, np.arange(v.size), v)
         by_imu, by_speed = (
             _sum_squared_force_residuals(
                 force, np.column_stack([acceleration, along, np.ones(v.size)]), rows
@@ -88,17 +96,17 @@ def _search_channel_with_long_delay(inputs: FindingInputs) -> LongDelay | None:
             for acceleration, along in ((imu, later), (speed, v))
         )
         if by_imu < by_speed:
-            return LongDelay("speed", seen[0], seen[1:])
-        return LongDelay("imu", -seen[0], seen[1:])
+            return LongDelay("speed", seen.lag_s, seen[1:])
+        return LongDelay("imu", -seen.lag_s, seen[1:])
     seen = _estimate_force_lag_while_driving(force, imu, channels["v"], drives, step_s)
     return (
-        LongDelay("force", seen[0], seen[1:])
+        LongDelay("force", seen.lag_s, seen[1:])
         if _does_long_shift_restore_correlation(seen)
         else None
     )
 
 
-def _does_long_shift_restore_correlation(lag: tuple[float, float, float]) -> bool:
+def _does_long_shift_restore_correlation(lag: SignalLag) -> bool:
     """Whether a shift turns a poor correlation into a good one."""
     late_s, after, before = lag
     # the other way as they are: a sign
@@ -130,7 +138,7 @@ def _force_acceleration_correlation(force: Floats, acceleration: Floats, speed: 
 
 def _estimate_force_lag_while_driving(
     force: Floats, acceleration: Floats, speed: Floats, is_driving: Bools, step_s: float
-) -> tuple[float, float, float]:
+) -> SignalLag:
     """Lag of the force where no brakes act, with the values of `estimate_lag_of_signal`."""
     longest = round(LIMITS.longest_delay_s / step_s)
     inside = is_driving.copy()
@@ -142,7 +150,7 @@ def _estimate_force_lag_while_driving(
         for k in range(-longest, longest + 1)
     ]
     at = int(np.argmax(seen))
-    return (at - longest) * step_s, seen[at], seen[longest]
+    return SignalLag((at - longest) * step_s, seen[at], seen[longest])
 
 
 def make_acceleration_signals_and_step_s(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
@@ -182,9 +190,7 @@ def make_acceleration_signals_and_step_s(inputs: FindingInputs) -> tuple[float, 
     return size / rate_hz, {**channels, "v": np.nan_to_num(speed)}
 
 
-def estimate_lag_of_signal(
-    delayed: Floats, reference: Floats, step_s: float
-) -> tuple[float, float, float]:
+def estimate_lag_of_signal(delayed: Floats, reference: Floats, step_s: float) -> SignalLag:
     """Find the lag of one signal behind another.
 
     Returns:
@@ -202,7 +208,7 @@ def estimate_lag_of_signal(
         before, here, after = near[at - 1 : at + 2]
         bend = before - 2.0 * here + after
         part = float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5)) if bend < 0.0 else 0.0
-    return (at - longest + part) * step_s, float(near[at]), float(product[0])
+    return SignalLag((at - longest + part) * step_s, float(near[at]), float(product[0]))
 
 
 def find_channel_delays(inputs: FindingInputs) -> list[Symptom]:

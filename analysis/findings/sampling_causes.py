@@ -3,6 +3,8 @@
 Gaps, rows written twice, uneven sampling, clock jump and drift, a coarse resolution.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from analysis.findings.cause import Symptom, keep_strongest_symptom
@@ -15,6 +17,14 @@ from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 from analysis.stages.signals.timestamps import FIRST_DATE_NS, measure_relative_step_scatter
 from estimators.arrays import Bools, Floats, Ints
 from estimators.errors import counted
+
+
+class LatencyStep(NamedTuple):
+    """Index and height of a step of the latency, and the standard deviation around it."""
+
+    index: int
+    height_s: float
+    std_s: float
 
 
 def find_topic_gaps(inputs: FindingInputs) -> list[Symptom]:
@@ -104,7 +114,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
         if steps.size < 100:
             continue
         scatter = float(np.std(steps))
-        least, says = measure_time_step_scatter(inputs, name)
+        least, says = choose_step_scatter_limit_and_verdict(inputs, name)
         found.append(
             Symptom(
                 scatter / least,
@@ -116,7 +126,9 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
     return keep_strongest_symptom(found)
 
 
-def measure_time_step_scatter(inputs: FindingInputs, channel_name: str) -> tuple[float, str]:
+def choose_step_scatter_limit_and_verdict(
+    inputs: FindingInputs, channel_name: str
+) -> tuple[float, str]:
     """Relevant scatter of a topic's time steps, and whether its readings confirm the stamps.
 
     Returns:
@@ -267,7 +279,7 @@ def estimate_typical_latencies_and_std_s(latency_s: Floats) -> tuple[Floats | No
     return level, max(float(np.median(changes)) * STD_OF_MAD, 1e-5)
 
 
-def find_largest_latency_step(latency_s: Floats) -> tuple[int, float, float]:
+def find_largest_latency_step(latency_s: Floats) -> LatencyStep:
     """Index and height in s of the largest step, and the standard deviation around it in s."""
     count = np.arange(1, latency_s.size)
     before = np.cumsum(latency_s)[:-1] / count
@@ -277,7 +289,7 @@ def find_largest_latency_step(latency_s: Floats) -> tuple[int, float, float]:
     left = np.concatenate(
         [latency_s[:at] - latency_s[:at].mean(), latency_s[at:] - latency_s[at:].mean()]
     )
-    return at, float(after[at - 1] - before[at - 1]), float(np.std(left))
+    return LatencyStep(at, float(after[at - 1] - before[at - 1]), float(np.std(left)))
 
 
 def std_about_fitted_line_s(latency_s: Floats) -> float:

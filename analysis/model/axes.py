@@ -55,12 +55,12 @@ Z: Final = Axis(
 )
 
 
-def list_available_axes(excitation: pl.DataFrame) -> tuple[Axis, ...]:
+def list_axes_allowed_by_channels(excitation: pl.DataFrame) -> tuple[Axis, ...]:
     """The axes that the channels allow: z needs a yaw torque, rate and acceleration."""
-    return list_axes_of_columns(excitation.columns)
+    return list_axes_allowed_by_columns(excitation.columns)
 
 
-def list_axes_of_columns(columns: Iterable[str]) -> tuple[Axis, ...]:
+def list_axes_allowed_by_columns(columns: Iterable[str]) -> tuple[Axis, ...]:
     """The axes that the columns of `excitation` allow."""
     return (X, Z) if set(YAW_COLUMNS) <= set(columns) else (X,)
 
@@ -104,7 +104,8 @@ def make_straight_regressor_and_force(
 def make_spin_regressor_and_torque(excitation: pl.DataFrame) -> tuple[Floats, Floats]:
     """A (rows, 2) and τ (rows,) of the yaw row of (8); NaN if a sample is missing."""
     A = planar_rows.make_spin_regressor(
-        column_values(excitation, "yaw_acc_rad_s2"), column_values(excitation, "yaw_rate_rad_s")
+        column_values(excitation, "yaw_acc_rad_s2"),
+        column_values(excitation, "yaw_rate_rad_s"),
     )
     return np.ascontiguousarray(A), column_values(excitation, "torque_z_N_m")
 
@@ -135,7 +136,7 @@ def read_parameters_and_stds(axis: Axis, estimates: pl.DataFrame) -> tuple[Float
     return theta, std
 
 
-def select_rows_of_axis(axis: Axis, estimates: pl.DataFrame) -> pl.DataFrame:
+def select_estimate_rows_of_axis(axis: Axis, estimates: pl.DataFrame) -> pl.DataFrame:
     """Rows of an axis; all rows if x is the only one."""
     if "axis" not in estimates.columns:
         return estimates if axis is X else estimates.clear()

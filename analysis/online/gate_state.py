@@ -147,7 +147,7 @@ def judge_window(
         settings: settings with window, thresholds and rejections.
         noise: (p + 1, p + 1) noise covariance of a row of [A f]; None if unknown.
     """
-    now = append_gate_row(state, window, row, settings)
+    now = append_row_without_decision(state, window, row, settings)
     samples = settings.gate.window_samples
     holds = {why: np.array([now.row - last < samples]) for why, last in now.last.items()}
     complete = now.row >= samples - 1 and not holds["gap"][0]
@@ -184,7 +184,7 @@ def judge_window(
     )
 
 
-def append_gate_row(
+def append_row_without_decision(
     state: GateState, window: WindowState, row: Mapping[str, Any], settings: Settings
 ) -> GateState:
     """State including this row."""
@@ -223,10 +223,10 @@ def append_gate_row(
 
 
 def _is_slipping(
-    row: Mapping[str, Any], accelerations: tuple[float, ...], settings: Settings
+    row: Mapping[str, Any], recent_accelerations: tuple[float, ...], settings: Settings
 ) -> Bools:
     rate = np.array([convert_cell_to_float(row["speed_rate_x_m_s2"])])
-    return mark_slipping_samples(rate, np.array(accelerations), settings)
+    return mark_slipping_samples(rate, np.array(recent_accelerations), settings)
 
 
 def _forward_acceleration(row: Mapping[str, Any]) -> float:
@@ -235,6 +235,6 @@ def _forward_acceleration(row: Mapping[str, Any]) -> float:
     return float(subtract_gravity(measured, pitch)[0])
 
 
-def convert_cell_to_float(value: float | None) -> float:
+def convert_cell_to_float(cell: float | None) -> float:
     """Cell as a float; NaN if missing."""
-    return np.nan if value is None else float(value)
+    return np.nan if cell is None else float(cell)

@@ -108,12 +108,12 @@ class GrowingLog:
         """Number of samples of all topics kept for later rows."""
         return sum(frame.height for frame in self._raw.values())
 
-    def take(self, topic: str, samples: pl.DataFrame) -> None:
+    def append_topic_samples(self, topic: str, samples: pl.DataFrame) -> None:
         """Add samples of a topic: log_time_ns, header_stamp_ns (or null) and its fields."""
         if samples.height:
             self._new.setdefault(topic, []).append(samples)
 
-    def take_new_rows(self, *, is_whole: bool = False) -> pl.DataFrame | None:
+    def compute_new_excitation_rows(self, *, is_whole: bool = False) -> pl.DataFrame | None:
         """New rows of `excitation` that are determined by now.
 
         Args:
@@ -125,30 +125,30 @@ class GrowingLog:
         if not (self._new or is_whole):
             return None
         try:
-            self._append_samples()
-            if self.basis is None and not self._try_to_find_basis(is_whole=is_whole):
+            self._append_new_samples_to_kept()
+            if self.basis is None and not self._try_to_determine_basis(is_whole=is_whole):
                 return None
-            return self._make_next_rows(is_whole=is_whole)
+            return self._make_next_excitation_rows(is_whole=is_whole)
         except DataError:
             # too few samples, or none that is a number: more may come
             if is_whole and self.basis is None:
                 raise
             return None
 
-    def _append_samples(self) -> None:
+    def _append_new_samples_to_kept(self) -> None:
         """Append the new samples to those kept."""
         for topic, parts in self._new.items():
             frame = concatenate_samples(parts)
             if self.basis is not None:
                 frame = self._add_unix_stamps(topic, frame)
-                self._count_late_samples(frame)
+                self._count_samples_that_came_late(frame)
             parts.clear()
             before = self._raw.get(topic)
             kept = frame if before is None else concatenate_samples([before, frame])
             self._raw[topic] = sort_by_time(kept, "unix_ns" if self.basis else "log_time_ns")
         self._new.clear()
 
-    def _count_late_samples(self, frame: pl.DataFrame) -> None:
+    def _count_samples_that_came_late(self, frame: pl.DataFrame) -> None:
         assert self.basis is not None
         if self._last_t_ns >= 0:
             known = self._last_t_ns + self.basis.t0_unix_ns
@@ -165,7 +165,7 @@ class GrowingLog:
             placed = placed.filter(stamps.is_not_null() & ((stamps != 0) | (behind is not None)))
         return placed
 
-    def _try_to_find_basis(self, *, is_whole: bool) -> bool:
+    def _try_to_determine_basis(self, *, is_whole: bool) -> bool:
         """Determine stamps, rates and the grid's origin once the first seconds are available."""
         if not self._raw.keys() >= set(self.topics):
             if is_whole:
@@ -197,7 +197,7 @@ class GrowingLog:
         }
         return True
 
-    def _make_next_rows(self, *, is_whole: bool) -> pl.DataFrame | None:
+    def _make_next_excitation_rows(self, *, is_whole: bool) -> pl.DataFrame | None:
         assert self.basis is not None
         machine = self.basis.machine
         settings = machine.settings
@@ -242,9 +242,9 @@ def concatenate_samples(frames: list[pl.DataFrame]) -> pl.DataFrame:
     return reduce(pl.DataFrame.vstack, frames)
 
 
-def sort_by_time(frame: pl.DataFrame, key: str) -> pl.DataFrame:
+def sort_by_time(frame: pl.DataFrame, time_column: str) -> pl.DataFrame:
     """Sort by a time column, which is mostly sorted already."""
-    return frame if frame[key].is_sorted() else frame.sort(key, maintain_order=True)
+    return frame if frame[time_column].is_sorted() else frame.sort(time_column, maintain_order=True)
 
 
 def cut_topics_to_first_seconds(
@@ -264,12 +264,12 @@ def cut_topics_to_first_seconds(
     return {t: f.filter(f["log_time_ns"] <= max(reached)) for t, f in topics.items()}
 
 
-def find_log_time_offset_ns(frame: pl.DataFrame, label: str) -> int | None:
+def find_log_time_offset_ns(frame: pl.DataFrame, topic: str) -> int | None:
     """Offset subtracted from log times; None if header stamps are used.
 
     Header stamps that scatter are identified by their label: log time is used although they exist.
     """
-    if label == "header":
+    if topic == "header":
         return None
     headers = frame["header_stamp_ns"]
     if headers.null_count() == frame.height or (headers == 0).any():

@@ -15,7 +15,7 @@ from analysis.calibration.campaign.method_errors import compute_start_errors
 from analysis.model.settings import Settings
 from analysis.paper import printed_numbers
 from analysis.paper.campaign_tables import OVER_WINDOWS, WINDOW
-from analysis.paper.confidence_intervals import bootstrap_rms_interval, compute_mean_intervals
+from analysis.paper.confidence_intervals import bootstrap_rms_and_interval, compute_mean_intervals
 from analysis.paper.paper_limits import LIMITS
 from analysis.paper.replayed_campaign import ReplayedCampaign, estimate_with_gate
 from analysis.paper.simulated_sources import CAMPAIGNS, CRUISES, Extract, Extracts
@@ -191,7 +191,7 @@ def compare_claims(extracts: Extracts) -> Claims:
         ["rms_kg", "rms_left_out_kg", "mean_abs_kg"],
     )
     gated = means.filter(pl.col("fed") == "gated")
-    windows = extracts.single_result(TEN_SECONDS).filter(
+    windows = extracts.single_result_of_extract(TEN_SECONDS).filter(
         pl.col("method").is_in(printed_numbers.METHODS)
     )
     buffer = _make_buffer_rows(
@@ -204,7 +204,7 @@ def compare_claims(extracts: Extracts) -> Claims:
             for row in gated.iter_rows(named=True)
         ),
         make_claim_row("rms", "constant", {"found": printed_numbers.CONSTANT_KG}, "found"),
-        *(_make_window_row(row) for row in windows.iter_rows(named=True)),
+        *(_make_window_length_row(row) for row in windows.iter_rows(named=True)),
         *(
             make_claim_row("experiment", "trial", row, "mean_abs_kg")
             for row in gated.iter_rows(named=True)
@@ -227,17 +227,17 @@ def compare_claims(extracts: Extracts) -> Claims:
         frame=frame,
         rms_limit_kg=limit_kg,
         rms_held=bool((rms["found_kg"] < limit_kg).all()),
-        rms_kg=_value_range(rms["found_kg"]),
+        rms_kg=_min_and_max_of_column(rms["found_kg"]),
         constant_percent=constant["of_mass_percent"].item(),
         window_spread_1=spread_1,
         windows_claimed=(spread_1 / printed_numbers.SIMULATION_ERROR[1]) ** 2,
         bias_kg=ls["bias_kg"],
         biased=abs(ls["bias_kg"]) > _NORMAL * ls["bias_std_kg"],
-        experiment_mass_percent=_value_range(experiment["of_mass_percent"]),
-        experiment_range_percent=_value_range(experiment["of_load_range_percent"]),
+        experiment_mass_percent=_min_and_max_of_column(experiment["of_mass_percent"]),
+        experiment_range_percent=_min_and_max_of_column(experiment["of_load_range_percent"]),
         reduced=tuple(share >= 100.0 * printed_numbers.REDUCTION for share in smaller),
-        saved_by=find_best_rls_remedy(means),
-        buffer=_compare_buffers(frame.filter(pl.col("claim") == "buffer")),
+        saved_by=find_best_remedy_of_rls(means),
+        buffer=_compare_ls_buffer_with_rls(frame.filter(pl.col("claim") == "buffer")),
     )
 
 
@@ -259,15 +259,15 @@ def _make_buffer_rows(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
     return rows
 
 
-def _compare_buffers(frame: pl.DataFrame) -> BufferErrors:
+def _compare_ls_buffer_with_rls(frame: pl.DataFrame) -> BufferErrors:
     ls, rls = (frame.filter(pl.col("method") == method) for method in ("ls", "rls"))
     beside = ls.join(rls, "window_samples", suffix="_rls", maintain_order="left")
     reaches = pl.min_horizontal("found_kg_low_rls", "found_kg_rls") <= pl.col("found_kg")
     return BufferErrors(
         windows=tuple(beside["window_samples"]),
         as_good=tuple(beside.filter(reaches)["window_samples"]),
-        ls_kg=_value_range(ls["found_kg"]),
-        rls_kg=_value_range(rls["found_kg"]),
+        ls_kg=_min_and_max_of_column(ls["found_kg"]),
+        rls_kg=_min_and_max_of_column(rls["found_kg"]),
     )
 
 
@@ -291,7 +291,7 @@ def make_claim_row(
     }
 
 
-def _make_window_row(row: Mapping[str, Any]) -> dict[str, Any]:
+def _make_window_length_row(row: Mapping[str, Any]) -> dict[str, Any]:
     half = _NORMAL * row["bias_std_kg"]
     ends = {"bias_kg_low": row["bias_kg"] - half, "bias_kg_high": row["bias_kg"] + half}
     return make_claim_row("simulation", "window", {**row, **ends}, "bias_kg")
@@ -300,7 +300,7 @@ def _make_window_row(row: Mapping[str, Any]) -> dict[str, Any]:
 def make_cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
     """Rows of findings from errors (cruises, 4), one column for each of `CRUISE_FED`."""
     rng = np.random.default_rng(0)
-    found = [bootstrap_rms_interval(errors, rng) for errors in errors_kg.T]
+    found = [bootstrap_rms_and_interval(errors, rng) for errors in errors_kg.T]
     ungated_kg = found[0][0]
     return [
         make_claim_row(
@@ -340,7 +340,7 @@ def _compute_reduction_percent(error_kg: float, ungated_kg: float) -> float:
     return 100.0 * (1.0 - error_kg / ungated_kg)
 
 
-def find_best_rls_remedy(
+def find_best_remedy_of_rls(
     means: pl.DataFrame,
 ) -> Literal["nothing", "refusing braking", "the index"]:
     """Compare RLS on short starts: gated, without braking, ungated."""
@@ -355,7 +355,7 @@ def find_best_rls_remedy(
     )
 
 
-def _value_range(column: pl.Series) -> tuple[float, float]:
+def _min_and_max_of_column(column: pl.Series) -> tuple[float, float]:
     low, high = column.min(), column.max()
     assert isinstance(low, float)
     assert isinstance(high, float)

@@ -18,7 +18,10 @@ from analysis.calibration.campaign.method_errors import (
 )
 from analysis.model.run_record import Run
 from analysis.model.settings import Settings
-from analysis.paper.cramer_rao import compute_mass_bounds_kg, equation_noise_std_newtons
+from analysis.paper.cramer_rao import (
+    compute_cramer_rao_mass_bounds_kg,
+    compute_equation_noise_std_newtons,
+)
 from analysis.simulation import Scenario
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows, mark_samples_in_windows
@@ -118,9 +121,9 @@ def compute_trial_bound_kg(campaign: ReplayedCampaign) -> float:
         .agg(aa=(a * a).sum(), av=(a * v).sum(), vv=(v * v).sum())
     )
     noise_N = [
-        equation_noise_std_newtons(scenario.sensors, row["mass_kg"], row["friction_N_s_m"])
+        compute_equation_noise_std_newtons(scenario.sensors, row["mass_kg"], row["friction_N_s_m"])
         for row in motion.iter_rows(named=True)
     ]
     sums = (motion[name].to_numpy() for name in ("aa", "av", "vv"))
-    bounds_kg = np.array(noise_N) * compute_mass_bounds_kg(1.0, *sums)
+    bounds_kg = np.array(noise_N) * compute_cramer_rao_mass_bounds_kg(1.0, *sums)
     return float(np.sqrt((bounds_kg**2).mean())) if bounds_kg.size else float("nan")

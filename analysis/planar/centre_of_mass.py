@@ -17,12 +17,12 @@ from analysis.model.axes import Axis, X, Z
 from analysis.model.machine import Machine
 from analysis.model.schema import FRAMES, build_frame
 from analysis.model.settings import Settings
-from analysis.model.uncertainty_sources import unknown_scale_source_names
+from analysis.model.uncertainty_sources import list_scale_sources_without_u
 from analysis.model.verdict import Verdict
 from analysis.planar.planar_budget import (
     combine_standard_uncertainty,
     compute_quantity_gradient,
-    list_planar_uncertainty_sources,
+    list_uncertainty_sources,
     make_planar_budget_rows,
 )
 from analysis.planar.planar_limits import LIMITS
@@ -114,7 +114,7 @@ def make_planar_frames(
 
 
 def fit_arcs(
-    drive: PlanarLog, gated: pl.DataFrame, verdict: Verdict, initial_coefficients: Floats
+    drive: PlanarLog, gated: pl.DataFrame, verdict: Verdict, initial: Floats
 ) -> Iterator[dict[str, Any]]:
     """Each arc that lasts a window, and all of them as one fit."""
     plane, settings = drive.plane, drive.machine.settings
@@ -130,8 +130,8 @@ def fit_arcs(
     known = Prior.make_zero_mean({}, 2)
     for stage, told in zip(_STAGES, (verdict.can_weigh, verdict.can_estimate_inertia), strict=True):
         if told:
-            known = known.combine_with(
-                make_arc_prior_from_axis(drive, gated, initial_coefficients, *stage)
+            known = known.combine_with_prior(
+                make_arc_prior_from_axis(drive, gated, initial, *stage)
             )
     # a yaw torque counts once spins have vouched for it
     both = "friction_z_N_m_s" in known.names
@@ -141,9 +141,7 @@ def fit_arcs(
     for kind, part in parts:
         of = np.full(arc_id.size, -1)
         of[part] = np.where(np.isin(arc_id[part], lasting_ids), arc_id[part], -1)
-        fitted = fit_planar_iteratively(
-            drive, of, initial_coefficients, known, _BOTH if both else _FORCE
-        )
+        fitted = fit_planar_iteratively(drive, of, initial, known, _BOTH if both else _FORCE)
         row = _make_fit_row(kind, drive, of >= 0, fitted, known.names)
         reason = "accepted"
         if not np.isfinite(row["com_x_m"]):
@@ -207,15 +205,12 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
         estimate.residual_rms**2, variance, out=np.full(2, np.nan), where=variance > 0.0
     )
     row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
-    believed = (
-        does_fit_pass_straight_motion_checks(plane, estimate, row, settings)
-        and not verdict.has_failed_by_number
-    )
+    believed = is_fit_plausible(plane, estimate, row, settings) and not verdict.has_failed_by_number
     reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"
     return _withhold_fit_row(row, reason, withheld=not believed), fitted
 
 
-def does_fit_pass_straight_motion_checks(
+def is_fit_plausible(
     samples: PlanarSamples, estimate: BaseEstimate, row: Mapping[str, Any], settings: Settings
 ) -> bool:
     """Whether the joint fit passes, on its own ungated samples, what straight motion must pass."""
@@ -289,12 +284,10 @@ def fit_planar_once(
     ]
     names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
     width = {term.name: std for term, std in terms if term.name not in known_prior.names}
-    regressor = Regressor.make_regressor_of_drive(
-        drive.cut(part), of_columns, [term for term, _ in terms], rows
-    )
+    regressor = Regressor.from_drive(drive.cut(part), of_columns, [term for term, _ in terms], rows)
     used, arm_y_m = segment_id >= 0, regressor.imu_position_m[1]
     noise = compute_planar_column_noise(log.plane, used, arm_y_m)[rows][:, of_columns]
-    prior = restrict_prior_to_rows(known_prior, rows, names).combine_with(
+    prior = restrict_prior_to_rows(known_prior, rows, names).combine_with_prior(
         Prior.make_zero_mean(width, noise.shape[0])
     )
     fitted = base_parameters.fit(
@@ -309,7 +302,7 @@ def fit_planar_once(
     names = prior.names
     for term, _ in terms:
         if term.least_u and term.name in width:
-            fitted = fitted.add_parameter_uncertainty(term.name, term.least_u)
+            fitted = fitted.with_parameter_uncertainty(term.name, term.least_u)
             names = (*names, term.name)
     return PlanarFit(fitted, names)
 
@@ -362,7 +355,7 @@ def _make_fit_row(
                 u_of(compute_quantity_gradient(estimate, name)),
             )
     for axis, moment in zip("xy", MOMENTS, strict=True):
-        value, gradient = estimate.slope(moment, "mass_kg")
+        value, gradient = estimate.ratio_and_gradient(moment, "mass_kg")
         row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u_of(gradient)
     row["predicted_std_com_m"] = row["com_x_std_m"]
     told = {*MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
@@ -370,7 +363,9 @@ def _make_fit_row(
         fitted, [compute_quantity_gradient(estimate, name) for name in sorted(told)], log.machine
     )
     row["com_scale_unknown"] = list_missing_settings_text(
-        fitted, [estimate.slope(moment, "mass_kg")[1] for moment in MOMENTS], log.machine
+        fitted,
+        [estimate.ratio_and_gradient(moment, "mass_kg")[1] for moment in MOMENTS],
+        log.machine,
     )
     for name, rms in zip(
         ("residual_rms_N", "residual_rms_N_m"), estimate.residual_rms, strict=False
@@ -383,10 +378,9 @@ def list_missing_settings_text(fitted: PlanarFit, gradients: list[Floats], machi
     """Values missing in the machine file that any of these quantities needs."""
     told = [g for g in gradients if np.isfinite(g).all()]
     each = [
-        list_planar_uncertainty_sources(fitted.estimate, g, fitted.response_names, machine)
-        for g in told
+        list_uncertainty_sources(fitted.estimate, g, fitted.response_names, machine) for g in told
     ]
-    names = (name for found in each for name in unknown_scale_source_names(found))
+    names = (name for found in each for name in list_scale_sources_without_u(found))
     return ", ".join(dict.fromkeys(names))
 
 

@@ -13,7 +13,7 @@ from analysis.model.uncertainty_sources import (
     UncertaintySource,
     combine_u,
     has_torque_of_sides,
-    sort_largest_first,
+    sort_sources_largest_first,
 )
 from analysis.planar.planar_limits import LIMITS
 from analysis.planar.planar_terms import TERMS
@@ -39,7 +39,7 @@ def compute_quantity_gradient(estimate: BaseEstimate, name: str) -> Floats:
     return np.array([float(each == name) for each in estimate.parameters])
 
 
-def list_planar_uncertainty_sources(
+def list_uncertainty_sources(
     estimate: BaseEstimate, gradient: Floats, terms: tuple[str, ...], machine: Machine
 ) -> list[UncertaintySource]:
     """Uncertainty sources of a quantity, the largest first, unknown ones last.
@@ -70,7 +70,7 @@ def list_planar_uncertainty_sources(
             found.append(UncertaintySource(name, "common", float(u), term.meaning, term.shrinks))
         else:
             stated[term.stated.name] = float(np.hypot(stated.get(term.stated.name, 0.0), u))
-    return sort_largest_first(
+    return sort_sources_largest_first(
         [*found, *iter_machine_uncertainty_sources(estimate, gradient, stated, machine)]
     )
 
@@ -119,7 +119,7 @@ def combine_standard_uncertainty(
     at = np.flatnonzero(gradient)
     if not np.isfinite(estimate.covariance[np.ix_(at, at)]).all():
         return float("nan")
-    return combine_u(list_planar_uncertainty_sources(estimate, gradient, terms, machine))
+    return combine_u(list_uncertainty_sources(estimate, gradient, terms, machine))
 
 
 def make_planar_budget_rows(
@@ -130,7 +130,7 @@ def make_planar_budget_rows(
     Args:
         fit_row: the fit of all motion in `planar`.
         estimate: the fit.
-        terms: as `list_planar_uncertainty_sources` takes them.
+        terms: as `list_uncertainty_sources` takes them.
         machine: machine file with its uncertainties.
     """
     parts: list[dict[str, Any]] = []
@@ -141,8 +141,8 @@ def make_planar_budget_rows(
             gradient = compute_quantity_gradient(estimate, quantity)
         else:
             moment = MOMENTS["xy".index(quantity[4])]
-            gradient = estimate.slope(moment, "mass_kg")[1]
-        found = list_planar_uncertainty_sources(estimate, gradient, terms, machine)
+            gradient = estimate.ratio_and_gradient(moment, "mass_kg")[1]
+        found = list_uncertainty_sources(estimate, gradient, terms, machine)
         total = combine_u(found)
         parts += [
             {

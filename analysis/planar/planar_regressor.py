@@ -34,7 +34,7 @@ class Regressor:
     mixtures: Floats
 
     @classmethod
-    def make_regressor_of_drive(
+    def from_drive(
         cls, drive: PlanarDrive, columns: Ints, terms: Sequence[Term], axes: slice
     ) -> "Regressor":
         """Build the regressor, computing the mixtures once."""

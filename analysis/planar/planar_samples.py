@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.model.axes import Z, list_available_axes
+from analysis.model.axes import Z, list_axes_allowed_by_channels
 from analysis.model.schema import column_values
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import mark_possible_braking
@@ -67,7 +67,7 @@ def collect_planar_samples(
     excitation: pl.DataFrame, settings: Settings, noise: pl.DataFrame | None = None
 ) -> PlanarSamples:
     """Collect the samples for the planar fits."""
-    n, has_torque = excitation.height, Z in list_available_axes(excitation)
+    n, has_torque = excitation.height, Z in list_axes_allowed_by_channels(excitation)
     phase = excitation["phase"]
     speed = column_values(excitation, "speed_x_m_s")
     yaw_rate = column_values(excitation, "yaw_rate_rad_s")

@@ -32,7 +32,7 @@ from analysis.weighing.pitch_squat import (
 from analysis.weighing.uneven_ground import random_walk_std_over_ten_metre_std
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
-from estimators.numerics.autocorrelation import student_to_normal_ratio
+from estimators.numerics.autocorrelation import compute_student_to_normal_ratio
 
 #: Columns of a stretch before those of the grade: gain by load, gain, slip, delay.
 _OWN_COLUMNS: Final = 4
@@ -242,7 +242,9 @@ def estimate_gain_change_by_pitch(
         return None
     theta, covariance = solved
     # the accelerometer reads more by what the pitch adds, and the mass is less by it
-    variance = float(covariance[0, 0]) * student_to_normal_ratio(relative.size - theta.size) ** 2
+    variance = (
+        float(covariance[0, 0]) * compute_student_to_normal_ratio(relative.size - theta.size) ** 2
+    )
     return -float(theta[0]), variance
 
 
@@ -316,7 +318,7 @@ def estimate_gain_change_by_wheels(
     noise = np.array([variance / (time @ time) for *_, time, _ in rows])
     count = slopes.size
     scatter = max(float(np.var(slopes, ddof=1) - noise.mean()), 0.0)
-    scatter *= student_to_normal_ratio(count - 1) ** 2
+    scatter *= compute_student_to_normal_ratio(count - 1) ** 2
     part = [_whiten_random_slope(X, y, time, scatter / variance) for X, y, time, _ in rows]
     X, y = (np.concatenate([each[i] for each in part]) for i in (0, 1))
     shared = np.concatenate([each[2] for each in part])
@@ -337,7 +339,7 @@ def estimate_gain_change_by_wheels(
     meat = scores.T @ scores * count / freedom + prior_information * variance
     # stretches that agree by chance tell no more than white noise lets them
     found = max(float((bread @ meat @ bread)[0, 0]), float(bread[0, 0]) * variance)
-    found *= student_to_normal_ratio(freedom) ** 2
+    found *= compute_student_to_normal_ratio(freedom) ** 2
     return GainChangeByLoad(float(theta[0] / scale[0]), found / float(scale[0]) ** 2, left)
 
 

@@ -22,7 +22,7 @@ from analysis.model.uncertainty_sources import (
     SCALES,
     UncertaintySource,
     combine_u,
-    sort_largest_first,
+    sort_sources_largest_first,
 )
 from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.motion_samples import Floats
@@ -252,7 +252,7 @@ class EmptyDatum:
             if each.name not in known
         ]
         bucket_kg = self.by_kg * payload_kg * empty.carried_kg[1]
-        return sort_largest_first(
+        return sort_sources_largest_first(
             [
                 *kept,
                 replace(_TICKET, u=self.ticket_1 * payload_kg),

@@ -309,7 +309,7 @@ def whiten_random_intercepts(A: Floats, f: Floats, group: Ints, variance_ratio: 
         variance_ratio: variance of the intercepts over that of a row.
     """
     for part in list_rows_by_group(group):
-        off, rows = 1.0 - 1.0 / np.sqrt(1.0 + variance_ratio * part.size), convert_to_slice(part)
+        off, rows = (1.0 - 1.0 / np.sqrt(1.0 + variance_ratio * part.size), convert_to_slice(part))
         A[rows] -= off * A[rows].mean(axis=0)
         f[rows] -= off * f[rows].mean()
 

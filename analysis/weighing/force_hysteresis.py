@@ -16,7 +16,7 @@ from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.numerics.play import follow_with_play
+from estimators.numerics.play import apply_play_hysteresis
 
 
 def hysteresis_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
@@ -78,4 +78,4 @@ def trace_direction_of_force_change(force: Floats, play: Play) -> Floats:
     before = play.mean // 2
     padded = np.pad(force, (before, play.mean - 1 - before), mode="edge")
     smooth = np.convolve(padded, np.full(play.mean, 1.0 / play.mean), "valid")
-    return (smooth - follow_with_play(smooth, play.half_N)) / play.half_N
+    return (smooth - apply_play_hysteresis(smooth, play.half_N)) / play.half_N

@@ -32,7 +32,7 @@ from analysis.weighing.load_states import (
 )
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, Ints, MotionSamples
 from analysis.weighing.nuisances import FILLING
-from estimators.numerics.autocorrelation import student_to_normal_ratio
+from estimators.numerics.autocorrelation import compute_student_to_normal_ratio
 from estimators.numerics.fit_loss import list_group_numbers, list_rows_by_group
 
 #: Mass, friction and constant of its own: a start may differ in all of them, in friction by such a
@@ -221,7 +221,7 @@ def find_manoeuvres_with_growing_load(
     std_kg = np.sqrt(variance / square + apart**2)
     limit = -float(
         ndtri(LIMITS.growth_false_alarm_probability / 2.0 / kg.size)
-    ) * student_to_normal_ratio(kg.size - 1)
+    ) * compute_student_to_normal_ratio(kg.size - 1)
     # what no machine carries is no load, however surely the manoeuvre misses the model
     carried = np.abs(kg) < LIMITS.max_growth_fraction * abs(fit.mass_kg)
     carried &= kg > -compute_max_plausible_load_loss_kg(fit)

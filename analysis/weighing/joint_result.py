@@ -254,7 +254,7 @@ class JointFit:
                 self._squat_part_of_sum_u_kg(coefficients),
                 0.0 if by_motion is None else float(coefficients @ by_motion.swing_kg),
             ),
-            "misfit": weighted_std(fit.misfit) if fit.has_misfit else 0.0,
+            "misfit": weighted_std(fit.misfit) if fit.has_common_misfit else 0.0,
             "lag_shape": abs(float(self.lag_shape_kg @ coefficients)) / 2.0,
             "averaging": abs(self.averaging_share * mass_kg),
         }

@@ -7,7 +7,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import CALIBRATED, FRAMES, build_frame
-from analysis.model.uncertainty_sources import combine_u, unknown_scale_source_names
+from analysis.model.uncertainty_sources import combine_u, list_scale_sources_without_u
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
 from analysis.weighing.fuel_on_board import FuelOnBoard
@@ -252,7 +252,7 @@ def _make_load_row(
         "scatter_known": states.scatter_known,
         "mean_samples": fit.mean_samples,
         "braking_left_out": weighing.braking_left_out,
-        "scale_unknown": ", ".join(unknown_scale_source_names(sources)),
+        "scale_unknown": ", ".join(list_scale_sources_without_u(sources)),
         "payload_scale_unknown": ", ".join(unknown),
         "withheld": bool(withheld),
         "withheld_for": ", ".join(withheld),
@@ -287,7 +287,7 @@ def _payload_with_uncertainty(
         f"payload_{n}": value for n, value in zip(names, told, strict=True)
     }
     found |= {f"own_payload_{n}": value for n, value in zip(names, own, strict=True)}
-    return found, unknown_scale_source_names(sources)
+    return found, list_scale_sources_without_u(sources)
 
 
 def _write_load_states_note(fit: JointFit, machine: Machine) -> str:

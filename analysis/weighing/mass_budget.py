@@ -11,7 +11,7 @@ from analysis.model.uncertainty_sources import (
     UncertaintySource,
     combine_u,
     root_sum_of_squares,
-    sort_largest_first,
+    sort_sources_largest_first,
 )
 from analysis.weighing.force_by_place import BY_PLACE
 from analysis.weighing.joint_result import JointFit
@@ -200,7 +200,7 @@ def make_mass_budget(
                 "known loads, or the drawings of the driveline",
             )
         )
-    return sort_largest_first(sources)
+    return sort_sources_largest_first(sources)
 
 
 def relative_load_mass_u(weighing: Weighing, machine: Machine, state: int) -> float:

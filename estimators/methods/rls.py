@@ -24,7 +24,7 @@ from estimators.numerics.recursive import (
     accumulate_discounted_products,
     count_discounted_samples,
     iter_sample_chunks,
-    list_fed_samples,
+    list_samples_fed_after_window,
     pad_entries_to_lanes,
 )
 from estimators.numerics.rolling import find_accepted_window_ends
@@ -135,17 +135,21 @@ def trace(
         return Trace.empty(p)
     first = slice(index[0] - window + 1, index[0] + 1)
     begin = start(A[first], f[first], options)
-    run = trace_directional_forgetting if options.directional else _trace_exponential_forgetting
+    run = (
+        trace_with_directional_forgetting
+        if options.directional
+        else _trace_with_exponential_forgetting
+    )
     return run(A, f, window, index, options.forgetting, begin)
 
 
-def _trace_exponential_forgetting(
+def _trace_with_exponential_forgetting(
     A: Floats, f: Floats, window: int, index: Ints, forgetting: float, begin: RlsState
 ) -> Trace:
     """Solve the discounted normal equations of (12)-(15), for exponential forgetting."""
     rows, p = index.size, A.shape[1]
     first = slice(index[0] - window + 1, index[0] + 1)
-    fed, seen = list_fed_samples(index, window)
+    fed, seen = list_samples_fed_after_window(index, window)
     theta, rms, condition = np.empty((rows, p)), np.empty(rows), np.empty(rows)
     gram: Floats = np.asarray(A[first].T @ A[first], np.float64)
     theta[0], rms[0] = begin.theta, np.sqrt(begin.square / begin.weight)
@@ -225,7 +229,7 @@ def compute_recursion_stds(
     return compute_recursive_stds(bread, meats, white)
 
 
-def trace_directional_forgetting(
+def trace_with_directional_forgetting(
     A: Floats, f: Floats, window: int, index: Ints, forgetting: float, begin: RlsState
 ) -> Trace:
     """Run the recursion with directional forgetting."""
@@ -245,12 +249,12 @@ def trace_directional_forgetting(
         # the first window's samples that the residual j + 1 after it still knows
         near = correlation[j + 1 :][:window]
         ahead[j] = bread @ (near @ A[first][::-1][: near.size])
-    std = directional.propagate_window_stds(
+    std = directional.propagate_stds_through_recursion(
         A, window, index, forgetting, begin.P, cover, ahead, correlation
     )
     # a tapered correlation need not be positive definite: never below uncorrelated residuals
     none = np.zeros((1, p))
-    white = directional.propagate_window_stds(
+    white = directional.propagate_stds_through_recursion(
         A, window, index, forgetting, begin.P, bread, none, np.ones(1)
     )
     std = np.maximum(std, white) * np.sqrt(variance)

@@ -120,7 +120,7 @@ def sum_noise_moments(
     return gram, cross
 
 
-def compute_column_scales(A: Floats, group: Ints) -> Floats:
+def compute_rms_scales_of_columns(A: Floats, group: Ints) -> Floats:
     """Divisors (p,) that make the columns' mean square 1.
 
     Sums are divided by them instead of columns, which would be copied.
@@ -169,7 +169,7 @@ class GroupSums:
     noise_cross: Floats
 
     @classmethod
-    def sum_groups(
+    def sum_products_by_group(
         cls, A: Floats, f: Floats, group: Ints, noise: NoiseMoments | None, scale: Floats
     ) -> Self:
         """Sum the products of the columns, divided by (p,) `scale`, by group."""
@@ -181,7 +181,7 @@ class GroupSums:
             return cls(rows, grams, crosses, np.zeros_like(grams), np.zeros_like(crosses))
         return cls(rows, grams, crosses, noise.gram / square, noise.cross / scale)
 
-    def sum_by_unit(self, unit: Ints) -> Self:
+    def sum_groups_by_unit(self, unit: Ints) -> Self:
         """Sum over the groups of each unit, (groups,) from 0; `rows` stay by group."""
         if np.array_equal(unit, np.arange(len(self.rows))):
             return self

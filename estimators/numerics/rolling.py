@@ -47,7 +47,7 @@ def count_padded_lanes(quantities: int) -> int:
 
 
 @compiled_unless_short_log
-def make_workspace(q: int, window: int) -> Workspace:
+def make_window_sum_workspace(q: int, window: int) -> Workspace:
     """Allocate the arrays for windows over q columns."""
     entries = q * (q + 1) // 2
     lanes = count_padded_lanes(q + entries)
@@ -152,7 +152,7 @@ def _add_centre_by_arrays(
 
 
 @compiled_with_array_form(_add_centre_by_arrays)
-def uncentre_moments(
+def convert_centred_moments_to_products(
     moments: Floats, centre: Floats, window: int, row: int, end: int, out: Floats
 ) -> None:
     """Σ z_i z_j of windows row … end - 1, from their centred moments, into out (entries, rows)."""
@@ -180,14 +180,14 @@ def copy_columns_to_buffer(A: Floats, start: int, count: int, z: Floats) -> None
 
 
 @compiled_unless_short_log
-def copy_samples_to_row(f: Floats, start: int, count: int, out: Floats) -> None:
+def copy_force_samples(f: Floats, start: int, count: int, out: Floats) -> None:
     """Copy `count` samples from `start` on; a slice assignment would take longer to compile."""
     for k in range(count):
         out[k] = f[start + k]
 
 
 @compiled_unless_short_log
-def split_into_block_pairs(window: int, index: Ints) -> Ints:
+def find_begins_of_block_pairs(window: int, index: Ints) -> Ints:
     """Begins of each pair of blocks in index (rows,), (pairs + 1,)."""
     begins = np.empty(index.size + 1, np.int64)
     pairs = 0
@@ -202,7 +202,7 @@ def split_into_block_pairs(window: int, index: Ints) -> Ints:
 
 
 @compiled_unless_short_log
-def store_requested_rows(sums: Floats, index: Ints, row: int, end: int) -> None:
+def store_sums_of_requested_rows(sums: Floats, index: Ints, row: int, end: int) -> None:
     """Keep the sums of the requested rows out of all windows from index[row] on."""
     if end - row < index[end - 1] - index[row] + 1:
         for lane in range(sums.shape[0]):
@@ -212,7 +212,7 @@ def store_requested_rows(sums: Floats, index: Ints, row: int, end: int) -> None:
 
 
 @compiled_unless_short_log
-def sum_block_pair(
+def sum_moments_of_block_pair(
     A: Floats, f: Floats, window: int, index: Ints, row: int, end: int, work: Workspace
 ) -> None:
     """Compute the moments of windows row … end - 1, which begin in one block, into `work`."""
@@ -220,7 +220,7 @@ def sum_block_pair(
     start = index[row] - window + 1
     samples = index[end - 1] + 1 - start
     copy_columns_to_buffer(A, start, samples, work.z)
-    copy_samples_to_row(f, start, samples, work.z[p])
+    copy_force_samples(f, start, samples, work.z[p])
     # what is left of the first block: its last sample is in every window
     left = window - start % window
     for c in range(p + 1):
@@ -228,7 +228,7 @@ def sum_block_pair(
     fill_centred_terms(work.z, work.centre, samples, work.terms)
     fill_suffix_sums(work.terms, left, work.moments)
     add_prefix_sums(work.terms, left, window - left, samples - window + 1, work.moments)
-    store_requested_rows(work.moments, index, row, end)
+    store_sums_of_requested_rows(work.moments, index, row, end)
 
 
 @compiled_unless_short_log
@@ -245,12 +245,12 @@ def sum_window_products(A: Floats, f: Floats, window: int, index: Ints) -> Float
         (entries, rows) packed.
     """
     q = A.shape[1] + 1
-    work = make_workspace(q, window)
+    work = make_window_sum_workspace(q, window)
     out = np.empty((q * (q + 1) // 2, index.size))
-    pairs = split_into_block_pairs(window, index)
+    pairs = find_begins_of_block_pairs(window, index)
     for number in range(pairs.size - 1):
         row: int = pairs[number]
         end: int = pairs[number + 1]
-        sum_block_pair(A, f, window, index, row, end, work)
-        uncentre_moments(work.moments, work.centre, window, row, end, out)
+        sum_moments_of_block_pair(A, f, window, index, row, end, work)
+        convert_centred_moments_to_products(work.moments, work.centre, window, row, end, out)
     return out

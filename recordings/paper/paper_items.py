@@ -266,7 +266,7 @@ def compute_item(item: Item[N], extracts: Extracts) -> ItemResult:
 
 def _make_extract_getter(extract: Extract[Any, N]) -> Callable[[Extracts], N]:
     """Function that returns the extract of a single simulation as an item's numbers."""
-    return lambda extracts: extracts.single_result(extract)
+    return lambda extracts: extracts.single_result_of_extract(extract)
 
 
 #: In the paper's order.

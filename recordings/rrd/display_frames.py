@@ -209,7 +209,7 @@ def _make_extreme_column_name(column: str, end: str) -> str:
 
 
 def _read_view_threshold(run: Run, view: View) -> float:
-    return float(run.provenance.settings.value(str(view.threshold)))
+    return float(run.provenance.settings.value_of_setting(str(view.threshold)))
 
 
 def is_drawn_as_points(numbers: pl.Series) -> bool:

@@ -26,7 +26,7 @@ from analysis.calibration.use.learnt_priors import (
     pool_learnt_terms_over_logs,
     select_learnable_terms,
 )
-from analysis.model.answer import answer
+from analysis.model.answer import make_answer
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
@@ -168,7 +168,7 @@ def make_evidence_log_record(
 ) -> EvidenceLog:
     """The record of a replay that evidence keeps."""
     about = replayed.provenance
-    said = answer(replayed)
+    said = make_answer(replayed)
     excitation = replayed.frames["excitation"]
     speed = (
         excitation["speed_x_m_s"].drop_nulls() if excitation.height else pl.Series(dtype=pl.Float64)

@@ -103,7 +103,7 @@ class FollowPanel:
         if self._masses:
             parts.append(_make_manoeuvre_table(list(self._masses)))
         if self._replay is not None:
-            parts += _format_replay(self._replay.at_time(self._last.unix_ns))
+            parts += _format_replay(self._replay.with_age_at(self._last.unix_ns))
         if following.losses:
             count = "1 loss" if len(following.losses) == 1 else f"{len(following.losses):,} losses"
             parts.append(Text(f"{count}: {following.losses[-1]}"))
@@ -178,7 +178,7 @@ class ReportPrinter:
             return
         if found.fault:
             found = replace(found, unix_ns=newest.unix_ns, t_s=newest.t_s)
-        found = found.at_time(newest.unix_ns)
+        found = found.with_age_at(newest.unix_ns)
         self._panel.show_replay_result(found)
         if not self._outputs.write_new_replay(found, newest.unix_ns):
             return

@@ -295,9 +295,11 @@ def _iter_yaw_inertia_line(answer: "Answer") -> "Iterator[str]":
 
     for row in answer.rows:
         for method in row.methods:
-            value = row.value("inertia_z_kg_m2", method)
+            value = row.estimate_of_quantity("inertia_z_kg_m2", method)
             if value is not None:
-                text = format_plus_minus(value, row.value("inertia_z_std_kg_m2", method))
+                text = format_plus_minus(
+                    value, row.estimate_of_quantity("inertia_z_std_kg_m2", method)
+                )
                 yield f"yaw inertia {text} kg·m² ({method})"
                 break
 
@@ -363,7 +365,10 @@ def _make_method_table(row: "AnswerRow", verdict: "Verdict") -> "Table":
 
 
 def _format_value(row: "AnswerRow", method: str, name: str, std_name: str | None) -> str:
-    value, std = row.value(name, method), row.value(std_name, method) if std_name else None
+    value, std = (
+        row.estimate_of_quantity(name, method),
+        row.estimate_of_quantity(std_name, method) if std_name else None,
+    )
     if value is None:
         return "–"
     return f"{value:,.2f}" + ("" if std is None else f" ± {std:.2f}")

@@ -19,7 +19,7 @@ from analysis.calibration.campaign.by_method import (
 )
 from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
 from analysis.calibration.campaign.method_errors import compute_rms_errors_by_method
-from analysis.model.answer import JOINT, Answer, answer
+from analysis.model.answer import JOINT, Answer, make_answer
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.errors import OutputError
@@ -203,7 +203,7 @@ def run_demo(
         verified,
         replayed.frames["calibration"],
         compute_rms_errors_by_method(replayed.frames["calibration"]),
-        answer(replayed, str(recording)),
+        make_answer(replayed, str(recording)),
         reviewed,
         (
             *(*logs, *map(make_truth_path, logs), machine_file, campaign_file, *keys),

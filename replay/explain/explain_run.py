@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from analysis.compare.run_comparison import list_changed_settings_and_keys
-from analysis.explain import Explanation, explain
+from analysis.explain import Explanation, make_explanation
 from analysis.explain.explanation import COLUMNS, SMALL
 from analysis.model.machine import Machine
 from analysis.model.methods import RECURSIVE_METHODS
@@ -70,7 +70,7 @@ def explain_run(
     _check_request(request)
     whole = load_run_to_explain(request, on_stage)
     _check_time_of_interest(request, whole)
-    explained = explain(whole, request.at_s)
+    explained = make_explanation(whole, request.at_s)
     if request.picture is not None:
         from recordings.explain.explanation_view import plot_explanation
 

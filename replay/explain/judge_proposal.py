@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.explain import Finding
-from analysis.model.answer import Answer, answer
+from analysis.model.answer import Answer, make_answer
 from analysis.model.run_record import Run
 from analysis.model.schema import column_values
 from estimators.errors import DataError, MachineError
@@ -40,7 +40,7 @@ class ProposalTrial:
 
     def describe_objection(self) -> str:
         """Why the replay with the proposal is not better; empty if it is."""
-        was, now = answer(self.before), answer(self.after)
+        was, now = make_answer(self.before), make_answer(self.after)
         open_before = was.verdict.can_weigh
         if open_before and not now.verdict.can_weigh:
             return "the log could no longer weigh"
@@ -121,7 +121,7 @@ def describe_held_out_objection(
         changed = replay(split_finding_into_proposals(fitted), second)
     except (DataError, MachineError):
         return "half of the log is too short to test the correction"
-    was, now = answer(unchanged), answer(changed)
+    was, now = make_answer(unchanged), make_answer(changed)
     left = find_same_finding(finding, changed)
     claimed = is_mass_change_as_claimed(was, now, seen)
     if left is not None and not is_cause_reduced(left, seen, is_change_claimed=claimed):

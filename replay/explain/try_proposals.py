@@ -18,7 +18,7 @@ from typing import Final
 import polars as pl
 
 from analysis.explain import Finding
-from analysis.model.answer import Answer, answer
+from analysis.model.answer import Answer, make_answer
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
@@ -214,7 +214,7 @@ def try_all_proposals(run_without_proposals: Run, replays: ProposalReplays) -> P
         for each in list_untried_findings(tried)
         if each.cause in behind
     ]
-    if tried.changes and not answer(tried.run).verdict.can_weigh:
+    if tried.changes and not make_answer(tried.run).verdict.can_weigh:
         tried.rejected += [
             RejectedProposal(each, "the mass remains withheld")
             for each in _first_proposals_by_cause(tried.changes)
@@ -238,7 +238,7 @@ def reject_unneeded_proposals(progress: ProposalProgress, replays: ProposalRepla
         except (DataError, MachineError):
             continue
         shown = {each.cause for each in read_findings(without)}
-        if answer(without).verdict.can_weigh and finding.cause not in shown:
+        if make_answer(without).verdict.can_weigh and finding.cause not in shown:
             own = next(each for each in progress.changes if each.cause == finding.cause)
             progress.rejected.append(
                 RejectedProposal(own, "the correction does not improve the mass")
@@ -322,7 +322,7 @@ def try_proposal(progress: ProposalProgress, finding: Finding, replays: Proposal
         why = str(error)
     else:
         if not why:
-            if not answer(replayed).verdict.can_weigh:
+            if not make_answer(replayed).verdict.can_weigh:
                 progress.while_withheld.append(finding)
             progress.run = replayed
             progress.changes += changes
@@ -337,7 +337,7 @@ def _make_corrected_machine(
         path,
         tuple(progress.changes),
         tuple(progress.rejected),
-        answer(run_without_proposals),
-        answer(progress.run),
+        make_answer(run_without_proposals),
+        make_answer(progress.run),
         read_findings(progress.run),
     )

@@ -9,7 +9,7 @@ from urllib.parse import quote, unquote
 
 import polars as pl
 
-from analysis.fleet.fleet_tables import RESULTS, TABLES, convert_rows_for_table
+from analysis.fleet.fleet_tables import RESULTS, TABLES, convert_frame_to_table_rows
 from replay.fleet.object_store import ObjectStore
 
 #: A result is there when its row of this table is, which is written last.
@@ -74,12 +74,13 @@ def write_result(
     of = {**name._asdict(), "t0_unix_ns": t0_unix_ns}
     for each, frame in frames.items():
         store.write(
-            name.table_object_name(each), parquet_bytes(convert_rows_for_table(each, frame, of))
+            name.table_object_name(each),
+            parquet_bytes(convert_frame_to_table_rows(each, frame, of)),
         )
     columns = {c.name: pl.Series([row.get(c.name)], dtype=c.dtype) for c in TABLES[MARK].columns}
     store.write(
         name.table_object_name(MARK),
-        parquet_bytes(convert_rows_for_table(MARK, pl.DataFrame(columns), of)),
+        parquet_bytes(convert_frame_to_table_rows(MARK, pl.DataFrame(columns), of)),
     )
 
 

@@ -10,13 +10,13 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, fit_daily_friction_trend
-from analysis.fleet.attention import rank_concerns
+from analysis.fleet.attention import rank_recordings_by_concern
 from analysis.fleet.calibration_steps import find_line_changes
 from analysis.fleet.daily_figures import (
     UNDATED,
     make_daily_figures,
-    sum_machines,
-    sum_results_by_group,
+    sum_daily_figures_over_machines,
+    sum_tonnes_by_group,
     sum_weekly_tonnes,
 )
 from analysis.fleet.machine_drifts import MachineChart, make_machine_charts
@@ -47,10 +47,10 @@ class FleetReport:
     def to_dict(self) -> dict[str, Any]:
         """Sums, drifts and recordings that need attention, as plain JSON values."""
         page = self.page
-        machines = sum_results_by_group(page.results, ["machine"])
+        machines = sum_tonnes_by_group(page.results, ["machine"])
         return {
             "page": str(self.path),
-            "sum": dict(sum_machines(machines)),
+            "sum": dict(sum_daily_figures_over_machines(machines)),
             "machines": machines.to_dicts(),
             "drifts": [
                 _convert_drift_to_dict(c) for c in page.charts if c.chart.flagged is not None
@@ -107,7 +107,9 @@ def make_fleet_page(results: FleetResults, destination: str, name: str) -> Fleet
         charts=make_machine_charts(days),
         calibrations=calibrations,
         changes=find_line_changes(calibrations),
-        looks=add_open_commands(rank_concerns(rows, cycles, results.scan("findings")), destination),
+        looks=add_open_commands(
+            rank_recordings_by_concern(rows, cycles, results.scan("findings")), destination
+        ),
         failed=results.failed,
         today=last if isinstance(last, dt.date) else None,
     )

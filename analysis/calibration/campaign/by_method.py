@@ -10,7 +10,7 @@ import polars as pl
 from analysis.calibration.campaign.campaign_fit import average_readings_of_runs
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Point
 from analysis.calibration.line.line_fit import fit_calibration_line
-from analysis.model.schema import conform_to_schema
+from analysis.model.schema import conform_frame_to_schema
 from estimators.arrays import Floats
 from estimators.errors import DataError
 
@@ -116,6 +116,6 @@ def make_calibration_frame(rows: list[dict[str, Any]]) -> pl.DataFrame:
     """Frame `calibration` of the rows."""
     texts = {"method": pl.String, "load_kg": pl.Float64, "runs": pl.Int64}
     numbers = dict.fromkeys((*_COLUMNS.values(), "alpha_1", "beta_kg"), pl.Float64)
-    return conform_to_schema(
+    return conform_frame_to_schema(
         "calibration", pl.DataFrame(rows, schema={**numbers, **texts}, orient="row")
     )

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -42,6 +42,14 @@ _MEANINGS: Final = {
     DAY: "means of days about the line",
     LACK_OF_FIT: "means of loads about the line, beyond the scatter of their runs",
 }
+
+
+class LineUncertainty(NamedTuple):
+    """Standard uncertainty of the line at a mass in kg of m̂, by its cause."""
+
+    centroid_kg: float
+    slope_kg: float
+    references_kg: float
 
 
 def make_calibration_budget(
@@ -123,7 +131,7 @@ def clip_negative_variances_to_stds_kg(
     return np.sqrt(np.maximum(parts, 0.0))
 
 
-def split_line_uncertainty(inversion: LineInversion, mass_kg: float) -> tuple[float, float, float]:
+def split_line_uncertainty(inversion: LineInversion, mass_kg: float) -> LineUncertainty:
     """Uncertainty of the line at a mass, in kg of m̂: due to centroid, slope and references."""
     own = inversion.scatters > 0.0
     line = np.tensordot(inversion.variance_kg2[own], inversion.on_line[own], 1)
@@ -133,7 +141,8 @@ def split_line_uncertainty(inversion: LineInversion, mass_kg: float) -> tuple[fl
     slope = line[1, 1] * (h + across) ** 2
     given = np.tensordot(inversion.variance_kg2[~own], inversion.on_line[~own], 1)
     references = given[0, 0] + 2.0 * h * given[0, 1] + h**2 * given[1, 1]
-    return float(np.sqrt(level)), float(np.sqrt(slope)), float(np.sqrt(max(references, 0.0)))
+    variances_kg2 = level, slope, max(references, 0.0)
+    return LineUncertainty(*(float(np.sqrt(each)) for each in variances_kg2))
 
 
 def _make_stated_budget_row(part: StatedPart, mass_kg: float) -> BudgetRow:

@@ -1,5 +1,7 @@
 """Readings and runs that a test finds unlikely. They are named, and stay in the fit."""
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.special import stdtr
 
@@ -10,7 +12,15 @@ from analysis.calibration.line.line_model import FittedLine
 from estimators.arrays import Floats
 
 
-def compute_grubbs_outlier_test(values: Floats) -> tuple[int, float, float]:
+class GrubbsTest(NamedTuple):
+    """Farthest of some values, its distance in standard deviations, and bound of the p-value."""
+
+    index: int
+    distance_1: float
+    p_1: float
+
+
+def compute_grubbs_outlier_test(values: Floats) -> GrubbsTest:
     """Grubbs' test for one outlier on either side.
 
     Args:
@@ -28,13 +38,13 @@ def compute_grubbs_outlier_test(values: Floats) -> tuple[int, float, float]:
     farthest = int(deviation.argmax())
     std = float(values.std(ddof=1))
     if std == 0.0:
-        return farthest, 0.0, 1.0
+        return GrubbsTest(farthest, 0.0, 1.0)
     distance = float(deviation[farthest]) / std
     left = (n - 1) ** 2 - n * distance**2
     if left <= 0.0:
-        return farthest, distance, 0.0
+        return GrubbsTest(farthest, distance, 0.0)
     t = distance * np.sqrt(n * (n - 2) / left)
-    return farthest, distance, min(2.0 * n * float(stdtr(n - 2, -t)), 1.0)
+    return GrubbsTest(farthest, distance, min(2.0 * n * float(stdtr(n - 2, -t)), 1.0))
 
 
 def compute_studentised_residuals(line: FittedLine) -> Floats:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -21,7 +21,7 @@ from analysis.calibration.use.learnt_priors import (
 from analysis.calibration.use.mass_differences import NORMAL, calibrate_mass_differences
 from analysis.calibration.use.use_limits import LIMITS
 from analysis.model.machine_body import Body
-from analysis.model.schema import CALIBRATED, conform_to_schema
+from analysis.model.schema import CALIBRATED, conform_frame_to_schema
 from estimators.errors import DataError, suggest_choice
 
 #: The estimators of frame `loads`: m̂ and the random part of its standard uncertainty.
@@ -31,6 +31,14 @@ ESTIMATORS: Final[Mapping[str, tuple[str, str]]] = {
 }
 #: Frames of a replay for `collect_later_log_facts`; the last two a replay under learnt priors has.
 LATER_LOG_FRAMES: Final = ("loads", "nuisances", "responses", "learnt_errors")
+
+
+class CalibratedPayload(NamedTuple):
+    """Payload of a load, its standard uncertainty and half interval, in kg."""
+
+    payload_kg: float
+    u_kg: float
+    half_interval_kg: float
 
 
 @dataclass(frozen=True)
@@ -95,7 +103,7 @@ def calibrate_loads(
     types = dict.fromkeys(CALIBRATED, pl.Float64)
     types |= {"calibrated_reason": pl.String, "calibrated_said": pl.String}
     columns = {n: pl.Series([one.get(n) for one in found], dtype=t) for n, t in types.items()}
-    return conform_to_schema("loads", loads.with_columns(**columns))
+    return conform_frame_to_schema("loads", loads.with_columns(**columns))
 
 
 def _make_calibrated_columns(
@@ -174,7 +182,7 @@ def calibrate_payload_of_load(
     log: LaterLog,
     load_mass: CalibratedMass,
     empty_weighings: int,
-) -> tuple[float, float, float] | None:
+) -> CalibratedPayload | None:
     """Payload, standard uncertainty and half interval in kg; None without a payload."""
     if (
         load_mass.mass_kg is None
@@ -187,11 +195,12 @@ def calibrate_payload_of_load(
     assert load_mass.low_kg is not None
     half_kg = (load_mass.high_kg - load_mass.low_kg) / 2.0
     if calibration.method == "joint_payload":
-        return load_mass.mass_kg, load_mass.u_kg, half_kg
+        return CalibratedPayload(load_mass.mass_kg, load_mass.u_kg, half_kg)
     if row["payload_to"] is None:
         empty_kg = row["mass_kg"] - row["own_payload_kg"]
         u_kg = float(np.hypot(load_mass.u_kg, log.empty_u_kg))
-        return load_mass.mass_kg - empty_kg, u_kg, float(np.hypot(half_kg, NORMAL * log.empty_u_kg))
+        half_kg = float(np.hypot(half_kg, NORMAL * log.empty_u_kg))
+        return CalibratedPayload(load_mass.mass_kg - empty_kg, u_kg, half_kg)
     # by readings that repeat no better than the campaign's
     repeats_kg = (calibration.repeatability_kg or 0.0) * float(
         np.sqrt(1.0 / row["manoeuvres"] + 1.0 / max(empty_weighings, 1))
@@ -208,7 +217,8 @@ def calibrate_payload_of_load(
     beside_kg = found.common_u_not_absorbed_by_line_kg(np.array([common_kg]))[0]
     parts = (random_kg / abs(calibration.c1_1), beside_kg, found.unlike_u_kg[0], found.line_kg[0])
     u_kg = float(np.linalg.norm(parts))
-    return float(found.payload_kg[0]), u_kg, max(calibration.coverage_k_1, NORMAL) * u_kg
+    half_kg = max(calibration.coverage_k_1, NORMAL) * u_kg
+    return CalibratedPayload(float(found.payload_kg[0]), u_kg, half_kg)
 
 
 def check_drift_of_empty_machine(

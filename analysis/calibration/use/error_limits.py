@@ -1,7 +1,7 @@
 """Decision whether later masses are within the error limits of a class, with a guard band."""
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from pydantic import ConfigDict
@@ -162,9 +162,17 @@ def judge_loads_by_error_limits(calibration: Calibration, rule: DecisionRule) ->
     return choose_worst_verdict(rule, tuple(rows))
 
 
-def list_mean_errors_of_loads(calibration: Calibration) -> list[tuple[str, float, float]]:
-    """Name, reference and mean error of each load on board, in kg."""
-    found: list[tuple[str, float, float]] = []
+class LoadError(NamedTuple):
+    """Mean error of a load on board, in kg."""
+
+    load_id: str
+    reference_kg: float
+    mean_error_kg: float
+
+
+def list_mean_errors_of_loads(calibration: Calibration) -> list[LoadError]:
+    """Mean error of each load on board."""
+    found: list[LoadError] = []
     for reference in calibration.references:
         errors = [
             point.error_kg if point.error_left_out_kg is None else point.error_left_out_kg
@@ -173,7 +181,9 @@ def list_mean_errors_of_loads(calibration: Calibration) -> list[tuple[str, float
         ]
         known = [error for error in errors if error is not None]
         if known:
-            found.append((reference.load_id, reference.reference_kg, float(np.mean(known))))
+            found.append(
+                LoadError(reference.load_id, reference.reference_kg, float(np.mean(known)))
+            )
     return found
 
 

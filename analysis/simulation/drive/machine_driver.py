@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,14 @@ from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.sensors.random_streams import make_random_generator
 from estimators.arrays import Floats
 from estimators.errors import ScenarioError
+
+
+class DrivenStart(NamedTuple):
+    """Times of a start, and the masses filled in and fallen off."""
+
+    times: ManoeuvreTimes
+    filled_kg: float
+    fallen_kg: float
 
 
 @dataclass(frozen=True)
@@ -127,9 +136,7 @@ class MachineDriver:
         self.facing = -self.facing
         return ManoeuvreTimes("spin", begin_s, begin_s, None, None, self.time_s)
 
-    def drive_one_start(
-        self, start_order: StartOrder, body: RigidBody
-    ) -> tuple[ManoeuvreTimes, float, float]:
+    def drive_one_start(self, start_order: StartOrder, body: RigidBody) -> DrivenStart:
         """Drive one start: throttle, cruise, coast if so ordered, brake.
 
         Returns:
@@ -220,7 +227,7 @@ class MachineDriver:
         self.brake_to_stop(stage_from_now(shut))
         self.starts += 1
         times = ManoeuvreTimes("start", begin_s, begin_s, steady_s, braking_s, self.time_s)
-        return times, filled_kg, spilled_kg()
+        return DrivenStart(times, filled_kg, spilled_kg())
 
     def brake_to_stop(self, stage: DriveStage) -> None:
         """Brake until the machine stands.

@@ -26,7 +26,7 @@ from analysis.simulation.sensors.recorder import (
     topic_rate_hz,
 )
 from estimators.arrays import Floats
-from estimators.numerics.play import follow_with_play
+from estimators.numerics.play import apply_play_hysteresis
 
 _SIDES: Final = (("left", -1.0), ("right", 1.0))
 #: Mean radius of the earth (IUGG).
@@ -193,7 +193,7 @@ def _measure_torque(
             sensors.force_drift_N * lever_m / math.sqrt(2),
             sensors.force_drift_s * topic_rate_hz(scenario, "torque"),
         )
-        follows = follow_with_play(signals[name], play_N_m) if play_N_m else signals[name]
+        follows = apply_play_hysteresis(signals[name], play_N_m) if play_N_m else signals[name]
         reading = _add_sensor_errors(
             follows + drift, streams, name, WhiteNoise(noise, sensors.torque_lsb_N_m)
         )

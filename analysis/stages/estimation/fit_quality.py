@@ -1,5 +1,7 @@
 """Numbers for the verdict: how well the ungated samples of an axis fit its model."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from analysis.stages.stage_limits import LIMITS
@@ -7,20 +9,28 @@ from estimators.arrays import Bools, Floats
 from estimators.methods import pooled
 
 
+class UngatedFit(NamedTuple):
+    """A fit over every moving sample: first parameter, its standard deviation and R²."""
+
+    value: float
+    std: float
+    r_squared: float
+
+
 def has_enough_moving_samples(A: Floats, moving: Bools) -> bool:
     """Whether enough samples move for a decision."""
     return bool(moving.sum() >= LIMITS.samples_per_parameter * A.shape[1])
 
 
-def fit_ungated(A: Floats, f: Floats, is_moving: Bools) -> tuple[float, float, float]:
+def fit_ungated(A: Floats, f: Floats, is_moving: Bools) -> UngatedFit:
     """First parameter, its standard deviation and R² of a fit over every moving sample."""
     if not has_enough_moving_samples(A, is_moving):
-        return float("nan"), float("nan"), float("nan")
+        return UngatedFit(float("nan"), float("nan"), float("nan"))
     traced = pooled.trace(A, f, np.where(is_moving, 0, -1))
     residual = f[is_moving] - A[is_moving] @ traced.theta[0]
     total = float(((f[is_moving] - f[is_moving].mean()) ** 2).sum())
     r_squared = 1.0 - float(residual @ residual) / total if total > 0 else float("nan")
-    return float(traced.theta[0, 0]), float(traced.std[0, 0]), r_squared
+    return UngatedFit(float(traced.theta[0, 0]), float(traced.std[0, 0]), r_squared)
 
 
 def partial_correlation(A: Floats, f: Floats, is_moving: Bools) -> float:

@@ -10,11 +10,11 @@ from analysis.model.axes import (
     Axis,
     X,
     Z,
-    list_available_axes,
+    list_axes_allowed_by_channels,
     make_parameter_columns,
     make_regressor_and_force,
     read_parameters_and_stds,
-    select_rows_of_axis,
+    select_estimate_rows_of_axis,
 )
 from analysis.model.machine import Machine
 from analysis.model.methods import METHODS, AxisNoise, LogSummary, Method
@@ -29,7 +29,7 @@ from analysis.stages.noise.column_noise import (
     estimate_attenuation_errors_of_windows,
 )
 from estimators.arrays import Floats
-from estimators.methods.ls import average_estimates
+from estimators.methods.ls import average_window_estimates_and_stds
 
 
 def summarise_masses(
@@ -52,9 +52,9 @@ def summarise_masses(
         noise: noise of the columns, if known.
     """
     columns: dict[str, Floats | pl.Series] = {"method": pl.Series(list(estimates), dtype=pl.String)}
-    for axis in list_available_axes(excitation):
+    for axis in list_axes_allowed_by_channels(excitation):
         rows: dict[str, pl.DataFrame] = {
-            method: select_rows_of_axis(axis, frame) for method, frame in estimates.items()
+            method: select_estimate_rows_of_axis(axis, frame) for method, frame in estimates.items()
         }
         known = collect_axis_noise(axis, machine.settings, noise)
         totals = estimate_log_parameters_and_stds_by_method(
@@ -145,7 +145,7 @@ def estimate_log_parameters_and_stds_by_method(
                 unseen = estimate_attenuation_errors_of_windows(
                     method, A, f, index, windows[0], settings, noise
                 )
-                theta[row], std[row] = average_estimates(
+                theta[row], std[row] = average_window_estimates_and_stds(
                     A, f, settings.gate.window_samples, index, *windows, unseen
                 )
     return theta, std

@@ -11,7 +11,7 @@ import polars as pl
 
 from analysis.model.axes import (
     Axis,
-    list_available_axes,
+    list_axes_allowed_by_channels,
     make_regressor_and_force,
     make_trace_columns,
 )
@@ -57,7 +57,7 @@ def trace_estimates(
             collect_axis_noise(axis, settings, noise),
             load_begin_rows,
         )
-        for axis in list_available_axes(excitation)
+        for axis in list_axes_allowed_by_channels(excitation)
     }
     t_ns = excitation["t_ns"].to_numpy()
     return {

@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, X, list_available_axes, make_regressor_and_force
+from analysis.model.axes import Axis, X, list_axes_allowed_by_channels, make_regressor_and_force
 from analysis.model.schema import PHASE, REASON, build_frame, column_values
 from analysis.model.settings import Settings
 from analysis.model.windows import flag_windows, mark_samples_in_windows
@@ -47,7 +47,7 @@ def gate_windows(
         `gate`: a row per row of `excitation`; columns of the z axis if the channels allow it.
     """
     columns: dict[str, Floats | pl.Series] = {"t_ns": excitation["t_ns"]}
-    for axis in list_available_axes(excitation):
+    for axis in list_axes_allowed_by_channels(excitation):
         columns |= _make_gate_columns(axis, excitation, settings, noise)
     return build_frame("gate", columns)
 

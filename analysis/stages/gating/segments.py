@@ -7,7 +7,7 @@ from analysis.model.axes import (
     Axis,
     X,
     Z,
-    list_available_axes,
+    list_axes_allowed_by_channels,
     make_regressor_and_force,
     make_trace_columns,
 )
@@ -62,14 +62,14 @@ def pool_by_manoeuvre(
         settings: window, what is refused.
         noise: noise of the columns, if known.
     """
-    turns = TURNS if Z not in list_available_axes(excitation) else ("arc", "turning")
+    turns = TURNS if Z not in list_axes_allowed_by_channels(excitation) else ("arc", "turning")
     refused_for = {**dict.fromkeys(turns, "turning"), "standstill": "standstill"}
     if settings.gate.exclude_braking:
         refused_for["braking"] = "braking"
     segment_id = number_manoeuvres(excitation, settings)
     used = np.zeros(segment_id.size, np.bool_)
     parts: list[pl.DataFrame] = []
-    for axis in list_available_axes(excitation):
+    for axis in list_axes_allowed_by_channels(excitation):
         pooled_ids = number_manoeuvres_for_pooling(excitation, gated, settings, axis)
         used |= pooled_ids >= 0
         A, f = make_regressor_and_force(axis, excitation, settings)
@@ -98,7 +98,7 @@ def pool_by_manoeuvre(
         .with_columns(
             # a spin is judged on the yaw axis where there is one
             pl.when(spinning).then(gated["reason_z"].cast(pl.String)).otherwise("reason")
-            if Z in list_available_axes(excitation)
+            if Z in list_axes_allowed_by_channels(excitation)
             else "reason"
         )
         .filter(pl.col("segment_id") >= 0)

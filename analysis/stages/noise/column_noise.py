@@ -13,8 +13,8 @@ from analysis.model.schema import NOISE_COLUMNS
 from analysis.model.settings import NoiseSettings, Settings
 from analysis.stages.noise.noise_limits import LIMITS
 from estimators.arrays import Floats, Ints
-from estimators.methods.attenuation import compute_window_attenuations
-from estimators.methods.ls import residual_noise_variance, solve_windows
+from estimators.methods.attenuation import compute_attenuation_corrections_of_windows
+from estimators.methods.ls import compute_residual_noise_variance, solve_windows
 from estimators.methods.method_limits import LIMITS as METHOD_LIMITS
 from estimators.methods.tls import TlsOptions
 from estimators.numerics.small_systems import factor_packed_ldl, invert
@@ -169,7 +169,7 @@ def estimate_attenuation_errors_of_windows(
     """
     if noise.mean is None:
         return np.zeros_like(theta)
-    drawn = compute_window_attenuations(
+    drawn = compute_attenuation_corrections_of_windows(
         A, f, settings.gate.window_samples, index, theta, noise.mean
     )
     return METHOD_LIMITS.uncertain_correction_fraction * drawn if method.takes_noise_off else drawn
@@ -190,6 +190,7 @@ def estimate_window_stds_by_column_noise(
     each = np.ascontiguousarray(theta.T)
     # slow columns add up what lasts; no sample has less than its own
     variance = np.maximum(
-        residual_noise_variance(each, noise.mean), residual_noise_variance(each, noise.lasting)
+        compute_residual_noise_variance(each, noise.mean),
+        compute_residual_noise_variance(each, noise.lasting),
     )
     return np.sqrt(np.array([bread[i, i] for i in range(p)]) * variance).T

@@ -1,6 +1,6 @@
 """Robust covariances and spectra of noise, from stretches of samples."""
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,13 @@ from estimators.arrays import Bools, Floats, Ints
 
 #: Covariances are given for lags below this.
 LAGS: Final = 64
+
+
+class BlockSpectrum(NamedTuple):
+    """Mean power (frequencies,) at `list_block_frequencies`, and number of blocks."""
+
+    power: Floats
+    block_count: int
 
 
 def choose_relative_noise_band(rate_hz: float) -> tuple[float, float]:
@@ -140,9 +147,7 @@ def choose_overlapping_block_ends(flags: Bools) -> Ints:
     return ends[:: max(ends.size // LIMITS.max_blocks, 1)]
 
 
-def mean_block_spectrum(
-    x: Floats, block_ends: Ints, min_frequency: float
-) -> tuple[Floats, int] | None:
+def mean_block_spectrum(x: Floats, block_ends: Ints, min_frequency: float) -> BlockSpectrum | None:
     """Power of noise at `list_block_frequencies`, and number of blocks; None if there are too few.
 
     It is of second differences, so that smooth signals do not leak, divided by their response, so
@@ -178,7 +183,7 @@ def mean_block_spectrum(
     mean = power.mean(axis=0)
     mean[1:] /= (2.0 * np.sin(np.pi * at[1:])) ** 4
     mean[0] = np.nan
-    return mean, len(power)
+    return BlockSpectrum(mean, len(power))
 
 
 def list_block_frequencies() -> Floats:

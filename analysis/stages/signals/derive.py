@@ -303,7 +303,8 @@ def select_usable_readings(
                 Loss(
                     source=name,
                     topic=channel.topic or "",
-                    what=f"{count} of {finite.size} samples of {field} are {why}; they were excluded",
+                    what=f"{count} of {finite.size} samples of {field} are {why}; they were "
+                    "excluded",
                 )
             )
     last = np.append(np.diff(t[told]) > 0, True)

@@ -3,11 +3,11 @@
 import polars as pl
 
 from analysis.findings import drop_findings_explained_by_work_cycles
-from analysis.model.schema import conform_to_schema
+from analysis.model.schema import conform_frame_to_schema
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found
 
-FINDINGS = conform_to_schema(
+FINDINGS = conform_frame_to_schema(
     "findings",
     pl.DataFrame({"rank": [1, 2], "cause": ["external_force", "coulomb"]}),
 )

@@ -8,7 +8,7 @@ import pytest
 from analysis.model.machine_body import Body
 from analysis.online.answer_progress import (
     AnswerProgress,
-    choose_target_u_kg,
+    choose_target_uncertainty_kg,
     describe_missing_manoeuvres,
 )
 
@@ -81,6 +81,6 @@ def test_without_an_aim_nothing_is_missing_that_could_be_told() -> None:
 
 def test_the_aim_is_what_somebody_says_or_a_share_of_the_empty_mass() -> None:
     body = Body(name="loader", empty_mass_kg=3600.0)
-    assert choose_target_u_kg(body, None) == pytest.approx(72.0)
-    assert choose_target_u_kg(body, 5.0) == 5.0
-    assert choose_target_u_kg(Body(name="loader"), None) is None
+    assert choose_target_uncertainty_kg(body, None) == pytest.approx(72.0)
+    assert choose_target_uncertainty_kg(body, 5.0) == 5.0
+    assert choose_target_uncertainty_kg(Body(name="loader"), None) is None

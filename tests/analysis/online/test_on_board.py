@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from analysis.model.axes import X, Z, read_parameters_and_stds, select_rows_of_axis
+from analysis.model.axes import X, Z, read_parameters_and_stds, select_estimate_rows_of_axis
 from analysis.model.methods import METHODS
 from analysis.model.settings import Settings
 from analysis.online import on_board as online
@@ -54,7 +54,7 @@ def assert_as_in_replay(excitation, settings, noise=None, axis=X):
             np.testing.assert_array_equal(mine, expected)
     times = excitation["t_ns"].to_numpy()
     for method, rows in found.items():
-        frame = select_rows_of_axis(axis, frames[method])
+        frame = select_estimate_rows_of_axis(axis, frames[method])
         assert [times[at] for at, _ in rows] == frame["t_ns"].to_list(), method
         expected, _ = read_parameters_and_stds(axis, frame)
         theta = np.array([e.theta for _, e in rows]).reshape(expected.shape)

@@ -9,7 +9,7 @@ from typing import Any
 import polars as pl
 import pytest
 
-from analysis.fleet.attention import rank_concerns
+from analysis.fleet.attention import rank_recordings_by_concern
 from analysis.fleet.fleet_tables import TABLES
 from benchmarks.fleet_logs import SerialEngine, same_results
 from estimators.errors import OutputError
@@ -223,6 +223,8 @@ def test_results_with_former_names_of_checks_have_the_present_ones(results: Path
         found = open_fleet_results(str(results))
         (checks,) = found.results.filter(pl.col("key") == path.stem)["failed_checks"]
         assert checks == "r_squared, force_delay_s, coulomb_friction"
-        concerns = rank_concerns(found.results, found.scan("cycles"), found.scan("findings"))
+        concerns = rank_recordings_by_concern(
+            found.results, found.scan("cycles"), found.scan("findings")
+        )
         why = concerns.filter(pl.col("key") == path.stem)["why"][0]
         assert f"cannot weigh: {checks}" in why
