@@ -54,7 +54,7 @@ from analysis.stages.signals.copied_rows import (
     list_copied_row_notes,
 )
 from analysis.stages.signals.derive import derive, read_measured_channels
-from analysis.stages.signals.grid_rate import set_rate_from_log
+from analysis.stages.signals.grid_rate import choose_grid_rate_by_log
 from analysis.stages.signals.held_readings import (
     drop_rows_with_held_readings,
     find_held_channels,
@@ -181,7 +181,7 @@ def run(
     on_stage("read")  # the channels in use, at their own rates
     raw, losses = read_channels(logs, machine)
     placed = _TopicChannels.from_topics(raw, machine)
-    machine, chosen = set_rate_from_log(placed.read, machine)  # what no setting gives
+    machine, chosen = choose_grid_rate_by_log(placed.read, machine)  # what no setting gives
     chosen = [*placed.notes, *chosen]
     seen = _run_stages(raw, placed, machine, on_stage)
     del placed  # of a shift it is half a gigabyte

@@ -104,34 +104,38 @@ def do_runs_read_same_bytes(a: Provenance, b: Provenance) -> bool:
     return digests[0] == digests[1]
 
 
-def compare_runs(a: Replay, b: Replay, *, rtol: float = 0.0, rows: bool = True) -> Comparison:
+def compare_runs(
+    a: Replay, b: Replay, *, rtol: float = 0.0, rows_correspond: bool = True
+) -> Comparison:
     """Compare two replays.
 
     Args:
         a: baseline replay.
         b: replay to compare with it.
         rtol: relative tolerance of numbers; 0 compares bit for bit.
-        rows: whether the rows of stages correspond; for different logs only results of the whole
-            log are compared.
+        rows_correspond: whether the rows of stages correspond; for different logs only results of
+            the whole log are compared.
     """
     mine, theirs = a.provenance, b.provenance
     common = [name for name in a.stages if name in b.stages]
     compared = [
-        name for name in common if rows or find_frame_of_stage(name) in ("masses", "verdict")
+        name
+        for name in common
+        if rows_correspond or find_frame_of_stage(name) in ("masses", "verdict")
     ]
-    offset_ns = theirs.t0_unix_ns - mine.t0_unix_ns if rows else 0
+    offset_ns = theirs.t0_unix_ns - mine.t0_unix_ns if rows_correspond else 0
     changes = [compare_frames_of_stage(a, b, name, rtol, offset_ns) for name in compared]
     return Comparison(
         settings=tuple(_iter_setting_changes(mine, theirs)),
         inputs=tuple(_iter_input_changes(mine, theirs)),
         versions=tuple(_iter_changed_values(mine.versions, theirs.versions)),
-        provenance=tuple(_iter_provenance_changes(mine, theirs)) if rows else (),
+        provenance=tuple(_iter_provenance_changes(mine, theirs)) if rows_correspond else (),
         only_a=tuple(name for name in a.stages if name not in b.stages),
         only_b=tuple(name for name in b.stages if name not in a.stages),
         stages=tuple(change for change in changes if change is not None),
         columns=sum(len({*a.stages[name], *b.stages[name]}) for name in compared),
         estimates=list_estimate_changes(a, b, rtol),
-        manoeuvres=list_manoeuvre_changes(a, b, rtol, offset_ns) if rows else (),
+        manoeuvres=list_manoeuvre_changes(a, b, rtol, offset_ns) if rows_correspond else (),
         checks=tuple(iter_changed_checks(a, b)),
     )
 
@@ -234,14 +238,14 @@ def list_manoeuvre_changes(
             <= row["end_t_ns"]
         ]
         left = [other for other in left if not any(other is each for each in inside)]
-        found.append((_format_span(row, 0), row, inside[0] if inside else {}))
-        found += [(_format_span(other, offset_ns), {}, other) for other in inside[1:]]
-    found += [(_format_span(other, offset_ns), {}, other) for other in left]
+        found.append((_format_time_span_of_row(row, 0), row, inside[0] if inside else {}))
+        found += [(_format_time_span_of_row(other, offset_ns), {}, other) for other in inside[1:]]
+    found += [(_format_time_span_of_row(other, offset_ns), {}, other) for other in left]
     return select_differing_estimates(found, rtol)
 
 
-def _format_span(row: Mapping[str, Any], offset_ns: int) -> str:
-    begin, end = ((row[name] + offset_ns) / 1e9 for name in ("start_t_ns", "end_t_ns"))
+def _format_time_span_of_row(spanned_row: Mapping[str, Any], offset_ns: int) -> str:
+    begin, end = ((spanned_row[name] + offset_ns) / 1e9 for name in ("start_t_ns", "end_t_ns"))
     return f"{begin:.2f} to {end:.2f} s"
 
 

@@ -93,27 +93,27 @@ def find_frame_of_stage(stage: str) -> str:
 
 
 def compare_frames_of_stage(
-    a: Replay, b: Replay, name: str, rtol: float, offset_ns: int
+    a: Replay, b: Replay, stage: str, rtol: float, offset_ns: int
 ) -> StageChange | None:
     """Compare a stage that both replays have.
 
     Args:
         a: baseline replay.
         b: replay to compare with it.
-        name: name of the stage.
+        stage: name of the stage.
         rtol: relative tolerance of numbers; 0 compares bit for bit.
         offset_ns: shift of B's times to A's.
 
     Returns:
         The differences; None without any.
     """
-    has = a.stages[name], b.stages[name]
+    has = a.stages[stage], b.stages[stage]
     key = [
         column
-        for column in _KEYS.get(find_frame_of_stage(name), ())
+        for column in _KEYS.get(find_frame_of_stage(stage), ())
         if all(column in c for c in has)
     ]
-    ids = [read_shifted_row_keys(a, name, key, 0), read_shifted_row_keys(b, name, key, offset_ns)]
+    ids = [read_shifted_row_keys(a, stage, key, 0), read_shifted_row_keys(b, stage, key, offset_ns)]
     pairs = None if ids[0].equals(ids[1]) else match_rows_by_key(ids[0], ids[1], key)
     height = ids[0].height
     faults = [
@@ -125,7 +125,7 @@ def compare_frames_of_stage(
     seconds = compute_times_of_matched_rows_s(ids[0], pairs)
     changes: list[ColumnChange] = []
     for part in iter_column_batches([column for column in has[0] if column in has[1]], height):
-        mine, theirs = a.read(name, part), b.read(name, part)
+        mine, theirs = a.read(stage, part), b.read(stage, part)
         for column in part:
             x, y = mine[column], theirs[column]
             if offset_ns and column in _TIMES:
@@ -137,25 +137,27 @@ def compare_frames_of_stage(
     order = list(has[0]) != list(has[1]) and not faults
     if not (faults or changes or order or common != height or ids[1].height != common):
         return None
-    return StageChange(name, height, ids[1].height, common, (*faults, *changes), order)
+    return StageChange(stage, height, ids[1].height, common, (*faults, *changes), order)
 
 
 def read_shifted_row_keys(
-    replay: Replay, name: str, key: Sequence[str], offset_ns: int
+    replay: Replay, frame_name: str, key_columns: Sequence[str], offset_ns: int
 ) -> pl.DataFrame:
     """Key of each row in A's time; the row number if the frame has no key."""
-    columns = list(key) or [replay.stages[name][0]] if replay.stages[name] else []
-    frame = replay.read(name, columns) if columns else pl.DataFrame()
-    if not key:
+    columns = (
+        list(key_columns) or [replay.stages[frame_name][0]] if replay.stages[frame_name] else []
+    )
+    frame = replay.read(frame_name, columns) if columns else pl.DataFrame()
+    if not key_columns:
         return frame.select(pl.int_range(pl.len()).alias("row"))
     return frame.with_columns(
-        pl.col(column) + offset_ns for column in key if offset_ns and column in _TIMES
+        pl.col(column) + offset_ns for column in key_columns if offset_ns and column in _TIMES
     ).with_columns(pl.col(pl.Enum).cast(pl.String))
 
 
-def match_rows_by_key(a: pl.DataFrame, b: pl.DataFrame, key: Sequence[str]) -> pl.DataFrame:
+def match_rows_by_key(a: pl.DataFrame, b: pl.DataFrame, key_columns: Sequence[str]) -> pl.DataFrame:
     """Corresponding rows of A and B, as `row_a` and `row_b`."""
-    on = list(key) or ["row"]
+    on = list(key_columns) or ["row"]
     nth = pl.int_range(pl.len()).over(on).alias("_nth")  # of several about the same
     left = a.with_row_index("row_a").with_columns(nth)
     right = b.with_row_index("row_b").with_columns(nth)

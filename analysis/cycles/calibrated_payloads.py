@@ -135,14 +135,17 @@ def estimate_mean_line_offset_and_u_kg(
 
 
 def _explain_inapplicable_line(
-    row: Mapping[str, Any], calibration: Calibration, line_offset_kg: float, driving_u_kg: float
+    cycle_row: Mapping[str, Any],
+    calibration: Calibration,
+    line_offset_kg: float,
+    driving_u_kg: float,
 ) -> str:
     """Why the line does not apply to a cycle; "" if it does, or if there is no mass."""
     name = "loaded" if calibration.method == _OF_MASS else "payload"
-    mass_kg, u_kg = row[f"{name}_kg"], row["loaded_u_kg"]
-    if row["payload_kg"] is None:
+    mass_kg, u_kg = cycle_row[f"{name}_kg"], cycle_row["loaded_u_kg"]
+    if cycle_row["payload_kg"] is None:
         return ""
-    count = row["manoeuvres"]
+    count = cycle_row["manoeuvres"]
     return calibration.calibrate_estimate(
         mass_kg - line_offset_kg, u_kg, count, driving_u_kg
     ).reason

@@ -194,13 +194,13 @@ def advance_force_samples(samples: EnergySamples, force_late_s: float) -> Energy
     return delay_force_samples(samples, -rows)
 
 
-def delay_force_samples(samples: EnergySamples, rows: int) -> EnergySamples:
+def delay_force_samples(samples: EnergySamples, delay_rows: int) -> EnergySamples:
     """Delay the driving stretches by a number of rows.
 
     A motor releases gradually, so the end of its force is known to half the moving mean at best.
     """
     drives, digs, slows = (
-        np.roll(each, rows) for each in (samples.drives, samples.digs, samples.slows)
+        np.roll(each, delay_rows) for each in (samples.drives, samples.digs, samples.slows)
     )
     return replace(samples, drives=drives, digs=digs, slows=slows)
 

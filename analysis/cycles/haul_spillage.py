@@ -27,7 +27,7 @@ _IN_PROPORTION: Final = (
 
 def subtract_spillage(
     cycles: pl.DataFrame,
-    parts: Sequence[CycleParts],
+    cycle_parts: Sequence[CycleParts],
     passes: Passes,
     frames: Mapping[str, pl.DataFrame],
     body: Body,
@@ -36,7 +36,7 @@ def subtract_spillage(
 
     Args:
         cycles: frame with payloads as weighed.
-        parts: begin of each haul, and stop for its dump.
+        cycle_parts: begin of each haul, and stop for its dump.
         passes: manoeuvres that weigh each load.
         frames: the frames `manoeuvres` and `excitation`.
         body: machine body with its spillage.
@@ -44,7 +44,7 @@ def subtract_spillage(
     if body.haul_spillage_share is None or cycles.is_empty():
         return cycles
     progress = find_haul_fractions_when_weighed(
-        parts, passes, frames["manoeuvres"], frames["excitation"]
+        cycle_parts, passes, frames["manoeuvres"], frames["excitation"]
     )
     arriving, u = compute_arriving_fraction_and_u(progress, body)
     known = cycles["payload_kg"].is_not_null().to_numpy()
@@ -90,7 +90,10 @@ def subtract_spillage_from_payload_columns(cycles: pl.DataFrame) -> pl.DataFrame
 
 
 def find_haul_fractions_when_weighed(
-    parts: Sequence[CycleParts], passes: Passes, manoeuvres: pl.DataFrame, excitation: pl.DataFrame
+    cycle_parts: Sequence[CycleParts],
+    passes: Passes,
+    manoeuvres: pl.DataFrame,
+    excitation: pl.DataFrame,
 ) -> Floats:
     """Fraction of the haul at which each load is weighed, (cycles,).
 
@@ -111,8 +114,8 @@ def find_haul_fractions_when_weighed(
         (moments[last] - moments[first]) / np.maximum(whole, LIMITS.min_acceleration_square),
         driven[first],
     )
-    progress = np.zeros(len(parts))
-    for number, part in enumerate(parts):
+    progress = np.zeros(len(cycle_parts))
+    for number, part in enumerate(cycle_parts):
         if part.loaded_pass is None or part.haul_ns is None or part.dump_ns is None:
             continue
         begin, end = np.searchsorted(t_ns, (part.haul_ns[0], part.dump_ns[0]))

@@ -197,17 +197,17 @@ def find_unexplained_repeats(unix_ns: Ints, readings: Floats) -> tuple[list[Repe
     ], never
 
 
-def _does_signal_stay_within_resolution(readings: Floats, first: int, last: int) -> bool:
+def _does_signal_stay_within_resolution(readings: Floats, first_row: int, last_row: int) -> bool:
     """Whether a smooth signal at rest, or at an extremum, moves too little to show in a run.
 
     It is slow beside the run, leaves it by a step of its resolution, or as fast as it goes on, and
     shows no noise; a sensor that froze jumps to what it missed, and one that clips comes fast.
     """
-    half = (last - first + 1) // 2
+    half = (last_row - first_row + 1) // 2
     reach = max(LIMITS.smooth_readings, half)
     steps = [
-        np.diff(readings[max(first - reach, 0) : first + 1][::-1]),
-        np.diff(readings[last : last + reach + 1]),
+        np.diff(readings[max(first_row - reach, 0) : first_row + 1][::-1]),
+        np.diff(readings[last_row : last_row + reach + 1]),
     ]
     sizes = np.abs(np.concatenate(steps))
     if min(side.size for side in steps) < LIMITS.run_min_readings or not sizes.any():
@@ -253,14 +253,14 @@ def intersect_spans(spans_a: Spans, spans_b: Spans) -> Spans:
     return [(begin, end) for begin, end in pairs if begin < end]
 
 
-def find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
+def find_repeated_readings(channel: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
     """Stretches in which a channel repeats itself while others change."""
-    t, x = channels[name]
+    t, x = channels[channel]
     runs, never = find_unexplained_repeats(t, x)
     if runs and float(np.ptp(x)) == 0.0:
-        return runs if _should_channel_have_changed(name, channels) else []
+        return runs if _should_channel_have_changed(channel, channels) else []
     # a machine that stands has no speed, one that coasts no force
-    runs = [run for run in runs if run.value != 0.0 or name == "specific_force_x_m_s2"]
+    runs = [run for run in runs if run.value != 0.0 or channel == "specific_force_x_m_s2"]
     if not runs:
         return []
     changes = LIMITS.frozen_noisy_change_fraction if never else LIMITS.frozen_change_fraction
@@ -268,7 +268,7 @@ def find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[Re
         (*series, changes * float(np.quantile(series[1], 0.98) - np.quantile(series[1], 0.02)))
         for key, series in channels.items()
         # where it is, a coarse channel may not show
-        if key != name and (never or key not in _BESIDE)
+        if key != channel and (never or key not in _BESIDE)
     ]
     surely = [
         run
@@ -279,11 +279,11 @@ def find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[Re
     return runs if surely and never else surely
 
 
-def _should_channel_have_changed(name: str, channels: Mapping[str, Series]) -> bool:
+def _should_channel_have_changed(channel: str, channels: Mapping[str, Series]) -> bool:
     """Whether a constant channel should have changed, since its own or the other side drives."""
-    of_motion = name in _MOTION
-    speeds = [x for key, (_, x) in channels.items() if key in SPEEDS and key != name]
-    forces = [x for key, (_, x) in channels.items() if key in _FORCES and key != name]
+    of_motion = channel in _MOTION
+    speeds = [x for key, (_, x) in channels.items() if key in SPEEDS and key != channel]
+    forces = [x for key, (_, x) in channels.items() if key in _FORCES and key != channel]
     # a machine that stands has no speed, whatever its force and its accelerometer read
     beside = speeds if of_motion else [*speeds, *forces]
     return any(float(np.ptp(x)) > 0.0 for x in beside)

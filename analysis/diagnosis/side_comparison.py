@@ -167,17 +167,18 @@ def compare_side_torques(
 
 
 def compare_side_wheel_speeds(
-    difference: Floats, mean: Floats, push: Floats | None, driving: Bools
+    difference: Floats, mean_of_sides: Floats, drive_force: Floats | None, is_driving: Bools
 ) -> dict[str, SideDifference | None]:
     """Relative difference of the wheel speeds, and its increase in hard starts."""
-    everywhere = regress_side_difference("speed", difference, mean, [], driving)
-    if push is None or driving.sum() < LIMITS.sides_min_means:
+    everywhere = regress_side_difference("speed", difference, mean_of_sides, [], is_driving)
+    if drive_force is None or is_driving.sum() < LIMITS.sides_min_means:
         return {"speed": everywhere}
-    largest = float(np.quantile(push[driving], 0.95))
-    soft = driving & (push < LIMITS.soft_torque_fraction * largest)
-    hard = driving & (push > LIMITS.hard_torque_fraction * largest)
+    largest = float(np.quantile(drive_force[is_driving], 0.95))
+    soft = is_driving & (drive_force < LIMITS.soft_torque_fraction * largest)
+    hard = is_driving & (drive_force > LIMITS.hard_torque_fraction * largest)
     in_soft, in_hard = (
-        regress_side_difference("speed", difference, mean, [], rows) for rows in (soft, hard)
+        regress_side_difference("speed", difference, mean_of_sides, [], rows)
+        for rows in (soft, hard)
     )
     if in_soft is None or in_hard is None:
         return {"speed": everywhere}
@@ -187,21 +188,25 @@ def compare_side_wheel_speeds(
 
 
 def regress_side_difference(
-    kind: str, difference: Floats, mean: Floats, other_columns: list[Floats], rows: Bools
+    quantity: str,
+    difference: Floats,
+    mean_of_sides: Floats,
+    other_columns: list[Floats],
+    chosen_rows: Bools,
 ) -> SideDifference | None:
     """Regress the difference on the mean, with a constant and the other columns."""
-    if rows.sum() < LIMITS.sides_min_means:
+    if chosen_rows.sum() < LIMITS.sides_min_means:
         return None
-    beside = [each[rows] for each in other_columns if each[rows].any()]
-    A = np.column_stack([mean[rows], np.ones(int(rows.sum())), *beside])
+    beside = [each[chosen_rows] for each in other_columns if each[chosen_rows].any()]
+    A = np.column_stack([mean_of_sides[chosen_rows], np.ones(int(chosen_rows.sum())), *beside])
     size = np.sqrt((A**2).sum(axis=0))
     if not size[0] > 0.0:
         return None
     inverse = np.linalg.pinv((A / size).T @ (A / size), rcond=1e-9, hermitian=True)
-    theta = inverse @ ((A / size).T @ difference[rows]) / size
-    left = difference[rows] - A @ theta
+    theta = inverse @ ((A / size).T @ difference[chosen_rows]) / size
+    left = difference[chosen_rows] - A @ theta
     variance = float(left @ left) / max(left.size - A.shape[1], 1) * LIMITS.sides_correlated_means
     std = float(np.sqrt(variance * inverse[0, 0])) / size[0]
     if not np.isfinite([theta[0], std]).all():
         return None
-    return SideDifference(kind, float(theta[0]), std)
+    return SideDifference(quantity, float(theta[0]), std)

@@ -197,11 +197,13 @@ def compute_settling_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> f
 
 
 def compute_settling_time_bound_s(
-    inertia: float, friction: float, key: str, scenario: Scenario
+    inertia: float, friction: float, friction_key: str, scenario: Scenario
 ) -> float:
     """Time in which a step certainly settles, at most an hour."""
     if friction <= 0.0:
-        raise DataError(f"machine.{key}: is 0, so that a step never settles; give a value above 0")
+        raise DataError(
+            f"machine.{friction_key}: is 0, so that a step never settles; give a value above 0"
+        )
     return min(12.0 * (inertia / friction + scenario.campaign.valve_lag_s), 3600.0)
 
 
@@ -258,7 +260,7 @@ def find_best_score(scores: Sequence[WaveformScore], yard_m: float | None) -> Wa
 def _make_excite_manoeuvre(
     scenario: Scenario,
     drive: Drive,
-    shape: Shape,
+    wave_shape: Shape,
     directions: Ways,
     response_s: Mapping[str, float],
 ) -> Excite:
@@ -275,14 +277,14 @@ def _make_excite_manoeuvre(
     force = torque = None
     if "force" in periods:
         force = ForceWave(
-            waveform=shape,
+            waveform=wave_shape,
             period_s=periods["force"],
             lowest_N=lowest * force_N,
             highest_N=force_N,
         )
     if "torque" in periods:
         torque = TorqueWave(
-            waveform=shape,
+            waveform=wave_shape,
             period_s=periods["torque"],
             lowest_N_m=lowest * torque_N_m,
             highest_N_m=torque_N_m,
@@ -293,7 +295,7 @@ def _make_excite_manoeuvre(
 def score_waveform(
     scenario: Scenario,
     drive: Drive,
-    shape: Shape,
+    wave_shape: Shape,
     directions: Ways,
     response_s: Mapping[str, float],
     window_s: float,
@@ -301,7 +303,7 @@ def score_waveform(
 ) -> WaveformScore:
     """Drive a waveform, and predict the errors in its worst window."""
     load_kg = scenario.campaign.loads_kg[0]
-    manoeuvre = _make_excite_manoeuvre(scenario, drive, shape, directions, response_s)
+    manoeuvre = _make_excite_manoeuvre(scenario, drive, wave_shape, directions, response_s)
     period_s = manoeuvre.duration_s / 2.0
     noise, rate_hz = compute_sensor_noise(scenario), scenario.sensors.rate_hz
     filters = Filters(_SMOOTH_SAMPLES, rate_hz)
@@ -339,7 +341,7 @@ def score_waveform(
     velocity = driven.speed_x_m_s * np.exp(1j * driven.heading_rad)
     path_m = np.cumsum(velocity[: repeats.stop]) / rate_hz
     return WaveformScore(
-        waveform=shape,
+        waveform=wave_shape,
         ways=directions,
         manoeuvre=manoeuvre,
         start_s=first / rate_hz,

@@ -43,13 +43,13 @@ class DeterminedParameters:
 
 
 def find_determined_parameters(
-    excitation: pl.DataFrame, rows: Bools, noise: pl.DataFrame | None, settings: Settings
+    excitation: pl.DataFrame, chosen_samples: Bools, noise: pl.DataFrame | None, settings: Settings
 ) -> DeterminedParameters | None:
     """Find which parameters the chosen samples determine.
 
     Args:
         excitation: frame with regressor, speed and direction.
-        rows: (n,) chosen samples.
+        chosen_samples: (n,) chosen samples.
         noise: frame `noise` of the columns.
         settings: settings with the moving mean and the noise.
 
@@ -63,7 +63,7 @@ def find_determined_parameters(
     else:
         direction = np.sign(speed)
     A = np.column_stack([acceleration, speed, direction, np.ones(speed.size)])
-    A = A[rows & np.isfinite(A).all(1)]
+    A = A[chosen_samples & np.isfinite(A).all(1)]
     std = find_column_noise_stds(noise, settings)
     samples = A.shape[0]
     if samples < LIMITS.determined_min_rows or std is None:

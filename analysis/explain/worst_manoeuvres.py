@@ -96,7 +96,7 @@ def list_stretches_of_gate_decisions(
 
 
 def _make_gate_stretch(
-    row_span: Mapping[str, Any], rows: pl.DataFrame, settings: Settings
+    row_span: Mapping[str, Any], gate_rows: pl.DataFrame, settings: Settings
 ) -> GateStretch:
     """Stretch with the median of the statistic that decided, and its limit."""
     start_s, end_s, reason = (
@@ -105,21 +105,26 @@ def _make_gate_stretch(
         str(row_span["reason"]),
     )
     decides = _DECIDES.get(reason)
-    if reason == "negative_dependence" and "corr_x_1" in rows.columns:
+    if reason == "negative_dependence" and "corr_x_1" in gate_rows.columns:
         return GateStretch(
-            start_s, end_s, reason, "corr_x_1", _median_of_gate_column(rows, "corr_x_1"), "> 0"
+            start_s, end_s, reason, "corr_x_1", _median_of_gate_column(gate_rows, "corr_x_1"), "> 0"
         )
-    if decides is None or decides[0] not in rows.columns:
+    if decides is None or decides[0] not in gate_rows.columns:
         return GateStretch(start_s, end_s, reason)
     column, limit, sign = decides
     level = getattr(settings.gate, limit)
     return GateStretch(
-        start_s, end_s, reason, column, _median_of_gate_column(rows, column), f"{sign} {level:g}"
+        start_s,
+        end_s,
+        reason,
+        column,
+        _median_of_gate_column(gate_rows, column),
+        f"{sign} {level:g}",
     )
 
 
-def _median_of_gate_column(rows: pl.DataFrame, column: str) -> float | None:
-    value = rows[column].median()
+def _median_of_gate_column(gate_rows: pl.DataFrame, column: str) -> float | None:
+    value = gate_rows[column].median()
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
 
 

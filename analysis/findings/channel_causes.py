@@ -231,11 +231,11 @@ def _detect_spikes_by_channel(inputs: FindingInputs) -> dict[str, ChannelSpikes]
     return found
 
 
-def mark_stamps_of_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: Floats) -> Bools:
+def mark_stamps_of_jolts(inputs: FindingInputs, channel: str, unix_ns: Ints, sign: Floats) -> Bools:
     """Whether force and acceleration jump together at each stamp, as at a knock; (k,)."""
-    topic = inputs.machine.channels[name].topic
+    topic = inputs.machine.channels[channel].topic
     felt = np.zeros(unix_ns.size, np.bool_)
-    if name not in _FELT:
+    if channel not in _FELT:
         return felt
     for other in inputs.select_measured_channels(*_FELT):
         t, x = inputs.unfiltered_readings[other]
@@ -246,7 +246,7 @@ def mark_stamps_of_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: 
             continue
         scale = estimate_robust_std_of_blocks(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
         near_ns = LIMITS.jolt_periods * max(
-            map(median_period_ns, (t, inputs.unfiltered_readings[name][0]))
+            map(median_period_ns, (t, inputs.unfiltered_readings[channel][0]))
         )
         ends = np.searchsorted(t, unix_ns[:, None] + np.array([-near_ns, near_ns], np.int64))
         around = np.searchsorted(

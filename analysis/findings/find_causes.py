@@ -109,12 +109,16 @@ def _make_finding_row(
     }
 
 
-def _does_finding_affect_mass(row: Mapping[str, object], inputs: FindingInputs) -> bool:
+def _does_finding_affect_mass(finding_row: Mapping[str, object], inputs: FindingInputs) -> bool:
     """Whether a finding invalidates the mass or may move it by about its uncertainty."""
-    change_kg = row["mass_change_kg"]
-    if row["severity"] != "tell" or not isinstance(change_kg, float) or inputs.own_fit is None:
+    change_kg = finding_row["mass_change_kg"]
+    if (
+        finding_row["severity"] != "tell"
+        or not isinstance(change_kg, float)
+        or inputs.own_fit is None
+    ):
         return True
-    u_kg = row["mass_change_u_kg"]
+    u_kg = finding_row["mass_change_u_kg"]
     may_kg = abs(change_kg) + (u_kg if isinstance(u_kg, float) else 0.0)
     return may_kg > LIMITS.accounting_change_u * inputs.own_fit.u_kg
 

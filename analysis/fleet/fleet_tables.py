@@ -103,9 +103,9 @@ TABLES: Final[Mapping[str, Frame]] = {
 }
 
 
-def make_table_schema(name: str) -> pl.Schema:
+def make_table_schema(table_name: str) -> pl.Schema:
     """Columns of a table: key, machine, day and start, then those of the frame."""
-    columns = (*OF_RESULT, *TABLES[name].columns)
+    columns = (*OF_RESULT, *TABLES[table_name].columns)
     return pl.Schema({column.name: choose_parquet_dtype(column) for column in columns})
 
 
@@ -116,16 +116,16 @@ def choose_parquet_dtype(column: Column) -> pl.DataType:
 
 
 def convert_frame_to_table_rows(
-    name: str, frame: pl.DataFrame, key_values: Mapping[str, object]
+    table_name: str, frame: pl.DataFrame, key_values: Mapping[str, object]
 ) -> pl.DataFrame:
     """Convert rows of a frame to rows of its table.
 
     Args:
-        name: name of the frame and the table.
+        table_name: name of the frame and the table.
         frame: frame with some or all of its columns; missing ones become null.
         key_values: values of key, machine, day and t0_unix_ns.
     """
-    schema = make_table_schema(name)
+    schema = make_table_schema(table_name)
     given = frame.with_columns(**{each: pl.lit(value) for each, value in key_values.items()})
     return given.select(
         (pl.col(each) if each in given.columns else pl.lit(None)).cast(dtype).alias(each)

@@ -119,12 +119,12 @@ def make_parameter_columns(axis: Axis, theta: Floats, std: Floats) -> dict[str, 
     return columns
 
 
-def make_trace_columns(axis: Axis, traced: Trace) -> dict[str, Floats]:
+def make_trace_columns(axis: Axis, trace: Trace) -> dict[str, Floats]:
     """Values of a trace, by the frames' column names."""
     return {
-        **make_parameter_columns(axis, traced.theta, traced.std),
-        axis.residual_rms: traced.residual_rms,
-        "condition_1": traced.condition,
+        **make_parameter_columns(axis, trace.theta, trace.std),
+        axis.residual_rms: trace.residual_rms,
+        "condition_1": trace.condition,
     }
 
 

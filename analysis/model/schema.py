@@ -909,15 +909,15 @@ FRAMES: Final[dict[str, Frame]] = {
 }
 
 
-def find_frame_declaration(name: str) -> Frame:
+def find_frame_declaration(frame_name: str) -> Frame:
     """Declaration of a frame by its name in a run (`estimates/ls` → estimates).
 
     Raises:
         KeyError: the name is not in the table (`raw/...` has no fixed columns).
     """
-    family = name.partition("/")[0]
+    family = frame_name.partition("/")[0]
     if family not in FRAMES:
-        raise KeyError(f"{name}: no such frame; declare it in analysis/model/schema.py")
+        raise KeyError(f"{frame_name}: no such frame; declare it in analysis/model/schema.py")
     return FRAMES[family]
 
 

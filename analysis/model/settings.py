@@ -191,9 +191,11 @@ class PlanarSettings(BaseModel):
     )
 
 
-def suggest_similar_setting(unknown_key: str, parts: Mapping[str, type[BaseModel]]) -> str | None:
+def suggest_similar_setting(
+    unknown_key: str, models_by_stage: Mapping[str, type[BaseModel]]
+) -> str | None:
     """The setting, with its stage, whose name is most like a key that is none."""
-    stages = {name: stage for stage, part in parts.items() for name in part.model_fields}
+    stages = {name: stage for stage, part in models_by_stage.items() for name in part.model_fields}
     close = get_close_matches(unknown_key, stages, n=1)
     return f"{stages[close[0]]}.{close[0]}" if close else None
 
@@ -250,9 +252,9 @@ class Settings(BaseModel):
             for name, value in part.items()
         }
 
-    def value_of_setting(self, name: str) -> Any:
+    def value_of_setting(self, dotted_name: str) -> Any:
         """The setting of a dotted name, as `gate.threshold_nat`."""
-        part, _, key = name.partition(".")
+        part, _, key = dotted_name.partition(".")
         return getattr(getattr(self, part), key)
 
     def with_changes(self, changes: Mapping[str, Any]) -> Self:

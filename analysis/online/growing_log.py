@@ -25,7 +25,7 @@ from analysis.stages.signals.align import (
     find_origin_of_causal_grid,
 )
 from analysis.stages.signals.derive import derive, read_measured_channels
-from analysis.stages.signals.grid_rate import set_rate_from_log
+from analysis.stages.signals.grid_rate import choose_grid_rate_by_log
 from analysis.stages.signals.held_readings import (
     HeldReadings,
     drop_rows_with_held_readings,
@@ -182,7 +182,7 @@ class GrowingLog:
         held = find_held_channels(read)
         notes = list_held_reading_notes(read, held)
         read = drop_rows_with_held_readings(read, held)
-        machine, chosen = set_rate_from_log(read, self.machine)
+        machine, chosen = choose_grid_rate_by_log(read, self.machine)
         channels, _ = derive(read, machine)
         self.basis = LogBasis(
             machine,

@@ -183,7 +183,7 @@ class BufferErrors:
     rls_kg: tuple[float, float]
 
 
-def compare_claims(extracts: Extracts) -> Claims:
+def check_claims_by_simulation(extracts: Extracts) -> Claims:
     """Compare every claim with windows, campaigns and cruises."""
     means = compute_mean_intervals(
         pl.concat(extracts.list_results_of_extract(CAMPAIGN_ERRORS), how="vertical_relaxed"),
@@ -194,7 +194,7 @@ def compare_claims(extracts: Extracts) -> Claims:
     windows = extracts.single_result_of_extract(TEN_SECONDS).filter(
         pl.col("method").is_in(printed_numbers.METHODS)
     )
-    buffer = _make_buffer_rows(
+    buffer = _make_error_and_memory_rows_by_window(
         pl.concat(extracts.list_results_of_extract(OVER_WINDOWS), how="vertical_relaxed")
     )
     rows = [
@@ -204,13 +204,13 @@ def compare_claims(extracts: Extracts) -> Claims:
             for row in gated.iter_rows(named=True)
         ),
         make_claim_row("rms", "constant", {"found": printed_numbers.CONSTANT_KG}, "found"),
-        *(_make_window_length_row(row) for row in windows.iter_rows(named=True)),
+        *(_make_claim_row_of_window_length(row) for row in windows.iter_rows(named=True)),
         *(
             make_claim_row("experiment", "trial", row, "mean_abs_kg")
             for row in gated.iter_rows(named=True)
         ),
-        *make_cruise_rows(np.array(extracts.list_results_of_extract(CRUISE_ERRORS))),
-        *_make_campaign_rows(means),
+        *make_claim_rows_of_cruises(np.array(extracts.list_results_of_extract(CRUISE_ERRORS))),
+        *_make_claim_rows_of_campaigns(means),
     ]
     frame = pl.DataFrame(rows, infer_schema_length=None).with_columns(
         of_mass_percent=pl.col("found_kg") / printed_numbers.MASS_KG * 100.0,
@@ -241,7 +241,7 @@ def compare_claims(extracts: Extracts) -> Claims:
     )
 
 
-def _make_buffer_rows(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
+def _make_error_and_memory_rows_by_window(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
     """Errors of OLS and RLS by window length, and the memory of each."""
     means = compute_mean_intervals(
         campaigns.filter(pl.col("method").is_in(["ls", "rls"])),
@@ -272,32 +272,32 @@ def _compare_ls_buffer_with_rls(frame: pl.DataFrame) -> BufferErrors:
 
 
 def make_claim_row(
-    claim: str, sample_kind: str, row: Mapping[str, Any], name: str
+    claim: str, sample_kind: str, means_row: Mapping[str, Any], number_name: str
 ) -> dict[str, Any]:
-    """Row of a finding whose number and interval are in `row` under `name`."""
+    """Row of a finding whose number and interval are in `means_row` under `number_name`."""
     return {
         "claim": claim,
         "of": sample_kind,
-        "method": row.get("method"),
-        "fed": row.get("fed"),
-        "directional": row.get("directional", False),
-        "windows": row.get("trials") if sample_kind == "window" else None,
-        "window_samples": row.get("window_samples"),
-        "buffer_bytes": row.get("buffer_bytes"),
-        "found_kg": row[name],
-        "found_kg_low": row.get(f"{name}_low"),
-        "found_kg_high": row.get(f"{name}_high"),
-        "smaller_percent": row.get("smaller_percent"),
+        "method": means_row.get("method"),
+        "fed": means_row.get("fed"),
+        "directional": means_row.get("directional", False),
+        "windows": means_row.get("trials") if sample_kind == "window" else None,
+        "window_samples": means_row.get("window_samples"),
+        "buffer_bytes": means_row.get("buffer_bytes"),
+        "found_kg": means_row[number_name],
+        "found_kg_low": means_row.get(f"{number_name}_low"),
+        "found_kg_high": means_row.get(f"{number_name}_high"),
+        "smaller_percent": means_row.get("smaller_percent"),
     }
 
 
-def _make_window_length_row(row: Mapping[str, Any]) -> dict[str, Any]:
-    half = _NORMAL * row["bias_std_kg"]
-    ends = {"bias_kg_low": row["bias_kg"] - half, "bias_kg_high": row["bias_kg"] + half}
-    return make_claim_row("simulation", "window", {**row, **ends}, "bias_kg")
+def _make_claim_row_of_window_length(means_row: Mapping[str, Any]) -> dict[str, Any]:
+    half = _NORMAL * means_row["bias_std_kg"]
+    ends = {"bias_kg_low": means_row["bias_kg"] - half, "bias_kg_high": means_row["bias_kg"] + half}
+    return make_claim_row("simulation", "window", {**means_row, **ends}, "bias_kg")
 
 
-def make_cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
+def make_claim_rows_of_cruises(errors_kg: np.ndarray) -> list[dict[str, Any]]:
     """Rows of findings from errors (cruises, 4), one column for each of `CRUISE_FED`."""
     rng = np.random.default_rng(0)
     found = [bootstrap_rms_and_interval(errors, rng) for errors in errors_kg.T]
@@ -321,7 +321,7 @@ def make_cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
     ]
 
 
-def _make_campaign_rows(means: pl.DataFrame) -> list[dict[str, Any]]:
+def _make_claim_rows_of_campaigns(means: pl.DataFrame) -> list[dict[str, Any]]:
     rls = means.filter(pl.col("method") == "rls")
     ungated_kg = rls.filter(pl.col("fed") == "ungated")["rms_left_out_kg"][0]
     rows: list[dict[str, Any]] = []

@@ -211,11 +211,11 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
 
 
 def is_fit_plausible(
-    samples: PlanarSamples, estimate: BaseEstimate, row: Mapping[str, Any], settings: Settings
+    samples: PlanarSamples, estimate: BaseEstimate, fit_row: Mapping[str, Any], settings: Settings
 ) -> bool:
     """Whether the joint fit passes, on its own ungated samples, what straight motion must pass."""
     limits = settings.verdict
-    explained = min(row["r_squared_x_1"], row["r_squared_z_1"])
+    explained = min(fit_row["r_squared_x_1"], fit_row["r_squared_z_1"])
     # of a mass and an inertia; those that the motion does not determine are not told anyway
     told = np.isfinite(estimate.theta[:2])
     theta, std = estimate.theta[:2][told], estimate.std[:2][told]
@@ -384,10 +384,10 @@ def list_missing_settings_text(fitted: PlanarFit, gradients: list[Floats], machi
     return ", ".join(dict.fromkeys(names))
 
 
-def _withhold_fit_row(row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
+def _withhold_fit_row(fit_row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
     """The row with its outcome: no number of a fit that is refused or withheld."""
-    row = {**row, "reason": reason, "withheld": withheld}
+    fit_row = {**fit_row, "reason": reason, "withheld": withheld}
     if withheld or reason != "accepted":
         hidden = {*_COLUMNS, *_COLUMNS.values(), *_COM, *_UNKNOWN}
-        row = {name: None if name in hidden else value for name, value in row.items()}
-    return row
+        fit_row = {name: None if name in hidden else value for name, value in fit_row.items()}
+    return fit_row

@@ -34,9 +34,9 @@ _QUANTITIES: Final = {
 }
 
 
-def compute_quantity_gradient(estimate: BaseEstimate, name: str) -> Floats:
+def compute_quantity_gradient(estimate: BaseEstimate, quantity: str) -> Floats:
     """Gradient (p,) of a parameter or quantity by the parameters."""
-    return np.array([float(each == name) for each in estimate.parameters])
+    return np.array([float(each == quantity) for each in estimate.parameters])
 
 
 def list_uncertainty_sources(

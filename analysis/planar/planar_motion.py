@@ -112,8 +112,8 @@ class PlanarDrive:
         """Weight of the machine, in N."""
         return self.mass_kg * self.gravity_m_s2
 
-    def _read_term_coefficient(self, name: str) -> float:
-        return float(self.coefficients[_AT[name]])
+    def _read_term_coefficient(self, term_name: str) -> float:
+        return float(self.coefficients[_AT[term_name]])
 
     def cut(self, sample_slice: slice) -> "PlanarDrive":
         """Cut the drive to a slice of samples."""

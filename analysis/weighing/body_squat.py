@@ -287,21 +287,21 @@ def compute_grade_prior_stds_m_s2(route: Route) -> Floats:
 
 
 def estimate_gain_change_by_wheels(
-    rows: list[_Stretch], grade_std: Floats
+    stretches: list[_Stretch], grade_std: Floats
 ) -> GainChangeByLoad | None:
     """Change of gain with the load from the wheels; None if undetermined.
 
     Args:
-        rows: the stretches.
+        stretches: the stretches.
         grade_std: (columns,) prior standard deviations of the grade's columns, in m/s².
     """
-    if len(rows) < LIMITS.squat_min_stretches or len({load for *_, load in rows}) < 2:
+    if len(stretches) < LIMITS.squat_min_stretches or len({load for *_, load in stretches}) < 2:
         return None
-    free = [_whiten_random_slope(columns, y, time, np.inf) for columns, y, time, _ in rows]
+    free = [_whiten_random_slope(columns, y, time, np.inf) for columns, y, time, _ in stretches]
     # each stretch a slope of its own: how slopes scatter, beyond their noise
     X, y = (np.concatenate([each[i] for each in free]) for i in (0, 1))
     own = X[:, :_OWN_COLUMNS]
-    freedom = max(y.size - _OWN_COLUMNS - 2 * len(rows), 1)
+    freedom = max(y.size - _OWN_COLUMNS - 2 * len(stretches), 1)
     pilot = float(((y - own @ np.linalg.lstsq(own, y)[0]) ** 2).sum()) / freedom
     prior = np.zeros((grade_std.size, X.shape[1]))
     np.fill_diagonal(prior[:, _OWN_COLUMNS:], np.sqrt(pilot) / grade_std)
@@ -314,12 +314,12 @@ def estimate_gain_change_by_wheels(
         return None
     bare = y - X[:, 1:] @ np.linalg.lstsq(rows_X[:, 1:], rows_y)[0]
     left = float(np.linalg.norm(y - X @ beta) / np.linalg.norm(bare))
-    slopes = np.array([time @ (y - X @ beta) / (time @ time) for X, y, time, _ in rows])
-    noise = np.array([variance / (time @ time) for *_, time, _ in rows])
+    slopes = np.array([time @ (y - X @ beta) / (time @ time) for X, y, time, _ in stretches])
+    noise = np.array([variance / (time @ time) for *_, time, _ in stretches])
     count = slopes.size
     scatter = max(float(np.var(slopes, ddof=1) - noise.mean()), 0.0)
     scatter *= compute_student_to_normal_ratio(count - 1) ** 2
-    part = [_whiten_random_slope(X, y, time, scatter / variance) for X, y, time, _ in rows]
+    part = [_whiten_random_slope(X, y, time, scatter / variance) for X, y, time, _ in stretches]
     X, y = (np.concatenate([each[i] for each in part]) for i in (0, 1))
     shared = np.concatenate([each[2] for each in part])
     X = np.column_stack([X, shared])

@@ -52,7 +52,7 @@ class RelativeLoads:
 
     @classmethod
     def from_masses(
-        cls, unit: Ints, mass_kg: Floats, weight_shares: tuple[float, float]
+        cls, manoeuvre_numbers: Ints, mass_kg: Floats, weight_shares: tuple[float, float]
     ) -> Self | None:
         """Relate (units,) masses to their mean; None if they are not plausible masses.
 
@@ -64,7 +64,7 @@ class RelativeLoads:
         if not reference_kg > 0.0:
             return None
         value = np.maximum(mass_kg / reference_kg - 1.0, LIMITS.least_relative_load)
-        return cls(unit, value, weight_shares)
+        return cls(manoeuvre_numbers, value, weight_shares)
 
     @property
     def rms(self) -> float:

@@ -86,7 +86,7 @@ class FitTask:
         *,
         advance_force: bool = True,
         initial_fit: JointFit | None = None,
-        rows: FitRows | None = None,
+        fit_rows: FitRows | None = None,
     ) -> JointFit:
         """Fit means of `mean_samples`, iterating since the columns depend on lag and slip.
 
@@ -98,7 +98,7 @@ class FitTask:
             rounds: maximum number of rounds.
             advance_force: whether the force is advanced by its delay.
             initial_fit: fit to start from; None starts from `initial_estimates`.
-            rows: rows of the first round, if already computed.
+            fit_rows: rows of the first round, if already computed.
         """
         lag = find_term_index("lag", self.terms)
         std = np.zeros(len(self.terms))
@@ -114,18 +114,18 @@ class FitTask:
             self._exclude_gain_drift_if_loads_return(std)
             known_s = known.lag_s
             mean[lag] -= known_s
-            if number or rows is None:
+            if number or fit_rows is None:
                 # of a shift each holds hundreds of megabytes
-                rows = solution = None
-                rows = average_columns(self.motion, self.noise, self.terms, mean_samples, known)
+                fit_rows = solution = None
+                fit_rows = average_columns(self.motion, self.noise, self.terms, mean_samples, known)
             solution = prior_fit.solve(
-                rows.A,
-                rows.f,
-                rows.group,
-                rows.noise,
+                fit_rows.A,
+                fit_rows.f,
+                fit_rows.group,
+                fit_rows.noise,
                 np.concatenate([np.zeros(2), mean]),
                 np.concatenate([np.full(2, np.inf), std]),
-                Grouping(rows.direction, rows.shortest, levels),
+                Grouping(fit_rows.direction, fit_rows.shortest, levels),
             )
             if not np.isfinite(solution.theta).all():
                 break
@@ -213,7 +213,7 @@ class FitTask:
         )
         return after, abs(late_s)
 
-    def estimate_manoeuvre_masses(self, fit: JointFit, rows: FitRows) -> GroupEffects:
+    def estimate_manoeuvre_masses(self, fit: JointFit, fit_rows: FitRows) -> GroupEffects:
         """Mass of each manoeuvre by itself, given the shared parameters of a fit."""
         mean, std = self._make_priors_of_round(
             self._compute_slip_cost(fit.theta, fit.solution, fit.terms)
@@ -227,10 +227,10 @@ class FitTask:
         lag = find_term_index("lag", self.terms)
         mean[lag] -= fit.found.lag_s
         return estimate_group_effects(
-            rows.A,
-            rows.f,
-            rows.group,
-            rows.noise,
+            fit_rows.A,
+            fit_rows.f,
+            fit_rows.group,
+            fit_rows.noise,
             np.append(0.0, mean),
             np.append(np.inf, std),
             np.unique(find_manoeuvre_of_stretches(self.motion), return_inverse=True)[1],
@@ -252,16 +252,16 @@ class FitTask:
         told = self.wheels is not None and self.motion.by_accelerometer
         return self.wheels.swing if self.wheels is not None and told else NO_SWING
 
-    def _make_priors_of_round(self, cost: _SlipCost | None) -> tuple[Floats, Floats]:
+    def _make_priors_of_round(self, slip_cost: _SlipCost | None) -> tuple[Floats, Floats]:
         """Prior means and standard deviations of a round, (terms,); slip's if its cost is known."""
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
-        if cost is not None:
-            self._set_slip_prior_by_wheels(cost, mean, std)
+        if slip_cost is not None:
+            self._set_slip_prior_by_wheels(slip_cost, mean, std)
             if self.motion.wheel_acceleration is not None:
                 at = find_term_index("slip_acceleration", self.terms)
                 self._set_prior_proportional_to_slip(
-                    at, cost.mass_kg, self._estimate_slip_and_std_by_wheels(), mean, std
+                    at, slip_cost.mass_kg, self._estimate_slip_and_std_by_wheels(), mean, std
                 )
         for place, term in self._indices_of_learnt_terms():
             mean[place], std[place] = term.mean, term.std
@@ -284,14 +284,14 @@ class FitTask:
             mass_kg, friction, (float(theta[count + 1 + place]) / mass_kg, std / mass_kg)
         )
 
-    def _exclude_gain_drift_if_loads_return(self, std: Floats) -> None:
+    def _exclude_gain_drift_if_loads_return(self, prior_std: Floats) -> None:
         """Set the prior of a gain drift to 0 if loads return.
 
         Payloads are then differences of neighbours, in which a drift cancels; free masses would
         follow it.
         """
         if self.states is not None and self.states.load_returns:
-            std[find_term_index("gain_drift", self.terms)] *= LIMITS.left_out_prior_ratio
+            prior_std[find_term_index("gain_drift", self.terms)] *= LIMITS.left_out_prior_ratio
 
     def _indices_of_learnt_terms(self) -> list[tuple[int, LearntTerm]]:
         """Indices of the terms with learnt priors, except slip if the wheels determine it."""
@@ -311,17 +311,25 @@ class FitTask:
             mean_u[place] = term.mean_u
         return PriorMeans(prior_mean, mean_u)
 
-    def _set_slip_prior_by_wheels(self, cost: _SlipCost, mean: Floats, std: Floats) -> None:
+    def _set_slip_prior_by_wheels(
+        self, slip_cost: _SlipCost, prior_mean: Floats, prior_std: Floats
+    ) -> None:
         """Set the prior of the slip terms to friction times slip, if the wheels determine slip."""
         at = find_term_index("slip", self.terms)
-        friction = cost.friction_N_s_m
-        std[at] = min(std[at], friction * self.priors.wheel_slip / self.motion.force_95_percent)
-        std[at] = max(
-            std[at],
+        friction = slip_cost.friction_N_s_m
+        prior_std[at] = min(
+            prior_std[at], friction * self.priors.wheel_slip / self.motion.force_95_percent
+        )
+        prior_std[at] = max(
+            prior_std[at],
             LIMITS.min_slip_std_fraction * self.priors.wheel_slip / self.motion.speed_95_percent,
         )
         self._set_prior_proportional_to_slip(
-            at, -friction, self._estimate_slip_and_std_by_wheels() or cost.slip_1_N, mean, std
+            at,
+            -friction,
+            self._estimate_slip_and_std_by_wheels() or slip_cost.slip_1_N,
+            prior_mean,
+            prior_std,
         )
 
     def _estimate_slip_and_std_by_wheels(self) -> tuple[float, float] | None:
@@ -332,13 +340,15 @@ class FitTask:
     def _set_prior_proportional_to_slip(
         self,
         term_index: int,
-        cost: float,
+        force_per_slip: float,
         slip: tuple[float, float] | None,
-        mean: Floats,
-        std: Floats,
+        prior_mean: Floats,
+        prior_std: Floats,
     ) -> None:
-        """Set the prior of a term that is `cost` times the slip, if slip is known."""
+        """Set the prior of a term that is `force_per_slip` times the slip, if slip is known."""
         if slip is not None:
             slip_1_N, u_1_N = slip
-            mean[term_index] = cost * slip_1_N
-            std[term_index] = np.hypot(cost * u_1_N, LIMITS.min_slip_std_fraction * std[term_index])
+            prior_mean[term_index] = force_per_slip * slip_1_N
+            prior_std[term_index] = np.hypot(
+                force_per_slip * u_1_N, LIMITS.min_slip_std_fraction * prior_std[term_index]
+            )

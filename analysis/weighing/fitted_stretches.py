@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 def integrate_path_and_length_m(
-    speed: Floats, used: Bools, silences: Ints, rate_hz: float
+    speed: Floats, is_used: Bools, silences: Ints, rate_hz: float
 ) -> tuple[Floats, float]:
     """Position of the machine on its path, (n,), and the length of the path in m.
 
@@ -29,9 +29,9 @@ def integrate_path_and_length_m(
     """
     place = np.cumsum(speed) / rate_hz
     length = 0.0
-    for record in np.unique(silences[used]):
+    for record in np.unique(silences[is_used]):
         mine = silences == record
-        first, last = (float(edge(place[mine & used])) for edge in (np.min, np.max))
+        first, last = (float(edge(place[mine & is_used])) for edge in (np.min, np.max))
         place[mine] -= (first + last) / 2.0
         length = max(length, last - first)
     return np.where(np.abs(place) <= length, place, 0.0) / (length or 1.0), length
@@ -205,20 +205,20 @@ def make_centred_ramp(samples: int) -> Floats:
     return np.arange(samples) / max(samples, 1) - 0.5
 
 
-def advance_signal_by_delay(x: Floats, group: Ints, delay_rows: float) -> Floats:
+def advance_signal_by_delay(signal: Floats, group: Ints, delay_rows: float) -> Floats:
     """Signal (n,) advanced by a cubic per stretch: lines low-pass it on a slow grid.
 
     Args:
-        x: (n,) the signal.
+        signal: (n,) the signal.
         group: (n,) stretch of each sample, negative for none.
         delay_rows: delay in samples.
     """
-    if not delay_rows and np.isfinite(x).all():
-        return x
+    if not delay_rows and np.isfinite(signal).all():
+        return signal
     whole = math.floor(delay_rows)
     part = delay_rows - whole
-    first, end = max(1 - whole, 0), min(x.size - 2 - whole, x.size)
-    moved, by_cubic = np.empty(x.size), np.zeros(x.size, np.bool_)
+    first, end = max(1 - whole, 0), min(signal.size - 2 - whole, signal.size)
+    moved, by_cubic = np.empty(signal.size), np.zeros(signal.size, np.bool_)
     if part and first < end:
         weights = (
             -part * (part - 1.0) * (part - 2.0) / 6.0,
@@ -228,7 +228,7 @@ def advance_signal_by_delay(x: Floats, group: Ints, delay_rows: float) -> Floats
         )
         from_row = first + whole - 1
         moved[first:end] = sum(
-            weight * x[from_row + k : from_row + k + end - first]
+            weight * signal[from_row + k : from_row + k + end - first]
             for k, weight in enumerate(weights)
         )
         own = group[first:end]
@@ -237,5 +237,7 @@ def advance_signal_by_delay(x: Floats, group: Ints, delay_rows: float) -> Floats
             inside &= group[row : row + end - first] == own
         by_cubic[first:end] = inside
     by_line = np.flatnonzero(~by_cubic)
-    moved[by_line] = np.interp(by_line + delay_rows, np.arange(x.size, dtype=np.float64), x)
+    moved[by_line] = np.interp(
+        by_line + delay_rows, np.arange(signal.size, dtype=np.float64), signal
+    )
     return moved

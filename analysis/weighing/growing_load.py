@@ -103,7 +103,7 @@ class LoadFilling:
 
 
 def refit_with_load_growing_at_starts(
-    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
+    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, fit_rows: FitRows | None = None
 ) -> LoadFilling:
     """Refit with a load that grows equally at every start, and with positive resistances.
 
@@ -114,9 +114,9 @@ def refit_with_load_growing_at_starts(
         fit: the fit without growth.
         noise: noise of acceleration, speed and force.
         priors: of the nuisances.
-        rows: rows of the fit and of `FILLING`, if already computed.
+        fit_rows: rows of the fit and of `FILLING`, if already computed.
     """
-    grown = refit_with_changes(fit, noise, priors, (FILLING,), rows=rows)
+    grown = refit_with_changes(fit, noise, priors, (FILLING,), fit_rows=fit_rows)
     names = [term.name for term in fit.terms]
     resistances = [find_term_index(name, fit.terms) for name in _RESISTANCES if name in names]
     at = [grown.theta.size - 1, *(fit.mass_count + 1 + place for place in resistances)]
@@ -323,11 +323,11 @@ def find_creeping_load_changes(fit: JointFit) -> Ints:
     return states.unit[between & changes]
 
 
-def compute_residual_force(fit: JointFit, rows: FitRows, manoeuvre_of_row: Ints) -> Floats:
+def compute_residual_force(fit: JointFit, fit_rows: FitRows, manoeuvre_of_row: Ints) -> Floats:
     """Residual force of the rows, (n,) in N; undefined for rows outside manoeuvres."""
     assert fit.states is not None
     masses = fit.theta[: fit.mass_count][look_up_load_states(fit.states, manoeuvre_of_row)]
-    return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ fit.shared_parameters
+    return fit_rows.f - fit_rows.A[:, 0] * masses - fit_rows.A[:, 1:] @ fit.shared_parameters
 
 
 def regress_residual_on_mass_growth(

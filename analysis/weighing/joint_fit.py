@@ -95,7 +95,7 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
     columns = FitColumns.from_motion(part.motion, inputs.noise, terms, part.initial_estimates)
     first = [
         part.fit_over_means(
-            samples, LIMITS.pilot_rounds, rows=columns.average_to_rows(inputs.noise, samples)
+            samples, LIMITS.pilot_rounds, fit_rows=columns.average_to_rows(inputs.noise, samples)
         )
         for samples in lengths
     ]
@@ -170,13 +170,13 @@ def _estimate_wheel_kinematics(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
-    earlier: WheelKinematics | None,
+    earlier_kinematics: WheelKinematics | None,
 ) -> WheelKinematics | None:
     """Compare wheels and accelerometer, or take the comparison from a calibration.
 
     Springs are those of an earlier comparison: the body is the same.
     """
-    springs = None if earlier is None else earlier.springs
+    springs = None if earlier_kinematics is None else earlier_kinematics.springs
     found = compare_wheels_with_accelerometer(motion, noise, priors, springs=springs)
     return None if found is None else found.with_learnt_priors(priors)
 
@@ -189,26 +189,26 @@ def _relative_mass_change_by_mean_length(
     if best.mass_kg == 0.0:
         return 0.0
     rows = fits_by_length[0].mean_samples == 1
-    if any(_do_masses_differ(best, other, rows=rows) for other in longer):
+    if any(_do_masses_differ(best, other, of_single_rows=rows) for other in longer):
         # anywhere between the two is as likely
         return (longer[-1].mass_kg / best.mass_kg - 1.0) / float(np.sqrt(3.0))
     if (
         not longer
         and length_index
-        and _do_masses_differ(best, fits_by_length[length_index - 1], rows=rows)
+        and _do_masses_differ(best, fits_by_length[length_index - 1], of_single_rows=rows)
     ):
         # the longest has no other but the shorter, and may still be as far from the truth
         return 1.0 - fits_by_length[length_index - 1].mass_kg / best.mass_kg
     return LIMITS.slow_grid_hidden_1_s / best.motion.rate_hz if rows else 0.0
 
 
-def _do_masses_differ(fit_a: JointFit, fit_b: JointFit, *, rows: bool) -> bool:
+def _do_masses_differ(fit_a: JointFit, fit_b: JointFit, *, of_single_rows: bool) -> bool:
     """Whether means of two lengths give significantly different masses.
 
     For single rows every relevant difference counts, even if noise explains it.
     """
     difference_kg = abs(fit_a.mass_kg - fit_b.mass_kg)
-    if rows:
+    if of_single_rows:
         return difference_kg > LIMITS.slow_grid_mean_length_fraction * abs(fit_a.mass_kg)
     first, second = fit_a.u_kg, fit_b.u_kg
     expected_kg = float(np.sqrt(max(abs(first**2 - second**2), min(first, second) ** 2 / 4.0)))
@@ -223,7 +223,7 @@ def refit_with_changes(
     priors: PriorSettings,
     extra_terms: tuple[Nuisance, ...] = (),
     rounds: int = 1,
-    rows: FitRows | None = None,
+    fit_rows: FitRows | None = None,
 ) -> JointFit:
     """Fit the same samples with other priors or additional terms.
 
@@ -235,7 +235,8 @@ def refit_with_changes(
         priors: of the nuisances.
         extra_terms: terms to add after the others.
         rounds: maximum number of rounds.
-        rows: `make_refit_rows` of the earlier fit, with at least these terms, if already computed.
+        fit_rows: `make_refit_rows` of the earlier fit, with at least these terms, if already
+            computed.
     """
     if earlier_fit.effects is not None:
         priors = earlier_fit.effects.with_unlikely_effects_excluded(priors)
@@ -243,13 +244,13 @@ def refit_with_changes(
     task = FitTask(
         earlier_fit.motion, noise, priors, terms, earlier_fit.kinematics, earlier_fit.states
     )
-    rows = rows and rows.select_terms(terms)
+    fit_rows = fit_rows and fit_rows.select_terms(terms)
     fitted = task.fit_over_means(
         earlier_fit.mean_samples,
         rounds,
         advance_force=earlier_fit.shifted,
         initial_fit=earlier_fit,
-        rows=rows,
+        fit_rows=fit_rows,
     )
     if fitted.mass_count != earlier_fit.mass_count:
         # of other loads
@@ -304,7 +305,7 @@ def refit_with_hysteresis_if_shown(
     found = replace(fit.found, play=choose_hysteresis_play(fit.motion, noise, fit.mean_samples))
     played = replace(fit, found=found)
     rows = make_refit_rows(played, noise, (*terms_of_checks, HYSTERESIS))
-    tested = refit_with_changes(fit, noise, priors, (HYSTERESIS,), rows=rows)
+    tested = refit_with_changes(fit, noise, priors, (HYSTERESIS,), fit_rows=rows)
     half_width_N = float(tested.theta[-1])
     # the standard deviation takes longer than the estimate
     shown = half_width_N > LIMITS.hysteresis_min_share * fit.motion.force_95_percent and (

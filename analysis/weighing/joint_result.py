@@ -183,10 +183,12 @@ class JointFit:
         """Delay of the force in s."""
         return self.estimate_of_term("lag")
 
-    def estimate_of_term(self, name: str) -> float:
+    def estimate_of_term(self, term_name: str) -> float:
         """Estimate of a nuisance term, in its unit; 0 if the fit lacks the term."""
         names = [term.name for term in self.terms]
-        return float(self._estimates_of_terms[names.index(name)]) if name in names else 0.0
+        return (
+            float(self._estimates_of_terms[names.index(term_name)]) if term_name in names else 0.0
+        )
 
     @property
     def _estimates_of_terms(self) -> Floats:
@@ -392,6 +394,6 @@ def compute_resistance_slope_at_mean_speed(
     )
 
 
-def find_term_index(name: str, terms: tuple[Nuisance, ...]) -> int:
+def find_term_index(term_name: str, terms: tuple[Nuisance, ...]) -> int:
     """Index of a term among the terms."""
-    return [term.name for term in terms].index(name)
+    return [term.name for term in terms].index(term_name)

@@ -131,7 +131,7 @@ def _make_mass_response_rows(
     weighing: Weighing,
     machine: Machine,
     terms: Sequence[str],
-    mass_responses_to_gain_kg: Floats,
+    mass_responses_kg: Floats,
     coefficients_by_sum: Mapping[int, Floats],
 ) -> list[dict[str, object]]:
     """Rows with the responses of sums of masses: one per term, and one for the scale."""
@@ -148,7 +148,7 @@ def _make_mass_response_rows(
     )
     rows: list[dict[str, object]] = []
     for number, weights in coefficients_by_sum.items():
-        by_term = dict(zip(terms, (mass_responses_to_gain_kg @ weights).tolist(), strict=True))
+        by_term = dict(zip(terms, (mass_responses_kg @ weights).tolist(), strict=True))
         by_term[SCALE] = scale_1 * float(weights @ fit.masses_kg)
         rows += [
             dict[str, object](of=mass_kind, number=number, term=term, response_kg=value)

@@ -99,16 +99,19 @@ class _PartitionComparison:
     known: dict[bytes, float] = field(default_factory=dict[bytes, float])
 
     @classmethod
-    def from_fit(cls, found: JointFit, inputs: JointFitInputs, samples: int) -> Self:
+    def from_fit(cls, earlier_fit: JointFit, inputs: JointFitInputs, samples: int) -> Self:
         """Prepare the comparison with the manoeuvres of an earlier fit, over means of `samples`."""
-        motion, terms = found.motion, select_terms_of_motion(found.motion, has_several_loads=True)
+        motion, terms = (
+            earlier_fit.motion,
+            select_terms_of_motion(earlier_fit.motion, has_several_loads=True),
+        )
         task = FitTask(
             motion, inputs.noise, inputs.priors, terms, inputs.wheels, None, inputs.uneven_1_s
         )
         number = np.unique(find_manoeuvre_of_stretches(motion))
         return cls(
             task,
-            _estimate_manoeuvre_masses(found, inputs, label_load_change_evidence(motion)),
+            _estimate_manoeuvre_masses(earlier_fit, inputs, label_load_change_evidence(motion)),
             number,
             samples,
         )
@@ -222,12 +225,12 @@ def _alternate_search_and_fit(
             return are_columns_final
         if states.state_count == 1 and first_fit.mass_count == 1:
             return refit_with_changes(
-                replace(first_fit, states=states), inputs.noise, inputs.priors, rows=rows
+                replace(first_fit, states=states), inputs.noise, inputs.priors, fit_rows=rows
             )
         if _is_partition_of_fit(first_fit, states.membership):
             # the same loads, whose scatter is known better now
             first_fit = replace(first_fit, states=states)
-            first_fit = refit_with_changes(first_fit, inputs.noise, inputs.priors, rows=rows)
+            first_fit = refit_with_changes(first_fit, inputs.noise, inputs.priors, fit_rows=rows)
             # a round at a time: of a shift the rows before it are hundreds of megabytes
             del rows, best
             known = np.isfinite(first_fit.theta).all()

@@ -127,7 +127,7 @@ def list_candidate_missing_terms(fit: JointFit) -> tuple[Nuisance, ...]:
 
 
 def _make_gain_term(
-    name: str,
+    term_name: str,
     gain_of_speed: Callable[[Floats], Floats],
     gain_slope: Callable[[Floats], Floats],
     meaning: str,
@@ -138,7 +138,7 @@ def _make_gain_term(
         return m.force * gain_slope(m.speed)
 
     return Nuisance(
-        name,
+        term_name,
         "1",
         lambda m: m.force * gain_of_speed(m.speed),
         lambda _, __: LIMITS.missing_term_prior_std,
@@ -162,7 +162,7 @@ def _make_low_speed_indicator(limit_m_s: float) -> Callable[[Floats], Floats]:
 
 
 def estimate_force_curvature(
-    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
+    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, fit_rows: FitRows | None = None
 ) -> ForceCurvature:
     """Refit with a term in a·|a|; 0 where the log does not determine it.
 
@@ -170,9 +170,9 @@ def estimate_force_curvature(
         fit: the fit without the term.
         noise: noise of acceleration, speed and force.
         priors: of the nuisances.
-        rows: rows of the fit and of `CURVATURE`, if already computed.
+        fit_rows: rows of the fit and of `CURVATURE`, if already computed.
     """
-    curved = refit_with_changes(fit, noise, priors, (CURVATURE,), rows=rows).fit
+    curved = refit_with_changes(fit, noise, priors, (CURVATURE,), fit_rows=fit_rows).fit
     moved = float(curved.theta[fit.most_frequent_state] - fit.theta[fit.most_frequent_state])
     if abs(moved) > LIMITS.curvature_max_fraction * abs(fit.mass_kg):
         # with accelerations of one size the term is collinear with the mass
@@ -185,7 +185,7 @@ def find_missing_terms(
     terms: tuple[Nuisance, ...],
     noise: ColumnNoiseModel,
     priors: PriorSettings,
-    rows: FitRows,
+    fit_rows: FitRows,
 ) -> tuple[MissingTerm, ...]:
     """Find significant terms that the model does not have, the one with the largest effect first.
 
@@ -194,13 +194,13 @@ def find_missing_terms(
         terms: `list_candidate_missing_terms`.
         noise: noise of acceleration, speed and force.
         priors: of the nuisances.
-        rows: `make_refit_rows` of the fit and of these terms.
+        fit_rows: `make_refit_rows` of the fit and of these terms.
     """
     found: list[MissingTerm] = []
     other = None
     for term in terms:
         del other  # of a shift its rows are hundreds of megabytes
-        other = refit_with_changes(fit, noise, priors, (term,), rows=rows)
+        other = refit_with_changes(fit, noise, priors, (term,), fit_rows=fit_rows)
         effect_kg = other.theta[: fit.mass_count] - fit.theta[: fit.mass_count]
         # the standard deviation takes longer than the estimate
         if (

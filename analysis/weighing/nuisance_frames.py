@@ -118,6 +118,6 @@ def _make_source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.Da
     )
 
 
-def make_frame_without_rows(name: str) -> pl.DataFrame:
+def make_frame_without_rows(frame_name: str) -> pl.DataFrame:
     """A frame without rows."""
-    return pl.DataFrame(schema={column.name: column.dtype for column in FRAMES[name].columns})
+    return pl.DataFrame(schema={column.name: column.dtype for column in FRAMES[frame_name].columns})

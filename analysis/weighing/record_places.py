@@ -89,7 +89,7 @@ def estimate_record_position_offsets(
     return best_1
 
 
-def make_load_search_rows(fit: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
+def make_load_search_rows(fit: JointFit, fit_rows: FitRows) -> tuple[FitRows, ...]:
     """Rows for the search of load states, with or without weight in the force by place.
 
     A one-mass fit cannot tell how much of that force is weight, so none and all of it are tried.
@@ -98,25 +98,27 @@ def make_load_search_rows(fit: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
     """
     motion, states = fit.motion, fit.states
     if not (motion.record_count > 1 and motion.is_short_path_bench_log and fit.mass_kg > 0.0):
-        return (rows,)
+        return (fit_rows,)
     theta = fit.theta[fit.mass_count + 1 :]
     place = [n for n, term in enumerate(fit.terms) if term.source == BY_PLACE and not term.by_load]
     if fit.mass_count == 1 or states is None:
-        return rows, add_position_weight_to_mass_column(rows, place, theta[place] / fit.mass_kg)
+        return fit_rows, add_position_weight_to_mass_column(
+            fit_rows, place, theta[place] / fit.mass_kg
+        )
     grows = [n for n, term in enumerate(fit.terms) if term.source == BY_PLACE and term.by_load]
     usual_kg = float(np.mean(fit.masses_kg[states.membership]))
-    taken = add_position_weight_to_mass_column(rows, place, theta[grows] / usual_kg)
+    taken = add_position_weight_to_mass_column(fit_rows, place, theta[grows] / usual_kg)
     taken.A[:, 2 + np.array(grows)] = 0.0
     return (taken,)
 
 
 def add_position_weight_to_mass_column(
-    rows: FitRows, position_m: list[int], weight_m_s2: Floats
+    fit_rows: FitRows, position_m: list[int], weight_m_s2: Floats
 ) -> FitRows:
     """Add the position-dependent weight per kg to the column that multiplies the mass."""
-    A = rows.A.copy()
-    A[:, 0] += rows.A[:, 2:][:, position_m] @ weight_m_s2
-    return replace(rows, A=A)
+    A = fit_rows.A.copy()
+    A[:, 0] += fit_rows.A[:, 2:][:, position_m] @ weight_m_s2
+    return replace(fit_rows, A=A)
 
 
 def _solve_ridge_regression(

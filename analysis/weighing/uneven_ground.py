@@ -108,28 +108,28 @@ def _make_ramp_between(begin_m: float, end_m: float) -> Callable[[ColumnInputs],
 
 
 @compiled_inline
-def _evaluate_linear_ramp(position: float, begin: float, end: float) -> float:
-    """Linear from 0 at `begin` to 1 at `end`, constant outside."""
-    return min(max((position - begin) / (end - begin), 0.0), 1.0)
+def _evaluate_linear_ramp(position: float, begin_m: float, end_m: float) -> float:
+    """Linear from 0 at `begin_m` to 1 at `end_m`, constant outside."""
+    return min(max((position - begin_m) / (end_m - begin_m), 0.0), 1.0)
 
 
 @compiled_unless_short_log
-def _evaluate_linear_ramp_at_positions(positions: Floats, begin: float, end: float) -> Floats:
+def _evaluate_linear_ramp_at_positions(positions: Floats, begin_m: float, end_m: float) -> Floats:
     """Ramp at each place, as `positions`."""
     out = np.empty(positions.size)
     for k in range(out.size):
-        out[k] = _evaluate_linear_ramp(positions[k], begin, end)
+        out[k] = _evaluate_linear_ramp(positions[k], begin_m, end_m)
     return out
 
 
 @compiled_unless_short_log
 def evaluate_scaled_ramp(
-    scale: Floats, positions: Floats, begin: float, end: float, ratio: float
+    scale: Floats, positions: Floats, begin_m: float, end_m: float, ratio: float
 ) -> Floats:
     """Ramp at each place in proportion to `ratio` and to a scale (n,)."""
     out = np.empty(positions.size)
     for k in range(out.size):
-        out[k] = scale[k] * (_evaluate_linear_ramp(positions[k], begin, end) * ratio)
+        out[k] = scale[k] * (_evaluate_linear_ramp(positions[k], begin_m, end_m) * ratio)
     return out
 
 
@@ -154,16 +154,16 @@ def random_walk_std_over_ten_metre_std(length_m: float) -> float:
     return float(np.sqrt(length_m / LIMITS.ground_change_m))
 
 
-def _make_route_term(part: int) -> Nuisance:
+def _make_route_term(route_part: int) -> Nuisance:
     """Nuisance term for rolling resistance along one part of the route."""
-    begin, end = part / LIMITS.route_parts, (part + 1) / LIMITS.route_parts
+    begin, end = route_part / LIMITS.route_parts, (route_part + 1) / LIMITS.route_parts
 
     def route_column(m: ColumnInputs) -> Floats:
         ratio = random_walk_std_over_ten_metre_std(m.route_length_m / LIMITS.route_parts)
         return evaluate_scaled_ramp(m.loaded_direction, m.route_1, begin, end, ratio)
 
     return Nuisance(
-        f"ground_route_{part + 1}_of_{LIMITS.route_parts}",
+        f"ground_route_{route_part + 1}_of_{LIMITS.route_parts}",
         "N",
         route_column,
         lambda e, s: s.ground_route_share * e.weight,

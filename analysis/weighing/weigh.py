@@ -257,7 +257,9 @@ def _weigh_with_priors(
     alone = refit_without_learnt_priors(fit, columns, priors)
     own, own_priors = (fit, priors) if alone is None else (alone, _drop_learnt_priors(priors))
     halved_kg, doubled_kg = (
-        refit_with_changes(fit, columns, _multiply_prior_stds(priors, factor), rows=rows).masses_kg
+        refit_with_changes(
+            fit, columns, _multiply_prior_stds(priors, factor), fit_rows=rows
+        ).masses_kg
         for factor in (0.5, 2.0)
     )
     return Weighing(

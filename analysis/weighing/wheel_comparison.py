@@ -54,7 +54,7 @@ def compare_wheels_with_accelerometer(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
-    earlier: WheelKinematics | None = None,
+    earlier_kinematics: WheelKinematics | None = None,
     springs: BodySwing | None = None,
 ) -> WheelKinematics | None:
     """Compare wheels with the accelerometer, corrected for squat and swing of the body.
@@ -63,13 +63,13 @@ def compare_wheels_with_accelerometer(
         motion: the samples.
         noise: noise of acceleration, speed and force.
         priors: priors of slip, gain, delay and offset.
-        earlier: comparison of a similar motion, as the starting point.
+        earlier_kinematics: comparison of a similar motion, as the starting point.
         springs: springs of the body, if known.
 
     Returns:
         None without an accelerometer or without a long enough stretch.
     """
-    found = _compare_wheels_with_or_without_gravity(motion, noise, priors, earlier)
+    found = _compare_wheels_with_or_without_gravity(motion, noise, priors, earlier_kinematics)
     if found is None or not found.squat[0] > 0.0 or motion.specific_force is None:
         return found
     level = motion.without_gravity
@@ -79,7 +79,7 @@ def compare_wheels_with_accelerometer(
     if swing is None:
         return replace(found, springs=springs)
     still = _compare_wheels_with_or_without_gravity(
-        subtract_swing_from_accelerometer(motion, swing), noise, priors, earlier
+        subtract_swing_from_accelerometer(motion, swing), noise, priors, earlier_kinematics
     )
     if still is None:
         return None
@@ -91,7 +91,7 @@ def _compare_wheels_with_or_without_gravity(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
-    earlier: WheelKinematics | None,
+    earlier_kinematics: WheelKinematics | None,
 ) -> WheelKinematics | None:
     """Compare wheels and accelerometer, without gravity if hills change it within a manoeuvre.
 
@@ -102,8 +102,8 @@ def _compare_wheels_with_or_without_gravity(
         return None
     told = (
         None
-        if earlier is None or not earlier.is_usable_as_initial_comparison
-        else earlier.own or earlier
+        if earlier_kinematics is None or not earlier_kinematics.is_usable_as_initial_comparison
+        else earlier_kinematics.own or earlier_kinematics
     )
     found = _fit_wheel_comparison(motion.specific_force, motion, noise, priors, told)
     if found is None:
@@ -151,7 +151,7 @@ def _compare_wheels_after_squat_correction(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
-    earlier: WheelKinematics | None,
+    earlier_kinematics: WheelKinematics | None,
 ) -> WheelKinematics:
     """Correct the accelerometer for a squat that wheels of known radius show.
 
@@ -165,7 +165,9 @@ def _compare_wheels_after_squat_correction(
         or share > LIMITS.max_squat_1
     ):
         return comparison
-    even = _fit_wheel_comparison(measured * (1.0 - share), motion, noise, priors, earlier)
+    even = _fit_wheel_comparison(
+        measured * (1.0 - share), motion, noise, priors, earlier_kinematics
+    )
     if even is None or even.gain_counts:
         return comparison
     unexplained_m_s = LIMITS.squat_residual_ratio * comparison.disagreement_m_s
@@ -180,7 +182,7 @@ def _fit_wheel_comparison(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
-    earlier: WheelKinematics | None = None,
+    earlier_kinematics: WheelKinematics | None = None,
 ) -> WheelKinematics | None:
     """Fit the comparison, starting from an earlier one if there is one."""
     slip_std = priors.wheel_slip / motion.force_95_percent
@@ -197,14 +199,14 @@ def _fit_wheel_comparison(
 
     largest = LIMITS.max_slip_fraction / motion.force_95_percent
     delay_s, slip_1_N, about = 0.0, 0.0, slip_std
-    if earlier is not None:
-        delay_s, slip_1_N = earlier.delay_s[0], earlier.slip_1_N[0]
-        about = abs(slip_1_N) + earlier.slip_1_N[1]
+    if earlier_kinematics is not None:
+        delay_s, slip_1_N = earlier_kinematics.delay_s[0], earlier_kinematics.slip_1_N[0]
+        about = abs(slip_1_N) + earlier_kinematics.slip_1_N[1]
     rows = _make_comparison_rows(measured, motion.advance_speed(delay_s), noise, slip_1_N)
     if rows is None:
         return None
     lines = loss = None
-    if earlier is not None:
+    if earlier_kinematics is not None:
         lines = make_stretch_trend_columns(rows[2])
         loss = compute_autocovariance_loss(rows[2], lines)
     wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
@@ -212,11 +214,13 @@ def _fit_wheel_comparison(
         late_s, slips_1_N = float(wide.theta[2]), float(wide.theta[1])
         if not np.isfinite([late_s, slips_1_N]).all():
             break
-        if earlier is not None and abs(late_s) < LIMITS.delay_tolerance_s:
+        if earlier_kinematics is not None and abs(late_s) < LIMITS.delay_tolerance_s:
             break
         # the slip is of the ground's speed, and an offset matters by what slip there is
         slip_1_N = float(np.clip(slips_1_N, -largest, largest))
-        about = abs(slip_1_N) + (wide.fit.std[1] if earlier is None else earlier.slip_1_N[1])
+        about = abs(slip_1_N) + (
+            wide.fit.std[1] if earlier_kinematics is None else earlier_kinematics.slip_1_N[1]
+        )
         # a delay is no derivative: the speed is moved back by what was found, and looked at again
         delay_s = float(np.clip(delay_s + late_s, -LIMITS.longest_delay_s, LIMITS.longest_delay_s))
         rows = (

@@ -182,26 +182,26 @@ def accumulate_discounted_meats(
 
 @compiled_unless_short_log
 def accumulate_discounted_products(
-    A: Floats, f: Floats, fed: Ints, forgetting: float, initial_products: Floats
+    A: Floats, f: Floats, fed_samples: Ints, forgetting: float, initial_products: Floats
 ) -> Floats:
     """Discounted products (lanes, fed) of the columns of [A f] after each sample fed.
 
     Args:
         A: (n, p) regressor.
         f: (n,) force.
-        fed: (fed,) the samples, ascending.
+        fed_samples: (fed,) the samples, ascending.
         forgetting: λ.
         initial_products: (lanes,) packed sums before and after.
     """
     q = A.shape[1] + 1
     z, terms = np.empty((q, _AT_ONCE)), np.zeros((initial_products.size, _AT_ONCE))
-    sums = np.empty((initial_products.size, fed.size))
+    sums = np.empty((initial_products.size, fed_samples.size))
     begin = 0
-    while begin < fed.size:
-        end = find_end_of_consecutive_samples(fed, begin)
+    while begin < fed_samples.size:
+        end = find_end_of_consecutive_samples(fed_samples, begin)
         count = end - begin
-        copy_columns_to_buffer(A, fed[begin], count, z)
-        copy_force_samples(f, fed[begin], count, z[q - 1])
+        copy_columns_to_buffer(A, fed_samples[begin], count, z)
+        copy_force_samples(f, fed_samples[begin], count, z[q - 1])
         fill_sample_products(z, count, terms)
         accumulate_discounted_sums(terms, begin, end, forgetting, initial_products, sums)
         begin = end

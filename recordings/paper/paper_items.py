@@ -369,7 +369,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
             claims.CRUISE_ERRORS,
             campaign_tables.OVER_WINDOWS,
         ),
-        claims.compare_claims,
+        claims.check_claims_by_simulation,
         claims_sentences.write_claim_sentences,
         frame=claims_sentences.add_claim_texts,
         tables=render_claims_table,

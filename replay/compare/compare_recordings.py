@@ -123,7 +123,7 @@ def compare_recordings(
                 "SHA-256), so their rows cannot be compared; give --other-logs to compare "
                 "settings, masses and verdict only"
             )
-        found = compare_runs(mine, theirs, rtol=rtol, rows=not other_logs)
+        found = compare_runs(mine, theirs, rtol=rtol, rows_correspond=not other_logs)
         if output.path is not None:
             from recordings.compare.overlay_recording import (
                 format_comparison_markdown,

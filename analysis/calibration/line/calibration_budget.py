@@ -145,16 +145,18 @@ def split_line_uncertainty(inversion: LineInversion, mass_kg: float) -> LineUnce
     return LineUncertainty(*(float(np.sqrt(each)) for each in variances_kg2))
 
 
-def _make_stated_budget_row(part: StatedPart, mass_kg: float) -> BudgetRow:
+def _make_stated_budget_row(stated_part: StatedPart, mass_kg: float) -> BudgetRow:
     """Row of a stated component; zero if the line absorbs it."""
-    if part.absorbed:
+    if stated_part.absorbed:
         before = (
-            "" if part.u_kg is None else f"; {part.u_kg / mass_kg:.3g} kg without a calibration"
+            ""
+            if stated_part.u_kg is None
+            else f"; {stated_part.u_kg / mass_kg:.3g} kg without a calibration"
         )
-        known = f"{part.known}; the line takes it with it{before}"
-        return BudgetRow(part.component, "absorbed", 0.0, None, known)
-    u_kg = None if part.u_kg is None else part.u_kg / mass_kg
-    return BudgetRow(part.component, "stated", u_kg, None, part.known)
+        known = f"{stated_part.known}; the line takes it with it{before}"
+        return BudgetRow(stated_part.component, "absorbed", 0.0, None, known)
+    u_kg = None if stated_part.u_kg is None else stated_part.u_kg / mass_kg
+    return BudgetRow(stated_part.component, "stated", u_kg, None, stated_part.known)
 
 
 @dataclass(frozen=True, slots=True)

@@ -245,10 +245,10 @@ def list_variance_components(line: FittedLine, campaign: Campaign) -> tuple[Comp
 
 
 def count_degrees_of_freedom_of_variance(
-    name: str, variance_kg2: float, line: FittedLine, campaign: Campaign, effect_index: int
+    effect_name: str, variance_kg2: float, line: FittedLine, campaign: Campaign, effect_index: int
 ) -> float:
     """Degrees of freedom of an estimated variance; those of readings are counted."""
-    if name == REPEATABILITY:
+    if effect_name == REPEATABILITY:
         return float(campaign.points.within.freedom)
     uncertain = float(line.variances.covariance[effect_index, effect_index])
     return 2.0 * variance_kg2**2 / uncertain if min(variance_kg2, uncertain) > 0.0 else 0.0

@@ -107,17 +107,19 @@ def calibrate_loads(
 
 
 def _make_calibrated_columns(
-    row: Mapping[str, Any],
+    load_row: Mapping[str, Any],
     calibration: Calibration,
-    log: LaterLog,
+    later_log: LaterLog,
     refusal: str,
     *,
     drift_was_checked: bool,
     empty_weighings: int,
 ) -> dict[str, Any]:
     """Calibrated columns of a load."""
-    off_kg, unlike_u_kg = estimate_driving_offset_and_u_kg(row, calibration, log.shared_errors)
-    one = _calibrate_load_mass(row, calibration, refusal, off_kg, unlike_u_kg)
+    off_kg, unlike_u_kg = estimate_driving_offset_and_u_kg(
+        load_row, calibration, later_log.shared_errors
+    )
+    one = _calibrate_load_mass(load_row, calibration, refusal, off_kg, unlike_u_kg)
     said = {
         "calibrated_kg": one.mass_kg,
         "calibrated_u_kg": one.u_kg,
@@ -130,8 +132,8 @@ def _make_calibrated_columns(
         return said
     said["calibrated_unlike_u_kg"] = unlike_u_kg / abs(calibration.c1_1)
     if calibration.has_single_day and not drift_was_checked:
-        said["calibrated_said"] = log.unseen.get(row["load_id"], "")
-    payload = calibrate_payload_of_load(row, calibration, log, one, empty_weighings)
+        said["calibrated_said"] = later_log.unseen.get(load_row["load_id"], "")
+    payload = calibrate_payload_of_load(load_row, calibration, later_log, one, empty_weighings)
     if payload is not None:
         mass_kg, u_kg, half_kg = payload
         said |= {
@@ -144,42 +146,42 @@ def _make_calibrated_columns(
 
 
 def estimate_driving_offset_and_u_kg(
-    row: Mapping[str, Any], calibration: Calibration, shared_errors: SharedErrors | None
+    load_row: Mapping[str, Any], calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
     """Offset of m̂ caused by driving unlike the campaign, with its uncertainty, in kg."""
-    key = ("mass" if calibration.method == "joint_mass" else "payload", row["load_id"])
+    key = ("mass" if calibration.method == "joint_mass" else "payload", load_row["load_id"])
     if shared_errors is None or not calibration.responses or key not in shared_errors.moved_kg:
         return 0.0, 0.0
-    away_kg = ((row["estimate_kg"] or 0.0) - calibration.level_kg) / calibration.c1_1
+    away_kg = ((load_row["estimate_kg"] or 0.0) - calibration.level_kg) / calibration.c1_1
     line_kg = shared_errors.compute_line_shifts_kg(calibration.responses, 1.0, away_kg)
     return shared_errors.line_offset_and_u_kg(shared_errors.moved_kg[key], line_kg)
 
 
 def _calibrate_load_mass(
-    row: Mapping[str, Any],
+    load_row: Mapping[str, Any],
     calibration: Calibration,
     refusal: str,
     driving_offset_kg: float,
     driving_u_kg: float,
 ) -> CalibratedMass:
     """Calibrated mass of a load, or the reason why it has none."""
-    estimate_kg, withheld_for = row["estimate_kg"], row["withheld_for"]
+    estimate_kg, withheld_for = load_row["estimate_kg"], load_row["withheld_for"]
     if refusal:
         return CalibratedMass(None, None, None, None, refusal)
     if estimate_kg is None:
         if withheld_for:
             return CalibratedMass(None, None, None, None, f"withheld for {withheld_for}")
-        return calibration.calibrate_estimate(None, None, row["manoeuvres"])
-    random_kg, count = row["estimate_u_random_kg"], row["manoeuvres"]
+        return calibration.calibrate_estimate(None, None, load_row["manoeuvres"])
+    random_kg, count = load_row["estimate_u_random_kg"], load_row["manoeuvres"]
     return calibration.calibrate_estimate(
         estimate_kg - driving_offset_kg, random_kg, count, driving_u_kg
     )
 
 
 def calibrate_payload_of_load(
-    row: Mapping[str, Any],
+    load_row: Mapping[str, Any],
     calibration: Calibration,
-    log: LaterLog,
+    later_log: LaterLog,
     load_mass: CalibratedMass,
     empty_weighings: int,
 ) -> CalibratedPayload | None:
@@ -187,8 +189,8 @@ def calibrate_payload_of_load(
     if (
         load_mass.mass_kg is None
         or load_mass.u_kg is None
-        or row["own_payload_kg"] is None
-        or row["empty"]
+        or load_row["own_payload_kg"] is None
+        or load_row["empty"]
     ):
         return None
     assert load_mass.high_kg is not None
@@ -196,23 +198,23 @@ def calibrate_payload_of_load(
     half_kg = (load_mass.high_kg - load_mass.low_kg) / 2.0
     if calibration.method == "joint_payload":
         return CalibratedPayload(load_mass.mass_kg, load_mass.u_kg, half_kg)
-    if row["payload_to"] is None:
-        empty_kg = row["mass_kg"] - row["own_payload_kg"]
-        u_kg = float(np.hypot(load_mass.u_kg, log.empty_u_kg))
-        half_kg = float(np.hypot(half_kg, NORMAL * log.empty_u_kg))
+    if load_row["payload_to"] is None:
+        empty_kg = load_row["mass_kg"] - load_row["own_payload_kg"]
+        u_kg = float(np.hypot(load_mass.u_kg, later_log.empty_u_kg))
+        half_kg = float(np.hypot(half_kg, NORMAL * later_log.empty_u_kg))
         return CalibratedPayload(load_mass.mass_kg - empty_kg, u_kg, half_kg)
     # by readings that repeat no better than the campaign's
     repeats_kg = (calibration.repeatability_kg or 0.0) * float(
-        np.sqrt(1.0 / row["manoeuvres"] + 1.0 / max(empty_weighings, 1))
+        np.sqrt(1.0 / load_row["manoeuvres"] + 1.0 / max(empty_weighings, 1))
     )
-    u_kg, u_random_kg = row["own_payload_u_kg"], row["own_payload_u_random_kg"]
+    u_kg, u_random_kg = load_row["own_payload_u_kg"], load_row["own_payload_u_random_kg"]
     random_kg = max(u_random_kg, repeats_kg)
     common_kg = float(np.sqrt(max(u_kg**2 - u_random_kg**2, 0.0)))
     found = calibrate_mass_differences(
         calibration,
-        log.shared_errors,
-        [("payload", row["load_id"])],
-        np.array([row["own_payload_kg"]]),
+        later_log.shared_errors,
+        [("payload", load_row["load_id"])],
+        np.array([load_row["own_payload_kg"]]),
     )
     beside_kg = found.common_u_not_absorbed_by_line_kg(np.array([common_kg]))[0]
     parts = (random_kg / abs(calibration.c1_1), beside_kg, found.unlike_u_kg[0], found.line_kg[0])
@@ -222,15 +224,17 @@ def calibrate_payload_of_load(
 
 
 def check_drift_of_empty_machine(
-    rows: list[dict[str, Any]], calibration: Calibration, log: LaterLog
+    load_rows: list[dict[str, Any]], calibration: Calibration, later_log: LaterLog
 ) -> DriftCheck | None:
     """Check of the log's empty part against the known mass; None without one."""
-    empty = [row for row in rows if row["empty"] and row["mass_kg"] is not None]
-    if log.empty_kg is None or not empty or calibration.method != "joint_mass":
+    empty = [row for row in load_rows if row["empty"] and row["mass_kg"] is not None]
+    if later_log.empty_kg is None or not empty or calibration.method != "joint_mass":
         return None
     count = np.array([row["manoeuvres"] for row in empty], np.float64)
     share = count / count.sum()
-    apart = [estimate_driving_offset_and_u_kg(row, calibration, log.shared_errors) for row in empty]
+    apart = [
+        estimate_driving_offset_and_u_kg(row, calibration, later_log.shared_errors) for row in empty
+    ]
     mass_kg = float(
         share @ [row["mass_kg"] - off for row, (off, _) in zip(empty, apart, strict=True)]
     )
@@ -238,23 +242,23 @@ def check_drift_of_empty_machine(
     # what errors that are shared do to them is alike
     unlike_u_kg = float(share @ [u for _, u in apart]) / abs(calibration.c1_1)
     point = CheckPoint(mass_kg, random_kg, int(count.sum()))
-    u_kg = float(np.hypot(log.empty_u_kg, unlike_u_kg))
-    return compare_known_mass_with_calibration(calibration, log.empty_kg, u_kg, point)
+    u_kg = float(np.hypot(later_log.empty_u_kg, unlike_u_kg))
+    return compare_known_mass_with_calibration(calibration, later_log.empty_kg, u_kg, point)
 
 
-def describe_machine_change(check: DriftCheck | None, log: LaterLog) -> str:
+def describe_machine_change(check: DriftCheck | None, later_log: LaterLog) -> str:
     """Why the calibration no longer applies to this machine; "" if it does."""
     if (
         check is None
         or check.p_1 is None
         or check.p_1 > LIMITS.moved_machine_probability
-        or log.empty_kg is None
+        or later_log.empty_kg is None
     ):
         return ""
     assert check.mass_kg is not None
     return (
         f"its empty part weighs {check.mass_kg:,.0f} kg by the calibration, and the empty machine "
-        f"{log.empty_kg:,.0f} kg; up to {check.limit_kg:,.0f} kg apart can be chance: the "
+        f"{later_log.empty_kg:,.0f} kg; up to {check.limit_kg:,.0f} kg apart can be chance: the "
         "machine, the ground or the empty mass has changed"
     )
 

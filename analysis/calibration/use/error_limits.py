@@ -194,13 +194,13 @@ def judge_load_risk(exceedance_probability_1: float, allowed_risk_1: float) -> s
     return OUTSIDE if exceedance_probability_1 >= 1.0 - allowed_risk_1 else UNDECIDED
 
 
-def choose_worst_verdict(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> ErrorLimits:
+def choose_worst_verdict(rule: DecisionRule, limit_rows: tuple[LimitRow, ...]) -> ErrorLimits:
     """The worst verdict of all loads, its risk and its sentence."""
-    verdicts = {row.verdict for row in rows}
+    verdicts = {row.verdict for row in limit_rows}
     verdict = next(v for v in (OUTSIDE, UNDECIDED, WITHIN) if v in verdicts)
     when = "in service" if rule.in_service else "at first verification"
     of_class = f"the error limits of {rule.accuracy_class} {when}"
-    worst = max(row.outside_1 for row in rows)
+    worst = max(row.outside_1 for row in limit_rows)
     if verdict == WITHIN:
         risk = worst
         text = (
@@ -208,7 +208,7 @@ def choose_worst_verdict(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> Erro
             f"{risk:.2g}"
         )
     elif verdict == OUTSIDE:
-        out = [row for row in rows if row.verdict == OUTSIDE]
+        out = [row for row in limit_rows if row.verdict == OUTSIDE]
         risk = 1.0 - max(row.outside_1 for row in out)
         loads = ", ".join(f"{row.load_kg:g}" for row in out)
         text = (
@@ -221,4 +221,4 @@ def choose_worst_verdict(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> Erro
             f"neither within nor outside of {of_class} at a risk of {rule.risk_1:g}: a mass is "
             f"beyond them with a probability of up to {worst:.2g}"
         )
-    return ErrorLimits(rule, rows, verdict, risk, text)
+    return ErrorLimits(rule, limit_rows, verdict, risk, text)

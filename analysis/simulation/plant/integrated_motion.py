@@ -206,7 +206,7 @@ def _find_row_before(rows: Floats, time_s: float, first_candidate: int) -> int:
 
 
 @compiled_inline
-def _rate_of_interpolated_quantity(row: Floats, column: int) -> float:
+def _differentiate_interpolated_column(row: Floats, column: int) -> float:
     """Rate of an interpolated quantity at a row."""
     if column == FORCE_RATE:
         return row[plant.GROUND] - row[plant.BRAKED]
@@ -216,7 +216,7 @@ def _rate_of_interpolated_quantity(row: Floats, column: int) -> float:
 
 
 @compiled_inline
-def rate_at_row(rows: Floats, row_index: int, column: int) -> float:
+def differentiate_column_at_row(rows: Floats, row_index: int, column: int) -> float:
     """Rate of a value at a row from both sides, without discontinuities."""
     total, known = 0.0, 0.0
     for first in (row_index - 1, row_index):
@@ -224,8 +224,8 @@ def rate_at_row(rows: Floats, row_index: int, column: int) -> float:
             span = rows[first + 1, plant.TIME] - rows[first, plant.TIME]
             if span > 0.0:
                 total += (
-                    _rate_of_interpolated_quantity(rows[first + 1], column)
-                    - _rate_of_interpolated_quantity(rows[first], column)
+                    _differentiate_interpolated_column(rows[first + 1], column)
+                    - _differentiate_interpolated_column(rows[first], column)
                 ) / span
                 known += 1.0
     return total / max(known, 1.0)
@@ -242,7 +242,7 @@ def interpolate_rows_into(
         time_s: (m,) times, fastest if ascending.
         out: (16, m) output: values at each time.
         slopes: (4, m) output: at each time, rates of yaw rate, acceleration, ground force without
-            brakes, and mass, as numbered for `_rate_of_interpolated_quantity`.
+            brakes, and mass, as numbered for `_differentiate_interpolated_column`.
         last: (m,) output: row before each time.
     """
     known = 0
@@ -257,5 +257,7 @@ def interpolate_rows_into(
             low = rows[known, column]
             out[column, number] = low + (rows[known + 1, column] - low) * part
         for which in range(SLOPES):
-            low = rate_at_row(rows, known, which)
-            slopes[which, number] = low + (rate_at_row(rows, known + 1, which) - low) * part
+            low = differentiate_column_at_row(rows, known, which)
+            slopes[which, number] = (
+                low + (differentiate_column_at_row(rows, known + 1, which) - low) * part
+            )

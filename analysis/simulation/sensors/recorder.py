@@ -123,7 +123,7 @@ def mark_dropped_samples(
         return np.zeros(at_ns.shape, np.bool_)
     # the same stretches in all topics, whatever their rates
     grid_ns = make_sample_times_ns(timeline, rate, 0.0)
-    common = Streams(streams.seed, streams.load_index, timeline.number_trials(grid_ns))
+    common = Streams(streams.seed, streams.load_index, timeline.assign_trial_numbers(grid_ns))
     begins = common.draw_uniform_0_to_1_per_sample("blackout") < -math.expm1(
         -1.0 / rate / log.blackout_every_s
     )

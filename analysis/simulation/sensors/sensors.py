@@ -52,7 +52,7 @@ def measure_topics(
     for topic in list_recorded_topics(scenario):
         phase = topic_phase_s(scenario, topic, load_index)
         at_ns = make_sample_times_ns(timeline, topic_rate_hz(scenario, topic), phase)
-        streams = Streams(scenario.sensors.seed, load_index, timeline.number_trials(at_ns))
+        streams = Streams(scenario.sensors.seed, load_index, timeline.assign_trial_numbers(at_ns))
         readings = _READERS[topic](scenario, timeline, at_ns, streams)
         if scenario.defects.frozen_topic == topic:
             held = find_repeated_sample_indices(scenario, at_ns - timeline.start_ns)

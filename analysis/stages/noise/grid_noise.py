@@ -214,25 +214,25 @@ def sum_lagged_products_and_counts(x: Floats) -> tuple[Floats, Floats]:
     return sums, np.round(np.fft.irfft(np.abs(seen) ** 2, n)[:LAGS])
 
 
-def estimate_white_noise_std(t_ns: Ints, x: Floats, longest_ns: float) -> float:
+def estimate_white_noise_std(t_ns: Ints, readings: Floats, longest_ns: float) -> float:
     """Standard deviation of a channel's white noise, from its fast changes.
 
     Args:
         t_ns: (n,) stamps.
-        x: (n,) samples.
+        readings: (n,) samples.
         longest_ns: steps longer than this are gaps.
     """
     whole = np.ones(t_ns.size, np.bool_)
     whole[1:] = np.diff(t_ns) <= longest_ns
     fast, top = choose_relative_noise_band(1e9 / filters.median_period_ns(t_ns))
-    power = mean_block_spectrum(x, choose_overlapping_block_ends(whole), fast)
+    power = mean_block_spectrum(readings, choose_overlapping_block_ends(whole), fast)
     if power is None:
-        second = np.diff(x, 2)[whole[1:-1] & whole[2:]]
+        second = np.diff(readings, 2)[whole[1:-1] & whole[2:]]
         variance = float((second**2).mean()) / _SECOND_DIFFERENCES if second.size else 0.0
     else:
         at = list_block_frequencies()
         variance = float(power[0][(at >= fast) & (at <= top)].mean())
-    step = find_resolution_of_column(x, whole)
+    step = find_resolution_of_column(readings, whole)
     return float(np.sqrt(max(variance, 0.0 if step is None else step**2 / 12.0)))
 
 

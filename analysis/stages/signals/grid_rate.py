@@ -21,7 +21,7 @@ _WINDOW_S: Final[float] = GateSettings.model_fields["window_samples"].default / 
 _MEAN_S: Final[float] = SmoothSettings.model_fields["samples"].default / PAPER_HZ
 
 
-def set_rate_from_log(
+def choose_grid_rate_by_log(
     channels: Mapping[str, mounting.Series], machine: Machine
 ) -> tuple[Machine, list[str]]:
     """Set the grid rate, window and moving mean that the machine file leaves open.

@@ -52,7 +52,7 @@ def average_about_instants(
 
 @compiled_unless_short_log
 def _fill_interpolated_values(
-    t: Ints, x: Floats, instants: Ints, longest_step: int, out: Floats
+    t: Ints, signal: Floats, instants: Ints, longest_step: int, out: Floats
 ) -> None:
     last = t.size - 1
     i = 0
@@ -61,14 +61,14 @@ def _fill_interpolated_values(
             i += 1
         since = instants[k] - t[i]
         if since == 0:
-            out[k] = x[i]
+            out[k] = signal[i]
         elif since > 0 and i < last and t[i + 1] - t[i] <= longest_step:
-            out[k] = x[i] + (x[i + 1] - x[i]) * (since / (t[i + 1] - t[i]))
+            out[k] = signal[i] + (signal[i + 1] - signal[i]) * (since / (t[i + 1] - t[i]))
 
 
 @compiled_unless_short_log
 def _fill_averages(
-    t: Ints, x: Floats, instants: Ints, half_width: int, longest_step: int, out: Floats
+    t: Ints, signal: Floats, instants: Ints, half_width: int, longest_step: int, out: Floats
 ) -> None:
     last = t.size - 1
     i = 0
@@ -88,13 +88,13 @@ def _fill_averages(
             right += 1
         reach = min(half_width, s - t[left], t[right] - s)
         if reach <= 0:
-            out[k] = x[i]
+            out[k] = signal[i]
             continue
         total = 0.0
         for j in range(left, right):
             a, b = max(t[j], s - reach), min(t[j + 1], s + reach)
             if a < b:
-                slope = (x[j + 1] - x[j]) / (t[j + 1] - t[j])
-                middle = x[j] + slope * ((a - t[j]) + 0.5 * (b - a))
+                slope = (signal[j + 1] - signal[j]) / (t[j + 1] - t[j])
+                middle = signal[j] + slope * ((a - t[j]) + 0.5 * (b - a))
                 total += middle * (b - a)
         out[k] = total / (2 * reach)
