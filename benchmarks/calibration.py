@@ -18,7 +18,7 @@ import typer
 from scipy.stats import t as student_t
 
 from analysis.calibration.line.line_fit import fit_line_and_test_lack_of_fit
-from analysis.calibration.line.line_inversion import Inversion
+from analysis.calibration.line.line_inversion import LineInversion
 from analysis.calibration.line.line_model import Points
 from analysis.calibration.line.point_errors import fit_error_slope_and_offset_kg
 from analysis.calibration.line.variance_components import WithinRunVariance
@@ -143,7 +143,7 @@ def outcome(one: Drawn) -> np.ndarray:
     Ours with the run's own uncertainty, without it; (19)'s; u(m̂) alone.
     """
     line, _ = fit_line_and_test_lack_of_fit(one.points, one.day_known_kg)
-    found = Inversion.from_line(line).invert(
+    found = LineInversion.from_line(line).invert_mass_estimates(
         np.full(2, one.y_kg),
         np.full(2, float(one.readings)),
         np.array([one.u_random_kg, np.nan]),
@@ -240,7 +240,7 @@ def papers(dice: np.random.Generator) -> PaperRuns:
 def ours(points: Points, line: tuple[float, float]) -> tuple[float, float, float, float]:
     """Whether the intervals hold alpha and beta, and what they are over the truth."""
     fitted, _ = fit_line_and_test_lack_of_fit(points, None)
-    inversion = Inversion.from_line(fitted)
+    inversion = LineInversion.from_line(fitted)
     c0, c1 = line
     low, high = inversion.slope_interval(CONFIDENCE)
     at_zero = inversion.invert_without_later_variance(0.0, CONFIDENCE)

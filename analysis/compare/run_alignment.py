@@ -19,30 +19,32 @@ _LEFT_OUT: Final = 0.25
 _ROW: Final = "_row"
 
 
-def match_manoeuvres_of_runs(run_a: pl.DataFrame, run_b: pl.DataFrame) -> list[tuple[int, int]]:
+def match_manoeuvres_of_runs(
+    segments_a: pl.DataFrame, segments_b: pl.DataFrame
+) -> list[tuple[int, int]]:
     """Match the manoeuvres of two logs in order, by phase and duration.
 
     The alignment has the least cost (Needleman and Wunsch 1970), where a pair costs |ln| of the
     ratio of its durations and only manoeuvres of one phase pair.
 
     Args:
-        run_a: frame `segments` with start_t_ns, end_t_ns, phase.
-        run_b: the other frame.
+        segments_a: frame `segments` with start_t_ns, end_t_ns, phase.
+        segments_b: the other frame.
 
     Returns:
         The rows of each pair.
     """
-    cost = np.full((run_a.height + 1, run_b.height + 1), np.inf)
-    steps = _LEFT_OUT * np.arange(run_b.height + 1)
+    cost = np.full((segments_a.height + 1, segments_b.height + 1), np.inf)
+    steps = _LEFT_OUT * np.arange(segments_b.height + 1)
     cost[0] = steps
-    pair = compute_manoeuvre_matching_costs(run_a, run_b)
-    for row in range(run_a.height):
+    pair = compute_manoeuvre_matching_costs(segments_a, segments_b)
+    for row in range(segments_a.height):
         best = cost[row] + _LEFT_OUT
         best[1:] = np.minimum(best[1:], cost[row, :-1] + pair[row])
         # the rest of the row is what leaving out manoeuvres of B costs
         cost[row + 1] = np.minimum.accumulate(best - steps) + steps
     found: list[tuple[int, int]] = []
-    i, j = run_a.height, run_b.height
+    i, j = segments_a.height, segments_b.height
     while i and j:
         if cost[i, j] == cost[i - 1, j - 1] + pair[i - 1, j - 1]:
             i, j = i - 1, j - 1
@@ -55,14 +57,14 @@ def match_manoeuvres_of_runs(run_a: pl.DataFrame, run_b: pl.DataFrame) -> list[t
 
 
 def compute_manoeuvre_matching_costs(
-    run_a: pl.DataFrame, run_b: pl.DataFrame
+    segments_a: pl.DataFrame, segments_b: pl.DataFrame
 ) -> NDArray[np.float64]:
     """Cost (a, b) of matching two manoeuvres; infinite for different phases."""
     lengths = [
         np.log(np.maximum((each["end_t_ns"] - each["start_t_ns"]).to_numpy(), 1))
-        for each in (run_a, run_b)
+        for each in (segments_a, segments_b)
     ]
-    phases = [each["phase"].cast(pl.String).to_numpy() for each in (run_a, run_b)]
+    phases = [each["phase"].cast(pl.String).to_numpy() for each in (segments_a, segments_b)]
     apart = np.abs(lengths[0][:, None] - lengths[1][None, :])
     return np.where(phases[0][:, None] == phases[1][None, :], apart, np.inf)
 

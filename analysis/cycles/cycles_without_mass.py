@@ -205,17 +205,17 @@ class _Reliability(NamedTuple):
 
     @classmethod
     def from_trials(
-        cls, prior_counts: float, confirmed_count: int = 0, denied_count: int = 0
+        cls, prior_mean: float, confirmed_count: int = 0, denied_count: int = 0
     ) -> Self:
         """Posterior mean and standard deviation of a beta distribution.
 
         Args:
-            prior_counts: mean before the trials; worth `LIMITS.witness_prior_trials` of them.
+            prior_mean: mean before the trials; worth `LIMITS.witness_prior_trials` of them.
             confirmed_count: number of its cycles that masses confirm.
             denied_count: number of its cycles that they deny.
         """
         trials = LIMITS.witness_prior_trials + confirmed_count + denied_count
-        mean = (LIMITS.witness_prior_trials * prior_counts + confirmed_count) / trials
+        mean = (LIMITS.witness_prior_trials * prior_mean + confirmed_count) / trials
         return cls(mean, float(np.sqrt(mean * (1.0 - mean) / (trials + 1.0))))
 
 

@@ -180,12 +180,12 @@ def _replace_nonfinite_by_none(value: object) -> float | None:
     return value if isinstance(value, float) else None
 
 
-def random_u_of_payload_sum_kg(counted: pl.DataFrame) -> float:
+def random_u_of_payload_sum_kg(counted_cycles: pl.DataFrame) -> float:
     """Random standard uncertainty of the sum of payloads, in kg."""
     weight: dict[int, float] = {}
     u_kg: dict[int, float] = {}
     carried = 0.0
-    for row in counted.iter_rows(named=True):
+    for row in counted_cycles.iter_rows(named=True):
         before_1 = row["tare_before_1"]
         shares = (
             ("loaded", 1.0),

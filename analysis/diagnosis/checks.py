@@ -195,15 +195,13 @@ class AxisQuantityNames:
     moves: str
 
 
-def make_model_checks(
-    quantity_name: EvidenceSubject, wording: AxisQuantityNames
-) -> tuple[CheckRow, ...]:
+def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> tuple[CheckRow, ...]:
     """Checks of every axis: whether its model fits the moving samples."""
     force, moves = wording.force, wording.moves
     return (
         CheckRow(
             f"{wording.prefix}partial_correlation",
-            quantity_name,
+            subject,
             _signed_force_acceleration_correlation,
             f"correlation of {wording.acceleration} and {force} with "
             f"the {wording.speed}'s share taken "
@@ -213,21 +211,21 @@ def make_model_checks(
         ),
         CheckRow(
             f"{wording.prefix}relative_std",
-            quantity_name,
+            subject,
             _relative_ungated_mass_std,
             f"standard deviation of the ungated {wording.parameter} over that {wording.parameter}",
             maximum="relative_std_max",
         ),
         CheckRow(
             f"{wording.prefix}r_squared",
-            quantity_name,
+            subject,
             _explained_force_variance_fraction,
             f"share of the {force}'s variance that {wording.parameter} and friction explain",
             minimum="r_squared_min",
         ),
         CheckRow(
             f"{wording.prefix}opposing_share",
-            quantity_name,
+            subject,
             _opposing_force_fraction,
             f"fraction of samples that the drive slows down whose {force} opposes the {moves}; 0: "
             f"the {force} has no sign",
@@ -238,7 +236,7 @@ def make_model_checks(
         ),
         CheckRow(
             f"{wording.prefix}driving_share",
-            quantity_name,
+            subject,
             _driving_force_fraction,
             f"fraction of accelerating samples whose {force} acts along the {moves}; 0.5: the "
             f"{force} has no sign",

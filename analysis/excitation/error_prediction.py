@@ -235,14 +235,14 @@ def list_predicted_quantities(body: RigidBody) -> dict[str, tuple[float, Floats]
 def predict_variance_by_source(
     filters: Filters,
     error_weights: Floats,
-    regressor_rows: Floats,
-    all_rows: Floats,
+    true_parameters: Floats,
+    regressor: Floats,
     noise: MeasuredSignals,
 ) -> tuple[float, float]:
     """Variance of an error Σ weight (n, 2) · rows due to force and torque, and due to the rest."""
-    m, inertia, mc_x, mc_y, b_x, b_psi = regressor_rows
+    m, inertia, mc_x, mc_y, b_x, b_psi = true_parameters
     w_x, w_z = error_weights.T
-    omega = all_rows[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]
+    omega = regressor[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]
     through_mean = MeasuredSignals(
         force_x_N=w_x,
         torque_z_N_m=w_z,

@@ -129,7 +129,7 @@ def build_whitened_wheel_rows(
         part = part[: count * LIMITS.wheel_mean_samples]
         a, v, f = reads[part], motion.speed[part], motion.force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
-        white, added = compute_whitening_matrix_and_log_det(count, of_speed, of_acc)
+        white, added = compute_whitening_matrix_and_imu_noise(count, of_speed, of_acc)
         of_gained += added
         means = (
             sum_blocks(
@@ -148,8 +148,8 @@ def build_whitened_wheel_rows(
 
 
 @lru_cache(maxsize=256)
-def compute_whitening_matrix_and_log_det(
-    count: int, of_speed: float, of_acc: float
+def compute_whitening_matrix_and_imu_noise(
+    count: int, speed_variance: float, acceleration_variance: float
 ) -> tuple[Floats, float]:
     """Matrix that whitens the noise of a stretch and removes its mean and slope.
 
@@ -160,8 +160,8 @@ def compute_whitening_matrix_and_log_det(
         rows.
     """
     k = np.arange(count, dtype=np.float64)
-    adds_up = of_acc * np.minimum(k[:, None], k[None, :])
-    covariance = of_speed * np.eye(count) + adds_up
+    adds_up = acceleration_variance * np.minimum(k[:, None], k[None, :])
+    covariance = speed_variance * np.eye(count) + adds_up
     white = np.linalg.inv(np.linalg.cholesky(covariance))
     line = white @ np.column_stack([np.ones(count), k])
     across = np.linalg.qr(line, mode="complete")[0][:, 2:]

@@ -53,29 +53,29 @@ class AnswerRow:
     def from_masses(
         cls,
         masses: pl.DataFrame,
-        load_index: Mapping[str, Any] | None = None,
-        motion_kind: Mapping[str, Any] | None = None,
+        load_row: Mapping[str, Any] | None = None,
+        planar_row: Mapping[str, Any] | None = None,
     ) -> "AnswerRow":
         """Build the row from the frame `masses`, with the joint fit as first method.
 
         Args:
             masses: frame with a row per method.
-            load_index: row of `loads` for a single load.
-            motion_kind: row of `planar` for all motion, whose inertia is the answer's.
+            load_row: row of `loads` for a single load.
+            planar_row: row of `planar` for all motion, whose inertia is the answer's.
         """
         rows = {row["method"]: row for row in masses.to_dicts()}
-        if load_index is not None:
+        if load_row is not None:
             joint = dict.fromkeys(masses.columns) | {
-                "mass_kg": load_index["mass_kg"],
-                "mass_std_kg": load_index["u_kg"],
-                "payload_kg": load_index["payload_kg"],
-                "friction_x_N_s_m": load_index["friction_x_N_s_m"],
-                "friction_x_std_N_s_m": load_index["friction_x_std_N_s_m"],
-                "rows": load_index["manoeuvres"],
-                "withheld": load_index["withheld"],
+                "mass_kg": load_row["mass_kg"],
+                "mass_std_kg": load_row["u_kg"],
+                "payload_kg": load_row["payload_kg"],
+                "friction_x_N_s_m": load_row["friction_x_N_s_m"],
+                "friction_x_std_N_s_m": load_row["friction_x_std_N_s_m"],
+                "rows": load_row["manoeuvres"],
+                "withheld": load_row["withheld"],
             }
-            if motion_kind is not None:
-                joint |= {name: motion_kind[name] for name in _OF_SPINS if name in joint}
+            if planar_row is not None:
+                joint |= {name: planar_row[name] for name in _OF_SPINS if name in joint}
             rows = {JOINT: joint, **rows}
         return cls(
             {

@@ -20,8 +20,8 @@ from analysis.online.online_report import (
     Event,
     OnlineReport,
     PooledEstimate,
-    judge_mass,
-    judge_spin,
+    judge_mass_validity,
+    judge_spin_validity,
 )
 from estimators.estimate import Estimate
 
@@ -220,7 +220,10 @@ class Follower:
         self.last_mass = last = PooledEstimate(*estimates["pooled"])
         self.manoeuvres += 1
         assert self.log.basis is not None, "there are rows"
-        if judge_mass(last, last.t_ns, self.log.basis.machine.machine, math.inf) == "valid":
+        if (
+            judge_mass_validity(last, last.t_ns, self.log.basis.machine.machine, math.inf)
+            == "valid"
+        ):
             speeds = [speed for since, speed in self._directions if since <= last.t_ns]
             mass_kg, u_kg = float(last.estimate.theta[0]), float(last.estimate.std[0])
             self.progress = self.progress.add_manoeuvre(
@@ -247,9 +250,12 @@ class Follower:
         basis, gate, last = self.log.basis, self.last_gate, self.last_mass
         assert basis is not None
         t_ns, phase = self._now
-        validity = judge_mass(last, t_ns, basis.machine.machine, self._valid_s)
+        validity = judge_mass_validity(last, t_ns, basis.machine.machine, self._valid_s)
         given = last.estimate if last is not None and validity in ("valid", "old") else None
-        spun, spin_validity = self.last_inertia, judge_spin(self.last_inertia, t_ns, self._valid_s)
+        spun, spin_validity = (
+            self.last_inertia,
+            judge_spin_validity(self.last_inertia, t_ns, self._valid_s),
+        )
         turning = spun.estimate if spun and spin_validity in ("valid", "old") else None
         index = gate.mi_nat if gate else math.nan
         progress = self.progress

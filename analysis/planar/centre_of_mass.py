@@ -172,14 +172,18 @@ def make_arc_prior_from_axis(
     ).estimate
     if not np.isfinite(fitted.theta).all():
         return nothing
-    own = [n for n, name in enumerate(fitted.parameters) if occurs_on_one_axis_only(name, axis)]
+    own = [
+        n
+        for n, name in enumerate(fitted.parameters)
+        if does_parameter_occur_on_one_axis(name, axis)
+    ]
     mean = np.zeros((2, len(own)))
     mean[rows] = fitted.by_axis[:, own]
     names = tuple(fitted.parameters[n] for n in own)
     return Prior(names, mean, fitted.covariance[np.ix_(own, own)])
 
 
-def occurs_on_one_axis_only(parameter_name: str, axis: Axis) -> bool:
+def does_parameter_occur_on_one_axis(parameter_name: str, axis: Axis) -> bool:
     """Whether a parameter or term occurs in the equation of one axis only."""
     return parameter_name in PARAMETERS or any(
         term.name == parameter_name and term.axes == axis.letter for term in TERMS
@@ -322,7 +326,7 @@ def _make_fit_row(
     log: PlanarLog,
     used_samples: Bools,
     fitted: PlanarFit,
-    known_prior: tuple[str, ...],
+    known_names: tuple[str, ...],
 ) -> dict[str, Any]:
     """Make the row of a fit, by column."""
     estimate, plane = fitted.estimate, log.plane
@@ -349,7 +353,7 @@ def _make_fit_row(
         return combine_standard_uncertainty(estimate, gradient, fitted.response_names, log.machine)
 
     for name, value in zip(estimate.parameters, estimate.theta, strict=True):
-        if name in PARAMETERS and name not in known_prior:
+        if name in PARAMETERS and name not in known_names:
             row[name], row[_COLUMNS[name]] = (
                 float(value),
                 u_of(compute_quantity_gradient(estimate, name)),

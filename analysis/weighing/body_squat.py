@@ -29,7 +29,7 @@ from analysis.weighing.pitch_squat import (
     compute_pitch_squat_cross_products,
     fit_instrumental_variables,
 )
-from analysis.weighing.uneven_ground import random_walk_std_over_ten_metre_std
+from analysis.weighing.uneven_ground import relative_random_walk_std
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.numerics.autocorrelation import compute_student_to_normal_ratio
@@ -280,7 +280,7 @@ def could_grades_explain_gain_change(
 
 def compute_grade_prior_stds_m_s2(route: Route) -> Floats:
     """Prior standard deviations of the grade's columns, as acceleration of gravity in m/s²."""
-    change = LIMITS.grade_change_m_s2 * random_walk_std_over_ten_metre_std(
+    change = LIMITS.grade_change_m_s2 * relative_random_walk_std(
         route.length_m / LIMITS.squat_grade_parts
     )
     return np.append(LIMITS.grade_m_s2, np.full(LIMITS.squat_grade_parts, change))

@@ -135,12 +135,14 @@ def find_empty_states(
     return _find_equally_light_states(weighing, lightest, machine)
 
 
-def _find_equally_light_states(weighing: Weighing, lightest: int, machine: Machine) -> list[int]:
+def _find_equally_light_states(
+    weighing: Weighing, lightest_state: int, machine: Machine
+) -> list[int]:
     """States whose mass equals the lightest within the random uncertainty."""
     fit = weighing.fit
-    found = [lightest]
+    found = [lightest_state]
     for state in np.argsort(fit.masses_kg, kind="stable").tolist():
-        if state == lightest:
+        if state == lightest_state:
             continue
         weights = payload_coefficients(weighing, state, found)
         random_kg = combine_u(make_mass_budget(weighing, machine, weights), "random")

@@ -145,11 +145,11 @@ def restrict_column_to_direction(column: Floats, direction: Floats, sign: float)
 
 def _make_random_walk_prior_std(length_m: float) -> Callable[[MotionSamples, PriorSettings], float]:
     """Make the function that gives the prior std of the change over a way: a random walk."""
-    share = random_walk_std_over_ten_metre_std(length_m)
+    share = relative_random_walk_std(length_m)
     return lambda motion, priors: priors.ground_change_share * share * motion.weight
 
 
-def random_walk_std_over_ten_metre_std(length_m: float) -> float:
+def relative_random_walk_std(length_m: float) -> float:
     """Standard deviation of a random walk over a length, relative to ten metres."""
     return float(np.sqrt(length_m / LIMITS.ground_change_m))
 
@@ -159,7 +159,7 @@ def _make_route_term(route_part: int) -> Nuisance:
     begin, end = route_part / LIMITS.route_parts, (route_part + 1) / LIMITS.route_parts
 
     def route_column(m: ColumnInputs) -> Floats:
-        ratio = random_walk_std_over_ten_metre_std(m.route_length_m / LIMITS.route_parts)
+        ratio = relative_random_walk_std(m.route_length_m / LIMITS.route_parts)
         return evaluate_scaled_ramp(m.loaded_direction, m.route_1, begin, end, ratio)
 
     return Nuisance(

@@ -50,31 +50,29 @@ class Partitions:
 
 
 def find_best_partitions(
-    manoeuvre_values: GroupEffects,
+    unit_values: GroupEffects,
     spread: float,
-    usual_scatter_kg: float,
+    usual_scatter: float,
     scatter: float | None = None,
 ) -> Partitions:
     """Find the most probable partition.
 
     Args:
-        manoeuvre_values: the units in order.
+        unit_values: the units in order.
         spread: largest plausible distance between levels.
-        usual_scatter_kg: typical standard deviation between units of one level.
+        usual_scatter: typical standard deviation between units of one level.
         scatter: known standard deviation between units of one level; None if unknown.
     """
-    n = manoeuvre_values.y.size
-    typical = float(np.sqrt(np.median(manoeuvre_values.variance)))
+    n = unit_values.y.size
+    typical = float(np.sqrt(np.median(unit_values.variance)))
     scatters = (
         [times * typical for times in LIMITS.tried_scatters] if scatter is None else [scatter]
     )
-    one, each_own = np.zeros(n, np.int64), np.append(0, np.cumsum(manoeuvre_values.kind > 0))
+    one, each_own = np.zeros(n, np.int64), np.append(0, np.cumsum(unit_values.kind > 0))
     # with many changes, effects that one level needs hide them from every search that begins there
     least_kinds = (TURNED, RESTARTED, HINTED, FILLED, NAMED)
-    hinted = [
-        np.append(0, np.cumsum(manoeuvre_values.kind >= least)) for least in least_kinds if n > 1
-    ]
-    noise_alone = PartitionPosterior(manoeuvre_values, spread, 0.0, None)
+    hinted = [np.append(0, np.cumsum(unit_values.kind >= least)) for least in least_kinds if n > 1]
+    noise_alone = PartitionPosterior(unit_values, spread, 0.0, None)
     begin = [
         noise_alone.estimate_shared_effects(one),
         noise_alone.estimate_shared_effects(np.arange(n)),
@@ -83,7 +81,7 @@ def find_best_partitions(
     stretches: dict[PackedLabels, Stretches] = {}
     for tau in scatters:
         posterior = PartitionPosterior(
-            manoeuvre_values, spread, tau, usual_scatter_kg if scatter is None else None
+            unit_values, spread, tau, usual_scatter if scatter is None else None
         )
         tried = {each.tobytes() for each in (one, each_own, *hinted)}
         for effects in begin if n > 1 else []:
@@ -92,7 +90,7 @@ def find_best_partitions(
         for key in sorted(tried):
             if key not in stretches:
                 stretches[key] = Stretches.from_boundaries(
-                    np.frombuffer(key, np.int64), manoeuvre_values.kind
+                    np.frombuffer(key, np.int64), unit_values.kind
                 )
             each = posterior.score_partition(stretches[key])
             if key not in found or each.log_posterior > found[key][0].log_posterior:
@@ -181,44 +179,44 @@ def _merge_states_at_boundaries(state_of_unit: Ints, boundaries: Ints) -> Ints:
 
 
 def _propose_segment_labels(
-    posterior: PartitionPosterior, segment_effects: Floats
+    posterior: PartitionPosterior, initial_effects: Floats
 ) -> set[PackedLabels]:
     """Candidates for the most probable partition, starting from given effects."""
     units, spread = posterior.units, posterior.spread
-    level = units.y - units.x @ segment_effects
+    level = units.y - units.x @ initial_effects
     tried = {assign_two_alternating_levels(level, posterior.variance, units.kind).tobytes()}
     if np.count_nonzero(units.kind == FILLED) > 1:
-        tried |= propose_fill_cycle_labels(posterior, segment_effects)
+        tried |= propose_fill_cycle_labels(posterior, initial_effects)
     for probability in LIMITS.candidate_probabilities:
         for window in LIMITS.candidate_windows:
             tried |= _propose_labels_by_iterating_effects(
-                posterior, window * spread, probability, segment_effects
+                posterior, window * spread, probability, initial_effects
             )
     return tried
 
 
 def propose_fill_cycle_labels(
-    posterior: PartitionPosterior, segment_effects: Floats
+    posterior: PartitionPosterior, initial_effects: Floats
 ) -> set[PackedLabels]:
     """Candidates with alternate filling and emptying, iterated with their effects."""
     units, tried = posterior.units, set[PackedLabels]()
     for _ in range(LIMITS.partition_max_rounds):
         state = assign_fill_cycle_levels(
-            units.y - units.x @ segment_effects, posterior.variance, units.kind
+            units.y - units.x @ initial_effects, posterior.variance, units.kind
         )
         if state.tobytes() in tried:
             break
         tried.add(state.tobytes())
-        segment_effects = posterior.estimate_shared_effects(state)
+        initial_effects = posterior.estimate_shared_effects(state)
     return tried
 
 
 def _propose_labels_by_iterating_effects(
-    posterior: PartitionPosterior, spread: float, log_prior: float, initial_effects: Floats
+    posterior: PartitionPosterior, spread: float, change_probability: float, initial_effects: Floats
 ) -> set[PackedLabels]:
     """Candidates from iterating between partition and effects until nothing changes."""
     units, weight = posterior.units, 1.0 / posterior.variance
-    cost = np.full(units.y.size - 1, -2.0 * np.log(log_prior / (1.0 - log_prior)))
+    cost = np.full(units.y.size - 1, -2.0 * np.log(change_probability / (1.0 - change_probability)))
     cost[units.kind == 0] = LIMITS.impossible_change_cost
     tried: set[PackedLabels] = set()
     for _ in range(LIMITS.partition_max_rounds):
@@ -278,19 +276,19 @@ def assign_fill_cycle_levels(values: Floats, variance: Floats, change_kinds: Int
 
 
 @compiled_unless_short_log
-def mark_heavy_units(cumulative_gains: Floats, first_units: Ints) -> NDArray[np.bool_]:
+def mark_heavy_units(heavy_gains: Floats, first_units: Ints) -> NDArray[np.bool_]:
     """Mark the heavy units: each stretch up to its largest cumulative gain, (n,).
 
     Args:
-        cumulative_gains: (n,) gain of each unit if heavy.
+        heavy_gains: (n,) gain of each unit if heavy.
         first_units: (stretches,) first unit of each stretch.
     """
-    heavy = np.zeros(cumulative_gains.size, np.bool_)
+    heavy = np.zeros(heavy_gains.size, np.bool_)
     for part in range(first_units.size):
-        end = first_units[part + 1] if part + 1 < first_units.size else cumulative_gains.size
+        end = first_units[part + 1] if part + 1 < first_units.size else heavy_gains.size
         total, most, until = 0.0, 0.0, first_units[part]
         for k in range(first_units[part], end):
-            total += cumulative_gains[k]
+            total += heavy_gains[k]
             if total > most:
                 most, until = total, k + 1
         heavy[first_units[part] : until] = True

@@ -74,12 +74,12 @@ class Stretches:
     log_prior: float
 
     @classmethod
-    def from_boundaries(cls, state: Ints, kind: Ints) -> Self:
+    def from_boundaries(cls, state_of_unit: Ints, change_kinds: Ints) -> Self:
         """Number the stretches of units with boundaries of these kinds."""
         return cls(
-            state,
-            list_level_assignments_and_log_priors(int(state[-1]) + 1),
-            _log_prior_of_changes(kind, np.diff(state) > 0),
+            state_of_unit,
+            list_level_assignments_and_log_priors(int(state_of_unit[-1]) + 1),
+            _log_prior_of_changes(change_kinds, np.diff(state_of_unit) > 0),
         )
 
 

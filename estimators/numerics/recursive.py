@@ -182,7 +182,7 @@ def accumulate_discounted_meats(
 
 @compiled_unless_short_log
 def accumulate_discounted_products(
-    A: Floats, f: Floats, fed_samples: Ints, forgetting: float, initial_products: Floats
+    A: Floats, f: Floats, fed_samples: Ints, forgetting: float, running_products: Floats
 ) -> Floats:
     """Discounted products (lanes, fed) of the columns of [A f] after each sample fed.
 
@@ -191,11 +191,11 @@ def accumulate_discounted_products(
         f: (n,) force.
         fed_samples: (fed,) the samples, ascending.
         forgetting: λ.
-        initial_products: (lanes,) packed sums before and after.
+        running_products: (lanes,) packed sums before and after.
     """
     q = A.shape[1] + 1
-    z, terms = np.empty((q, _AT_ONCE)), np.zeros((initial_products.size, _AT_ONCE))
-    sums = np.empty((initial_products.size, fed_samples.size))
+    z, terms = np.empty((q, _AT_ONCE)), np.zeros((running_products.size, _AT_ONCE))
+    sums = np.empty((running_products.size, fed_samples.size))
     begin = 0
     while begin < fed_samples.size:
         end = find_end_of_consecutive_samples(fed_samples, begin)
@@ -203,7 +203,7 @@ def accumulate_discounted_products(
         copy_columns_to_buffer(A, fed_samples[begin], count, z)
         copy_force_samples(f, fed_samples[begin], count, z[q - 1])
         fill_sample_products(z, count, terms)
-        accumulate_discounted_sums(terms, begin, end, forgetting, initial_products, sums)
+        accumulate_discounted_sums(terms, begin, end, forgetting, running_products, sums)
         begin = end
     return sums
 

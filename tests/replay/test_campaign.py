@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from analysis.calibration.campaign.method_errors import compute_rms_errors_by_method
-from analysis.model.answer import answer
+from analysis.model.answer import make_answer
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario
 from replay import load_machine
@@ -26,7 +26,7 @@ def campaign(logs: list[Path]) -> Run:
 
 
 def test_the_simulated_loader_can_weigh(campaign: Run) -> None:
-    checks = answer(campaign).verdict.to_dict()
+    checks = make_answer(campaign).verdict.to_dict()
     assert checks["can_weigh"], checks
 
 

@@ -324,7 +324,7 @@ def has_noise_at_standstill(samples: NoiseSamples, pieces: list[Floats], column:
 
 
 def estimate_fast_change_spectrum(
-    standstill_power: Floats, column_response: ColumnResponse, samples: NoiseSamples
+    block_power: Floats, column_response: ColumnResponse, samples: NoiseSamples
 ) -> Floats:
     """Spectrum of a column from its fast changes, (frequencies,).
 
@@ -334,8 +334,8 @@ def estimate_fast_change_spectrum(
     response = column_response.power_response(at)
     fast = samples.lowest_noise_frequency
     band = (at >= fast) & (at <= samples.noise_band_upper_frequency) & (response > 0.0)
-    level = float(np.mean(standstill_power[band] / response[band]))
-    seen = np.interp(wanted, at[1:], average_over_neighbouring_frequencies(standstill_power, 1)[1:])
+    level = float(np.mean(block_power[band] / response[band]))
+    seen = np.interp(wanted, at[1:], average_over_neighbouring_frequencies(block_power, 1)[1:])
     return np.where(wanted < fast, level * column_response.power_response(wanted), seen)
 
 

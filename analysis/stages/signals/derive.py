@@ -33,7 +33,7 @@ UNFILTERED = frozenset({"pitch_rad", "roll_rad"}) | HINTS
 
 
 def derive(
-    select_measured_channels: Mapping[str, mounting.Series], machine: Machine
+    measured: Mapping[str, mounting.Series], machine: Machine
 ) -> tuple[dict[str, pl.DataFrame], list[str]]:
     """Compute every channel of the machine file from the measured ones.
 
@@ -43,7 +43,7 @@ def derive(
     before derivatives.
 
     Args:
-        select_measured_channels: channels from `read_measured_channels`.
+        measured: channels from `read_measured_channels`.
         machine: machine file with channels and settings.
 
     Returns:
@@ -53,11 +53,7 @@ def derive(
     settings = machine.settings
     notes: list[str] = []
     filtering = any(channel.is_derivative for channel in machine.channels.values())
-    picked = (
-        _low_pass_fast_channels(select_measured_channels, settings, notes)
-        if filtering
-        else dict(select_measured_channels)
-    )
+    picked = _low_pass_fast_channels(measured, settings, notes) if filtering else dict(measured)
 
     series = mounting.rotate_imu_to_machine_axes(picked, machine.machine.imu, settings.align)
     for name in machine.order_channels_by_derivation():
@@ -85,7 +81,7 @@ def derive(
     }
     if settings.filter.causal:
         for name, known_ns in find_known_times_of_samples_ns(
-            select_measured_channels, picked, series, machine
+            measured, picked, series, machine
         ).items():
             columns[name].append(pl.Series("known_ns", known_ns))
     return {name: pl.DataFrame(each) for name, each in columns.items()}, notes

@@ -179,8 +179,8 @@ class _TwoLoads:
     def masses_kg(self) -> Floats:
         return np.array([12_000.0, 15_000.0])
 
-    def weights_of_state(self, state: int) -> Floats:
+    def coefficients_of_state(self, state: int) -> Floats:
         return np.eye(2)[state]
 
-    def sum_u_kg(self, weights: Floats) -> float:
+    def weighted_sum_u_kg(self, weights: Floats) -> float:
         return 50.0 * float(np.abs(weights).any())

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.weighing.fit_columns import RelativeLoads
-from analysis.weighing.nuisances import WeightShare
+from analysis.weighing.nuisances import LoadProportionalShare
 from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.weighed import DERIVED, machine
 from replay.inputs.derived_logs import MemoryLog, read_channels_from_memory
@@ -98,13 +98,13 @@ def test_a_derived_acceleration_has_its_slip_as_a_term_of_the_mass():
 
 class TestWeightShare:
     def test_equal_parts_share_the_force_evenly(self):
-        found = WeightShare.from_parts(300.0, 300.0)
+        found = LoadProportionalShare.from_parts(300.0, 300.0)
         assert found.expected == pytest.approx(0.5)
         # of a known sum, each part deviates by 300 / √2
         assert found.std_N == pytest.approx(300.0 / np.sqrt(2.0))
 
     def test_a_force_that_is_all_weight_leaves_nothing_to_tell(self):
-        found = WeightShare.from_parts(1e-9, 300.0)
+        found = LoadProportionalShare.from_parts(1e-9, 300.0)
         assert found.expected == pytest.approx(1.0)
         assert found.std_N == pytest.approx(0.0, abs=1e-6)
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2, norm
 from scipy.stats import t as student_t
 
-from analysis.calibration.line.line_inversion import Inversion, compute_two_sided_student_factor
+from analysis.calibration.line.line_inversion import LineInversion, compute_two_sided_student_factor
 from analysis.calibration.line.line_model import Points, fit_line_and_variances
 from analysis.calibration.line.variance_components import WithinRunVariance
 
@@ -20,7 +20,7 @@ def inverse(y, x=X):
     points = Points(
         y, ones, np.arange(count), 0 * ones, x, np.zeros((count, count)), WithinRunVariance(0, 0)
     )
-    return Inversion.from_line(fit_line_and_variances(points))
+    return LineInversion.from_line(fit_line_and_variances(points))
 
 
 def textbook(x, y, y0):
@@ -40,13 +40,13 @@ def textbook(x, y, y0):
 @pytest.mark.parametrize("y0", [-40.0, 60.0, 128.0, 400.0])
 def test_the_interval_is_fieller_s_of_the_textbook(y0):
     y = X + np.array([3.0, -5.0, 8.0, -2.0, -7.0, 4.0])
-    found = inverse(y).invert(np.array([y0]), np.ones(1), NONE, 0.95)
+    found = inverse(y).invert_mass_estimates(np.array([y0]), np.ones(1), NONE, 0.95)
     assert (found.low_kg[0], found.high_kg[0]) == pytest.approx(textbook(X, y, y0), rel=1e-6)
 
 
 def test_a_slope_that_cannot_be_told_from_nothing_bounds_no_mass():
     y = np.array([100.0, 300.0, 80.0, 290.0, 110.0, 310.0])
-    found = inverse(y).invert(np.array([200.0]), np.ones(1), NONE, 0.95)
+    found = inverse(y).invert_mass_estimates(np.array([200.0]), np.ones(1), NONE, 0.95)
     assert np.isnan([found.low_kg[0], found.high_kg[0]]).all()
 
 
@@ -85,5 +85,5 @@ def test_the_chi_square_of_the_readings_is_the_freedom_of_their_repeatability():
         X + dice.normal(0.0, 6.0, 6), np.full(6, 10), np.arange(6), np.zeros(6, np.int64), X,
         np.zeros((6, 6)), WithinRunVariance(squares, 54),
     )  # fmt: skip
-    found = Inversion.from_line(fit_line_and_variances(points))
+    found = LineInversion.from_line(fit_line_and_variances(points))
     assert found.variance_kg2[0] == pytest.approx(squares / 54, rel=1e-6)
