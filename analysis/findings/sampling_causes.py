@@ -22,7 +22,7 @@ from estimators.errors import counted
 class LatencyStep(NamedTuple):
     """Index and height of a step of the latency, and the standard deviation around it."""
 
-    index: int
+    step_index: int
     height_s: float
     std_s: float
 

@@ -15,7 +15,7 @@ from estimators.arrays import Floats
 class GrubbsTest(NamedTuple):
     """Farthest of some values, its distance in standard deviations, and bound of the p-value."""
 
-    index: int
+    farthest_index: int
     distance_1: float
     p_1: float
 
