@@ -138,8 +138,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
             return None
         near = np.abs(inputs.own_fit.motion.force) > limit_N
         return refit_without_samples(
-            inputs,
-            flag_windows(near, 5) | flag_windows(near[::-1], 5)[::-1],
+            inputs, flag_windows(near, 5) | flag_windows(near[::-1], 5)[::-1]
         )
 
     return [

@@ -47,10 +47,7 @@ def _compute_residual_spectra(inputs: FindingInputs) -> Spectra | None:
     force = compute_longitudinal_force(aligned, machine.machine)
     force = np.interp(rows + lag * rate_hz, rows, force)
     A = np.column_stack(
-        [
-            compute_regressor_acceleration(aligned, machine),
-            column_values(aligned, "speed_x_m_s"),
-        ]
+        [compute_regressor_acceleration(aligned, machine), column_values(aligned, "speed_x_m_s")]
     )
     left = force - A @ np.array([mass_kg, viscous])
     known = np.isfinite(left)

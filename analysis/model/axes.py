@@ -104,8 +104,7 @@ def make_straight_regressor_and_force(
 def make_spin_regressor_and_torque(excitation: pl.DataFrame) -> tuple[Floats, Floats]:
     """A (rows, 2) and τ (rows,) of the yaw row of (8); NaN if a sample is missing."""
     A = planar_rows.make_spin_regressor(
-        column_values(excitation, "yaw_acc_rad_s2"),
-        column_values(excitation, "yaw_rate_rad_s"),
+        column_values(excitation, "yaw_acc_rad_s2"), column_values(excitation, "yaw_rate_rad_s")
     )
     return np.ascontiguousarray(A), column_values(excitation, "torque_z_N_m")
 

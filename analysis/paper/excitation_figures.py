@@ -129,8 +129,7 @@ def make_figure_4_data(campaign: ReplayedCampaign) -> Figure4:
     """Yaw inertia and friction over time under a triangular torque, by the yaw row of (8)."""
     excitation = campaign.replayed.frames["excitation"]
     A = planar_rows.make_spin_regressor(
-        column_values(excitation, "yaw_acc_rad_s2"),
-        column_values(excitation, "yaw_rate_rad_s"),
+        column_values(excitation, "yaw_acc_rad_s2"), column_values(excitation, "yaw_rate_rad_s")
     )
     A, f = np.ascontiguousarray(A), column_values(excitation, "torque_z_N_m")
     rate_hz = campaign.settings.align.rate_hz

@@ -118,9 +118,7 @@ def make_table_1(extracts: Extracts) -> Table1:
     )
 
 
-def find_worst_rms_over_bound_and_interval(
-    long_window_errors: pl.DataFrame,
-) -> RmsInterval:
+def find_worst_rms_over_bound_and_interval(long_window_errors: pl.DataFrame) -> RmsInterval:
     """R.m.s. of the errors over their bounds, of the worse method, with its χ² interval."""
     from scipy.stats import chi2
 

@@ -138,8 +138,7 @@ def refit_with_load_growing_at_starts(
         grown.theta[: fit.mass_count] + (best * std - found) @ follows - fit.theta[: fit.mass_count]
     )
     of_sums = chain(
-        map(fit.coefficients_of_state, range(fit.mass_count)),
-        list_mean_payload_coefficients(fit),
+        map(fit.coefficients_of_state, range(fit.mass_count)), list_mean_payload_coefficients(fit)
     )
     moves_u = [
         abs(float(each @ moved)) / max(fit.weighted_sum_u_kg(each), 1e-9) for each in of_sums

@@ -50,10 +50,7 @@ class Partitions:
 
 
 def find_best_partitions(
-    unit_values: GroupEffects,
-    spread: float,
-    usual_scatter: float,
-    scatter: float | None = None,
+    unit_values: GroupEffects, spread: float, usual_scatter: float, scatter: float | None = None
 ) -> Partitions:
     """Find the most probable partition.
 

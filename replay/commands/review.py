@@ -195,8 +195,7 @@ def command(
         print_review(make_stdout_console(), made)
     if made.missing_tonnes_reason:
         typer.echo(
-            one_line(summarise_shift(made.shift, made.missing_tonnes_reason, made.state)),
-            err=True,
+            one_line(summarise_shift(made.shift, made.missing_tonnes_reason, made.state)), err=True
         )
         raise typer.Exit(1)
 

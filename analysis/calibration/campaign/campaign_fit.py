@@ -262,10 +262,7 @@ def make_references_and_covariance(
 
 
 def check_single_load_by_calibration(
-    campaign: CalibrationCampaign,
-    body: Body,
-    readings: pl.DataFrame,
-    calibration: Calibration,
+    campaign: CalibrationCampaign, body: Body, readings: pl.DataFrame, calibration: Calibration
 ) -> tuple[CampaignFit, DriftCheck]:
     """Compare the single load of a campaign with its mass by a calibration.
 

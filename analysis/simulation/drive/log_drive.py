@@ -135,9 +135,7 @@ class TrialDriver(MachineDriver):
         begin_s, force = self.time_s, excitation.force
         assert force is not None
         since_s = np.arange(
-            0.0,
-            excitation.duration_s + 2.0 * LIMITS.wave_step_s,
-            LIMITS.wave_step_s,
+            0.0, excitation.duration_s + 2.0 * LIMITS.wave_step_s, LIMITS.wave_step_s
         )
         wave = np.array(
             [

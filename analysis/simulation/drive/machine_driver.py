@@ -244,10 +244,7 @@ class MachineDriver:
         braking_m_s2 = 0.0 if gentle_m_s2 else self.scenario.campaign.braking_m_s2
         brake_N = math.copysign(stage.mass_kg * braking_m_s2, speed)
         self.integrate_stage(
-            BRAKING,
-            stage._replace(brake_N=brake_N),
-            LIMITS.driver_max_stop_s,
-            ends_at_rest=True,
+            BRAKING, stage._replace(brake_N=brake_N), LIMITS.driver_max_stop_s, ends_at_rest=True
         )
         if self.state[plant.WHEEL] != 0.0:
             raise ScenarioError(

@@ -10,10 +10,7 @@ from polars.testing import assert_frame_equal
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.cycles import weigh_cycles
-from analysis.cycles.haul_spillage import (
-    compute_arriving_fraction_and_u,
-    subtract_spillage,
-)
+from analysis.cycles.haul_spillage import compute_arriving_fraction_and_u, subtract_spillage
 from analysis.cycles.load_passes import Passes
 from analysis.cycles.shift_totals import make_shift_totals_frame
 from analysis.model.machine import Machine

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.model.uncertainty_sources import (
-    combine_u,
-    list_scale_sources_without_u,
-)
+from analysis.model.uncertainty_sources import combine_u, list_scale_sources_without_u
 from analysis.model.verdict import Verdict
 from analysis.weighing.load_frames import make_load_frame, make_manoeuvre_frame
 from analysis.weighing.mass_budget import make_mass_budget
